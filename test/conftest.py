@@ -4,7 +4,6 @@ import itertools
 import os
 import signal
 import socket
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import closing, suppress
@@ -16,8 +15,6 @@ ROOT = Path(__file__).resolve().parents[1]
 DOMAINS = range(1, 102)  # [-] DDS computes its ports from the id; above 101 they meet Linux's ephemeral ports
 PATIENCE = 5.0  # [s] that a process told to end may take to disappear
 SESSION = f"VIBRO_ROS_TEST_SESSION={os.getpid()}"  # in the environment of all that the tests start
-
-sys.path.insert(0, str(Path(__file__).parent))  # modules beside this one
 
 # Before anything imports rclpy; child processes inherit it all.
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"

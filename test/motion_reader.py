@@ -1,4 +1,4 @@
-"""Reads a motion document, as `page/motion.js` does in a browser."""
+"""Reads a motion document, as `page/motion.js` does in a browser, and holds it against a run."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -6,6 +6,10 @@ from typing import Any
 import numpy as np
 
 from vibro_ros.view.motion import UNKNOWN
+
+PLACES = ("position", "height", "angle")
+NEAR = 1e-9  # m, rad
+PART = 1e-6  # of the largest value of a force, a speed or a power
 
 
 class Motion:
@@ -46,3 +50,11 @@ class Motion:
             inside & self.known[piece, q],
             np.polynomial.chebyshev.chebval(s, self.coefficients[piece, q].T, tensor=False), np.nan)
             for q, name in enumerate(self.quantities)}
+
+
+def assert_is_run(motion: Motion, run, offset: float = 0.0) -> None:
+    """Every quantity of the motion is that of a run, whose times count from `offset` [s] on."""
+    for name, values in motion.at(run.time + offset).items():
+        right = getattr(run, name)
+        allowed = NEAR if name.endswith(PLACES) else PART * max(np.abs(right).max(), 1e-6)
+        assert np.abs(values - right).max() <= allowed, name

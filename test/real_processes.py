@@ -18,16 +18,18 @@ from rclpy.node import Node
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.simulation.kernels import compile_kernels
 
+CRAWL = ("--ros-args", "-p", "motor.speed:=100.0", "-p", "record.enabled:=false")  # of a robot that is looked at
 PATIENCE = 60.0  # [s] deadline of what takes a second on an idle machine; kernels may have to be compiled first
 
 
 class Executable:
-    """A running executable of the package and what it has said."""
+    """A running executable of the package, or other words for Python, and what it has said."""
 
     def __init__(self, name: str, *arguments: str, folder: Path, before: Sequence[str] = ()):
         self.lines: list[str] = []
+        words = ("-m", EXECUTABLES[name].module) if name in EXECUTABLES else (name,)
         self._process = subprocess.Popen(
-            [*before, sys.executable, "-m", EXECUTABLES[name].module, *arguments],
+            [*before, sys.executable, *words, *arguments],
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=folder,
         )
         self._reader = threading.Thread(target=self._read)

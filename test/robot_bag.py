@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import vibro_ros
-from vibro_ros.bag.cdr import blank, serialised
+from vibro_ros.bag.cdr import blank, deserialised, serialised
 from vibro_ros.bag.metadata import Topic, defined
 from vibro_ros.bag.stream import BagStream
 from vibro_ros.bag.writer import BagWriter, Storage
@@ -80,6 +80,19 @@ def rewritten(bag: Path, folder: Path, change: Callable[[list[Message]], Iterabl
 def each(changed: Callable[[Message], Message | None]) -> Callable[[list[Message]], list[Message]]:
     """A change of each message, or without it."""
     return lambda messages: list(filter(None, map(changed, messages)))
+
+
+def changed(topic: str, change: Callable[[object], None],
+            when: Callable[[int], bool] = lambda stamp: True) -> Callable[[list[Message]], list[Message]]:
+    """A change of the messages of a topic that were recorded at some stamps [ns]."""
+    def of(message: Message) -> Message:
+        name, stamp, data = message
+        if name == f"/{topic}" and when(stamp):
+            content = deserialised(data, ROBOT_TOPICS[topic])
+            change(content)
+            data = serialised(content, ROBOT_TOPICS[topic])
+        return name, stamp, data
+    return each(of)
 
 
 def since(time: float) -> Callable[[list[Message]], list[Message]]:

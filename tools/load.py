@@ -17,8 +17,6 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
-from subprocess import Popen
 
 import numpy as np
 import rclpy
@@ -31,7 +29,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float64
 from tqdm import tqdm
 
-from tools.ready_process import ready_process
+from tools.child import Child
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.topics.subscriptions import Gathering
 
@@ -216,7 +214,10 @@ def measure(load: Load, settling: float, duration: float) -> Outcome:
     spaces = [f"/r{number}" for number in range(load.robots)]
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
-        robots = [stack.enter_context(ready_process(_words(space, load.rate, folder))) for space in spaces]
+        robots = []
+        for space in spaces:
+            robots.append(stack.enter_context(Child(*_words(space, load.rate, folder), shown=False)))
+            robots[-1].wait_for("ready")
         node = Node("load")
         stack.callback(node.destroy_node)
         executor = SingleThreadedExecutor()
@@ -225,7 +226,7 @@ def measure(load: Load, settling: float, duration: float) -> Outcome:
         return _watch(load, Probe(node, spaces, load.listeners), executor, robots, (settling, duration))
 
 
-def _watch(load: Load, probe: Probe, executor: SingleThreadedExecutor, robots: Sequence[Popen],
+def _watch(load: Load, probe: Probe, executor: SingleThreadedExecutor, robots: Sequence[Child],
            times: tuple[float, float]) -> Outcome:
     settling, duration = times
     while not probe.connected:
@@ -234,12 +235,12 @@ def _watch(load: Load, probe: Probe, executor: SingleThreadedExecutor, robots: S
         publisher.publish(Float64(data=CRUISE))
     with Commanding(probe.publishers[0], probe.effects, load.flood) as commanding:
         _spin(executor, settling)
-        memory, sent, subscriptions = [*map(_memory, robots)], commanding.sent, probe.listening
+        memory, sent, subscriptions = [robot.memory for robot in robots], commanding.sent, probe.listening
         for one in subscriptions:
             one.restart()
         probe.effects.delays.clear()
         _spin(executor, duration)
-        growth = [_memory(robot) - before for robot, before in zip(robots, memory, strict=True)]
+        growth = [robot.memory - before for robot, before in zip(robots, memory, strict=True)]
         sent = commanding.sent - sent
     return Outcome([rate_of(one) / load.rate for one in subscriptions],
                    sum(lost_by(one, load.rate) for one in subscriptions), growth,
@@ -267,12 +268,6 @@ def _words(space: str, rate: float, folder: str) -> list[str]:
     settings = {"record.directory": f"'{folder}'", "rate.publish": rate, "effects.motor": "ideal"}
     return ["vibro_ros.ros.robot.robot", "--ros-args", "-r", f"__ns:={space}",
             *(word for name, value in settings.items() for word in ("-p", f"{name}:={value}"))]
-
-
-def _memory(process: Popen) -> float:
-    """Resident memory [MB] of a process."""
-    text = Path(f"/proc/{process.pid}/status").read_text()
-    return int(text.partition("VmRSS:")[2].split()[0]) * 1024e-6
 
 
 def table(found: Mapping[str, Outcome]) -> str:

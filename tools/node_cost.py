@@ -7,7 +7,6 @@ processes of their own and take turns, so that the machine's other load meets bo
 
 import argparse
 import statistics
-import subprocess
 import sys
 import tempfile
 import threading
@@ -23,7 +22,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from tqdm import tqdm
 
-from tools.ready_process import ready_process
+from tools.child import Child
 from vibro_ros.ros.node import qos
 
 RATES = (1000.0, 200.0)  # Hz
@@ -71,7 +70,8 @@ def table(found: Mapping[tuple[float, str], Sequence[float]]) -> str:
 
 def _share(rate: float, case: str, settling: float, duration: float) -> float:
     """Share of a core that a process takes, over `duration` [s], once it has settled [s]."""
-    with tempfile.TemporaryDirectory() as folder, ready_process(_words(rate, case, folder)) as child:
+    with tempfile.TemporaryDirectory() as folder, Child(*_words(rate, case, folder), shown=False) as child:
+        child.wait_for("ready")
         time.sleep(settling)
         begun, before = time.monotonic(), _processor_time(child)
         time.sleep(duration)
@@ -87,7 +87,7 @@ def _words(rate: float, case: str, folder: str) -> list[str]:
             *(word for name, value in settings.items() for word in ("-p", f"{name}:={value}"))]
 
 
-def _processor_time(child: subprocess.Popen) -> float:
+def _processor_time(child: Child) -> float:
     """Processor time [s] of all threads of a process, in user mode and in the kernel."""
     return time.clock_gettime(~child.pid << 3 | _SCHEDULED)
 

@@ -7,14 +7,12 @@ does. A bare rclpy node that publishes odometry is started in turn with them: wh
 import argparse
 import os
 import platform
-import signal
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 
@@ -22,6 +20,7 @@ from nav_msgs.msg import Odometry
 from rclpy.executors import Executor
 from rclpy.node import Node
 
+from tools.child import Child
 from vibro_ros.process.front_door import say
 from vibro_ros.ros.node import process, qos
 
@@ -70,8 +69,8 @@ class Starts:
         subscription = self._node.create_subscription(Odometry, f"{namespace}/odom", heard.append, qos.SAMPLES)
         words = self._robot() if what == ROBOT else ["-c", _BARE, "--ros-args"]
         begun = time.perf_counter()
-        with _running([*words, "-r", f"__ns:={namespace}"], environment) as started:
-            self._wait(lambda: bool(heard) or started.poll() is not None)
+        with Child(*words, "-r", f"__ns:={namespace}", environment=environment) as started:
+            self._wait(lambda: bool(heard) or started.exit_code is not None)
             taken = time.perf_counter() - begun
         self._node.destroy_subscription(subscription)
         if not heard:
@@ -79,7 +78,7 @@ class Starts:
         return taken
 
     def _robot(self) -> list[str]:
-        return ["-m", "vibro_ros.ros.robot.robot", "--ros-args", "--log-level", "warn", "-p",
+        return ["vibro_ros.ros.robot.robot", "--ros-args", "--log-level", "warn", "-p",
                 f"record.directory:='{self._folder}'"]
 
     def _wait(self, done: Callable[[], bool]) -> None:
@@ -87,16 +86,6 @@ class Starts:
         process.spin_until(self._executor, lambda: done() or time.monotonic() > deadline, _POLL)
         if not done():
             raise RuntimeError(f"nothing was heard for {PATIENCE:g} s")
-
-
-@contextmanager
-def _running(words: Sequence[str], environment: Mapping[str, str]) -> Iterator[subprocess.Popen]:
-    started = subprocess.Popen([sys.executable, *words], env=environment)
-    try:
-        yield started
-    finally:
-        started.send_signal(signal.SIGINT)
-        started.wait()
 
 
 def measured(starts: Starts, rounds: int, folder: Path) -> dict[str, tuple[list[float], list[float]]]:

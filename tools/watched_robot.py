@@ -1,8 +1,6 @@
 """A robot that crawls, its live view, and their processes: what pictures and measurements of the page need."""
 
 import json
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -44,31 +42,11 @@ def watched_robot(settings: Mapping[str, object] | None = None) -> Iterator[Watc
         settings = {"motor.speed": 100.0, "record.enabled": "false", "record.directory": json.dumps(folder),
                     **(settings or {})}
         words = [word for name, value in settings.items() for word in ("-p", f"{name}:={value}")]
-        view = stack.enter_context(_View(environment))
+        view = stack.enter_context(Child("vibro_ros.ros.live.view", "--port", "0", environment=environment,
+                                         shown=False))
+        address = view.wait_for("/?token=").removeprefix("view: ").strip()
         stack.enter_context(Child("vibro_ros.ros.robot.robot", "--ros-args", *words, environment=environment))
-        yield WatchedRobot(view.address, view.pid)
-
-
-class _View:
-    """The view as a process; says its address."""
-
-    def __init__(self, environment: Mapping[str, str]):
-        self._process = subprocess.Popen([sys.executable, "-m", "vibro_ros.ros.live.view", "--port", "0"],
-                                         env=environment, stdout=subprocess.PIPE, text=True)
-        self.pid = self._process.pid
-        self.address = ""
-
-    def __enter__(self) -> "_View":
-        line = self._process.stdout.readline() if self._process.stdout else ""
-        self.address = line.removeprefix("view: ").strip()
-        if not self.address:
-            self.__exit__()
-            raise RuntimeError("the view has ended; it says why above")
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._process.terminate()
-        self._process.wait()
+        yield WatchedRobot(address, view.pid)
 
 
 def wait_for(page: "Page", condition: str) -> None:

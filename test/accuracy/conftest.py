@@ -1,18 +1,12 @@
-"""Rows of a study that takes seconds; makes the modules beside the tests importable, too."""
-
-import sys
-from pathlib import Path
+"""Rows of a study that takes seconds."""
 
 import pytest
+from quick_study import QUICK, exploding, unable, with_less_damping
 
 import vibro_ros
 from vibro_ros.accuracy.measurement import Measurement
 from vibro_ros.accuracy.methods import METHODS, STUDIED, ComparedMethod
 from vibro_ros.accuracy.precision import SceneStudy
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-from quick_study import QUICK, exploding, unable, with_less_damping  # noqa: E402 (beside the tests)
 
 
 @pytest.fixture(scope="session")

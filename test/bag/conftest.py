@@ -1,9 +1,5 @@
-"""Messages as a publisher serialises them, bags made of them, and readers that share no code with the recorder.
+"""Messages as a publisher serialises them, bags made of them, and readers that share no code with the recorder."""
 
-Makes the modules beside the tests importable, too.
-"""
-
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,15 +11,12 @@ from mcap.records import Message
 from mcap.stream_reader import StreamReader
 from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
+from recorded_bag import POWER
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
 from vibro_ros.bag.metadata import defined
 from vibro_ros.bag.writer import BagWriter, Storage
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-from recorded_bag import POWER  # noqa: E402 (beside the tests)
 
 START = 1_763_700_000_000_000_000  # ns, an instant in 2025
 DEADLINE = 30.0  # s, before a test gives up waiting

@@ -1,5 +1,7 @@
 """What tests record, and what a bag's folder holds by readers that share no code with the package."""
 
+import contextlib
+import resource
 from pathlib import Path
 
 from mcap.reader import make_reader
@@ -49,3 +51,14 @@ def torn(folder: Path) -> dict[str, bytes]:
 
 def content(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@contextlib.contextmanager
+def no_file_larger_than(size: int):
+    """Writes beyond so many bytes fail, as on a disk that is full."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))

@@ -27,10 +27,16 @@ def write_run(recorder, published, start_ns, namespace="", count=N):
 
 
 @pytest.fixture
-def bag(tmp_path, published, start_ns):
-    with Recorder(tmp_path / "run", topics(), {"scene": "device"}) as recorder:
+def run(folder, published, start_ns):
+    """The folder of a run."""
+    with Recorder(folder, topics(), {"scene": "device"}) as recorder:
         write_run(recorder, published, start_ns)
-    return read_bag(tmp_path / "run")
+    return folder
+
+
+@pytest.fixture
+def bag(run):
+    return read_bag(run)
 
 
 def test_times_are_recorded_stamps_from_the_first_message(bag, start_ns):
@@ -167,14 +173,11 @@ def cut(folder):
     (cut, "nothing in it can be read: run_0.mcap: it is not sealed"),
     (lambda folder: next(folder.glob("*.mcap")).write_bytes(b""), "run_0.mcap: the file is empty"),
 ], ids=["unsealed", "no file", "cut", "empty file"])
-def test_spoilt_bag_is_an_error_of_one_line(tmp_path, published, start_ns, how, reason):
-    folder = tmp_path / "run"
-    with Recorder(folder, topics(), {}) as recorder:
-        write_run(recorder, published, start_ns)
-    how(folder)
+def test_spoilt_bag_is_an_error_of_one_line(run, how, reason):
+    how(run)
     with pytest.raises(BagError) as raised:
-        read_bag(folder)
-    assert str(raised.value).startswith(f"{folder}: ")
+        read_bag(run)
+    assert str(raised.value).startswith(f"{run}: ")
     assert reason in str(raised.value)
     assert "\n" not in str(raised.value)
 
@@ -212,25 +215,20 @@ def test_what_is_no_bag_is_an_error_that_says_so(tmp_path):
             read_bag(tmp_path / name)
 
 
-def test_chosen_columns_alone_are_read(tmp_path, published, start_ns):
-    with Recorder(tmp_path / "run", topics(), {}) as recorder:
-        write_run(recorder, published, start_ns)
-    whole = read_bag(tmp_path / "run")
-    chosen = read_bag(tmp_path / "run", {"odom": ["position"], "joint_states": ["*.position"], "motor_power": []})
+def test_chosen_columns_alone_are_read(run, bag):
+    chosen = read_bag(run, {"odom": ["position"], "joint_states": ["*.position"], "motor_power": []})
     found = {topic: set(arrays) for topic, arrays in chosen.items()}
     assert found == {"/odom": {"time", "position"}, "/motor_power": {"time"},
                      "/joint_states": {"time", "crank.position", "upper_mass.position"}}
     for topic, arrays in chosen.items():
         for name, column in arrays.items():
-            np.testing.assert_array_equal(column, whole[topic][name])
-    assert chosen.topics == whole.topics
+            np.testing.assert_array_equal(column, bag[topic][name])
+    assert chosen.topics == bag.topics
 
 
-def test_the_package_offers_it_without_ros_or_kernels(tmp_path, published, start_ns):
-    with Recorder(tmp_path / "run", topics(), {}) as recorder:
-        write_run(recorder, published, start_ns)
+def test_the_package_offers_it_without_ros_or_kernels(run):
     program = ("import sys, vibro_ros; bag = vibro_ros.read_bag(sys.argv[1]); print(len(bag['odom']['time'])); "
                "assert not {'rclpy', 'numba'} & set(sys.modules)")
-    done = subprocess.run([sys.executable, "-c", program, str(tmp_path / "run")], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", program, str(run)], capture_output=True, text=True)
     assert (done.stdout, done.stderr) == (f"{N}\n", "")
     assert "[rad/s]" in vibro_ros.read_bag.__doc__

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from mcap.reader import make_reader
-from recorded_bag import METADATA
+from recorded_bag import METADATA, POWER, by_rosbags
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
@@ -24,7 +24,6 @@ from vibro_ros.bag.writer import BagWriter, Storage
 from vibro_ros.messages.topics import CHECKPOINT_TYPE, OPERATIONS_TYPE, ROBOT_TOPICS
 
 TOPICS = defined([Topic("/odom", "nav_msgs/msg/Odometry", 10), Topic("/motor_power", "std_msgs/msg/Float64", 10)])
-POWER = [Topic("/motor_power", "std_msgs/msg/Float64", 10)]
 PERIOD = 5_000_000  # ns
 SPLITS = {
     "size": Storage(max_size=100_000),
@@ -63,8 +62,7 @@ def test_later_distributions_have_the_same_definitions(later):
 def test_a_split_bag_holds_every_message_in_files_that_do_not_overlap(tmp_path, published, start_ns, storage):
     folder = tmp_path / "run"
     sent = write(folder, storage, published, start_ns)
-    with Reader(folder) as reader:
-        assert [(one.topic, stamp, bytes(data)) for one, stamp, data in reader.messages()] == sent
+    assert by_rosbags(folder) == sent
     files = metadata(folder)["files"]
     assert len(files) > 2
     assert [file["path"] for file in files] == [f"run_{i}.mcap" for i in range(len(files))]
@@ -139,8 +137,7 @@ def test_the_oldest_files_go_before_a_bag_exceeds_its_limit(tmp_path, published,
     writer.flush()
     writer.close({})
     assert 0.3 * limit < sum(path.stat().st_size for path in folder.iterdir()) <= limit
-    with Reader(folder) as reader:
-        stamps = [stamp for _, stamp, _ in reader.messages()]
+    stamps = [stamp for _, stamp, _ in by_rosbags(folder)]
     assert stamps == [start_ns + i * PERIOD for i in range(count - len(stamps), count)]
     custom = metadata(folder)["custom_data"]
     assert int(custom["discarded_messages"]) == count - len(stamps)
@@ -157,8 +154,7 @@ def test_each_file_begins_with_what_is_said_once_for_all(tmp_path, published, st
             recorder.write("/odom", start_ns + i * PERIOD, published["/odom"](i))
     files = [folder / file["path"] for file in metadata(folder)["files"]]
     assert len(files) > 1
-    with Reader(folder) as reader:
-        messages = [(one.topic, stamp, bytes(data)) for one, stamp, data in reader.messages()]
+    messages = by_rosbags(folder)
     firsts = [file["starting_time"]["nanoseconds_since_epoch"] for file in metadata(folder)["files"]]
     assert [one for one in messages if one[0] == "/motor_power"] == [("/motor_power", first, said) for first in firsts]
     assert [stamp for topic, stamp, _ in messages if topic == "/odom"] == [start_ns + i * PERIOD for i in range(400)]
@@ -174,8 +170,7 @@ def test_messages_out_of_order_do_not_make_files_overlap(tmp_path, published, st
         writer.write(2, start_ns + i * PERIOD, published["/motor_power"](i))
     writer.flush()
     writer.close({})
-    with Reader(folder) as reader:
-        assert reader.message_count == 5
+    assert len(by_rosbags(folder)) == 5
 
 
 @pytest.mark.parametrize("wrong, reason", [

@@ -2,31 +2,12 @@
 
 import pytest
 
-from vibro_ros.configuration.parameter_file import applies, merged, own_parameters, sections
+from vibro_ros.configuration.parameter_file import applies, own_parameters, sections
 
 
-def test_sections_in_their_order_with_dotted_names(tmp_path):
-    path = tmp_path / "two.yaml"
-    path.write_text("vibro_robot:\n  ros__parameters:\n    mass: {body: 2.0, upper: 1}\n    gravity: 1.6\n"
-                    "/lab:\n  right/:\n    other:\n      ros__parameters: {rate: 5.0}\n"
-                    "  '*':\n    ros__parameters: {}\n")
-    assert sections(path) == [("vibro_robot", {"mass.body": 2.0, "mass.upper": 1, "gravity": 1.6}),
-                              ("/lab/right/other", {"rate": 5.0}), ("/lab/*", {})]
-
-
-@pytest.mark.parametrize(("pattern", "node", "does"), [
-    ("/**", "/a/b", True), ("/a/b", "/a/b", True), ("a/b", "/a/b", True), ("/*/b", "/a/b", True),
-    ("/a/*", "/a/b", True), ("/**/b", "/a/b", True), ("/**/b", "/b", True),
-    ("/a/**", "/a/b", True), ("/*", "/b", True), ("/*", "/a/b", False), ("/b", "/a/b", False),
-    ("/a", "/a/b", False), ("/a/b/**/x", "/a/b", False), ("/a.b", "/a/b", False)])
-def test_which_nodes_a_section_is_for(pattern, node, does):
-    assert applies(pattern, node) == does
-
-
-def test_of_several_patterns_the_one_that_came_last_for_the_first_time_holds():
-    given = [("/**", {"a": 1, "b": 1}), ("/node", {"a": 2}), ("/other", {"a": 3}), ("/**", {"a": 4, "c": 4})]
-    assert merged(given, "/node") == {"a": 2, "b": 1, "c": 4}
-    assert merged(given[1:], "/node") == {"a": 4, "c": 4}
+def test_which_nodes_a_section_is_for_that_rcl_was_not_asked_of():
+    assert applies("/**/b", "/b") and applies("/*", "/b")
+    assert not applies("/a.b", "/a/b")
 
 
 def test_parameters_of_rclpy_are_no_others():

@@ -7,15 +7,21 @@ import pytest
 
 import vibro_ros
 from vibro_ros.configuration.scene_file import shipped_scenes
+from vibro_ros.solver.methods import SCHEMES
 
 COMMANDS = ((0.1, {"motor_speed": 120.0}), (0.2, {"upper_gap": 0.0005, "inclined_gap": -0.0002}),
             (0.25, {"motor_speed": 80.0, "upper_gap": -0.0003}), (0.4, {"motor_speed": 0.0}))
 END = 0.6
 
 
+SCENES = [(name, {}) for name in shipped_scenes()]
+SCENES += [(name, {"motor.speed": 100.0, "effects.motor": "ramp", "solver.method": method, "solver.step": 2e-5})
+           for name in ("device", "paper") for method in sorted(SCHEMES)]
+
+
 def trajectory(scene, piece):
     """States at the commands' instants and at the end, and all events; advanced `piece` seconds at a time."""
-    device = vibro_ros.Simulator(vibro_ros.load_scene(scene))
+    device = vibro_ros.Simulator(scene)
     states, events = [], []
     for instant, change in (*COMMANDS, (END, {})):
         index = 0
@@ -30,11 +36,14 @@ def trajectory(scene, piece):
     return np.array(states), np.concatenate([*events, device.take_events()])
 
 
-@pytest.mark.parametrize("scene", shipped_scenes())
-def test_every_cut_of_time_gives_the_same_bits(scene):
-    """A35. Only commands begin a new segment, so samples do not disturb the motion."""
+@pytest.mark.parametrize(("name", "changes"), SCENES, ids=lambda one: one.get("solver.method", "exact") if isinstance(
+    one, dict) else one)
+def test_every_cut_of_time_gives_the_same_bits(name, changes):
+    """A35. Only commands begin a new segment, so samples do not disturb the motion; nor do they a step's."""
+    scene = vibro_ros.load_scene(name).with_parameters(changes)
     whole, events = trajectory(scene, np.inf)
     assert np.all(np.isfinite(whole))
+    assert not changes or {"motor_ramp_end", "gap_reached"} & set(events["kind"])
     for piece in (1e-3, 0.37e-3, 1e-2, 17e-6 * np.pi):
         states, found = trajectory(scene, piece)
         np.testing.assert_array_equal(states, whole, err_msg=f"pieces of {piece} s")

@@ -1,7 +1,5 @@
 """Methods of fixed step: their orders of convergence, what they keep exactly, and what they may miss."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -59,31 +57,6 @@ def test_order_one_when_events_are_crossed_blindly(method, name):
     over two decades by 0.2; fourth order is far off."""
     found = order(scene(name), method, np.geomspace(1e-4, 1e-6, 24))
     assert 0.7 < np.mean(found[:2]) < 1.3, found
-
-
-def trajectory(method, name, piece):
-    device = vibro_ros.Simulator(scene(name, {"solver.method": method, "solver.step": 2e-5, "effects.motor": "ramp"}))
-    states, events = [], []
-    for instant, change in ((0.0412345, {"motor_speed": 90.0, "upper_gap": 0.0002}), (0.05, {"inclined_gap": -0.0001}),
-                            (0.12, {})):
-        while device.time + piece < instant:
-            device.advance_to(device.time + piece)
-            events.append(device.take_events())
-        device.advance_to(instant)
-        states.append(dataclasses.astuple(device.state))
-        device.command(**change)
-    return np.array(states), np.concatenate([*events, device.take_events()])
-
-
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("name", ["device", "paper"])
-def test_every_cut_of_time_gives_the_same_bits(method, name):
-    whole, events = trajectory(method, name, np.inf)
-    assert np.isfinite(whole).all() and {"motor_ramp_end", "gap_reached"} & set(events["kind"])
-    for piece in (1e-3, 0.37e-3, 7e-6 * np.pi):
-        states, found = trajectory(method, name, piece)
-        np.testing.assert_array_equal(states, whole, err_msg=f"pieces of {piece} s")
-        assert found.tobytes() == events.tobytes()
 
 
 @pytest.mark.parametrize("method", METHODS)

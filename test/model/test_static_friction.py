@@ -82,13 +82,14 @@ def test_a_held_body_slips_where_the_pull_exceeds_the_static_limit():
     assert release["time"] == pytest.approx(expected, abs=1e-12)
 
 
+@pytest.mark.parametrize("law", ["static", "stribeck"])
 @pytest.mark.parametrize("reaction", [False, True])
 @pytest.mark.parametrize("force", ["unilateral", "weight", "printed"])
-def test_equal_coefficients_are_coulombs(force, reaction):
+def test_equal_coefficients_are_coulombs(force, reaction, law):
     """Bit for bit."""
     scenes = [vibro_ros.load_scene("damped").with_parameters({
         "effects.friction": friction, "ground.static_friction": 0.2, "effects.normal_force": force,
-        "effects.reaction": reaction}) for friction in ("static", "coulomb")]
+        "effects.reaction": reaction}) for friction in (law, "coulomb")]
     static, coulomb = (vibro_ros.simulate(scene, duration=1.0, rate=1000.0) for scene in scenes)
     np.testing.assert_array_equal(static.body_position, coulomb.body_position)
     assert static.events.tobytes() == coulomb.events.tobytes()

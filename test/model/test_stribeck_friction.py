@@ -15,16 +15,6 @@ def scene(name="damped", **changes):
     return vibro_ros.load_scene(name).with_parameters(own | changes)
 
 
-@pytest.mark.parametrize("rule", RULES)
-def test_equal_coefficients_are_coulombs(rule):
-    """Bit for bit."""
-    both = [scene(**{"effects.friction": friction, "ground.static_friction": KINETIC, "effects.normal_force": rule})
-            for friction in ("stribeck", "coulomb")]
-    stribeck, coulomb = (vibro_ros.simulate(each, duration=1.0, rate=1000.0) for each in both)
-    np.testing.assert_array_equal(stribeck.body_position, coulomb.body_position)
-    assert stribeck.events.tobytes() == coulomb.events.tobytes()
-
-
 def distances(limit, speeds, duration=0.5):
     """Greatest distance [m] of the body from its motion in the scene `limit`, for each v_s."""
     times = np.linspace(0.0, duration, 501)

@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 import pytest
-from robot_bag import START, each, holding, rewritten, robot_bag, since
+from robot_bag import START, changed, each, holding, rewritten, robot_bag, since
 
 import vibro_ros
 from vibro_ros.bag.cdr import deserialised, serialised
@@ -83,15 +83,11 @@ def test_a_late_recording_without_a_checkpoint_is_unknown(recorded, tmp_path):
 
 def test_another_run_than_the_commands_give_is_unknown(recorded, tmp_path):
     """One rounding in the last odometry is enough."""
-    def changed(message):
-        topic, stamp, data = message
-        if topic == "/odom" and stamp == START + round((TICKS - 1) / RATE * 1e9):
-            odometry = deserialised(data, ROBOT_TOPICS["odom"])
-            odometry.pose.pose.position.x = np.nextafter(odometry.pose.pose.position.x, 1.0)
-            data = serialised(odometry, ROBOT_TOPICS["odom"])
-        return topic, stamp, data
+    def move(odometry):
+        odometry.pose.pose.position.x = np.nextafter(odometry.pose.pose.position.x, 1.0)
 
-    other = rewritten(recorded, tmp_path / "other", each(changed))
+    last = START + round((TICKS - 1) / RATE * 1e9)
+    other = rewritten(recorded, tmp_path / "other", changed("odom", move, lambda stamp: stamp == last))
     assert "is not the recorded one" in energy_of(load_bag(other))["unknown"]
 
 

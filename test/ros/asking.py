@@ -6,7 +6,8 @@ DDS drops a request, or its answer, if server and client know each other on one 
 
 import time
 
-from rcl_interfaces.srv import GetParameters
+from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.parameter import Parameter
 
 AGAIN = 5.0  # s
 ROBOT = "/vibro_robot"
@@ -20,9 +21,25 @@ def known_client(bench, kind: type, name: str, node: str = ROBOT):
     return client
 
 
+def answered_once(bench, kind: type, name: str, node: str = ROBOT, **fields):
+    """The answer of `node`'s service `name` to one request."""
+    client = known_client(bench, kind, name, node)
+    future = client.call_async(kind.Request(**fields))
+    bench.spin_until(future.done, f"answer of {name}")
+    bench.node.destroy_client(client)
+    return future.result()
+
+
 def wait_until_known(bench, node: str = ROBOT) -> None:
     """Return when `node` knows all clients of `bench`: it hears of them in turn, and has answered a younger one."""
     answer_of(bench, GetParameters, f"{node}/get_parameters")
+
+
+def set_parameter(bench, name: str, value: float) -> None:
+    """Set one parameter of the robot, which takes it."""
+    wanted = Parameter(name, value=value).to_parameter_msg()
+    (result,) = answer_of(bench, SetParameters, f"{ROBOT}/set_parameters", parameters=[wanted]).results
+    assert result.successful, result.reason
 
 
 def answer_of(bench, kind: type, name: str, **fields):

@@ -1,21 +1,18 @@
 """Real processes and a real rclpy node for the tests of this folder, each with an end of its own."""
 
 import shutil
-import sys
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from asking import answered_once
+from observation import Listener
+from random_run import FASTER, record_run
+from real_processes import bench, compiled, start, udp_only
+from simulator_user import Simulator
 from std_srvs.srv import SetBool
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-from asking import known_client  # noqa: E402 (beside the tests)
-from observation import Listener  # noqa: E402
-from random_run import FASTER, record_run  # noqa: E402
-from real_processes import bench, compiled, start, udp_only  # noqa: E402 (in the folder above)
-from simulator_user import Simulator  # noqa: E402
 
 __all__ = ["bench", "compiled", "start", "udp_only"]
 
@@ -34,13 +31,18 @@ def refusal(domain_id, tmp_path, monkeypatch, capfd) -> Callable[..., str]:
 
 
 @pytest.fixture
-def record(bench):
+def call(bench) -> Callable:
+    """Call a service of the robot; its answer."""
+    return partial(answered_once, bench)
+
+
+@pytest.fixture
+def record(call):
     """Call the robot's service ~/record; whether it was done, and the answer's words."""
-    def call(on: bool) -> tuple[bool, str]:
-        future = known_client(bench, SetBool, "record").call_async(SetBool.Request(data=on))
-        bench.spin_until(future.done, "answer of ~/record")
-        return future.result().success, future.result().message
-    return call
+    def record_or_not(on: bool) -> tuple[bool, str]:
+        answer = call(SetBool, "record", data=on)
+        return answer.success, answer.message
+    return record_or_not
 
 
 @pytest.fixture

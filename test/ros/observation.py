@@ -1,6 +1,7 @@
 """What the tests of recording and diagnostics see of a robot: its samples, what it says of itself, its bags."""
 
 import signal
+import time
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -31,8 +32,8 @@ class Listener:
 
     def spin_for_samples(self, count: int) -> None:
         """Hear `count` samples more than wait already: those were published before the call."""
-        idle = 0
-        while idle < 3:  # one of the three may hear diagnostics
+        idle, patience = 0, time.monotonic() + 5.0  # a busy machine is never idle beside 1000 samples a second
+        while idle < 3 and time.monotonic() < patience:  # one of the three may hear diagnostics
             before = len(self.stamps)
             self.bench.spin_once()
             idle = idle + 1 if len(self.stamps) == before else 0
@@ -59,10 +60,24 @@ def stamps_of(folder: Path, topic: str = "/odom") -> list[int]:
         return [stamp for _, stamp, _ in reader.messages(chosen)]
 
 
-def stop(robot, code: int = 0) -> None:
-    robot.send(signal.SIGINT)
-    assert robot.end() == code, robot.text
-    assert "Traceback" not in robot.text
+def ended(program, code: int = 0) -> None:
+    """It has ended, or does now, with this exit code and without a word of what nobody foresaw."""
+    assert program.end() == code, program.text
+    assert "Traceback" not in program.text and "please report" not in program.text, program.text
+
+
+def stop(program, code: int = 0, number: signal.Signals = signal.SIGINT) -> None:
+    """End a program as a user does."""
+    program.send(number)
+    ended(program, code)
+
+
+def whole_bag(robot) -> Path:
+    """The bag of a robot that has ended well, with every message."""
+    ended(robot)
+    line = robot.wait_for("]: bag ")
+    assert " 0 dropped;" in line
+    return Path(line.split("]: bag ")[1].split(": ")[0])
 
 
 def messages_of(folder: Path) -> dict[str, list]:
@@ -72,3 +87,9 @@ def messages_of(folder: Path) -> dict[str, list]:
         for one, _, data in reader.messages():
             found[one.topic].append(deserialised(bytes(data), one.msgtype))
     return found
+
+
+def write(folder: Path, text: str) -> str:
+    """The name of a script of the controller with this text, in the folder of the test."""
+    (folder / "script.yaml").write_text(text)
+    return "script.yaml"

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
+from observation import whole_bag
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
@@ -53,7 +54,4 @@ class Operator:
 def stop(robot, number: signal.Signals = signal.SIGINT) -> Path:
     """End the robot as a user does; its bag."""
     robot.send(number)
-    assert robot.end() == 0, robot.text
-    line = robot.wait_for("]: bag ")
-    assert " 0 dropped;" in line
-    return Path(line.split("]: bag ")[1].split(": ")[0])
+    return whole_bag(robot)

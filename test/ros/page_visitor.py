@@ -1,25 +1,16 @@
-"""A page of the live view without a browser: Tornado's own client, in a thread of its own."""
+"""A page of the live view without a browser, which reads in a thread of its own."""
 
-import asyncio
 import json
-import re
 import threading
 import time
 from collections.abc import Callable
-from contextlib import suppress
 
 import numpy as np
-from tornado.httpclient import HTTPRequest
-from tornado.websocket import websocket_connect
+from visitor import TEXT, Address
 
 from vibro_ros.view.protocol import COLUMNS
 
 PATIENCE = 60.0  # [s] deadline of what takes a second on an idle machine
-
-
-def address_of(view) -> str:
-    """The address that a view has printed."""
-    return re.search(r"http://\S+/\?token=\S+", view.wait_for("/?token="))[0]
 
 
 class PageVisitor:
@@ -35,22 +26,20 @@ class PageVisitor:
         Payloads.
     """
 
-    def __init__(self, address: str):
+    def __init__(self, address: Address):
         self.texts: list[dict] = []
         self.rows: list[np.ndarray] = []
         self.motions: dict[int, bytes] = {}
         self.closed = False
-        self._address, self._asked = address, 0
-        self._open = threading.Event()
-        self._thread = threading.Thread(target=lambda: asyncio.run(self._listen()))
+        self._visit, self._asked = address.visit(), 0
+        self._thread = threading.Thread(target=self._listen)
         self._thread.start()
-        assert self._open.wait(PATIENCE)
 
     def ask(self, **request: object) -> dict:
         """The answer to a request."""
         self._asked += 1
         id = self._asked
-        self._loop.call_soon_threadsafe(self._send, json.dumps({"id": id, **request}))
+        self._visit.send({"id": id, **request})
         return self.wait(lambda: next((one for one in list(self.texts) if one.get("id") == id), None), f"{request}")
 
     def last(self, *kinds: str) -> dict:
@@ -88,25 +77,17 @@ class PageVisitor:
 
     def close(self) -> None:
         """End the connection."""
-        with suppress(RuntimeError):  # the view has ended it already
-            self._loop.call_soon_threadsafe(self._connection.close)
+        self._visit.end()
         self._thread.join()
 
-    def _send(self, text: str) -> None:
-        asyncio.ensure_future(self._connection.write_message(text))
-
-    async def _listen(self) -> None:
-        self._loop = asyncio.get_running_loop()
-        origin, _, query = self._address.partition("/?")
-        request = HTTPRequest(f"{origin.replace('http', 'ws', 1)}/live?{query}", headers={"Origin": origin})
-        self._connection = await websocket_connect(request, max_message_size=1 << 28)
-        self._open.set()
-        while (frame := await self._connection.read_message()) is not None:
-            self._take(frame)
+    def _listen(self) -> None:
+        with self._visit:
+            while (frame := self._visit.receive(3600.0)) is not None:
+                self._take(*frame)
         self.closed = True
 
-    def _take(self, frame: str | bytes) -> None:
-        if isinstance(frame, str):
+    def _take(self, opcode: int, frame: bytes) -> None:
+        if opcode == TEXT:
             self.texts.append(json.loads(frame))
             return
         kind, number = np.frombuffer(frame[:8], "<u4").tolist()

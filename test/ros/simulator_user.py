@@ -1,7 +1,5 @@
 """A program that drives a robot by simulation_interfaces."""
 
-from pathlib import Path
-
 from asking import wait_until_known
 from rclpy.action import ActionClient
 from rclpy.qos import QoSProfile
@@ -77,12 +75,3 @@ class Simulator:
 
     def _hear(self, message) -> None:
         self.feedback.append((message.feedback.completed_steps, message.feedback.remaining_steps))
-
-
-def ended(robot) -> Path:
-    """The bag of a robot that has ended well, whole."""
-    assert robot.end() == 0, robot.text
-    assert "Traceback" not in robot.text and "please report" not in robot.text
-    line = robot.wait_for("]: bag ")
-    assert " 0 dropped;" in line
-    return Path(line.split("]: bag ")[1].split(": ")[0])

@@ -1,19 +1,11 @@
-"""ROS arguments: which are ours, whom a parameter file addresses, and names that remapping makes useless."""
-
-from pathlib import Path
+"""ROS arguments: which are ours, and names that remapping makes useless."""
 
 import pytest
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 
-from vibro_ros.ros.node.arguments import check_addressed, check_names, own_arguments
-
-
-def params_file(folder: Path, text: str) -> Path:
-    path = folder / "params.yaml"
-    path.write_text(text)
-    return path
+from vibro_ros.ros.node.arguments import check_names, own_arguments
 
 
 @pytest.mark.parametrize("words, own", [
@@ -24,27 +16,6 @@ def params_file(folder: Path, text: str) -> Path:
 ])
 def test_own_arguments_are_those_outside_ros_args(words: list[str], own: list[str]):
     assert own_arguments(words) == own
-
-
-@pytest.mark.parametrize("section", [
-    "/**", "/lab/vibro_robot", "lab/vibro_robot", "/*/vibro_robot", "/**/vibro_robot", "/lab/*", "/lab/**",
-    "vibro_robt", "/vibro_robot", "/*", "/lab", "/hall/*", "/lab/vibro_robot/**/x",
-])
-def test_it_agrees_with_rcl_about_whom_a_section_is_for(tmp_path: Path, domain_id: int, section: str):
-    path = params_file(tmp_path, f"{section}:\n  ros__parameters:\n    gravity: 9.81\n")
-    context = Context()
-    rclpy.init(context=context, domain_id=domain_id,
-               args=["--ros-args", "-r", "__ns:=/lab", "--params-file", str(path)])
-    node = Node("vibro_robot", context=context, automatically_declare_parameters_from_overrides=True)
-    given = node.has_parameter("gravity")
-    node.destroy_node()
-    rclpy.shutdown(context=context)
-    try:
-        check_addressed([path], "/lab/vibro_robot")
-    except ValueError:
-        assert not given
-    else:
-        assert given
 
 
 @pytest.mark.parametrize(("rule", "words"), {

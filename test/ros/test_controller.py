@@ -1,16 +1,12 @@
 """The controller as a process of its own; the test plays the robot, or a real one runs."""
 
 import signal
-import subprocess
-import sys
 from functools import partial
 from pathlib import Path
 
 import pytest
-from asking import answer_of
-from rcl_interfaces.msg import Parameter as ParameterMessage
-from rcl_interfaces.msg import ParameterValue
-from rcl_interfaces.srv import SetParameters
+from asking import set_parameter
+from observation import ended, stop, write
 from std_msgs.msg import Float64
 
 from vibro_ros.bag.reader import read_bag
@@ -39,11 +35,6 @@ class Listener:
     def leave(self) -> None:
         for subscription in self._subscriptions:
             self.bench.node.destroy_subscription(subscription)
-
-
-def write(folder: Path, text: str) -> str:
-    (folder / "script.yaml").write_text(text)
-    return "script.yaml"
 
 
 def test_it_plays_a_script_to_the_end(start, bench, tmp_path):
@@ -126,9 +117,9 @@ def test_bad_input_is_one_line(refusal, tmp_path, words, reason):
 
 def test_the_first_node_and_goals_are_reached_with_a_real_robot(start, tmp_path):
     robot = start("robot")
-    first = subprocess.run([sys.executable, FIRST_NODE, "--ros-args", "-p", "distance:=0.1"], capture_output=True,
-                           text=True, timeout=60.0, check=True)
-    assert 0.1 <= -float(first.stderr.partition("stopped after ")[2].partition(" m")[0]) < 0.2, first.stderr
+    first = start(str(FIRST_NODE), "--ros-args", "-p", "distance:=0.1")
+    ended(first)
+    assert 0.1 <= -float(first.text.partition("stopped after ")[2].partition(" m")[0]) < 0.2, first.text
     controller = start("controller", write(tmp_path, """
 entries:
   - {for: 0.2, motor_speed: 50.0}
@@ -140,8 +131,7 @@ entries:
   - {for: 0.1, upper_gap: 0.0}
 """))
     assert controller.end() == 0, controller.text
-    robot.send(signal.SIGINT)
-    assert robot.end() == 0, robot.text
+    stop(robot)
     assert controller.text.count("]: entry 2.1: held: mean speed -0.0") == 2
     assert "]: entry 3: reached after " in controller.text
     assert "]: entry 4, 0.1 s: upper_gap 0 m" in controller.text
@@ -181,16 +171,13 @@ entries:
     robot.wait_for("command.timeout: no /motor_speed for 0.5 s")
     controller = start("controller", write(tmp_path, "entries: [{for: 2, motor_speed: 20}, {for: 1, motor_speed: 55}]"))
     controller.wait_for("entry 1, ")
-    limit = ParameterMessage(name="motor.max_speed", value=ParameterValue(type=3, double_value=40.0))
-    results = answer_of(bench, SetParameters, "/vibro_robot/set_parameters", parameters=[limit]).results
-    assert results[0].successful, results[0].reason
+    set_parameter(bench, "motor.max_speed", 40.0)
     assert controller.end() == 1
     assert controller.lines[-1] == (
         "controller: /motor_speed: 55 is out of range; give a number from -40 to 40 rad/s (the limit is "
         "motor.max_speed); /vibro_robot refuses it")
     assert controller.lines[-2].endswith("aborted: /motor_speed 0 rad/s")
-    robot.send(signal.SIGINT)
-    assert robot.end() == 0
+    stop(robot)
     assert " 0 commands refused" in robot.lines[-1] and robot.text.count("command.timeout: ") == 1
     (bag,) = (read_bag(folder) for folder in tmp_path.glob("vibro_robot_*"))
     assert list(bag["motor_speed"]["value"]).count(30.0) == 10

@@ -1,10 +1,6 @@
 """Another vendor's DDS, without ROS: a process with Cyclone DDS commands the robot and reads its odometry."""
 
 import json
-import subprocess
-import sys
-import threading
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -20,46 +16,17 @@ SPEED = 100.0  # rad/s
 MOVED = 0.005  # m, backwards, before the test is content
 
 
-class CyclonePeer:
-    """The process `cyclone_peer.py` and what it has read of `odom`."""
-
-    def __init__(self, speed: float):
-        self.read: list[list] = []
-        words = [sys.executable, str(Path(__file__).with_name("cyclone_peer.py")), repr(speed)]
-        self._process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
-        self._reader = threading.Thread(target=self._read)
-        self._reader.start()
-
-    @property
-    def ended(self) -> bool:
-        return self._process.poll() is not None
-
-    def kill(self) -> None:
-        self._process.kill()
-        self._process.wait()
-        self._reader.join()
-
-    def _read(self) -> None:
-        self.read.extend(json.loads(line) for line in iter(self._process.stdout.readline, "") if line.endswith("\n"))
-
-
-@pytest.fixture
-def peer(domain_id: int) -> Iterator[CyclonePeer]:
-    peer = CyclonePeer(SPEED)
-    yield peer
-    peer.kill()
-
-
-def test_it_commands_the_robot_and_reads_the_odometry_that_the_bag_holds(udp_only, start, bench, peer, tmp_path):
+def test_it_commands_the_robot_and_reads_the_odometry_that_the_bag_holds(udp_only, start, bench, tmp_path):
     """Then it dies without a word, which the robot does not notice."""
+    peer = start(str(Path(__file__).with_name("cyclone_peer.py")), repr(SPEED))
     robot = start("robot")
-    bench.spin_until(lambda: peer.ended or (peer.read and peer.read[-1][3] < -MOVED), "the body moves back")
-    assert not peer.ended
+    bench.spin_until(lambda: peer.ended or (peer.lines and json.loads(peer.lines[-1])[3] < -MOVED), "the body's way")
+    assert not peer.ended, peer.text
     peer.kill()
     sent, published = recorded(tmp_path / stop(robot))
     assert sent == [SPEED]
-    assert peer.read[-1][3] < -MOVED
-    assert [published[stamp] for stamp, *_ in peer.read] == [rest for _, *rest in peer.read]
+    for stamp, *rest in map(json.loads, peer.lines):
+        assert published[stamp] == rest
 
 
 def recorded(bag: Path) -> tuple[list[float], dict[int, list]]:

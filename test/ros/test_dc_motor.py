@@ -1,6 +1,5 @@
 """A robot with a dc motor: heard as users hear it, commanded by volts, recorded, and computed again to the last bit."""
 
-import pytest
 from random_run import record_run
 from std_msgs.msg import Float64
 
@@ -33,10 +32,3 @@ def test_volts_turn_the_crank_and_the_replay_is_identical(start, bench, tmp_path
     assert recorded["joint_states"]["crank.velocity"].max() > 10.0
     assert report.main([str(bag)]) == 0
     assert "supply" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("name", ["motor_current", "electrical_power", "motor_voltage"])
-def test_a_robot_with_another_motor_has_no_such_topic(start, bench, name):
-    start("robot").wait_for("ready")
-    bench.spin_until(lambda: "/motor_power" in dict(bench.node.get_topic_names_and_types()), "the robot's topics")
-    assert f"/{name}" not in dict(bench.node.get_topic_names_and_types())

@@ -6,11 +6,10 @@ With VIBRO_ROS_HOSTILE in the environment there are a hundred thousand of them, 
 import math
 import os
 import random
-import signal
 
 import pytest
 from asking import wait_until_known
-from observation import value_of
+from observation import stop, value_of
 from operated_robot import Operator
 from random_requests import UNTOUCHED, random_request, service_class
 from rcl_interfaces.srv import ListParameters, SetParameters, SetParametersAtomically
@@ -77,9 +76,7 @@ def test_every_request_is_answered_every_refusal_counted_and_every_sample_finite
     operator.spin_for_samples(20)
     for topic in ("odom", "joint_states"):
         assert all(math.isfinite(number) for number in numbers_of(operator, topic))
-    robot.send(signal.SIGINT)
-    assert robot.end() == 0, robot.text
-    assert "please report" not in robot.text
+    stop(robot)
 
 
 def ask(bench, asked: list) -> list:

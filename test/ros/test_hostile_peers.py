@@ -21,7 +21,7 @@ from rcl_interfaces.srv import (
     SetParametersAtomically,
 )
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rosbags.rosbag2 import Reader
+from recorded_bag import by_rosbags
 from std_msgs.msg import Float32, Float64
 from type_description_interfaces.srv import GetTypeDescription
 
@@ -75,9 +75,7 @@ def padded(data: bytes) -> bytes:
 
 def recorded(folder: Path) -> list[tuple[str, bytes]]:
     """What the bag holds of the commands' topics, in order."""
-    with Reader(folder) as reader:
-        chosen = [one for one in reader.connections if one.topic.lstrip("/") in COMMANDS]
-        return [(one.topic.lstrip("/"), bytes(data)) for one, _, data in reader.messages(chosen)]
+    return [(topic[1:], data) for topic, _, data in by_rosbags(folder) if topic[1:] in COMMANDS]
 
 
 def test_messages_that_are_no_command_are_refused_counted_said_and_recorded(start, attacker, listener, tmp_path):
@@ -133,7 +131,6 @@ def test_thousands_of_commands_at_random_and_the_counters_add_up(start, attacker
     bench.node.create_subscription(Float64, "motor_power", lambda message: robot_state.update(power=message.data), 10)
     listener.spin_for_samples(30)
     stop(robot)
-    assert "please report" not in robot.text
     messages = recorded(bags(tmp_path)[0])
     assert len(messages) > 1000  # DDS keeps the last ten of each topic
     assert messages[-1] == ("motor_speed", LITTLE + struct.pack("<d", 33.0))
@@ -211,7 +208,6 @@ def test_every_parameter_request_is_answered_and_changes_nothing_and_peers_of_an
     bench.node.create_publisher(Float64, "upper_gap", QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT))
     assert "Last incompatible policy: RELIABILITY" in robot.wait_for("'upper_gap', offering incompatible QoS")
     stop(robot)
-    assert "please report" not in robot.text
     assert all(line.startswith("[") for line in robot.lines)
 
 

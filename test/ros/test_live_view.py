@@ -5,18 +5,16 @@ import time
 
 import numpy as np
 import pytest
-from asking import answer_of
+from asking import answer_of, set_parameter
 from motion_reader import Motion
-from page_visitor import PageVisitor, address_of
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import SetParameters
+from observation import stop
+from page_visitor import PageVisitor
+from real_processes import CRAWL
 from sensor_msgs.msg import JointState
+from visitor import address_of
 
 import vibro_ros
 from vibro_ros.view.protocol import COLUMNS
-
-CRAWL = ("--ros-args", "-p", "record.enabled:=false", "-p", "motor.speed:=100.0")
-AGAIN = 6.0  # [s] within which a robot that is started anew is shown again, its own start of a second included
 
 
 @pytest.fixture
@@ -42,12 +40,6 @@ def column(rows: np.ndarray, name: str) -> np.ndarray:
     return rows[:, COLUMNS.index(name)]
 
 
-def ends_well(view, number: signal.Signals = signal.SIGINT) -> None:
-    view.send(number)
-    assert view.end() == 0, view.text
-    assert "Traceback" not in view.text and "please report" not in view.text, view.text
-
-
 def test_voltage_and_current_of_a_dc_motor_are_of_their_sample(start, view, visit):
     """V = R i + K θ' without inductance: a current of another sample is far from that."""
     page, scene = visit(), vibro_ros.load_scene("machine")
@@ -59,7 +51,7 @@ def test_voltage_and_current_of_a_dc_motor_are_of_their_sample(start, view, visi
     assert np.abs(np.diff(current)).max() > 0.1 and volts.max() > 10.0
     np.testing.assert_allclose(volts, scene["motor.winding_resistance"] * current + scene.motor_constant * speed,
                                rtol=1e-12, atol=1e-12)
-    ends_well(view)
+    stop(view)
 
 
 def test_what_is_sent_is_what_was_published_in_one_row_a_sample(start, view, visit):
@@ -86,7 +78,7 @@ def test_what_is_sent_is_what_was_published_in_one_row_a_sample(start, view, vis
     assert all(one["side"] in ("upper", "inclined") and one["peak_force"] > 0.0 for one in impacts)
     status = page.wait(lambda: page.last("status"), "status")
     assert status["recording"] == "" and 0.0 <= status["dropped_share"] < 1.0 and status["refused"] == 0
-    ends_well(view)
+    stop(view)
 
 
 def test_commands_services_and_refusals_in_the_robot_s_words(start, view, visit, bench):
@@ -113,16 +105,23 @@ def test_commands_services_and_refusals_in_the_robot_s_words(start, view, visit,
     assert page.ask(parameter="ground.friction", value=2e3)["words"].startswith("ground.friction: 2000")
     assert page.ask(parameter="ground.friction", value=0.4)["done"]
     late.wait(lambda: late.last("robot")["machine"]["knobs"][-1]["value"] == 0.4, "the floor")
+    before = page.last("robot")
+    set_parameter(bench, "motor.max_speed", 150.0)  # by somebody else
+    late.wait(lambda: late.last("robot")["machine"]["knobs"][0]["to"] == 150.0, "the new limit")
+    assert late.last("robot")["origin"] == before["origin"]
     assert page.ask(command="motor_speed", value=50.0)["done"]
     late.wait(lambda: late.last("commands")["values"].get("motor_speed") == 50.0, "the command of another page")
-    ends_well(view, signal.SIGTERM)
+    stop(view, number=signal.SIGTERM)
     assert any(line.endswith("commanded from a page; sent motor_speed 0") for line in view.lines), view.text
     bench.spin_until(lambda: speeds[-1] == 0.0, "nobody is left who could stop the motor")
 
 
-def test_slow_motion_of_the_last_second(start, view, visit):
-    start("robot", *CRAWL)
+def test_a_robot_that_starts_paused_is_let_go_and_its_last_second_shown_in_slow_motion(start, view, visit):
+    start("robot", *CRAWL, "-p", "rate.start_paused:=true").wait_for("ready")
     page = visit()
+    page.wait(lambda: page.last("robot", "absent").get("kind") == "robot", "a robot")
+    page.wait(lambda: page.last("status").get("paused"), "the pause")
+    assert page.ask(call="pause", on=False)["done"]
     page.wait_for_robot()
     page.wait_for_rows(250)
     answer = page.wait(lambda: (found := page.ask(slow_motion=1.0))["kind"] == "motion" and found, "the motion")
@@ -135,7 +134,7 @@ def test_slow_motion_of_the_last_second(start, view, visit):
     found = motion.at(column(rows, "time"))
     for name in ("body_position", "body_height", "upper_position", "inclined_position"):
         assert np.abs(found[name] - column(rows, name)).max() < 1e-9, name
-    ends_well(view, signal.SIGHUP)
+    stop(view, number=signal.SIGHUP)
 
 
 def test_a_robot_that_is_started_anew_or_killed_is_picked_up_again(udp_only, start, view, visit, domain_id):
@@ -146,8 +145,7 @@ def test_a_robot_that_is_started_anew_or_killed_is_picked_up_again(udp_only, sta
     first = page.wait_for_robot()
     assert page.ask(command="upper_gap", value=0.0005)["done"]
     page.wait(lambda: page.last("commands")["values"] == {"upper_gap": 0.0005}, "what is in force")
-    robot.send(signal.SIGINT)
-    assert robot.end() == 0
+    stop(robot)
     page.wait_for_absence("no robot")
     robot = start("robot", *CRAWL, "-p", "crank.radius:=0.015")
     second = page.wait_for_robot()
@@ -165,7 +163,7 @@ def test_a_robot_that_is_started_anew_or_killed_is_picked_up_again(udp_only, sta
     assert third["machine"]["crank_radius"] == 0.02 and int(third["origin"]) > int(second["origin"])
     assert column(page.wait_for_rows(100), "time")[0] < time.monotonic() - begun + 1.0  # counted from the new origin
     assert page.last("commands")["values"] == {}
-    ends_well(view)
+    stop(view)
 
 
 def test_two_robots_of_one_name_are_said_to_be_two_and_nothing_is_drawn(start, view, visit):
@@ -174,11 +172,10 @@ def test_two_robots_of_one_name_are_said_to_be_two_and_nothing_is_drawn(start, v
     page.wait_for_robot()
     other = start("robot", *CRAWL)
     page.wait_for_absence("two robots publish on /odom; give one of them a namespace")
-    other.send(signal.SIGINT)
-    assert other.end() == 0
+    stop(other)
     page.wait_for_robot()
     page.wait_for_rows(100)
-    ends_well(view)
+    stop(view)
 
 
 def test_a_robot_in_a_namespace_under_another_name(start, visit, view):
@@ -198,31 +195,7 @@ def test_a_robot_in_a_namespace_under_another_name(start, visit, view):
     assert page.ask(call="reset")["done"]
     assert page.ask(command="motor_speed", value=-600.0)["done"]
     page.wait(lambda: any("command refused" in one.get("words", "") for one in list(page.texts)), "the refusal")
-    ends_well(view)
-
-
-def test_a_robot_that_starts_paused_can_be_let_go(start, view, visit):
-    start("robot", *CRAWL, "-p", "rate.start_paused:=true").wait_for("ready")
-    page = visit()
-    page.wait(lambda: page.last("robot", "absent").get("kind") == "robot", "a robot")
-    page.wait(lambda: page.last("status").get("paused"), "the pause")
-    assert page.ask(call="pause", on=False)["done"]
-    page.wait_for_robot()
-    page.wait_for_rows(50)
-    ends_well(view)
-
-
-def test_a_parameter_that_changes_while_the_robot_runs_changes_the_machine(start, bench, view, visit):
-    start("robot", *CRAWL)
-    page = visit()
-    before = page.wait_for_robot()
-    value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=150.0)
-    answer_of(bench, SetParameters, "/vibro_robot/set_parameters",
-              parameters=[Parameter(name="motor.max_speed", value=value)])
-    after = page.wait(lambda: (robot := page.last("robot"))["machine"]["knobs"][0]["to"] == 150.0 and robot,
-                      "the new limit")
-    assert after["origin"] == before["origin"]
-    ends_well(view)
+    stop(view)
 
 
 def test_a_robot_that_goes_into_another_scene_is_shown_as_that_machine(start, bench, view, visit, types):
@@ -239,4 +212,4 @@ def test_a_robot_that_goes_into_another_scene_is_shown_as_that_machine(start, be
                       and page.last("robot"), "the new limit")
     assert after["origin"] > before["origin"]
     page.wait_for_rows(50)
-    ends_well(view)
+    stop(view)

@@ -3,43 +3,33 @@
 import random
 import signal
 import socket
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
-from page_visitor import PageVisitor, address_of
+from page_visitor import PageVisitor
+from real_processes import CRAWL
+from visitor import address_of
+
+from vibro_ros.ros.live import view as live_view
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-PATIENCE = 60.0  # [s]
 
 
-def run(folder, *words: str) -> subprocess.CompletedProcess:
-    """The live view, which is expected to end by itself."""
-    return subprocess.run([sys.executable, "-m", "vibro_ros.ros.live.view", *words], cwd=folder,
-                          capture_output=True,
-                          text=True, timeout=PATIENCE)
-
-
-@pytest.mark.parametrize("number", SIGNALS)
-def test_a_signal_at_any_instant_of_the_start_ends_it_well(start, number):
-    chance = random.Random(int(number))
-    for name in ("view", "view", "live_view"):
-        view = start(name, "--port", "0")
-        time.sleep(chance.uniform(0.1, 1.5))  # the instant is by chance
-        view.send(number)
-        code = view.end()
-        if "front_door" in view.text or "<frozen" in view.text:
-            continue  # Python itself was still starting
-        assert code in (0, -number), view.text
-        assert "Traceback" not in view.text, view.text
+@pytest.mark.parametrize(("number", "name"), zip(SIGNALS, ("view", "live_view", "view"), strict=True))
+def test_a_signal_at_any_instant_of_the_start_ends_it_well(start, number, name):
+    view = start(name, "--port", "0")
+    time.sleep(random.uniform(0.1, 1.5))  # the instant is by chance
+    view.send(number)
+    code = view.end()
+    if "front_door" not in view.text and "<frozen" not in view.text:  # else Python itself was still starting
+        assert code in (0, -number) and "Traceback" not in view.text, view.text
 
 
 def test_many_signals_end_it_well_with_pages_open(start):
     view = start("live_view", "--port", "0")
     pages = [PageVisitor(address_of(view)) for _ in range(3)]
-    start("robot", "--ros-args", "-p", "record.enabled:=false", "-p", "motor.speed:=100.0")
+    start("robot", *CRAWL)
     for page in pages:
         page.wait_for_rows(10)
     for number in SIGNALS:
@@ -50,28 +40,22 @@ def test_many_signals_end_it_well_with_pages_open(start):
         assert page.closed
 
 
-def test_a_port_that_is_taken_is_said_with_the_remedy(tmp_path, domain_id):
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        port = taken.getsockname()[1]
-        ended = run(tmp_path, "--port", str(port))
-    assert ended.returncode == 2 and ended.stdout == ""
-    assert ended.stderr == (f"view: --port {port}: something listens there already, perhaps another view; give another "
-                            "port, or --port 0 for any that is free\n")
-
-
 @pytest.mark.parametrize(("words", "line"), [
+    ([], "--port {port}: something listens there already, perhaps another view; give another port, or --port 0 for any "
+     "that is free"),
     (["--port", "65536"], "argument --port: 65536 is no port; give a number from 0 to 65535, 0 for any that is free"),
     (["--address", "192.0.2.1", "--port", "0"], "--address 192.0.2.1: nothing can listen there"),
     (["--robot", "1bad", "--port", "0"], "--robot 1bad: no node's name; give one such as /r1/vibro_robot"),
     (["--port", "0", "--ros-args", "-p", "robt:=x"], "robt: unknown parameter; did you mean robot?"),
     (["--port", "0", "--ros-args", "-r", "odom"], "ROS refuses the arguments: Couldn't parse remap rule: '-r odom'"),
 ])
-def test_what_is_wrong_is_one_line(tmp_path, domain_id, words, line):
-    ended = run(tmp_path, *words)
-    assert ended.returncode == 2, ended.stderr
-    assert ended.stderr.startswith(f"view: {line}") and ended.stderr.count("\n") == 1, ended.stderr
+def test_what_is_wrong_is_one_line(refusal, monkeypatch, words, line):
+    monkeypatch.setattr("os.nice", lambda _: None)  # or all tests that follow would be nice
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = str(taken.getsockname()[1])
+        assert refusal(live_view.main, *(words or ["--port", port])).startswith(f"view: {line.format(port=port)}")
 
 
 def test_it_may_serve_others_and_opens_a_browser_whose_command_line_tells_no_token(start, tmp_path, monkeypatch):
@@ -87,7 +71,7 @@ def test_it_may_serve_others_and_opens_a_browser_whose_command_line_tells_no_tok
     page.wait(heard.exists, "the browser")
     url = heard.read_text().strip()
     redirect = Path(url.removeprefix("file://"))
-    assert address.partition("token=")[2] not in url and f"url={address}" in redirect.read_text()
+    assert address.token not in url and f"url={address.url}" in redirect.read_text()
     assert redirect.stat().st_mode & 0o777 == 0o600
     page.close()
     view.send(signal.SIGINT)

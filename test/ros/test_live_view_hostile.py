@@ -1,24 +1,25 @@
 """The live view between a robot and strangers who publish anything: it shows the robot, and nothing else changes."""
 
 import random
-import signal
 import struct
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
-from page_visitor import PageVisitor, address_of
+from observation import stop
+from page_visitor import PageVisitor
 from rcl_interfaces.msg import Log
 from rclpy.serialization import serialize_message
+from real_processes import CRAWL
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
+from visitor import address_of
 
 from vibro_ros.view.protocol import COLUMNS
 
 KINDS = {"odom": Odometry, "joint_states": JointState, "ground_contact": WrenchStamped, "impacts": WrenchStamped,
          "/diagnostics": DiagnosticArray, "/rosout": Log, "/vibro_robot/operations": String}
-CRAWL = ("--ros-args", "-p", "record.enabled:=false", "-p", "motor.speed:=100.0")
 ROUNDS = 150
 
 
@@ -69,8 +70,7 @@ def test_strangers_change_nothing(start, bench):
     assert all(one["peak_force"] < 1e8 for text in page.texts if text["kind"] == "impacts" for one in text["list"])
     view.wait_for("/odom: refused: ")
     page.wait_for_robot()
-    view.send(signal.SIGINT)
-    assert view.end() == 0
+    stop(view)
     page.close()
     assert "Traceback" not in view.text and "please report" not in view.text, view.text
     assert len(view.lines) < 200  # a flood does not fill the log
@@ -83,6 +83,5 @@ def test_a_node_of_the_robot_s_name_that_is_none_is_not_shown(start, bench):
     bench.node.create_publisher(Odometry, "odom", 10)
     bench.spin_until(lambda: page.last("absent").get("words", "").startswith("/bench cannot be shown: it has no "
                                                                               "parameter"), "the words")
-    view.send(signal.SIGINT)
-    assert view.end() == 0
+    stop(view)
     page.close()

@@ -1,12 +1,9 @@
 """Lock-step: nodes in simulated time, unchanged, whose commands come at the same robot time in every run."""
 
-import signal
-import subprocess
-import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
-from asking import known_client
 from observation import bags, stop
 from rosgraph_msgs.msg import Clock
 from simulator_user import Simulator
@@ -33,13 +30,11 @@ def lock_stepped(start, nodes: str, *more: str):
 
 
 @pytest.fixture
-def resume(bench):
+def resume(call):
     """Let a robot that started paused run."""
-    def call() -> None:
-        future = known_client(bench, SetBool, "pause").call_async(SetBool.Request(data=False))
-        bench.spin_until(future.done, "answer of ~/pause")
-        assert future.result().success
-    return call
+    def let_it_run() -> None:
+        assert call(SetBool, "pause", data=False).success
+    return let_it_run
 
 
 def messages(folder: Path) -> list[tuple[str, int, bytes]]:
@@ -73,19 +68,9 @@ def test_two_runs_of_the_controller_have_bags_with_the_same_messages(start, resu
 
 
 @pytest.fixture
-def start_peer(tmp_path):
-    """Start the node that its author wrote for the hardware; killed at the end if it runs."""
-    started: list[subprocess.Popen] = []
-
-    def start_one() -> subprocess.Popen:
-        started.append(subprocess.Popen([sys.executable, HERE / "simulated_time_peer.py", "--ros-args", "-p",
-                                         "use_sim_time:=true"], cwd=tmp_path))
-        return started[-1]
-
-    yield start_one
-    for process in started:
-        process.kill()
-        process.wait()
+def start_peer(start):
+    """Start the node that its author wrote for the hardware."""
+    return partial(start, str(HERE / "simulated_time_peer.py"), "--ros-args", "-p", "use_sim_time:=true")
 
 
 def test_two_runs_of_a_node_with_a_timer_have_bags_with_the_same_messages(start, start_peer, bench, resume, tmp_path):
@@ -95,7 +80,7 @@ def test_two_runs_of_a_node_with_a_timer_have_bags_with_the_same_messages(start,
                          and bench.node.count_subscribers("/odom") == 1
                          and bench.node.count_subscribers("/clock") == 1, "the peer")
         resume()
-        assert peer.wait(60.0) == 0
+        assert peer.end() == 0, peer.text
         stop(robot)
     one, other = map(messages, bags(tmp_path))
     assert_equal(one, other)
@@ -117,7 +102,7 @@ def test_in_another_scene_every_command_still_comes_at_the_time_of_its_timer(sta
     rigid = types.msg.Resource(uri="rigid")
     assert simulator.call("LoadWorld", world_resource=rigid) == (Code.OK, "") and simulator.state == State.STOPPED
     resume()
-    assert peer.wait(60.0) == 0
+    assert peer.end() == 0, peer.text
     stop(robot)
     simulator.action.destroy()
     first, second = sorted(bags(tmp_path))
@@ -135,6 +120,5 @@ def test_it_stands_still_for_a_node_that_is_not_there_and_says_so_and_hears_sign
     robot.wait_for("clock.lock_step: waiting for /nobody")
     robot.wait_for("it is not there; robot time stands still")
     assert all(one.clock.sec == one.clock.nanosec == 0 for one in clocks)
-    robot.send(signal.SIGINT)
-    assert robot.end() == 0
+    stop(robot)
     assert "0.000 s simulated" in robot.lines[-1]

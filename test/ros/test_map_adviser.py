@@ -1,10 +1,10 @@
 """The command map in the controller: whether it is the robot's, and what it says of commands that cross."""
 
 import json
-import signal
 
 import pytest
 from known_map import known_map
+from observation import stop, write
 
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.configuration.command_map import find_map, written
@@ -17,19 +17,13 @@ SHARE = 0.05
 """Within which a speed over ground is met."""
 
 
-def write(folder, text):
-    (folder / "script.yaml").write_text(text)
-    return "script.yaml"
-
-
 def test_a_speed_over_ground_is_met(start, tmp_path):
     asked, hold = (-0.05, -0.02, -0.3), 4.0
     entries = "\n".join(f"  - {{speed_over_ground: {speed}, for: {hold}}}" for speed in asked)
     robot = start("robot", "--ros-args", "-p", f"rate.real_time_factor:={FASTER}")
     controller = start("controller", write(tmp_path, f"entries:\n{entries}\n  - {{for: 0.1, motor_speed: 0.0}}\n"))
     assert controller.end() == 0, controller.text
-    robot.send(signal.SIGINT)
-    assert robot.end() == 0, robot.text
+    stop(robot)
     (bag,) = (read_bag(folder) for folder in tmp_path.glob("vibro_robot_*"))
     time, position = bag["odom"]["time"], bag["odom"]["position"][:, 0]
     begins = bag["motor_speed"]["time"][bag["motor_speed"]["value"] > 0.0]
@@ -52,8 +46,7 @@ entries:
   - {for: 0.1, motor_speed: 0.0}
 """), "--ros-args", "-p", "map:=known.json")
     assert controller.end() == 0, controller.text
-    robot.send(signal.SIGINT)
-    assert robot.end() == 0
+    stop(robot)
     assert "[WARN]" not in controller.text  # the script asked for it, and only one motion is possible there
     assert [line.split("]: ")[1] for line in controller.lines if " leads " in line] == [
         "entry 2 leads at motor_speed 70 rad/s and gap 0 mm from the motion of -50 mm/s (period 1 turn, 1 landing) to "
@@ -72,8 +65,7 @@ def test_the_map_of_another_machine_gives_no_commands(start, tmp_path):
     plain = start("controller", write(tmp_path, entries))
     assert plain.end() == 0, plain.text
     assert "nothing is said of other motions: " in plain.text
-    robot.send(signal.SIGINT)
-    assert robot.end() == 0
+    stop(robot)
     assert "Traceback" not in controller.text + plain.text
 
 

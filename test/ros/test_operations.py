@@ -3,13 +3,12 @@
 import signal
 from pathlib import Path
 
-import pytest
-from asking import known_client
 from nav_msgs.msg import Odometry
 from observation import bags, value_of
 from operated_robot import PERIOD, Operator, stop
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
@@ -21,25 +20,13 @@ from vibro_ros.bag.stream import BagStream
 from vibro_ros.recordings.comparison import compare
 
 
-@pytest.fixture
-def call(bench):
-    """Call a service of the robot; its answer."""
-    def call_one(kind: type, name: str, **request):
-        client = known_client(bench, kind, name)
-        future = client.call_async(kind.Request(**request))
-        bench.spin_until(future.done, f"answer of {name}")
-        bench.node.destroy_client(client)
-        return future.result()
-    return call_one
-
-
 def done(answer) -> str:
     assert answer.success, answer.message
     return answer.message
 
 
-def number(name: str, value: float) -> Parameter:
-    return Parameter(name=name, value=ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value))
+def number(name: str, value: float) -> ParameterMessage:
+    return Parameter(name, value=value).to_parameter_msg()
 
 
 def stamps_and_places(operator: Operator) -> list[tuple[int, float]]:
@@ -149,8 +136,6 @@ def test_a_set_that_breaks_a_limit_changes_nothing_of_what_came_with_it(start, b
     robot.wait_for("ready")
     names = ["ground.friction", "motor.max_speed", "mass.body"]
     before = call(GetParameters, "get_parameters", names=names).values
-    whole = Parameter(name="motor.max_speed", value=ParameterValue(type=ParameterType.PARAMETER_INTEGER,
-                                                                   integer_value=300))
     for wanted, words in (
             ([number("ground.friction", 0.1), number("motor.max_speed", -1.0)], "-1 is out of range"),
             ([number("ground.friction", 0.1), number("motor.max_speed", 50.0)], "the limit is motor.max_speed"),
@@ -160,7 +145,8 @@ def test_a_set_that_breaks_a_limit_changes_nothing_of_what_came_with_it(start, b
         assert not any(answer.successful for answer in answers)
         assert all(words in answer.reason for answer in answers)
     assert call(GetParameters, "get_parameters", names=names).values == before
-    answers = call(SetParameters, "set_parameters", parameters=[whole, number("mass.body", 1.0)]).results
+    answers = call(SetParameters, "set_parameters", parameters=[
+        number("motor.max_speed", 300), number("mass.body", 1.0)]).results
     assert [answer.successful for answer in answers] == [True, True]  # 1 kg is what the body has
     assert call(GetParameters, "get_parameters", names=names).values[1].double_value == 300.0
     listener.wait_for_status("simulation", lambda status: value_of(status, "refused requests") == 4.0)

@@ -38,7 +38,9 @@ def own_parameters_by_rcl(words: list[str], domain_id: int) -> dict[str, object]
             "j: 1.0e+3", "k: +2", "l: 1.", "m: ~/x", "n: off"),
     "/lab/:\n  '**':\n    ros__parameters: {}\n  '*':\n    ros__parameters: {a: 1}\n",
     '{"/**": {"ros__parameters": {"a": 1}}}', section("vibro_robot", "a: 1"), section("/lab", "a: 1"),
-], ids=range(14))
+    section("/lab/**", "a: 1") + section("/vibro_robot", "b: 1") + section("/*", "c: 1"),
+    section("/lab/*/vibro_robot", "a: 1") + section("vibro_robt", "b: 1") + section(f"{NODE}/**/x", "c: 1"),
+], ids=range(16))
 def test_rcl_reads_the_same_from_a_file(text, tmp_path, domain_id):
     file = tmp_path / "file.yaml"
     file.write_text(text)

@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pytest
 from nav_msgs.msg import Odometry
+from observation import stop
 from random_run import RANGES
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from robot_bag import rewritten
@@ -33,8 +34,7 @@ def test_commands_are_played_to_a_live_robot(commanded, start, tmp_path):
     robot = start("robot", "--ros-args", "-p", "record.directory:=live")
     player = start("playback", str(commanded), "--rate", "3.0")
     assert player.end() == 0, player.text
-    robot.send(signal.SIGINT)
-    assert robot.end() == 0, robot.text
+    stop(robot)
     (live,) = (tmp_path / "live").iterdir()
     played, original = read_bag(live), read_bag(commanded)
     for name in RANGES:

@@ -3,9 +3,7 @@
 import os
 from pathlib import Path
 
-from asking import answer_of
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import SetParameters
+from asking import answer_of, set_parameter
 from std_srvs.srv import SetBool
 
 from vibro_ros.ros.robot.pacing import POLICY, PRIORITY
@@ -40,10 +38,7 @@ def test_a_robot_that_runs_or_steps_as_fast_as_it_can_steps_back_and_paced_again
     first = POLICY if may else os.SCHED_OTHER
     assert policies(robot) == {first}
     for factor in (0.0, 1.5, 1.0):
-        value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=factor)
-        parameters = [Parameter(name="rate.real_time_factor", value=value)]
-        answer = answer_of(bench, SetParameters, "/vibro_robot/set_parameters", parameters=parameters)
-        assert answer.results[0].successful
+        set_parameter(bench, "rate.real_time_factor", factor)
         assert policies(robot) == {first if factor == 1.0 else os.SCHED_OTHER}
     for paused in (True, False):
         assert answer_of(bench, SetBool, "/vibro_robot/pause", data=paused).success

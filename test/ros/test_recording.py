@@ -20,6 +20,12 @@ RECEIVED = {name: f"/{name}" for name in COMMAND_UNITS}
 SETTINGS = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS}
 
 
+@pytest.fixture
+def topics(bench):
+    """What a robot records."""
+    return plan_recording(SETTINGS, RECEIVED, RobotPublishers(bench.node, vibro_ros.Scene()), {}).topics
+
+
 def test_recording_is_sealed_and_begun_on_request(start, listener, record, tmp_path):
     robot = start("robot")
     listener.spin_for_samples(20)
@@ -69,8 +75,7 @@ def test_recordings_that_cannot_be_are_refused(bench, wrong, reason):
         plan_recording(SETTINGS | wrong, RECEIVED, RobotPublishers(bench.node, vibro_ros.Scene()), {})
 
 
-def test_bags_left_unsealed_are_sealed_if_the_robot_is_told_to(bench, tmp_path):
-    topics = plan_recording(SETTINGS, RECEIVED, RobotPublishers(bench.node, vibro_ros.Scene()), {}).topics
+def test_bags_left_unsealed_are_sealed_if_the_robot_is_told_to(bench, topics, tmp_path):
     folder = tmp_path / "vibro_robot_1"
     writer = BagWriter(folder, defined(topics), {}, Storage())
     writer.write(1, 1, bytes(100))
@@ -100,8 +105,7 @@ def test_a_snapshot_holds_the_last_seconds_when_it_is_asked_for(start, listener,
     assert f" {sum(topic.messages for topic in read_bag(folder).topics.values())} messages" in said
 
 
-def test_a_snapshot_asked_for_again_and_again_writes_nothing_twice(bench, tmp_path):
-    topics = plan_recording(SETTINGS, RECEIVED, RobotPublishers(bench.node, vibro_ros.Scene()), {}).topics
+def test_a_snapshot_asked_for_again_and_again_writes_nothing_twice(bench, topics, tmp_path):
     plan = Plan(tmp_path, topics, Storage(), {"scene": "device"}, snapshot=1.0)
     answers = []
     with open_recording(plan, True, bench.node.get_logger()) as recording:
@@ -115,8 +119,7 @@ def test_a_snapshot_asked_for_again_and_again_writes_nothing_twice(bench, tmp_pa
     assert sorted(set(recorded)) == [i * 10_000_000 for i in range(301)]
 
 
-def test_a_caller_begins_one_bag_a_second_at_most(bench, tmp_path):
-    topics = plan_recording(SETTINGS, RECEIVED, RobotPublishers(bench.node, vibro_ros.Scene()), {}).topics
+def test_a_caller_begins_one_bag_a_second_at_most(bench, topics, tmp_path):
     with open_recording(Plan(tmp_path, topics, Storage(), {}), False, bench.node.get_logger()) as recording:
         began = time.monotonic()
         while time.monotonic() < began + 1.5:
@@ -126,8 +129,7 @@ def test_a_caller_begins_one_bag_a_second_at_most(bench, tmp_path):
     assert 5 <= len(bags(tmp_path)) <= 5 + took
 
 
-def test_a_snapshot_is_written_when_the_simulation_fails(bench, tmp_path):
-    topics = plan_recording(SETTINGS, RECEIVED, RobotPublishers(bench.node, vibro_ros.Scene()), {}).topics
+def test_a_snapshot_is_written_when_the_simulation_fails(bench, topics, tmp_path):
     plan = Plan(tmp_path, topics, Storage(), {"scene": "device"}, snapshot=1.0)
     with open_recording(plan, True, bench.node.get_logger()) as recording:
         for i in range(300):

@@ -5,11 +5,9 @@ import signal
 
 import numpy as np
 import pytest
-from asking import known_client
 from observation import messages_of
 from random_run import FASTER, RANGES, SECONDS, record_run
 from robot_bag import rewritten
-from std_srvs.srv import SetBool
 
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.bag.recovery import recover
@@ -131,22 +129,18 @@ def test_a_bag_that_says_nothing_of_its_scene_is_refused(recorded, tmp_path, cap
     assert "says nothing of scene" in capsys.readouterr().err
 
 
-def switch_on(bench) -> None:
-    """Call ~/record with true."""
-    future = known_client(bench, SetBool, "record").call_async(SetBool.Request(data=True))
-    bench.spin_until(future.done, "answer of ~/record")
-    assert future.result().success, future.result().message
-
-
 LATE = {"begun late": ("record.enabled:=false",), "snapshot": ("record.snapshot:=0.8",),
         "beginning deleted": ("record.max_bytes:=2e6", "rate.publish:=500.0")}
 
 
 @pytest.mark.parametrize("name", LATE)
-def test_a_bag_without_the_runs_beginning_is_replayed(start, bench, tmp_path, capsys, name):
+def test_a_bag_without_the_runs_beginning_is_replayed(start, bench, record, tmp_path, capsys, name):
     def wait_for_deletion(bench):
         (folder,) = tmp_path.glob("vibro_robot_*")
         bench.spin_until(lambda: not (folder / f"{folder.name}_0.mcap").exists(), "deletion of the first file")
+
+    def switch_on(_):
+        assert record(True)[0]
 
     then = wait_for_deletion if name == "beginning deleted" else switch_on
     bag = record_run(start, bench, tmp_path, *LATE[name], f"rate.real_time_factor:={FASTER}", seconds=0.5, then=then)

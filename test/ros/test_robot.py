@@ -3,15 +3,13 @@
 import json
 import math
 import signal
-import subprocess
-import sys
+from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
-from mcap.reader import make_reader
 from operated_robot import COMMANDS, HEARD, PERIOD, Operator, stop
 from rclpy.serialization import deserialize_message
-from rosbags.rosbag2 import Reader
+from recorded_bag import by_mcap, by_rosbags
 from std_msgs.msg import Float64
 
 import vibro_ros
@@ -21,19 +19,11 @@ from vibro_ros.messages.topics import LASTING
 
 
 def raw_messages(folder: Path) -> dict[str, list[tuple[int, bytes]]]:
-    with Reader(folder) as reader:
-        messages: dict[str, list] = {connection.topic: [] for connection in reader.connections}
-        for connection, stamp, data in reader.messages():
-            messages[connection.topic].append((stamp, bytes(data)))
-    return messages
-
-
-def raw_messages_by_mcap(folder: Path) -> dict[str, list[tuple[int, bytes]]]:
-    (path,) = folder.glob("*.mcap")
-    messages: dict[str, list] = {}
-    with path.open("rb") as file:
-        for _, channel, message in make_reader(file).iter_messages():
-            messages.setdefault(channel.topic, []).append((message.log_time, message.data))
+    """Stamps and bytes by topic, as two readers have them."""
+    messages: dict[str, list] = defaultdict(list)
+    for topic, stamp, data in by_rosbags(folder):
+        messages[topic].append((stamp, data))
+    assert by_mcap(folder) == by_rosbags(folder)
     return messages
 
 
@@ -51,11 +41,8 @@ def test_it_moves_as_the_simulation_says_and_the_bag_holds_every_message(start, 
     folder = tmp_path / stop(robot)
 
     recorded = raw_messages(folder)
-    by_mcap = raw_messages_by_mcap(folder)
     known = (*HEARD, *COMMANDS, "joint_commands", *LASTING, "tf", "vibro_robot/operations")
-    assert set(recorded) == {f"/{topic}" for topic in known}
-    for topic, messages in recorded.items():
-        assert by_mcap.get(topic, []) == messages
+    assert set(read_bag(folder).topics) == {f"/{topic}" for topic in known}
     for topic, heard in operator.heard.items():
         data = [data for _, data in recorded[f"/{topic}"]]
         pieces = (data[first : first + len(heard)] for first in range(len(data) - len(heard) + 1))
@@ -124,14 +111,6 @@ def compare_with_simulation(folder: Path, start_ns: int, recorded: dict[str, lis
     np.testing.assert_allclose(impacts["stamp"], [event["time"] for event in contacts], rtol=0.0, atol=1e-9)
 
 
-def test_a_signal_while_starting_ends_it_cleanly(start):
-    robot = start("robot")
-    robot.wait_for("]: scene ")
-    robot.send(signal.SIGINT)
-    assert robot.end() == 0, robot.text
-    assert "Traceback" not in robot.text
-
-
 def test_an_impatient_user_changes_nothing(start, tmp_path):
     robot = start("robot")
     robot.wait_for("ready")
@@ -179,20 +158,12 @@ sys.exit(robot.main(["--ros-args", "-p", "motor.speed:=100.0"]))
 """
 
 
-def test_where_rclpy_lays_messages_out_in_another_way_the_robot_serialises_each_by_rclpy(compiled, bench, tmp_path,
-                                                                                         domain_id):
-    robot = subprocess.Popen([sys.executable, "-c", PLAIN_ROAD], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                             text=True, cwd=tmp_path)
-    try:
-        operator = Operator(bench)
-        operator.wait_for_robot()
-        bench.spin_until(lambda: len(operator.heard["impacts"]) > 12, "more than ten impacts")
-        operator.spin_for_samples(20)
-        robot.send_signal(signal.SIGINT)
-        text, _ = robot.communicate(timeout=60)
-    finally:
-        robot.kill()
-    assert robot.returncode == 0 and "nav_msgs/msg/Odometry: rclpy serialises every message" in text, text
-    (folder,) = tmp_path.glob("vibro_robot_*")
+def test_where_rclpy_lays_messages_out_in_another_way_the_robot_serialises_each_by_rclpy(start, bench, tmp_path):
+    robot, operator = start("-c", PLAIN_ROAD), Operator(bench)
+    operator.wait_for_robot()
+    bench.spin_until(lambda: len(operator.heard["impacts"]) > 12, "more than ten impacts")
+    operator.spin_for_samples(20)
+    folder = tmp_path / stop(robot)
+    assert "nav_msgs/msg/Odometry: rclpy serialises every message" in robot.text, robot.text
     recorded = raw_messages(folder)
     compare_with_simulation(folder, recorded["/odom"][0][0], recorded, {"motor.speed": 100.0})

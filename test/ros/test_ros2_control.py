@@ -6,15 +6,15 @@
 import math
 from xml.etree import ElementTree
 
-import pytest
 from observation import value_of
 from operated_robot import Operator, stop
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
+from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from test_operations import assert_replays
 
 from vibro_ros.bag.reader import read_bag
+from vibro_ros.ros.node import qos
 
 PLUGIN = "joint_state_topic_hardware_interface/JointStateTopicSystem"
 KINDS = ("position", "velocity", "effort")
@@ -23,7 +23,7 @@ KINDS = ("position", "velocity", "effort")
 class TopicSystem:
     """The hardware of a `<ros2_control>` block: states and commands of its joints, by name and interface."""
 
-    def __init__(self, bench, description: str, reliability: ReliabilityPolicy = ReliabilityPolicy.RELIABLE):
+    def __init__(self, bench, description: str):
         (block,) = ElementTree.fromstring(description).iter("ros2_control")
         assert block.get("type") == "system" and block.findtext("hardware/plugin") == PLUGIN
         given = {one.get("name"): one.text for one in block.iter("param")}
@@ -34,7 +34,7 @@ class TopicSystem:
                        for joint in block.findall("joint") for one in joint.findall("state_interface")}
         self.commands = {(joint, kind): math.nan for joint, kinds in self.joints.items() for kind in kinds}
         self._publisher = bench.node.create_publisher(JointState, given["joint_commands_topic"],
-                                                      QoSProfile(depth=1, reliability=reliability))
+                                                      qos_profile_sensor_data)  # best effort; others are reliable
         bench.node.create_subscription(JointState, given["joint_states_topic"], self._read, qos_profile_sensor_data)
         bench.spin_until(lambda: self._publisher.get_subscription_count() and all(
             map(math.isfinite, self.states.values())), "the robot and its states")
@@ -57,26 +57,15 @@ class TopicSystem:
         self._publisher.publish(message)
 
 
-@pytest.fixture
-def description(bench):
-    """The description that a running robot publishes."""
-    def hear(topic: str = "robot_description") -> str:
-        heard: list[str] = []
-        bench.node.create_subscription(String, topic, lambda message: heard.append(message.data), QoSProfile(
-            depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
-        bench.spin_until(lambda: heard, "the description")
-        return heard[0]
-    return hear
-
-
-@pytest.mark.parametrize("reliability", [ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT])
-def test_hardware_by_topics_drives_the_robot_and_its_run_replays(start, bench, description, listener, tmp_path,
-                                                                 reliability):
+def test_hardware_by_topics_drives_the_robot_and_its_run_replays(start, bench, listener, tmp_path):
     robot = start("robot", "--ros-args", "-p", "ros2_control:=true", "-p", "command.timeout:=0.5", "-r",
                   "joint_states:=robot_joint_states")
     robot.wait_for("ready")
-    system = TopicSystem(bench, description(), reliability)
-    assert {joint: kinds for joint, kinds in system.joints.items()} == {
+    heard: list[String] = []
+    bench.node.create_subscription(String, "robot_description", heard.append, qos.LASTING)
+    bench.spin_until(lambda: heard, "the description")
+    system = TopicSystem(bench, heard[0].data)
+    assert system.joints == {
         "crank": ["velocity"], "upper_plate": ["position"], "inclined_plate": ["position"]}
     for _ in range(5):  # no controller is active yet
         system.write()
@@ -114,8 +103,3 @@ def test_absurd_joint_commands_are_refused_counted_and_leave_the_others(start, b
     listener.wait_for_status("simulation", lambda status: value_of(status, "rejected commands") == 7.0)
     robot.wait_for("command refused: /joint_commands: 'elbow\\n' is not commanded by position")
     assert_replays(tmp_path / stop(robot), 5)
-
-
-def test_a_robot_has_no_block_unless_it_is_asked_for(start, description):
-    start("robot", "--ros-args", "-p", "record.enabled:=false").wait_for("ready")
-    assert "ros2_control" not in description()

@@ -4,7 +4,6 @@ from importlib import import_module
 from importlib.util import find_spec
 
 import numpy as np
-from asking import known_client
 from random_run import FASTER, record_run
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Imu
@@ -25,20 +24,18 @@ SENSORS = ("sensors.preset:=bmi270", "sensors.imu.rate:=800.0", "sensors.imu.del
 LATE = ("record.max_bytes:=1000000.0", "record.max_duration:=0.25")
 
 
-def test_a_sensed_run_is_identical_in_its_replay_and_another_seed_is_another_noise(start, bench, tmp_path, capsys):
+def test_a_sensed_run_is_identical_in_its_replay_and_another_seed_is_another_noise(start, bench, call, tmp_path,
+                                                                                   capsys):
     heard = []
     bench.node.create_subscription(Imu, "imu/data_raw", heard.append, qos_profile_sensor_data)
 
     def reset_and_fail(bench):
-        future = known_client(bench, Trigger, "reset").call_async(Trigger.Request())
-        bench.spin_until(future.done, "answer of ~/reset")
+        call(Trigger, "reset")
         if find_spec("vibro_ros_interfaces.srv"):  # built where there is a compiler
             kind = import_module("vibro_ros_interfaces.srv").InjectFault
-            for request in (kind.Request(fault="sensor_freeze", of="encoder", duration=0.5),
-                            kind.Request(fault="supply_sag", value=9.0, duration=0.5)):
-                future = known_client(bench, kind, "inject_fault").call_async(request)
-                bench.spin_until(future.done, "answer of ~/inject_fault")
-                assert future.result().success, future.result().message
+            for fault in ({"fault": "sensor_freeze", "of": "encoder"}, {"fault": "supply_sag", "value": 9.0}):
+                answer = call(kind, "inject_fault", duration=0.5, **fault)
+                assert answer.success, answer.message
 
     bag = record_run(start, bench, tmp_path, f"rate.real_time_factor:={FASTER}", *SENSORS, seconds=1.0,
                      then=reset_and_fail)

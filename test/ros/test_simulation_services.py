@@ -5,10 +5,9 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from asking import known_client
-from observation import bags, stamps_of
+from observation import bags, stamps_of, whole_bag
+from operated_robot import stop
 from rosbags.rosbag2 import Reader
-from simulator_user import ended
 from std_srvs.srv import SetBool, Trigger
 
 from vibro_ros.bag.cdr import deserialised
@@ -19,7 +18,7 @@ from vibro_ros.ros.robot.services import FEATURES, MOST_STEPS, NAMES, Code, Stat
 STEPS = 12
 
 
-def test_features_states_and_resets_are_as_the_definitions_say(simulator, bench, listener):
+def test_features_states_and_resets_are_as_the_definitions_say(simulator, call, listener):
     features = simulator.answer(simulator.begin("GetSimulatorFeatures")).features
     assert list(features.features) == sorted({feature for name in NAMES for feature in FEATURES[name]})
     assert list(features.spawn_formats) == []
@@ -37,10 +36,9 @@ def test_features_states_and_resets_are_as_the_definitions_say(simulator, bench,
     assert simulator.become(255) == Code.NOT_FOUND
     assert simulator.become(State.PLAYING) == Code.OK
     # the services of std_srvs lead to the same states
-    pause, reset = known_client(bench, SetBool, "pause"), known_client(bench, Trigger, "reset")
-    assert simulator.answer(pause.call_async(SetBool.Request(data=True))).success
+    assert call(SetBool, "pause", data=True).success
     assert simulator.state == State.PAUSED
-    assert simulator.answer(reset.call_async(Trigger.Request())).success
+    assert call(Trigger, "reset").success
     assert simulator.state == State.STOPPED
     # a reset puts the state back and lets the clock go on
     assert simulator.become(State.PLAYING) == Code.OK
@@ -72,8 +70,7 @@ def test_steps_are_samples_and_only_a_paused_robot_takes_them(simulator, tmp_pat
         assert code == Code.OPERATION_FAILED and words.startswith(f"{steps} steps; give 1 to {MOST_STEPS}")
         assert simulator.result(simulator.send(steps))[1:] == (Code.OPERATION_FAILED, words)
     assert simulator.become(State.PLAYING) == Code.OK
-    simulator.robot.send(signal.SIGINT)
-    bag = tmp_path / ended(simulator.robot)
+    bag = tmp_path / stop(simulator.robot)
     (stepped, _), (resumed, words) = operations(bag)[-2:]
     assert words == "resume"
     assert len([stamp for stamp in stamps_of(bag) if stepped < stamp <= resumed]) == 7
@@ -128,7 +125,7 @@ def test_a_robot_that_ends_answers_who_waits_and_leaves_a_bag_that_replays(simul
         assert simulator.become(State.QUITTING) == Code.OK
     result = simulator.answer(future).result
     assert (result.result, result.error_message) == (Code.OPERATION_FAILED, "the simulation has ended")
-    bag = ended(simulator.robot)
+    bag = whole_bag(simulator.robot)
     assert replay.main([str(tmp_path / bag)]) == 0
 
 
@@ -143,8 +140,7 @@ def test_requests_that_come_together_are_answered_one_by_one(simulator):
             simulator.become(State.STOPPED)  # which ends steps
         codes |= {future.result().result.result for future in futures}
     assert codes <= set(Code) and {Code.OK, Code.NOT_FOUND, Code.OPERATION_FAILED} <= codes
-    simulator.robot.send(signal.SIGTERM)
-    ended(simulator.robot)
+    stop(simulator.robot, signal.SIGTERM)
 
 
 def test_without_the_package_one_line_says_so(start, tmp_path, monkeypatch):
@@ -156,8 +152,7 @@ def test_without_the_package_one_line_says_so(start, tmp_path, monkeypatch):
     robot.wait_for("ready: ")
     lines = [line.split("]: ")[1] for line in robot.lines if "simulation_interfaces" in line]
     assert lines == ["simulation_interfaces is not installed: without " + ", ".join(NAMES.values())]
-    robot.send(signal.SIGINT)
-    ended(robot)
+    stop(robot)
     assert len(bags(tmp_path)) == 1
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 from nav_msgs.msg import Odometry
+from observation import stop
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
@@ -65,8 +66,7 @@ def test_a_warm_start_says_nothing_of_compiling_and_stamps_are_those_of_the_wall
         time.time() - message.header.stamp.sec - 1e-9 * message.header.stamp.nanosec), 100)
     robot = start("robot")
     bench.spin_until(lambda: len(late) >= 20, "odom")
-    robot.send(signal.SIGINT)
-    assert robot.end() == 0
+    stop(robot)
     assert "compil" not in robot.text
     dropped = float(robot.lines[-1].split(" simulated, ")[1].split(" s dropped")[0])  # by a machine that is too busy
     assert -1e-3 < min(late) < LATE + dropped  # [s] 1e-3 for the rounding of clocks
@@ -134,17 +134,6 @@ def test_closing_the_controllers_terminal_stops_the_motor(terminal, listener, tm
     assert heard == [10.0, 0.0]
 
 
-def test_under_nohup_the_robot_outlives_its_terminal(start, bench, tmp_path):
-    robot = start("robot", before=("env", "--ignore-signal=HUP"))
-    robot.wait_for("ready: ")
-    robot.send(signal.SIGHUP)
-    heard = []
-    bench.node.create_subscription(Odometry, "odom", heard.append, 100)
-    bench.spin_until(lambda: len(heard) > 50, "odom after the signal")
-    robot.send(signal.SIGINT)
-    assert robot.end() == 0, robot.text
-
-
 def test_a_reader_that_goes_does_not_end_the_robot(compiled, domain_id, tmp_path, bench):
     robot = subprocess.Popen([sys.executable, "-m", "vibro_ros.ros.robot.robot"], cwd=tmp_path, stdout=subprocess.PIPE,
                              stderr=subprocess.STDOUT, text=True)
@@ -170,8 +159,8 @@ def test_a_reader_that_goes_does_not_end_the_robot(compiled, domain_id, tmp_path
 def test_who_waits_for_a_robot_is_told_again_and_again_what_for(bench, monkeypatch, capfd):
     monkeypatch.setattr(player, "REPORTS", 0.05)
     publisher = bench.node.create_publisher(Float64, "motor_speed", 10)
-    with StopRequest() as stop, pytest.raises(RuntimeError) as error:
-        player.wait_for_listeners(bench.node, bench._executor, [publisher], 0.5, stop)
+    with StopRequest() as request, pytest.raises(RuntimeError) as error:
+        player.wait_for_listeners(bench.node, bench._executor, [publisher], 0.5, request)
     assert str(error.value) == ("no robot listens to /motor_speed after 0.5 s; start one (ros2 run vibro_ros robot), "
                                 "in the same ROS domain and namespace")
     said = capfd.readouterr().err
@@ -184,8 +173,8 @@ def test_who_waits_is_told_of_a_robot_that_is_there_and_does_not_listen(bench, d
     try:
         publisher = bench.node.create_publisher(Float64, "motor_speed", 10)
         bench.spin_until(lambda: NODE_NAME in bench.node.get_node_names(), "robot in the graph")
-        with StopRequest() as stop, pytest.raises(RuntimeError, match="; /vibro_robot is there and does not: it comp"):
-            player.wait_for_listeners(bench.node, bench._executor, [publisher], 0.1, stop)
+        with StopRequest() as request, pytest.raises(RuntimeError, match="; /vibro_robot is there and does not: it"):
+            player.wait_for_listeners(bench.node, bench._executor, [publisher], 0.1, request)
     finally:
         robot.destroy_node()
 

@@ -3,11 +3,13 @@
 import math
 import os
 
+import numpy as np
 import pytest
+from forward_kinematics import Kinematics
 from observation import bags, messages_of, stop
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from robot_bag import rewritten
-from tree_of_frames import frames_of
+from tree_of_frames import Tree, frames_of
 
 from vibro_ros.bag.cdr import deserialised, serialised
 from vibro_ros.bag.reader import read_bag
@@ -87,11 +89,30 @@ def test_names_can_be_remapped_and_recorded_alone(start, bench, listener, tmp_pa
         assert stream.topics["/lab/tf_static"].lasting and not stream.topics["/lab/tf"].lasting
 
 
+def check_places(bag: dict[str, list]) -> None:
+    """tf is where the recorded URDF and joint_states say: rods, which the URDF does not move, `test_frames` checks."""
+    kinematics, (fixed,) = Kinematics(bag["/robot_description"][0].data), bag["/tf_static"]
+    assert len(bag["/tf"]) >= 100
+    for transforms, states, odometry in [*zip(bag["/tf"], bag["/joint_states"], bag["/odom"], strict=True)][::7]:
+        assert {str(one.header.stamp) for one in transforms.transforms} == {str(odometry.header.stamp)}
+        tree, positions = Tree([*transforms.transforms, *fixed.transforms]), dict(
+            zip(states.name, states.position, strict=True))
+        assert frames_of(tree.parents) == {"odom", *kinematics.links}
+        place = odometry.pose.pose.position
+        assert tree.in_frame("base_link", "odom")[:3, 3].tolist() == [place.x, place.y, place.z]
+        for link in kinematics.links:
+            if link != kinematics.root and not link.endswith("_rod"):
+                np.testing.assert_allclose(tree.in_frame(link, "base_link"), kinematics.in_root(link, positions),
+                                           atol=1e-11, err_msg=link)  # the URDF's text has 12 digits
+    assert {one.header.frame_id for one in bag["/impacts"]} <= set(kinematics.links)
+
+
 def test_another_robot_of_the_same_commands_has_its_own_frames_and_a_moved_frame_is_found(start, listener, tmp_path):
     robot = start("robot", "--ros-args", "-p", "motor.speed:=80.0", "-p", "rate.real_time_factor:=4.0")
     listener.spin_for_samples(100)
     stop(robot)
     (folder,) = bags(tmp_path)
+    check_places(messages_of(folder))
     varied, failure = write_variation(folder, {"guide.angle": 1.2})
     assert failure == "" and replay.main([str(varied)]) == 0
     (fixed,) = messages_of(varied)["/tf_static"]

@@ -1,12 +1,12 @@
 """Two robots in one graph: namespaces and frame prefixes keep them apart, live and in their bags."""
 
-import signal
 from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
+from observation import stop
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
@@ -55,8 +55,7 @@ def test_each_hears_its_own_commands_and_is_known_by_its_own_names(two, bench, t
     bench.spin_until(lambda: len(names) == 4, "diagnostics")
     assert names == {f"{name}/vibro_robot: {part}" for name in SPEEDS for part in ("simulation", "recorder")}
     for robot in two.values():
-        robot.send(signal.SIGINT)
-        assert robot.end() == 0, robot.text
+        stop(robot)
     for name in SPEEDS:
         (bag,) = tmp_path.glob(f"vibro_robot_{name.replace('/', '_')}_2*")
         check_bag(bag, name)

@@ -6,10 +6,11 @@ from pathlib import Path
 
 import pytest
 from asking import answer_of
-from observation import bags, stamps_of
+from observation import bags, stamps_of, whole_bag
+from operated_robot import stop
 from rcl_interfaces.srv import GetParameters
 from rclpy.serialization import serialize_message
-from simulator_user import Simulator, ended
+from simulator_user import Simulator
 from std_msgs.msg import Float64, String
 
 from vibro_ros import load_scene
@@ -88,8 +89,7 @@ def test_a_running_robot_goes_into_another_scene_and_each_bag_replays_to_the_bit
     listener.spin_for_samples(60)
     assert simulator.call("ResetSimulation", scope=0) == (Code.OK, "")
     listener.spin_for_samples(20)
-    simulator.robot.send(signal.SIGINT)
-    ended(simulator.robot)
+    stop(simulator.robot)
     recorded = sorted(bags(tmp_path))
     by_scene = {custom_data(bag)["scene"]: bag for bag in recorded}
     assert list(by_scene) == ["device", "damped", "resource_string"]
@@ -140,17 +140,15 @@ def test_what_cannot_be_loaded_is_refused_in_a_line_and_changes_nothing(simulato
     together = [simulator.begin("LoadWorld", world_resource=resource(types, uri=uri)) for uri in ("rigid", "paper")]
     codes = sorted(simulator.answer(future).result.result for future in together)
     assert codes in ([Code.OK, Code.INCORRECT_STATE], [Code.OK, Code.OK])
-    simulator.robot.send(signal.SIGINT)
-    ended(simulator.robot)
+    stop(simulator.robot)
     for bag in bags(tmp_path):
         assert replay.main([str(bag)]) == 0
 
 
-@pytest.mark.parametrize("word", ["record.enabled:=false", "record.snapshot:=5.0", "record.max_bytes:=1e9",
-                                  "clock.publish:=true"])
+@pytest.mark.parametrize("word", ["record.enabled:=false", "record.snapshot:=5.0", "record.max_bytes:=1e9"])
 def test_a_change_of_scene_begins_no_bag_that_was_not_asked_for_and_loses_none(word, types, start, bench, listener,
                                                                                record, tmp_path):
-    robot = start("robot", "--ros-args", "-p", word, "-p", "motor.speed:=100.0")
+    robot = start("robot", "--ros-args", "-p", word, "-p", "motor.speed:=100.0", "-p", "clock.publish:=true")
     simulator = Simulator(bench, types)
     simulator.wait()
     listener.spin_for_samples(100)
@@ -159,8 +157,7 @@ def test_a_change_of_scene_begins_no_bag_that_was_not_asked_for_and_loses_none(w
     listener.spin_for_samples(30)
     assert record(True)[0]
     listener.spin_for_samples(30)
-    robot.send(signal.SIGINT)
-    ended(robot)
+    stop(robot)
     simulator.action.destroy()
     scenes = [custom_data(bag)["scene"] for bag in sorted(bags(tmp_path))]
     assert scenes == (["unilateral"] if word == "record.enabled:=false" else ["device", "unilateral"])
@@ -196,4 +193,4 @@ def test_who_waits_for_a_world_when_the_robot_ends_is_answered(simulator, types)
     future = simulator.begin("LoadWorld", world_resource=resource(types, uri="rigid"))
     simulator.robot.send(signal.SIGINT)
     assert simulator.answer(future).result.result in (Code.OK, Code.INCORRECT_STATE, Code.OPERATION_FAILED)
-    ended(simulator.robot)
+    whole_bag(simulator.robot)

@@ -1,8 +1,11 @@
 """A device with parameters of the test's own, and what its tests compare of it."""
 
+import contextlib
 import dataclasses
+from collections.abc import Iterator
 
 import numpy as np
+import pytest
 
 import vibro_ros
 
@@ -20,3 +23,24 @@ def state_bits(made):
 
 def of_kind(events, *kinds):
     return events[np.isin(events["kind"], kinds)]
+
+
+def running(scene: str = "device", **changes: object) -> vibro_ros.Simulator:
+    """A device at 100 rad/s; of a parameter's name here __ stands for its dot."""
+    return device({"motor.speed": 100.0} | {name.replace("__", "."): value for name, value in changes.items()}, scene)
+
+
+@contextlib.contextmanager
+def refused(made: vibro_ros.Simulator, words: str) -> Iterator[None]:
+    """What is asked of the device in this block is refused in these words and changes nothing."""
+    before = made.checkpoint().tobytes()
+    with pytest.raises(ValueError, match=words):
+        yield
+    assert made.checkpoint().tobytes() == before
+
+
+def assert_balanced(made: vibro_ros.Simulator, part: float = 1e-12) -> None:
+    """Audit and accounts leave no more than this part of the energy that was exchanged."""
+    found = made.statistics
+    for residual in (found["energy_residual"], found["energy_accounts"]["residual"]):
+        assert abs(residual) <= part * found["energy_exchanged"]

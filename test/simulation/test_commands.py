@@ -1,25 +1,8 @@
-"""Commands of the stateful device: all or none, ramps of the motor, gaps that move, floods at one instant."""
-
-import math
+"""Commands of the stateful device: ramps of the motor, gaps that move, floods at one instant."""
 
 import numpy as np
 import pytest
-from commanded_device import RAMP, SWINGING, device, of_kind, state_bits
-
-
-@pytest.mark.parametrize("command", [
-    {"motor_speed": 501.0, "upper_gap": 0.001}, {"motor_speed": 50.0, "upper_gap": 0.001, "inclined_gap": math.nan},
-    {"upper_gap": -0.07, "motor_speed": 50.0}, {"inclined_gap": 0.001, "motor_speed": -500.0001}])
-def test_several_commands_act_all_or_none(command):
-    made, untouched = device(RAMP), device(RAMP)
-    for each in (made, untouched):
-        each.advance_to(0.013)
-    with pytest.raises(ValueError, match="give|ask"):
-        made.command(**command)
-    for time in (0.013, 0.1):
-        for each in (made, untouched):
-            each.advance_to(time)
-        assert state_bits(made) == state_bits(untouched)
+from commanded_device import RAMP, SWINGING, device, of_kind
 
 
 def test_an_empty_command_changes_nothing_but_rounding():

@@ -4,16 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from commanded_device import refused, running
 
 import vibro_ros
 
 GRAVITY = 9.81
 LONG = 1000.0  # [s]
-
-
-def running(scene: str = "device", **changes: object) -> vibro_ros.Simulator:
-    parameters = {name.replace("__", "."): value for name, value in changes.items()}
-    return vibro_ros.Simulator(vibro_ros.load_scene(scene).with_parameters({"motor.speed": 100.0} | parameters))
 
 
 def block(speed: float, **changes: object) -> vibro_ros.Simulator:
@@ -199,14 +195,13 @@ def test_a_device_with_sensors_goes_on_from_a_checkpoint_on_the_ice():
     device.fail("friction_patch", LONG, value=0.02, from_x=-1e-3, to_x=1e-3)
     device.advance_to(0.02)
     device.take_measurements()
-    good, untouched = device.checkpoint(), restored.checkpoint().tobytes()
+    good = device.checkpoint()
     forged, memory = good.copy(), len(good) - len(vibro_ros.Simulator.checkpoint(device))
     forged[60:-memory] = math.nan
     for bad, words in ((good[:-1], "the checkpoint has shape"), (good[:5], "the checkpoint has shape"),
                        (good.reshape(1, -1), "the checkpoint has shape"), (forged, "no state that this device")):
-        with pytest.raises(ValueError, match=words):
+        with refused(restored, words):
             restored.restore(bad)
-        assert restored.checkpoint().tobytes() == untouched
     restored.restore(good)
     for one in (device, restored):
         one.advance_to(0.5)
@@ -272,10 +267,8 @@ def test_the_first_edge_is_where_bisection_finds_it_and_the_floor_changes_there(
 def test_what_cannot_be_is_refused_and_changes_nothing(asked: dict, words: str):
     device = running("device")
     device.advance_to(0.1)
-    before = device.checkpoint().tolist()
-    with pytest.raises(ValueError, match=words):
+    with refused(device, words):
         device.fail(**{"fault": "friction_patch", "duration": 1.0} | asked)
-    assert device.checkpoint().tolist() == before
 
 
 @pytest.mark.parametrize(("changes", "words"), [
@@ -301,10 +294,8 @@ def test_a_checkpoint_of_a_patch_that_nobody_could_have_is_refused():
                          (3, math.inf), (3, 1e7), (4, 0.5), (4, 2.0), (4, math.nan)):
         bad = good.copy()
         bad[first + place] = wrong
-        with pytest.raises(ValueError, match="no state that this device can be in"):
+        with refused(device, "no state that this device can be in"):
             device.restore(bad)
-        assert device.checkpoint().tolist() == good.tolist()
     for bad in (good[:-1], good[:10], np.zeros(0), good.reshape(1, -1)):
-        with pytest.raises(ValueError, match="the checkpoint has shape"):
+        with refused(device, "the checkpoint has shape"):
             device.restore(bad)
-        assert device.checkpoint().tolist() == good.tolist()

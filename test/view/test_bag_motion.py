@@ -1,15 +1,16 @@
 """The motion of a recording is, between the samples, what `simulate` says; where it is not, it says so."""
 
+import itertools
 import json
 import zlib
 
 import numpy as np
 import pytest
-from motion_reader import Motion
-from robot_bag import START, each, offset_times, rewritten, robot_bag, since
+from motion_reader import NEAR, PART, Motion, assert_is_run
+from robot_bag import START, changed, each, offset_times, rewritten, robot_bag, since
 
 import vibro_ros
-from vibro_ros.bag.cdr import blank, deserialised, serialised
+from vibro_ros.bag.cdr import blank, serialised
 from vibro_ros.bag.stream import BagError
 from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.messages.topics import ROBOT_TOPICS
@@ -17,9 +18,6 @@ from vibro_ros.simulation.samples import Samples
 from vibro_ros.view.bag_motion import bag_motion
 
 RATE = 200.0
-PLACES = ("position", "height", "angle")
-NEAR = 1e-9  # m, rad
-PART = 1e-6  # of the largest value of a force, a speed or a power
 COMMANDS = {5: {"motor_speed": 100.0}, 120: {"upper_gap": 0.0005}, 150: {"motor_speed": 130.0, "inclined_gap": -0.0003},
             230: {"motor_speed": 40.0}}
 
@@ -31,20 +29,26 @@ def read(folder):
     return Motion(json.loads(json.dumps(header, allow_nan=False)), payload), setting
 
 
-def assert_agrees(motion, expected, times, offset=0.0):
-    """Every quantity of the motion is that of the run `expected`, sampled at `times` [s] of its own."""
-    found = motion.at(times + offset)
-    for name, values in found.items():
-        right = getattr(expected, name)
-        allowed = NEAR if name.endswith(PLACES) else PART * max(np.abs(right).max(), 1e-6)
-        assert np.abs(values - right).max() <= allowed, name
+def run_of(times, scene="device", told=COMMANDS):
+    """The run of a scene that is given these commands, by the number of the sample."""
+    scene = vibro_ros.load_scene(scene) if isinstance(scene, str) else scene
+    return vibro_ros.simulate(scene, times=times, commands=[(tick / RATE, command) for tick, command in told.items()])
 
 
-def far_from_run(motion, name, told, times):
-    """Largest distance from the run of `device` with these commands."""
-    expected = vibro_ros.simulate(vibro_ros.load_scene("device"), times=times, commands=[
-        (tick / RATE, command) for tick, command in told.items()])
-    return np.abs(motion.at(times)[name] - getattr(expected, name)).max()
+def assert_places_are_those_of_the_run(motion, times):
+    expected = run_of(times)
+    for name in ("body_position", "body_height", "upper_position", "inclined_position", "crank_angle"):
+        assert np.abs(motion.at(times)[name] - getattr(expected, name)).max() <= NEAR
+
+
+def run_with(last, *acts):
+    """Samples until the number `last` of a `device` to which each of (number, act, arguments) is done in turn."""
+    device, times, parts = vibro_ros.Simulator(vibro_ros.load_scene("device")), offset_times(0.0, last / RATE, 6000), []
+    for (begin, act, given), (end, *_) in itertools.pairwise([*acts, (last,)]):
+        device.advance_to(begin / RATE)
+        getattr(device, act)(**given)
+        parts.append(device.sample(times[(times >= begin / RATE) & (times < end / RATE)]))
+    return Samples(**{name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])})
 
 
 def test_a_controller_that_takes_more_samples_than_a_page_can_show_is_said_to(tmp_path):
@@ -60,18 +64,15 @@ def test_every_instant_of_every_shipped_scene(name, tmp_path):
     motion, setting = read(robot_bag(tmp_path / "bag", name, 301, COMMANDS, RATE))
     assert (motion.header["exact"], motion.header["why"], setting["notes"]) == (True, "", [])
     assert (setting["title"], setting["robot"], setting["machine"]["name"]) == ("bag", name, name)
-    times = offset_times(0.0, 300 / RATE)
-    commands = [(tick / RATE, command) for tick, command in COMMANDS.items()]
-    assert_agrees(motion, vibro_ros.simulate(vibro_ros.load_scene(name), times=times, commands=commands), times)
+    assert_is_run(motion, run_of(offset_times(0.0, 300 / RATE), name))
     assert (motion.header["begin"], motion.header["end"]) == (0.0, 300 / RATE)
 
 
 @pytest.mark.parametrize("name", ["device", "damped", "rigid"])
 def test_the_impacts_are_those_of_the_run_and_around_each_the_motion_is_exact(name, tmp_path):
-    motion, _ = read(robot_bag(tmp_path / "bag", name, 201, {0: {"motor_speed": 100.0}}, RATE))
-    impacts = motion.header["impacts"]
-    run = vibro_ros.simulate(vibro_ros.load_scene(name), times=np.array([1.0]),
-                             commands=[(0.0, {"motor_speed": 100.0})])
+    told = {0: {"motor_speed": 100.0}}
+    motion, _ = read(robot_bag(tmp_path / "bag", name, 201, told, RATE))
+    impacts, run = motion.header["impacts"], run_of(np.array([1.0]), name, told)
     contacts = run.events[np.char.endswith(run.events["kind"], "contact")]
     assert [one["time"] for one in impacts] == contacts["time"].tolist()
     assert [one["side"] for one in impacts] == [kind.partition("_")[0] for kind in contacts["kind"].tolist()]
@@ -79,8 +80,7 @@ def test_the_impacts_are_those_of_the_run_and_around_each_the_motion_is_exact(na
     assert force == contacts["peak_force"].tolist()
     around = np.unique(np.concatenate([np.linspace(one["time"] - 2e-5, one["end"] + 2e-5, 40) for one in impacts]))
     around = around[(around >= 0.0) & (around <= 1.0)]
-    assert_agrees(motion, vibro_ros.simulate(vibro_ros.load_scene(name), times=around,
-                                             commands=[(0.0, {"motor_speed": 100.0})]), around)
+    assert_is_run(motion, run_of(around, name, told))
 
 
 def test_a_reset_begins_another_motion(tmp_path):
@@ -88,10 +88,8 @@ def test_a_reset_begins_another_motion(tmp_path):
     motion, _ = read(robot_bag(tmp_path / "bag", "device", 260, told, RATE))
     assert motion.header["exact"] and motion.header["resets"] == [101 / RATE, 201 / RATE]
     for begin, end, speed in ((0, 100, 80.0), (101, 200, 120.0)):
-        times = offset_times(0.0, (end - begin) / RATE, 5000)
-        expected = vibro_ros.simulate(vibro_ros.load_scene("device"), times=times,
-                                      commands=[(0.0, {"motor_speed": speed})])
-        assert_agrees(motion, expected, times, begin / RATE)
+        expected = run_of(offset_times(0.0, (end - begin) / RATE, 5000), told={0: {"motor_speed": speed}})
+        assert_is_run(motion, expected, begin / RATE)
     assert np.isnan(motion.at(np.array([100.5 / RATE]))["body_position"]).all()
 
 
@@ -107,19 +105,11 @@ def test_other_parameters_while_it_runs_a_stop_for_want_of_commands_and_refused_
     told = {0: {"motor_speed": 90.0}, 60: 'set {"ground.friction": 0.05, "motor.acceleration": 50.0}',
             80: {"motor_speed": 130.0}, 120: {"motor_speed": 1e9}, 150: "timeout", 160: "pause", 170: "nonsense"}
     motion, _ = read(robot_bag(tmp_path / "bag", "device", 260, told, RATE))
-    device, times = vibro_ros.Simulator(vibro_ros.load_scene("device")), offset_times(0.0, 259 / RATE, 6000)
-    parts = []
-    for begin, end, action in ((0, 60, lambda: device.command(motor_speed=90.0)),
-                               (60, 80, lambda: device.set_parameters(
-                                   {"ground.friction": 0.05, "motor.acceleration": 50.0})),
-                               (80, 150, lambda: device.command(motor_speed=130.0)),
-                               (150, 259, lambda: device.command(motor_speed=0.0))):
-        device.advance_to(begin / RATE)
-        action()
-        parts.append(device.sample(times[(times >= begin / RATE) & (times < end / RATE)]))
-    expected = Samples(**{name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])})
     assert motion.header["exact"]
-    assert_agrees(motion, expected, times)
+    assert_is_run(motion, run_with(
+        259, (0, "command", {"motor_speed": 90.0}),
+        (60, "set_parameters", {"changes": {"ground.friction": 0.05, "motor.acceleration": 50.0}}),
+        (80, "command", {"motor_speed": 130.0}), (150, "command", {"motor_speed": 0.0})))
 
 
 def test_commands_of_all_joints_in_one_message_are_part_of_the_motion(tmp_path):
@@ -130,10 +120,9 @@ def test_commands_of_all_joints_in_one_message_are_part_of_the_motion(tmp_path):
     message.position = np.array([scene["crank.upper_rod"] + 0.0005, scene["crank.inclined_rod"] + 1e3])
     told = {0: {"joint_commands": serialised(message, ROBOT_TOPICS["joint_commands"])}}
     motion, _ = read(robot_bag(tmp_path / "bag", scene, 121, told, RATE))
-    times = offset_times(0.0, 120 / RATE, 3000)
     assert motion.header["exact"]
-    assert_agrees(motion, vibro_ros.simulate(scene, times=times, commands=[
-        (0.0, {"motor_speed": 90.0, "upper_gap": 0.0005})]), times)
+    assert_is_run(motion, run_of(offset_times(0.0, 120 / RATE, 3000), scene, {
+        0: {"motor_speed": 90.0, "upper_gap": 0.0005}}))
 
 
 def test_a_push_a_fault_and_another_state_are_part_of_the_motion(tmp_path):
@@ -149,21 +138,11 @@ def test_a_push_a_fault_and_another_state_are_part_of_the_motion(tmp_path):
     assert motion.header["pushes"] == [
         {"begin": begin, "end": end, "force_x": along, "force_z": up} for begin, end, along, up in (
             (0.3, 0.3 + 0.103, 20.0, -3.0), (0.55, 0.6, -8.0, 0.0), (0.6, 0.65, 0.0, 2.0))]
-    device, times = vibro_ros.Simulator(vibro_ros.load_scene("device")), offset_times(0.0, 240 / RATE, 6000)
-    parts = []
-    for begin, end, action in ((0, 60, lambda: device.command(motor_speed=90.0)),
-                               (60, 110, lambda: device.push(0.103, 20.0, -3.0)),
-                               (110, 120, lambda: device.push(9.0, -8.0)),
-                               (120, 130, lambda: device.push(9.0, force_z=2.0)),
-                               (130, 150, lambda: device.push(0.0)),
-                               (150, 155, lambda: device.fail("plate_stuck", 0.2, of="upper")),
-                               (155, 210, lambda: device.command(upper_gap=0.001)),
-                               (210, 240, lambda: device.set_state(body_velocity=0.3))):
-        device.advance_to(begin / RATE)
-        action()
-        parts.append(device.sample(times[(times >= begin / RATE) & (times < end / RATE)]))
-    assert_agrees(motion, Samples(**{name: np.concatenate([vars(part)[name] for part in parts])
-                                     for name in vars(parts[0])}), times)
+    assert_is_run(motion, run_with(
+        240, (0, "command", {"motor_speed": 90.0}), (60, "push", {"duration": 0.103, "force_x": 20.0, "force_z": -3.0}),
+        (110, "push", {"duration": 9.0, "force_x": -8.0}), (120, "push", {"duration": 9.0, "force_z": 2.0}),
+        (130, "push", {"duration": 0.0}), (150, "fail", {"fault": "plate_stuck", "duration": 0.2, "of": "upper"}),
+        (155, "command", {"upper_gap": 0.001}), (210, "set_state", {"body_velocity": 0.3})))
 
 
 def test_the_voltage_of_a_dc_motor_follows_from_what_is_recorded(tmp_path):
@@ -172,8 +151,7 @@ def test_the_voltage_of_a_dc_motor_follows_from_what_is_recorded(tmp_path):
     motion, _ = read(rewritten(whole, tmp_path / "late", since(20 / RATE)))
     assert motion.header["exact_spans"] == [] and "interpolated" in motion.header["why"]
     times = np.arange(20, 120) / RATE
-    run = vibro_ros.simulate(vibro_ros.load_scene("machine"), times=times, commands=[
-        (tick / RATE, command) for tick, command in COMMANDS.items()])
+    run = run_of(times, "machine")
     for name in ("motor_voltage", "motor_current"):
         right = getattr(run, name)
         assert np.abs(motion.at(times)[name] - right).max() <= PART * np.abs(right).max(), name
@@ -183,9 +161,7 @@ def test_a_recording_begun_late_is_exact_from_its_checkpoint_on(tmp_path):
     whole = robot_bag(tmp_path / "whole", "device", 301, COMMANDS, RATE, checkpoints=(110, 200))
     motion, _ = read(rewritten(whole, tmp_path / "late", since(110 / RATE)))
     assert motion.header["exact"] and motion.header["begin"] == 110 / RATE
-    times = offset_times(110 / RATE, 300 / RATE, 5000)
-    commands = [(tick / RATE, command) for tick, command in COMMANDS.items()]
-    assert_agrees(motion, vibro_ros.simulate(vibro_ros.load_scene("device"), times=times, commands=commands), times)
+    assert_is_run(motion, run_of(offset_times(110 / RATE, 300 / RATE, 5000)))
 
 
 @pytest.mark.parametrize("checkpoints", [(), (200,)])
@@ -194,9 +170,7 @@ def test_a_recording_begun_late_without_a_checkpoint_is_followed_from_sample_to_
     motion, setting = read(rewritten(whole, tmp_path / "late", since(110 / RATE)))
     assert motion.header["exact"] and motion.header["exact_spans"] == [[110 / RATE, 300 / RATE]]
     assert "begins 0.55 s after the robot's start" in setting["notes"][0] and "sample to sample" in setting["notes"][0]
-    times = offset_times(110 / RATE, 300 / RATE, 5000)
-    for name in ("body_position", "body_height", "upper_position", "inclined_position", "crank_angle"):
-        assert far_from_run(motion, name, COMMANDS, times) <= NEAR
+    assert_places_are_those_of_the_run(motion, offset_times(110 / RATE, 300 / RATE, 5000))
 
 
 def test_a_lost_command_is_told_by_the_samples(tmp_path):
@@ -206,20 +180,15 @@ def test_a_lost_command_is_told_by_the_samples(tmp_path):
     motion, setting = read(lost)
     assert (motion.header["exact"], motion.header["why"]) == (True, "")
     assert "after 0.75 s" in setting["notes"][0] and "not what was recorded" in setting["notes"][0]
-    for name in ("body_position", "body_height", "upper_position", "inclined_position", "crank_angle"):
-        assert far_from_run(motion, name, COMMANDS, offset_times(0.0, 1.5)) <= NEAR
+    assert_places_are_those_of_the_run(motion, offset_times(0.0, 1.5))
 
 
 def moved(stamps, distance):
     """Changes messages: the body is `distance` [m] farther in the odometry of some stamps [s]."""
-    def change(message):
-        topic, stamp, data = message
-        if topic == "/odom" and round((stamp - START) * 1e-9, 6) in stamps:
-            odometry = deserialised(data, ROBOT_TOPICS["odom"])
-            odometry.pose.pose.position.x += distance
-            data = serialised(odometry, ROBOT_TOPICS["odom"])
-        return topic, stamp, data
-    return each(change)
+    def move(odometry):
+        odometry.pose.pose.position.x += distance
+
+    return changed("odom", move, lambda stamp: round((stamp - START) * 1e-9, 6) in stamps)
 
 
 def test_one_recorded_position_that_differs_costs_the_intervals_beside_it(tmp_path):
@@ -233,10 +202,8 @@ def test_one_recorded_position_that_differs_costs_the_intervals_beside_it(tmp_pa
 def test_one_of_the_two_topics_of_state_is_enough(without, tmp_path):
     whole = robot_bag(tmp_path / "bag", "device", 121, COMMANDS, RATE)
     motion, _ = read(rewritten(whole, tmp_path / "other", each(lambda one: None if one[0] == without else one)))
-    times = offset_times(0.0, 120 / RATE, 3000)
-    commands = [(tick / RATE, command) for tick, command in COMMANDS.items()]
     assert motion.header["exact"]
-    assert_agrees(motion, vibro_ros.simulate(vibro_ros.load_scene("device"), times=times, commands=commands), times)
+    assert_is_run(motion, run_of(offset_times(0.0, 120 / RATE, 3000)))
 
 
 def test_the_bag_of_another_recorder_is_recognised_by_its_samples(tmp_path):
@@ -245,9 +212,7 @@ def test_the_bag_of_another_recorder_is_recognised_by_its_samples(tmp_path):
     assert (motion.header["exact"], motion.header["why"], setting["robot"]) == (True, "", "damped")
     assert "its samples are those of the scene damped" in setting["notes"][0]
     assert motion.header["resets"] == [121 / RATE]
-    times = offset_times(0.0, 120 / RATE, 5000)
-    assert_agrees(motion, vibro_ros.simulate(vibro_ros.load_scene("damped"), times=times, commands=[
-        (0.0, {"motor_speed": 60.0})]), times)
+    assert_is_run(motion, run_of(offset_times(0.0, 120 / RATE, 5000), "damped", {0: {"motor_speed": 60.0}}))
 
 
 @pytest.fixture
@@ -265,16 +230,11 @@ def test_the_robot_of_another_recorder_may_be_unknown_and_its_motion_interpolate
     assert not header["exact"] and header["exact_spans"] == []
     assert "says nothing of scene, parameters, start" in header["why"] and "interpolated" in header["why"]
     assert header["resets"] == [121 / RATE] and setting["machine"]["name"] == "device"
-    times = np.concatenate([np.arange(121), np.arange(122, 241)]) / RATE
-    first = vibro_ros.simulate(scene, times=np.arange(121) / RATE, commands=[(0.0, {"motor_speed": 60.0})])
-    found = motion.at(times)
-    assert {"body_position", "motor_power", "normal_force", "upper_plate_force"} <= set(found)
-    for name, values in found.items():
-        right = getattr(first, name)
-        assert np.abs(values[:121] - right).max() <= (NEAR if name.endswith(PLACES) else PART * max(
-            np.abs(right).max(), 1e-6)), name
+    first = run_of(np.arange(121) / RATE, scene, {0: {"motor_speed": 60.0}})
+    assert {"body_position", "motor_power", "normal_force", "upper_plate_force"} <= set(motion.quantities)
+    assert_is_run(motion, first)
     assert len(header["impacts"]) > 10 and all(one["peak_force"] > 0.0 for one in header["impacts"])
-    between = vibro_ros.simulate(scene, times=offset_times(0.0, 0.6), commands=[(0.0, {"motor_speed": 60.0})])
+    between = run_of(offset_times(0.0, 0.6), scene, {0: {"motor_speed": 60.0}})
     far = np.abs(motion.at(between.time)["crank_angle"] - between.crank_angle).max()
     assert far < 1e-3  # rad, by a cubic over the motor's ramp and its end
 

@@ -6,12 +6,10 @@ import time
 import numpy as np
 import pytest
 from motion_reader import Motion
-from robot_bag import START, each, rewritten, robot_bag
+from robot_bag import START, changed, each, rewritten, robot_bag
 
 import vibro_ros
-from vibro_ros.bag.cdr import deserialised, serialised
 from vibro_ros.bag.stream import BagError
-from vibro_ros.messages.topics import ROBOT_TOPICS
 from vibro_ros.view.bag_motion import bag_motion
 
 RATE = 200.0
@@ -35,18 +33,6 @@ def read(folder):
     assert (borders[:, 1] > borders[:, 0]).all() and (borders[1:, 0] >= borders[:-1, 1]).all()
     assert header["impacts"] == sorted(header["impacts"], key=lambda one: one["time"])
     return motion, setting
-
-
-def changed(topic, change, when=lambda stamp: True):
-    """Changes the messages of a topic that were recorded at some stamps [ns]."""
-    def of(message):
-        name, stamp, data = message
-        if name == f"/{topic}" and when(stamp):
-            content = deserialised(data, ROBOT_TOPICS[topic])
-            change(content)
-            data = serialised(content, ROBOT_TOPICS[topic])
-        return name, stamp, data
-    return each(of)
 
 
 @pytest.mark.parametrize("known", [True, False])

@@ -1,23 +1,22 @@
 """Robot, view and browser together: what the page shows is what the robot publishes, and what it asks is done."""
 
 import contextlib
-import signal
 import time
 
 import numpy as np
 import pytest
-from live_view import LiveView
 from nav_msgs.msg import Odometry
-from page_reading import drawn, drawn_frames, said, shows_robot, until, wait_for
+from observation import stop
+from page_reading import drawn, drawn_frames, open_file, said, shows_robot, until
 from rcl_interfaces.msg import Log
 from rclpy.qos import QoSProfile
+from real_processes import CRAWL
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
 from vibro_ros.messages.fields import JOINTS
 from vibro_ros.view.page import MARK
 
-CRAWL = ("--ros-args", "-p", "motor.speed:=100.0", "-p", "record.enabled:=false")
 QOS = QoSProfile(depth=10_000)
 
 
@@ -207,8 +206,7 @@ def saves_samples_and_slow_motion(page, other, folder) -> None:
     file = saved(page, "#save-page", folder / "slow.html")
     begin, end = (page.get_attribute("#timeline", name) for name in ("min", "max"))
     page.press("body", "Escape")
-    other.goto(file.as_uri())
-    wait_for(other, "Boolean(window.vibro) && Number.isFinite(vibro.drawn().time)")
+    open_file(other, file)
     assert [other.get_attribute("#timeline", name) for name in ("min", "max")] == [begin, end]
     assert MARK in file.read_text()[:4096] and "connect-src 'none'" in file.read_text()[:4096]
 
@@ -280,31 +278,22 @@ def stands_still(page) -> bool:
     return drawn(page)["time"] == before
 
 
-def test_a_robot_that_comes_late_goes_and_comes_back_is_shown(udp_only, start, view, page, watch):
+def test_a_robot_that_comes_late_goes_and_comes_back_is_shown_and_a_view_that_is_killed_costs_it_nothing(
+        udp_only, start, view, page, watch):
     page.goto(view.address.url)
     until(page, lambda page: page.is_visible("#absent") and "robot" in page.inner_text("#absent"), "no robot yet")
     first = start("robot", *CRAWL)
     until(page, shows_robot)
-    first.send(signal.SIGKILL)
-    first.end()
+    first.kill()
     until(page, lambda page: page.is_visible("#absent"), "the robot's absence")
     assert page.is_disabled("#motor_speed") and page.is_enabled("#stop")
     second = start("robot", *CRAWL, "-p", "scene:=no_impact")
     until(page, shows_robot)
     until(page, lambda page: page.locator("#upper_gap").count() == 0, "another machine, without plates")
-    second.send(signal.SIGINT)
-    assert second.end() == 0
-    assert "Traceback" not in first.text + second.text
-    until(page, lambda page: page.is_visible("#absent"), "the absence of the second")
-
-
-def test_a_view_that_is_killed_costs_the_robot_nothing_and_the_page_says_so(udp_only, start, page, watch):
-    robot, view = start("robot", *CRAWL), LiveView(start)
-    open_robot(page, view)
-    view.executable.send(signal.SIGKILL)
-    assert view.executable.end() == -signal.SIGKILL
+    view.executable.kill()
     until(page, lambda page: page.is_visible("#absent"), "the view's absence")
-    assert not robot.ended and "Traceback" not in robot.text
     until(page, lambda page: any("WebSocket" in one for one in watch.complaints), "the browser's own words")
     page.goto("about:blank")
     watch.complaints = [one for one in watch.complaints if "WebSocket" not in one]
+    stop(second)
+    assert "Traceback" not in first.text + view.executable.text

@@ -4,7 +4,8 @@ import re
 
 import numpy as np
 import pytest
-from page_reading import drawn, shows_robot, until
+from page_reading import COLOURED, drawn, shows_robot, until
+from real_processes import CRAWL
 from robot_bag import robot_bag
 
 import vibro_ros
@@ -14,25 +15,6 @@ SIZES = [(1280, 720, False), (390, 844, True)]
 CONTROLS = "button, input, select"
 SMALLEST_TARGET = 24  # px, WCAG 2.5.8
 LEAST_CONTRAST = 4.5  # WCAG 1.4.3
-COLOURED = """side => {  // middle and height [CSS px] of what has the colour of a mass in the drawing
-    const canvas = document.querySelector("#mechanism");
-    const ratio = canvas.width / canvas.clientWidth;
-    const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d", {willReadFrequently: true});
-    copy.drawImage(canvas, 0, 0);
-    const {width, height, data} = copy.getImageData(0, 0, canvas.width, canvas.height);
-    const wanted = getComputedStyle(document.documentElement).getPropertyValue(`--${side}`).trim();
-    const [red, green, blue] = [1, 3, 5].map(place => parseInt(wanted.slice(place, place + 2), 16));
-    let [count, x, y] = [0, 0, 0];
-    for (let row = 0; row < height; row += 1) {
-        for (let column = 0; column < width; column += 1) {
-            const place = 4 * (row * width + column);
-            if (data[place] === red && data[place + 1] === green && data[place + 2] === blue) {
-                count += 1; x += column; y += row;
-            }
-        }
-    }
-    return [x / count / ratio, y / count / ratio, count / ratio ** 2];
-}"""
 UNREADABLE = """least => {  // texts that are too small or too pale, or stand out of the window
     const channel = value => value <= 0.03928 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4;
     const parse = text => text.match(/[\\d.]+/g).map(Number);
@@ -117,7 +99,7 @@ def test_masses_are_drawn_where_they_are_and_to_scale(page, recording, slope):
 
 
 def test_a_live_page_can_be_read_reached_and_heard(start, view, open_page):
-    start("robot", "--ros-args", "-p", "motor.speed:=100.0", "-p", "record.enabled:=false")
+    start("robot", *CRAWL)
     pages = [open_page(*size) for size in SIZES]
     for page in pages:
         page.goto(view.address.url)

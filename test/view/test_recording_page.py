@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from page_reading import until, wait_for
+from page_reading import COLOURED, open_file, until, wait_for
 from robot_bag import robot_bag
 
 import vibro_ros
@@ -33,8 +33,7 @@ def file(bag):
 def opened(page, file):
     """Open the recording, paused."""
     page.emulate_media(reduced_motion="reduce")
-    page.goto(file.as_uri())
-    wait_for(page, "Boolean(window.vibro) && Number.isFinite(vibro.drawn().time)")
+    open_file(page, file)
     return page
 
 
@@ -103,8 +102,7 @@ def test_a_dc_motor_has_voltage_and_current_among_the_numbers_and_a_push_is_draw
     assert "voltage" not in opened.text_content("#readings")
     push = 'push {"duration": 0.2, "force_x": 20.0, "force_z": 0.0}'
     bag = robot_bag(tmp_path / "bag", "machine", 201, {0: {"motor_speed": SPEED}, 90: push})
-    opened.goto(view.write_page(bag).as_uri())
-    wait_for(opened, "Boolean(window.vibro) && Number.isFinite(vibro.drawn().time)")
+    open_file(opened, view.write_page(bag))
     opened.evaluate("vibro.show(0.55)")
     run = vibro_ros.Simulator(vibro_ros.load_scene("machine"))
     run.command(motor_speed=SPEED)
@@ -115,20 +113,9 @@ def test_a_dc_motor_has_voltage_and_current_among_the_numbers_and_a_push_is_draw
                               ("motor current", f"{run.state.motor_current:.3f}", "A")):
         row = opened.locator("#readings tr", has_text=name).locator("td")
         until(opened, lambda page, row=row, right=right, unit=unit: row.inner_text() == f"{right} {unit}", name)
-    pushed = """() => {  // px of the arrow's colour
-        const canvas = document.querySelector("#mechanism");
-        const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d", {willReadFrequently: true});
-        copy.drawImage(canvas, 0, 0);
-        const {data} = copy.getImageData(0, 0, canvas.width, canvas.height);
-        const wanted = getComputedStyle(document.documentElement).getPropertyValue("--accent").trim();
-        const parts = [1, 3, 5].map(place => parseInt(wanted.slice(place, place + 2), 16));
-        let count = 0;
-        for (let k = 0; k < data.length; k += 4) { count += parts.every((part, j) => data[k + j] === part); }
-        return count;
-    }"""
-    assert opened.evaluate(pushed) > 20
+    assert opened.evaluate(COLOURED, "accent")[2] > 20.0  # px² of the arrow
     opened.evaluate("vibro.show(0.66)")
-    assert opened.evaluate(pushed) == 0
+    assert opened.evaluate(COLOURED, "accent")[2] == 0.0
 
 
 def picture(page, name: str) -> str:
@@ -195,8 +182,7 @@ def test_the_page_saves_itself(opened, file, engine, tmp_path):
     saved = tmp_path / "saved.html"
     download.value.save_as(saved)
     shown = opened.evaluate("vibro.show(1.0)")
-    opened.goto(saved.as_uri())
-    wait_for(opened, "Boolean(window.vibro) && Number.isFinite(vibro.drawn().time)")
+    open_file(opened, saved)
     assert opened.evaluate("vibro.show(1.0)") == shown
     assert all(MARK in text and "Content-Security-Policy" in text
                for text in (one.read_text()[:4096] for one in (file, saved)))
@@ -205,8 +191,7 @@ def test_the_page_saves_itself(opened, file, engine, tmp_path):
 @pytest.mark.parametrize("width, height", [(1280, 720), (390, 844)])
 def test_nothing_lies_outside_of_the_window(open_page, file, width, height):
     page = open_page(width, height)
-    page.goto(file.as_uri())
-    wait_for(page, "Boolean(window.vibro) && Number.isFinite(vibro.drawn().time)")
+    open_file(page, file)
     size = page.evaluate("[document.documentElement.scrollWidth, document.documentElement.scrollHeight]")
     assert size[0] <= width and (width < 500 or size[1] <= height)
     assert page.locator("#mechanism").bounding_box()["width"] > 0.45 * width

@@ -3,10 +3,12 @@
 import base64
 import json
 import os
+import re
 import socket
 import struct
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from urllib.parse import urlsplit
 
@@ -78,6 +80,11 @@ class Address:
         return "\r\n".join([f"{method} {target} HTTP/1.1", *lines, "", ""]).encode() + body
 
 
+def address_of(view) -> Address:
+    """The address that the process of a view has printed."""
+    return Address(re.search(r"http://\S+:\d+/\?token=\S+", view.wait_for("/?token="))[0])
+
+
 def read_answer(one: socket.socket) -> Answer:
     """Read one answer; of a switch of protocols, `body` is what has come beyond it. Status 0: closed without a word."""
     data = b""
@@ -113,6 +120,11 @@ class Visit:
 
     def __exit__(self, *_: object) -> None:
         self._socket.close()
+
+    def end(self) -> None:
+        """End the connection, also for a thread that receives."""
+        with suppress(OSError):  # it has ended already
+            self._socket.shutdown(socket.SHUT_RDWR)
 
     def send(self, what: object, opcode: int = TEXT) -> None:
         """Send a frame: bytes as they are, all else as JSON."""

@@ -7,9 +7,7 @@ least effect compared here changes. Contacts: 1e-11 s, within which a mass of 5 
 
 import math
 import random
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,11 +19,9 @@ pytest.importorskip("heyoka", reason="heyoka, the extra `bench`, is not installe
 
 import peer_agreement
 from peer_agreement import assert_agreement, simulated
+from random_scenes import draw
 
 from tools.peer import Peer
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "reference"))
-from random_scenes import draw
 
 WITHOUT_FRICTION_AND_PLATES = {
     "effects.friction": "none", "effects.upper_contact": "none", "effects.inclined_contact": "none",

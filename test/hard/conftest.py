@@ -1,6 +1,0 @@
-"""Makes `any_scene` importable beside the tests, and `exact_motion` of the model's tests."""
-
-import sys
-from pathlib import Path
-
-sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "model")]
