@@ -63,8 +63,6 @@ def test_topics_services_parameters_joints_and_frames_are_those_of_a_running_rob
     topics = {name: one for name, one in documented_topics().items() if name not in OF_DC_MOTOR}
     told = {way: {name: kind for name, (direction, kind) in topics.items() if direction == way}
             for way in ("in", "out")}
-    assert "`/diagnostics` (diagnostic_msgs/msg/DiagnosticArray, reliable, depth 10)" in guide.PAGES["node.md"]
-    told["out"]["diagnostics"] = "diagnostic_msgs/msg/DiagnosticArray"
     rows = guide.table("service", "type", "does")
     controls = documented_controls()
     services = {guide.names(name)[0].replace("~", NODE): kind for name, kind, _ in rows} | controls["srv"]

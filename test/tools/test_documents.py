@@ -109,6 +109,7 @@ def test_topics_are_the_robots():
     told = {name: (direction, kind, int(depth)) for name, direction, kind, depth in rows if name != "clock"}
     real = {name: ("in", ROBOT_TOPICS[name], qos.COMMANDS.depth) for name in COMMANDS}
     real |= {name: ("out", ROBOT_TOPICS[name], profile.depth) for name, profile in PUBLISHED.items()}
+    real["diagnostics"] = ("out", "diagnostic_msgs/msg/DiagnosticArray", qos.DIAGNOSTICS.depth)
     assert told == real
 
 
