@@ -60,8 +60,8 @@ def test_a_curve_comes_back_and_lies_where_one_parameter_has_its_special_point(k
     there = vibro_ros.follow_bifurcation(branch, special, ranges)
     assert there.end == "inclined.gap leaves its range at 0.001 m" and not there.special_points
     moved = branch.scene.with_parameters({"inclined.gap": 0.001})
-    last = Special(kind, there.values[-1, 0], 0.0, there.mean_speeds[-1], there.multipliers[-1], special.change,
-                   there.phases[-1], there.states[-1], 0)
+    last = Special(kind, there.mean_speeds[-1], there.multipliers[-1], special.change, there.phases[-1],
+                   there.states[-1], 0, there.values[-1, 0], 0.0)
     back = vibro_ros.follow_bifurcation(replace(branch, scene=moved), last, ranges, upwards=False)
     assert back.end == "inclined.gap leaves its range at 0 m"
     assert back.values[-1, 0] == pytest.approx(special.value, abs=1e-7)  # to which one parameter locates it
@@ -111,8 +111,8 @@ def test_two_folds_meet_in_the_cusp_of_the_closed_form():
     state = np.array(own.steady(phase)[:2]) + expm(own.matrix * 2.0 / own.speed) @ after
     orbit = vibro_ros.find_orbit(scene.with_parameters({"upper.gap": 0.0222}))
     branch = replace(vibro_ros.follow_orbit(orbit, "upper.gap", 0.022, 0.023, points=2), scene=scene)
-    special = Special(FOLD, blow.gap, 0.0, 0.0, own.multipliers(first_fold), "", phase % (2.0 * np.pi),
-                      state / turn_map.units, 0)
+    special = Special(FOLD, 0.0, own.multipliers(first_fold), "", phase % (2.0 * np.pi), state / turn_map.units, 0,
+                      blow.gap, 0.0)
     curve = vibro_ros.follow_bifurcation(branch, special, {"upper.gap": (0.015, 0.03), "motor.speed": (56.0, 62.0)})
     (cusp,) = curve.special_points
     assert cusp.kind == "cusp"

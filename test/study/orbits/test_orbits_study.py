@@ -97,12 +97,12 @@ def test_a_branch_is_read_as_it_was_written(tmp_path):
     random = np.random.default_rng(7)
     names = ("upper_position", "upper_velocity", "inclined_position", "inclined_velocity", "body_velocity")
     multipliers = random.normal(size=(4, 5)) + 1j * random.normal(size=(4, 5))
-    special = tuple(Special(kind, 100.0 + at, 1e-9, 0.1 * at, multipliers[0], change, 0.5, random.normal(size=5), at)
+    special = tuple(Special(kind, 0.1 * at, multipliers[0], change, 0.5, random.normal(size=5), at, 100.0 + at, 1e-9)
                     for kind, change, at in (("fold", "", 0), ("grazing", "landing appears", 2), ("fold", "", 2),
                                              ("corner", "stick vanishes", 4)))
-    branch = Branch(plan.scene, "motor.speed", 2, random.normal(size=4), random.normal(size=4), multipliers,
-                    random.normal(size=4),
-                    random.normal(size=(4, 5)), {name: random.normal(size=(4, 2)) for name in names}, special, "an end")
+    branch = Branch(2, random.normal(size=4), random.normal(size=4), multipliers, random.normal(size=4),
+                    random.normal(size=(4, 5)), "an end", plan.scene, "motor.speed",
+                    {name: random.normal(size=(4, 2)) for name in names}, special)
     files = branch_files(tmp_path, plan)
     files.write(3, rows_of(branch))
     found = branch_of(plan, files.read(3))
@@ -136,11 +136,11 @@ def test_a_curve_is_read_as_it_was_written(tmp_path):
     plan = plan_of(parser().parse_args(["--quick", "--scene", "damped"]))
     asked, random = curves.CurvePlan(plan, "upper.gap", 0.0, 0.002), np.random.default_rng(7)
     multipliers = random.normal(size=(4, 5)) + 1j * random.normal(size=(4, 5))
-    special = tuple(CurveSpecial(kind, random.normal(size=2), 0.1 * at, multipliers[0], change, 0.5,
-                                 random.normal(size=5), at)
+    special = tuple(CurveSpecial(kind, 0.1 * at, multipliers[0], change, 0.5, random.normal(size=5), at,
+                                 random.normal(size=2))
                     for kind, change, at in (("cusp", "", 0), ("change of events", "stick", 2), ("cusp", "", 4)))
-    curve = Curve("fold", ("motor.speed", "upper.gap"), 2, random.normal(size=(4, 2)), random.normal(size=4),
-                  multipliers, random.normal(size=4), random.normal(size=(4, 5)), special, "an end")
+    curve = Curve(2, random.normal(size=(4, 2)), random.normal(size=4), multipliers, random.normal(size=4),
+                  random.normal(size=(4, 5)), "an end", "fold", ("motor.speed", "upper.gap"), special)
     files = curves.ParquetBlocks(tmp_path, asked.document(), 5, curves.fields_of(asked))
     files.write(3, curves.rows_of(curve))
     found = curves.curve_of(asked, files.read(3))
