@@ -3,7 +3,7 @@
 The map is the generalised Henon map of V. S. Gonchenko, Yu. A. Kuznetsov and H. G. E. Meijer, SIAM J. Appl. Dyn. Syst.
 4 (2005), pp. 407-436: x' = y, y' = a - b x - y^2 + R x y + S y^3. Its orbit of one turn is x = y = t, where the
 derivative has the trace (R - 2) t + 3 S t^2 and the determinant b - R t. Two coordinates that shrink, and a change of
-coordinates, make it a map of four.
+coordinates, make it a map of four; a fifth is held at 0, and as a body on the ground it may not be below.
 """
 
 from dataclasses import dataclass
@@ -47,7 +47,7 @@ class Henon:
         return np.array([(1.0 + b) * t + (1.0 - self.crossed) * t**2 - self.cubic * t**3, b])
 
     def state(self, t: float) -> np.ndarray:
-        return MIXED @ [t, t, *(np.array([0.1, 0.2]) * t**2 / (1.0 - SHRINKING))]
+        return np.append(MIXED @ [t, t, *(np.array([0.1, 0.2]) * t**2 / (1.0 - SHRINKING))], 0.0)
 
     def traces(self, value: float) -> list[float]:
         """Orbits whose trace has a value."""
@@ -59,14 +59,17 @@ class HenonPlane(Plane):
 
     def __init__(self, henon: Henon, ranges: dict[str, tuple[float, float]]):
         self.henon, self.ranges, self.names, self.turns, self.phase = henon, ranges, tuple(ranges), 1, 0.0
-        self.units = np.ones(4)
+        self.units = np.ones(5)
         self._low, self._high = np.array(list(ranges.values())).T
 
     def residual(self, vector):
-        return MIXED @ self.henon.image(np.linalg.solve(MIXED, vector[:4]), *self.values(vector[4:])) - vector[:4]
+        if vector[4] < 0.0:
+            raise ValueError(f"body_height: {vector[4]:g} is out of range")
+        image = self.henon.image(np.linalg.solve(MIXED, vector[:4]), *self.values(vector[5:]))
+        return np.append(MIXED @ image - vector[:4], 0.0)
 
     def free(self, vector):
-        return np.ones(6, dtype=bool)
+        return np.arange(7) != 4
 
     def mean_speed(self, vector):
         return 0.0
@@ -78,10 +81,13 @@ class HenonPlane(Plane):
         return NOTHING
 
     def jacobian(self, vector):
-        unit = 1e-3 * np.eye(6)
-        wide, narrow = (np.column_stack([(self.residual(vector + part * one) - self.residual(vector - part * one))
-                                         / (2e-3 * part) for one in unit]) for part in (1.0, 0.5))
-        return (4.0 * narrow - wide) / 3.0
+        units, matrix = 1e-3 * np.eye(7), np.zeros((5, 7))
+        for k in np.flatnonzero(self.free(vector)):
+            wide, narrow = ((self.residual(vector + part * units[k]) - self.residual(vector - part * units[k]))
+                            / (2e-3 * part) for part in (1.0, 0.5))
+            matrix[:, k] = (4.0 * narrow - wide) / 3.0
+        matrix[4, 4] = -1.0
+        return matrix
 
 
 def curve(henon: Henon, kind: str, begin: float, upwards: bool, width: float = 40.0) -> Curve:
@@ -96,12 +102,12 @@ def curve(henon: Henon, kind: str, begin: float, upwards: bool, width: float = 4
 
 def orbits_at(found: Curve) -> list[float]:
     """The orbits t of a curve."""
-    return [float(np.linalg.solve(MIXED, state)[0]) for state in found.states]
+    return [float(np.linalg.solve(MIXED, state[:4])[0]) for state in found.states]
 
 
 def points_of(found: Curve) -> list[tuple[str, float]]:
     """Kinds and orbits t of a curve's points of codimension two."""
-    return [(one.kind, float(np.linalg.solve(MIXED, one.state)[0])) for one in found.special_points]
+    return [(one.kind, float(np.linalg.solve(MIXED, one.state[:4])[0])) for one in found.special_points]
 
 
 def assert_on_closed_form(found: Curve, henon: Henon):

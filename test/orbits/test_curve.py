@@ -11,7 +11,8 @@ from test_continuation import HIGH, LOW, oscillator
 
 import vibro_ros
 from vibro_ros.orbits.branch import Special
-from vibro_ros.orbits.continuation import DOUBLING, FOLD, GRAZING
+from vibro_ros.orbits.continuation import DOUBLING, FOLD, GRAZING, TORUS
+from vibro_ros.orbits.orbit import close
 from vibro_ros.orbits.turn_map import TurnMap
 
 
@@ -69,6 +70,36 @@ def test_a_curve_comes_back_and_lies_where_one_parameter_has_its_special_point(k
     assert back.mean_speeds[-1] == pytest.approx(there.mean_speeds[0], abs=1e-9)
     _, found = first(moved, "motor.speed", 95.0, 112.0, True, kind)
     assert there.values[-1, 0] == pytest.approx(found.value, abs=1e-7)
+
+
+def test_a_machine_has_neimark_sacker_points_beyond_which_a_circle_appears():
+    """`device` at 62.626 rad/s: the curve is where one parameter has them; a run comes to the orbit, or to a circle."""
+    scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 62.64})
+    branch, special = first(scene, "motor.speed", 62.0, 63.0, False, TORUS, 10)
+    curve = vibro_ros.follow_bifurcation(branch, special, {"motor.speed": (62.0, 63.0), "inclined.gap": (-2e-4, 2e-4)},
+                                         points=4)
+    assert len(curve) == 4 and np.abs(curve.multipliers[:, :2]) == pytest.approx(1.0, abs=1e-6)
+    speed, gap = curve.values[-1]
+    _, found = first(scene.with_parameters({"inclined.gap": gap}), "motor.speed", 62.0, 63.0, False, TORUS, 10)
+    assert gap > 1e-6 and speed == pytest.approx(found.value, abs=1e-7)
+
+    def settled(beside):
+        """States once a turn, less the orbit, of a run that begins 1e-4 beside the orbit."""
+        turn_map = TurnMap(scene.with_parameters({"motor.speed": special.value + beside}), special.phase)
+        orbit = close(turn_map, special.state, 1).state
+        turn_map.put(turn_map.device, orbit + 1e-4 * (np.arange(len(orbit)) == 0))
+        return turn_map.cuts(turn_map.device, 4000).states[2000:] - orbit
+
+    assert np.abs(settled(2e-4)[-1]).max() < 1e-9
+    circle = settled(-2e-4)
+    circle -= circle.mean(axis=0)
+    left, sizes, _ = np.linalg.svd(circle, full_matrices=False)
+    assert sizes[1] > 50.0 * sizes[2]  # it lies in the plane of the pair of multipliers, and ...
+    around = np.hypot(*left[:, :2].T) * np.sqrt(0.5 * len(circle))
+    assert 0.5 < around.min() and around.max() < 1.5  # ... goes round the orbit, which is unstable, by their angle
+    angles = np.angle(left[:, 0] + 1j * left[:, 1])
+    turned = abs(np.mod(np.diff(angles) + np.pi, 2.0 * np.pi).mean() - np.pi)
+    assert turned == pytest.approx(abs(np.angle(special.multipliers[0])), abs=0.02)  # which has moved by the square
 
 
 def test_a_special_point_without_a_curve_and_parameters_that_are_not_two_are_refused():
