@@ -13,6 +13,7 @@ import vibro_ros
 from vibro_ros.orbits.branch import Special
 from vibro_ros.orbits.continuation import DOUBLING, FOLD, GRAZING, TORUS
 from vibro_ros.orbits.orbit import close
+from vibro_ros.orbits.plane import GRAZING_FLIP, GRAZING_FOLD
 from vibro_ros.orbits.turn_map import TurnMap
 
 
@@ -100,6 +101,28 @@ def test_a_machine_has_neimark_sacker_points_beyond_which_a_circle_appears():
     angles = np.angle(left[:, 0] + 1j * left[:, 1])
     turned = abs(np.mod(np.diff(angles) + np.pi, 2.0 * np.pi).mean() - np.pi)
     assert turned == pytest.approx(abs(np.angle(special.multipliers[0])), abs=0.02)  # which has moved by the square
+
+
+@pytest.mark.parametrize(("speed", "begin", "kind", "points"), [
+    (230.0, 229.5, GRAZING_FLIP, 6), (170.0, 169.5, GRAZING_FOLD, 12)])
+def test_a_grazing_meets_the_doubling_or_fold_of_a_mass_that_does_not_feel_it(speed, begin, kind, points):
+    """The upper mass strikes its plate, with a doubling or fold at `speed`; the inclined mass grazes its own."""
+    closed = ImpactOscillator(oscillator(speed, 0.5, 0.0))
+    phase = (closed.doublings() if kind == GRAZING_FLIP else closed.folds())[0]
+    scene = oscillator(begin, 0.5, closed.blow(phase).gap).with_parameters({
+        "effects.inclined_mass": True, "effects.inclined_contact": "restitution", "inclined.spring.damping": 2.0,
+        "inclined.gap": 0.03, "effects.friction": "none", "effects.normal_force": "weight",
+        "ground.viscous_friction": 20.0})
+    branch, special = first(scene, "inclined.gap", 0.0, 0.04, False, GRAZING)
+    curve = vibro_ros.follow_bifurcation(branch, special, {"inclined.gap": (0.0, 0.04), "motor.speed": (
+        speed - 10.0, speed + 10.0)}, points=points)
+    (met,) = curve.special_points
+    # The inclined mass alone moves as an upper one of its mass and damping does, at another phase.
+    alone = ImpactOscillator(oscillator(speed, 0.5, 0.0).with_parameters({
+        "mass.upper": scene["mass.inclined"], "upper.spring.damping": 2.0}))
+    amplitude = max(alone.steady(angle)[0] for angle in np.linspace(0.0, 2.0 * np.pi, 20001))
+    assert met.kind == kind
+    assert met.values == pytest.approx([amplitude - alone.rod, speed], abs=1e-6)
 
 
 def test_a_special_point_without_a_curve_and_parameters_that_are_not_two_are_refused():
