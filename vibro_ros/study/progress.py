@@ -1,5 +1,6 @@
 """How far a study is, and how long it will take."""
 
+import math
 import threading
 import time
 from typing import Self
@@ -52,7 +53,7 @@ class Progress:
 
 
 class SignsOfLife:
-    """A line on standard error every other second, however long a step of the work takes; a context.
+    """A line on standard error every other second, however long or short the steps of the work are; a context.
 
     Parameters
     ----------
@@ -64,6 +65,8 @@ class SignsOfLife:
     where : str
         How far it is; empty while nothing is done.
     """
+
+    _said = -math.inf  # s, when a line came last, of whichever step of this process
 
     def __init__(self, what: str):
         self._what, self.where = what, ""
@@ -80,6 +83,7 @@ class SignsOfLife:
         self._thread.join()
 
     def _speak(self) -> None:
-        while not self._over.wait(_ALIVE):
+        while not self._over.wait(max(0.0, SignsOfLife._said + _ALIVE - time.monotonic())):
+            SignsOfLife._said = time.monotonic()
             so_far = f"{time.monotonic() - self._begun:.0f} s so far"
             say("study", f"{self._what}: {', '.join(filter(None, [self.where, so_far]))}")

@@ -10,9 +10,10 @@ import pytest
 import vibro_ros
 from vibro_ros.orbits.branch import Branch, Special
 from vibro_ros.orbits.curve import Curve, CurveSpecial
+from vibro_ros.study import progress
 from vibro_ros.study.orbits import curves
 from vibro_ros.study.orbits.command import main, parser, plan_of
-from vibro_ros.study.orbits.run import branch_files, branch_of, rows_of
+from vibro_ros.study.orbits.run import Followed, branch_files, branch_of, rows_of
 
 SHORT = ["--scene", "damped", "--vary", "motor.speed=99.5:101", "--from", "100", "--starts", "1", "--turns", "2"]
 
@@ -149,3 +150,17 @@ def test_a_curve_is_read_as_it_was_written(tmp_path):
         np.testing.assert_array_equal(getattr(found, key), getattr(curve, key))
     assert [(one.kind, one.values.tolist(), one.change, one.at) for one in found.special_points] == [
         (one.kind, one.values.tolist(), one.change, one.at) for one in special]
+
+
+def test_lines_say_how_far_a_branch_is_before_its_next_orbit_is_found(monkeypatch):
+    """The step after the first orbit lasts until lines have come, of which one says how far it is."""
+    monkeypatch.setattr(progress, "_ALIVE", 0.01)
+    said = []
+    monkeypatch.setattr(progress, "say", lambda _, line: said.append(line))
+    with Followed("branch 3", ["motor.speed"]) as notice:
+        while not said:  # nothing is found
+            pass
+        notice(7, 62.5)
+        while "branch 3: 7 orbits, motor.speed = 62.5, 0 s so far" not in said:
+            pass
+    assert said[0] == "branch 3: 0 s so far"

@@ -306,6 +306,7 @@ class OrbitsRun:
             When the disk is full or refuses, or a run cannot go on; finished branches are kept.
         """
         self._files.check_folder()
+        self._files.read(0)  # refuses another study before the search, which is long
         begin, found = self._plan.begin, list[tuple[float, list[Seed]]]()
         pieces = (Piece(number, {self._plan.name: value}, (number,)) for number, value in enumerate(begin))
         with contextlib.closing(self._compute(partial(seeds_of_piece, self._plan), pieces)) as results, \
