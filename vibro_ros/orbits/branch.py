@@ -28,32 +28,30 @@ Notice = Callable[[int, float], object]
 
 
 @dataclass(frozen=True)
-class Special:
-    """A special point of a branch.
+class SpecialOrbit:
+    """An orbit at which a branch, or a curve of special points, changes its nature.
 
     Attributes
     ----------
     kind : str
-        ``fold``, ``period doubling``, ``Neimark-Sacker``, ``grazing`` or ``corner``.
-    value, width : float
-        The parameter there, and the width of the interval in which it was found, in its unit.
+        Of a branch ``fold``, ``period doubling``, ``Neimark-Sacker``, ``grazing`` or ``corner``; of a curve ``cusp``,
+        ``generalized flip``, ``1:1 resonance`` to ``1:4 resonance``, ``fold-flip``, ``grazing-fold``, ``grazing-flip``
+        or ``change of events``.
     mean_speed : float
         Of the body [m/s].
     multipliers : ndarray of complex, shape (n,)
-        Floquet multipliers; of a grazing or corner those on this side of it.
+        Floquet multipliers; of a grazing, corner or change of events those on this side of it.
     change : str
-        What becomes of the events, and whether the branch turns back, at a grazing or corner.
+        What becomes of the events, and whether the branch turns back, where their order changes; else empty.
     phase : float
         Crank angle at the cut [rad].
     state : ndarray, shape (n,)
         At the cut, in units of the machine.
     at : int
-        How many of the branch's orbits lie before it.
+        How many orbits lie before it.
     """
 
     kind: str
-    value: float
-    width: float
     mean_speed: float
     multipliers: np.ndarray
     change: str
@@ -63,8 +61,57 @@ class Special:
 
 
 @dataclass(frozen=True)
-class Branch:
-    """Orbits that follow each other as a parameter changes.
+class Special(SpecialOrbit):
+    """A special point of a branch, a `SpecialOrbit`.
+
+    Attributes
+    ----------
+    value, width : float
+        The parameter there, and the width of the interval in which it was found, in its unit.
+    """
+
+    value: float
+    width: float
+
+
+@dataclass(frozen=True)
+class OrbitSequence:
+    """Orbits that follow each other as parameters change.
+
+    Attributes
+    ----------
+    turns : int
+        Turns of the crank after which the orbits repeat themselves.
+    values : ndarray
+        The parameters, in their units, in the order of the orbits: shape (points,) of one, (points, 2) of two.
+    mean_speeds : ndarray, shape (points,)
+        Of the body [m/s].
+    multipliers : ndarray of complex, shape (points, n)
+        Floquet multipliers, the largest first; along a curve of grazings those without the contact.
+    phases : ndarray, shape (points,)
+        Crank angle of the cut [rad].
+    states : ndarray, shape (points, n)
+        At the cut, in units of the machine, `turn_map.units_of` the scene that the branch began with.
+    end : str
+        Why they were not followed further.
+    """
+
+    turns: int
+    values: np.ndarray
+    mean_speeds: np.ndarray
+    multipliers: np.ndarray
+    phases: np.ndarray
+    states: np.ndarray
+    end: str
+
+    def __len__(self) -> int:
+        """Number of orbits."""
+        return len(self.values)
+
+
+@dataclass(frozen=True)
+class Branch(OrbitSequence):
+    """The orbits over one parameter, an `OrbitSequence`; the parameter turns back at folds.
 
     Attributes
     ----------
@@ -72,41 +119,16 @@ class Branch:
         What moves so, apart from the value of the parameter.
     name : str
         The parameter.
-    turns : int
-        Turns of the crank after which the orbits repeat themselves.
-    values : ndarray, shape (points,)
-        The parameter, in its unit, in the order of the branch; it turns back at folds.
-    mean_speeds : ndarray, shape (points,)
-        Of the body [m/s].
-    multipliers : ndarray of complex, shape (points, n)
-        Floquet multipliers, the largest first.
-    phases : ndarray, shape (points,)
-        Crank angle of the cut [rad].
-    states : ndarray, shape (points, n)
-        At the cut, in units of the machine, `turn_map.units_of` the scene that the branch began with.
     strobe : dict of str to ndarray, shape (points, turns)
         The state [m, m/s, rad/s, A] each time the crank passes the angle 0, by the names of `Samples`.
     special_points : tuple of Special
         In the order of the branch.
-    end : str
-        Why the branch was not followed further.
     """
 
     scene: Scene
     name: str
-    turns: int
-    values: np.ndarray
-    mean_speeds: np.ndarray
-    multipliers: np.ndarray
-    phases: np.ndarray
-    states: np.ndarray
     strobe: dict[str, np.ndarray]
     special_points: tuple[Special, ...]
-    end: str
-
-    def __len__(self) -> int:
-        """Number of orbits."""
-        return len(self.values)
 
     @property
     def stable(self) -> np.ndarray:
@@ -322,14 +344,16 @@ def gathered(family: Family, points: list[BranchPoint], special: list[tuple[int,
     n = len(names)
     strobe = [_strobe(point) for point in points]  # shapes (turns, n)
     return Branch(
-        family.scene, family.name, family.turns, np.array([point.value for point in points]),
-        np.array([point.mean_speed for point in points]),
-        np.array([point.multipliers for point in points], dtype=complex).reshape(-1, n),
-        np.array([point.family.phase for point in points]),
-        np.array([point.place.state for point in points]).reshape(-1, n),
-        {name: np.array([one[:, k] for one in strobe]).reshape(-1, family.turns) for k, name in enumerate(names)},
-        tuple(Special(one.kind, one.point.value, one.width, one.point.mean_speed, one.point.multipliers, one.change,
-                      one.point.family.phase, one.point.place.state, at) for at, one in special), end)
+        scene=family.scene, name=family.name, turns=family.turns, values=np.array([point.value for point in points]),
+        mean_speeds=np.array([point.mean_speed for point in points]),
+        multipliers=np.array([point.multipliers for point in points], dtype=complex).reshape(-1, n),
+        phases=np.array([point.family.phase for point in points]),
+        states=np.array([point.place.state for point in points]).reshape(-1, n),
+        strobe={name: np.array([one[:, k] for one in strobe]).reshape(-1, family.turns) for k, name in
+                enumerate(names)},
+        special_points=tuple(
+            Special(one.kind, one.point.mean_speed, one.point.multipliers, one.change, one.point.family.phase,
+                    one.point.place.state, at, one.point.value, one.width) for at, one in special), end=end)
 
 
 def _strobe(point: BranchPoint) -> np.ndarray:

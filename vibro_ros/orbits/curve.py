@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from vibro_ros.model.parameters import BY_NAME
-from vibro_ros.orbits.branch import MOST_POINTS, Branch, Special
+from vibro_ros.orbits.branch import MOST_POINTS, Branch, OrbitSequence, Special, SpecialOrbit
 from vibro_ros.orbits.continuation import FIRST_STEP, GRAZING, NEAREST_EVENT, STRAIGHT, TORUS
 from vibro_ros.orbits.family import LONGEST_STEP, LostError
 from vibro_ros.orbits.passage import change_in_words, same_order
@@ -36,43 +36,21 @@ _CLOSES = 0.75  # of a step: a curve that comes so near to its begin is closed
 
 
 @dataclass(frozen=True)
-class CurveSpecial:
-    """A point of codimension two on a curve, or a change of the order of events.
+class CurveSpecial(SpecialOrbit):
+    """A point of codimension two on a curve, or a change of the order of events: a `SpecialOrbit`.
 
     Attributes
     ----------
-    kind : str
-        ``cusp``, ``generalized flip``, ``1:1 resonance`` to ``1:4 resonance``, ``fold-flip``, ``grazing-fold``,
-        ``grazing-flip`` or ``change of events``.
     values : ndarray, shape (2,)
         The parameters, in their units.
-    mean_speed : float
-        Of the body [m/s].
-    multipliers : ndarray of complex, shape (n,)
-        Floquet multipliers, the largest first.
-    change : str
-        What becomes of the events at a change of events.
-    phase : float
-        Crank angle at the cut [rad].
-    state : ndarray, shape (n,)
-        At the cut, in units of the machine.
-    at : int
-        How many of the curve's orbits lie before it.
     """
 
-    kind: str
     values: np.ndarray
-    mean_speed: float
-    multipliers: np.ndarray
-    change: str
-    phase: float
-    state: np.ndarray
-    at: int
 
 
 @dataclass(frozen=True)
-class Curve:
-    """Special points of one kind that follow each other as two parameters change.
+class Curve(OrbitSequence):
+    """Special points of one kind over two parameters, an `OrbitSequence`.
 
     Attributes
     ----------
@@ -80,38 +58,13 @@ class Curve:
         ``fold``, ``period doubling``, ``Neimark-Sacker`` or ``grazing``.
     names : tuple of str
         Both parameters.
-    turns : int
-        Turns of the crank after which the orbits repeat themselves.
-    values : ndarray, shape (points, 2)
-        The parameters, in their units, in the order of the curve.
-    mean_speeds : ndarray, shape (points,)
-        Of the body [m/s].
-    multipliers : ndarray of complex, shape (points, n)
-        Floquet multipliers, the largest first; of a grazing those without the contact.
-    phases : ndarray, shape (points,)
-        Crank angle of the cut [rad].
-    states : ndarray, shape (points, n)
-        At the cut, in units of the machine, as those of the branch.
     special_points : tuple of CurveSpecial
         In the order of the curve.
-    end : str
-        Why the curve was not followed further.
     """
 
     kind: str
     names: tuple[str, str]
-    turns: int
-    values: np.ndarray
-    mean_speeds: np.ndarray
-    multipliers: np.ndarray
-    phases: np.ndarray
-    states: np.ndarray
     special_points: tuple[CurveSpecial, ...]
-    end: str
-
-    def __len__(self) -> int:
-        """Number of orbits."""
-        return len(self.values)
 
 
 def follow_bifurcation(branch: Branch, special: Special, ranges: Mapping[str, tuple[float, float]],
@@ -158,21 +111,25 @@ def follow_bifurcation(branch: Branch, special: Special, ranges: Mapping[str, tu
     return whole_curve(branch, special, ranges, upwards, points)
 
 
-def _start(branch: Branch, special: Special, ranges: Mapping[str, tuple[float, float]], upwards: bool) -> CurvePoint:
-    """The special point as the first of a curve (LostError; ValueError as `follow_bifurcation` has it)."""
+def _plane(branch: Branch, special: Special, ranges: Mapping[str, tuple[float, float]]) -> Plane:
+    """The equations, the branch's parameter first (ValueError as `follow_bifurcation` has it)."""
     if not has_curve(special):
         raise ValueError(f"special: a {special.kind} ({special.change}) has no curve; give a fold, a period doubling, "
                          "a Neimark-Sacker point, or a grazing of a plate")
     if branch.name not in ranges:
         raise ValueError(f"ranges: has no {branch.name}, the branch's parameter; give its range and that of another")
-    units = units_of(branch.scene)
     plane = Plane(branch.scene, {name: ranges[name] for name in sorted(ranges, key=branch.name.__ne__)}, branch.turns,
-                  special.phase, units)
-    here = np.array([special.value, branch.scene[plane.names[1]]])
-    for name, value in zip(plane.names, here.tolist(), strict=True):
+                  special.phase, units_of(branch.scene))
+    for name, value in zip(plane.names, (special.value, branch.scene[plane.names[1]]), strict=True):
         if not ranges[name][0] <= value <= ranges[name][1]:
             raise ValueError(f"{name}: the special point's {value:g} is not from {ranges[name][0]:g} to "
                              f"{ranges[name][1]:g}; give a range that holds it")
+    return plane
+
+
+def _start(plane: Plane, branch: Branch, special: Special, upwards: bool) -> CurvePoint:
+    """The special point as the first of a curve (LostError)."""
+    here = np.array([special.value, branch.scene[plane.names[1]]])
     guess = np.append(special.state, plane.shares(here))
     across, nudge = np.zeros((2, len(guess)))
     across[-1], nudge[-2] = 1.0 if upwards else -1.0, 1.0
@@ -197,10 +154,19 @@ def has_curve(special: Special) -> bool:
 def whole_curve(branch: Branch, special: Special, ranges: Mapping[str, tuple[float, float]], upwards: bool, points: int,
                 notice: Callable[[int, np.ndarray], object] | None = None) -> Curve:
     """As `follow_bifurcation`; `notice` hears how many orbits are found, and the parameters at the last, shape (2,)."""
-    found, met, end = list[CurvePoint](), list[tuple[int, str, CurvePoint, str]](), ""
+    plane = _plane(branch, special, ranges)
     try:
-        start = _start(branch, special, ranges, upwards)
-        closing = _Closing(start)
+        start = _start(plane, branch, special, upwards)
+    except (LostError, SimulationError) as error:
+        return _gathered(plane, special.kind, [], [], str(error))
+    return curve_from(start, points, notice)
+
+
+def curve_from(start: CurvePoint, points: int, notice: Callable[[int, np.ndarray], object] | None = None) -> Curve:
+    """The curve from `start` along its tangent, of at most so many orbits; `notice` as `whole_curve` has it."""
+    found, met, end = list[CurvePoint](), list[tuple[int, str, CurvePoint, str]](), ""
+    closing = _Closing(start)
+    try:
         for before, after in follow(start):
             bound = _bound(after)
             if bound:
@@ -208,12 +174,11 @@ def whole_curve(branch: Branch, special: Special, ranges: Mapping[str, tuple[flo
             if found and closing.closes(before, after):
                 end = "closes on itself"
                 break
-            between = _met(before, after)
-            met += [(len(found), *one) for one in between]
-            if start.kind == TORUS and between and between[-1][0] in (R1, R2):
-                found.append(between[-1][1])
-                end = f"the curve ends at a {between[-1][0]}, where the pair of multipliers becomes real"
-                break
+            for kind, point, change in _met(before, after):
+                met.append((len(found), kind, point, change))
+                if start.kind == TORUS and kind in (R1, R2):
+                    end, after = f"the curve ends at a {kind}, where the pair of multipliers becomes real", point
+                    break
             found.append(after)
             if notice:
                 notice(len(found), after.values)
@@ -224,15 +189,23 @@ def whole_curve(branch: Branch, special: Special, ranges: Mapping[str, tuple[flo
                 break
     except (LostError, SimulationError) as error:
         end = str(error)
-    n, (other,) = len(special.state), set(ranges) - {branch.name}
+    return _gathered(start.plane, start.kind, found, met, end)
+
+
+def _gathered(plane: Plane, kind: str, found: list[CurvePoint], met: list[tuple[int, str, CurvePoint, str]],
+              end: str) -> Curve:
+    """The curve of some points, with the number of points before each point of codimension two."""
+    n = len(plane.units)
     return Curve(
-        special.kind, (branch.name, other), branch.turns,
-        np.array([point.values for point in found]).reshape(-1, 2), np.array([point.mean_speed for point in found]),
-        np.array([point.multipliers for point in found], dtype=complex).reshape(-1, n),
-        np.array([point.plane.phase for point in found]),
-        np.array([point.exact[:-2] for point in found]).reshape(-1, n),
-        tuple(CurveSpecial(kind, point.values, point.mean_speed, point.multipliers, change, point.plane.phase,
-                           point.exact[:-2], at) for at, kind, point, change in met), end)
+        kind=kind, names=plane.names, turns=plane.turns,
+        values=np.array([point.values for point in found]).reshape(-1, 2),
+        mean_speeds=np.array([point.mean_speed for point in found]),
+        multipliers=np.array([point.multipliers for point in found], dtype=complex).reshape(-1, n),
+        phases=np.array([point.plane.phase for point in found]),
+        states=np.array([point.exact[:-2] for point in found]).reshape(-1, n),
+        special_points=tuple(
+            CurveSpecial(kind, point.mean_speed, point.multipliers, change, point.plane.phase, point.exact[:-2], at,
+                         point.values) for at, kind, point, change in met), end=end)
 
 
 def _bound(point: CurvePoint) -> tuple[str, np.ndarray] | None:
@@ -258,12 +231,13 @@ def _at_bound(before: CurvePoint, after: CurvePoint, normal: np.ndarray) -> Curv
 
 
 def _met(before: CurvePoint, after: CurvePoint) -> list[tuple[str, CurvePoint, str]]:
-    """Points of codimension two between two neighbours, with their kinds, or the change of events."""
+    """Points of codimension two between two neighbours, with their kinds, in their order; or the change of events."""
     orders = before.passage.order, after.passage.order
     if not same_order(*orders):
         return [(EDGE, before, change_in_words(*orders))]
-    return [(kind, _located(before, after, kind), "") for kind in before.tests
-            if before.tests[kind] * after.tests[kind] < 0.0]
+    found = [(kind, _located(before, after, kind), "") for kind in before.tests
+             if before.tests[kind] * after.tests[kind] < 0.0]
+    return sorted(found, key=lambda one: one[1].vector @ (after.vector - before.vector))
 
 
 def _located(before: CurvePoint, after: CurvePoint, kind: str) -> CurvePoint:

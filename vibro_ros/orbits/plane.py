@@ -16,7 +16,8 @@ converges, not where to.
 
 On a curve lie points of codimension two, each where a test function changes its sign (Kuznetsov, chapter 9):
 
-- a cusp on a fold: the curve turns back in both parameters at once, and two folds meet;
+- a cusp on a fold: the normal form's quadratic coefficient; the curve turns back in both parameters at once, and two
+  folds meet;
 - a generalized flip on a doubling: the normal form's cubic coefficient, which tells the doubled orbits' side;
 - 1:1 and 1:2 resonances: two multipliers are 1, or -1; Neimark-Sacker points begin there, and their curve ends there;
 - 1:3 and 1:4 resonances on a curve of Neimark-Sacker points;
@@ -85,7 +86,8 @@ class Plane:
         for name, (low, high) in ranges.items():
             family_of(scene, name, low, high, turns, phase)
         self.scene, self.ranges, self.turns, self.phase, self.units = scene, dict(ranges), turns, phase, units
-        self.names = tuple(ranges)
+        first, second = ranges
+        self.names = (first, second)
         self._low, self._high = np.array(list(ranges.values()), dtype=float).T
         self._map_at = lru_cache(16)(self._made)
 
@@ -380,6 +382,7 @@ def _point(plane: Plane, kind: str, vector: np.ndarray, matrix: np.ndarray, seco
     """The curve's point at a solution of the equations."""
     n = len(vector) - 2
     *_, rows = np.linalg.svd(matrix)
+    # Rounding must not move what is held: a body at a height of -6e-27 m is refused.
     tangent = plane.free(vector) * (rows[-1] if rows[-1] @ along >= 0.0 else -rows[-1])
     exact = vector
     if kind == GRAZING:
@@ -387,13 +390,13 @@ def _point(plane: Plane, kind: str, vector: np.ndarray, matrix: np.ndarray, seco
             np.vstack([matrix, along]), np.eye(n + 2)[n])
     multipliers = np.linalg.eigvals(matrix[:n, :n] + np.eye(n))
     multipliers = multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
-    tests = _tests(plane, kind, vector, matrix, second.frame, tangent, multipliers)
+    tests = _tests(plane, kind, vector, matrix, second.frame, multipliers)
     speed = 2.0 * plane.mean_speed(vector) - plane.mean_speed(2.0 * vector - exact)  # carried on as `exact` is
     return CurvePoint(plane, kind, vector, tangent, exact, matrix, second.frame, multipliers, tests,
                       plane.passage(vector), speed)
 
 
-def _tests(plane: Plane, kind: str, vector: np.ndarray, matrix: np.ndarray, frame: Frame, tangent: np.ndarray,
+def _tests(plane: Plane, kind: str, vector: np.ndarray, matrix: np.ndarray, frame: Frame,
            multipliers: np.ndarray) -> dict[str, float]:
     """Test functions, each of which changes its sign at a kind of points of codimension two."""
     n = len(multipliers)
@@ -405,29 +408,42 @@ def _tests(plane: Plane, kind: str, vector: np.ndarray, matrix: np.ndarray, fram
         return {R1: 2.0 - both, R2: 2.0 + both, R3: 1.0 + both, R4: both}
     together = float(frame.left @ frame.right)
     if kind == DOUBLING:
-        return {FLIP: _cubic(plane, vector, matrix, frame), R2: together, FOLD_FLIP: one}
-    first, other = frame.left @ matrix[:n, n:]
-    return {CUSP: float(tangent[-1] * first - tangent[-2] * other), R1: together, FOLD_FLIP: minus_one}
+        return {FLIP: one * _cubic(plane, vector, matrix, frame), R2: together, FOLD_FLIP: one}
+    return {CUSP: _quadratic(plane, vector, frame), R1: together, FOLD_FLIP: minus_one}
+
+
+def _second_difference(plane: Plane, vector: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Second derivative of the map by the state along two directions, shape (n,)."""
+    step, (one, other) = _reach(plane.passage(vector), _NORMAL), (np.append(way, [0.0, 0.0]) for way in (one, other))
+    ends = [plane.residual(vector + step * (a * one + b * other)) for a in (1, -1) for b in (1, -1)]
+    return (ends[0] - ends[1] - ends[2] + ends[3]) / (4.0 * step**2)
+
+
+def _third_difference(plane: Plane, vector: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """Third derivative of the map by the state along a direction, shape (n,)."""
+    step = _reach(plane.passage(vector), _NORMAL)
+    ends = [plane.residual(vector + a * step * np.append(along, [0.0, 0.0])) for a in (2, 1, -1, -2)]
+    return (ends[0] - 2.0 * ends[1] + 2.0 * ends[2] - ends[3]) / (2.0 * step**3)
+
+
+def _quadratic(plane: Plane, vector: np.ndarray, frame: Frame) -> float:
+    """Quadratic coefficient of a fold's normal form, times w'v, by differences of the map (Kuznetsov, section 5.4)."""
+    return float(frame.left @ _second_difference(plane, vector, frame.right, frame.right))
 
 
 def _cubic(plane: Plane, vector: np.ndarray, matrix: np.ndarray, frame: Frame) -> float:
-    """Cubic coefficient of a doubling's normal form, times w'v, by differences of the map (Kuznetsov, section 5.4)."""
-    n, step = len(frame.right), _reach(plane.passage(vector), _NORMAL)
+    """Cubic coefficient of a doubling's normal form, times w'v, by differences of the map (Kuznetsov, section 5.4).
 
-    def second(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-        ends = [image(a * one + b * other) for a in (1, -1) for b in (1, -1)]
-        return (ends[0] - ends[1] - ends[2] + ends[3]) / (4.0 * step**2)
-
-    def image(direction: np.ndarray) -> np.ndarray:
-        return plane.residual(vector + step * np.append(direction, [0.0, 0.0]))
-
-    along = frame.right
-    third = (image(2.0 * along) - 2.0 * image(along) + 2.0 * image(-along) - image(-2.0 * along)) / (2.0 * step**3)
-    bent = np.linalg.solve(-matrix[:n, :n], second(along, along))
+    It has a pole where another multiplier is 1, at a fold-flip.
+    """
+    n, along = len(frame.right), frame.right
+    bent = np.linalg.solve(-matrix[:n, :n], _second_difference(plane, vector, along, along))
     size = max(float(np.linalg.norm(bent)), 1e-12)
-    return float(frame.left @ (third + 3.0 * size * second(along, bent / size)))
+    return float(frame.left @ (_third_difference(plane, vector, along)
+                               + 3.0 * size * _second_difference(plane, vector, along, bent / size)))
 
 
 def away(point: CurvePoint, normal: np.ndarray) -> np.ndarray:
-    """Where to, across `normal`, the second equation grows by 1."""
-    return np.linalg.solve(np.vstack([point.matrix, normal]), np.eye(len(normal))[-2])
+    """Where to, across `normal`, the second equation grows by 1; what something holds stays."""
+    found = np.linalg.solve(np.vstack([point.matrix, normal]), np.eye(len(normal))[-2])
+    return np.where(point.plane.free(point.vector), found, 0.0)

@@ -1,6 +1,9 @@
 """How far a study is, and how long it will take."""
 
+import math
+import threading
 import time
+from typing import Self
 
 from tqdm import tqdm
 
@@ -8,6 +11,7 @@ from vibro_ros.process.front_door import say
 
 _LINES = 10.0  # s between lines that say how far it is, where no bar can be drawn
 _DELAY = 2.0  # s before a bar is drawn
+_ALIVE = 1.5  # s between signs of life
 
 
 class Progress:
@@ -46,3 +50,40 @@ class Progress:
             self._said = now
 
 
+
+
+class SignsOfLife:
+    """A line on standard error every other second, however long or short the steps of the work are; a context.
+
+    Parameters
+    ----------
+    what : str
+        What is done.
+
+    Attributes
+    ----------
+    where : str
+        How far it is; empty while nothing is done.
+    """
+
+    _said = -math.inf  # s, when a line came last, of whichever step of this process
+
+    def __init__(self, what: str):
+        self._what, self.where = what, ""
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._speak)
+
+    def __enter__(self) -> Self:
+        self._begun = time.monotonic()
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def _speak(self) -> None:
+        while not self._over.wait(max(0.0, SignsOfLife._said + _ALIVE - time.monotonic())):
+            SignsOfLife._said = time.monotonic()
+            so_far = f"{time.monotonic() - self._begun:.0f} s so far"
+            say("study", f"{self._what}: {', '.join(filter(None, [self.where, so_far]))}")

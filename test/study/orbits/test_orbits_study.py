@@ -10,9 +10,10 @@ import pytest
 import vibro_ros
 from vibro_ros.orbits.branch import Branch, Special
 from vibro_ros.orbits.curve import Curve, CurveSpecial
+from vibro_ros.study import progress
 from vibro_ros.study.orbits import curves
 from vibro_ros.study.orbits.command import main, parser, plan_of
-from vibro_ros.study.orbits.run import branch_files, branch_of, rows_of
+from vibro_ros.study.orbits.run import Followed, branch_files, branch_of, rows_of
 
 SHORT = ["--scene", "damped", "--vary", "motor.speed=99.5:101", "--from", "100", "--starts", "1", "--turns", "2"]
 
@@ -91,12 +92,12 @@ def test_a_branch_is_read_as_it_was_written(tmp_path):
     random = np.random.default_rng(7)
     names = ("upper_position", "upper_velocity", "inclined_position", "inclined_velocity", "body_velocity")
     multipliers = random.normal(size=(4, 5)) + 1j * random.normal(size=(4, 5))
-    special = tuple(Special(kind, 100.0 + at, 1e-9, 0.1 * at, multipliers[0], change, 0.5, random.normal(size=5), at)
+    special = tuple(Special(kind, 0.1 * at, multipliers[0], change, 0.5, random.normal(size=5), at, 100.0 + at, 1e-9)
                     for kind, change, at in (("fold", "", 0), ("grazing", "landing appears", 2), ("fold", "", 2),
                                              ("corner", "stick vanishes", 4)))
-    branch = Branch(plan.scene, "motor.speed", 2, random.normal(size=4), random.normal(size=4), multipliers,
-                    random.normal(size=4),
-                    random.normal(size=(4, 5)), {name: random.normal(size=(4, 2)) for name in names}, special, "an end")
+    branch = Branch(2, random.normal(size=4), random.normal(size=4), multipliers, random.normal(size=4),
+                    random.normal(size=(4, 5)), "an end", plan.scene, "motor.speed",
+                    {name: random.normal(size=(4, 2)) for name in names}, special)
     files = branch_files(tmp_path, plan)
     files.write(3, rows_of(branch))
     found = branch_of(plan, files.read(3))
@@ -130,11 +131,11 @@ def test_a_curve_is_read_as_it_was_written(tmp_path):
     plan = plan_of(parser().parse_args(["--quick", "--scene", "damped"]))
     asked, random = curves.CurvePlan(plan, "upper.gap", 0.0, 0.002), np.random.default_rng(7)
     multipliers = random.normal(size=(4, 5)) + 1j * random.normal(size=(4, 5))
-    special = tuple(CurveSpecial(kind, random.normal(size=2), 0.1 * at, multipliers[0], change, 0.5,
-                                 random.normal(size=5), at)
+    special = tuple(CurveSpecial(kind, 0.1 * at, multipliers[0], change, 0.5, random.normal(size=5), at,
+                                 random.normal(size=2))
                     for kind, change, at in (("cusp", "", 0), ("change of events", "stick", 2), ("cusp", "", 4)))
-    curve = Curve("fold", ("motor.speed", "upper.gap"), 2, random.normal(size=(4, 2)), random.normal(size=4),
-                  multipliers, random.normal(size=4), random.normal(size=(4, 5)), special, "an end")
+    curve = Curve(2, random.normal(size=(4, 2)), random.normal(size=4), multipliers, random.normal(size=4),
+                  random.normal(size=(4, 5)), "an end", "fold", ("motor.speed", "upper.gap"), special)
     files = curves.ParquetBlocks(tmp_path, asked.document(), 5, curves.fields_of(asked))
     files.write(3, curves.rows_of(curve))
     found = curves.curve_of(asked, files.read(3))
@@ -143,3 +144,17 @@ def test_a_curve_is_read_as_it_was_written(tmp_path):
         np.testing.assert_array_equal(getattr(found, key), getattr(curve, key))
     assert [(one.kind, one.values.tolist(), one.change, one.at) for one in found.special_points] == [
         (one.kind, one.values.tolist(), one.change, one.at) for one in special]
+
+
+def test_lines_say_how_far_a_branch_is_before_its_next_orbit_is_found(monkeypatch):
+    """The step after the first orbit lasts until lines have come, of which one says how far it is."""
+    monkeypatch.setattr(progress, "_ALIVE", 0.01)
+    said = []
+    monkeypatch.setattr(progress, "say", lambda _, line: said.append(line))
+    with Followed("branch 3", ["motor.speed"]) as notice:
+        while not said:  # nothing is found
+            pass
+        notice(7, 62.5)
+        while "branch 3: 7 orbits, motor.speed = 62.5, 0 s so far" not in said:
+            pass
+    assert said[0] == "branch 3: 0 s so far"

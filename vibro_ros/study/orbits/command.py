@@ -130,7 +130,7 @@ def _curve_files(asked: curves.CurvePlan, run: OrbitsRun,
     """Table, text and picture of the curves by the names of their files; the text holds that of the branches, too."""
     files, rows = {}, list[dict]()
     for task, curve in found:
-        rows += [{"through": task.name, "way": task.way, **row} for row in curves.rows_of(curve)] if len(curve) else []
+        rows += [{"through": task.name, "way": task.way, **row} for row in curves.rows_of(curve)]
     if rows:
         own = [Field("through", pa.string(), "1", "name of the special point that the curve begins with"),
                Field("way", pa.string(), "1", f"from there in {asked.name}")]

@@ -39,7 +39,7 @@ def curves_in_words(found: Sequence[tuple[CurveTask, Curve]]) -> Iterator[str]:
     for task, curve in found:
         met = ", ".join(f"{one.kind} at {one.values[0]:.6g}, {one.values[1]:.6g}" for one in curve.special_points
                         if one.kind != EDGE)
-        yield (f"curve of {task.special.kind}s through {task.name}, {task.way}: {len(curve)} orbits; "
+        yield (f"{task.special.kind} curve through {task.name}, {task.way}: {len(curve)} orbits; "
                f"{met + '; ' if met else ''}{curve.end}")
 
 

@@ -1,7 +1,6 @@
 """A study of orbits at work: it looks for orbits, follows and keeps their branches, then those of doubled period."""
 
 import contextlib
-import time
 from collections.abc import Callable, Iterator, Sequence, Sized
 from dataclasses import dataclass
 from functools import partial
@@ -15,17 +14,17 @@ from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.branch import Branch, Special, branch_from, doubled_branch_from, family_of, lies_on
 from vibro_ros.orbits.continuation import DOUBLING
+from vibro_ros.orbits.curve import Curve
 from vibro_ros.orbits.family import Family
 from vibro_ros.orbits.orbit import Seed, seeds_of
 from vibro_ros.orbits.turn_map import coordinates, units_of
 from vibro_ros.process.front_door import say
 from vibro_ros.simulation.given_state import STATE_UNITS
-from vibro_ros.study.progress import Progress
+from vibro_ros.study.progress import Progress, SignsOfLife
 from vibro_ros.study.running.blocks import NUMBERS, Field, ParquetBlocks
 from vibro_ros.study.running.runner import Piece, Results, Runner, Work
 
 UP, DOWN, DOUBLED = "upwards", "downwards", "doubled"
-LINES = 10.0  # s between lines that say how far a branch is
 
 
 class Task(NamedTuple):
@@ -101,7 +100,9 @@ class Plan:
 def seeds_of_piece(plan: Plan, piece: Piece) -> list[list[Seed]]:
     """Orbits at the value of the parameter that a piece has, in the units of their families, as one result."""
     scene, found = plan.scene.with_parameters(piece.changes), []
-    for seed in seeds_of(scene, plan.starts, plan.turns):
+    with SignsOfLife(f"orbits at {plan.name} = {scene[plan.name]:g}"):
+        seeds = seeds_of(scene, plan.starts, plan.turns)
+    for seed in seeds:
         family = plan.family(seed.turns, seed.phase)
         ratio = units_of(scene) / family.units
         found.append(Seed(seed.turns, float(seed.phase), seed.state * ratio))
@@ -109,20 +110,28 @@ def seeds_of_piece(plan: Plan, piece: Piece) -> list[list[Seed]]:
 
 
 def branches_of_piece(plan: Plan, tasks: dict[int, Task], piece: Piece) -> list[Branch]:
-    """The branch that a piece has the number of, as one result; now and then a line says how far it is."""
-    said, task = time.monotonic(), tasks[piece.number]
-
-    def notice(orbits: int, value: float) -> None:
-        nonlocal said
-        if time.monotonic() - said > LINES:
-            said = time.monotonic()
-            say("study", f"branch {piece.number}: {orbits} orbits, {plan.name} = {value:.6g}")
-
+    """The branch that a piece has the number of, as one result; lines say how far it is."""
+    task = tasks[piece.number]
     family = plan.family(task.turns, task.phase)
     share = family.share(task.value)
-    if task.way == DOUBLED:
-        return [doubled_branch_from(family, task.state, share, plan.points, notice)]
-    return [branch_from(family, task.state, share, 1.0 if task.way == UP else -1.0, plan.points, notice)]
+    with Followed(f"branch {piece.number}", [plan.name]) as notice:
+        if task.way == DOUBLED:
+            return [doubled_branch_from(family, task.state, share, plan.points, notice)]
+        return [branch_from(family, task.state, share, 1.0 if task.way == UP else -1.0, plan.points, notice)]
+
+
+class Followed(SignsOfLife):
+    """How far a branch or curve over some parameters is."""
+
+    def __init__(self, what: str, names: Sequence[str]):
+        super().__init__(what)
+        self._names = names
+
+    def __call__(self, orbits: int, values: float | np.ndarray) -> None:
+        """Note how many orbits are found, and the parameters at the last."""
+        where = ", ".join(f"{name} = {value:.6g}" for name, value in
+                          zip(self._names, np.atleast_1d(values).tolist(), strict=True))
+        self.where = f"{orbits} orbits, {where}"
 
 
 FOLDER = "branches"
@@ -141,61 +150,91 @@ def fields_of(plan: Plan) -> list[Field]:
         Field("kind", pa.string(), "1", "of a special point; null for an orbit between them"),
         Field(plan.name, pa.float64(), parameter.unit or "1", parameter.description),
         Field("width", pa.float64(), parameter.unit or "1", "of the interval that holds the special point"),
-        Field("turns", pa.int64(), "1", "of the crank, after which the motion repeats itself"),
-        Field("mean_speed", pa.float64(), "m/s", "of the body, forwards positive"),
         Field("stable", pa.bool_(), "1", "whether small disturbances die out; null for a special point"),
-        Field("multipliers_real", NUMBERS, "1", "Floquet multipliers, the largest first"),
-        Field("multipliers_imag", NUMBERS, "1", "their imaginary parts"),
-        Field("phase", pa.float64(), "rad", "crank angle at the cut"),
-        Field("state", NUMBERS, "1", "at the cut, in units of the machine"),
         *(Field(name, NUMBERS, STATE_UNITS[name], each) for name in coordinates(plan.scene)),
-        Field("change", pa.string(), "1", "of the events, at a grazing or corner"),
-        Field("end", pa.string(), "1", "why the branch was not followed further; in its last row"),
+        *ORBIT_FIELDS,
     ]
+
+
+ORBIT_FIELDS = (
+    Field("turns", pa.int64(), "1", "of the crank, after which the motion repeats itself"),
+    Field("mean_speed", pa.float64(), "m/s", "of the body, forwards positive"),
+    Field("multipliers_real", NUMBERS, "1", "Floquet multipliers, the largest first; along a curve of grazings those "
+          "without the contact"),
+    Field("multipliers_imag", NUMBERS, "1", "their imaginary parts"),
+    Field("phase", pa.float64(), "rad", "crank angle at the cut"),
+    Field("state", NUMBERS, "1", "at the cut, in units of the machine"),
+    Field("change", pa.string(), "1", "of the events, where their order changes"),
+    Field("end", pa.string(), "1", "why the orbits were not followed further; in the last row"))
+"""The columns that a branch and a curve have, last in their tables."""
 
 
 def rows_of(branch: Branch) -> list[dict]:
     """The rows of a branch."""
-    rows: list[dict] = [{
-        branch.name: branch.values[k], "mean_speed": branch.mean_speeds[k], "stable": bool(branch.stable[k]),
-        "phase": branch.phases[k], "state": branch.states[k], **multiplier_columns(branch.multipliers[k]),
-        **{name: values[k] for name, values in branch.strobe.items()}} for k in range(len(branch))]
-    for number, special in enumerate(branch.special_points):
-        rows.insert(special.at + number, {
-            "kind": special.kind, branch.name: special.value, "width": special.width, "phase": special.phase,
-            "mean_speed": special.mean_speed, "state": special.state, **multiplier_columns(special.multipliers),
-            "change": special.change or None})
+    return rows_of_sequence(
+        branch,
+        [{branch.name: branch.values[k], "stable": bool(branch.stable[k]),
+          **{name: values[k] for name, values in branch.strobe.items()}} for k in range(len(branch))],
+        [{"kind": one.kind, branch.name: one.value, "width": one.width} for one in branch.special_points])
+
+
+def rows_of_sequence(sequence: Branch | Curve, orbits: list[dict], special: list[dict]) -> list[dict]:
+    """The rows of a branch or curve, given what rows of its orbits and of its special points have besides
+    `ORBIT_FIELDS`; each special point stands between the orbits that it lies between."""
+    rows = [{**own, "mean_speed": sequence.mean_speeds[k], "phase": sequence.phases[k], "state": sequence.states[k],
+             **_multiplier_columns(sequence.multipliers[k])} for k, own in enumerate(orbits)]
+    for number, (one, own) in enumerate(zip(sequence.special_points, special, strict=True)):
+        rows.insert(one.at + number, {
+            **own, "mean_speed": one.mean_speed, "phase": one.phase, "state": one.state,
+            **_multiplier_columns(one.multipliers), "change": one.change or None})
     for row in rows:
-        row["turns"] = branch.turns
+        row["turns"] = sequence.turns
     if rows:
-        rows[-1]["end"] = branch.end
+        rows[-1]["end"] = sequence.end
     return rows
 
 
-def multiplier_columns(multipliers: np.ndarray) -> dict:
-    """The columns of a row's multipliers."""
+def _multiplier_columns(multipliers: np.ndarray) -> dict:
     return {"multipliers_real": multipliers.real, "multipliers_imag": multipliers.imag}
 
 
 def branch_of(plan: Plan, table: pa.Table) -> Branch:
     """The branch of at least one row that a file of a plan holds."""
-    rows = table.to_pylist()
-    turns, end = int(rows[0]["turns"]), rows[-1]["end"]
-    orbits = [row for row in rows if row["kind"] is None]
-    special, before = [], 0
-    for row in rows:
-        if row["kind"] is None:
-            before += 1
-        else:
-            special.append(Special(row["kind"], row[plan.name], row["width"], row["mean_speed"], multipliers_of(row),
-                                   row["change"] or "", row["phase"], np.array(row["state"]), before))
+    orbits, special, common = read_sequence(table, "kind")
     name, names = plan.name, coordinates(plan.scene)
-    n = len(names)
     return Branch(
-        plan.scene, name, turns, array_of(orbits, name), array_of(orbits, "mean_speed"),
-        np.array([multipliers_of(row) for row in orbits], dtype=complex).reshape(-1, n), array_of(orbits, "phase"),
-        array_of(orbits, "state").reshape(-1, n),
-        {one: array_of(orbits, one).reshape(-1, turns) for one in names}, tuple(special), end)
+        scene=plan.scene, name=name, values=array_of(orbits, name),
+        strobe={one: array_of(orbits, one).reshape(-1, common["turns"]) for one in names},
+        special_points=tuple(Special(value=row[name], width=row["width"], **own) for row, own in special), **common)
+
+
+def read_sequence(table: pa.Table, kind: str) -> tuple[list[dict], list[tuple[dict, dict]], dict[str, Any]]:
+    """What a table of at least one row holds, whose column `kind` is null for an orbit.
+
+    Returns
+    -------
+    list of dict
+        The rows of the orbits.
+    list of (dict, dict)
+        Each row of a special point, and the attributes of its `SpecialOrbit`.
+    dict
+        The attributes of their `OrbitSequence`, without `values`.
+    """
+    rows = table.to_pylist()
+    orbits, special = list[dict](), list[tuple[dict, dict]]()
+    for row in rows:
+        if row[kind] is None:
+            orbits.append(row)
+        else:
+            special.append((row, {
+                "kind": row[kind], "mean_speed": row["mean_speed"], "multipliers": _multipliers_of(row),
+                "change": row["change"] or "", "phase": row["phase"], "state": np.array(row["state"]),
+                "at": len(orbits)}))
+    n = len(rows[0]["state"])
+    return orbits, special, {
+        "turns": int(rows[0]["turns"]), "mean_speeds": array_of(orbits, "mean_speed"),
+        "multipliers": np.array([_multipliers_of(row) for row in orbits], dtype=complex).reshape(-1, n),
+        "phases": array_of(orbits, "phase"), "states": array_of(orbits, "state").reshape(-1, n), "end": rows[-1]["end"]}
 
 
 def array_of(rows: Sequence[dict[str, Any]], key: str) -> np.ndarray:
@@ -203,8 +242,7 @@ def array_of(rows: Sequence[dict[str, Any]], key: str) -> np.ndarray:
     return np.array([row[key] for row in rows], dtype=float)
 
 
-def multipliers_of(row: dict[str, Any]) -> np.ndarray:
-    """The multipliers that a row has."""
+def _multipliers_of(row: dict[str, Any]) -> np.ndarray:
     return np.array(row["multipliers_real"]) + 1j * np.array(row["multipliers_imag"])
 
 
@@ -268,6 +306,7 @@ class OrbitsRun:
             When the disk is full or refuses, or a run cannot go on; finished branches are kept.
         """
         self._files.check_folder()
+        self._files.read(0)  # refuses another study before the search, which is long
         begin, found = self._plan.begin, list[tuple[float, list[Seed]]]()
         pieces = (Piece(number, {self._plan.name: value}, (number,)) for number, value in enumerate(begin))
         with contextlib.closing(self._compute(partial(seeds_of_piece, self._plan), pieces)) as results, \
@@ -278,7 +317,9 @@ class OrbitsRun:
         for value, seeds in found:
             for seed in seeds:
                 family = self._plan.family(seed.turns, seed.phase)
-                if not any(lies_on(family, seed, family.share(value), branch) for _, branch in self.done):
+                with SignsOfLife(f"an orbit at {self._plan.name} = {value:g} compared with branches"):
+                    known = any(lies_on(family, seed, family.share(value), branch) for _, branch in self.done)
+                if not known:
                     self._follow([Task(way, seed.turns, seed.phase, seed.state, value, None) for way in (UP, DOWN)])
         while tasks := self._doublings():
             self._follow(tasks)
