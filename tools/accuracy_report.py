@@ -14,6 +14,7 @@ from typing import Any
 from benchmark import report
 from tools import documents
 from tools.bench import RATE as BENCH_RATE
+from tools.bench import SCENES
 from tools.wrong_speed import draw_ways
 from vibro_ros.accuracy.accuracy import TABLE, TEXT, Accuracy, row_writer
 from vibro_ros.accuracy.findings import (
@@ -29,7 +30,7 @@ from vibro_ros.accuracy.findings import (
     reference_of,
 )
 from vibro_ros.accuracy.measurement import NEED, Measurement
-from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
+from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.solver.methods import SCHEMES
 
 FOLDER, WAYS, BENCHMARK = "accuracy", "ways.png", "benchmark"
@@ -180,7 +181,7 @@ def _write(docs: Path) -> None:
     bench, ticks = printed("tools.bench"), printed("tools.tick_cost")
     study = Accuracy(STUDIED_APART, replace(EFFORT, **_EFFORT))
     with row_writer(folder / TABLE) as write:
-        for name in shipped_scenes():
+        for name in sorted(SCENES):
             study.measure(name, write, replace(EFFORT, **_CLOSER_EFFORT) if name == CLOSER else None)
     study.draw(folder)
     draw_ways(load_scene(CLOSER), STEPS).savefig(folder / WAYS)

@@ -12,12 +12,11 @@ import numpy as np
 import pytest
 
 import vibro_ros
-from tools import accuracy_report
+from tools import accuracy_report, bench
 from vibro_ros.accuracy.findings import NEEDS, Need, baseline_in_words, finding, prices_in_words
 from vibro_ros.accuracy.measurement import NEED, Measurement, errors
 from vibro_ros.accuracy.methods import METHODS
 from vibro_ros.accuracy.precision import SHORT, running
-from vibro_ros.configuration.scene_file import shipped_scenes
 
 _USE = re.compile(r"(\w+)(?: ([\d.e-]+)(?: s)?)? \(([\d.]+)\)")
 
@@ -130,7 +129,7 @@ def test_findings_are_those_of_the_rows():
 
 
 def test_the_device_is_measured_running():
-    assert {row.scene for row in ROWS} == set(shipped_scenes())
+    assert {row.scene for row in ROWS} == set(bench.SCENES)
     exact = [row for row in BY_SCENE["device"] if row.method == "exact" and row.compared == NEED]
     assert exact and all(error_of(row, NEEDS[2]) == 0.0 for row in exact)  # it has contacts
 
@@ -139,7 +138,7 @@ def test_readme_says_what_the_rows_and_the_bench_say():
     """README's cost of exact is the bench's, its error of Runge-Kutta the rows'; fixed steps lead the wrong way."""
     readme = README.replace("\n", " ")
     costs = [float(cost) for cost in re.findall(r"^\| `\w+` \| ([\d.]+) \|", BENCH, re.MULTILINE)]
-    assert len(costs) == len(shipped_scenes())
+    assert len(costs) == len(bench.SCENES)
     assert f"`exact` costs {100 * min(costs):.1f} to {100 * max(costs):.1f} % of Runge-Kutta 4" in readme
     baseline = re.search(r"off by .*? within 0.2 s", baseline_in_words(BY_SCENE))[0]
     assert f"steps of 1e-5 s (`make bench`), which is {baseline}" in readme

@@ -16,7 +16,7 @@ from tools import accuracy_report, bench, documents, effects, parameter_table
 from tools.generated_text import replaced
 from vibro_ros.accuracy.findings import MEAN_SPEED, NEEDS
 from vibro_ros.configuration.command_map import find_map, read_map
-from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
+from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.messages.fields import JOINTS
 from vibro_ros.messages.joint_commands import COMMANDED
 from vibro_ros.messages.topics import COMMAND_UNITS, COMMANDS, ROBOT_TOPICS
@@ -225,7 +225,7 @@ def test_effects_tables_have_every_effect_and_count_what_is_compiled():
 def test_accuracy_is_told_for_every_scene_and_every_need():
     """Its numbers are measured by `make accuracy`; what it tells of is not."""
     text = DOCUMENTS["accuracy.md"]
-    assert re.findall(r"^## (\w+)$", text, re.MULTILINE)[-len(shipped_scenes()):] == list(shipped_scenes())
+    assert re.findall(r"^## (\w+)$", text, re.MULTILINE)[-len(bench.SCENES):] == sorted(bench.SCENES)
     heads = ["scene", "Lyapunov time", "RK4 = 1 is off by", *(need.words for need in NEEDS), MEAN_SPEED]
     assert f"| {' | '.join(heads)} |" in text, "run `make accuracy`"
     assert f"({accuracy_report.FOLDER}/{accuracy_report.WAYS})" in text
