@@ -50,8 +50,6 @@ class Progress:
             self._said = now
 
 
-
-
 class SignsOfLife:
     """A line on standard error every other second, however long or short the steps of the work are; a context.
 
@@ -71,7 +69,8 @@ class SignsOfLife:
     def __init__(self, what: str):
         self._what, self.where = what, ""
         self._over = threading.Event()
-        self._thread = threading.Thread(target=self._speak)
+        # A daemon: a stop signal that comes while the context is entered leaves nobody to end the thread.
+        self._thread = threading.Thread(target=self._speak, daemon=True)
 
     def __enter__(self) -> Self:
         self._begun = time.monotonic()
