@@ -1,4 +1,4 @@
-"""`make accuracy`: docs/accuracy.md, what a digit of accuracy costs in every shipped scene, measured by `accuracy`."""
+"""`make accuracy`: docs/accuracy.md, what a digit of accuracy costs in each scene of the bench, by `accuracy`."""
 
 import argparse
 import json

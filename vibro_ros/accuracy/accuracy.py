@@ -203,7 +203,7 @@ def _measure(options: argparse.Namespace, studied: Mapping[str, ComparedMethod],
         effort = _asked_effort(options, effort)
         scenes = shipped_scenes() if options.all else [options.scene]
         for scene in scenes:
-            load_scene(scene)
+            load_scene(scene)  # one that is not there is refused before anything is written
         options.output.mkdir(parents=True, exist_ok=True)
         prepare_kernels("accuracy", "auto")  # the baseline needs those of fixed steps
         return _run(scenes, Accuracy(methods, effort), options.output)
