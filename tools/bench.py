@@ -15,22 +15,25 @@ from importlib import metadata
 import numpy as np
 
 from tools.baseline import integrate_rk4
+from vibro_ros.accuracy.methods import COLUMNS as COLUMNS_OF_ANSWER
 from vibro_ros.accuracy.precision import LEAST_TIME, typical
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.scene import Scene
+from vibro_ros.model.support import unsupported
 from vibro_ros.model.tables import compile_scene
 from vibro_ros.simulation.processes import in_processes
 from vibro_ros.simulation.runs import simulate, simulate_many
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.simulator import Simulator
 
-SCENES = ("unilateral", "paper", "damped", "frictionless", "no_impact", "rigid", "device")
+SCENES = ("unilateral", "paper", "damped", "frictionless", "no_impact", "rigid", "device", "machine")
 #: Heading of a column, and how it shows a value of `measure`.
 COLUMNS = {
     "scene": "`{scene}`",
     "cost, RK4 = 1": "{ratio:.4f}",
     "heyoka, RK4 = 1": "{heyoka}",
     "times faster than real time": "{real_time:.0f}",
+    "segments a turn": "{segments:.1f}",
     "an event": "{event:.2f} µs",
     "1 ms of robot time": "{tick:.1f} µs",
     "RK4, 1 s": "{baseline:.1f} ms",
@@ -45,8 +48,11 @@ RATE = 200.0
 SHORT = 0.2
 _PACKAGES = ("numpy", "numba", "heyoka")
 _TOLERANCE = 1e-9  # heyoka's: over 10 s of each scene, its errors are below the baseline's
+_FINEST = 1e-15  # heyoka's, at which its errors are nearest to those of exact
 _COMPILED = ("no_impact", "unilateral", "device")
 _SAMPLED = ("no_impact", "frictionless", "device")
+#: A dc motor at a constant voltage: between two events neither program has to stop.
+_AT_VOLTAGE = {"motor.control": "voltage", "motor.voltage": 15.0, "motor.speed": SPEED}
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 
@@ -77,7 +83,8 @@ def main(words: Sequence[str]) -> int:
     for name in SCENES:
         values = measure(name, options.duration, options.repeats)
         print(f"| {' | '.join(shown.format(**values) for shown in COLUMNS.values())} |", flush=True)
-    print(f"\n{about_shares(options.duration, options.repeats)}\n\n{about_compiling()}\n")
+    print(f"\n{about_dc_motors(options.duration, options.repeats)}\n\n"
+          f"{about_shares(options.duration, options.repeats)}\n\n{about_compiling()}\n")
     gain, possible = measure_many(options.many, options.duration, options.repeats)
     print(f"`simulate_many`, {options.many} scenes of {options.duration:g} s: two workers are {gain:.2f} times as fast "
           f"as one; two processes that share nothing, {possible:.2f} times.")
@@ -91,8 +98,8 @@ def measure(name: str, duration: float, repeats: int) -> dict[str, str | float]:
     -------
     dict
         `scene`; `ratio` of exact to baseline; `heyoka`, its ratio as text, `-` without a peer; `real_time`, simulated
-        seconds per second; `event`, microseconds an event; `tick`, microseconds of a 1 ms `advance_to`; `baseline`,
-        milliseconds per simulated second.
+        seconds per second; `segments`, segments a turn; `event`, microseconds an event; `tick`, microseconds of a 1 ms
+        `advance_to`; `baseline`, milliseconds per simulated second.
     """
     scene, times = load_scene(name), np.arange(round(duration * RATE) + 1) / RATE
     run_baseline(scene, times[:2])
@@ -107,6 +114,7 @@ def measure(name: str, duration: float, repeats: int) -> dict[str, str | float]:
         "ratio": ratio,
         "heyoka": f"{peers[0]:.4f}" if peers else "-",
         "real_time": duration / exact,
+        "segments": segments_a_turn(scene, duration),
         "event": exact / max(1, len(events)) * 1e6,
         "tick": _tick(scene) * 1e6,
         "baseline": baseline / duration * 1e3,
@@ -128,17 +136,29 @@ def run_exact(scene: Scene, times: np.ndarray) -> tuple[Samples, np.ndarray]:
 
 
 def run_baseline(scene: Scene, times: np.ndarray, step: float = STEP) -> np.ndarray:
-    """The same by `integrate_rk4`; `times` are those of one rate, from 0."""
+    """The same by `integrate_rk4`, or by the device's own `rk4` if the baseline lacks an effect; `times` are those of
+    one rate, from 0."""
+    if unsupported(scene, "baseline"):
+        own = {"solver.method": "rk4", "solver.step": step, "solver.audit": False}
+        found = moving(scene.with_parameters(own)).sample(times)
+        return np.stack([getattr(found, column) for column in COLUMNS_OF_ANSWER], axis=1)
     first = simulate(scene, times=np.zeros(1))
     start = np.array([first.upper_position[0], 0.0, first.inclined_position[0], 0.0])
     speed = SPEED if scene["motor.speed"] == 0.0 else None
     return integrate_rk4(scene, start, times[-1], 1.0 / times[1], step, speed)
 
 
-def _peer_runs(scene: Scene, times: np.ndarray) -> list[Callable[[], np.ndarray]]:
+def segments_a_turn(scene: Scene, duration: float) -> float:
+    """Segments of a run over the turns of its crank."""
+    device = moving(scene)
+    device.advance_to(duration)
+    return device.statistics["steps"] * 2.0 * math.pi / abs(device.state.crank_angle)
+
+
+def _peer_runs(scene: Scene, times: np.ndarray, tolerance: float = _TOLERANCE) -> list[Callable[[], np.ndarray]]:
     """The peer's run if it can be measured; if it is not installed or fails, none, and the reason on stderr."""
     try:
-        run = partial(compiled_peer(scene), times)
+        run = partial(compiled_peer(scene, tolerance), times)
         run()
     except (ModuleNotFoundError, ValueError, RuntimeError) as error:
         print(f"bench: {scene.name} without heyoka: {error}", file=sys.stderr)
@@ -146,7 +166,7 @@ def _peer_runs(scene: Scene, times: np.ndarray) -> list[Callable[[], np.ndarray]
     return [run]
 
 
-def compiled_peer(scene: Scene) -> Callable[[np.ndarray], np.ndarray]:
+def compiled_peer(scene: Scene, tolerance: float = _TOLERANCE) -> Callable[[np.ndarray], np.ndarray]:
     """The same by heyoka, compiled: a function of the times that returns u, u', w, w', x, x', ... for each of them.
 
     Raises
@@ -156,7 +176,7 @@ def compiled_peer(scene: Scene) -> Callable[[np.ndarray], np.ndarray]:
     """
     from tools.peer import Peer
 
-    peer = Peer(scene, _TOLERANCE)
+    peer = Peer(scene, tolerance)
     commands = ((0.0, {"motor_speed": SPEED}),) if scene["motor.speed"] == 0.0 else ()
     return lambda times: peer.integrate(times, commands).samples
 
@@ -194,6 +214,20 @@ def baseline_error(scene: Scene) -> float:
     exact, found = run_exact(scene, times)[0], run_baseline(scene, times)
     places = (exact.upper_position, exact.inclined_position, exact.body_position, exact.body_height)
     return float(np.abs(found[:, ::2] - np.stack(places, axis=1)).max())
+
+
+def about_dc_motors(duration: float, repeats: int) -> str:
+    """What the row of `machine` is measured against, and the same machine at a constant voltage; words."""
+    scene = load_scene("machine").with_parameters(_AT_VOLTAGE)
+    times, costs = np.arange(round(duration * RATE) + 1) / RATE, []
+    for tolerance in (_TOLERANCE, _FINEST):
+        for peer in _peer_runs(scene, times, tolerance):
+            cost = ratio(partial(run_exact, scene, times), peer, repeats)
+            costs.append(f"{cost:.2f} of heyoka's cost at the tolerance {tolerance:g}")
+    return ("RK4 of `machine` is the device's own `rk4`, because the baseline has no dc motor. Its controller takes "
+            "1000 samples a second, at each of which heyoka's robot stops in Python. At a constant voltage, where "
+            f"neither stops, exact takes {segments_a_turn(scene, duration):.0f} segments a turn, and "
+            f"{' and '.join(costs) or 'heyoka is not installed'}.")
 
 
 def about_shares(duration: float, repeats: int) -> str:
