@@ -61,6 +61,37 @@ def test_measures_are_those_of_dense_samples(name, start):
             assert found[f"{side}_peak_force"] == own["peak_force"].max()
 
 
+@pytest.mark.parametrize(("changes", "period"), [
+    ({}, 2.0), ({"motor.control": "voltage", "motor.voltage": 15.0, "motor.speed": 0.0}, math.nan)])
+def test_measures_of_a_dc_motor_are_those_of_dense_samples_over_its_whole_turns(changes, period):
+    """The turns of its crank, which are in no step with the commanded speed, and of a voltage have none."""
+    scene = vibro_ros.load_scene("machine").with_parameters({"motor.speed": 100.0, **changes})
+    found = measure(scene, list(MEASURES), 4.0, 2.0)
+    device = vibro_ros.Simulator(scene)
+    device.advance_to(4.0)
+    samples = device.sample(np.linspace(4.0, 6.0, 200_001))
+    turned = samples.crank_angle - samples.crank_angle[0]
+    last = np.searchsorted(turned, math.floor(turned[-1] / (2.0 * math.pi)) * 2.0 * math.pi)
+    time, current = samples.time[:last] - 4.0, samples.motor_current[:last]
+    speed = (samples.body_position[last] - samples.body_position[0]) / (samples.time[last] - 4.0)
+    assert found["mean_speed"] == pytest.approx(speed, rel=1e-4)
+    power = np.trapezoid(samples.electrical_power[:last], time) / time[-1]
+    assert found["supply_power"] == pytest.approx(power, rel=1e-3) and power > found["mean_power"] > 0.0
+    share = math.sqrt(np.trapezoid(current**2, time) / time[-1]) / scene["motor.continuous_current"]
+    assert found["current_share"] == pytest.approx(share, rel=1e-3)
+    if not math.isnan(period):
+        assert measure(scene, ["period"], 8.0, 8.0)["period"] == period
+    else:
+        assert measure(scene, ["period"], 8.0, 4.0)["period"] >= 0.0
+
+
+def test_a_dc_motor_that_does_not_get_round_is_measured_for_the_time_given():
+    scene = vibro_ros.load_scene("machine").with_parameters({"motor.control": "voltage", "motor.voltage": 0.5})
+    found = measure(scene, list(MEASURES), 1.0, 1.0)
+    assert found["mean_speed"] == 0.0 and found["current_share"] > 0.0
+    assert math.isnan(found["period"]) and math.isnan(found["upper_impacts"])
+
+
 def test_power_of_a_fixed_step_is_near_the_exact_one_and_ratios_are_made_of_it():
     scene = running("damped")
     exact, fixed = (measure(scene.with_parameters({"solver.method": method}), ["mean_power", "delivered_power"],

@@ -277,7 +277,7 @@ def exponent_of_pairs(device: Simulator, begin: float, duration: float) -> tuple
         return 0.0, math.log(_GROWN) / (sum(watched) * stretch) if watched else math.nan
     rates = [grown.sum() / (lasted.sum() * stretch) for grown, lasted in zip(
         *(np.array_split(of_pairs, min(_PARTS, len(growth))) for of_pairs in (growth, watched)), strict=True)]
-    return sum(growth) / (sum(watched) * stretch), _half_interval(np.array(rates))
+    return sum(growth) / (sum(watched) * stretch), float(_half_interval(np.array(rates)))
 
 
 def _distances(device: Simulator, twin: Simulator, begun: float, ends: Iterator[float]) -> list[float]:

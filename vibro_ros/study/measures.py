@@ -12,11 +12,14 @@ from scipy.integrate import trapezoid
 from vibro_ros.accuracy.starts import STARTING, started
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.chaos import exponent_of_pairs
+from vibro_ros.orbits.recurrence import JITTER
+from vibro_ros.orbits.turn_map import is_sampled, pace
 from vibro_ros.simulation.samples import LATEST, Samples
 from vibro_ros.simulation.simulator import Simulator
 
 #: Most turns [-] of one window; doubles count them exactly, and a run of so many takes hours.
 MOST_TURNS = 1e9
+_TURN = 2.0 * math.pi
 # Part of a turn that rounding may take from a duration that was meant to be whole turns.
 _ROUNDING = 1e-9
 
@@ -30,17 +33,20 @@ class Window:
     begin : float
         Its first instant [s].
     turn : float
-        Time of a turn at the scene's motor speed [s]; infinite if the motor stands.
+        Time of a turn [s]: at the scene's motor speed, or the mean of a dc motor's; infinite if the motor stands.
     turns : int
         Whole turns of the window; 0 if the motor stands or turns less than once.
     duration : float
         Its length [s]: of the turns, or, without one, as given.
+    ends : tuple of float
+        Instants [s] at which the turns of a dc motor end.
     """
 
     begin: float
     turn: float
     turns: int
     duration: float
+    ends: tuple[float, ...] = ()
 
     @property
     def end(self) -> float:
@@ -53,9 +59,21 @@ def window(scene: Scene, settling: float, duration: float) -> Window:
 
     The speed of the body swings within a turn, so that a part of a turn would give a mean of another kind.
     """
-    turn = 2.0 * math.pi / abs(scene["motor.speed"]) if scene["motor.speed"] else math.inf
+    turn = _TURN / abs(scene["motor.speed"]) if scene["motor.speed"] else math.inf
     turns = math.floor(min(duration / turn + _ROUNDING, MOST_TURNS))
     return Window(settling, turn, turns, turns * turn if turns else duration)
+
+
+def _window_of_dc_motor(device: Simulator, duration: float) -> Window:
+    """The turns that a dc motor's crank makes, forwards, within `duration` [s] from now; the device is left at the
+    last."""
+    begin, turn, ends = device.time, device.state.crank_angle / _TURN, list[float]()
+    whole = math.floor(turn)
+    while device.advance_to_angle(whole + len(ends) + 1, (turn - whole) * _TURN, begin + duration):
+        ends.append(device.time)
+    if not ends:
+        return Window(begin, math.inf, 0, duration)
+    return Window(begin, (ends[-1] - begin) / len(ends), len(ends), ends[-1] - begin, tuple(ends))
 
 
 def checked_times(settling: float, duration: float, drawn_start: bool) -> None:
@@ -161,11 +179,14 @@ class Observation:
     turns : float
         Of the crank [-].
     steady : bool
-        Whether the motor had its commanded speed from the first instant to the last, and turned.
+        Whether the motor had its commanded speed from the first instant to the last, and turned; of a dc motor, whether
+        it turned once.
     events : structured ndarray, shape (n,)
         Events that ended in the time, as `Simulator.take_events` gives them.
     delivered, taken_back : float
         Work of the motor while its power was positive, and while it was negative, both >= 0 [J]; NaN unless asked.
+    supplied, heated : float
+        What the supply of a dc motor gave, and what its winding turned into heat [J]; NaN unless asked.
     standing : float
         Time [s] that the body stood still on the ground; NaN unless asked.
     airborne : float
@@ -185,6 +206,8 @@ class Observation:
     events: np.ndarray
     delivered: float
     taken_back: float
+    supplied: float
+    heated: float
     standing: float
     airborne: float
     loads: "Loads"
@@ -204,9 +227,15 @@ def observe(scene: Scene, wanted: Collection[str], settling: float, duration: fl
     SimulationError
         If the run cannot go on.
     """
-    measured, accounts = window(scene, settling, duration), WORK in wanted and scene["solver.method"] == "exact"
+    exact = scene["solver.method"] == "exact"
+    accounts = WORK in wanted and exact
     device = device_at_start(scene.with_parameters({"solver.accounts": True}) if accounts else scene, start)
-    device.advance_to(measured.begin)
+    device.advance_to(settling)
+    if not (scene.has_rotor and exact):
+        return observed(device, wanted, window(scene, settling, duration))
+    checkpoint = device.checkpoint()
+    measured = _window_of_dc_motor(device, duration)
+    device.restore(checkpoint)
     return observed(device, wanted, measured)
 
 
@@ -219,12 +248,12 @@ def observed(device: Simulator, wanted: Collection[str], measured: Window) -> Ob
     scene, before = device.scene, device.state
     checkpoint = device.checkpoint() if {REST, LOAD} & set(wanted) else None
     accounts = WORK in wanted and scene["solver.accounts"] and scene["solver.method"] == "exact"
-    booked = _booked(device) if accounts else None
+    booked, supplied, heated = _booked(device) if accounts else None, math.nan, math.nan
     delivered, taken_back, strobe = _sampled(device, measured, WORK in wanted and not accounts, TURNS in wanted)
     device.advance_to(measured.end)
     after, events = device.state, device.take_events()
     if booked is not None:
-        delivered, taken_back = _booked(device) - booked
+        delivered, taken_back, supplied, heated = _booked(device) - booked
     standing, airborne = standing_and_airborne(device, checkpoint if REST in wanted else None, before, events,
                                                measured.end)
     loads = Loads(math.nan, math.nan)
@@ -233,16 +262,17 @@ def observed(device: Simulator, wanted: Collection[str], measured: Window) -> Ob
         loads = loads_of(device, measured)
     return Observation(
         scene=scene, window=measured, displacement=after.body_position - before.body_position,
-        turns=abs(after.crank_angle - before.crank_angle) / (2.0 * math.pi),
-        steady=before.motor_speed == after.motor_speed == scene["motor.speed"] != 0.0, events=events,
-        delivered=float(delivered), taken_back=float(taken_back), standing=standing, airborne=airborne, loads=loads,
-        strobe=strobe)
+        turns=abs(after.crank_angle - before.crank_angle) / _TURN,
+        steady=bool(measured.ends) or before.motor_speed == after.motor_speed == scene["motor.speed"] != 0.0,
+        events=events, delivered=float(delivered), taken_back=float(taken_back), supplied=float(supplied),
+        heated=float(heated), standing=standing, airborne=airborne, loads=loads, strobe=strobe)
 
 
 def _booked(device: Simulator) -> np.ndarray:
-    """Work of the motor since t = 0 [J]: delivered, and taken back."""
+    """Work of the motor since t = 0 [J]: delivered and taken back, and supplied to a dc motor and heat of it, or NaN."""
     accounts = device.statistics["energy_accounts"]
-    return np.array([accounts["motor_delivered"], accounts["motor_taken_back"]])
+    return np.array([accounts["motor_delivered"], accounts["motor_taken_back"], accounts.get("supply", math.nan),
+                     accounts.get("copper", math.nan)])
 
 
 def _sampled(device: Simulator, measured: Window, work: bool, turns: bool) -> tuple[float, float, np.ndarray | None]:
@@ -258,7 +288,9 @@ def _sampled(device: Simulator, measured: Window, work: bool, turns: bool) -> tu
     delivered = taken_back = 0.0
     for begin in range(first, count, _TURNS_AT_ONCE):
         numbers = np.arange(begin * per_turn, min(begin + _TURNS_AT_ONCE, count) * per_turn + 1)
-        samples = device.sample(np.minimum(measured.begin + length / per_turn * numbers, measured.end))
+        times = np.array([measured.begin, *measured.ends])[numbers] if measured.ends else np.minimum(
+            measured.begin + length / per_turn * numbers, measured.end)
+        samples = device.sample(times)
         delivered += trapezoid(np.maximum(samples.motor_power, 0.0), samples.time)
         taken_back += trapezoid(np.maximum(-samples.motor_power, 0.0), samples.time)
         states.append(_scaled_states(samples, device.scene)[per_turn if states else 0::per_turn])
@@ -299,14 +331,15 @@ def _upward_momentum(scene: Scene, state: Samples[float]) -> float:
 
 def _scaled_states(samples: Samples, scene: Scene) -> np.ndarray:
     """What repeats in a periodic motion, without unit, shape (n, 7)."""
-    radius, speed = scene["crank.radius"], abs(scene["motor.speed"]) or 1.0
+    radius, speed = scene["crank.radius"], pace(scene) if scene.has_rotor else abs(scene["motor.speed"]) or 1.0
     return np.column_stack([*(getattr(samples, name) / radius for name in _STROBED_POSITIONS),
                             *(getattr(samples, name) / (radius * speed) for name in _STROBED_VELOCITIES)])
 
 
 #: Longest period that is looked for [turns].
 LONGEST_PERIOD = STROBED_TURNS // 2
-# Largest difference of states of a periodic motion, in crank radii, and in crank radii times motor speed.
+# Largest difference of states of a periodic motion, in crank radii, and in crank radii times motor speed; a dc motor's
+# that has a controller is `JITTER`.
 _SAME = 1e-6
 
 
@@ -343,6 +376,13 @@ def _delivered_power(seen: Observation) -> float:
     return seen.delivered / seen.window.duration
 
 
+def _current_share(seen: Observation) -> float:
+    if not seen.scene.has_rotor:
+        return math.nan
+    mean_square = max(seen.heated, 0.0) / seen.scene["motor.winding_resistance"] / seen.window.duration
+    return math.sqrt(mean_square) / seen.scene["motor.continuous_current"]
+
+
 def _ratio(over: float, under: float) -> float:
     """`over` / `under`; NaN where the latter is not positive, or so small that the ratio is not finite."""
     ratio = over / under if under > 0.0 else math.nan
@@ -371,12 +411,14 @@ def _period(seen: Observation) -> float:
     """The smallest number of turns after which all states of the strobe repeat."""
     if seen.strobe is None or not seen.steady or len(seen.strobe) < 3:
         return math.nan
+    same = JITTER if is_sampled(seen.scene) else _SAME
     for turns in range(1, min(LONGEST_PERIOD, (len(seen.strobe) - 1) // 2) + 1):
-        if np.abs(seen.strobe[turns:] - seen.strobe[:-turns]).max() <= _SAME:
+        if np.abs(seen.strobe[turns:] - seen.strobe[:-turns]).max() <= same:
             return float(turns)
     return 0.0
 
 
+_NO_WINDING = "NaN for another motor, and by a method of fixed step"
 _NO_POWER = "NaN if that power is not above 0"
 #: The exponent and half its 95 % interval, which is measured with it and never left out.
 LYAPUNOV = EXPONENT, SPREAD = "lyapunov_exponent", "lyapunov_spread"
@@ -387,6 +429,10 @@ MEASURES: dict[str, Measure] = {
                           _power),
     "delivered_power": Measure("W", "mean of the motor's power where it is positive: what the springs return is lost",
                                (WORK,), _delivered_power),
+    "supply_power": Measure("W", f"mean of what the supply gives to a dc motor; {_NO_WINDING}", (WORK,),
+                            lambda seen: seen.supplied / seen.window.duration),
+    "current_share": Measure("1", "rms current of a dc motor over motor.continuous_current, above 1 of which its winding "
+                             f"overheats in the long run; {_NO_WINDING}", (WORK,), _current_share),
     "speed_per_power": Measure("m/J", f"mean_speed / mean_power, V/P; {_NO_POWER}", (WORK,),
                                lambda seen: _ratio(_speed(seen), _power(seen))),
     "speed_per_delivered_power": Measure("m/J", f"mean_speed / delivered_power; {_NO_POWER}", (WORK,),
@@ -411,9 +457,10 @@ MEASURES: dict[str, Measure] = {
     "unloaded_share": Measure("1", f"share of {_LOADS_PER_TURN} instants a turn at which N is not above 0; NaN without "
                               "gravity", (LOAD,), lambda seen: seen.loads.unloaded),
     "period": Measure("1", f"turns of the crank after which all positions and speeds repeat, over the last "
-                      f"{STROBED_TURNS} turns, to {_SAME:g} crank radii (and times motor speed); 0 if no number up to "
-                      f"{LONGEST_PERIOD}, nor up to half of the turns measured, does; NaN if the motor stands or "
-                      "changes its speed, or for less than two turns", (TURNS,), _period),
+                      f"{STROBED_TURNS} turns, to {_SAME:g} crank radii (and times motor speed), or {JITTER:g} with a "
+                      f"dc motor's controller; 0 if no number up to {LONGEST_PERIOD}, nor up to half of the turns "
+                      "measured, does; NaN if the motor stands or changes its commanded speed, or for less than two "
+                      "turns", (TURNS,), _period),
     EXPONENT: Measure("1/s", "largest Lyapunov exponent, from runs that begin 1e-10 apart and are watched until they "
                       "are 1e-4 m apart; 0 if none part, NaN for less than six turns", (), lambda seen: math.nan),
     SPREAD: Measure("1/s", "half of the 95 % interval of lyapunov_exponent, which always comes with it, from up to ten "
