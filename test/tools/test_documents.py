@@ -205,6 +205,17 @@ def test_a_page_carries_the_fingerprint_of_its_sources():
         assert (ROOT / document.page).is_file() and all((ROOT / source).exists() for source in document.sources)
 
 
+def test_a_fingerprint_is_of_what_sources_do_not_of_their_words(tmp_path, monkeypatch):
+    monkeypatch.setattr(documents, "ROOT", tmp_path)
+    found = []
+    for text in ('"""A."""\n\ndef f(x):\n    """B."""\n    return x  # c\n',
+                 '"""Z,\nand more."""\n# a comment\ndef f(x):\n    """Y."""\n\n    return x  # c\n',
+                 '"""A."""\n\ndef f(x):\n    """B."""\n    return x + 1\n'):
+        (tmp_path / "a.py").write_text(text)
+        found.append(documents.fingerprint(["a.py"]))
+    assert found[0] == found[1] != found[2]
+
+
 def test_effects_tables_have_every_effect_and_count_what_is_compiled():
     """Times and speeds are measured; what an effect adds to the tables is not."""
     text = DOCUMENTS["robot.md"].partition(effects.BEGIN)[2].partition(effects.END)[0]

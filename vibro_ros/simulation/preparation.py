@@ -20,7 +20,7 @@ POLL = 0.05  # s, between two looks whether the work is done
 REPORTS = 10.0  # s, between two lines that say how far it is
 RENEWAL = 0.5  # s, after which the one line on a terminal is written again
 _FIRST = (f"the plain road, because {PLAIN}: a start takes minutes and a run ten times as long" if PLAIN else
-          "the first start after an update takes a quarter of a minute")
+          "the first start after an update takes half a minute")
 _STACK = 64 * 2**20  # bytes; the compiler's recursion is deep, and the usual stack of a thread is 2 MiB in some shells
 
 Result = TypeVar("Result")

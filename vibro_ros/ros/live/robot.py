@@ -126,7 +126,7 @@ class LiveRobot:
         if self.settings is None or (self._doubtful and not silent):
             return f"{self._robot} is there; waiting for its parameters"
         if self.origin is None and silent:
-            return f"{self._robot} is starting; the first start compiles for a quarter of a minute"
+            return f"{self._robot} is starting; the first start compiles for half a minute"
         if self.origin is None and now < self._read_at + FIRST:
             return f"{self._robot} is there; waiting for its first sample"
         if silent:
