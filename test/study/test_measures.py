@@ -170,6 +170,7 @@ def test_a_robot_that_stands_has_speed_and_power_0_and_no_rates():
 
 @pytest.mark.parametrize(("names", "settling", "duration", "start", "words"), [
     ([], 1.0, 1.0, None, "none named"), (["mean_sped"], 1.0, 1.0, None, "did you mean mean_speed"),
+    (["mean_speed,period"], 1.0, 1.0, None, "separate them by spaces"),
     (["mean_speed"], -1.0, 1.0, None, "from 0"), (["mean_speed"], 0.5, 1.0, 0, "from 1"),
     (["mean_speed"], math.nan, 1.0, None, "settling"), (["mean_speed"], 1.0, 0.0, None, "above 0"),
     (["mean_speed"], 1.0, math.inf, None, "duration")])

@@ -482,7 +482,8 @@ def checked_names(names: Sequence[str]) -> tuple[str, ...]:
     for name in names:
         if name not in MEASURES:
             near = difflib.get_close_matches(name, MEASURES, n=1)
-            remedy = f"did you mean {near[0]}?" if near else f"measures are {', '.join(MEASURES)}"
+            remedy = ("separate them by spaces" if "," in name else f"did you mean {near[0]}?" if near else
+                      f"measures are {', '.join(MEASURES)}")
             raise ValueError(f"{name or repr(name)}: no such measure; {remedy}")
     if not names:
         raise ValueError(f"measure: none named; measures are {', '.join(MEASURES)}")
