@@ -269,7 +269,7 @@ def observed(device: Simulator, wanted: Collection[str], measured: Window) -> Ob
 
 
 def _booked(device: Simulator) -> np.ndarray:
-    """Work of the motor since t = 0 [J]: delivered and taken back, and supplied to a dc motor and heat of it, or NaN."""
+    """Since t = 0 [J]: work of the motor delivered and taken back; from the supply and heat of a dc motor, or NaN."""
     accounts = device.statistics["energy_accounts"]
     return np.array([accounts["motor_delivered"], accounts["motor_taken_back"], accounts.get("supply", math.nan),
                      accounts.get("copper", math.nan)])
@@ -431,8 +431,8 @@ MEASURES: dict[str, Measure] = {
                                (WORK,), _delivered_power),
     "supply_power": Measure("W", f"mean of what the supply gives to a dc motor; {_NO_WINDING}", (WORK,),
                             lambda seen: seen.supplied / seen.window.duration),
-    "current_share": Measure("1", "rms current of a dc motor over motor.continuous_current, above 1 of which its winding "
-                             f"overheats in the long run; {_NO_WINDING}", (WORK,), _current_share),
+    "current_share": Measure("1", "rms current of a dc motor over motor.continuous_current, above 1 of which its "
+                             f"winding overheats in the long run; {_NO_WINDING}", (WORK,), _current_share),
     "speed_per_power": Measure("m/J", f"mean_speed / mean_power, V/P; {_NO_POWER}", (WORK,),
                                lambda seen: _ratio(_speed(seen), _power(seen))),
     "speed_per_delivered_power": Measure("m/J", f"mean_speed / delivered_power; {_NO_POWER}", (WORK,),
