@@ -85,6 +85,15 @@ def test_measures_of_a_dc_motor_are_those_of_dense_samples_over_its_whole_turns(
         assert measure(scene, ["period"], 8.0, 4.0)["period"] >= 0.0
 
 
+def test_a_dc_motor_is_measured_backwards_and_from_drawn_starts_of_its_voltage():
+    machine = vibro_ros.load_scene("machine")
+    backwards = measure(machine.with_parameters({"motor.speed": -100.0}), list(MEASURES), 2.0, 1.0)
+    assert backwards["supply_power"] > 0.0 and math.isnan(backwards["period"])
+    by_voltage = machine.with_parameters({"motor.control": "voltage", "motor.voltage": 15.0})
+    found = [measure(by_voltage, ["mean_speed"], 2.0, 1.0, start)["mean_speed"] for start in (0, 1, 0)]
+    assert found[0] == found[2] != found[1]
+
+
 def test_a_dc_motor_that_does_not_get_round_is_measured_for_the_time_given():
     scene = vibro_ros.load_scene("machine").with_parameters({"motor.control": "voltage", "motor.voltage": 0.5})
     found = measure(scene, list(MEASURES), 1.0, 1.0)

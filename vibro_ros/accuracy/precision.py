@@ -18,7 +18,7 @@ from vibro_ros.accuracy.methods import (
     ComparedMethod,
     UnableError,
 )
-from vibro_ros.accuracy.starts import STARTING, average, speeds_of_starts, started_at_share
+from vibro_ros.accuracy.starts import STARTING, average, motor_command, speeds_of_starts, started_at_share
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.support import unsupported
 from vibro_ros.orbits.chaos import exponent_of_pairs
@@ -364,7 +364,7 @@ def growth(scene: Scene, duration: float = 15.0, starts: int = 24) -> Growth:
     """Estimate the largest Lyapunov exponent of the masses' motion from pairs of exact runs; the motor turns."""
     scene = scene.with_parameters({"solver.method": "exact", "solver.audit": False})
     rates = np.array([
-        exponent_of_pairs(started_at_share(scene, k / starts, scene["motor.speed"]), STARTING, duration)[0]
+        exponent_of_pairs(started_at_share(scene, k / starts, motor_command(scene)[1]), STARTING, duration)[0]
         for k in range(starts)])
     rate = average(rates)
     chaotic = bool(2 * np.count_nonzero(rates) > starts and rate.mean > rate.spread)

@@ -25,8 +25,8 @@ SAME = 1e-5
 # Part of the variance that a cut into two groups takes away, of starts that have two motions, and starts that it takes
 # to see that: a cut takes 64 % of many normal values, and so much of eight in 4 draws of 1000.
 _TWO_MOTIONS, _LEAST_STARTS = 0.95, 8
-# Stretches of a start; the first instant at which one may end [s]; least speed in parts of the scene's; largest change
-# of a gap in parts of the crank's radius.
+# Stretches of a start; the first instant at which one may end [s]; least speed or voltage in parts of the scene's;
+# largest change of a gap in parts of the crank's radius.
 _STRETCHES, _FIRST_END, _SLOWEST, _GAPS = 3, 0.1, 0.5, 0.1
 
 
@@ -93,24 +93,31 @@ def speed_of_start(scene: Scene, duration: float, batch: int, number: int) -> fl
 
 
 def started(scene: Scene, draw: np.random.Generator) -> Simulator:
-    """A device after its start, at the motor speed of `scene`, its plates on their way back to the scene's gaps."""
-    device, speed, reach = Simulator(scene), scene["motor.speed"], _GAPS * scene["crank.radius"]
+    """A device after its start, at the motor speed or voltage of `scene`, its plates on their way to its gaps."""
+    device, reach = Simulator(scene), _GAPS * scene["crank.radius"]
+    name, command = motor_command(scene)
     gaps = {f"{side}_gap": scene[f"{side}.gap"] for side in scene.guides}
     for end in (*np.sort(draw.uniform(_FIRST_END, STARTING, _STRETCHES - 1)), STARTING):
         aside = {}
-        for name, gap in gaps.items():
-            rod = scene[f"crank.{name.removesuffix('_gap')}_rod"]
-            aside[name] = min(max(gap + draw.uniform(-reach, reach), -rod), rod)
-        device.command(motor_speed=speed * draw.uniform(_SLOWEST, 1.0), **aside)
+        for side, gap in gaps.items():
+            rod = scene[f"crank.{side.removesuffix('_gap')}_rod"]
+            aside[side] = min(max(gap + draw.uniform(-reach, reach), -rod), rod)
+        device.command(**{name: command * draw.uniform(_SLOWEST, 1.0)}, **aside)
         device.advance_to(end)
-    device.command(motor_speed=speed, **gaps)
+    device.command(**{name: command}, **gaps)
     return device
 
 
-def started_at_share(scene: Scene, share: float, speed: float) -> Simulator:
-    """A device at the motor speed `speed` [rad/s] after a first second at (1 + `share`) / 2 of that speed."""
+def started_at_share(scene: Scene, share: float, command: float) -> Simulator:
+    """A device at the motor speed [rad/s] or voltage [V] of `command`, after a first second at (1 + `share`) / 2 of it.
+    """
     device = Simulator(scene)
-    device.command(motor_speed=speed * (1.0 + share) / 2.0)
+    device.command(**{scene.motor_command: command * (1.0 + share) / 2.0})
     device.advance_to(STARTING)
-    device.command(motor_speed=speed)
+    device.command(**{scene.motor_command: command})
     return device
+
+
+def motor_command(scene: Scene) -> tuple[str, float]:
+    """What commands the motor of `scene`, and its value there: a speed [rad/s], or a voltage [V]."""
+    return scene.motor_command, scene[scene.motor_command.replace("_", ".")]

@@ -13,7 +13,7 @@ from vibro_ros.accuracy.starts import STARTING, started
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.chaos import exponent_of_pairs
 from vibro_ros.orbits.recurrence import JITTER
-from vibro_ros.orbits.turn_map import is_sampled, pace
+from vibro_ros.orbits.turn_map import is_sampled
 from vibro_ros.simulation.samples import LATEST, Samples
 from vibro_ros.simulation.simulator import Simulator
 
@@ -293,7 +293,7 @@ def _sampled(device: Simulator, measured: Window, work: bool, turns: bool) -> tu
         samples = device.sample(times)
         delivered += trapezoid(np.maximum(samples.motor_power, 0.0), samples.time)
         taken_back += trapezoid(np.maximum(-samples.motor_power, 0.0), samples.time)
-        states.append(_scaled_states(samples, device.scene)[per_turn if states else 0::per_turn])
+        states.append(_scaled_states(samples, device.scene, measured)[per_turn if states else 0::per_turn])
     strobe = np.concatenate(states)[-STROBED_TURNS - 1:] if turns and measured.turns else None
     return (delivered, taken_back, strobe) if work else (math.nan, math.nan, strobe)
 
@@ -329,9 +329,9 @@ def _upward_momentum(scene: Scene, state: Samples[float]) -> float:
         scene[f"mass.{side}"] * scene.direction(side)[1] * getattr(state, f"{side}_velocity") for side in scene.guides)
 
 
-def _scaled_states(samples: Samples, scene: Scene) -> np.ndarray:
+def _scaled_states(samples: Samples, scene: Scene, measured: Window) -> np.ndarray:
     """What repeats in a periodic motion, without unit, shape (n, 7)."""
-    radius, speed = scene["crank.radius"], pace(scene) if scene.has_rotor else abs(scene["motor.speed"]) or 1.0
+    radius, speed = scene["crank.radius"], _TURN / measured.turn if measured.turns else 1.0
     return np.column_stack([*(getattr(samples, name) / radius for name in _STROBED_POSITIONS),
                             *(getattr(samples, name) / (radius * speed) for name in _STROBED_VELOCITIES)])
 

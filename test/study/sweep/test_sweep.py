@@ -283,6 +283,7 @@ def test_a_worker_that_dies_again_and_again_is_an_error(tmp_path):
 
 @pytest.mark.parametrize(("words", "said"), [
     (["--workers", "0"], "--workers"), (["--vari", "x"], "--help"), (["--measure", "speed"], "no such measure"),
+    (["--scene", "machine", "--set", "motor.control=voltage"], "give --set motor.voltage=15"),
     (["--scheduler", "nowhere"], "--workers"), (["--output", "/dev/null/x"], "give an --output that can be written")])
 def test_bad_words_are_refused_in_one_line(tmp_path, capsys, words, said):
     assert main([*SHORT, "--output", str(tmp_path), *words]) == 2

@@ -97,9 +97,10 @@ class Design:
         if self.rows > MOST_RUNS:
             raise ValueError(f"{self.points} points from {max(self.starts, 1)} starts each are more than {MOST_RUNS} "
                              "runs; give fewer")
-        if self.scene["motor.speed"] == 0.0 and "motor.speed" not in self.names:
-            raise ValueError(f"motor.speed: 0 in {self.scene.name}, where the motor stands until a command; "
-                             "give --set motor.speed=100")
+        name = self.scene.motor_command.replace("_", ".")
+        if self.scene[name] == 0.0 and name not in self.names:
+            raise ValueError(f"{name}: 0 in {self.scene.name}, where the motor stands until a command; "
+                             f"give --set {name}={'15' if name == 'motor.voltage' else '100'}")
 
     @property
     def names(self) -> tuple[str, ...]:
