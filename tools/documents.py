@@ -149,7 +149,7 @@ def _without_words(file: Path) -> str:
     text = file.read_text(encoding="utf-8")
     lines = dict(enumerate(text.splitlines(), start=1))
     for node in ast.walk(ast.parse(text)) if file.suffix == ".py" else ():
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
             for number in range(node.lineno, (node.end_lineno or node.lineno) + 1):
                 lines.pop(number, None)
     return "\n".join(line for line in lines.values() if line.strip() and not line.lstrip().startswith("#"))
