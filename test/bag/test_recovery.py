@@ -378,3 +378,14 @@ def test_a_missing_folder_and_a_foreign_file_are_refused(tmp_path, capsys):
     first, second = capsys.readouterr().err.splitlines()
     assert first.endswith("none: no such folder; give the folder of a recording")
     assert second.endswith("notes.txt: a file, not a bag; give the folder of a recording")
+
+
+def test_a_folder_of_other_files_is_no_bag_whoever_writes_them(tmp_path, capsys):
+    """Of such a folder as /tmp it was said that a bag is in use, and all who write there were named."""
+    with (tmp_path / "log.txt").open("w"):
+        assert executable.main([str(tmp_path)]) == 2
+        assert capsys.readouterr().err == (f"recover: {tmp_path}: not a bag, it holds no .mcap file; give the folder "
+                                           "of a recording\n")
+        (tmp_path / "x.mcap").write_bytes(b"not a recording")
+        assert executable.main([str(tmp_path)]) == 2
+        assert "x.mcap: not an MCAP file" in capsys.readouterr().err

@@ -50,7 +50,7 @@ def test_a_killed_robot_loses_the_last_moments_and_the_next_one_tells_how_to_sea
         return
     bag = read_bag(folder)
     assert json.loads(bag.metadata["parameters"])["rate.publish"] == rate
-    assert (bag.metadata["scene"], bag.metadata["seed"]) == ("device", "none")
+    assert (bag.metadata["scene"], bag.metadata["seed"]) == ("device", "0")
     assert recorded[0] == int(bag.metadata["start"])
     assert "exact" in bag.metadata["solver"] and bag.metadata["version"] and "numpy" in bag.metadata["platform"]
 

@@ -53,7 +53,8 @@ def test_sources_differ_by_their_text_but_not_by_their_line_ends(monkeypatch):
         return provenance.software()["sources"]
 
     assert told(lambda text, name: text.replace(b"\n", b"\r\n")) == here
-    assert told(lambda text, name: text + b"#" * (name == "flow.py")) != here
+    for module in ("flow.py", "streams.py"):  # of the solver, and of the sensors
+        assert told(lambda text, name, module=module: text + b"#" * (name == module)) != here
     monkeypatch.undo()
     provenance.software.cache_clear()
     assert provenance.software()["sources"] == here
@@ -66,6 +67,11 @@ def test_sources_are_of_every_module_that_a_simulator_needs():
     modules = {name.removeprefix(room) for name in needed if name.startswith(room)}
     of_processes = {"preparation", "processes"}  # no number is theirs
     assert modules == {name for room, name in provenance._MODULES if room == "simulation"} | of_processes
+
+
+def test_the_seed_of_all_that_is_random_is_told():
+    scene = DEVICE.with_parameters({"sensors.imu.rate": 200.0, "sensors.seed": 7.0})
+    assert provenance.provenance(scene.parameters, 0)["seed"] == "7"
 
 
 def test_tables_differ_with_the_scene_and_not_with_its_commands():

@@ -88,7 +88,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def writers(folders: Iterable[Path]) -> dict[Path, list[int]]:
-    """Of those folders in which files are open for writing, the ids of the processes, as far as this user may see them.
+    """Of those folders in which MCAP files are open for writing, the ids of the processes that this user may see.
 
     Finds recorders that do not lock, such as ``ros2 bag record``.
     """
@@ -98,7 +98,8 @@ def writers(folders: Iterable[Path]) -> dict[Path, list[int]]:
         with contextlib.suppress(OSError):
             for link in (process / "fd").iterdir():
                 with contextlib.suppress(OSError):
-                    folder = by_name.get(os.path.dirname(os.readlink(link)))
+                    path, file = os.path.split(os.readlink(link))
+                    folder = by_name.get(path) if file.endswith(SUFFIX) else None
                     lines = (process / "fdinfo" / link.name).read_text().splitlines() if folder else []
                     flags = next((int(line.split()[1], 8) for line in lines if line.startswith("flags:")), os.O_RDONLY)
                     if folder and flags & os.O_ACCMODE != os.O_RDONLY:

@@ -60,11 +60,15 @@ def recover(path: str | Path, keep_torn: bool = True) -> Recovery:
         raise RecoveryError(f"{path}: a file, not a bag; give the folder of a recording")
     folder = path if path.is_dir() else path.absolute().parent
     try:
+        paths, flaws = bag_files(folder)
+        if not paths:
+            reason = flaws[0] if flaws else "not a bag, it holds no .mcap file"
+            raise RecoveryError(f"{folder}: {reason}; give the folder of a recording")
         with locked(folder):
             if found := writers([folder]):
                 processes = ", ".join(map(str, found[folder]))
                 raise RecoveryError(f"{folder}: the bag is in use, process {processes} writes to it; end the recorder")
-            return _recovered(folder, keep_torn)
+            return _recovered(folder, paths, keep_torn)
     except BlockingIOError:
         raise RecoveryError(f"{path}: the bag is in use, its recorder still runs; end the recorder") from None
     except OSError as error:
@@ -86,11 +90,7 @@ def described(recovery: Recovery, stamp: Callable[[int], str]) -> Iterable[str]:
     yield from not_read(recovery.flaws)
 
 
-def _recovered(folder: Path, keep_torn: bool) -> Recovery:
-    paths, flaws = bag_files(folder)
-    if not paths:
-        reason = flaws[0] if flaws else "not a bag, it holds no .mcap file"
-        raise RecoveryError(f"{folder}: {reason}; give the folder of a recording")
+def _recovered(folder: Path, paths: list[Path], keep_torn: bool) -> Recovery:
     if not any(path.stat().st_size for path in paths):
         raise RecoveryError(f"{folder}: {paths[0].name} is empty (0 bytes), nothing was recorded; delete the folder")
     bag = BagContents(folder, all_files=True)

@@ -19,7 +19,7 @@ from vibro_ros.solver.compilation import multiply_add, processor
 
 # Rooms and modules whose text decides the numbers that a robot publishes.
 _PACKAGE = "vibro_ros"
-_ROOMS = ("model", "solver")
+_ROOMS = ("model", "sensors", "solver")
 _MODULES = (
     *(("messages", name) for name in ("fields", "urdf")),
     *(("simulation", name) for name in (
@@ -32,14 +32,15 @@ def provenance(parameters: Mapping[str, Value], start: int) -> dict[str, str]:
     Parameters
     ----------
     parameters : mapping
-        Every parameter of the device and its scene.
+        Every parameter of the device and its scene. All that is random in a run, the errors of the sensors, follows
+        from ``sensors.seed`` among them.
     start : int
         ROS time [ns] of simulated time 0.
     """
     method = parameters["solver.method"]
     solver = method if method == "exact" else f"{method}, step {parameters['solver.step']:g} s"
     return {"parameters": json.dumps(dict(parameters)), "solver": solver, **software(), "tables": tables(parameters),
-            "start": str(start), "seed": "none"}  # nothing in the device is random
+            "start": str(start), "seed": str(int(parameters["sensors.seed"]))}
 
 
 @functools.cache
