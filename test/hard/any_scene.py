@@ -76,6 +76,7 @@ def _values(rng):
         values |= _compatible(values)
         values["ground.friction"] *= _one_of(rng, [1.0, 0.1])  # or most bodies would hardly slip
     values |= _geometry(rng, values)
+    values |= {f"mass.{side}_slider": 0.0 for side in SIDES if not values[f"effects.{side}_mass"]}
     values["motor.speed"] = min(values["motor.max_speed"], _number(rng, _TABLE["motor.speed"], wild))
     values["motor.speed"] *= _one_of(rng, [1.0, -1.0])
     if values["effects.motor"] == "dc":

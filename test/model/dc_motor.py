@@ -100,7 +100,7 @@ class DcMotor:
         if self.law == "speed_by_voltage":
             wanted = scene["motor.feed_forward"] * reference + gain * error + self.integral
             counter, swing = self.constant * self.y[1], self.resistance * self.limit
-            self.held = min(max(wanted, max(-self.supply, counter - swing)), min(self.supply, counter + swing))
+            self.held = min(max(min(max(wanted, counter - swing), counter + swing), -self.supply), self.supply)
             winds_up = self.held != wanted and error * (wanted - self.held) > 0.0
         else:
             wanted = scene["motor.feed_forward"] * slope + gain * error + self.integral

@@ -98,6 +98,42 @@ def test_a_sag_bounds_the_voltage_at_once_and_energy_balances(law, winding):
     assert_balanced(device)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0], ids=["forwards", "backwards"])
+def test_no_supply_gives_more_than_it_has_to_a_crank_that_turns_too_fast(sign):
+    """|Kθ'| > V_s + R I_max, where current limit and supply exclude each other: V = ±V_s, in both directions alike."""
+    scene = vibro_ros.load_scene("machine").with_parameters({
+        "motor.control": "speed_by_voltage", "motor.supply_voltage": 12.0, "motor.current_limit": 1.0,
+        "motor.speed": sign * 100.0})
+    constant, _, resistance, *_ = numbers(scene)
+    device = vibro_ros.Simulator(scene)
+    assert device.state.motor_voltage == sign * 12.0
+    assert (device.state.motor_voltage - constant * sign * 100.0) / resistance * sign < -1.0  # more than the limit
+    device.advance_to(0.0203)
+    device.fail("supply_sag", duration=0.1, value=2.0)
+    assert device.state.motor_voltage == sign * 2.0
+    voltages = device.sample(np.linspace(0.0203, 0.12, 300)).motor_voltage
+    assert np.abs(voltages).max() == 2.0
+
+
+def test_a_held_voltage_changes_at_samples_alone():
+    """Neither a command nor a parameter moves it, not even another speed; the next sample does."""
+    device = vibro_ros.Simulator(dc("damped", BY_VOLTAGE, WINDING, {
+        "motor.supply_voltage": 12.0, "motor.current_limit": 1.0, "motor.speed": -100.0, "motor.control_rate": 100.0}))
+    device.fail("supply_sag", duration=1.0, value=2.0)
+    device.advance_to(0.0213)
+    held = device.state.motor_voltage
+    assert abs(held) <= 2.0
+    for change in (lambda: device.command(motor_speed=-100.0), lambda: device.command(motor_speed=60.0),
+                   lambda: device.set_parameters({"motor.current_limit": 1.0}),
+                   lambda: device.set_parameters({"motor.current_limit": 30.0})):
+        change()
+        assert device.state.motor_voltage == held
+        device.advance_to(device.time + 1e-3)
+        assert device.state.motor_voltage == held
+    device.advance_to(0.0301)
+    assert device.state.motor_voltage == 2.0
+
+
 def test_a_forged_sag_is_refused():
     for device in (vibro_ros.Simulator(dc("damped", CONSTANT)), vibro_ros.Simulator(vibro_ros.load_scene("damped"))):
         good = device.checkpoint()
@@ -138,6 +174,8 @@ CASES = {
     "by voltage": (BY_VOLTAGE, WINDING, ((0.0505, 120.0),)),
     "by voltage without inductance": (BY_VOLTAGE, {"motor.acceleration": 1000.0}, ((0.05, -60.0),)),
     "by voltage, current at its limit": (BY_VOLTAGE, WINDING | {"motor.current_limit": 1.0}, ((0.05, 150.0),)),
+    "by voltage, crank beyond the supply": (BY_VOLTAGE, {"motor.supply_voltage": 6.0, "motor.current_limit": 1.0,
+                                                         "motor.speed": -100.0}, ()),
     "by current": (BY_CURRENT, WINDING, ((0.0305, 60.0), (0.1, 0.0))),
     "by current on a ramp": (BY_CURRENT, {"motor.acceleration": 500.0, "motor.feed_forward": 5e-4}, ((0.05, 20.0),)),
     "by current, voltage at its limit": (BY_CURRENT, {"motor.supply_voltage": 9.0}, ((0.03, 120.0), (0.1, -40.0))),

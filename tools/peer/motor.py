@@ -159,7 +159,7 @@ class DcMotor:
             asked += scene["motor.feed_forward"] * reference
             counter = self._equations.constant * speed
             swing = scene["motor.winding_resistance"] * self._most
-            applied = float(np.clip(asked, max(-self._supply, counter - swing), min(self._supply, counter + swing)))
+            applied = float(np.clip(np.clip(asked, counter - swing, counter + swing), -self._supply, self._supply))
             winds = applied != asked and error * (asked - applied) > 0.0
         else:
             asked += scene["motor.feed_forward"] * slope

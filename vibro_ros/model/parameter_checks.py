@@ -48,6 +48,9 @@ def _check_mechanism(values: ParameterValues) -> None:
         if radius > rod:
             raise ValueError(f"crank.radius: {radius:g} m is longer than crank.{side}_rod, {rod:g} m, and would "
                              f"jam the mechanism; give a radius of at most {rod:g} m or a longer rod")
+        if values[f"mass.{side}_slider"] > 0.0 and side not in values.guides:
+            raise ValueError(f"mass.{side}_slider: {values[f'mass.{side}_slider']:g} kg would move on a guide that the "
+                             f"scene leaves out with its mass; give 0, or true for effects.{side}_mass")
         if rod < LEAST_ROD * radius and f"{side}_slider" in values.linkage:
             raise ValueError(f"mass.{side}_slider: {values[f'mass.{side}_slider']:g} kg would be struck twice a turn, "
                              f"because the speed of a slider jumps whose rod, {rod:g} m, is as long as the crank; give "

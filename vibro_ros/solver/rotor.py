@@ -158,7 +158,8 @@ def _take_sample(controller, motor, time, speed):
     if controller.law == BY_VOLTAGE:
         wanted = controller.feed_forward * reference + controller.proportional * error + motor.integral
         counter, swing = controller.constant * speed, controller.resistance * controller.limit
-        held = min(max(wanted, max(-controller.supply, counter - swing)), min(controller.supply, counter + swing))
+        held = min(max(wanted, counter - swing), counter + swing)
+        held = min(max(held, -controller.supply), controller.supply)  # last: no supply gives more than it has
         winds_up = held != wanted and error * (wanted - held) > 0.0
     else:
         wanted = controller.feed_forward * slope + controller.proportional * error + motor.integral
@@ -217,13 +218,14 @@ def command_rotor(system: System, state: State, time: float, target: float, acce
     """Ask a rotor's motor for `target`, a speed [rad/s] or a voltage [V], from `time` [s] on, where a segment begins.
 
     The controller follows the speed at the `acceleration` [rad/s²], or at once if that is 0. A sample that was taken at
-    this very instant is taken again, because it counts the command. A voltage that is held is at most the supply's.
+    this very instant is taken again, because it counts the command. Otherwise the value that is held stays until the
+    next sample; a supply that has fallen below a held voltage bounds it at once.
     """
     motor, controller = state.now["motor"][0], system.rotor.controller[0]
     if controller["law"] == BY_COMMAND:
         motor["target"], motor["held"] = target, min(max(target, -controller["supply"]), controller["supply"])
         return
-    if controller["law"] == BY_VOLTAGE:  # until the next sample: the supply may have sagged
+    if controller["law"] == BY_VOLTAGE:
         motor["held"] = min(max(motor["held"], -controller["supply"]), controller["supply"])
     reference = float(motor["reference"] + motor["slope"] * (time - motor["since"]))
     if motor["slope"] == 0.0 or (motor["target"] - reference) * motor["slope"] <= 0.0:
