@@ -11,7 +11,6 @@ PEER := $(VENV)/peer.done
 COMPARED := $(VENV)/compared.done
 STUDY := $(VENV)/study.done
 BROWSER := $(VENV)/browser.done
-QT := $(VENV)/qt.done
 TYPES := $(VENV)/interface_types.done
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet --quiet
 PYTHON ?= python3
@@ -29,11 +28,6 @@ ifneq ($(shell cat $(PACKAGES) 2>/dev/null),$(shell $(PYTHON) -c 'import platfor
 $(PACKAGES): another-python
 endif
 endif
-
-# Chromium or Chrome on PATH, as tools/browser.py finds it; where there is none, Qt WebEngine comes from PyPI.
-CHROMIUM := chromium chromium-browser google-chrome google-chrome-stable
-NEEDS_QT = $(if $(filter-out qt,$(VIBRO_ROS_BROWSER)),,$(if $(VIBRO_ROS_BROWSER),qt,$(shell \
-	for name in $(CHROMIUM); do $$name --version >/dev/null 2>&1 && exit; done; echo qt)))
 
 .PHONY: help setup demo view test check lint conflict-markers site package bench benchmark study documents accuracy paper literature map picture clean another-python
 
@@ -54,7 +48,6 @@ TESTS := $(if $(filter jazzy,$(ROS)),test,test/ros)
 NEEDED := $(if $(filter jazzy,$(ROS)),$(PEER) $(STUDY) $(BROWSER))
 
 test: $(READY) $(TYPES) $(NEEDED)  ## run every test, two at a time, and those that need a quiet machine alone; with ROS=kilted those of ROS
-	@$(if $(NEEDED),$(if $(NEEDS_QT),$(MAKE) --no-print-directory $(QT)))
 	@$(COMPILED)
 	@$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -m "not quiet" $(TESTS)
 	@$(BIN)/python -m pytest -m quiet $$(grep -rl --include='*.py' 'mark\.quiet' $(TESTS))
@@ -160,12 +153,6 @@ $(STUDY): requirements-study.txt $(PACKAGES)
 # Only tests and screenshots of the view need them; 53 MB to load.
 $(BROWSER): requirements-browser.txt $(PACKAGES)
 	@echo "setup: installing Playwright, to steer a browser"
-	@$(PIP) install --only-binary :all: --no-deps --requirement $<
-	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
-	@touch $@
-
-$(QT): requirements-qt.txt $(PACKAGES)
-	@echo "setup: installing Qt WebEngine, because there is no Chromium or Chrome here, or VIBRO_ROS_BROWSER=qt (260 MB to load)"
 	@$(PIP) install --only-binary :all: --no-deps --requirement $<
 	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
 	@touch $@

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tools.browser import Session, chosen_engine
+from tools.browser import Session, browser_program, running
 from tools.watched_robot import show_robot, wait_for, watched_robot
 
 if TYPE_CHECKING:
@@ -23,7 +23,8 @@ def main(words: Sequence[str]) -> int:
     """Run the command line `words`; the exit code."""
     output = _parser().parse_args(words).output
     # A machine that draws without a graphics card is slow: the robot is to catch up, and not to tell of stalls.
-    with Session(chosen_engine()) as session, watched_robot({"rate.max_catch_up": 10.0}) as robot:
+    with (running(browser_program()) as address, Session(address) as session,
+          watched_robot({"rate.max_catch_up": 10.0}) as robot):
         page = session.page()
         show_robot(page, robot)
         wait_for(page, f"vibro.drawn().time > {CHARTS_FULL}")

@@ -8,7 +8,7 @@ import pytest
 from live_view import LiveView
 from real_processes import bench, compiled, start, udp_only
 
-from tools.browser import Engine, NoBrowserError, Session, chosen_engine, running
+from tools.browser import NoBrowserError, Session, browser_program, running
 
 __all__ = ["bench", "compiled", "start", "udp_only"]
 HERE = {"127.0.0.1", "localhost", "[::1]", "::1"}
@@ -48,23 +48,18 @@ class Watch:
 
 
 @pytest.fixture(scope="session")
-def engine() -> Engine:
-    """The browser to use. Without one, tests are skipped on a developer's machine and fail where `CI` is set."""
+def browser() -> Iterator[str]:
+    """The address of a browser that all tests share, each with pages of its own.
+
+    Without a browser, tests are skipped on a developer's machine and fail where `CI` is set.
+    """
     try:
-        return chosen_engine()
+        program = browser_program()
     except NoBrowserError as error:
         if os.environ.get("CI"):
             pytest.fail(str(error))
         pytest.skip(str(error))
-
-
-@pytest.fixture(scope="session")
-def browser(engine) -> Iterator[str | None]:
-    """The address of a browser that all tests share, each with pages of its own; None if each page is a browser."""
-    if not engine.many_pages:
-        yield None
-        return
-    with running(engine) as address:
+    with running(program) as address:
         yield address
 
 
@@ -77,9 +72,9 @@ def watch() -> Iterator[Watch]:
 
 
 @pytest.fixture
-def open_page(engine, browser, watch) -> Iterator[Callable]:
+def open_page(browser, watch) -> Iterator[Callable]:
     """Open an empty page, `open_page(width, height, touch)`; it is closed at the end of the test."""
-    with Session(engine, browser) as session:
+    with Session(browser) as session:
         def open_one(width: int = 1280, height: int = 720, touch: bool = False):
             page = session.page(width, height, touch)
             watch.follow(page)

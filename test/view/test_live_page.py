@@ -132,7 +132,7 @@ def shows_slow_motion_of_the_last_second(page) -> None:
 
 
 def test_what_a_page_asks_for_is_what_the_robot_does_and_what_it_shows_is_in_force(start, view, open_page, bench,
-                                                                                  engine, tmp_path):
+                                                                                  tmp_path):
     robot = start("robot", "--ros-args", "-p", "record.enabled:=false")
     heard: list[float] = []
     bench.node.create_subscription(Float64, "motor_speed", lambda message: heard.append(message.data), 10)
@@ -157,8 +157,7 @@ def test_what_a_page_asks_for_is_what_the_robot_does_and_what_it_shows_is_in_for
     assert heard[-1] == 1e6  # nothing was sent
     follows_what_is_in_force(page, bench)
     sets_another_floor(page, view)
-    if engine.many_pages:  # Qt WebEngine saves nothing unless its program asks where
-        saves_samples_and_slow_motion(page, open_page(), tmp_path)
+    saves_samples_and_slow_motion(page, open_page(), tmp_path)
     stops_the_motor_that_a_page_has_commanded(page, view, bench, heard)
 
 

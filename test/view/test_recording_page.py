@@ -174,9 +174,7 @@ def test_phase_portraits_are_drawn_in_place_of_the_strip_charts(opened):
     until(opened, lambda page: picture(page, "#charts") == strips, "strip charts")
 
 
-def test_the_page_saves_itself(opened, file, engine, tmp_path):
-    if not engine.many_pages:
-        pytest.skip("Qt WebEngine saves nothing unless its program asks where")
+def test_the_page_saves_itself(opened, file, tmp_path):
     with opened.expect_download() as download:
         opened.click("#save-page")
     saved = tmp_path / "saved.html"
