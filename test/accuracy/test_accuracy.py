@@ -49,6 +49,8 @@ def test_a_scene_that_cannot_be_simulated_does_not_end_the_others(monkeypatch, t
 
 
 @pytest.mark.parametrize(("options", "reason"), [
+    ([], "accuracy: one of the arguments --scene --all is required; `accuracy --help` shows what there is"),
+    (["--scene", "paper", "--magic"], "unrecognized arguments: --magic"),
     (["--scene", "nowhere"], "nowhere: neither a shipped scene nor a file"),
     (["--scene", "paper", "--methods", "magic"], "magic: no such method; methods are exact, rk4"),
     (["--scene", "paper", "--methods", ""], "'': no such method; methods are exact, rk4"),

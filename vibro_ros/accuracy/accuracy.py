@@ -189,12 +189,7 @@ def chosen_methods(names: Sequence[str] | None, studied: Mapping[str, ComparedMe
 
 def main(words: Sequence[str], studied: Mapping[str, ComparedMethod] = STUDIED, effort: Effort = EFFORT) -> int:
     """Run the executable with the methods `studied` and what the words leave of `effort`; returns its exit code."""
-    options = _parser(studied, effort).parse_args(words)
-    try:
-        return exit_code("accuracy", lambda: _measure(options, studied, effort))
-    except KeyboardInterrupt:
-        say("accuracy", f"interrupted before the diagrams; the rows are in {options.output / TABLE}")
-        return interrupted_code()
+    return exit_code("accuracy", lambda: _measure(_parser(studied, effort).parse_args(words), studied, effort))
 
 
 def _measure(options: argparse.Namespace, studied: Mapping[str, ComparedMethod], effort: Effort) -> int:
@@ -207,6 +202,9 @@ def _measure(options: argparse.Namespace, studied: Mapping[str, ComparedMethod],
         options.output.mkdir(parents=True, exist_ok=True)
         prepare_kernels("accuracy", "auto")  # the baseline needs those of fixed steps
         return _run(scenes, Accuracy(methods, effort), options.output)
+    except KeyboardInterrupt:
+        say("accuracy", f"interrupted before the diagrams; the rows are in {options.output / TABLE}")
+        return interrupted_code()
     except OSError as error:
         raise ValueError(f"{error.filename}: {error.strerror}; give a readable scene and a writable "
                          "--output") from error
