@@ -29,10 +29,10 @@ $(PACKAGES): another-python
 endif
 endif
 
-.PHONY: help setup demo view test check lint conflict-markers site package bench benchmark study documents accuracy paper literature map picture clean another-python
+.PHONY: help setup demo view test test-slow check lint conflict-markers site package bench benchmark study documents accuracy paper literature map picture clean another-python
 
 help:  ## list these commands
-	@sed -n 's/^\([a-z ]*\):[^#]*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
+	@sed -n 's/^\([a-z -]*\):[^#]*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
 
 setup: $(READY) $(TYPES)  ## make .venv with every pinned package; quick when nothing has changed
 	@echo "setup: $(VENV) is ready, with Python $$(cat $(PACKAGES))"
@@ -47,12 +47,17 @@ view: $(READY) $(TYPES)  ## run a robot and show it in the browser, at the addre
 TESTS := $(if $(filter jazzy,$(ROS)),test,test/ros)
 NEEDED := $(if $(filter jazzy,$(ROS)),$(PEER) $(STUDY) $(BROWSER))
 
-test: $(READY) $(TYPES) $(NEEDED)  ## run every test, two at a time, and those that need a quiet machine alone; with ROS=kilted those of ROS
+# Four workers on two cores, because half of the tests wait for processes.
+test: $(READY) $(TYPES) $(NEEDED)  ## run the tests, four at a time, and those that need a quiet machine alone; with ROS=kilted those of ROS
 	@$(COMPILED)
-	@$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -m "not quiet" $(TESTS)
+	@$(BIN)/python -m pytest --numprocesses 4 --dist worksteal -m "not quiet and not slow" $(TESTS)
 	@$(BIN)/python -m pytest -m quiet $$(grep -rl --include='*.py' 'mark\.quiet' $(TESTS))
 
-# The kernels once, before two workers and their robots would compile the same ones beside each other.
+test-slow: $(READY) $(TYPES) $(NEEDED)  ## run the tests of installation, documents, notebooks and demonstration as well
+	@$(COMPILED)
+	@$(BIN)/python -m pytest --numprocesses 2 --dist loadfile -m slow $(TESTS)
+
+# The kernels once, before the workers and their robots would compile the same ones beside each other.
 COMPILED = $(BIN)/python -c "from vibro_ros.simulation.preparation import provide_kernels; provide_kernels('auto')"
 
 # What needs no process of its own, of the rooms in which most changes are made.
@@ -60,7 +65,7 @@ QUICK := $(addprefix test/,test_rings.py solver model configuration simulation o
 
 check: lint  ## the fast loop, a minute: lint, and the tests that need no process, of the rooms from solver to ros
 	@$(COMPILED)
-	@$(BIN)/python -m pytest --numprocesses 2 --dist worksteal --quiet -m "not slow and not quiet" $(QUICK)
+	@$(BIN)/python -m pytest --numprocesses 2 --dist worksteal --quiet -m "not process and not quiet and not slow" $(QUICK)
 
 lint: $(READY) conflict-markers site  ## check style, spelling, types and links; name generated pages that are older than their code
 	@$(BIN)/ruff check

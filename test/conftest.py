@@ -42,17 +42,24 @@ REPEATED = {
 
 
 #: Files whose tests start processes or take seconds each; so does every test with a ROS domain. `make check` leaves
-#: them out by the mark `slow`.
-SLOW = {f"test_{name}.py" for name in (
+#: them out by the mark `process`.
+PROCESS = {f"test_{name}.py" for name in (
     "auto", "continuation", "damaged_bags", "feedback", "hostile_bags", "kernel_cache", "kernels", "kills", "playback",
-    "published_bifurcations", "recorder_faults", "recovery", "recurrence", "replay", "tutorial")}
+    "published_bifurcations", "recorder_faults", "recovery", "recurrence", "replay")}
+
+#: Files that install the package, or run documents, notebooks and the demonstration as a reader would. Only
+#: `make test-slow` runs them, by the mark `slow`.
+SLOW = {f"test_{name}.py" for name in (
+    "built_types", "demo", "documents", "examples", "installation", "notebooks", "sensor_examples", "tutorial")}
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark as `slow` what `make check` leaves out, and as repeatable what `REPEATED` names."""
+    """Mark what `make check` and `make test` leave out, and as repeatable what `REPEATED` names."""
     for item in items:
-        if item.path.name in SLOW or "domain_id" in getattr(item, "fixturenames", ()):
+        if item.path.name in SLOW:
             item.add_marker(pytest.mark.slow)
+        if item.path.name in PROCESS or "domain_id" in getattr(item, "fixturenames", ()):
+            item.add_marker(pytest.mark.process)
         if getattr(item, "originalname", "") in REPEATED and config.pluginmanager.hasplugin("rerunfailures"):
             item.add_marker(pytest.mark.flaky(reruns=1))
 

@@ -4,7 +4,6 @@ import importlib.util
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 
@@ -16,7 +15,6 @@ def example(name: str):
     return module
 
 
-@pytest.mark.slow
 def test_the_estimator_knows_more_than_the_mean_and_an_integral_knows_nothing():
     estimator = example("estimator")
     weights = estimator.learned(range(8))

@@ -90,7 +90,7 @@ def trained(env: gymnasium.Env, count: int, policy_of) -> np.ndarray:
     return middle
 
 
-@pytest.mark.slow
+@pytest.mark.process
 def test_a_policy_learns_what_no_constant_command_does():
     """A motor speed that follows the distance, against the best constant commands, both after the same training."""
     env, unseen = made(), range(1000, 1010)

@@ -9,7 +9,7 @@ from tools.motor_page import INERTIAS, JUMP, VOLTAGES, sommerfeld_speeds
 from vibro_ros.configuration.scene_file import load_scene
 
 
-@pytest.mark.slow
+@pytest.mark.process
 def test_the_speed_jumps_where_it_was_measured():
     """A70. By another program: up between 46 and 48 V, to 275 rad/s, down between 36 and 34 V."""
     for speeds, below in zip(sommerfeld_speeds(), (46, 34), strict=True):

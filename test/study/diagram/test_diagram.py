@@ -135,7 +135,7 @@ def test_a_plate_that_moves_into_a_mass_takes_it_along(tmp_path):
     assert np.isfinite(column(tmp_path, "mean_speed")).all()
 
 
-@pytest.mark.slow
+@pytest.mark.process
 def test_the_sommerfeld_effect_is_hysteresis_over_the_voltage(tmp_path, capsys):
     """A70. Without plates and flywheel, on a winding of 3 ohm: another motion upwards from 36 to 46 V, and the crank's
     speed jumps beside."""
