@@ -58,6 +58,8 @@ def test_a_linear_machine_has_the_multipliers_of_its_eigenvalues(damping):
     expected = in_order(np.exp(np.linalg.eigvals(matrix(of)) * PERIOD))
     # Two equal eigenvalues part with the root of the derivative's error.
     assert in_order(found.multipliers) == pytest.approx(expected, abs=1e-4 if damping == 20.0 else 1e-9)
+    assert np.abs(in_order(found.multipliers) - expected).max() <= found.multiplier_error
+    assert found.multiplier_error < (1e-4 if damping == 20.0 else 1e-8)
     assert found.stable and found.residual < 1e-13 and found.mean_speed == 0.0
 
 
@@ -96,8 +98,25 @@ def test_an_impact_oscillator_has_the_multipliers_of_its_closed_form(restitution
     arriving, leaving = (rate(time, at, state.crank_angle)[1] for at in ([plate, speed], rebound))
     jump = np.array([[-restitution, 0.0], [(leaving + restitution * arriving) / speed, -restitution]])
     turn = expm(matrix(of) * (PERIOD - time)) @ jump @ expm(matrix(of) * time)
-    assert in_order(found.multipliers) == pytest.approx(in_order(np.linalg.eigvals(turn)), abs=1e-7)
+    expected = in_order(np.linalg.eigvals(turn))
+    assert in_order(found.multipliers) == pytest.approx(expected, abs=1e-7)
+    assert np.abs(in_order(found.multipliers) - expected).max() <= found.multiplier_error + 1e-9  # of the integrator
     assert np.prod(found.multipliers) == pytest.approx(restitution**2 * math.exp(-damping / of["mass.upper"] * PERIOD))
+
+
+def test_the_step_of_the_differences_suits_contacts_that_lie_close_together():
+    """`device` at 62 rad/s: four steps agree to 1.6e-6 that the pair is -1.120327 ± 1.154315 i; 1e-5 is 5e-6 off."""
+    of = scene("device", **{"motor.speed": 62.0})
+    found = vibro_ros.find_orbit(of)
+    turn_map = TurnMap(of, found.state.crank_angle)
+    state = turn_map.read(found.state)
+    pairs = [in_order(np.linalg.eigvals(derivative(turn_map, state, 1, step)[0]))[:2] for step in (
+        3e-6, 1e-6, 3e-7, 1e-7)]
+    assert np.ptp(pairs, axis=0).max() < 1.6e-6
+    pair = np.mean(pairs, axis=0)
+    assert pair[1] == pytest.approx(-1.120327 + 1.154315j, abs=1e-6)
+    assert np.abs(in_order(found.multipliers)[:2] - pair).max() < 1e-6
+    assert 1e-8 < found.multiplier_error < 2e-6
 
 
 @pytest.mark.parametrize(("name", "turns"), [("damped", 1), ("device", 4), ("device", 2)])

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.recurrence import command_in_words, settle
@@ -31,6 +32,9 @@ SETTLING = (200, 1000, 5000)
 """Turns of the crank after the start of the scene at which orbits are looked for, one after the other."""
 STEP = 1e-5
 """Of the central differences, in units of the machine: its square and rounding / step are errors of about 1e-9."""
+_STEPS = (STEP, 1e-6, 1e-7, 1e-8)
+"""Steps that are tried for multipliers: contacts that are soft or close to each other need smaller ones than `STEP`."""
+_AGREEING = 1e-8  # multipliers of two steps that agree so well need no third one
 CLOSED = 1e-11
 """Largest residual of an orbit, in units of the machine; rounding along a turn makes 1e-14 to 1e-12."""
 _MOST_STEPS = 40
@@ -77,6 +81,9 @@ class Orbit:
         Floquet multipliers: the eigenvalues of the derivative of `turns` turns, the largest first. A coordinate that
         something holds at the cut has the multiplier 0. The body's place along the ground is no coordinate; its
         multiplier would be 1.
+    multiplier_error : float
+        Bound on the error of any multiplier, dimensionless: twice the largest change from one step of the differences
+        to the next, ten times smaller, of the two steps that agree best.
     mean_speed : float
         Of the body [m/s], forwards positive.
     residual : float
@@ -91,6 +98,7 @@ class Orbit:
     turns: int
     state: Samples[float]
     multipliers: np.ndarray
+    multiplier_error: float
     mean_speed: float
     residual: float
     period: float
@@ -161,13 +169,34 @@ def find_orbit(scene: Scene, turns: int = 1) -> Orbit:
 
 def orbit_at(turn_map: TurnMap, closed: Closed, turns: int) -> Orbit:
     """The orbit of a state that comes back, with multipliers and mean speed."""
-    free = ~turn_map.held(closed.state)
-    multipliers = np.zeros(len(free), dtype=complex)
-    found = np.linalg.eigvals(derivative(turn_map, closed.state, turns)[0][np.ix_(free, free)])
-    multipliers[:len(found)] = found[np.argsort(-np.abs(found), kind="stable")]
+    multipliers, error = _multipliers(turn_map, closed.state, turns)
     end = turn_map(closed.state, turns)
-    return Orbit(turn_map.scene, int(turns), turn_map.sample(closed.state), multipliers, end.advance / end.duration,
-                 closed.residual, end.duration)
+    return Orbit(turn_map.scene, int(turns), turn_map.sample(closed.state), multipliers, error,
+                 end.advance / end.duration, closed.residual, end.duration)
+
+
+def _multipliers(turn_map: TurnMap, state: np.ndarray, turns: int) -> tuple[np.ndarray, float]:
+    """`Orbit.multipliers` of a closed state, and `Orbit.multiplier_error`.
+
+    The error of a central difference falls with the square of its step, that of rounding grows as the step shrinks. So
+    the step shrinks for as long as the multipliers change less and less.
+    """
+    free = np.flatnonzero(~turn_map.held(state))
+    best, error, last = np.zeros(len(free), complex), np.inf, None
+    for step in _STEPS:
+        found = np.linalg.eigvals(derivative(turn_map, state, turns, step)[0][np.ix_(free, free)])
+        if last is not None:
+            apart = np.abs(found[:, None] - last)
+            change = float(apart[linear_sum_assignment(apart)].max(initial=0.0))
+            if change >= error:
+                break
+            best, error = found, change
+            if change <= _AGREEING:
+                break
+        last = found
+    multipliers = np.zeros(len(state), dtype=complex)
+    multipliers[:len(best)] = best[np.argsort(-np.abs(best), kind="stable")]
+    return multipliers, 2.0 * error
 
 
 def derivative(turn_map: TurnMap, state: np.ndarray, turns: int = 1,
