@@ -2,10 +2,14 @@
 
 Everything is read off the parameter table, so that a new choice is drawn as soon as the table has it. Two scenes in
 three are rich: both masses, both plates, friction, and mostly the reaction; or what happens only when effects meet
-would hardly ever be drawn. The others are whatever comes. A draw depends on the state of its generator only.
+would hardly ever be drawn. The others are whatever comes. A draw depends on the state of its generator only, and each
+parameter's value on the parameter's own generator, seeded by its name: a new parameter leaves the values of the others.
 """
 
 import math
+import zlib
+
+import numpy as np
 
 import vibro_ros
 from vibro_ros.model.parameter_values import ParameterValues
@@ -70,25 +74,34 @@ def _command(rng, scene):
 
 def _values(rng):
     """Values of all parameters that are drawn."""
-    wild, rich = _one_of(rng, [False, False, True]), _one_of(rng, [False, True, True])
-    values = _FIXED | {parameter.name: _value(rng, parameter, wild, rich) for parameter in _DRAWN_ALONE}
+    seed = int(rng.integers(2**63))
+
+    def of(name):
+        return np.random.default_rng([seed, zlib.crc32(name.encode())])
+
+    wild, rich = _one_of(of("wild"), [False, False, True]), _one_of(of("rich"), [False, True, True])
+    values = _FIXED | {parameter.name: _value(of(parameter.name), parameter, wild, rich) for parameter in _DRAWN_ALONE}
     if rich:
         values |= _compatible(values)
-        values["ground.friction"] *= _one_of(rng, [1.0, 0.1])  # or most bodies would hardly slip
-    values |= _geometry(rng, values)
+        values["ground.friction"] *= _one_of(of("less friction"), [1.0, 0.1])  # or most bodies would hardly slip
+    values |= _geometry(of("geometry"), values)
     values |= {f"mass.{side}_slider": 0.0 for side in SIDES if not values[f"effects.{side}_mass"]}
-    values["motor.speed"] = min(values["motor.max_speed"], _number(rng, _TABLE["motor.speed"], wild))
-    values["motor.speed"] *= _one_of(rng, [1.0, -1.0])
+    speed = of("motor.speed")
+    values["motor.speed"] = min(values["motor.max_speed"], _number(speed, _TABLE["motor.speed"], wild))
+    values["motor.speed"] *= _one_of(speed, [1.0, -1.0])
     if values["effects.motor"] == "dc":
-        values["motor.speed"] *= _one_of(rng, [1.0, 1.0, 0.0])
-        values["motor.voltage"] = _between(rng, -1.0, 1.0) * values["motor.supply_voltage"]
-        values["motor.static_friction"] = min(1e6, values["motor.friction"] * _one_of(rng, [1.0, 1.2, 3.0]))
-        values["crank.radius"] *= _one_of(rng, [0.99, 0.3])
-    values["effects.misprint"] = _may_be_misprinted(values) and _one_of(rng, [False, True])
-    values["ground.static_friction"] = min(1e3, values["ground.friction"] * _one_of(rng, [1.0, 1.2, 3.0]))
+        values["motor.speed"] *= _one_of(speed, [1.0, 1.0, 0.0])
+        values["motor.voltage"] = _between(of("motor.voltage"), -1.0, 1.0) * values["motor.supply_voltage"]
+        values["motor.static_friction"] = min(
+            1e6, values["motor.friction"] * _one_of(of("motor.static_friction"), [1.0, 1.2, 3.0]))
+        values["crank.radius"] *= _one_of(of("shorter crank"), [0.99, 0.3])
+    values["effects.misprint"] = _may_be_misprinted(values) and _one_of(of("effects.misprint"), [False, True])
+    values["ground.static_friction"] = min(
+        1e3, values["ground.friction"] * _one_of(of("ground.static_friction"), [1.0, 1.2, 3.0]))
     if values["effects.friction"] == "coulomb":
-        values["ground.friction_backward"] = _one_of(rng, [-1.0, min(1e3, values["ground.friction"] * 3.0), 0.0])
-    return values | _given_start(rng, values) if values[_STARTS] == "given" else values
+        values["ground.friction_backward"] = _one_of(
+            of("ground.friction_backward"), [-1.0, min(1e3, values["ground.friction"] * 3.0), 0.0])
+    return values | _given_start(of("start"), values) if values[_STARTS] == "given" else values
 
 
 def _value(rng, parameter, wild, rich):

@@ -164,9 +164,10 @@ def _set_scales(system, state, i, position, velocity, duration, share):
     """
     row, terms = system.acceleration[state.now[0].automaton.mode, i], system.terms[state.now[0].automaton.mode, i]
     rate = system.size[0].coordinates + i
-    if row[i] == 0.0:
-        velocity += sparse_magnitude(row, terms, state.scale) * duration
-        position += velocity * duration
+    if row[i] < 0.0:
+        duration = min(duration, (-row[i])**-0.5)
+    velocity += sparse_magnitude(row, terms, state.scale) * duration
+    position += velocity * duration
     state.scale[rate] = max(velocity, share * state.scale[rate])
     state.scale[i] = max(position, share * state.scale[i])
 

@@ -308,11 +308,12 @@ def _set_scales(system, state):
         for i in range(masses, size.dynamic):
             scale[first + i] = form_magnitude(system.acceleration[mode, i], scale)
     # A force is rounded, and moves what no spring of its own holds, for as long as the segment lasts.
-    duration = 2.0 * state.now[0].segment.half
     for i in range(size.dynamic):
-        if system.acceleration[mode, i, i] == 0.0:
-            scale[size.coordinates + i] += scale[first + i] * duration
-            scale[i] += scale[size.coordinates + i] * duration
+        duration, stiffness = 2.0 * state.now[0].segment.half, -system.acceleration[mode, i, i]
+        if stiffness > 0.0:
+            duration = min(duration, stiffness**-0.5)
+        scale[size.coordinates + i] += scale[first + i] * duration
+        scale[i] += scale[size.coordinates + i] * duration
 
 
 @kernel
