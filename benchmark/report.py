@@ -15,7 +15,7 @@ FLOOR = 1e-16
 #: Where lines begin: a digit's price is fitted to settings that gain at least this many digits.
 _LEAST_DIGITS = 0.5
 _COLOURS = {"exact": "black", "rk4": "tab:gray", "heyoka": "tab:blue", "cvode": "tab:orange", "scipy": "tab:green",
-            "numbalsoda": "tab:olive", "diffrax": "tab:purple", "drake": "tab:red", "mujoco": "tab:brown",
+            "diffrax": "tab:purple", "drake": "tab:red", "mujoco": "tab:brown",
             "siconos": "tab:pink"}
 _UNIT = "Runge-Kutta 4 of 1e-5 s, compiled by numba"
 

@@ -22,7 +22,7 @@ from benchmark.contract import DIVERGED, FALLS, PLAIN
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "out" / "benchmark" / "results.json"
-RUNNERS = ("exact", "rk4", "heyoka", "cvode", "scipy", "numbalsoda", "diffrax", "drake", "mujoco", "siconos")
+RUNNERS = ("exact", "rk4", "heyoka", "cvode", "scipy", "diffrax", "drake", "mujoco", "siconos")
 LIMIT = 60.0  # s, of one process
 _QUICK_LIMIT = 30.0
 #: Debian's own Python, where python3-siconos is, unlike what pip brings.

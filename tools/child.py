@@ -8,7 +8,6 @@ import sys
 import threading
 import time
 from collections.abc import Mapping
-from pathlib import Path
 
 PATIENCE = 20.0
 """How long [s] a child may take to end after SIGINT before it is killed; sealing a bag takes well under one."""
@@ -41,12 +40,6 @@ class Child:
     def pid(self) -> int:
         """Number of the process."""
         return self._process.pid
-
-    @property
-    def memory(self) -> float:
-        """Resident memory [MB]."""
-        text = Path(f"/proc/{self.pid}/status").read_text()
-        return int(text.partition("VmRSS:")[2].split()[0]) * 1024e-6
 
     def wait_for(self, words: str) -> str:
         """The first line that holds `words`.

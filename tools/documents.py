@@ -77,8 +77,7 @@ DOCUMENTS = {
          "out/study/map_machine/map.png": "docs/map_machine.png"}),
     "accuracy": Document(
         "docs/accuracy.md", ("tools.accuracy_report",), 15.0,
-        (*_PHYSICS, "vibro_ros/accuracy", "tools/peer", "tools/baseline.py", "tools/accuracy_report.py",
-         "tools/tick_cost.py")),
+        (*_PHYSICS, "vibro_ros/accuracy", "tools/peer", "tools/baseline.py", "tools/accuracy_report.py")),
     "benchmark": Document(
         "docs/benchmark/benchmark.md", ("benchmark.run --quick",), 20.0, (*_PHYSICS, "benchmark"),
         {f"out/benchmark/{file}": f"docs/benchmark/{file}" for file in

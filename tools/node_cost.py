@@ -1,11 +1,13 @@
-"""The processor time of the whole robot, recording included, against a bare rclpy node that publishes as much.
+"""What the whole robot costs, recording included, beside a bare rclpy node that publishes as much: processor and start.
 
 The bare node has a publisher of each topic that has every sample, a thread that publishes messages that lie ready, and
 an executor in the main thread, as every node has one; it neither simulates nor records. Robot and bare node are
-processes of their own and take turns, so that the machine's other load meets both.
+processes of their own and take turns, so that the machine's other load meets both. A start lasts until the first
+odometry, with an empty cache of kernels and with a full one.
 """
 
 import argparse
+import os
 import statistics
 import sys
 import tempfile
@@ -17,6 +19,7 @@ from typing import Any
 import rclpy
 from geometry_msgs.msg import TransformStamped, WrenchStamped
 from nav_msgs.msg import Odometry
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
@@ -29,6 +32,7 @@ RATES = (1000.0, 200.0)  # Hz
 BARE = "bare node"
 #: Speed [rad/s] of the robot's motor in each of its cases.
 SPEEDS = {"running": 100.0, "standing still": 0.0}
+_PATIENCE = 600.0  # s, of a start
 _SCHEDULED = 2  # of Linux' clocks of another process: the one that the C library's clock_getcpuclockid gives
 _PARENTS = {"base_link": "odom", "crank": "base_link", "upper_rod": "crank", "inclined_rod": "crank",
             "upper_mass": "upper_guide", "inclined_mass": "inclined_guide", "upper_plate": "upper_guide",
@@ -43,15 +47,18 @@ def main(words: Sequence[str]) -> int:
     parser.add_argument("--rounds", type=int, default=5, help="how often each is started (default %(default)d)")
     parser.add_argument("--settling", type=float, default=3.0, help="before each measurement [s] (default %(default)g)")
     parser.add_argument("--duration", type=float, default=5.0, help="of each measurement [s] (default %(default)g)")
+    parser.add_argument("--starts", type=int, default=3, help="how often each is started with an empty cache and again "
+                        "(default %(default)d)")
     parser.add_argument("--bare", type=float, metavar="RATE", help="be the bare node, publishing at this rate [Hz]")
+    parser.add_argument("--namespace", default="", help="of the bare node")
     options = parser.parse_args(words)
     if options.bare:
-        return _publish(options.bare)
+        return _publish(options.bare, options.namespace)
     cases = [(rate, case) for rate in options.rates for case in (BARE, *SPEEDS)]
     found: dict[tuple[float, str], list[float]] = {case: [] for case in cases}
     for rate, case in tqdm(cases * options.rounds, unit="process", disable=None):
         found[rate, case].append(_share(rate, case, options.settling, options.duration))
-    print(table(found))
+    print(f"{table(found)}\n\n{starts(options.starts)}")
     return 0
 
 
@@ -78,6 +85,43 @@ def _share(rate: float, case: str, settling: float, duration: float) -> float:
         return (_processor_time(child) - before) / (time.monotonic() - begun)
 
 
+def starts(count: int) -> str:
+    """Median times [s] from the command to the first odometry, as Markdown."""
+    found: dict[str, list[float]] = {"robot, empty cache": [], "robot, full cache": [], BARE: []}
+    for _ in range(count):
+        with tempfile.TemporaryDirectory() as cache:
+            for name, times in found.items():
+                times.append(_start("running" if name != BARE else BARE, cache))
+    return "\n".join(["| what starts | until its first odometry |", "|---|---|",
+                      *(f"| {name} | {statistics.median(times):.1f} s |" for name, times in found.items() if times)])
+
+
+def _start(case: str, cache: str) -> float:
+    """Time [s] from the command of a case to its first odometry, with the kernels in the folder `cache`."""
+    context, heard = rclpy.Context(), list[Odometry]()
+    rclpy.init(args=[], context=context)
+    node = Node("node_cost", context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    namespace = f"/node_cost_{os.getpid()}_{time.monotonic_ns()}"  # no earlier process has published there
+    node.create_subscription(Odometry, f"{namespace}/odom", heard.append, qos.SAMPLES)
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            begun = time.monotonic()
+            words = _words(200.0, case, folder)
+            words += ["-r", f"__ns:={namespace}"] if case != BARE else ["--namespace", namespace]
+            with Child(*words, environment={**os.environ, "NUMBA_CACHE_DIR": cache}, shown=False) as child:
+                while not heard and child.exit_code is None and time.monotonic() - begun < _PATIENCE:
+                    executor.spin_once(timeout_sec=0.01)
+                if not heard:
+                    raise RuntimeError(f"{case}: no odometry within {_PATIENCE:g} s, or it has ended")
+                return time.monotonic() - begun
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.try_shutdown(context=context)
+
+
 def _words(rate: float, case: str, folder: str) -> list[str]:
     """The command of a case."""
     if case == BARE:
@@ -92,10 +136,10 @@ def _processor_time(child: Child) -> float:
     return time.clock_gettime(~child.pid << 3 | _SCHEDULED)
 
 
-def _publish(rate: float) -> int:
+def _publish(rate: float, namespace: str) -> int:
     """Be the bare node, until SIGINT."""
     rclpy.init(args=[])
-    node = Node("bare_node")
+    node = Node("bare_node", namespace=namespace)
     ready = [(node.create_publisher(type(message), topic, qos.TRANSFORMS if topic == "tf" else qos.SAMPLES), message)
              for topic, message in ready_messages().items()]
 
@@ -111,7 +155,7 @@ def _publish(rate: float) -> int:
     print("ready", flush=True)
     try:
         rclpy.spin(node)
-    except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
+    except (KeyboardInterrupt, ExternalShutdownException):
         pass
     return 0
 

@@ -97,7 +97,7 @@ def test_the_report_begins_with_the_price_of_a_digit(rows):
     assert f"which is itself off by {off:.1e} m within 0.2 s" in baseline_in_words({"damped": rows})
     study = accuracy.Accuracy({}, QUICK)
     study.rows, study.growths = {"damped": rows}, {"damped": Growth(0.0, 0.1, False, 15.0)}
-    page = accuracy_report.document(study, "", "")
+    page = accuracy_report.document(study, "")
     head = page.partition("Measured on")[0]
     assert "{" not in page and f"({accuracy_report.FOLDER}/accuracy.csv)" in page
     assert [line for line in head.splitlines() if line.startswith("- ")] == [f"- {text}" for text in told]

@@ -5,9 +5,9 @@ import re
 from collections.abc import Callable
 
 import pytest
+from goal_trial import Samples, Trial
 
 import vibro_ros
-from tools.goal_accuracy import Samples, Trial
 from vibro_ros.ros.controller.feedback import MOTOR_RANGE, Goal, GoalError, PositionGoal, SpeedGoal, check_reach
 
 RAMP = {"effects.motor": "ramp", "motor.speed": 0.0}  # as the shipped device has it

@@ -1,4 +1,4 @@
-"""The executable `accuracy` with two robots that are written apart, heyoka's and the baseline, and with blind solvers.
+"""The executable `accuracy` with two robots that are written apart, heyoka's and the baseline.
 
 `python -m tools.peer.accuracy --scene mine.yaml` measures a user's scene so. heyoka is one more method, and the first
 check of the reference: its equations are written apart from the tables that `exact` and scipy's solvers integrate, so
@@ -7,26 +7,24 @@ a dc motor, to the device's own.
 """
 
 import sys
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import numpy as np
 
 from tools import baseline
 from tools.peer import Peer
-from tools.peer.blind import blind
 from vibro_ros.accuracy.accuracy import main
 from vibro_ros.accuracy.methods import (
     METHODS,
     STUDIED,
     Answer,
     ComparedMethod,
-    by_scipy,
     drive_speed,
     event_array,
     ladder,
 )
 from vibro_ros.accuracy.precision import BY_DOP853, Check, Effort
-from vibro_ros.accuracy.tables_by_scipy import SOLVERS, UnableError
+from vibro_ros.accuracy.tables_by_scipy import UnableError
 from vibro_ros.model.scene import Scene
 
 
@@ -55,11 +53,9 @@ def by_baseline(scene: Scene, times: np.ndarray, step: float) -> Answer:
 
 #: What costs are ratios to.
 BASELINE = ComparedMethod(by_baseline, "step", (1e-5,))
-#: Every method of a study, scipy's solvers without location of events too, and heyoka; a setting every second decade.
+#: Every method of a study, and heyoka; a setting every second decade.
 STUDIED_APART = STUDIED | {
-    "baseline": BASELINE, "heyoka": ComparedMethod(by_heyoka, "tolerance", ladder(1e-5, 1e-15)[::4], True),
-    **{f"{name}_blind": ComparedMethod(partial(by_scipy, name, blind), "tolerance", ladder(1e-3, 1e-6)[::4])
-       for name in SOLVERS}}
+    "baseline": BASELINE, "heyoka": ComparedMethod(by_heyoka, "tolerance", ladder(1e-5, 1e-15)[::4], True)}
 #: The usual effort, the reference checked by heyoka first.
 EFFORT = Effort(checks=(Check("heyoka", by_heyoka, 1e-15), BY_DOP853), baseline=BASELINE)
 

@@ -64,7 +64,7 @@ def _draw_errors(axes: Axes, rows: Sequence[Measurement], column: str, label: st
         points = [(row.cost, max(getattr(row, column), floor)) for row in trajectories
                   if row.method == name and math.isfinite(getattr(row, column))]
         axes.loglog(*zip(*points, strict=True) if points else ([], []), lw=1.4, label=name,
-                    ls="--" if name.endswith("_blind") else "-", **style(name))
+                    **style(name))
     axes.set_ylim(floor / 10.0, _LARGEST_ERROR)
     if trajectories and all(math.isnan(getattr(row, column)) for row in trajectories):
         axes.text(0.5, 0.5, "nothing touches", transform=axes.transAxes, ha="center")
@@ -110,6 +110,5 @@ def _draw_speeds(axes: Axes, rows: Sequence[Measurement]) -> None:
 
 def style(name: str) -> dict[str, object]:
     """Colour and marker of a method in every diagram."""
-    colour, marker = _STYLES.get(name.removesuffix("_blind"), _OTHER)
-    hollow = {"mfc": "white"} if name.endswith("_blind") else {}
-    return {"color": colour, "marker": marker, "ms": 14 if marker == "*" else 5, **hollow}
+    colour, marker = _STYLES.get(name, _OTHER)
+    return {"color": colour, "marker": marker, "ms": 14 if marker == "*" else 5}

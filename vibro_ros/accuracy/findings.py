@@ -239,7 +239,7 @@ def prices_in_words(rows: Mapping[str, Sequence[Measurement]]) -> list[str]:
     """
     known = {"exact", "baseline", *(method for methods in KINDS.values() for method in methods)}
     kinds = {row.method: (row.method,) for own in rows.values() for row in own if row.compared == TRAJECTORY
-             and row.method not in known and not row.method.endswith("_blind")} | dict(KINDS)
+             and row.method not in known} | dict(KINDS)
     sentences = [f"One more digit of every position by {kind} costs {price}." for kind, methods in kinds.items()
                  if (price := price_over_scenes(rows, methods))]
     exact = [row.cost for own in rows.values() for row in own
