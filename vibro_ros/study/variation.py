@@ -1,6 +1,6 @@
 """What a sweep varies: parameters over lists and grids, and, beside these, over ranges that are sampled."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -138,7 +138,13 @@ def varied_in_words(text: str) -> tuple[str, Axis | Range]:
     if not equals or not values:
         raise ValueError(f"--vary {text}: give NAME=LOW:HIGH:COUNT, NAME=LOW:HIGH with --sample, or NAME=A,B,C")
     if len(parts) == 1:
-        return name, varied(name, [read_scalar(value.strip()) for value in values.split(",")])
+        try:
+            return name, varied(name, [read_scalar(value.strip()) for value in values.split(",")])
+        except ValueError as error:
+            if name not in BY_NAME:
+                raise
+            raise ValueError(f"{error}; --vary takes NAME=LOW:HIGH:COUNT, NAME=LOW:HIGH with --sample, or NAME=A,B,C"
+                             ) from None
     scale = parts.pop() if parts[-1] == LOG else "linear"
     if len(parts) not in (2, 3):
         raise ValueError(f"--vary {text}: has {len(parts)} parts; give LOW:HIGH:COUNT, or LOW:HIGH with --sample")
@@ -171,6 +177,23 @@ def sampling_in_words(text: str) -> Sampling:
                          f"{', '.join(SAMPLERS)}")
     count, seed = (*map(read_scalar, numbers), 0)[:2]
     return sampling(method, count, seed)
+
+
+def beyond_the_edge(what: str, values: Mapping[str, Sequence[Value]], at: int) -> str:
+    """A sentence where an extreme of a scan lies at an end of what was scanned, so that a larger one may lie beyond.
+
+    Parameters
+    ----------
+    what : str
+        What is extreme, such as ``the largest mean_speed``.
+    values : mapping
+        By scanned parameter its value at every point; only numbers have ends.
+    at : int
+        The point of the extreme.
+    """
+    numbers = [name for name, every in values.items() if isinstance(every[0], float) and len(set(every)) > 1]
+    ends = [name for name in numbers if values[name][at] in (min(values[name]), max(values[name]))]  # type: ignore
+    return f"{what} is at an end of {', '.join(ends)}, so that a better one may lie beyond" if ends else ""
 
 
 def whole_number(what: str, value: object, least: int, most: int) -> int:

@@ -1,5 +1,7 @@
 """The optimum is verified, perturbed and written by what it really is."""
 
+import contextlib
+import io
 import json
 import math
 
@@ -103,7 +105,7 @@ def test_robots_that_cannot_be_built_are_passed_over(tmp_path):
     points = np.random.default_rng(0).random((12, 17))
     points[0] = space.point(of_scene(space) | {"guide.angle": 0.8, "mass.inclined": 0.25, "mass.upper": 0.02})
     assert space.buildable(points[0]) is None
-    files = candidate_files(tmp_path, {})
+    files = candidate_files(tmp_path, {}, 17, 3)
     values = Evaluations(space, SHORT, files, 12, 1, Counting())(points)
     built = [space.buildable(point) is not None for point in points]
     assert 0 < sum(built) < 12
@@ -144,8 +146,11 @@ OPTIONS = "--quick --budget 24 --starts 2 --workers 1 --seed 1 --vary crank.radi
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Return the output of a search that is too short to find anything."""
-    found = tmp_path_factory.mktemp("optimise")
-    assert command.main([*OPTIONS.split(), "--output", str(found)]) == 0
+    found, said = tmp_path_factory.mktemp("optimise"), io.StringIO()
+    with contextlib.redirect_stdout(said):
+        assert command.main([*OPTIONS.split(), "--output", str(found)]) == 0
+    bounds = said.getvalue().splitlines()[-1]
+    assert bounds in (found / "optimum.md").read_text() and ("on a bound" in bounds)
     return found
 
 

@@ -63,7 +63,7 @@ def simulated(monkeypatch):
 
     def values_of_many(robots, trials, workers):
         points.extend(robots)
-        return (np.full((trials.starts, 1), hill(robot[None])[0]) for robot in robots)
+        return (np.full((trials.starts, 4), hill(robot[None])[0]) for robot in robots)
 
     monkeypatch.setattr(module, "values_of_many", values_of_many)
     return points
@@ -76,7 +76,7 @@ def contents(folder):
 
 def searched(path, budget, method="cma"):
     path.mkdir(exist_ok=True)
-    files = module.candidate_files(path, {"method": method})
+    files = module.candidate_files(path, {"method": method}, 3, 2)
     evaluations = Evaluations(Cube(), Trials(starts=2), files, budget, 1, Nobody())
     search(method, evaluations, lambda values: float(values.mean()), 3, 5)
     return evaluations.gathered()
@@ -107,7 +107,7 @@ class SpeedAndCost:
 
 
 def test_the_front_reaches_from_slow_and_cheap_to_fast_and_dear(tmp_path, simulated):
-    files = module.candidate_files(tmp_path, {})
+    files = module.candidate_files(tmp_path, {}, 3, 2)
     evaluations = Evaluations(Cube(), Trials(starts=2), files, 1600, 1, Nobody())
     by_weights(evaluations, SpeedAndCost())
     pairs = np.array([SpeedAndCost().speed_and_cost(point, None) for point in evaluations.gathered().points])
@@ -155,7 +155,7 @@ def test_other_candidates_and_another_search_are_refused(tmp_path, simulated):
     with pytest.raises(ValueError, match="is of another study .design.method is cma there, diff"):
         searched(tmp_path, 40, "differential_evolution")
     (tmp_path / "others").mkdir()
-    files = module.candidate_files(tmp_path / "others", {"method": "cma"})
-    files.write(0, [{"point": BEST, "values": np.zeros(2)}])
+    files = module.candidate_files(tmp_path / "others", {"method": "cma"}, 3, 2)
+    files.write(0, [{"point": BEST, "values": np.zeros(2 * 4)}])
     with pytest.raises(RuntimeError, match="is of other candidates than this version proposes"):
         Evaluations(Cube(), Trials(starts=2), files, 10, 1, Nobody())(BEST[None] + 1e-12)

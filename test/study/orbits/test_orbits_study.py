@@ -136,7 +136,7 @@ def test_a_curve_is_read_as_it_was_written(tmp_path):
                     for kind, change, at in (("cusp", "", 0), ("change of events", "stick", 2), ("cusp", "", 4)))
     curve = Curve(2, random.normal(size=(4, 2)), random.normal(size=4), multipliers, random.normal(size=4),
                   random.normal(size=(4, 5)), "an end", "fold", ("motor.speed", "upper.gap"), special)
-    files = curves.ParquetBlocks(tmp_path, asked.document(), 5, curves.fields_of(asked))
+    files = curves.curve_files(tmp_path, asked)
     files.write(3, curves.rows_of(curve))
     found = curves.curve_of(asked, files.read(3))
     assert (found.kind, found.names, found.turns, found.end) == ("fold", curve.names, 2, "an end")

@@ -122,6 +122,19 @@ def test_starts_that_repeat_one_motion_have_no_interval(tmp_path, capsys):
         assert (" from every start (" in said) == says and ("±" in said) != says
 
 
+@pytest.mark.parametrize(("vary", "intervals"), [
+    (["guide.angle=0.7:1.1:3"], True), (["guide.angle=0.7:1.1:3", "mass.upper=0.1,0.2"], False)])
+def test_a_picture_and_the_words_say_what_is_there(tmp_path, capsys, monkeypatch, vary, intervals):
+    """The title names intervals where they are drawn; an extreme at an end of the grid is said."""
+    titles = []
+    monkeypatch.setattr("matplotlib.figure.Figure.suptitle", lambda _, title, **__: titles.append(title))
+    words = [word for one in vary for word in ("--vary", one)]
+    assert main(["--scene", "damped", *words, "--starts", "2", "--settling", "1", "--duration", "0.5", "--workers",
+                 "1", "--output", str(tmp_path)]) == 0
+    assert ("95 % intervals" in titles[0]) == intervals
+    assert "mean_speed is at an end of guide.angle" in capsys.readouterr().out
+
+
 def test_a_grid_with_an_illegal_point_is_refused_before_anything_runs(refusal):
     assert "point 3 (crank.radius = 0.08) is no scene" in refusal(
         main, "--scene", "paper", "--vary", "crank.radius=0.02:0.08:4")
@@ -201,7 +214,9 @@ def test_a_damaged_file_is_computed_again_or_has_its_values(tmp_path, capsys):
     path, draw = tmp_path / "blocks" / "block_000000.parquet", random.Random(3)
     whole, table = path.read_bytes(), pq.read_table(path)
     design = json.loads(table.schema.metadata[b"vibro_ros"])["design"]
-    files = blocks.ParquetBlocks(path.parent, design, 1, ())
+    fields = [blocks.Field(one.name, one.type, one.metadata[b"unit"].decode(), one.metadata[b"meaning"].decode(),
+                           one.nullable) for one in table.schema]
+    files = blocks.ParquetBlocks(path.parent, design, 1, fields, lambda *_: True)
     damaged = 0
     for place in [0, len(whole) - 1, *(draw.randrange(len(whole)) for _ in range(600))]:
         path.write_bytes(whole[:place] + bytes([whole[place] ^ 1 << draw.randrange(8)]) + whole[place + 1:])

@@ -8,7 +8,15 @@ from scipy.stats import qmc
 
 import vibro_ros
 from vibro_ros.study.sweep.design import Design, pieces
-from vibro_ros.study.variation import Axis, Range, sampling, sampling_in_words, varied, varied_in_words
+from vibro_ros.study.variation import (
+    Axis,
+    Range,
+    beyond_the_edge,
+    sampling,
+    sampling_in_words,
+    varied,
+    varied_in_words,
+)
 
 
 def design(varied_ones, sampled=None, starts=2):
@@ -59,7 +67,8 @@ def test_points_are_every_combination_with_every_sample_and_rows_every_start():
 
 
 @pytest.mark.parametrize(("text", "words"), [
-    ("guide.angle", "NAME=LOW:HIGH:COUNT"), ("guide.angel=0:1:3", "did you mean guide.angle"),
+    ("guide.angle", "NAME=LOW:HIGH:COUNT"), ("guide.angle=0.7-1.2", "NAME=LOW:HIGH:COUNT"),
+    ("guide.angel=0:1:3", "did you mean guide.angle"),
     ("guide.angle=0:1:2:3", "4 parts"), ("guide.angle=1:0:3", "smaller number first"),
     ("guide.angle=0:4:3", "0 to 3.14159 rad"), ("guide.angle=0:1:3:log", "no logarithm"),
     ("guide.angle=0.1,0.1", "given twice"), ("effects.reaction=0:1:2", "has no range"),
@@ -68,6 +77,15 @@ def test_what_varies_nothing_is_refused_in_one_line(text, words):
     with pytest.raises(ValueError, match=words) as refused:
         varied_in_words(text)
     assert "\n" not in str(refused.value)
+
+
+def test_an_extreme_at_an_end_of_a_scan_is_said():
+    """A number has ends, of which every point of a scan of one value would be one; a text has none."""
+    values = {"guide.angle": [0.5, 0.5, 1.0, 1.0], "effects.normal_force": ["hop", "printed"] * 2,
+              "mass.upper": [0.1] * 4, "mass.inclined": [0.1, 0.2, 0.3, 0.2]}
+    assert beyond_the_edge("the largest x", values, 2) == (
+        "the largest x is at an end of guide.angle, mass.inclined, so that a better one may lie beyond")
+    assert beyond_the_edge("the largest x", {**values, "guide.angle": [0.0, 0.5, 1.0, 2.0]}, 1) == ""
 
 
 @pytest.mark.parametrize(("given", "words"), [

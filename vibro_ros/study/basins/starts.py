@@ -21,7 +21,7 @@ from vibro_ros.simulation.given_state import STATE_UNITS
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import ToleranceWarning
 from vibro_ros.study.basins.attractors import UNTOLD
-from vibro_ros.study.running.blocks import NUMBERS, Field, ParquetBlocks, completed, cut
+from vibro_ros.study.running.blocks import NUMBERS, Field, ParquetBlocks, are, completed, cut
 from vibro_ros.study.running.runner import Piece, Runner
 from vibro_ros.study.variation import whole_number
 
@@ -289,6 +289,11 @@ def rows_of(design: Design, piece: Piece) -> list[dict]:
     return rows
 
 
+def _kept_states(turns: int | None) -> int:
+    """States that the row of a start keeps, given the period of its motion."""
+    return 0 if turns is None else 1 if turns else KEPT_STATES
+
+
 def stroboscope_of(scene: Scene, phase: float) -> Stroboscope:
     """The stroboscope of a scene, the last one again if it is the same: it takes as long to make as a start."""
     return _stroboscope(scene.name, tuple(scene.parameters.items()), phase)
@@ -316,15 +321,21 @@ def settle_starts(design: Design, folder: Path, runner: Runner) -> pa.Table:
         *(Field(one.name, pa.float64(), one.unit, "of the start; other coordinates are as the scene starts")
           for one in design.starts.over),
         Field("turns", pa.int64(), "1", "turns of the crank after which the settled motion repeats itself; 0 where it "
-              "does not, null where nothing has settled"),
+              "does not, null where nothing has settled", True),
         Field("after", pa.int64(), "1", "turns of the crank that the start was watched for"),
         Field("mean_speed", pa.float64(), "m/s", "mean speed of the settled body, forward positive; NaN where nothing "
               "has settled"),
         Field("states", NUMBERS, "1", "states of the settled motion at the cut, one after the other, in crank radii "
               "and crank radii times motor speed; of a dc motor see `vibro_ros.orbits.turn_map`"),
-        Field("error", pa.string(), "1", "why the start leads nowhere; else null")]
+        Field("error", pa.string(), "1", "why the start leads nowhere; else null", True)]
     starts = cut(design.starts.count, BLOCK_ROWS)
-    blocks = ParquetBlocks(folder, design.document(), len(starts), fields)
+    dimension = len(coordinates(design.scene))
+
+    def sound(block: int, rows: list[dict]) -> bool:
+        return are(rows, [design.starts.start(number) for number in starts[block]]) and all(
+            len(row["states"]) == dimension * _kept_states(row["turns"]) for row in rows)
+
+    blocks = ParquetBlocks(folder, design.document(), len(starts), fields, sound)
     return completed("starts", blocks, list(map(len, starts)), lambda missing: runner(
         partial(rows_of, design), design.run_time, (design.scene["solver.method"],),
         itertools.chain.from_iterable(pieces(starts[block]) for block in missing)))
@@ -341,12 +352,13 @@ def upset_motions(design: Design, motions: tuple[SettledMotion, ...], folder: Pa
         Field("attractor", pa.int64(), "1", "number of the motion, counted from 1"),
         Field("size", real, "1", "length of the smallest shock found, in crank radii and crank radii times motor "
               "speed; null where none changes the motion"),
-        Field("crank_angle", real, "rad", "where the shock acts"),
-        Field("leads_to", pa.int64(), "1", "number of the motion that follows"),
-        *(Field(f"change.{name}", real, STATE_UNITS[name], "what the shock adds") for name in names),
+        Field("crank_angle", real, "rad", "where the shock acts", True),
+        Field("leads_to", pa.int64(), "1", "number of the motion that follows", True),
+        *(Field(f"change.{name}", real, STATE_UNITS[name], "what the shock adds", True) for name in names),
         *(Field(f"alone.{name}", real, STATE_UNITS[name], "smallest change of this coordinate alone that changes the "
-                "motion") for name in names)]
-    blocks = ParquetBlocks(folder, {**design.document(), "shocks": design.shocks}, len(motions), fields)
+                "motion", True) for name in names)]
+    blocks = ParquetBlocks(folder, {**design.document(), "shocks": design.shocks}, len(motions), fields,
+                           lambda block, rows: are(rows, [{"attractor": block + 1}]))
     return completed("shocks", blocks, [1] * len(motions), lambda missing: runner(
         partial(upset_of, design, motions), design.shocks * design.run_time, (design.scene["solver.method"],),
         (Piece(number, {}, (None,)) for number in missing)))

@@ -18,6 +18,7 @@ from vibro_ros.orbits.recurrence import LONGEST_PERIOD, WATCHED
 from vibro_ros.simulation.given_state import STATE_UNITS
 from vibro_ros.study.diagram.visits import DOWN, UP, Design, Visit
 from vibro_ros.study.running.blocks import KEY, file_of, fingerprint
+from vibro_ros.study.variation import beyond_the_edge
 
 
 @dataclass(frozen=True)
@@ -157,6 +158,9 @@ def in_words(found: Diagram) -> Iterator[str]:
         if chosen:
             values = dict.fromkeys(f"{design.value(one.number):.6g}" for one in chosen)
             yield f"{said}: at {', '.join(values)}{f' {unit}' if unit else ''}"
+    fastest = max(found.visits, key=lambda one: abs(one.motion.mean_speed))
+    if edge := beyond_the_edge("the largest mean speed", {name: design.axis.values}, design.place(fastest.number)):
+        yield edge
     unsettled = sum(not one.settled for one in found.visits)
     if unsettled:
         yield (f"not settled: {unsettled} of {design.visits} visits within {design.most_turns} turns, of which nothing "

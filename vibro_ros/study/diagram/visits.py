@@ -21,7 +21,7 @@ from vibro_ros.orbits.chaos import MOST_TURNS as MOST_MEASURED
 from vibro_ros.orbits.recurrence import CLOUD, FIRST_TURNS, LONGEST_PERIOD, SettledMotion, settle, tolerance_of
 from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, coordinates, is_sampled, pace, units_of
 from vibro_ros.simulation.given_state import STATE_UNITS
-from vibro_ros.study.running.blocks import Field, ParquetBlocks, completed, cut
+from vibro_ros.study.running.blocks import Field, ParquetBlocks, are, completed, cut
 from vibro_ros.study.running.runner import Piece, Results, Runner
 from vibro_ros.study.variation import Axis, whole_number
 
@@ -175,7 +175,17 @@ def visited(design: Design, folder: Path) -> tuple[pa.Table, tuple[Visit, ...]]:
         Field("cut", pa.int64(), "1", "number of the turn"),
         *(Field(name, pa.float64(), STATE_UNITS[name], f"at the crank angle {design.phase:.17g}")
           for name in design.names)]
-    blocks = ParquetBlocks(folder, design.document(), len(design.blocks), fields)
+
+    def sound(block: int, rows: list[dict]) -> bool:
+        own = []
+        for number in design.blocks[block]:
+            of_visit = [row for row in rows if row["visit"] == number]
+            period = of_visit[0]["period"]
+            own += [{"visit": number, "direction": design.direction(number), design.axis.name: design.value(number),
+                     "period": period, "cut": cut} for cut in range(period or CLOUD)]
+        return are(rows, own)
+
+    blocks = ParquetBlocks(folder, design.document(), len(design.blocks), fields, sound)
 
     def visits(missing: Sequence[int]) -> Results:
         for block in missing:
@@ -282,7 +292,8 @@ def measured(design: Design, seen: Sequence[Visit], folder: Path, runner: Runner
         Field("zero_one", pa.float64(), "1", "K of the 0-1 test: near 0 regular, near 1 chaotic")]
     # Robot time [s], about: a derivative takes some fifteen turns, each begun in its own state.
     run_time = (300.0 * design.exponents + design.cuts) * 0.06
-    blocks = ParquetBlocks(folder, design.document(), len(design.blocks), fields)
+    blocks = ParquetBlocks(folder, design.document(), len(design.blocks), fields, lambda block, rows: are(
+        rows, [{"visit": number} for number in design.blocks[block]]))
     work = partial(nature_of, design, tuple((one.motion.turns, one.states[-1]) for one in seen))
     return completed("motions measured", blocks, list(map(len, design.blocks)), lambda missing: runner(
         work, run_time, (design.scene["solver.method"],),

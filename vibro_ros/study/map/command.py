@@ -10,14 +10,15 @@ from pathlib import Path
 import pyarrow as pa
 
 from vibro_ros.configuration.command_map import LARGEST, SIDES, CommandMap, parameters_that_count, written
+from vibro_ros.orbits.continuation import KINDS
 from vibro_ros.orbits.turn_map import check_closes, coordinates, is_sampled
 from vibro_ros.process.front_door import Parser
 from vibro_ros.simulation.provenance import software
 from vibro_ros.study.command import add_runner, locked, run_study, runner_of, study_parser, write_files
 from vibro_ros.study.map.motions import PROOFS, QUICK_PROOFS, End, Point, curves, end_point, ends, motions, proved
 from vibro_ros.study.map.result import draw_costs, draw_map, map_in_words, trials_in_words
-from vibro_ros.study.map.visits import BOTH, PHASE, MapDesign, Visit, add_grid, design_of, visits
-from vibro_ros.study.running.blocks import Field, ParquetBlocks, completed, file_of
+from vibro_ros.study.map.visits import BOTH, PHASE, UNSETTLED, MapDesign, Visit, add_grid, design_of, visits
+from vibro_ros.study.running.blocks import Field, ParquetBlocks, are, completed, file_of
 from vibro_ros.study.running.runner import Piece, Runner
 
 TABLE, PICTURE, COSTS = "motions.parquet", "map.png", "costs.png"
@@ -119,7 +120,8 @@ _VISIT = [
     Field("air_share", pa.float64(), "1", "share of the time in which the body is in the air"),
 ]
 _POINT = [
-    Field("kind", pa.string(), "1", "what becomes of the motion; null where its branch goes on or is lost"),
+    Field("kind", pa.string(), "1", "what becomes of the motion; null where its branch goes on or is lost",
+          True),
     Field("turns", pa.int64(), "1", "turns after which the motion repeats itself"),
     Field("motion", pa.int64(), "1", "number of the motion"),
     Field("direction", pa.int64(), "1", "1 towards larger motor speeds, -1 towards smaller"),
@@ -132,10 +134,17 @@ def visits_of(design: MapDesign, lines: Path, runner: Runner) -> list[Visit]:
     """All visits of a map; lines that are missing in the folder `lines` are swept (see `completed`)."""
     every = design.lines()
     fields = [*_VISIT, *(Field(f"{_STATE}{name}", pa.float64(), f"crank.radius{' x motor.speed' * is_speed}",
-                               f"{name} at the cut, crank angle {PHASE:.6g} rad")
+                               f"{name} at the cut, crank angle {PHASE:.6g} rad", True)
                          for name in coordinates(design.scene) for is_speed in (name.endswith("velocity"),))]
     sizes = [len(list(design.cells(line))) for line in every]
-    blocks = ParquetBlocks(lines, design.document(), len(every), fields)
+    names = [one.name for one in fields if one.name.startswith(_STATE)]
+
+    def sound(line: int, rows: list[dict]) -> bool:
+        return are(rows, [{"speed_index": i, "gap_index": j} for i, j in design.cells(every[line])]) and all(
+            row["turns"] >= UNSETTLED and all((row[name] is None) == (row["turns"] == UNSETTLED) for name in names)
+            for row in rows)
+
+    blocks = ParquetBlocks(lines, design.document(), len(every), fields, sound)
     rows = completed("cells visited", blocks, sizes, lambda missing: runner(
         partial(rows_of_line, design), _RUN_TIME, ("exact",),
         (Piece(number, {}, (None,) * sizes[number]) for number in missing))).to_pylist()
@@ -156,7 +165,12 @@ def points_of(design: MapDesign, ends: tuple[End, ...], folder: Path, runner: Ru
     if not ends:
         return []
     document = {**design.document(), "ends": hashlib.sha256(repr(list(ends)).encode()).hexdigest()}
-    blocks = ParquetBlocks(folder, document, len(ends), _POINT)
+
+    def sound(number: int, rows: list[dict]) -> bool:
+        own = {name: getattr(ends[number], name) for name in ("turns", "motion", "direction", "gap_index")}
+        return are(rows, [own]) and rows[0]["kind"] in (None, *KINDS)
+
+    blocks = ParquetBlocks(folder, document, len(ends), _POINT, sound)
     rows = completed("ends of motions followed", blocks, [1] * len(ends), lambda missing: runner(
         partial(_row_of_end, design, ends), 20.0 * _RUN_TIME, ("exact",),
         (Piece(number, {}, (None,)) for number in missing))).to_pylist()

@@ -18,7 +18,7 @@ from vibro_ros.study.optimise.plan import DIRECTIONS, FRONT, OBJECTIVES, POWERS,
 from vibro_ros.study.optimise.result import Result, result_file, scene_file, studied
 from vibro_ros.study.optimise.search import METHODS, Candidates
 from vibro_ros.study.optimise.space import Space, chosen_variables
-from vibro_ros.study.optimise.text import document, draw_convergence, draw_front, draw_sensitivity, title
+from vibro_ros.study.optimise.text import document, draw_convergence, draw_front, draw_sensitivity, on_bounds, title
 
 FOLDER, TEXT, SCENE, NUMBERS = "candidates", "optimum.md", "optimum.yaml", "optimum.json"
 _MOST = {"budget": 10**6, "starts": 1000, "workers": 1024, "seed": 2**31 - 2}
@@ -39,6 +39,7 @@ def _optimise(options: argparse.Namespace) -> int:
         result, candidates = studied(plan, folder / FOLDER, options.workers)
         write_files(folder, files_of(result, candidates))
     print(folder / FOLDER)
+    print(on_bounds(result))
     return 0
 
 

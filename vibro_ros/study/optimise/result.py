@@ -120,7 +120,7 @@ def studied(plan: Plan, folder: Path, workers: int) -> tuple[Result, Candidates]
 
 
 def _searched(plan: Plan, folder: Path, workers: int) -> Candidates:
-    files = candidate_files(folder, plan.identity())
+    files = candidate_files(folder, plan.identity(), plan.space.dimension, plan.effort.trials.starts)
     with stage("search", plan.effort.budget) as progress:
         evaluations = Evaluations(plan.space, plan.effort.trials, files, plan.effort.budget, workers, progress)
         if plan.objective == FRONT:

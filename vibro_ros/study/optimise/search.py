@@ -25,15 +25,18 @@ FIELDS = [
           "run cannot go on")]
 
 
-def candidate_files(folder: Path, search: dict) -> ParquetBlocks:
+def candidate_files(folder: Path, search: dict, dimension: int, starts: int) -> ParquetBlocks:
     """The files of a `search` in a folder that exists: one a group of candidates, a row a candidate.
+
+    A candidate has so many coordinates, and is simulated from so many starts.
 
     Raises
     ------
     ForeignBlockError
         For files of another search.
     """
-    files = ParquetBlocks(folder, search, MOST_GROUPS, FIELDS)
+    files = ParquetBlocks(folder, search, MOST_GROUPS, FIELDS, lambda _, rows: {
+        (len(row["point"]), len(row["values"])) for row in rows} == {(dimension, starts * len(MEASURED))})
     files.check_folder()
     files.read(0)  # later, a library would catch the error
     return files

@@ -105,19 +105,22 @@ def _beats(margin: Average | None, factor: float, unit: str) -> str:
     return f"{_number(factor * abs(margin.mean))} ± {factor * margin.spread:.2g} {unit} {more}"
 
 
-def _parameters(result: Result) -> list[str]:
-    """Which parameters of the optimum lie on a bound, what the score would gain beyond it, and a table of all."""
+def on_bounds(result: Result) -> str:
+    """Which parameters of the optimum lie on a bound, and what the score would gain beyond it."""
     ends = {variable.name: end for variable, end in zip(result.plan.space.variables, result.on_bound, strict=True)
             if end}
-    said = "No parameter lies on a bound."
-    if ends:
-        alone = {one.name: one for one in result.around.sensitivities}
-        gain, where = max((alone[name].lower if end == "low" else alone[name].upper, name)
-                          for name, end in ends.items())
-        listed = ", ".join(f"`{name}` ({_ENDS[end]})" for name, end in ends.items())
-        beyond = f"`{where}` gains most, {100 * (gain - 1.0):.1f} % of the score" if gain > 1.0 else "none gains"
-        said = (f"{len(ends)} of {len(result.on_bound)} parameters lie on a bound, and are the bounds' choice as much "
-                f"as the robot's: {listed}. {100 * PERTURBATION:g} % beyond, {beyond}.")
+    if not ends:
+        return "No parameter lies on a bound."
+    alone = {one.name: one for one in result.around.sensitivities}
+    gain, where = max((alone[name].lower if end == "low" else alone[name].upper, name) for name, end in ends.items())
+    listed = ", ".join(f"`{name}` ({_ENDS[end]})" for name, end in ends.items())
+    beyond = f"`{where}` gains most, {100 * (gain - 1.0):.1f} % of the score" if gain > 1.0 else "none gains"
+    return (f"{len(ends)} of {len(result.on_bound)} parameters lie on a bound, and are the bounds' choice as much as "
+            f"the robot's: {listed}. {100 * PERTURBATION:g} % beyond, {beyond}.")
+
+
+def _parameters(result: Result) -> list[str]:
+    """What `on_bounds` says, and a table of all parameters."""
     rows = []
     for variable, end in zip(result.plan.space.variables, result.on_bound, strict=True):
         parameter = BY_NAME[variable.name]
@@ -126,7 +129,7 @@ def _parameters(result: Result) -> list[str]:
                      f"{_number(variable.low)} to {_number(variable.high)}{', log' if variable.logarithmic else ''}",
                      _ENDS[end], variable.reason])
     heads = ["parameter", "symbol", "optimum", "paper", "unit", "bounds", "on bound", "why these bounds"]
-    return [said, _table(heads, rows)]
+    return [on_bounds(result), _table(heads, rows)]
 
 
 def _verification(result: Result) -> list[str]:

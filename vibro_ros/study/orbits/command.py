@@ -119,7 +119,7 @@ def _files(plan: Plan, run: OrbitsRun) -> dict[str, bytes]:
         rows += [{"branch": number, "name": next(left) if "kind" in row else None, **row} for row in rows_of(branch)]
     if branches:
         own = [Field("branch", pa.int64(), "1", "number of the branch"),
-               Field("name", pa.string(), "1", "of a special point, as in the picture")]
+               Field("name", pa.string(), "1", "of a special point, as in the picture", True)]
         whole = table_of(rows, [*own, *fields_of(plan)])
         files = {BRANCHES: file_of(whole), SPECIAL: file_of(whole.filter(pc.is_valid(whole["kind"])))}
     return {**files, TEXT: document(plan, run.done).encode(), PICTURE: draw_orbits(plan, branches)}

@@ -10,7 +10,9 @@ import pyarrow as pa
 
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.orbits.branch import Branch, Special
+from vibro_ros.orbits.continuation import KINDS
 from vibro_ros.orbits.curve import Curve, CurveSpecial, has_curve, passes, whole_curve
+from vibro_ros.orbits.turn_map import coordinates
 from vibro_ros.study.orbits.run import (
     DOWN,
     ORBIT_FIELDS,
@@ -21,6 +23,7 @@ from vibro_ros.study.orbits.run import (
     Task,
     array_of,
     followed,
+    is_sequence,
     read_sequence,
     rows_of_sequence,
 )
@@ -86,11 +89,19 @@ def fields_of(asked: CurvePlan) -> list[Field]:
     first, second = (BY_NAME[name] for name in asked.ranges)
     return [
         Field("kind", pa.string(), "1", "of the special points that the curve is made of"),
-        Field("point", pa.string(), "1", "of codimension two, or a change of events; null for an orbit between them"),
+        Field("point", pa.string(), "1", "of codimension two, or a change of events; null for an orbit between them",
+              True),
         Field(first.name, pa.float64(), first.unit or "1", first.description),
         Field(second.name, pa.float64(), second.unit or "1", second.description),
         *ORBIT_FIELDS,
     ]
+
+
+def curve_files(folder: Path, asked: CurvePlan) -> ParquetBlocks:
+    """The files of the curves in a folder that exists: one a curve, a row an orbit or special point, in its order."""
+    dimension = len(coordinates(asked.plan.scene))
+    return ParquetBlocks(folder, asked.document(), MOST_CURVES, fields_of(asked), lambda _, rows: is_sequence(
+        rows, dimension) and {row["kind"] for row in rows} <= set(KINDS))
 
 
 def rows_of(curve: Curve) -> list[dict]:
@@ -133,7 +144,7 @@ def follow_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]], names: 
     RuntimeError
         When the disk is full or refuses, or a run cannot go on; finished curves are kept.
     """
-    files = ParquetBlocks(folder, asked.document(), MOST_CURVES, fields_of(asked))
+    files = curve_files(folder, asked)
     found: list[tuple[CurveTask, Curve]] = []
     files.check_folder()
     for (_, branch), own in zip(done, names, strict=True):

@@ -13,7 +13,7 @@ import pyarrow as pa
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.branch import Branch, Special, branch_from, doubled_branch_from, family_of, lies_on
-from vibro_ros.orbits.continuation import DOUBLING
+from vibro_ros.orbits.continuation import DOUBLING, KINDS
 from vibro_ros.orbits.curve import Curve
 from vibro_ros.orbits.family import Family
 from vibro_ros.orbits.orbit import Seed, seeds_of
@@ -140,18 +140,32 @@ MOST_BRANCHES = 10_000
 
 def branch_files(folder: Path, plan: Plan) -> ParquetBlocks:
     """The files of a plan in a folder that exists: one a branch, a row an orbit or special point, in its order."""
-    return ParquetBlocks(folder, plan.document(), MOST_BRANCHES, fields_of(plan))
+    names = coordinates(plan.scene)
+
+    def sound(_: int, rows: list[dict]) -> bool:
+        return is_sequence(rows, len(names)) and all(row["kind"] in (None, *KINDS) for row in rows) and all(
+            len(row[name] or ()) == (row["turns"] if row["kind"] is None else 0) for row in rows for name in names)
+
+    return ParquetBlocks(folder, plan.document(), MOST_BRANCHES, fields_of(plan), sound)
+
+
+def is_sequence(rows: list[dict], dimension: int) -> bool:
+    """Whether rows are one branch or curve of states with so many coordinates."""
+    ends = [row["end"] is not None for row in rows]
+    return ends == [*[False] * (len(rows) - 1), True] and len({row["turns"] for row in rows}) == 1 and all(
+        len(row[name]) == dimension for row in rows for name in ("state", "multipliers_real", "multipliers_imag"))
 
 
 def fields_of(plan: Plan) -> list[Field]:
     """The columns of a branch."""
     parameter, each = BY_NAME[plan.name], "each time the crank passes the angle 0; null for a special point"
     return [
-        Field("kind", pa.string(), "1", "of a special point; null for an orbit between them"),
+        Field("kind", pa.string(), "1", "of a special point; null for an orbit between them", True),
         Field(plan.name, pa.float64(), parameter.unit or "1", parameter.description),
-        Field("width", pa.float64(), parameter.unit or "1", "of the interval that holds the special point"),
-        Field("stable", pa.bool_(), "1", "whether small disturbances die out; null for a special point"),
-        *(Field(name, NUMBERS, STATE_UNITS[name], each) for name in coordinates(plan.scene)),
+        Field("width", pa.float64(), parameter.unit or "1", "of the interval that holds the special point", True),
+        Field("stable", pa.bool_(), "1", "whether small disturbances die out; null for a special point",
+              True),
+        *(Field(name, NUMBERS, STATE_UNITS[name], each, True) for name in coordinates(plan.scene)),
         *ORBIT_FIELDS,
     ]
 
@@ -164,8 +178,8 @@ ORBIT_FIELDS = (
     Field("multipliers_imag", NUMBERS, "1", "their imaginary parts"),
     Field("phase", pa.float64(), "rad", "crank angle at the cut"),
     Field("state", NUMBERS, "1", "at the cut, in units of the machine"),
-    Field("change", pa.string(), "1", "of the events, where their order changes"),
-    Field("end", pa.string(), "1", "why the orbits were not followed further; in the last row"))
+    Field("change", pa.string(), "1", "of the events, where their order changes", True),
+    Field("end", pa.string(), "1", "why the orbits were not followed further; in the last row", True))
 """The columns that a branch and a curve have, last in their tables."""
 
 

@@ -2,8 +2,9 @@
 
 Every file says in its schema's metadata, under the key `vibro_ros`, the version, the whole design, and which block it
 is, and under `digest`, by which damage is seen, a digest of this and of its values; every column says its unit and
-meaning. A file is whole or absent: it is written beside its place, brought to the
-disk and renamed. A study that is started again reads the blocks that are whole and computes the others.
+meaning. A file is whole or absent: it is written beside its place, brought to the disk and renamed. A study that is
+started again reads the blocks that are whole and computes the others. Anybody can write a file with a digest that fits,
+so a file also counts only if it has the columns of the study and the rows of its block.
 """
 
 import contextlib
@@ -28,9 +29,13 @@ from vibro_ros.study.progress import Progress
 from vibro_ros.study.running.runner import Results
 
 KEY, _DIGEST = b"vibro_ros", b"digest"
-NUMBERS = pa.list_(pa.field("element", pa.float64()))
+NUMBERS = pa.list_(pa.field("element", pa.float64(), nullable=False))
 """A list of numbers, by the name of its items that a file has which is read again."""
-_LARGEST = 2**28  # bytes of a block's file
+_LARGEST, _MOST_ROWS = 2**28, 2**20  # bytes of a block's file, and its rows: few bytes can stand for many rows
+
+
+# What comes of reading values that are not those of a study.
+_UNSOUND = (pa.ArrowException, ArithmeticError, LookupError, TypeError, ValueError)
 
 
 class ForeignBlockError(ValueError):
@@ -38,12 +43,17 @@ class ForeignBlockError(ValueError):
 
 
 class Field(NamedTuple):
-    """One column of a table."""
+    """One column of a table; `optional`: whether a row may have no value there."""
 
     name: str
     type: pa.DataType
     unit: str
     meaning: str
+    optional: bool = False
+
+
+Sound = Callable[[int, list[dict]], bool]
+"""Whether rows, whose columns have the right types, are those of the block of a number; may raise instead of False."""
 
 
 class ParquetBlocks:
@@ -59,10 +69,12 @@ class ParquetBlocks:
         Blocks.
     fields : sequence of Field
         The columns.
+    sound : callable
+        Tells the rows of a block from others.
     """
 
-    def __init__(self, folder: Path, design: dict, count: int, fields: Sequence[Field]):
-        self._folder, self._count, self._fields = folder, count, fields
+    def __init__(self, folder: Path, design: dict, count: int, fields: Sequence[Field], sound: Sound):
+        self._folder, self._count, self._fields, self._sound = folder, count, fields, sound
         self._study = {**fingerprint(), "design": design, "blocks": count}
 
     def path(self, block: int) -> Path:
@@ -99,7 +111,8 @@ class ParquetBlocks:
         return table
 
     def read(self, block: int) -> pa.Table | None:
-        """The table of a block; None where there is no file, or one that is damaged, which is then computed again.
+        """The table of a block; None where there is no file, or one that is damaged or has the rows of something else,
+        which is then computed again.
 
         Raises
         ------
@@ -113,18 +126,28 @@ class ParquetBlocks:
             return None
         data = content(path, _LARGEST, follow=False)
         try:
-            table = pq.ParquetFile(io.BytesIO(data), page_checksum_verification=True).read()
+            file = pq.ParquetFile(io.BytesIO(data), page_checksum_verification=True)
+            if file.metadata.num_rows > _MOST_ROWS:
+                raise ValueError
+            table = file.read()
             document, digest = table.schema.metadata[KEY], table.schema.metadata[_DIGEST]
-            whole = _digest(document, table) == digest
-        except (pa.ArrowException, OSError, KeyError, TypeError, ValueError):
-            whole = False
-        if not whole:
-            say("study", f"{path}: is damaged; it is computed again")
-            return None
+            if _digest(document, table) != digest:
+                raise ValueError
+            theirs = json.loads(document)
+        except (*_UNSOUND, OSError, RecursionError):
+            return self._damaged(path)
         if document != self._document(block):
-            raise ForeignBlockError(f"{path}: is of another study ({_difference(json.loads(document), self._study)}); "
-                                    "give another --output, or delete that folder")
-        return table
+            raise ForeignBlockError(f"{path}: is of another study ({_difference(theirs, self._study)}); give another "
+                                    "--output, or delete that folder")
+        try:
+            sound = table.schema.equals(schema_of(self._fields)) and self._sound(block, table.to_pylist())
+        except _UNSOUND:
+            sound = False
+        return table if sound else self._damaged(path)
+
+    @staticmethod
+    def _damaged(path: Path) -> None:
+        say("study", f"{path}: is damaged; it is computed again")
 
     def _document(self, block: int) -> bytes:
         return json.dumps({**self._study, "block": block}, ensure_ascii=False).encode()
@@ -190,9 +213,19 @@ def cut(rows: int, size: int) -> list[range]:
 
 def table_of(rows: Sequence[dict], fields: Sequence[Field]) -> pa.Table:
     """A table whose schema says units and meanings."""
-    schema = pa.schema([pa.field(one.name, one.type, metadata={"unit": one.unit, "meaning": one.meaning})
-                        for one in fields])
-    return pa.Table.from_pylist(list(rows), schema)
+    return pa.Table.from_pylist(list(rows), schema_of(fields))
+
+
+def schema_of(fields: Sequence[Field]) -> pa.Schema:
+    """The schema that says units and meanings."""
+    return pa.schema([pa.field(one.name, one.type, one.optional, {"unit": one.unit, "meaning": one.meaning})
+                      for one in fields])
+
+
+def are(rows: Sequence[dict], expected: Sequence[dict]) -> bool:
+    """Whether there are as many rows as `expected`, and each has what is expected of it."""
+    return len(rows) == len(expected) and all(
+        row[name] == value for row, own in zip(rows, expected, strict=True) for name, value in own.items())
 
 
 def file_of(table: pa.Table) -> bytes:

@@ -30,7 +30,7 @@ from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import ToleranceWarning
 from vibro_ros.study.command import settings_of
 from vibro_ros.study.measures import MEASURES, checked_names, checked_times, measure
-from vibro_ros.study.running.blocks import Field, ParquetBlocks, completed, cut
+from vibro_ros.study.running.blocks import Field, ParquetBlocks, are, completed, cut
 from vibro_ros.study.running.runner import PIECE, Piece, Runner
 from vibro_ros.study.variation import (
     Axis,
@@ -294,7 +294,11 @@ def run_sweep(design: Design, folder: Path, runner: Runner) -> pa.Table:
         As `completed`.
     """
     rows = design.blocks
-    blocks = ParquetBlocks(folder, design.document(), len(rows), fields_of(design))
+    def sound(block: int, found: list[dict]) -> bool:
+        return are(found, [{"point": piece.number, "start": start, **piece.changes}
+                           for piece in pieces(design, rows[block]) for start in piece.starts])
+
+    blocks = ParquetBlocks(folder, design.document(), len(rows), fields_of(design), sound)
     methods = next((axis.values for axis in design.axes if axis.name == "solver.method"),
                    (design.scene["solver.method"],))
     return completed("sweep", blocks, list(map(len, rows)), lambda missing: runner(
@@ -338,10 +342,10 @@ def fields_of(design: Design) -> list[Field]:
     """The columns: what varies, and what was measured."""
     return [
         Field("point", pa.int64(), "1", "number of the combination of parameters"),
-        Field("start", pa.int64(), "1", "number of the drawn start; null for the scene's own"),
+        Field("start", pa.int64(), "1", "number of the drawn start; null for the scene's own", True),
         *(Field(name, _TYPES[type(BY_NAME[name].default)], BY_NAME[name].unit or "1", BY_NAME[name].description)
           for name in design.names),
         *(Field(name, pa.float64(), MEASURES[name].unit, MEASURES[name].meaning) for name in design.measures),
-        Field("error", pa.string(), "1", "why the row has no values; else null"),
-        Field("warning", pa.string(), "1", "what is to be known about the values; else null"),
+        Field("error", pa.string(), "1", "why the row has no values; else null", True),
+        Field("warning", pa.string(), "1", "what is to be known about the values; else null", True),
     ]

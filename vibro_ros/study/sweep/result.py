@@ -19,6 +19,7 @@ from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.orbits.chaos import sign_of
 from vibro_ros.study.measures import EXPONENT, MEASURES, SPREAD
 from vibro_ros.study.sweep.design import NO_SCENE, Design
+from vibro_ros.study.variation import beyond_the_edge
 
 
 @dataclass(frozen=True)
@@ -114,6 +115,9 @@ def in_words(found: Summary) -> list[str]:
             continue
         least, most = int(np.nanargmin(found.mean[name])), int(np.nanargmax(found.mean[name]))
         lines.append(f"{name}: from {_at(found, name, least)} to {_at(found, name, most)}")
+        for what, point in (("least", least), ("largest", most)):
+            if edge := beyond_the_edge(f"the {what} {name}", found.parameters, point):
+                lines.append(edge)
         if name == EXPONENT and (unknown := _of_unknown_sign(found)):
             lines.append(f"{name}: sign not known at {unknown} of {design.points} points")
     for count, what, texts in ((found.failed.sum(), "runs could not go on", [
@@ -174,7 +178,8 @@ def draw_sweep(found: Summary) -> bytes:
             else:
                 axis.plot(found.parameters[over[0]], found.mean[measure], ".", color=_STYLES[0][0], ms=4, alpha=0.6)
                 _label(axis, over[0], measure)
-    starts = f"{found.design.starts} starts, 95 % intervals" if found.design.starts > 1 else "one start"
+    intervals = ", 95 % intervals" if on_grid and not is_map and len(columns) == 1 else ""
+    starts = f"means of {found.design.starts} starts{intervals}" if found.design.starts > 1 else "one start"
     figure.suptitle(f"{found.design.scene.name}: {starts}, {found.design.duration:g} s after "
                     f"{found.design.settling:g} s", fontsize=11)
     return png(figure)
