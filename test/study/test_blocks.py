@@ -73,12 +73,12 @@ FORGERIES = {
 @pytest.mark.parametrize("forgery", FORGERIES)
 def test_a_forged_block_is_named_and_computed_again(done, capsys, forgery):
     main, words, path = done
+    if main is orbits and forgery == "fewer rows":
+        pytest.skip("a branch has as many rows as it has, and a shorter one is a branch as well")
     whole = path.read_bytes()
     forged(path, FORGERIES[forgery])
     if pq.read_table(path).equals(pq.read_table(pa.BufferReader(whole))):
         pytest.skip("this study has no lists")
-    if main is orbits and forgery == "fewer rows":
-        pytest.skip("a branch has as many rows as it has, and a shorter one is a branch as well")
     assert main(words) == 0 and path.read_bytes() == whole
     assert f"study: {path}: is damaged; it is computed again" in capsys.readouterr().err.splitlines()
 
