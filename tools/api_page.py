@@ -7,6 +7,7 @@ from textwrap import indent
 
 import vibro_ros
 from vibro_ros.bag.reader import Bag
+from vibro_ros.orbits.attractors import Attractor, Attractors
 from vibro_ros.orbits.branch import Branch
 from vibro_ros.orbits.chaos import LyapunovSpectrum
 from vibro_ros.orbits.curve import Curve
@@ -14,7 +15,7 @@ from vibro_ros.orbits.orbit import Orbit
 from vibro_ros.orbits.recurrence import SettledMotion
 from vibro_ros.simulation.samples import Run
 
-RETURNED = (Run, Bag, Orbit, Branch, Curve, SettledMotion, LyapunovSpectrum)
+RETURNED = (Run, Bag, Orbit, Branch, Curve, SettledMotion, Attractors, Attractor, LyapunovSpectrum)
 #: Methods for users, of a class that has others for the physics.
 USED = {"Scene": ["with_parameters", "describe"]}
 _SECTION = re.compile(r"^(\w[\w ]*)\n-{3,}$", re.MULTILINE)

@@ -18,11 +18,11 @@ from tqdm import tqdm
 
 from tools.bench import RATE, seconds
 from tools.generated_text import write_between
-from vibro_ros.accuracy.starts import SETTLING, started_at_share
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.parameters import Value
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import compile_scene
+from vibro_ros.orbits.starts import SETTLING, started_at_share
 from vibro_ros.simulation.simulator import Simulator
 from vibro_ros.solver.system import NOTHING
 

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 
 from vibro_ros.accuracy.diagram import style
 from vibro_ros.accuracy.figures import new_figure, tidy
-from vibro_ros.accuracy.starts import STARTING, started_at_share
 from vibro_ros.model.scene import Scene
+from vibro_ros.orbits.starts import STARTING, started_at_share
 
 _STARTS, _END, _PER_SECOND = 8, 10.0, 200.0
 

@@ -7,6 +7,7 @@ if TYPE_CHECKING:
     from vibro_ros.bag.reader import read_bag
     from vibro_ros.configuration.scene_file import load_scene
     from vibro_ros.model.scene import Scene
+    from vibro_ros.orbits.attractors import attractors
     from vibro_ros.orbits.branch import follow_orbit
     from vibro_ros.orbits.chaos import lyapunov_spectrum, zero_one_test
     from vibro_ros.orbits.curve import follow_bifurcation
@@ -17,15 +18,16 @@ if TYPE_CHECKING:
     from vibro_ros.simulation.runs import simulate, simulate_many
     from vibro_ros.simulation.simulator import Simulator
 
-__all__ = ["Scene", "SensedSimulator", "SimulationError", "Simulator", "find_orbit", "follow_bifurcation",
-           "follow_orbit", "load_scene", "lyapunov_spectrum", "read_bag", "settled_motion", "simulate", "simulate_many",
-           "zero_one_test"]
+__all__ = ["Scene", "SensedSimulator", "SimulationError", "Simulator", "attractors", "find_orbit",
+           "follow_bifurcation", "follow_orbit", "load_scene", "lyapunov_spectrum", "read_bag", "settled_motion",
+           "simulate", "simulate_many", "zero_one_test"]
 
 _HOMES = {
     "Scene": "model.scene",
     "SensedSimulator": "sensors.device",
     "SimulationError": "simulation.motion",
     "Simulator": "simulation.simulator",
+    "attractors": "orbits.attractors",
     "find_orbit": "orbits.orbit",
     "follow_bifurcation": "orbits.curve",
     "follow_orbit": "orbits.branch",

@@ -5,7 +5,8 @@ import pytest
 from scipy.stats import ttest_1samp
 
 import vibro_ros
-from vibro_ros.accuracy.starts import average, motions_of, speed_of_start, speeds_of_starts, started
+from vibro_ros.accuracy.starts import average, motions_of, speed_of_start, speeds_of_starts
+from vibro_ros.orbits.starts import drawn_start
 
 
 def covered(values: np.ndarray, starts: int) -> tuple[int, int]:
@@ -40,7 +41,7 @@ def test_starts_are_independent_and_repeatable():
     first, again, others = (speeds_of_starts(scene, 0.2, 6, batch) for batch in (0, 0, 1))
     assert np.array_equal(first, again) and not np.intersect1d(first, others).size
     assert len(np.unique(first)) == 6
-    device = started(scene, np.random.default_rng(3))
+    device = drawn_start(scene, 3)
     device.advance_to(3.0)
     assert device.state.motor_speed == scene["motor.speed"]
     assert device.state.upper_plate_position == pytest.approx(scene["crank.upper_rod"] + scene["upper.gap"], abs=1e-12)

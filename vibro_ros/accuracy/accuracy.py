@@ -34,8 +34,8 @@ from vibro_ros.accuracy.findings import (
 from vibro_ros.accuracy.measurement import Measurement
 from vibro_ros.accuracy.methods import STUDIED, ComparedMethod, UnableError
 from vibro_ros.accuracy.precision import INSTANTS, LEAST_TIME, RATE, RUNNING_SPEED, Effort, Growth, SceneStudy
-from vibro_ros.accuracy.starts import SETTLING
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
+from vibro_ros.orbits.starts import SETTLING
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import FAILURE, Parser, exit_code, say
 from vibro_ros.process.stop_signals import interrupted_code

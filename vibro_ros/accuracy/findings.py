@@ -12,8 +12,8 @@ from vibro_ros.accuracy.diagram import WITHIN
 from vibro_ros.accuracy.measurement import AVERAGE, NEED, REFERENCE, TRAJECTORY, Measurement
 from vibro_ros.accuracy.methods import BASELINE
 from vibro_ros.accuracy.precision import LONG, SHORT
-from vibro_ros.accuracy.starts import SETTLING
 from vibro_ros.accuracy.tables_by_scipy import SOLVERS
+from vibro_ros.orbits.starts import SETTLING
 from vibro_ros.solver.methods import SCHEMES
 
 #: The method of fixed step that locates events, which is no blind one.

@@ -18,10 +18,11 @@ from vibro_ros.accuracy.methods import (
     ComparedMethod,
     UnableError,
 )
-from vibro_ros.accuracy.starts import STARTING, average, motor_command, speeds_of_starts, started_at_share
+from vibro_ros.accuracy.starts import average, speeds_of_starts
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.support import unsupported
 from vibro_ros.orbits.chaos import exponent_of_pairs
+from vibro_ros.orbits.starts import STARTING, motor_command, started_at_share
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.solver.methods import SCHEMES
 

@@ -1,9 +1,4 @@
-"""Starts that are independent of each other, and mean speeds over them with their intervals.
-
-A loss-free scene is not ergodic: what its body does for ever depends on how it began, and starts along one line, such
-as equidistant speeds, may miss part of it. A start is therefore drawn: three stretches within the first second, each of
-random length and with a random motor speed and random gaps, all from a generator of its own number.
-"""
+"""Mean speeds over drawn starts, `vibro_ros.orbits.starts`, with their intervals."""
 
 from contextlib import closing
 from dataclasses import dataclass
@@ -14,20 +9,15 @@ from scipy.stats import sem
 from scipy.stats import t as student
 
 from vibro_ros.model.scene import Scene
+from vibro_ros.orbits.starts import SETTLING, drawn_start
 from vibro_ros.simulation.preparation import provide_kernels
 from vibro_ros.simulation.processes import core_count, in_processes
-from vibro_ros.simulation.simulator import Simulator
 
-#: Time [s] that a start is given before its mean speed counts, and of that, the time at other motor speeds.
-SETTLING, STARTING = 4.0, 1.0
 #: Relative difference below which two starts have the same motion: they still settle.
 SAME = 1e-5
 # Part of the variance that a cut into two groups takes away, of starts that have two motions, and starts that it takes
 # to see that: a cut takes 64 % of many normal values, and so much of eight in 4 draws of 1000.
 _TWO_MOTIONS, _LEAST_STARTS = 0.95, 8
-# Stretches of a start; the first instant at which one may end [s]; least speed or voltage in parts of the scene's;
-# largest change of a gap in parts of the crank's radius.
-_STRETCHES, _FIRST_END, _SLOWEST, _GAPS = 3, 0.1, 0.5, 0.1
 
 
 @dataclass(frozen=True)
@@ -85,39 +75,8 @@ def speeds_of_starts(scene: Scene, duration: float, starts: int, batch: int = 0)
 
 def speed_of_start(scene: Scene, duration: float, batch: int, number: int) -> float:
     """Mean speed of the body [m/s] of one start over `duration` [s]; `SETTLING` seconds do not count."""
-    device = started(scene, np.random.default_rng((batch, number)))
+    device = drawn_start(scene, number, batch)
     device.advance_to(SETTLING)
     begin = device.state.body_position
     device.advance_to(SETTLING + duration)
     return (device.state.body_position - begin) / duration
-
-
-def started(scene: Scene, draw: np.random.Generator) -> Simulator:
-    """A device after its start, at the motor speed or voltage of `scene`, its plates on their way to its gaps."""
-    device, reach = Simulator(scene), _GAPS * scene["crank.radius"]
-    name, command = motor_command(scene)
-    gaps = {f"{side}_gap": scene[f"{side}.gap"] for side in scene.guides}
-    for end in (*np.sort(draw.uniform(_FIRST_END, STARTING, _STRETCHES - 1)), STARTING):
-        aside = {}
-        for side, gap in gaps.items():
-            rod = scene[f"crank.{side.removesuffix('_gap')}_rod"]
-            aside[side] = min(max(gap + draw.uniform(-reach, reach), -rod), rod)
-        device.command(**{name: command * draw.uniform(_SLOWEST, 1.0)}, **aside)
-        device.advance_to(end)
-    device.command(**{name: command}, **gaps)
-    return device
-
-
-def started_at_share(scene: Scene, share: float, command: float) -> Simulator:
-    """A device at the motor speed [rad/s] or voltage [V] of `command`, after a first second at (1 + `share`) / 2 of it.
-    """
-    device = Simulator(scene)
-    device.command(**{scene.motor_command: command * (1.0 + share) / 2.0})
-    device.advance_to(STARTING)
-    device.command(**{scene.motor_command: command})
-    return device
-
-
-def motor_command(scene: Scene) -> tuple[str, float]:
-    """What commands the motor of `scene`, and its value there: a speed [rad/s], or a voltage [V]."""
-    return scene.motor_command, scene[scene.motor_command.replace("_", ".")]

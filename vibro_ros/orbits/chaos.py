@@ -183,11 +183,11 @@ def _spectrum_of(rates: np.ndarray) -> LyapunovSpectrum:
     order = np.argsort(-found, kind="stable")
     spread, lasting = np.zeros_like(found), np.isfinite(found)
     means = np.array([part[:, lasting].mean(axis=0) for part in np.array_split(rates, _PARTS)])
-    spread[lasting] = _half_interval(means)
+    spread[lasting] = half_interval(means)
     return LyapunovSpectrum(found[order], spread[order], len(rates))
 
 
-def _half_interval(means: np.ndarray) -> Any:
+def half_interval(means: np.ndarray) -> Any:
     """Half the width of the 95 % confidence interval of a mean, from its means over parts of a run, along axis 0."""
     return student.ppf(0.975, len(means) - 1) * sem(means, axis=0) if len(means) > 1 else math.nan
 
@@ -277,7 +277,7 @@ def exponent_of_pairs(device: Simulator, begin: float, duration: float) -> tuple
         return 0.0, math.log(_GROWN) / (sum(watched) * stretch) if watched else math.nan
     rates = [grown.sum() / (lasted.sum() * stretch) for grown, lasted in zip(
         *(np.array_split(of_pairs, min(_PARTS, len(growth))) for of_pairs in (growth, watched)), strict=True)]
-    return sum(growth) / (sum(watched) * stretch), float(_half_interval(np.array(rates)))
+    return sum(growth) / (sum(watched) * stretch), float(half_interval(np.array(rates)))
 
 
 def _distances(device: Simulator, twin: Simulator, begun: float, ends: Iterator[float]) -> list[float]:

@@ -366,9 +366,13 @@ class Stroboscope:
         self._device.restore(self._start)
         if given:
             self._device.set_state(**given)
-        angle, phase = self._device.state.crank_angle, self.turn_map.phase
+        return self.begin_with(self._device)
+
+    def begin_with(self, device: Simulator) -> Cuts:
+        """Go on with a device of the scene from wherever it is, its motor steady, to its first cut."""
+        self._device, phase, angle = device, self.turn_map.phase, device.state.crank_angle
         self._turns = math.ceil((angle - phase) / TURN) - 1
-        self._cut = (share_of_turn(self.turn_map.scene, angle, phase) - 1.0) * self.turn_map.period
+        self._cut = device.time + (share_of_turn(self.turn_map.scene, angle, phase) - 1.0) * self.turn_map.period
         return self.turns(1)
 
     def turns(self, count: int) -> Cuts:

@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.integrate import trapezoid
 
-from vibro_ros.accuracy.starts import STARTING, started
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.chaos import exponent_of_pairs
 from vibro_ros.orbits.recurrence import JITTER
+from vibro_ros.orbits.starts import STARTING, drawn_start
 from vibro_ros.orbits.turn_map import is_sampled
 from vibro_ros.simulation.samples import LATEST, Samples
 from vibro_ros.simulation.simulator import Simulator
@@ -215,8 +215,8 @@ class Observation:
 
 
 def device_at_start(scene: Scene, start: int | None) -> Simulator:
-    """A device of `scene` at its own start (None), or after the drawn start of that number, as `started`."""
-    return Simulator(scene) if start is None else started(scene, np.random.default_rng((0, start)))
+    """A device of `scene` at its own start (None), or after the drawn start of that number, as `drawn_start`."""
+    return Simulator(scene) if start is None else drawn_start(scene, start)
 
 
 def observe(scene: Scene, wanted: Collection[str], settling: float, duration: float, start: int | None) -> Observation:
@@ -505,7 +505,7 @@ def measure(scene: Scene, names: Collection[str], settling: float, duration: flo
     duration : float
         Time that counts after that [s]: its whole turns of the crank (see `window`).
     start : int, optional
-        Number of a drawn start (`vibro_ros.accuracy.starts`), which scenes share; without it the scene's own.
+        Number of a drawn start (`vibro_ros.orbits.starts`), which scenes share; without it the scene's own.
 
     Returns
     -------

@@ -2,7 +2,7 @@
 
 The independent one is the paper's robot in the plainest way: Runge-Kutta 4 with a fixed step, from the equations alone.
 Nothing of the package is used in it. Contacts and friction are looked at once a step: at 1e-5 s a contact takes thirty
-steps. The starts are those of `vibro_ros.accuracy.starts`, written again.
+steps. The starts are those of `vibro_ros.orbits.starts`, written again.
 """
 
 import math

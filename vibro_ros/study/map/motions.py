@@ -15,11 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibro_ros.accuracy.starts import started
 from vibro_ros.configuration.command_choice import Choice, CommandChoice, has_choice
 from vibro_ros.configuration.command_map import PATCHWORK, Axis, CommandMap, Curve, Found
 from vibro_ros.orbits.continuation import CORNER, follow, special_points
 from vibro_ros.orbits.family import Family, LostError
+from vibro_ros.orbits.starts import drawn_start
 from vibro_ros.orbits.turn_map import TURN
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.preparation import provide_kernels
@@ -217,7 +217,7 @@ def curves(design: MapDesign, points: list[Point], gap_indices: range) -> tuple[
 PROOFS, QUICK_PROOFS = 185, 16
 """Mean speeds that are tried, equally spaced over what a map offers, or a quick one."""
 STARTS = 8
-"""Drawn starts of each, `accuracy.starts`: a first second at other motor speeds and gaps."""
+"""Drawn starts of each, `orbits.starts`: a first second at other motor speeds and gaps."""
 SETTLING, MEASURING = 10.0, 10.0
 """Time [s] that does not count, and time that does, cut to whole turns."""
 MET = 0.05
@@ -294,7 +294,7 @@ def _trial(design: MapDesign, one: tuple[float, Choice]) -> Trial:
     turn, speeds = TURN / motor, []
     duration = turn * round(MEASURING / turn)
     for start in range(STARTS):
-        device = started(design.scene_with(motor, gap), np.random.default_rng((0, start)))
+        device = drawn_start(design.scene_with(motor, gap), start)
         device.advance_to(SETTLING)
         begin = device.state.body_position
         device.advance_to(SETTLING + duration)

@@ -21,11 +21,11 @@ from typing import Any, cast
 import numpy as np
 import pyarrow as pa
 
-from vibro_ros.accuracy.starts import SETTLING
 from vibro_ros.configuration.scene_file import config_folder, load_scene, scene_origin
 from vibro_ros.configuration.strict_yaml import read_yaml
 from vibro_ros.model.parameters import BY_NAME, Value, parameter_named
 from vibro_ros.model.scene import Scene
+from vibro_ros.orbits.starts import SETTLING
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import ToleranceWarning
 from vibro_ros.study.command import settings_of

@@ -1,0 +1,285 @@
+"""Attractors: the motions that the starts of a scene lead to, with the shares of the starts and the exponents.
+
+Two motions have no mean speed in common: a number between their speeds is one that no robot has. So whatever runs a
+scene from several starts groups them here, and prints an `Attractors`, which has no mean:
+
+1. each start gives a `SettledMotion`, or None if it has not settled, and a mean speed [m/s];
+2. `grouped` tells the motions apart by one rule, `SettledMotion.is_same`: the same period and states within the
+   tolerance; without a period, the same cloud of states. Starts that have not settled are one group that says so;
+3. `Attractors.in_words` is the sentence for a user, `Attractors.single` the one attractor where there is one;
+4. `measured` adds multipliers and Lyapunov exponents, which cost as much as some starts.
+
+`attractors` does all of this for drawn starts of a scene.
+"""
+
+import math
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+from scipy.stats import binomtest
+
+from vibro_ros.model.scene import Scene
+from vibro_ros.orbits.chaos import exponent_of_pairs, half_interval
+from vibro_ros.orbits.orbit import close, orbit_at
+from vibro_ros.orbits.recurrence import SettledMotion, number_among, settle
+from vibro_ros.orbits.starts import SETTLING, drawn_start
+from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, free_cut, free_phase, is_sampled
+from vibro_ros.simulation.motion import SimulationError
+from vibro_ros.simulation.preparation import provide_kernels
+from vibro_ros.simulation.processes import core_count, in_processes
+from vibro_ros.simulation.simulator import Simulator
+
+MOST_STARTS = 10_000
+MEASURED = 2000
+"""Turns over which the Lyapunov exponent of a motion without multipliers is measured."""
+_SAME_SPEED = 1e-6  # relative: a motion and its orbit have the same mean speed
+_STEADY = 1e-9  # relative: a motor that is so near its commanded speed has reached it
+_WAIT = 1.0  # s
+
+
+@dataclass(frozen=True)
+class Attractor:
+    """A motion and the starts that lead to it.
+
+    Attributes
+    ----------
+    turns : int or None
+        Turns of the crank after which the motion repeats itself; 0 for a motion without a period; None for the starts
+        that have not settled, which may have motions that differ.
+    mean_speed : float
+        Of the body [m/s], forwards positive: of a periodic motion over its period, else the mean over the starts.
+    spread : float
+        Half the width of its 95 % confidence interval [m/s], by Student's distribution; 0 of a periodic motion, NaN of
+        a single start without a period.
+    starts : int
+        Starts that lead to it.
+    share, low, high : float
+        Their part of all starts, and its 95 % confidence interval; dimensionless.
+    exponent : float
+        Largest Lyapunov exponent [1/s]: of the multipliers, or else measured over `MEASURED` turns; -inf where every
+        disturbance is gone within a period, NaN where nobody has measured.
+    exponent_spread : float
+        Half the width of its 95 % confidence interval [1/s]; 0 of the multipliers.
+    multipliers : ndarray of complex, shape (n,)
+        Floquet multipliers of the orbit, the largest first; none of a motion without a period, of a dc motor whose
+        controller takes samples, or where Newton's method does not close the orbit.
+    states : ndarray, shape (m, n)
+        States at successive cuts, in units of the machine, as `SettledMotion.states`; none of what has not settled.
+    """
+
+    turns: int | None
+    mean_speed: float
+    spread: float
+    starts: int
+    share: float
+    low: float
+    high: float
+    exponent: float = math.nan
+    exponent_spread: float = math.nan
+    multipliers: np.ndarray = field(default_factory=lambda: np.empty(0, complex))
+    states: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+
+    def in_words(self) -> str:
+        """Such as ``-79.80 mm/s, again after 3 turns``, or ``-45.468 ± 0.008 mm/s, without a period``."""
+        spread, digits = self.spread * 1e3, 2
+        if spread > 0.0:
+            digits = max(0, -math.floor(math.log10(spread)))
+        plus_minus = f" ± {spread:.{digits}f}" if spread > 0.0 else ""
+        again = ("not settled" if self.turns is None else "without a period" if self.turns == 0 else
+                 f"again after {self.turns} turn{'s' * (self.turns > 1)}")
+        return f"{self.mean_speed * 1e3:.{digits}f}{plus_minus} mm/s, {again}"
+
+
+class Attractors(tuple[Attractor, ...]):
+    """The attractors of a scene: those of most starts first, then the starts that have not settled.
+
+    It has no mean, because several motions have none.
+    """
+
+    __slots__ = ()
+
+    @property
+    def single(self) -> Attractor | None:
+        """The attractor of all starts; None where there are several."""
+        return self[0] if len(self) == 1 else None
+
+    def in_words(self) -> str:
+        """What a user reads: each motion, and of several the starts that lead to it."""
+        if self.single:
+            return self.single.in_words()
+        total = sum(one.starts for one in self)
+        return "; ".join(f"{one.in_words()} ({one.starts} of {total} starts, {100 * one.low:.0f} to "
+                         f"{100 * one.high:.0f} %)" for one in self)
+
+
+def share_of(starts: int, total: int) -> tuple[float, float, float]:
+    """A share of starts and its 95 % interval: E. B. Wilson, J. Am. Stat. Assoc. 22 (1927) 209."""
+    interval = binomtest(starts, total).proportion_ci(method="wilson")
+    return starts / total, float(interval.low), float(interval.high)
+
+
+def grouped(motions: Sequence[SettledMotion | None], mean_speeds: Sequence[float]) -> tuple[Attractors, np.ndarray]:
+    """The attractors of several starts.
+
+    Parameters
+    ----------
+    motions : sequence of SettledMotion or None
+        What each start has settled to, at the cut of one turn map; None for a start that has not settled.
+    mean_speeds : sequence of float
+        Mean speed of the body in each start [m/s].
+
+    Returns
+    -------
+    Attractors
+        Without multipliers and exponents: see `measured`.
+    ndarray of int, shape (starts,)
+        Place of each start's attractor among them.
+    """
+    known, met = [], list[SettledMotion]()
+    for motion in motions:
+        number = None if motion is None else number_among(motion, met)
+        if motion is not None and number is None:
+            number = len(met)
+            met.append(motion)
+        known.append(len(motions) if number is None else number)
+    of_start = np.array(known, dtype=int)
+    groups, count = np.unique(of_start, return_counts=True)
+    order = sorted(range(len(groups)), key=lambda place: (groups[place] == len(motions), -count[place], groups[place]))
+    found, places = list[Attractor](), np.empty(len(motions), dtype=int)
+    for place, old in enumerate(order):
+        chosen = of_start == groups[old]
+        places[chosen] = place
+        motion = None if groups[old] == len(motions) else met[groups[old]]
+        found.append(_attractor(motion, np.asarray(mean_speeds)[chosen], len(motions)))
+    return Attractors(found), places
+
+
+def _attractor(motion: SettledMotion | None, speeds: np.ndarray, total: int) -> Attractor:
+    shares = share_of(len(speeds), total)
+    if motion is not None and motion.turns:
+        return Attractor(motion.turns, motion.mean_speed, 0.0, len(speeds), *shares, states=motion.states)
+    mean, spread = float(np.mean(speeds)), float(half_interval(speeds))
+    if motion is None:
+        return Attractor(None, mean, spread, len(speeds), *shares)
+    return Attractor(0, mean, spread, len(speeds), *shares, states=motion.states)
+
+
+def measured(attractor: Attractor, turn_map: TurnMap) -> Attractor:
+    """The attractor with its multipliers and exponent; as it is if it has not settled.
+
+    Raises
+    ------
+    SimulationError
+        If a run cannot go on.
+    """
+    if attractor.turns is None:
+        return attractor
+    multipliers = _multipliers(attractor, turn_map) if attractor.turns else np.empty(0, complex)
+    if not len(multipliers):
+        device = Simulator(turn_map.scene)
+        turn_map.put(device, attractor.states[-1])
+        exponent, spread = exponent_of_pairs(device, device.time, MEASURED * turn_map.period)
+        return replace(attractor, exponent=exponent, exponent_spread=spread)
+    largest = float(np.abs(multipliers).max())
+    duration = attractor.turns * turn_map.turn_time(attractor.states[-1], attractor.turns)
+    rate = math.log(largest) / duration if largest > 0.0 else -math.inf
+    return replace(attractor, multipliers=multipliers, exponent=rate, exponent_spread=0.0)
+
+
+def _multipliers(attractor: Attractor, turn_map: TurnMap) -> np.ndarray:
+    """Floquet multipliers of a periodic motion, cut where it is free; none where Newton's method leads elsewhere, and
+    of one that a controller keeps from closing."""
+    if is_sampled(turn_map.scene):
+        return np.empty(0, dtype=complex)
+    device = Simulator(turn_map.scene)
+    turn_map.put(device, attractor.states[-1])
+    phase, _ = free_phase(turn_map.scene, device)
+    own = TurnMap(turn_map.scene, phase)
+    start = dict(zip(turn_map.names, (attractor.states[-1] * turn_map.units).tolist(), strict=True))
+    state = Stroboscope(own).begin_as(crank_angle=turn_map.phase, **start).states[-1]
+    try:
+        closed = close(own, state, attractor.turns or 1)
+        orbit = closed and orbit_at(own, closed, attractor.turns or 1)
+    except (SimulationError, ValueError):
+        orbit = None
+    if orbit and abs(orbit.mean_speed - attractor.mean_speed) <= _SAME_SPEED * abs(attractor.mean_speed) + 1e-9:
+        return orbit.multipliers
+    return np.empty(0, dtype=complex)
+
+
+def attractors(scene: Scene, starts: int = 16) -> Attractors:
+    """The motions that a scene settles to, at `motor.speed` or `motor.voltage`, from drawn starts.
+
+    Each start goes through three stretches of random motor speeds and gaps within its first second. It is the same
+    start every time, so that more starts are the same ones and others. The starts are shared among all cores.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its crank turns.
+    starts : int
+        From 1 to `MOST_STARTS`.
+
+    Returns
+    -------
+    tuple of Attractor
+        The one of most starts first. It has no mean over several; `in_words()` is the sentence for a user.
+
+    Raises
+    ------
+    ValueError
+        For a number of starts out of range, or a crank that stands.
+    SimulationError
+        If a run cannot go on.
+
+    Examples
+    --------
+    >>> scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 160.0})
+    >>> for one in vibro_ros.attractors(scene, starts=8):
+    ...     print(f"{one.in_words()}: {one.share:.0%} of starts, exponent {one.exponent:.1f} 1/s")
+    -79.80 mm/s, again after 3 turns: 75% of starts, exponent -7.5 1/s
+    -53.58 mm/s, again after 3 turns: 25% of starts, exponent -11.3 1/s
+    """
+    if isinstance(starts, bool) or not isinstance(starts, int | np.integer) or not 1 <= starts <= MOST_STARTS:
+        raise ValueError(f"starts: {starts!r} is out of range; give a whole number from 1 to {MOST_STARTS}")
+    turn_map = free_cut(scene)
+    provide_kernels(scene["solver.method"])  # once for all that are forked
+    jobs = in_processes(partial(_settled, scene, turn_map.phase), range(starts), min(core_count(), int(starts)))
+    with closing(jobs):  # else a raised error would keep the workers until it is collected
+        motions, speeds = zip(*(job.outcome() for job in jobs), strict=True)
+    found, places = grouped(motions, speeds)
+    return Attractors(_measured_unsettled(one, scene, turn_map, int(np.argmax(places == place))) if one.turns is None
+                      else measured(one, turn_map) for place, one in enumerate(found))
+
+
+def _settled(scene: Scene, phase: float, number: int) -> tuple[SettledMotion | None, float]:
+    """What a drawn start settles to, and its mean speed [m/s]: of one that does not settle, over all turns."""
+    stroboscope = Stroboscope(TurnMap(scene, phase))
+    begin = stroboscope.begin_with(steady_start(scene, number))
+    motion = settle(stroboscope)
+    if motion:
+        return motion, motion.mean_speed
+    end = stroboscope.turns(1)
+    return None, float((end.positions[-1] - begin.positions[-1]) / (end.times[-1] - begin.times[-1]))
+
+
+def steady_start(scene: Scene, number: int) -> Simulator:
+    """The device of a drawn start at `SETTLING`, or later, when motor and plates have got to where they were sent."""
+    device = drawn_start(scene, number)
+    device.advance_to(SETTLING)
+    speed = None if scene.has_rotor else scene["motor.speed"]
+    while (device.state.upper_plate_velocity or device.state.inclined_plate_velocity
+           or (speed is not None and abs(device.state.motor_speed - speed) > _STEADY * abs(speed))):
+        device.advance_to(device.time + _WAIT)
+    device.take_events()  # or they would be kept
+    return device
+
+
+def _measured_unsettled(attractor: Attractor, scene: Scene, turn_map: TurnMap, number: int) -> Attractor:
+    """The exponent of starts that have not settled, of one of them by its number."""
+    device = steady_start(scene, number)
+    exponent, spread = exponent_of_pairs(device, device.time, MEASURED * turn_map.period)
+    return replace(attractor, exponent=exponent, exponent_spread=spread)
