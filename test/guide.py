@@ -36,5 +36,5 @@ def diagnostics() -> dict[str, set[str]]:
 
 
 def custom_data() -> set[str]:
-    """Keys of a bag's custom data, of a bag that is neither a snapshot nor limited nor a replay."""
+    """Keys of a bag's custom data, of a bag that is neither limited nor a replay."""
     return set(first_column("key of the custom data", "value"))

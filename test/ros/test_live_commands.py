@@ -4,7 +4,7 @@ import pytest
 from std_msgs.msg import Float64
 
 import vibro_ros
-from vibro_ros.messages.topics import LOAD, RESET, TIMEOUT, Operation
+from vibro_ros.messages.topics import RESET, TIMEOUT, Operation
 from vibro_ros.ros.live.commands import RETURN, Commands
 from vibro_ros.view.protocol import Command
 
@@ -62,7 +62,7 @@ def test_a_motor_that_a_page_commanded_stops_when_the_pages_have_gone_and_no_oth
     assert device.in_force == {"motor_speed": 80.0} and not device.of_page
     both.now += 2.0 * RETURN
     assert not device.watch(0, 0.0) and not device.end()
-    for operation in (TIMEOUT, RESET, LOAD):
+    for operation in (TIMEOUT, RESET):
         both.page(70.0)
         device.hear(SCENE, [Operation(operation)])
         assert not device.of_page and device.in_force == {}

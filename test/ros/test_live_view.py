@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 import pytest
-from asking import answer_of, set_parameter
+from asking import set_parameter
 from motion_reader import Motion
 from observation import stop
 from page_visitor import PageVisitor
@@ -198,18 +198,3 @@ def test_a_robot_in_a_namespace_under_another_name(start, visit, view):
     stop(view)
 
 
-def test_a_robot_that_goes_into_another_scene_is_shown_as_that_machine(start, bench, view, visit, types):
-    start("robot", *CRAWL)
-    page = visit()
-    before = page.wait_for_robot()
-    text = "/**:\n  ros__parameters:\n    scene: device\n    mass.body: 2.5\n    motor.max_speed: 150.0\n"
-    answer = answer_of(bench, types.srv.LoadWorld, "/vibro_robot/load_world",
-                       world_resource=types.msg.Resource(resource_string=text))
-    assert answer.result.result == answer.result.RESULT_OK, answer.result.error_message
-    page.wait(lambda: page.last("status").get("paused"), "the stop")
-    assert page.ask(call="pause", on=False)["done"]
-    after = page.wait(lambda: page.last("robot").get("machine", {}).get("knobs", [{}])[0].get("to") == 150.0
-                      and page.last("robot"), "the new limit")
-    assert after["origin"] > before["origin"]
-    page.wait_for_rows(50)
-    stop(view)

@@ -6,12 +6,9 @@ from pathlib import Path
 import pytest
 from observation import bags, stop
 from rosgraph_msgs.msg import Clock
-from simulator_user import Simulator
 from std_srvs.srv import SetBool
 
 from vibro_ros.bag.stream import BagStream
-from vibro_ros.recordings import replay
-from vibro_ros.ros.robot.services import Code, State
 
 HERE = Path(__file__).parent
 SCRIPT = """
@@ -86,29 +83,6 @@ def test_two_runs_of_a_node_with_a_timer_have_bags_with_the_same_messages(start,
     assert_equal(one, other)
     stamps = [stamp for topic, stamp, _ in one if topic == "/motor_speed"]
     assert stamps == [20_000_000 * k for k in range(1, 101)]  # [ns] each command at the very time of its timer
-
-
-def test_in_another_scene_every_command_still_comes_at_the_time_of_its_timer(start, start_peer, bench, resume, types,
-                                                                             listener, tmp_path):
-    """Time on /clock goes on from scene to scene, so that the peer's timer notices nothing."""
-    robot, peer = lock_stepped(start, "/simulated_time_peer", "-p", "rate.real_time_factor:=1.0"), start_peer()
-    bench.spin_until(lambda: bench.node.count_publishers("/motor_speed") == 1
-                     and bench.node.count_subscribers("/odom") == 2 and bench.node.count_subscribers("/clock") == 1,
-                     "the peer")
-    simulator = Simulator(bench, types)
-    simulator.wait()
-    resume()
-    listener.spin_for_samples(60)
-    rigid = types.msg.Resource(uri="rigid")
-    assert simulator.call("LoadWorld", world_resource=rigid) == (Code.OK, "") and simulator.state == State.STOPPED
-    resume()
-    assert peer.end() == 0, peer.text
-    stop(robot)
-    simulator.action.destroy()
-    first, second = sorted(bags(tmp_path))
-    stamps = [stamp for bag in (first, second) for topic, stamp, _ in messages(bag) if topic == "/motor_speed"]
-    assert stamps == [20_000_000 * k for k in range(1, 101)]  # [ns]
-    assert all(replay.main([str(bag)]) == 0 for bag in (first, second))
 
 
 def test_it_stands_still_for_a_node_that_is_not_there_and_says_so_and_hears_signals(start, bench, resume):

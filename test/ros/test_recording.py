@@ -1,4 +1,4 @@
-"""The robot's bags over a run: on request, in part, in small files, of the last seconds."""
+"""The robot's bags over a run: on request, in part, in small files."""
 
 import re
 import time
@@ -89,36 +89,6 @@ def test_bags_left_unsealed_are_sealed_if_the_robot_is_told_to(bench, topics, tm
     assert stamps_of(folder, topics[0].name) == [1]
 
 
-def test_a_snapshot_holds_the_last_seconds_when_it_is_asked_for(start, listener, record, tmp_path):
-    robot = start("robot", "--ros-args", "-p", "record.snapshot:=0.5")
-    assert "keeping the last 0.5 s" in robot.wait_for("ready")
-    listener.spin_for_samples(200)  # 1 s
-    assert bags(tmp_path) == []
-    done, said = record(True)
-    assert done and said.startswith("writing the last 0.5 s, ")
-    listener.spin_for_samples(20)
-    stop(robot)
-    (folder,) = bags(tmp_path)
-    assert folder.name in said
-    recorded = stamps_of(folder)
-    assert len(recorded) == 101  # at 200 Hz, both ends included
-    assert f" {sum(topic.messages for topic in read_bag(folder).topics.values())} messages" in said
-
-
-def test_a_snapshot_asked_for_again_and_again_writes_nothing_twice(bench, topics, tmp_path):
-    plan = Plan(tmp_path, topics, Storage(), {"scene": "device"}, snapshot=1.0)
-    answers = []
-    with open_recording(plan, True, bench.node.get_logger()) as recording:
-        for i in range(350):
-            recording.record("/motor_power", i * 10_000_000, bytes(12))
-            answers.append(recording.switch(True))
-    assert [i for i, (done, _) in enumerate(answers) if done] == [0, 100, 200, 300]
-    assert answers[150][1] == ("the last snapshot ended less than the 1 s ago that one holds; ask again in 0.5 s of "
-                               "robot time: nothing between the two is lost")
-    recorded = [stamp for folder in bags(tmp_path) for stamp in stamps_of(folder, "/motor_power")]
-    assert sorted(set(recorded)) == [i * 10_000_000 for i in range(301)]
-
-
 def test_a_caller_begins_one_bag_a_second_at_most(bench, topics, tmp_path):
     with open_recording(Plan(tmp_path, topics, Storage(), {}), False, bench.node.get_logger()) as recording:
         began = time.monotonic()
@@ -127,14 +97,3 @@ def test_a_caller_begins_one_bag_a_second_at_most(bench, topics, tmp_path):
             recording.switch(False)
         took = time.monotonic() - began
     assert 5 <= len(bags(tmp_path)) <= 5 + took
-
-
-def test_a_snapshot_is_written_when_the_simulation_fails(bench, topics, tmp_path):
-    plan = Plan(tmp_path, topics, Storage(), {"scene": "device"}, snapshot=1.0)
-    with open_recording(plan, True, bench.node.get_logger()) as recording:
-        for i in range(300):
-            recording.record("/motor_power", i * 10_000_000, bytes(12))
-        recording.save(vibro_ros.SimulationError("at 3 s in mode slip: stuck"))
-    (folder,) = bags(tmp_path)
-    assert stamps_of(folder, "/motor_power") == [i * 10_000_000 for i in range(199, 300)]
-    assert read_bag(folder).metadata["error"] == "at 3 s in mode slip: stuck"

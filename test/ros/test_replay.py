@@ -129,7 +129,7 @@ def test_a_bag_that_says_nothing_of_its_scene_is_refused(recorded, tmp_path, cap
     assert "says nothing of scene" in capsys.readouterr().err
 
 
-LATE = {"begun late": ("record.enabled:=false",), "snapshot": ("record.snapshot:=0.8",),
+LATE = {"begun late": ("record.enabled:=false",), 
         "beginning deleted": ("record.max_bytes:=2e6", "rate.publish:=500.0")}
 
 

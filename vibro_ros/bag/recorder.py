@@ -13,7 +13,7 @@ import contextlib
 import math
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Lock, Thread
@@ -26,9 +26,6 @@ PATIENCE = 0.01  # s, after a flush was due, until the thread wakes by itself
 WAKING = 1000  # messages that wait and wake the thread before: a robot faster than real time must not fill the queue
 BATCH = 50  # messages between two offers of the interpreter lock; about 60 us
 BACKLOG = 20_000  # messages waiting for the disk; about 4 s of a robot that publishes at 1 kHz
-
-Message = tuple[str, int, bytes]
-"""Topic, stamp [ns], serialised message."""
 
 _PLAIN = Storage()
 _Places = tuple[tuple[int, int, int], ...]  # number of the topic, begin and end of its message
@@ -68,8 +65,6 @@ class Recorder:
         Largest number of messages waiting for the disk; beyond it, messages are dropped.
     storage : Storage
         How the bag lies on the disk.
-    earlier : iterable of (str, int, bytes)
-        Messages that are written first, as `write` takes them, however many they are.
     lasting : sequence of (str, bytes)
         Topics and messages with which each file of the bag begins, under the stamp of its first message.
 
@@ -84,7 +79,7 @@ class Recorder:
     """
 
     def __init__(self, folder: Path, topics: Sequence[Topic], metadata: Mapping[str, str],
-                 backlog: int = BACKLOG, storage: Storage = _PLAIN, earlier: Iterable = (),
+                 backlog: int = BACKLOG, storage: Storage = _PLAIN,
                  lasting: Sequence[tuple[str, bytes]] = ()) -> None:
         self.folder = Path(folder)
         self.fault: str | None = None
@@ -103,8 +98,7 @@ class Recorder:
         definitions = defined(topics)
         self._topics = {one.information.name: number for number, one in enumerate(definitions, start=1)}
         # A message names its topic by a number; messages that came together, by numbers and places.
-        self._queue: deque[tuple[int | _Places, int, bytes]] = deque(
-            (self._topics[topic], stamp, data) for topic, stamp, data in earlier)
+        self._queue: deque[tuple[int | _Places, int, bytes]] = deque()
         self._places: dict[Together, _Places] = {}
         try:
             self._writer = BagWriter(self.folder, definitions, metadata, storage)
@@ -287,34 +281,6 @@ class Recorder:
         with contextlib.suppress(IndexError):
             while True:
                 self._taken += _count(self._queue.popleft()[0])
-
-
-class Snapshot:
-    """The last seconds of what would be recorded, in memory: messages whose stamps lie within `span` [s] of the latest.
-    """
-
-    def __init__(self, span: float):
-        self._span = round(span * 1e9)
-        self._messages: deque[Message] = deque()
-        self._lock = Lock()
-
-    def write(self, topic: str, stamp: int, data: bytes) -> None:
-        """Take a message; those that have become too old go."""
-        with self._lock:
-            self._messages.append((topic, stamp, data))
-            while self._messages[0][1] < stamp - self._span:
-                self._messages.popleft()
-
-    @property
-    def latest(self) -> int:
-        """Stamp [ns] of the last message; 0 before the first."""
-        with self._lock:
-            return self._messages[-1][1] if self._messages else 0
-
-    def messages(self) -> list[Message]:
-        """The messages in memory, oldest first."""
-        with self._lock:
-            return list(self._messages)
 
 
 def _count(topic: int | _Places) -> int:

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TypeVar
 
-from vibro_ros.configuration.strict_yaml import LIMITS, parsed, read_yaml
+from vibro_ros.configuration.strict_yaml import read_yaml
 
 SECTION = "ros__parameters"
 """Key above the parameters of a node."""
@@ -26,20 +26,15 @@ Sections = list[tuple[str, dict[str, object]]]
 """Node name or pattern as written, and parameters by dotted name, of each section of a file, in its order."""
 
 
-def sections(path: Path, text: str | None = None) -> Sections:
-    """The sections of the file at `path`, or of a `text`, whose name in messages `path` then is.
+def sections(path: Path) -> Sections:
+    """The sections of the file at `path`.
 
     Raises
     ------
     ValueError
         If the file is missing, is not YAML, or is no parameter file; one line that names the file and the remedy.
     """
-    if text is not None and len(text) > LIMITS.size:
-        raise ValueError(f"{path}: {len(text)} characters; give at most {LIMITS.size}")
-    try:
-        tree = read_yaml(path) if text is None else parsed(text)
-    except ValueError as error:
-        raise error if text is None else ValueError(f"{path}, {error}") from error
+    tree = read_yaml(path)
     try:
         found = list(_sections(tree, ""))
     except ValueError as error:

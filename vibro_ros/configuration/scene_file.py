@@ -1,7 +1,6 @@
 """Scenes and device parameters from ordinary ROS parameter files, and where the shipped ones lie."""
 
 import os
-from itertools import takewhile
 from pathlib import Path
 
 from vibro_ros.configuration.parameter_file import absolute, check_addressed, merged, own_parameters, sections
@@ -47,8 +46,6 @@ DEVICE_PARAMETERS: tuple[Parameter, ...] = (
     Parameter("record.max_duration", 0.0, "s", "the same by robot time; 0 = never", minimum=0.0, maximum=1e9),
     Parameter("record.max_bytes", 0.0, "B", "the bag's oldest file is deleted before the bag exceeds this; 0 = never",
               minimum=0.0, maximum=1e18),
-    Parameter("record.snapshot", 0.0, "s", "keep only so much in memory, and write it when the simulation fails or "
-              "`~/record` asks; 0 = record everything at once", minimum=0.0, maximum=3600.0),
     Parameter("record.recover", False, "", "seal bags that a killed robot left in record.directory; false: say how"),
 )
 
@@ -89,24 +86,6 @@ def load_scene(name_or_path: str | Path, node: str | None = None) -> Scene:
     return _load(_scene_path(str(name_or_path), Path()), node, ())
 
 
-def read_scene(name: str, text: str, node: str | None = None) -> Scene:
-    """The scene of a `text` that another hand has sent: that of a file which holds it, as `load_scene` reads it.
-
-    `name` begins messages, and is the scene's name. The text's own `scene` may name a shipped scene, no file.
-    """
-    return _load(Path(name), node, (), text)
-
-
-def described_scenes() -> dict[str, str]:
-    """What each shipped scene is, by its name: the first paragraph of its file's comments."""
-    found = {}
-    for name in shipped_scenes():
-        lines = _scene_path(name, Path()).read_text(encoding="utf-8").splitlines()
-        paragraph = takewhile(lambda line: line.startswith("# "), lines)
-        found[name] = " ".join(line.removeprefix("# ") for line in paragraph)
-    return found
-
-
 def scene_origin(name: str, folder: Path) -> str:
     """What the parameter `scene` means: the name of a shipped scene, or an absolute path.
 
@@ -115,13 +94,12 @@ def scene_origin(name: str, folder: Path) -> str:
     return name if name in shipped_scenes() else str(_scene_path(name, folder).absolute())
 
 
-def _load(path: Path, node: str | None, above: tuple[Path, ...], text: str | None = None) -> Scene:
-    """The scene of a file, which the last of the files `above` names, each of them named by the one before; or of a
-    `text`, which may name no file."""
+def _load(path: Path, node: str | None, above: tuple[Path, ...]) -> Scene:
+    """The scene of a file, which the last of the files `above` names, each of them named by the one before."""
     if path.resolve() in above or len(above) >= MOST_SCENES:
         what = "is a change of itself" if path.resolve() in above else f"is the end of {MOST_SCENES} changes"
         raise ValueError(f"{path}: as a scene it {what}; let its `scene` be one of {', '.join(shipped_scenes())}")
-    given = sections(path, text)
+    given = sections(path)
     named = {absolute(pattern) for pattern, _ in given if "*" not in pattern}
     robots = sorted(name for name in named if name.rpartition("/")[2] == NODE_NAME)
     if not node and len(robots) > 1:
@@ -131,8 +109,6 @@ def _load(path: Path, node: str | None, above: tuple[Path, ...], text: str | Non
     check_addressed(path, given, own)
     try:
         checked = checked_parameters(own_parameters(merged(given, own)), (*SCENE_PARAMETERS, *DEVICE_PARAMETERS))
-        if text is not None and checked.get("scene", "paper") not in shipped_scenes():
-            raise ValueError(f"scene: {checked['scene']!r} is no shipped scene; give {', '.join(shipped_scenes())}")
         base = _scene_path(checked["scene"], path.parent) if "scene" in checked else None
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None

@@ -81,12 +81,12 @@ INPUTS = (*COMMANDS, OPERATIONS)
 """What decides the run, and does not follow from it."""
 
 RESET, PAUSE, RESUME, STEP, SET, TIMEOUT = "reset", "pause", "resume", "step", "set", "timeout"
-STATE, PUSH, FAULT, LOAD = "state", "push", "fault", "load"
+STATE, PUSH, FAULT = "state", "push", "fault"
 ARGUMENTS: Mapping[str, frozenset[str]] = {
     SET: frozenset(), STATE: frozenset(), PUSH: frozenset(("duration", "force_x", "force_z")),
     FAULT: frozenset(Incident._fields)}
 """Operations to which a mapping belongs, with the names that it must have; none where the device says which."""
-NAMES = (RESET, PAUSE, RESUME, STEP, TIMEOUT, LOAD, *ARGUMENTS)
+NAMES = (RESET, PAUSE, RESUME, STEP, TIMEOUT, *ARGUMENTS)
 
 
 def commands_in(name: str, message: Any, scene: Scene) -> tuple[dict[str, float], list[str]]:
@@ -114,8 +114,7 @@ class Operation:
         `RESET`: back to the start. `PAUSE`, `RESUME`: robot time stands still, goes on. `STEP`: so many samples while
         robot time stands still. `SET`: other parameters. `TIMEOUT`: the motor stops, because no command came.
         `STATE`: another state (`Simulator.set_state`). `PUSH`: a push of the body (`Simulator.push`). `FAULT`: a fault
-        begins, or ends (`model.faults`). `LOAD`: the robot is in another scene, at whose start another bag begins; it
-        is published only.
+        begins, or ends (`model.faults`).
     steps : int
         Samples of `STEP`.
     parameters : mapping of str to value

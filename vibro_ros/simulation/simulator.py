@@ -186,28 +186,6 @@ class Simulator:
             raise ValueError(f"motor_speed: {speed:g} rad/s would be reached at once by effects.motor 'ideal', and "
                              f"mass.{self.scene.linkage[0]} would strike the body; choose ramp or lag")
 
-    def become(self, other: "Simulator") -> None:
-        """Be another device from now on, at its time and in its state; `other` is of no use afterwards.
-
-        So whoever holds this device goes on with the other one.
-
-        Raises
-        ------
-        ValueError
-            For a device of another class: one has sensors, the other has none.
-
-        Examples
-        --------
-        >>> device = vibro_ros.Simulator(vibro_ros.load_scene("paper"))
-        >>> device.advance_to(0.5)
-        >>> device.become(vibro_ros.Simulator(vibro_ros.load_scene("rigid")))
-        >>> device.scene.name, device.time
-        ('rigid', 0.0)
-        """
-        if type(other) is not type(self):
-            raise ValueError(f"a {type(self).__name__} cannot become a {type(other).__name__}; begin with that one")
-        self.__dict__ = other.__dict__
-
     def set_parameters(self, changes: Mapping[str, object]) -> None:
         """Change parameters of the scene from now on: those that `SCENE_PARAMETERS` lists as changing while running.
 

@@ -12,7 +12,7 @@ from rclpy.node import Node
 from std_msgs.msg import Float64
 
 from vibro_ros.bag.cdr import deserialised
-from vibro_ros.messages.topics import COMMAND_UNITS, LOAD, RESET, TIMEOUT, Operation
+from vibro_ros.messages.topics import COMMAND_UNITS, RESET, TIMEOUT, Operation
 from vibro_ros.model.scene import Scene
 from vibro_ros.ros.live.samples import QuietSubscription
 from vibro_ros.ros.node import qos
@@ -71,7 +71,7 @@ class Commands:
                     while is_own and self._sent.popleft() != value:  # what was sent before was refused, or is lost
                         pass
         names = {operation.name for operation in operations}
-        if scene is None or not names.isdisjoint((RESET, LOAD)):
+        if scene is None or RESET in names:
             self.in_force, self.of_page = {}, False
         elif TIMEOUT in names:  # or a command that came after it: the samples tell
             self.in_force.pop(SPEED, None)

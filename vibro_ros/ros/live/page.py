@@ -17,7 +17,7 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
-from vibro_ros.messages.topics import LOAD, SET
+from vibro_ros.messages.topics import SET
 from vibro_ros.process.untrusted import one_line
 from vibro_ros.ros.live.commands import RETURN, Commands
 from vibro_ros.ros.live.robot import LiveRobot
@@ -56,7 +56,7 @@ AGAIN = 1.0
 """Time [s] after which a request of `REPEATABLE` is sent once more."""
 REPEATABLE = ("pause",)
 """What may be asked twice: a robot that is paused already does nothing. A second `step` would be another one, a second
-`reset` too, a second `record` would write another snapshot, and a parameter may have been set anew meanwhile."""
+`reset` too, a second `record` would begin another bag, and a parameter may have been set anew meanwhile."""
 MOST_WAITING = 50
 """Calls that wait for an answer at once."""
 STATUS = {"real_time_factor": 0.0, "dropped_share": 0.0, "refused": 0, "paused": False, "recording": ""}
@@ -160,7 +160,7 @@ class LivePage:
         run = robot.origin, robot.silences
         goes_on, self._run = run == self._run, run  # else what was commanded before holds no more
         self._commands.hear(robot.settings.scene if robot.settings and goes_on else None, operations)
-        if any(one.name in (SET, LOAD) for one in operations):
+        if any(one.name == SET for one in operations):
             self._robot.reader.read()
         if operations and self._words.status:
             server.send("status", self._status())

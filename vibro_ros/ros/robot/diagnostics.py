@@ -39,15 +39,11 @@ class Diagnostics:
         self._publisher = node.create_publisher(DiagnosticArray, TOPIC, qos.DIAGNOSTICS)
         self._namesakes = 0
         self._before = self._counters()
-        self.look_at_scene()
-        # a clock that runs whatever drives the stamps
-        node.create_timer(PERIOD, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
-
-    def look_at_scene(self) -> None:
-        """Find out how accurate the device's scene is simulated."""
-        scene, choice = self._run.device.scene, self._run.device.choice
+        scene, choice = run.device.scene, run.device.choice
         self._accuracy = {"accuracy in force": accuracy_in_force(scene, choice),
                           "next cheaper choice": next_cheaper_choice(scene, choice)}
+        # a clock that runs whatever drives the stamps
+        node.create_timer(PERIOD, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def publish(self) -> None:
         """Publish once."""

@@ -103,11 +103,6 @@ class Operations:
         return self._device.state
 
     @property
-    def takes_steps(self) -> bool:
-        """Whether samples that were asked for are still to be taken."""
-        return self._left > 0
-
-    @property
     def may_resume(self) -> bool:
         """Whether robot time is to go on, once what has arrived so far is taken."""
         return self._resuming and bool(self._lock_step and self._lock_step.settled)
@@ -235,18 +230,6 @@ class Operations:
 
     def _between(self, request: Request) -> None:
         request.set_result(request.work() if request.work else None)
-
-    def begin(self) -> None:
-        """Stand still at the start of another scene, from which nothing has changed."""
-        self._subscriptions.recover()
-        self.changed = {name: value for name, value in self.changed.items() if name == FACTOR}
-        self._resuming, self.paused = False, True
-        take_priority(self._pacing.factor, self.paused)
-        self._done(Operation(PAUSE))
-
-    def announce(self, operation: Operation) -> None:
-        """Publish an operation that no bag needs."""
-        self._publisher.publish(_serialised(operation))
 
     def _done(self, operation: Operation) -> None:
         """Perform an operation (ValueError: refused), publish and record it."""

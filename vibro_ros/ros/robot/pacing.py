@@ -105,17 +105,11 @@ class RobotTime:
         self.ticks = 0
         self._rate = rate
         self._origin = 0  # the sample at which the device's time was 0
-        self._before = 0  # samples before robot time was 0 last
 
     @property
     def time(self) -> float:
         """Robot time [s] of the last sample."""
         return self.ticks / self._rate
-
-    @property
-    def simulated(self) -> float:
-        """Time [s] that was simulated since the start, whichever scenes the robot was in."""
-        return (self._before + self.ticks) / self._rate
 
     @property
     def due(self) -> float:
@@ -140,11 +134,6 @@ class RobotTime:
     def stamp_of(self, time: float) -> int:
         """ROS time [ns] of a `time` [s] of the device's clock."""
         return stamp_at(stamp_at(self.start, self._origin / self._rate), time)
-
-    def begin(self, start: int) -> None:
-        """Let robot time be 0 now, at ROS time `start` [ns]."""
-        self._before += self.ticks
-        self.start, self.ticks, self._origin = start, 0, 0
 
     def restart(self) -> None:
         """Let the device's time be 0 at the next sample."""

@@ -12,7 +12,7 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from vibro_ros.bag.folders import BAG_PATTERN, bag_folders, unsealed_bags
 from vibro_ros.bag.metadata import Topic
-from vibro_ros.bag.recorder import Recorder, Snapshot, Together
+from vibro_ros.bag.recorder import Recorder, Together
 from vibro_ros.bag.recovery import RecoveryError, described, recover
 from vibro_ros.bag.writer import Storage
 from vibro_ros.messages.topics import LASTING, OPERATIONS, OPERATIONS_TYPE, PUBLISHED_TYPES
@@ -40,16 +40,14 @@ _TOO_MANY = f"more than {MOST_BAGS} bags were asked for at once; one a second ca
 class Plan:
     """How the robot records: `topics` under resolved names into bags in `directory`.
 
-    `metadata` is what each bag says of itself. `snapshot` is the time [s] that is kept in memory until it is asked
-    for; 0 records everything. On `checkpoint` a bag that may lack the run's beginning has the device's whole state now
-    and then. The robot's namespace is for the folders' names.
+    `metadata` is what each bag says of itself. On `checkpoint` a bag that may lack the run's
+    beginning has the device's whole state now and then. The robot's namespace is for the folders' names.
     """
 
     directory: Path
     topics: tuple[Topic, ...]
     storage: Storage
     metadata: Mapping[str, str]
-    snapshot: float = 0.0
     checkpoint: Topic | None = None
     namespace: str = "/"
 
@@ -67,7 +65,7 @@ def plan_recording(settings: Mapping[str, Value], received: Mapping[str, str], p
               for name, publisher in publishers.publishers.items()}
     topics |= {name: Topic(resolved, types[name], qos.COMMANDS.depth) for name, resolved in received.items()}
     chosen = _chosen(settings["record.topics"], topics)
-    return Plan(Path(settings["record.directory"]).expanduser(), chosen, storage, metadata, settings["record.snapshot"])
+    return Plan(Path(settings["record.directory"]).expanduser(), chosen, storage, metadata)
 
 
 def check_directory(directory: Path) -> None:
@@ -108,18 +106,16 @@ class Recording:
         self._lasting: list[tuple[str, bytes]] = []
         self._names = {topic.name for topic in (*plan.topics, *filter(None, [plan.checkpoint]))}
         self._whole: Recorder | None = None  # the one that holds the run's beginning, whatever comes
-        self._checkpointed: Recorder | Snapshot | None = None  # where the last checkpoint is
+        self._checkpointed: Recorder | None = None  # where the last checkpoint is
         self._checkpoint_due = 0
         self._since_checkpoint = 0  # bytes of samples
         self._checkpoint_bytes = plan.storage.segment_size / CHECKPOINTS_A_FILE or math.inf
-        self._snapshot: Snapshot | None = None
         self._recorder: Recorder | None = None  # the one that messages go to
         self.latest: Recorder | None = None
         self._watched: list[Recorder] = []
         self._dropped = 0
         self._throttle = Throttle(burst=1)
         self._begun = Throttle(burst=MOST_BAGS)
-        self._saved = -1  # stamp [ns] of the last message of the last snapshot
 
     def __enter__(self) -> "Recording":
         return self
@@ -141,35 +137,9 @@ class Recording:
         return self._plan.checkpoint.name if self._plan.checkpoint else ""
 
     def begin(self) -> None:
-        """Record from now on, or keep what a snapshot will need (ValueError, OSError: see `Recorder`)."""
-        if self._plan.snapshot:
-            self._plan.directory.mkdir(parents=True, exist_ok=True)  # better now than when it matters
-            self._snapshot = Snapshot(self._plan.snapshot)
-        else:
-            self._recorder = self._new_bag(whole=not self._plan.storage.max_bytes)
-            self._whole = None if self._plan.storage.max_bytes else self._recorder
-
-    def begin_run(self, custom: Mapping[str, str]) -> None:
-        """Seal the bag of one run and begin that of the next, about which the bags say `custom`; in the stepping thread
-        while the main thread waits. Without a bag that is written, none begins; a snapshot is written (ValueError: no
-        bag can begin; nothing has changed)."""
-        before, ended, snapshot, lasting = self._plan, self._recorder, self._snapshot, self._lasting
-        begins = snapshot is not None or (ended is not None and not ended.ended)
-        if begins and not self._begun.admit("a bag"):
-            raise ValueError(_TOO_MANY)
-        try:
-            if snapshot and snapshot.latest:
-                self._write_snapshot({})
-            self._plan, self._lasting = replace(before, metadata={**before.metadata, **custom}), []
-            if begins:
-                self.begin()
-        except (OSError, ValueError) as error:
-            self._plan, self._lasting = before, lasting
-            raise ValueError(f"record.directory: {error}") from error
-        self._saved, self._checkpointed, self._checkpoint_due = -1, None, 0
-        if ended and ended is not self._recorder and not ended.ended:
-            ended.close(SEALING)
-            self._log.info(f"sealed {_contents(ended)}")
+        """Record from now on (ValueError, OSError: see `Recorder`)."""
+        self._recorder = self._new_bag(whole=not self._plan.storage.max_bytes)
+        self._whole = None if self._plan.storage.max_bytes else self._recorder
 
     def begin_files_with(self, lasting: Sequence[tuple[str, bytes]]) -> None:
         """Let each file of every bag begin with these, resolved topic name and message; before the first `record`."""
@@ -186,26 +156,22 @@ class Recording:
     def record(self, topic: str | Together, stamp: int, data: bytes) -> None:
         """Queue one message, or several that come together, for the bag: resolved topic name, ROS time [ns], serialised
         message. Never blocks."""
-        recorder, snapshot = self._recorder, self._snapshot
+        recorder = self._recorder
         if isinstance(topic, Together):
             self._since_checkpoint += len(data)
-            if recorder is not None:
-                recorder.write_together(topic, stamp, data)
-            elif snapshot is not None:
-                for name, message in topic.split(data):
-                    self.record(name, stamp, message)
+        if recorder is None:
+            return
+        if isinstance(topic, Together):
+            recorder.write_together(topic, stamp, data)
         elif topic in self._names:
-            if recorder is not None:
-                recorder.write(topic, stamp, data)
-            elif snapshot is not None:
-                snapshot.write(topic, stamp, data)
+            recorder.write(topic, stamp, data)
 
     def checkpoint(self, stamp: int, messages: Callable[[], Iterable[tuple[str, bytes]]]) -> None:
         """Record the device's whole state, `messages` of topics and bytes, if the bag needs it; in the stepping thread.
 
         So a bag that was begun late, or whose beginning was deleted, can be replayed.
         """
-        target = self._recorder or self._snapshot
+        target = self._recorder
         if self._plan.checkpoint is None or target is None or target is self._whole:
             return
         if (target is not self._checkpointed or stamp >= self._checkpoint_due
@@ -224,20 +190,9 @@ class Recording:
             Whether it was done; where the bag is, or why not.
         """
         try:
-            if self._plan.snapshot:
-                return self._snapshot_asked() if on else (False, "record.snapshot keeps the last seconds always")
             return self._start() if on else self._stop()
         except (OSError, ValueError) as error:
             return False, str(error)
-
-    def save(self, error: Exception) -> None:
-        """Write the snapshot, if there is one, because the device failed."""
-        if self._snapshot:
-            try:
-                self._log.error(self._write_snapshot({"error": str(error)})[1])
-            except (OSError, ValueError) as failure:
-                self.faults.append(f"the last seconds are lost: {failure}")
-                self._log.error(self.faults[-1])
 
     def watch(self) -> None:
         """Say what has gone wrong since the last call."""
@@ -257,8 +212,6 @@ class Recording:
 
     def destination(self) -> str:
         """Where the bag is, for people."""
-        if self._snapshot:
-            return f"keeping the last {self._plan.snapshot:g} s"
         return f"recording to {self._recorder.folder}" if self._recorder else "not recording"
 
     def summary(self) -> str:
@@ -285,34 +238,12 @@ class Recording:
         self._log.info(done)
         return recorder.fault is None, done
 
-    def _snapshot_asked(self) -> tuple[bool, str]:
-        """Write a snapshot unless it would be for the most part what the one before holds.
-
-        So callers make the robot write no more than a recording from its start would.
-        """
-        ahead = self._saved + self._plan.snapshot * 1e9 - self._snapshot.latest if self._snapshot else 0
-        if self._saved >= 0 and ahead > 0:
-            return False, (f"the last snapshot ended less than the {self._plan.snapshot:g} s ago that one holds; ask "
-                           f"again in {ahead * 1e-9:.3g} s of robot time: nothing between the two is lost")
-        return self._write_snapshot({})
-
-    def _write_snapshot(self, reason: Mapping[str, str]) -> tuple[bool, str]:
-        if self._snapshot is None:
-            return False, "record.enabled is false: no messages are in memory"
-        messages = self._snapshot.messages()
-        recorder = self._new_bag(messages, reason)
-        recorder.close(patience=0.0)
-        self._saved = messages[-1][1] if messages else self._saved
-        count = len(messages) + len(self._lasting)
-        return True, f"writing the last {self._plan.snapshot:g} s, {count} messages, to {recorder.folder}"
-
-    def _new_bag(self, earlier: Sequence = (), more: Mapping[str, str] = {},  # noqa: B006 (never changed)
-                 whole: bool = False) -> Recorder:
+    def _new_bag(self, whole: bool = False) -> Recorder:
         checkpoint = [] if whole or self._plan.checkpoint is None else [self._plan.checkpoint]
         for folder in bag_folders(self._plan.directory, datetime.now(), self._plan.namespace):
             with suppress(FileExistsError):  # another bag of this second, or another robot's
-                recorder = Recorder(folder, (*self._plan.topics, *checkpoint), {**self._plan.metadata, **more},
-                                    storage=self._plan.storage, earlier=earlier, lasting=self._lasting)
+                recorder = Recorder(folder, (*self._plan.topics, *checkpoint), self._plan.metadata,
+                                    storage=self._plan.storage, lasting=self._lasting)
                 break
         self.latest, self._dropped = recorder, 0
         self._watched.append(recorder)

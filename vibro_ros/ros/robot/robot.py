@@ -65,10 +65,11 @@ from vibro_ros.ros.robot.services import (
     refuse_while_starting,
 )
 from vibro_ros.ros.robot.stepping import CommandTimeout, Run, Stepping
-from vibro_ros.ros.robot.worlds import Worlds, prepared_device
 from vibro_ros.ros.topics.publishers import PROFILES, RobotPublishers
 from vibro_ros.ros.topics.subscriptions import CommandSubscriptions
 from vibro_ros.ros.topics.templates import SECOND
+from vibro_ros.sensors.device import new_device
+from vibro_ros.simulation.kernels import compile_kernels
 from vibro_ros.simulation.preparation import Preparation
 from vibro_ros.simulation.provenance import provenance
 from vibro_ros.simulation.simulator import Simulator, ToleranceWarning
@@ -145,7 +146,12 @@ def _plan(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, publish
 def _prepare(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, plan: Plan) -> Simulator:
     """The device, ready to be stepped; and whatever else takes long, so that a signal need not wait for it."""
     warnings.simplefilter("ignore", ToleranceWarning)  # said in the log's form
-    device = prepared_device(scene, node.get_logger())
+    compile_kernels(scene["solver.method"])
+    if fault := scene.broken_promise:
+        node.get_logger().warning(fault)
+    device = new_device(scene)
+    if device.choice:
+        node.get_logger().info(f"solver.method auto: {device.choice}")
     offer_recovery(plan.directory, settings["record.recover"], node.get_logger())
     return device
 
@@ -158,15 +164,14 @@ def _operate(node: SteadyNode, executor: Executor, settings: Mapping[str, Value]
     with open_recording(plan, settings["record.enabled"], log) as recording:
         # not before: commands would wait and come in a burst
         run = _new_run(node, settings, device, publishers, recording)
-        declare_again = follow_parameters(node, run.operations)
+        follow_parameters(node, run.operations)
         # the clocks are read last, when all that takes time is done; the bag is open by then
         run.robot_time.start, begin = _now(node, settings, run), time.monotonic()
         recording.describe({"start": str(run.robot_time.start)})
         recording.begin_files_with(publishers.begin(run.robot_time.start))
         with Stepping(run, log, begin) as stepping:
             diagnostics = Diagnostics(node, run, stepping, partial(_now, node, settings, run))
-            worlds = Worlds(node, settings, run, stepping, diagnostics, declare_again)
-            offer_simulation(node, run.control, settings["frame_prefix"] + ODOM, worlds.answers)
+            offer_simulation(node, run.control, settings["frame_prefix"] + ODOM)
             pause = (f"; paused until ros2 service call {node.get_fully_qualified_name()}/pause std_srvs/srv/SetBool "
                      "'{data: false}'" if run.operations.paused else "")
             log.info(f"ready: {settings['rate.publish']:g} Hz, real-time factor "
@@ -179,11 +184,9 @@ def _operate(node: SteadyNode, executor: Executor, settings: Mapping[str, Value]
             process.spin_until(executor, over, WATCH)
         run.control.quitting = True  # nothing is stepped any more: whoever still waits has an answer, and is to get it
         process.spin_until(executor, lambda: not run.control.waiting)
-        if stepping.error:
-            recording.save(stepping.error)
     if stepping.error or recording.faults:
         diagnostics.publish_last()
-    log.info(f"{recording.summary()}; {run.robot_time.simulated:.3f} s simulated, {run.pacing.dropped:.3f} s dropped "
+    log.info(f"{recording.summary()}; {run.robot_time.time:.3f} s simulated, {run.pacing.dropped:.3f} s dropped "
              f"in {run.pacing.stalls} stalls, {run.subscriptions.refused} commands refused, "
              f"{run.subscriptions.dropped} dropped")
     if stepping.error:

@@ -7,7 +7,7 @@ refused, is said by pure functions of numbers, which are those of version 2.1.0.
 
 import math
 import time
-from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Sequence
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from enum import IntEnum, IntFlag
 from typing import Any
@@ -23,9 +23,9 @@ from std_srvs.srv import SetBool, Trigger
 from vibro_ros.messages.fields import fill_entity_state
 from vibro_ros.messages.topics import FAULT, PAUSE, PUSH, RESET, RESUME, SET, STATE, STEP, Operation
 from vibro_ros.model.faults import Incident
-from vibro_ros.model.parameters import Value, checked_parameters, quoted
+from vibro_ros.model.parameters import checked_parameters, quoted
 from vibro_ros.ros.node.node import RESULT_TIMEOUT, NextTurn, SteadyNode, installed_type
-from vibro_ros.ros.node.parameters import TABLE, declare
+from vibro_ros.ros.node.parameters import TABLE
 from vibro_ros.ros.robot.operations import BETWEEN, Operations, Request
 from vibro_ros.ros.robot.pacing import RobotTime
 from vibro_ros.ros.robot.recording import Recording
@@ -42,12 +42,8 @@ NAMES = {
     "SimulateSteps": "~/simulate_steps",
     "GetEntityState": "~/get_entity_state",
     "SetEntityState": "~/set_entity_state",
-    "GetAvailableWorlds": "~/get_available_worlds",
-    "GetCurrentWorld": "~/get_current_world",
-    "LoadWorld": "~/load_world",
 }
 """What is offered of that package, by type."""
-WORLDS = frozenset(("GetAvailableWorlds", "GetCurrentWorld", "LoadWorld"))
 ABOUT = ("vibro_ros: a step is one publish period. A reset puts the state back and lets the clock go on; there is "
          "nothing to spawn.")
 OWN_PACKAGE = "vibro_ros_interfaces"
@@ -119,15 +115,10 @@ _MEANT: dict[str, Callable[[Any], Operation]] = {
 }
 
 
-def follow_parameters(node: SteadyNode, operations: Operations) -> Callable[[Mapping[str, Value]], None]:
+def follow_parameters(node: SteadyNode, operations: Operations) -> None:
     """Let the robot follow its ROS parameters from now on.
 
     Those of one request are checked together and change at one instant of robot time; what is refused is not stored.
-
-    Returns
-    -------
-    callable
-        Gives all of them other values, which those of the robot then are already.
     """
 
     def change(parameters: Sequence[ParameterOfRclpy]) -> SetParametersResult:
@@ -135,14 +126,8 @@ def follow_parameters(node: SteadyNode, operations: Operations) -> Callable[[Map
         done, words = outcome(operations.ask(Operation(SET, parameters=values)), PATIENCE)
         return SetParametersResult(successful=done, reason="" if done else words)
 
-    def declare_again(values: Mapping[str, Value]) -> None:
-        node.remove_on_set_parameters_callback(change)
-        declare(node, TABLE, values)
-        node.add_on_set_parameters_callback(change)
-
     node.remove_on_set_parameters_callback(refuse_while_starting)
     node.add_on_set_parameters_callback(change)
-    return declare_again
 
 
 def refuse_while_starting(parameters: Sequence[ParameterOfRclpy]) -> SetParametersResult:
@@ -226,10 +211,6 @@ class Feature(IntEnum):
     STEP_SIMULATION_SINGLE = 31
     STEP_SIMULATION_MULTIPLE = 32
     STEP_SIMULATION_ACTION = 33
-    WORLD_LOADING = 40
-    WORLD_RESOURCE_STRING = 41
-    WORLD_INFO_GETTING = 44
-    AVAILABLE_WORLDS = 45
 
 
 FEATURES = {
@@ -241,9 +222,6 @@ FEATURES = {
     "SimulateSteps": (Feature.STEP_SIMULATION_MULTIPLE, Feature.STEP_SIMULATION_ACTION),
     "GetEntityState": (Feature.ENTITY_STATE_GETTING,),
     "SetEntityState": (Feature.ENTITY_STATE_SETTING,),
-    "GetAvailableWorlds": (Feature.AVAILABLE_WORLDS,),
-    "GetCurrentWorld": (Feature.WORLD_INFO_GETTING,),
-    "LoadWorld": (Feature.WORLD_LOADING, Feature.WORLD_RESOURCE_STRING),
 }
 """The features that each type of service or action brings."""
 
@@ -288,7 +266,7 @@ def transition(current: State, wanted: int) -> tuple[str, ...]:
         raise RefusalError(Code.NOT_FOUND, f"{wanted} is no state; give one of {_listed(TRANSITIONS)}")
     target = State(wanted)
     if target not in TRANSITIONS:
-        raise RefusalError(Code.FEATURE_UNSUPPORTED, f"{target.name}: a robot is always in a world; give one of "
+        raise RefusalError(Code.FEATURE_UNSUPPORTED, f"{target.name}: a robot is always in its scene; give one of "
                                                 f"{_listed(TRANSITIONS)}")
     if target == current:
         raise RefusalError(Code.ALREADY_IN_TARGET_STATE, f"the robot is {current.name} already")
@@ -458,12 +436,10 @@ def check_entity(asked: str, entity: str) -> None:
         raise RefusalError(Code.NOT_FOUND, f"entity: {quoted(asked)} is not here; give {entity}")
 
 
-def offer_simulation(node: SteadyNode, control: SimulationControl, frame: str,
-                     of_worlds: Callable[[], Mapping[str, Answer]]) -> None:
+def offer_simulation(node: SteadyNode, control: SimulationControl, frame: str) -> None:
     """Offer whatever of `simulation_interfaces` has its type installed; the log says in one line what is left out.
 
-    `frame` is that of the odometry, in which the robot's state as an entity is; `of_worlds` gives what answers the
-    requests about worlds, by type, where these types are installed.
+    `frame` is that of the odometry, in which the robot's state as an entity is.
     """
     types = installed_types()
     if missing := [name for name in NAMES if name not in types]:
@@ -471,8 +447,6 @@ def offer_simulation(node: SteadyNode, control: SimulationControl, frame: str,
         node.get_logger().info(f"{lack}: without {', '.join(NAMES[name] for name in missing)}")
     group = ReentrantCallbackGroup()  # who waits for steps keeps nobody from being served
     answers = _answers(control, sorted({feature for name in types for feature in FEATURES[name]}), frame)
-    if not WORLDS.isdisjoint(types):
-        answers |= of_worlds()
     for name, kind in types.items():
         if name == "SimulateSteps":
             _offer_steps(node, kind, NAMES[name], control)

@@ -134,7 +134,8 @@ class Stepping:
         self.unloaded = 0
         self._run, self._log, self._begin = run, log, begin
         self._kept: deque[np.ndarray] = deque(maxlen=MOST_KEPT)
-        self._look_at_scene()
+        scene = run.device.scene
+        self._looked_at = scene.body_hops or scene.has_rotor  # by `validity_of`
         self._stalls = StallReport(log.warning)
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._step_until_stopped, name="stepping")
@@ -147,23 +148,6 @@ class Stepping:
         self._stopped.set()
         self._run.operations.woken.set()
         self._thread.join()
-
-    def begin_scene(self, device: Simulator, start: int) -> None:
-        """Go on with another device at robot time 0, ROS time `start` [ns], paused; in the stepping thread."""
-        run = self._run
-        run.publishers.show(device.scene)
-        run.recording.begin_files_with(run.publishers.begin(start))
-        run.device.become(device)
-        run.robot_time.begin(start)
-        if run.timeout:
-            run.timeout.begin()
-        self._look_at_scene()
-        self._publish()
-        run.operations.begin()
-
-    def _look_at_scene(self) -> None:
-        scene = self._run.device.scene
-        self._looked_at = scene.body_hops or scene.has_rotor  # by `validity_of`
 
     def take_samples(self) -> np.ndarray:
         """The samples since the last call, the latest `MOST_KEPT`, shape (n, fields); for one other thread."""
