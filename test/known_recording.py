@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vibro_ros.bag.cdr import blank, serialised
 from vibro_ros.bag.recorder import Recorder, Topic
+from vibro_ros.messages.codec import blank, serialised
 
 START = 1_763_700_000_000_000_000  # ns
 PERIOD = 5_000_000  # ns

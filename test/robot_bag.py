@@ -7,26 +7,19 @@ from pathlib import Path
 import numpy as np
 
 import vibro_ros
-from vibro_ros.bag.cdr import blank, deserialised, serialised
 from vibro_ros.bag.metadata import Topic, defined
 from vibro_ros.bag.stream import BagStream
 from vibro_ros.bag.writer import BagWriter, Storage
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
-from vibro_ros.messages.topics import (
-    CHECKPOINT,
-    CHECKPOINT_TYPE,
-    OPERATIONS,
-    OPERATIONS_TYPE,
-    ROBOT_TOPICS,
-    TF_TOPICS,
-)
+from vibro_ros.messages.codec import blank, deserialised, serialised
+from vibro_ros.messages.topics import CHECKPOINT, OPERATIONS, ROBOT_TOPICS, TOPICS
 from vibro_ros.model.scene import Scene
 from vibro_ros.recordings.rerun import Rerun, RunFacts
 from vibro_ros.simulation.provenance import provenance
 
 START = 1_763_700_000_000_000_000  # ns
-KINDS = {**{name: kind for name, kind in ROBOT_TOPICS.items() if name not in TF_TOPICS},
-         OPERATIONS: OPERATIONS_TYPE, CHECKPOINT: CHECKPOINT_TYPE}
+KINDS = {**{name: kind for name, kind in ROBOT_TOPICS.items() if name not in ("tf", "tf_static")},
+         OPERATIONS: TOPICS[OPERATIONS].type, CHECKPOINT: TOPICS[CHECKPOINT].type}
 PLAIN = Storage()
 Told = Mapping[int, Mapping[str, float | bytes] | str]
 Message = tuple[str, int, bytes]
@@ -46,7 +39,7 @@ def robot_bag(folder: Path, scene: Scene | str, ticks: int, told: Told | None = 
         stamp = facts.stamp(tick)
         messages += [(f"/{name}", stamp, data) for name, data in rerun.step()]
         if tick in checkpoints:
-            messages.append((f"/{CHECKPOINT}", stamp, holding(CHECKPOINT_TYPE, rerun.device.checkpoint())))
+            messages.append((f"/{CHECKPOINT}", stamp, holding(TOPICS[CHECKPOINT].type, rerun.device.checkpoint())))
         for name, data in _inputs((told or {}).get(tick, {})):
             messages.append((f"/{name}", stamp, data))
             rerun.receive(name, data)
@@ -56,7 +49,7 @@ def robot_bag(folder: Path, scene: Scene | str, ticks: int, told: Told | None = 
 
 def _inputs(told: Mapping[str, float | bytes] | str) -> list[tuple[str, bytes]]:
     if isinstance(told, str):
-        return [(OPERATIONS, holding(OPERATIONS_TYPE, told))]
+        return [(OPERATIONS, holding(TOPICS[OPERATIONS].type, told))]
     return [(name, value if isinstance(value, bytes) else holding(ROBOT_TOPICS[name], value))
             for name, value in told.items()]
 

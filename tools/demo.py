@@ -14,7 +14,7 @@ import numpy as np
 
 from tools.child import Child
 from vibro_ros.bag.reader import Bag, BagError, read_bag
-from vibro_ros.messages.topics import OF_DC_MOTOR, ROBOT_TOPICS, TF_TOPICS
+from vibro_ros.messages.topics import OF_DC_MOTOR, ROBOT_TOPICS
 from vibro_ros.process.front_door import Parser, exit_code, say
 from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.recordings.report import write_report
@@ -102,7 +102,7 @@ def check_bag(bag: Bag) -> None:
         When a topic is missing or empty, or the body stayed within `MOVED` of its start.
     """
     names = {topic.rpartition("/")[2] for topic in bag.topics}
-    missing = [name for name in ROBOT_TOPICS if name not in (*names, *TF_TOPICS, *OF_DC_MOTOR)]
+    missing = [name for name in ROBOT_TOPICS if name not in (*names, "tf", "tf_static", *OF_DC_MOTOR)]
     if missing:
         raise DemoError(f"{bag.path}: topics missing: {', '.join(missing)}")
     x = bag["odom"]["position"][:, 0]

@@ -54,6 +54,8 @@ DOCUMENTS = {
         "docs/guide/parameters.md", ("tools.parameter_table",), 0.1,
         ("tools/parameter_table.py", "vibro_ros/model/parameters.py", "vibro_ros/configuration/scene_file.py",
          "config/scenes")),
+    "topics": Document(
+        "docs/guide/node.md", ("tools.topic_table",), 0.1, ("tools/topic_table.py", "vibro_ros/messages/topics.py")),
     "urdf": Document(
         "docs/robot.md", ("tools.urdf_files",), 0.1, ("tools/urdf_files.py", "vibro_ros/messages", "config/scenes")),
     "picture": Document(

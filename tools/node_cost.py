@@ -104,7 +104,7 @@ def _start(case: str, cache: str) -> float:
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     namespace = f"/node_cost_{os.getpid()}_{time.monotonic_ns()}"  # no earlier process has published there
-    node.create_subscription(Odometry, f"{namespace}/odom", heard.append, qos.SAMPLES)
+    node.create_subscription(Odometry, f"{namespace}/odom", heard.append, qos.profile("odom"))
     try:
         with tempfile.TemporaryDirectory() as folder:
             begun = time.monotonic()
@@ -140,7 +140,7 @@ def _publish(rate: float, namespace: str) -> int:
     """Be the bare node, until SIGINT."""
     rclpy.init(args=[])
     node = Node("bare_node", namespace=namespace)
-    ready = [(node.create_publisher(type(message), topic, qos.TRANSFORMS if topic == "tf" else qos.SAMPLES), message)
+    ready = [(node.create_publisher(type(message), topic, qos.profile(topic)), message)
              for topic, message in ready_messages().items()]
 
     def run() -> None:

@@ -11,10 +11,10 @@ from mcap.records import Chunk, Schema
 from mcap.stream_reader import StreamReader
 from rosbags.rosbag2 import Reader
 
-from vibro_ros.bag.cdr import jazzy_types
 from vibro_ros.bag.mcap_scan import MalformedError, chunk_content, parsed
 from vibro_ros.bag.mcap_segment import CHUNK_SIZE, HEAD, McapSegment, packed, zstd
 from vibro_ros.bag.metadata import Topic, defined
+from vibro_ros.messages.codec import jazzy_types
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 TOPICS = defined([Topic("/odom", ODOMETRY, 10), Topic("/motor_power", "std_msgs/msg/Float64", 10)])

@@ -9,7 +9,7 @@ from recorded_bag import METADATA, POWER, TOPICS, by_mcap, by_rosbags, mcap_file
 from rosbags.interfaces import QosReliability
 from rosbags.rosbag2 import Reader
 
-from vibro_ros.bag.recorder import LAST_STAMP, Recorder, Together
+from vibro_ros.bag.recorder import LAST_STAMP, Recorder
 from vibro_ros.bag.writer import BagWriter
 
 
@@ -68,40 +68,17 @@ def test_what_would_spoil_the_bag_is_refused_and_counted(folder, published, reco
     assert recorded(mcap_file(folder)) == [("/motor_power", 7, data), ("/motor_power", LAST_STAMP, data)]
 
 
-def test_messages_that_come_together_are_recorded_as_if_one_after_the_other(folder, published, start_ns, recorded):
-    """Those of topics that the bag lacks are left out; what stands between messages is."""
-    messages = [(topic, message(3)) for topic, message in published.items()]
-    data, places = b"", []
-    for topic, message in [("/elsewhere", b"12"), *messages]:
-        data += bytes(3)
-        places.append((topic, len(data), len(data) + len(message)))
-        data += message
-    together = Together(places)
-    with Recorder(folder, TOPICS, METADATA) as recorder:
-        assert recorder.write_together(together, start_ns, data)
-        assert recorder.write(*messages[0][:1], start_ns + 1, messages[0][1])
-        assert recorder.write_together(together, start_ns + 2, data)
-        assert not recorder.write_together(together, -1, data)
-        assert not recorder.write_together(together, start_ns, "text")
-    assert (recorder.written, recorder.dropped, recorder.lost) == (2 * len(messages) + 1, 2 * len(messages), 0)
-    assert recorded(mcap_file(folder)) == [
-        *((topic, start_ns, message) for topic, message in messages), (messages[0][0], start_ns + 1, messages[0][1]),
-        *((topic, start_ns + 2, message) for topic, message in messages)]
-
-
 def test_a_full_queue_drops_and_counts(folder, published, wait_for, monkeypatch):
     gate, write = threading.Event(), BagWriter.write
     monkeypatch.setattr(BagWriter, "write", lambda *message: gate.wait(30.0) and write(*message))
     data = published["/motor_power"](1)
-    together = Together([("/motor_power", 0, len(data))] * 2)
     with Recorder(folder, POWER, METADATA, backlog=6) as recorder, contextlib.ExitStack() as before_close:
         before_close.callback(gate.set)
-        assert recorder.write_together(together, 0, 2 * data)
+        assert recorder.write("/motor_power", 0, data)
         wait_for(lambda: recorder.backlog == 0)
-        assert [recorder.write_together(together, stamp, data) for stamp in range(1, 6)] == [True] * 3 + [False] * 2
-        assert (recorder.backlog, recorder.dropped) == (6, 4)
-        assert [recorder.write("/motor_power", stamp, data) for stamp in range(6, 10)] == [True] * 3 + [False]
-    assert (recorder.written, recorder.dropped, recorder.fault) == (11, 5, None)
+        assert [recorder.write("/motor_power", stamp, data) for stamp in range(1, 9)] == [True] * 6 + [False] * 2
+        assert (recorder.backlog, recorder.dropped) == (6, 2)
+    assert (recorder.written, recorder.dropped, recorder.fault) == (7, 2, None)
 
 
 def test_close_is_idempotent_ends_the_thread_and_ends_writing(folder, published):

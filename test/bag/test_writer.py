@@ -14,14 +14,14 @@ from recorded_bag import METADATA, POWER, by_rosbags
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
-from vibro_ros.bag.cdr import jazzy_types
 from vibro_ros.bag.folders import bag_folders
 from vibro_ros.bag.metadata import Topic, defined
 from vibro_ros.bag.recorder import Recorder
 from vibro_ros.bag.recovery import recover
 from vibro_ros.bag.stream import BagStream
 from vibro_ros.bag.writer import BagWriter, Storage
-from vibro_ros.messages.topics import CHECKPOINT_TYPE, OPERATIONS_TYPE, ROBOT_TOPICS
+from vibro_ros.messages.codec import jazzy_types
+from vibro_ros.messages.topics import TOPICS as ROBOT_TOPICS
 
 TOPICS = defined([Topic("/odom", "nav_msgs/msg/Odometry", 10), Topic("/motor_power", "std_msgs/msg/Float64", 10)])
 PERIOD = 5_000_000  # ns
@@ -54,7 +54,7 @@ def metadata(folder: Path) -> dict:
 @pytest.mark.parametrize("later", [Stores.ROS2_KILTED, Stores.ROS2_LYRICAL])
 def test_later_distributions_have_the_same_definitions(later):
     store = get_typestore(later)
-    for kind in {*ROBOT_TOPICS.values(), CHECKPOINT_TYPE, OPERATIONS_TYPE}:
+    for kind in {topic.type for topic in ROBOT_TOPICS.values()}:
         assert store.hash_rihs01(kind) == jazzy_types().hash_rihs01(kind)
 
 

@@ -9,14 +9,14 @@ from pathlib import Path
 import yaml
 from rosbags.interfaces import Nodetype
 
-from vibro_ros.bag.cdr import jazzy_types
 from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.messages.fields import JOINTS, joints_of
-from vibro_ros.messages.topics import LASTING, ROBOT_TOPICS, published_name
+from vibro_ros.messages.codec import jazzy_types
+from vibro_ros.messages.frames import JOINTS, joints_of
+from vibro_ros.messages.topics import ROBOT_TOPICS, full_name
 from vibro_ros.messages.urdf import robot_joints
 
 FOLDER = Path(__file__).resolve().parents[2] / "config" / "layouts"
-TOPICS = {f"/{published_name(name).lstrip('/')}": kind for name, kind in ROBOT_TOPICS.items()}
+TOPICS = {f"/{full_name(name).lstrip('/')}": kind for name, kind in ROBOT_TOPICS.items()}
 FRAMES = {"odom", "base_link", *(joint.child for joint in robot_joints(load_scene("device")))}
 SHOWN_BY = {"RobotModel": "std_msgs/msg/String", "Odometry": "nav_msgs/msg/Odometry",
             "Wrench": "geometry_msgs/msg/WrenchStamped"}  # what RViz's displays subscribe to
@@ -56,7 +56,7 @@ def test_rviz_shows_topics_of_the_types_that_its_displays_take():
         if topic:
             shown[topic["Value"]] = TOPICS[topic["Value"]]
             assert shown[topic["Value"]] == SHOWN_BY[display["Class"].partition("/")[2]]
-            lasting = topic["Value"].lstrip("/") in LASTING
+            lasting = topic["Value"] in ("/robot_description", "/tf_static")
             assert topic["Durability Policy"] == ("Transient Local" if lasting else "Volatile")
     assert {"/robot_description", "/impacts", "/ground_contact"} <= set(shown)
     assert {manager["Global Options"]["Fixed Frame"], manager["Views"]["Current"]["Target Frame"]} <= FRAMES

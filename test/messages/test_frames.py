@@ -8,9 +8,9 @@ import pytest
 from forward_kinematics import Kinematics
 from tree_of_frames import Tree
 
-from vibro_ros.bag.cdr import blank
 from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.messages.fields import ONLY_BASE, Frames
+from vibro_ros.messages.codec import blank
+from vibro_ros.messages.frames import ONLY_BASE, Frames
 from vibro_ros.messages.urdf import robot_description
 from vibro_ros.model.slider import Slider
 from vibro_ros.simulation.samples import FIELDS
@@ -34,7 +34,7 @@ def transforms(frames: Frames, state: SimpleNamespace) -> tuple[list, list]:
     """Moving and fixed ones, in messages of rosbags."""
     moving = [blank("geometry_msgs/msg/TransformStamped") for _ in range(1 + len(frames.moving))]
     fixed = [blank("geometry_msgs/msg/TransformStamped") for _ in frames.fixed]
-    frames.fill(moving, state, frames.turns(state.crank_angle), STAMP)
+    frames.fill(moving, state, STAMP)
     frames.fill_fixed(fixed, STAMP)
     return moving, fixed
 
@@ -99,4 +99,4 @@ def test_the_base_alone_is_one_transform(scene):
     frames = Frames(scene, "", ONLY_BASE)
     moving, fixed = transforms(frames, state_at(1.0))
     assert [(one.header.frame_id, one.child_frame_id) for one in moving] == [("odom", "base_link")]
-    assert fixed == [] and frames.turns(1.0) == []
+    assert fixed == []

@@ -5,7 +5,7 @@ import json
 import pytest
 
 import vibro_ros
-from vibro_ros.messages.topics import (
+from vibro_ros.messages.operations import (
     ARGUMENTS,
     FAULT,
     NAMES,

@@ -12,7 +12,7 @@ from forward_kinematics import Kinematics, homogeneous
 from scipy.spatial.transform import Rotation
 
 from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.messages.fields import joints_of
+from vibro_ros.messages.frames import joints_of
 from vibro_ros.messages.urdf import robot_description
 
 CHECK_URDF = Path(sys.executable).parent / "check_urdf"  # urdfdom's, the parser of robot_state_publisher and RViz

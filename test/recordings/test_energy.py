@@ -8,10 +8,10 @@ import pytest
 from robot_bag import START, changed, each, holding, rewritten, robot_bag, since
 
 import vibro_ros
-from vibro_ros.bag.cdr import deserialised, serialised
 from vibro_ros.bag.reader import load_bag
 from vibro_ros.bag.stream import BagError, BagStream
-from vibro_ros.messages.topics import CHECKPOINT, CHECKPOINT_TYPE, ROBOT_TOPICS
+from vibro_ros.messages.codec import deserialised, serialised
+from vibro_ros.messages.topics import CHECKPOINT, ROBOT_TOPICS, TOPICS
 from vibro_ros.recordings import replay
 from vibro_ros.recordings.energy import energy_as_lines, energy_of
 from vibro_ros.recordings.plots import parts_of, plot_run
@@ -34,7 +34,7 @@ def device():
 
 def late_with(recorded, folder, tick, state):
     """The recording from a sample on, with a checkpoint there."""
-    checkpoint = f"/{CHECKPOINT}", START + round(tick / RATE * 1e9), holding(CHECKPOINT_TYPE, state)
+    checkpoint = f"/{CHECKPOINT}", START + round(tick / RATE * 1e9), holding(TOPICS[CHECKPOINT].type, state)
     return rewritten(recorded, folder, lambda all_of_it: sorted([*since(tick / RATE)(all_of_it), checkpoint],
                                                                 key=lambda one: one[1]))
 

@@ -10,7 +10,7 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rosbags.rosbag2 import Reader
 
-from vibro_ros.bag.cdr import deserialised
+from vibro_ros.messages.codec import deserialised
 
 
 class Listener:

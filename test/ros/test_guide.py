@@ -15,7 +15,7 @@ from sensor_msgs.msg import JointState
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.configuration.parameter_file import own_parameters
 from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.messages.topics import OF_DC_MOTOR
+from vibro_ros.messages.topics import OF_DC_MOTOR, SENSOR_TOPICS
 from vibro_ros.messages.urdf import robot_joints
 from vibro_ros.ros.robot.services import PACKAGE, installed_types
 from vibro_ros.simulation.kernels import compile_kernels
@@ -60,7 +60,8 @@ def documented_controls() -> dict[str, dict[str, str]]:
 def test_topics_services_parameters_joints_and_frames_are_those_of_a_running_robot(start, bench):
     robot = start("robot", "--ros-args", "-p", "record.enabled:=false", *parameters(()))
     robot.wait_for("ready:")
-    topics = {name: one for name, one in documented_topics().items() if name not in OF_DC_MOTOR}
+    topics = {name: one for name, one in documented_topics().items()
+              if name not in (*OF_DC_MOTOR, *SENSOR_TOPICS.values())}
     told = {way: {name: kind for name, (direction, kind) in topics.items() if direction == way}
             for way in ("in", "out")}
     rows = guide.table("service", "type", "does")

@@ -26,7 +26,7 @@ from std_msgs.msg import Float32, Float64
 from type_description_interfaces.srv import GetTypeDescription
 
 import vibro_ros
-from vibro_ros.bag.cdr import deserialised
+from vibro_ros.messages.codec import deserialised
 
 COMMANDS = ("motor_speed", "upper_gap", "inclined_gap")
 ROUNDS = 20_000 if "VIBRO_ROS_HOSTILE" in os.environ else 600

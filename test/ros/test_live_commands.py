@@ -4,7 +4,7 @@ import pytest
 from std_msgs.msg import Float64
 
 import vibro_ros
-from vibro_ros.messages.topics import RESET, TIMEOUT, Operation
+from vibro_ros.messages.operations import RESET, TIMEOUT, Operation
 from vibro_ros.ros.live.commands import RETURN, Commands
 from vibro_ros.view.protocol import Command
 

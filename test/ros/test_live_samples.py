@@ -5,16 +5,15 @@ import struct
 
 import numpy as np
 import pytest
-from rclpy.serialization import serialize_message
 
 import vibro_ros
-from vibro_ros.bag.cdr import jazzy_types
 from vibro_ros.configuration.scene_file import shipped_scenes
+from vibro_ros.messages.codec import jazzy_types
+from vibro_ros.messages.robot_messages import RobotMessages
 from vibro_ros.messages.topics import ROBOT_TOPICS
 from vibro_ros.ros.live.robot import Runs
 from vibro_ros.ros.live.samples import MOST_WAITING, PATIENCE, STAMPED, Decoder, Joining, Reading
-from vibro_ros.ros.topics.publishers import sample_makers
-from vibro_ros.simulation.samples import FIELDS
+from vibro_ros.simulation.samples import EVENT_DTYPE, FIELDS
 
 STAMP = 1_763_700_000_123_456_789
 SCENE = vibro_ros.load_scene("device")
@@ -24,7 +23,8 @@ COLUMNS = {"odom": [1, 2], "joint_states": [10, 12], "ground_contact": [13]}  # 
 
 
 def message(topic: str, numbers=NUMBERS, stamp: int = STAMP, prefix: str = "", scene=SCENE) -> bytes:
-    return bytes(serialize_message(sample_makers(scene, prefix)[topic](numbers, stamp)))
+    made = RobotMessages(scene, prefix).of_sample(np.array(numbers), np.empty(0, EVENT_DTYPE), (), stamp, int)
+    return dict(made)[topic]
 
 
 @pytest.mark.parametrize("name", shipped_scenes())

@@ -8,8 +8,8 @@ from rosbags.rosbag2 import Reader
 from std_msgs.msg import String
 
 import vibro_ros
-from vibro_ros.bag.cdr import deserialised
 from vibro_ros.bag.stream import BagStream
+from vibro_ros.messages.codec import deserialised
 from vibro_ros.messages.urdf import robot_description
 from vibro_ros.recordings import replay
 

@@ -62,7 +62,7 @@ def test_hardware_by_topics_drives_the_robot_and_its_run_replays(start, bench, l
                   "joint_states:=robot_joint_states")
     robot.wait_for("ready")
     heard: list[String] = []
-    bench.node.create_subscription(String, "robot_description", heard.append, qos.LASTING)
+    bench.node.create_subscription(String, "robot_description", heard.append, qos.profile("robot_description"))
     bench.spin_until(lambda: heard, "the description")
     system = TopicSystem(bench, heard[0].data)
     assert system.joints == {

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from vibro_ros.messages.topics import PAUSE, RESET, RESUME, Operation
+from vibro_ros.messages.operations import PAUSE, RESET, RESUME, Operation
 from vibro_ros.ros.robot.operations import Request
 from vibro_ros.ros.robot.services import (
     FEATURES,

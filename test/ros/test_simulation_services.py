@@ -10,7 +10,7 @@ from operated_robot import stop
 from rosbags.rosbag2 import Reader
 from std_srvs.srv import SetBool, Trigger
 
-from vibro_ros.bag.cdr import deserialised
+from vibro_ros.messages.codec import deserialised
 from vibro_ros.recordings import replay
 from vibro_ros.ros.node.node import SteadyNode
 from vibro_ros.ros.robot.services import FEATURES, MOST_STEPS, NAMES, Code, State

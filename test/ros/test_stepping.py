@@ -3,7 +3,7 @@
 from types import SimpleNamespace
 
 import vibro_ros
-from vibro_ros.messages.topics import RESET, RESUME, STEP, Operation
+from vibro_ros.messages.operations import RESET, RESUME, STEP, Operation
 from vibro_ros.ros.robot.operations import Operations
 from vibro_ros.ros.robot.pacing import Pacing, RobotTime
 from vibro_ros.ros.robot.services import SimulationControl, outcome

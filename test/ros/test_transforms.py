@@ -11,9 +11,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from robot_bag import rewritten
 from tree_of_frames import Tree, frames_of
 
-from vibro_ros.bag.cdr import deserialised, serialised
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.bag.stream import BagStream
+from vibro_ros.messages.codec import deserialised, serialised
 from vibro_ros.messages.topics import ROBOT_TOPICS
 from vibro_ros.recordings import replay
 from vibro_ros.recordings.comparison import compare

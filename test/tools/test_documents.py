@@ -12,19 +12,17 @@ import pytest
 import yaml
 
 import vibro_ros
-from tools import accuracy_report, bench, documents, effects, parameter_table
+from tools import accuracy_report, bench, documents, effects, parameter_table, topic_table
 from tools.generated_text import replaced
 from vibro_ros.accuracy.findings import MEAN_SPEED, NEEDS
 from vibro_ros.configuration.command_map import find_map, read_map
 from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.messages.fields import JOINTS
-from vibro_ros.messages.joint_commands import COMMANDED
-from vibro_ros.messages.topics import COMMAND_UNITS, COMMANDS, ROBOT_TOPICS
+from vibro_ros.messages.commands import COMMANDED
+from vibro_ros.messages.frames import JOINTS
+from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.model.parameters import SCENE_PARAMETERS
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.ros.controller.script_file import read_script
-from vibro_ros.ros.node import qos
-from vibro_ros.ros.topics.publishers import PUBLISHED
 from vibro_ros.simulation.motion import EventLog
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.study.measures import MEASURES
@@ -104,15 +102,6 @@ def test_choices_of_every_effect_are_in_the_model():
     assert told == real
 
 
-def test_topics_are_the_robots():
-    rows = re.findall(r"^\| `/?(\w+)` \| (in|out) \| (\S+) \| (\d+) \|", DOCUMENTS["node.md"], re.MULTILINE)
-    told = {name: (direction, kind, int(depth)) for name, direction, kind, depth in rows if name != "clock"}
-    real = {name: ("in", ROBOT_TOPICS[name], qos.COMMANDS.depth) for name in COMMANDS}
-    real |= {name: ("out", ROBOT_TOPICS[name], profile.depth) for name, profile in PUBLISHED.items()}
-    real["diagnostics"] = ("out", "diagnostic_msgs/msg/DiagnosticArray", qos.DIAGNOSTICS.depth)
-    assert told == real
-
-
 def test_joints_and_fields_of_a_run_are_complete():
     assert guide.first_column("joint", "position", "velocity", "effort") == list(JOINTS)
     fields = [name for row in guide.table("field", "unit", "meaning") for name in guide.names(row[0])]
@@ -185,6 +174,11 @@ def test_bench_table_has_the_benchmarks_scenes():
 def test_parameter_table_is_up_to_date():
     text, marks = DOCUMENTS["parameters.md"], (parameter_table.BEGIN, parameter_table.END)
     assert replaced(text, *marks, parameter_table.parameter_table()) == text, "run `make documents`"
+
+
+def test_topic_table_is_up_to_date():
+    text, marks = DOCUMENTS["node.md"], (topic_table.BEGIN, topic_table.END)
+    assert replaced(text, *marks, topic_table.topic_table()) == text, "run `make documents`"
 
 
 def test_a_document_without_a_place_for_the_table_is_refused(tmp_path):

@@ -10,9 +10,9 @@ from motion_reader import NEAR, PART, Motion, assert_is_run
 from robot_bag import START, changed, each, offset_times, rewritten, robot_bag, since
 
 import vibro_ros
-from vibro_ros.bag.cdr import blank, serialised
 from vibro_ros.bag.stream import BagError
 from vibro_ros.configuration.scene_file import shipped_scenes
+from vibro_ros.messages.codec import blank, serialised
 from vibro_ros.messages.topics import ROBOT_TOPICS
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.view.bag_motion import bag_motion

@@ -14,7 +14,7 @@ from real_processes import CRAWL
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
-from vibro_ros.messages.fields import JOINTS
+from vibro_ros.messages.frames import JOINTS
 from vibro_ros.view.page import MARK
 
 QOS = QoSProfile(depth=10_000)

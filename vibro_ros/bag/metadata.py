@@ -6,8 +6,8 @@ from pathlib import Path
 
 import yaml
 
-from vibro_ros.bag.cdr import jazzy_types
 from vibro_ros.configuration.strict_yaml import Limits, parsed, read_yaml
+from vibro_ros.messages.codec import jazzy_types
 from vibro_ros.process.untrusted import replace_file
 
 BAG_VERSION = 9

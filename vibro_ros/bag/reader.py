@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vibro_ros.bag.cdr import deserialised
 from vibro_ros.bag.stream import BagError, BagStream, RecordedTopic
+from vibro_ros.messages.codec import deserialised
 from vibro_ros.messages.topics import ROBOT_TOPICS
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ import contextlib
 import math
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Lock, Thread
@@ -28,21 +28,6 @@ BATCH = 50  # messages between two offers of the interpreter lock; about 60 us
 BACKLOG = 20_000  # messages waiting for the disk; about 4 s of a robot that publishes at 1 kHz
 
 _PLAIN = Storage()
-_Places = tuple[tuple[int, int, int], ...]  # number of the topic, begin and end of its message
-
-
-class Together:
-    """Where the messages of some topics stand in a piece of bytes, the same each time: topic, begin and end of each.
-
-    Messages that come together cost the caller of `Recorder.write_together` as much as one message.
-    """
-
-    def __init__(self, places: Sequence[tuple[str, int, int]]):
-        self.places = tuple(places)
-
-    def split(self, data: bytes) -> Iterator[tuple[str, bytes]]:
-        """Topic and message, one after the other."""
-        return ((topic, data[begin:end]) for topic, begin, end in self.places)
 
 
 class Recorder:
@@ -97,9 +82,7 @@ class Recorder:
         self._bell: SimpleQueue[None] = SimpleQueue()
         definitions = defined(topics)
         self._topics = {one.information.name: number for number, one in enumerate(definitions, start=1)}
-        # A message names its topic by a number; messages that came together, by numbers and places.
-        self._queue: deque[tuple[int | _Places, int, bytes]] = deque()
-        self._places: dict[Together, _Places] = {}
+        self._queue: deque[tuple[int, int, bytes]] = deque()  # a message names its topic by a number
         try:
             self._writer = BagWriter(self.folder, definitions, metadata, storage)
         except FileExistsError as error:
@@ -123,23 +106,8 @@ class Recorder:
                 and type(data) is bytes and self._accepting and len(self._queue) < self._backlog):
             self._append(topic, stamp_ns, data)
             return True
-        self._refuse(1)
-        return False
-
-    def write_together(self, together: Together, stamp_ns: int, data: bytes) -> bool:
-        """As `write`, for several messages of one stamp: all are queued, or all are dropped (and counted).
-
-        Topics that the bag lacks are left out.
-        """
-        places = self._places.get(together)
-        if places is None:
-            places = self._places[together] = tuple(
-                (self._topics[topic], begin, end) for topic, begin, end in together.places if topic in self._topics)
-        if (type(stamp_ns) is int and 0 <= stamp_ns <= LAST_STAMP and type(data) is bytes and self._accepting
-                and len(self._queue) * len(places) < self._backlog):  # nearly all that waits came together
-            self._append(places, stamp_ns, data)
-            return True
-        self._refuse(len(places))
+        with self._refusing:
+            self._refused += 1
         return False
 
     def begin_files_with(self, lasting: Sequence[tuple[str, bytes]]) -> None:
@@ -174,13 +142,12 @@ class Recorder:
     @property
     def backlog(self) -> int:
         """Messages that wait for the writer thread."""
-        return sum(_count(topic) for topic, _, _ in list(self._queue))
+        return len(self._queue)
 
     @property
     def crowded(self) -> bool:
         """Whether half of the room for waiting messages is taken, so that a caller who can wait should."""
-        together = max(map(len, self._places.values()), default=1)
-        return self._accepting and 2 * len(self._queue) * together > self._backlog
+        return self._accepting and 2 * len(self._queue) > self._backlog
 
     @property
     def ended(self) -> bool:
@@ -206,15 +173,11 @@ class Recorder:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _append(self, topic: int | _Places, stamp: int, data: bytes) -> None:
+    def _append(self, topic: int, stamp: int, data: bytes) -> None:
         self._queue.append((topic, stamp, data))
         if time.monotonic() >= self._waking or len(self._queue) == WAKING:
             self._waking = math.inf
             self._bell.put(None)
-
-    def _refuse(self, messages: int) -> None:
-        with self._refusing:
-            self._refused += messages
 
     def _run(self) -> None:
         try:
@@ -246,12 +209,8 @@ class Recorder:
         until = self._taken + BATCH
         while self._queue and self._taken < until:
             topic, stamp, data = self._queue.popleft()
-            self._taken += _count(topic)
-            if isinstance(topic, int):
-                self._writer.write(topic, stamp, data)
-                continue
-            for number, begin, end in topic:
-                self._writer.write(number, stamp, data[begin:end])
+            self._taken += 1
+            self._writer.write(topic, stamp, data)
         time.sleep(0)  # offer the interpreter lock
         if time.monotonic() >= self._due:
             self._writer.flush()
@@ -280,9 +239,5 @@ class Recorder:
     def _discard_queue(self) -> None:
         with contextlib.suppress(IndexError):
             while True:
-                self._taken += _count(self._queue.popleft()[0])
-
-
-def _count(topic: int | _Places) -> int:
-    """Number of messages in an entry of the queue."""
-    return 1 if isinstance(topic, int) else len(topic)
+                self._queue.popleft()
+                self._taken += 1

@@ -13,14 +13,7 @@ from pathlib import Path
 from vibro_ros.bag.folders import bag_files
 from vibro_ros.bag.mcap_scan import ForeignFileError, McapFile, Message
 from vibro_ros.bag.metadata import FILE_NAME, custom_of, depth_of, is_lasting, read_metadata
-from vibro_ros.messages.topics import (
-    CHECKPOINT,
-    CHECKPOINT_TYPE,
-    OPERATIONS,
-    OPERATIONS_TYPE,
-    PUBLISHED_TYPES,
-    ROBOT_TOPICS,
-)
+from vibro_ros.messages.topics import ROBOT_TOPICS, TOPICS
 from vibro_ros.process.untrusted import one_line
 
 QOS_DEPTH = 10
@@ -34,7 +27,7 @@ MOST_HELD = 100_000
 MOST_HELD_BYTES = 64 * 2**20
 """Bytes of them."""
 
-_TYPES = {**PUBLISHED_TYPES, CHECKPOINT: CHECKPOINT_TYPE, OPERATIONS: OPERATIONS_TYPE}
+_TYPES = {name: topic.type for name, topic in TOPICS.items()}
 
 
 class BagError(Exception):

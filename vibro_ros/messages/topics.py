@@ -1,92 +1,170 @@
-"""The robot's topics, names, types and units of commands; and operations, which are asked of a run besides commands.
+"""The robot's topics, a row each.
 
-ROS, bags and documents take them from here. The robot publishes and records each operation that it performs as a text:
-the operation's name and, where it has any, what belongs to it as JSON, such as ``step 10`` or
-``set {"ground.friction": 0.1}``.
+Publishers, subscriptions, topics of a bag, `qos_overrides`, messages, replay and the table of docs/guide/node.md follow
+from `TOPICS`. A topic of its own is one row, if its numbers are fields of `simulation.samples.Samples`.
 """
 
-import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
-from vibro_ros.messages.joint_commands import joint_commands
-from vibro_ros.model import faults
-from vibro_ros.model.faults import FAULTS, Incident, checked_incident
-from vibro_ros.model.parameters import BY_NAME, Value
+from vibro_ros.messages.commands import joint_commands
+from vibro_ros.messages.frames import ALL, NONE, ODOM, ONLY_BASE
+from vibro_ros.messages.urdf import BASE, IMU
 from vibro_ros.model.scene import Scene
 
-if TYPE_CHECKING:  # bags take topics from here and need no device
-    from vibro_ros.simulation.simulator import Simulator
+COMMAND, SAMPLE, EVENT, ONCE, NODE, BAG = "command", "sample", "event", "once", "node", "bag"
+"""When a message comes: whenever a peer commands; with each sample; when something has happened; once; by the node,
+not of the device; never, it is in bags only."""
 
-COMMAND_UNITS = {"motor_speed": "rad/s", "upper_gap": "m", "inclined_gap": "m", "motor_voltage": "V"}
-"""Unit of each command; the names are topics and arguments of `Simulator.command`."""
+NUMBER, NUMBERS, WRENCH = "std_msgs/msg/Float64", "std_msgs/msg/Float64MultiArray", "geometry_msgs/msg/WrenchStamped"
+TRANSFORM = "geometry_msgs/msg/TransformStamped"
 
-JOINT_COMMANDS = "joint_commands"
-"""The same commands for the joints in one message, see `joint_commands`."""
+_NOTHING: Mapping[str, Any] = MappingProxyType({})
 
-COMMANDS = (*COMMAND_UNITS, JOINT_COMMANDS)
+
+class Quality(NamedTuple):
+    """Quality of service, on which outside tools rely."""
+
+    depth: int = 10
+    reliable: bool = True
+    transient_local: bool = False
+
+
+class Topic(NamedTuple):
+    """One topic.
+
+    Attributes
+    ----------
+    type : str
+        ROS type of its messages.
+    when : str
+        When a message comes: `COMMAND`, `SAMPLE`, `EVENT`, `ONCE`, `NODE` or `BAG`.
+    meaning : str
+        What the messages say, with units, in Markdown for docs/guide/node.md.
+    quality : Quality
+    unit : str
+        Of a command that is a number.
+    frame : str
+        Of the header; empty where the message has none, or one of several.
+    numbers : mapping of str to str
+        From a path in the message to the field of a sample that stands there; `-` before the field negates it.
+    constants : mapping of str to object
+        From a path in the message to what always stands there.
+    transforms : tuple of str
+        Values of `tf.publish` with which a robot has the topic.
+    of_dc_motor : bool
+        Whether only a robot with a dc motor has it.
+    sensor : str
+        The sensor of `sensors.device` without which a robot lacks it.
+    name : str
+        The name before namespace and remapping, where it is not the robot's own name of the topic.
+    """
+
+    type: str
+    when: str
+    meaning: str
+    quality: Quality = Quality()
+    unit: str = ""
+    frame: str = ""
+    numbers: Mapping[str, str] = _NOTHING
+    constants: Mapping[str, Any] = _NOTHING
+    transforms: tuple[str, ...] = (NONE, ONLY_BASE, ALL)
+    of_dc_motor: bool = False
+    sensor: str = ""
+    name: str = ""
+
+    def exists(self, scene: Scene, transforms: str = ALL) -> bool:
+        """Whether the robot of a scene has the topic, with frames as `tf.publish` has them."""
+        return (transforms in self.transforms and (scene.has_rotor or not self.of_dc_motor)
+                and (not self.sensor or scene[f"sensors.{self.sensor}.rate"] > 0.0))
+
+
+def _command(unit: str, meaning: str, **more: Any) -> Topic:
+    return Topic(NUMBER, COMMAND, meaning, unit=unit, **more)
+
+
+def _sensor(sensor: str, kind: str, meaning: str, frame: str, **more: Any) -> Topic:
+    """Deep, because one sample publishes what a fast sensor has measured since the sample before."""
+    return Topic(kind, EVENT, meaning, Quality(100), frame=frame, sensor=sensor, **more)
+
+
+_UPRIGHT = {"pose.pose.orientation.w": 1.0}
+
+TOPICS: Mapping[str, Topic] = {
+    "motor_speed": _command("rad/s", "commanded crank speed [rad/s], within ± `motor.max_speed`; below 0 backwards"),
+    "upper_gap": _command("m", "commanded gap of the upper plate [m], within ± the rod's length"),
+    "inclined_gap": _command("m", "commanded gap of the inclined plate [m], within ± the rod's length"),
+    "motor_voltage": _command("V", "with a dc motor whose `motor.control` is `voltage`: commanded voltage [V], within "
+                              "± `motor.supply_voltage`", of_dc_motor=True),
+    "joint_commands": Topic("sensor_msgs/msg/JointState", COMMAND, "the same commands for joints, as "
+                            "[ros2_control](ros2_control.md) sends them: `crank` by velocity, plates by "
+                            "position; best effort, which hears reliable publishers, too", Quality(reliable=False)),
+    "odom": Topic("nav_msgs/msg/Odometry", SAMPLE, "position and velocity of `base_link` in `odom`, x and z of each "
+                  "[m, m/s]", frame=ODOM, constants=_UPRIGHT,
+                  numbers={"pose.pose.position.x": "body_position", "pose.pose.position.z": "body_height",
+                           "twist.twist.linear.x": "body_velocity", "twist.twist.linear.z": "body_vertical_velocity"}),
+    "joint_states": Topic("sensor_msgs/msg/JointState", SAMPLE, "the joints below, in the frame `base_link`",
+                          frame=BASE),
+    "ground_contact": Topic(WRENCH, SAMPLE, "force of the ground on the body [N] in the frame `base_link`: friction x "
+                            "(negative: slows forward motion), normal z", frame=BASE,
+                            numbers={"wrench.force.x": "-friction_force", "wrench.force.z": "normal_force"}),
+    "motor_power": Topic(NUMBER, SAMPLE, "power of the motor [W], negative where the springs drive the motor",
+                         numbers={"data": "motor_power"}),
+    "motor_current": Topic(NUMBER, SAMPLE, "current of a dc motor [A]", numbers={"data": "motor_current"},
+                           of_dc_motor=True),
+    "electrical_power": Topic(NUMBER, SAMPLE, "power that a dc motor takes from its supply [W], negative where it "
+                              "gives power back", numbers={"data": "electrical_power"}, of_dc_motor=True),
+    "tf": Topic("tf2_msgs/msg/TFMessage", SAMPLE, "transforms of the frames that move, with every sample; "
+                "[below](#frames)", Quality(100), name="/tf", transforms=(ONLY_BASE, ALL)),
+    "impacts": Topic(WRENCH, EVENT, "one message for each contact, sent when the contact has ended: peak force [N] of "
+                     "the mass on the plate in z, which points outwards from the crank, in the frame of the plate; the "
+                     "stamp is the first instant of contact", Quality(1000)),
+    "imu/data_raw": _sensor("imu", "sensor_msgs/msg/Imu", "specific force [m/s²] and angular rate [rad/s]", IMU,
+                            constants={"orientation.w": 1.0}),
+    "encoder": _sensor("encoder", "sensor_msgs/msg/JointState", "angle [rad] and speed [rad/s] of the crank", BASE),
+    "battery": _sensor("current", "sensor_msgs/msg/BatteryState", "voltage [V] and current [A] of a dc motor's supply",
+                       BASE),
+    "tracking": _sensor("tracking", "geometry_msgs/msg/PoseWithCovarianceStamped", "place of the body [m] in `odom`",
+                        ODOM, constants=_UPRIGHT),
+    "robot_description": Topic("std_msgs/msg/String", ONCE, "the robot as URDF, sent once and to late subscribers "
+                               "(transient local); [below](#the-robot-as-urdf)", Quality(1, transient_local=True)),
+    "tf_static": Topic("tf2_msgs/msg/TFMessage", ONCE, "transforms of the frames that never move, sent once and to "
+                       "late subscribers (transient local)", Quality(1, transient_local=True), name="/tf_static",
+                       transforms=(ALL,)),
+    "operations": Topic("std_msgs/msg/String", NODE, "each operation on the run: `reset`, `pause`, `resume`, `step 1`, "
+                        '`set {"ground.friction": 0.1}`, `timeout`, `state {"body_velocity": 0.0}`, `push …`, '
+                        "`fault …`", Quality(100), name="~/operations"),
+    "diagnostics": Topic("diagnostic_msgs/msg/DiagnosticArray", NODE, "the robot's health, once a second of wall time; "
+                         "[below](#diagnostics)", name="/diagnostics"),
+    "clock": Topic("rosgraph_msgs/msg/Clock", NODE, "robot time, with `clock.publish` only", name="/clock"),
+    "checkpoint": Topic(NUMBERS, BAG, "`Simulator.checkpoint` after a sample and before its commands, in bags that may "
+                        "lack the run's beginning", Quality(1), name="~/checkpoint"),
+}
+"""By the robot's own name of the topic; messages of one sample are published in this order."""
+
+COMMAND_UNITS = {name: topic.unit for name, topic in TOPICS.items() if topic.unit}
+"""Unit of each command that is a number; the names are arguments of `Simulator.command`, too."""
+
+JOINT_COMMANDS, OPERATIONS, CHECKPOINT = "joint_commands", "operations", "checkpoint"
+
+COMMANDS = tuple(name for name, topic in TOPICS.items() if topic.when == COMMAND)
 """Topics that the robot listens to."""
 
-OF_DC_MOTOR = ("motor_voltage", "motor_current", "electrical_power")
-"""Topics that only a robot with a dc motor has."""
+OF_DC_MOTOR = tuple(name for name, topic in TOPICS.items() if topic.of_dc_motor)
 
-ROBOT_TOPICS = {
-    "odom": "nav_msgs/msg/Odometry",
-    "joint_states": "sensor_msgs/msg/JointState",
-    "ground_contact": "geometry_msgs/msg/WrenchStamped",
-    "impacts": "geometry_msgs/msg/WrenchStamped",
-    "motor_power": "std_msgs/msg/Float64",
-    "motor_current": "std_msgs/msg/Float64",
-    "electrical_power": "std_msgs/msg/Float64",
-    "robot_description": "std_msgs/msg/String",
-    "tf": "tf2_msgs/msg/TFMessage",
-    "tf_static": "tf2_msgs/msg/TFMessage",
-    **dict.fromkeys(COMMAND_UNITS, "std_msgs/msg/Float64"),
-    JOINT_COMMANDS: "sensor_msgs/msg/JointState",
-}
-"""Type of each topic; a topic in a bag that ends like one of these and has another type is somebody else's."""
-
-SENSOR_TOPICS = {"imu": "imu/data_raw", "encoder": "encoder", "current": "battery", "tracking": "tracking"}
-"""Topic of each sensor of `sensors.device`; a robot has those of the sensors that are on."""
-
-SENSOR_TYPES = {
-    "imu/data_raw": "sensor_msgs/msg/Imu",
-    "encoder": "sensor_msgs/msg/JointState",
-    "battery": "sensor_msgs/msg/BatteryState",
-    "tracking": "geometry_msgs/msg/PoseWithCovarianceStamped",
-}
-"""Type of each topic of a sensor."""
-
-PUBLISHED_TYPES = {**ROBOT_TOPICS, **SENSOR_TYPES}
-
-VARIANCES = ("odom.pose_covariance_diagonal", "odom.twist_covariance_diagonal")
-"""Parameters of the node with the variances in `odom`."""
-
-TF_TOPICS = ("tf", "tf_static")
-"""Topics that all robots of a graph share, outside of namespaces, and that need a package which may be missing."""
-
-LASTING = ("robot_description", "tf_static")
-"""Topics on which one message says all: late subscribers get it, and each file of a bag begins with it."""
-
-CHECKPOINT = "checkpoint"
-CHECKPOINT_TYPE = "std_msgs/msg/Float64MultiArray"
-"""Only in bags that may lack a run's beginning: `Simulator.checkpoint` after a sample and before its commands."""
-
-OPERATIONS = "operations"
-OPERATIONS_TYPE = "std_msgs/msg/String"
-"""What was done to the run besides commands, as `Operation` has it; under the node's own name, as the checkpoint."""
+ROBOT_TOPICS = {name: topic.type for name, topic in TOPICS.items()
+                if topic.when not in (NODE, BAG) and not topic.sensor}
+"""Type of each topic that a bag may hold under any name that ends so; with another type it is somebody else's."""
 
 INPUTS = (*COMMANDS, OPERATIONS)
 """What decides the run, and does not follow from it."""
 
-RESET, PAUSE, RESUME, STEP, SET, TIMEOUT = "reset", "pause", "resume", "step", "set", "timeout"
-STATE, PUSH, FAULT = "state", "push", "fault"
-ARGUMENTS: Mapping[str, frozenset[str]] = {
-    SET: frozenset(), STATE: frozenset(), PUSH: frozenset(("duration", "force_x", "force_z")),
-    FAULT: frozenset(Incident._fields)}
-"""Operations to which a mapping belongs, with the names that it must have; none where the device says which."""
-NAMES = (RESET, PAUSE, RESUME, STEP, TIMEOUT, *ARGUMENTS)
+SENSOR_TOPICS = {topic.sensor: name for name, topic in TOPICS.items() if topic.sensor}
+"""Topic of each sensor of `sensors.device`; a robot has those of the sensors that are on."""
+
+VARIANCES = ("odom.pose_covariance_diagonal", "odom.twist_covariance_diagonal")
+"""Parameters of the node with the variances in `odom`."""
 
 
 def commands_in(name: str, message: Any, scene: Scene) -> tuple[dict[str, float], list[str]]:
@@ -96,87 +174,15 @@ def commands_in(name: str, message: Any, scene: Scene) -> tuple[dict[str, float]
 
 def commands_of(scene: Scene) -> tuple[str, ...]:
     """The commands that the robot of a scene listens to."""
-    return tuple(name for name in COMMANDS if scene.has_rotor or name not in OF_DC_MOTOR)
+    return tuple(name for name in COMMANDS if TOPICS[name].exists(scene))
 
 
-def published_name(topic: str) -> str:
-    """The name under which the robot publishes one of its topics, before namespace and remapping."""
-    return f"/{topic}" if topic in TF_TOPICS else topic
+def published_by(scene: Scene, transforms: str = ALL) -> tuple[str, ...]:
+    """The topics on which the robot of a scene says what its device does, with frames as `tf.publish` has them."""
+    return tuple(name for name, topic in TOPICS.items()
+                 if topic.when in (SAMPLE, EVENT, ONCE) and topic.exists(scene, transforms))
 
 
-@dataclass(frozen=True)
-class Operation:
-    """One operation.
-
-    Attributes
-    ----------
-    name : str
-        `RESET`: back to the start. `PAUSE`, `RESUME`: robot time stands still, goes on. `STEP`: so many samples while
-        robot time stands still. `SET`: other parameters. `TIMEOUT`: the motor stops, because no command came.
-        `STATE`: another state (`Simulator.set_state`). `PUSH`: a push of the body (`Simulator.push`). `FAULT`: a fault
-        begins, or ends (`model.faults`).
-    steps : int
-        Samples of `STEP`.
-    parameters : mapping of str to value
-        Of those of `ARGUMENTS`.
-    """
-
-    name: str
-    steps: int = 0
-    parameters: Mapping[str, Value] = field(default_factory=dict)
-
-    def __str__(self) -> str:
-        if self.name in ARGUMENTS:
-            return f"{self.name} {json.dumps(dict(self.parameters))}"
-        return f"{self.name} {self.steps}" if self.name == STEP else self.name
-
-
-def read_operation(text: str) -> Operation:
-    """The operation that a recorded text names.
-
-    Raises
-    ------
-    ValueError
-        For any other text.
-    """
-    name, _, rest = text.partition(" ")
-    try:
-        if name not in NAMES or (name not in (STEP, *ARGUMENTS) and rest):
-            raise ValueError("no such operation")
-        steps = int(rest) if name == STEP else 0
-        parameters = json.loads(rest) if name in ARGUMENTS else {}
-        if not isinstance(parameters, dict):
-            raise ValueError("no mapping of parameters")
-        if name == FAULT:  # which earlier versions recorded without a place
-            parameters = Incident._field_defaults | parameters
-        if (needed := ARGUMENTS.get(name)) and needed != set(parameters):
-            raise ValueError(f"it needs {', '.join(sorted(needed))}")
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f"{text[:60]!r} is no operation of the robot: {error}") from None
-    return Operation(name, steps, parameters)
-
-
-def perform(operation: Operation, device: "Simulator") -> None:
-    """Do to the device what the operation does to it; pauses and steps do nothing, because samples are counted.
-
-    Raises
-    ------
-    ValueError
-        For what the device refuses; nothing is changed then.
-    SimulationError
-        When the run cannot go on.
-    """
-    if operation.name == RESET:
-        device.reset()
-    elif operation.name == TIMEOUT:
-        device.command(**{device.scene.motor_command: 0.0})
-    elif operation.name == STATE:
-        device.set_state(**operation.parameters)
-    elif operation.name == PUSH:
-        device.push(**operation.parameters)
-    elif operation.name == FAULT:
-        incident = checked_incident(**operation.parameters)
-        if FAULTS[incident.fault].befalls != faults.COMMANDS:  # what becomes of commands, their record tells
-            device.fail(*incident)
-    elif of_scene := {name: value for name, value in operation.parameters.items() if name in BY_NAME}:
-        device.set_parameters(of_scene)
+def full_name(topic: str) -> str:
+    """The name of one of the robot's topics before namespace and remapping."""
+    return TOPICS[topic].name or topic

@@ -20,7 +20,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from vibro_ros.messages.joint_commands import COMMANDED
+from vibro_ros.messages.commands import COMMANDED
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.slider import Slider
 

@@ -6,9 +6,9 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
 
-from vibro_ros.bag.cdr import deserialised, first_difference
 from vibro_ros.bag.stream import BagError, BagStream
-from vibro_ros.messages.fields import joints_of
+from vibro_ros.messages.codec import deserialised, first_difference
+from vibro_ros.messages.frames import joints_of
 from vibro_ros.messages.topics import (
     CHECKPOINT,
     COMMAND_UNITS,
@@ -16,8 +16,8 @@ from vibro_ros.messages.topics import (
     INPUTS,
     OF_DC_MOTOR,
     OPERATIONS,
-    PUBLISHED_TYPES,
     ROBOT_TOPICS,
+    TOPICS,
 )
 from vibro_ros.recordings.rerun import LONGEST_PAUSE, Rerun, RunFacts, most_ticks, run_facts, ticks
 from vibro_ros.simulation.motion import SimulationError
@@ -186,7 +186,7 @@ class _Comparing:
             if name in INPUTS or name == CHECKPOINT:
                 continue
             waiting = [self.rerun.lasting[name]] if name in self.rerun.lasting else expected.get(name, [])
-            found = [first_difference(data, other, PUBLISHED_TYPES[name]) for other in waiting]
+            found = [first_difference(data, other, TOPICS[name].type) for other in waiting]
             if None not in found:
                 where, recorded, is_now = (found and found[0]) or ("message", "a message", ABSENT)
                 return self._difference(name, stamp, where, recorded, is_now)

@@ -21,16 +21,7 @@ from vibro_ros.bag.stream import QOS_DEPTH, BagError, BagStream, not_read
 from vibro_ros.bag.writer import BagWriter, Storage
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.configuration.strict_yaml import read_scalar
-from vibro_ros.messages.topics import (
-    COMMAND_UNITS,
-    INPUTS,
-    LASTING,
-    OF_DC_MOTOR,
-    OPERATIONS,
-    OPERATIONS_TYPE,
-    PUBLISHED_TYPES,
-    SENSOR_TOPICS,
-)
+from vibro_ros.messages.topics import CHECKPOINT, COMMAND_UNITS, INPUTS, OF_DC_MOTOR, SENSOR_TOPICS, TOPICS
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import Parser, exit_code, say
@@ -49,8 +40,6 @@ PLAYBACK = "vibro_ros.ros.controller.playback"
 OF_PUBLISH = ("--all-topics", "--rate", "--clock", "--wait", "--ros-args")
 """Options that only `PLAYBACK` has."""
 FLUSH_MESSAGES = 2000  # between two looks at the disk; a chunk of MCAP is written earlier when it is full
-
-_TYPES = {**PUBLISHED_TYPES, OPERATIONS: OPERATIONS_TYPE}
 
 
 def main(words: Sequence[str]) -> int:
@@ -169,8 +158,9 @@ def _topics(stream: BagStream, facts: RunFacts) -> dict[str, Topic]:
         raise BagError(f"{stream.folder}: says nothing of the topics {', '.join(missing)}; give a bag that the robot "
                        "recorded itself")
     depths = {topic: one.qos_depth for topic, one in stream.topics.items()}
-    return {name: Topic(names[name], kind, depths.get(names[name], QOS_DEPTH), name in LASTING)
-            for name, kind in _TYPES.items() if name in names}  # a bag of an earlier version has fewer
+    return {name: Topic(names[name], topic.type, depths.get(names[name], QOS_DEPTH), topic.quality.transient_local)
+            for name, topic in TOPICS.items()  # a bag of an earlier version has fewer
+            if name in names and name != CHECKPOINT}
 
 
 def _sensor_topics(facts: RunFacts, scene: Scene) -> dict[str, str]:

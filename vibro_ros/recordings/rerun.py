@@ -11,29 +11,19 @@ import json
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from vibro_ros.bag.cdr import blank, deserialised, serialised
 from vibro_ros.bag.metadata import LAST_STAMP
 from vibro_ros.bag.stream import BagError, BagStream, robot_topics
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
-from vibro_ros.messages import fields
-from vibro_ros.messages.fields import Frames
-from vibro_ros.messages.topics import (
-    CHECKPOINT_TYPE,
-    OPERATIONS,
-    OPERATIONS_TYPE,
-    PUBLISHED_TYPES,
-    RESET,
-    ROBOT_TOPICS,
-    SENSOR_TOPICS,
-    VARIANCES,
-    commands_in,
-    perform,
-    read_operation,
-)
+from vibro_ros.messages.codec import deserialised
+from vibro_ros.messages.frames import NONE
+from vibro_ros.messages.operations import RESET, perform, read_operation
+from vibro_ros.messages.robot_messages import RobotMessages, stamp_at
+from vibro_ros.messages.topics import CHECKPOINT, OF_DC_MOTOR, OPERATIONS, ROBOT_TOPICS, TOPICS, VARIANCES, commands_in
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.untrusted import one_line
@@ -50,7 +40,6 @@ MOST_UNSAMPLED = 40_000_000
 #: Steps of a sample at most.
 MOST_STEPS = 1_000_000
 _PART = 0.1  # s of robot time between two looks at the steps
-_TRANSFORM = "geometry_msgs/msg/TransformStamped"
 SAMPLED = ("odom", "joint_states", "ground_contact", "motor_power")
 
 
@@ -77,7 +66,7 @@ class RunFacts:
 
     def stamp(self, tick: int) -> int:
         """Recorded stamp [ns] of a sample."""
-        return fields.stamp_at(self.start, self.time(tick))
+        return stamp_at(self.start, self.time(tick))
 
     def tick(self, stamp: int) -> int | None:
         """Number of the sample with a recorded stamp [ns]; None when no sample has it."""
@@ -131,17 +120,15 @@ class Rerun:
         self.refused = 0
         self.resets = 0
         self.origin = 0
-        self._facts, self._prefix = facts, facts.settings["frame_prefix"]
-        self._variances = [facts.settings[name] for name in VARIANCES]
+        self._facts = facts
         prepare_kernels("replay", scene["solver.method"])
         self.device = new_device(scene)
         self.scene = self.device.scene
-        self._joints = fields.joints_of(scene)
-        of_motor = ("motor_current", "electrical_power") if scene.has_rotor else ()
-        self._sampled = (*SAMPLED, *(name for name in of_motor if name in facts.topics))
-        self._blank = {name: blank(kind) for name, kind in PUBLISHED_TYPES.items()}
-        self._frames = Frames(scene, self._prefix, facts.settings["tf.publish"]) if "tf" in facts.topics else None
-        self.lasting = dict(self._lasting())
+        settings = facts.settings
+        self._messages = RobotMessages(
+            scene, settings["frame_prefix"], settings["tf.publish"] if "tf" in facts.topics else NONE,
+            [settings[name] for name in VARIANCES], facts.topics if settings["ros2_control"] else {})
+        self.lasting = dict(self._messages.once(facts.start))
 
     def step(self) -> list[tuple[str, bytes]]:
         """Go to the next sample; what the robot publishes there: its own name of each topic, and the message.
@@ -153,7 +140,7 @@ class Rerun:
         """
         self.tick += 1
         self._advance()
-        return list(self._messages())
+        return list(self._of_sample())
 
     def go_to(self, tick: int) -> None:
         """Go to a sample that does not lie behind, without its message (SimulationError as above)."""
@@ -162,7 +149,7 @@ class Rerun:
 
     def restore(self, tick: int, data: bytes) -> None:
         """Stand at the sample `tick` as a recorded checkpoint says, its messages already out (ValueError when bad)."""
-        self.device.restore(np.array(deserialised(data, CHECKPOINT_TYPE).data))
+        self.device.restore(np.array(deserialised(data, TOPICS[CHECKPOINT].type).data))
         time = self.device.time  # since the last reset
         since = round(min(time * self._facts.rate, tick + 1.0))
         if not 0 <= since <= tick or time != self._facts.time(since):
@@ -179,7 +166,7 @@ class Rerun:
             Why the message cannot be read, which the robot refused for the same reason; else empty.
         """
         try:
-            message = deserialised(data, OPERATIONS_TYPE if name == OPERATIONS else ROBOT_TOPICS[name])
+            message = deserialised(data, TOPICS[OPERATIONS].type if name == OPERATIONS else ROBOT_TOPICS[name])
             operation = read_operation(message.data) if name == OPERATIONS else None
         except ValueError as error:
             self.refused += 1
@@ -220,49 +207,14 @@ class Rerun:
                                       "that recorded this bag cannot have taken them")
         self.device.advance_to(until)
 
-    def _messages(self) -> Iterator[tuple[str, bytes]]:
-        state, events, stamp = self.device.state, self.device.take_events(), self._facts.stamp(self.tick)
-        start = self._facts.stamp(self.origin)
-        fields.fill_odometry(self._blank["odom"], state, stamp, self._prefix, self._variances)
-        fields.fill_joint_states(self._blank["joint_states"], state, self._joints, stamp, self._prefix)
-        fields.fill_ground_contact(self._blank["ground_contact"], state, stamp, self._prefix)
-        fields.fill_motor_power(self._blank["motor_power"], state)
-        fields.fill_motor_current(self._blank["motor_current"], state)
-        fields.fill_electrical_power(self._blank["electrical_power"], state)
-        for name in self._sampled:
-            yield name, self._bytes(name)
-        for event in events:
-            if event["kind"] in fields.PLATES:
-                began = fields.stamp_at(start, float(event["time"]))
-                fields.fill_impact(self._blank["impacts"], event, began, self._prefix)
-                yield "impacts", self._bytes("impacts")
-        for name, stamp_of_it, values in self._measurements(start):
-            fields.MEASUREMENTS[name](self._blank[SENSOR_TOPICS[name]], values, stamp_of_it, self._prefix)
-            yield SENSOR_TOPICS[name], self._bytes(SENSOR_TOPICS[name])
-        if self._frames:
-            turns = self._frames.turns(state.crank_angle)
-            self._frames.fill(self._blank["tf"].transforms, state, turns, stamp)
-            yield "tf", self._bytes("tf")
-
-    def _measurements(self, start: int) -> Iterator[tuple[str, int, np.ndarray]]:
-        """Sensor, stamp [ns] and numbers of what has come out; `start` is the stamp of the device's time 0."""
-        if isinstance(self.device, SensedSimulator):
-            for name, time, values in self.device.take_measurements():
-                yield name, fields.stamp_at(start, time), values
-
-    def _lasting(self) -> Iterator[tuple[str, bytes]]:
-        """What is published once; blank transforms are made here, as many as there are frames."""
-        topics = self._facts.topics if self._facts.settings["ros2_control"] else {}
-        fields.fill_robot_description(self._blank["robot_description"], self.scene, topics)
-        yield "robot_description", self._bytes("robot_description")
-        if self._frames:
-            self._blank["tf"].transforms = [blank(_TRANSFORM) for _ in range(1 + len(self._frames.moving))]
-            self._blank["tf_static"].transforms = [blank(_TRANSFORM) for _ in self._frames.fixed]
-            self._frames.fill_fixed(self._blank["tf_static"].transforms, self._facts.start)
-            yield "tf_static", self._bytes("tf_static")
-
-    def _bytes(self, name: str) -> bytes:
-        return serialised(self._blank[name], PUBLISHED_TYPES[name])
+    def _of_sample(self) -> Iterator[tuple[str, bytes]]:
+        """The messages of the present sample; without topics that an earlier version's robot did not have."""
+        device, start = self.device, self._facts.stamp(self.origin)
+        measurements = device.take_measurements() if isinstance(device, SensedSimulator) else ()
+        for name, data in self._messages.of_sample(device.values, device.take_events(), measurements,
+                                                   self._facts.stamp(self.tick), partial(stamp_at, start)):
+            if name not in OF_DC_MOTOR or name in self._facts.topics:
+                yield name, data
 
 
 def most_ticks(stream: BagStream, facts: RunFacts) -> int:

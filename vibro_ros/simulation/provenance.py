@@ -21,7 +21,7 @@ from vibro_ros.solver.compilation import multiply_add, processor
 _PACKAGE = "vibro_ros"
 _ROOMS = ("model", "sensors", "solver")
 _MODULES = (
-    *(("messages", name) for name in ("fields", "urdf")),
+    *(("messages", name) for name in ("codec", "frames", "robot_messages", "topics", "urdf")),
     *(("simulation", name) for name in (
         "auto", "given_state", "influences", "kernels", "motion", "readout", "samples", "simulator", "written_state")))
 

@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibro_ros.messages.fields import PLATES
+from vibro_ros.messages.robot_messages import PLATES
 
 UNKNOWN = 255
 """Degree of a quantity of which nothing is known in a piece."""

@@ -7,7 +7,8 @@ import numpy as np
 
 from vibro_ros.bag.reader import Arrays, Series
 from vibro_ros.bag.stream import BagStream, robot_topics
-from vibro_ros.messages.fields import JOINTS, PLATES
+from vibro_ros.messages.frames import JOINTS
+from vibro_ros.messages.robot_messages import PLATES
 from vibro_ros.messages.topics import CHECKPOINT, INPUTS, ROBOT_TOPICS
 from vibro_ros.simulation.samples import resets
 from vibro_ros.view.pieces import Interpolated, polynomials_through

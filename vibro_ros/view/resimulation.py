@@ -10,21 +10,9 @@ from contextlib import suppress
 
 import numpy as np
 
-from vibro_ros.bag.cdr import deserialised
-from vibro_ros.messages.topics import (
-    CHECKPOINT,
-    FAULT,
-    OPERATIONS,
-    OPERATIONS_TYPE,
-    PUSH,
-    RESET,
-    ROBOT_TOPICS,
-    SET,
-    STATE,
-    TIMEOUT,
-    commands_in,
-    read_operation,
-)
+from vibro_ros.messages.codec import deserialised
+from vibro_ros.messages.operations import FAULT, PUSH, RESET, SET, STATE, TIMEOUT, read_operation
+from vibro_ros.messages.topics import CHECKPOINT, OPERATIONS, ROBOT_TOPICS, TOPICS, commands_in
 from vibro_ros.model.faults import DURATION, FORCE
 from vibro_ros.model.scene import Scene
 from vibro_ros.recordings.rerun import LONGEST_PAUSE, Rerun, RunFacts
@@ -153,7 +141,7 @@ class Resimulation(ExactRun):
     def _operate(self, tick: int, data: bytes) -> None:
         """A reset, other parameters, another state, a push or a fault begin another stretch, whose checkpoint holds
         what lasts; pauses and steps do nothing, because samples count."""
-        operation = read_operation(deserialised(data, OPERATIONS_TYPE).data)
+        operation = read_operation(deserialised(data, TOPICS[OPERATIONS].type).data)
         if operation.name == TIMEOUT and self._is_known:
             self.command(self._rerun.device, {self.scene.motor_command: 0.0})
         elif operation.name in (RESET, SET) or (operation.name in (STATE, PUSH, FAULT) and self._is_known):
@@ -174,7 +162,7 @@ def pushes(facts: RunFacts, inputs: Sequence[Input]) -> list[dict[str, float]]:
         if one.name != OPERATIONS or tick is None:
             continue
         try:
-            operation = read_operation(deserialised(one.data, OPERATIONS_TYPE).data)
+            operation = read_operation(deserialised(one.data, TOPICS[OPERATIONS].type).data)
             if operation.name in (PUSH, RESET):
                 time = facts.time(tick)
                 if found:

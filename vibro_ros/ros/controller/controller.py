@@ -102,7 +102,7 @@ def _run(argv: Sequence[str] | None) -> int:
 
 def _play(script: Script, known: tuple[CommandMap, Path], settings: Mapping[str, Value], node: Node, executor: Executor,
           stop: StopRequest) -> int:
-    publishers = {name: node.create_publisher(Float64, name, qos.COMMANDS) for name in script.commands}
+    publishers = {name: node.create_publisher(Float64, name, qos.profile(name)) for name in script.commands}
     robot = CommandedRobot(node, publishers[script.commands[0]])
     adviser = MapAdviser(node, *known, robot)
     faults = Faults(node, robot) if script.needs_faults else None
@@ -141,7 +141,7 @@ def _play(script: Script, known: tuple[CommandMap, Path], settings: Mapping[str,
 def _serve(settings: Mapping[str, Value], node: SteadyNode, executor: Executor, stop: StopRequest) -> int:
     """Pursue goals of other programs until a signal."""
     types = action_types()
-    publisher = node.create_publisher(Float64, MOTOR, qos.COMMANDS)
+    publisher = node.create_publisher(Float64, MOTOR, qos.profile(MOTOR))
     stop.hold()  # the motor must be told to stop
     server = GoalServer(node, types, CommandedRobot(node, publisher), publisher, timeline(node), settings["reach"])
     node.get_logger().info("ready: actions " + ", ".join(map(node.resolve_service_name, NAMES.values())))

@@ -18,8 +18,8 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
-from vibro_ros.bag.cdr import check
 from vibro_ros.bag.stream import BagError, BagStream, not_read, robot_topics
+from vibro_ros.messages.codec import check
 from vibro_ros.messages.topics import COMMANDS
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import Parser, exit_code

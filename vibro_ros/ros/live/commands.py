@@ -11,8 +11,9 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
-from vibro_ros.bag.cdr import deserialised
-from vibro_ros.messages.topics import COMMAND_UNITS, RESET, TIMEOUT, Operation
+from vibro_ros.messages.codec import deserialised
+from vibro_ros.messages.operations import RESET, TIMEOUT, Operation
+from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.model.scene import Scene
 from vibro_ros.ros.live.samples import QuietSubscription
 from vibro_ros.ros.node import qos
@@ -40,8 +41,8 @@ class Commands:
     def __init__(self, node: Node, now: Callable[[], float] = time.monotonic):
         self.in_force: dict[str, float] = {}
         self.of_page = False
-        self._topics = {name: QuietSubscription(node, Float64, name, qos.COMMANDS) for name in COMMAND_UNITS}
-        self._publishers = {name: node.create_publisher(Float64, name, qos.COMMANDS) for name in COMMAND_UNITS}
+        self._topics = {name: QuietSubscription(node, Float64, name, qos.profile(name)) for name in COMMAND_UNITS}
+        self._publishers = {name: node.create_publisher(Float64, name, qos.profile(name)) for name in COMMAND_UNITS}
         self._sent = deque[float](maxlen=MOST)  # speeds of pages that have not been heard yet
         self._now = now
         self._seen = self._repeated = now()

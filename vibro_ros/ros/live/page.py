@@ -17,7 +17,7 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
-from vibro_ros.messages.topics import SET
+from vibro_ros.messages.operations import SET
 from vibro_ros.process.untrusted import one_line
 from vibro_ros.ros.live.commands import RETURN, Commands
 from vibro_ros.ros.live.robot import LiveRobot

@@ -11,7 +11,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
-from vibro_ros.messages.topics import OPERATIONS, OPERATIONS_TYPE
+from vibro_ros.messages.topics import OPERATIONS, TOPICS
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.ros.live.samples import NUMBERED, Decoder, Joining, QuietSubscription, Rows
 from vibro_ros.ros.live.scene import SceneReader, Settings
@@ -137,7 +137,7 @@ class LiveRobot:
         """Full names of other robots' nodes in this domain: those that publish what is done to their runs."""
         last = f"/{OPERATIONS}"
         names = [topic.removesuffix(last) for topic, types in self._node.get_topic_names_and_types()
-                 if topic.endswith(last) and OPERATIONS_TYPE in types and self._node.count_publishers(topic)]
+                 if topic.endswith(last) and TOPICS[OPERATIONS].type in types and self._node.count_publishers(topic)]
         return sorted(peer_text(name) for name in names if name != self._robot)
 
     def _nobody(self) -> str:

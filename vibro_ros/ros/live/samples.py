@@ -17,8 +17,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-from vibro_ros.bag.cdr import deserialised
-from vibro_ros.messages.fields import JOINTS, ODOM, joints_of
+from vibro_ros.messages.codec import deserialised
+from vibro_ros.messages.frames import JOINTS, ODOM, joints_of
 from vibro_ros.messages.topics import ROBOT_TOPICS
 from vibro_ros.messages.urdf import BASE
 from vibro_ros.model.scene import Scene

@@ -15,14 +15,13 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
-from vibro_ros.bag.cdr import deserialised
-from vibro_ros.messages import topics
-from vibro_ros.messages.fields import PLATES
-from vibro_ros.messages.topics import OPERATIONS, PAUSE, RESUME, Operation, read_operation
+from vibro_ros.messages.codec import deserialised
+from vibro_ros.messages.operations import PAUSE, RESUME, Operation, read_operation
+from vibro_ros.messages.robot_messages import PLATES
+from vibro_ros.messages.topics import OPERATIONS, TOPICS, full_name
 from vibro_ros.process.untrusted import one_line
 from vibro_ros.ros.live.samples import SECOND, QuietSubscription
 from vibro_ros.ros.node import qos
-from vibro_ros.ros.robot import diagnostics
 
 MOST = 200
 """Messages of one topic that are looked at in one batch; those of a flood wait, and DDS drops the oldest."""
@@ -51,9 +50,10 @@ class Words:
     def __init__(self, node: Node, robot: str):
         self._robot, self._logger = robot, robot.strip("/").replace("/", ".")
         self._log = QuietSubscription(node, Log, "/rosout", _LOG)
-        self._impacts = QuietSubscription(node, WrenchStamped, "impacts", qos.IMPACTS)
-        self._diagnostics = QuietSubscription(node, DiagnosticArray, diagnostics.TOPIC, qos.DIAGNOSTICS)
-        self._operations = QuietSubscription(node, String, f"{robot}/{OPERATIONS}", qos.OPERATIONS)
+        self._impacts = QuietSubscription(node, WrenchStamped, "impacts", qos.profile("impacts"))
+        self._diagnostics = QuietSubscription(node, DiagnosticArray, full_name("diagnostics"),
+                                             qos.profile("diagnostics"))
+        self._operations = QuietSubscription(node, String, f"{robot}/{OPERATIONS}", qos.profile(OPERATIONS))
         self._frames: dict[str, str] = {}
         self.status: dict[str, Any] = {}
 
@@ -65,7 +65,7 @@ class Words:
     def impacts(self) -> list[Impact]:
         """Contacts that have come since the last call."""
         found = []
-        for message in _read(self._impacts, topics.ROBOT_TOPICS["impacts"]):
+        for message in _read(self._impacts, TOPICS["impacts"].type):
             stamp, side = message.header.stamp, self._frames.get(message.header.frame_id)
             force = message.wrench.force.z
             if side and math.isfinite(force) and stamp.sec >= 0 and 0 <= stamp.nanosec < SECOND:
@@ -75,7 +75,7 @@ class Words:
     def operations(self) -> list[Operation]:
         """What was done to the run since the last call; whether it is paused goes into the status."""
         found = []
-        for message in _read(self._operations, topics.OPERATIONS_TYPE):
+        for message in _read(self._operations, TOPICS[OPERATIONS].type):
             try:
                 found.append(read_operation(message.data))
             except ValueError:

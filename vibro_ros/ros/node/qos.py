@@ -1,4 +1,4 @@
-"""Quality of service of each topic, on which outside tools rely, and the parameters `qos_overrides` that change it."""
+"""Quality of service of the robot's topics, and the parameters `qos_overrides` that change it."""
 
 from collections.abc import Iterable
 
@@ -6,27 +6,21 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-COMMANDS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
-JOINT_COMMANDS = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Hears reliable publishers, too."""
-SAMPLES = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
-IMPACTS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
-"""Deep, because none may be lost between two samples of a slow reader."""
-SENSORS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
-"""Deep, because a sample publishes what a fast sensor has measured since the last one; best-effort readers fit, too."""
-TRANSFORMS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
-"""As every broadcaster of tf2 has it."""
-LASTING = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""Late subscribers get the last message."""
-DIAGNOSTICS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
-OPERATIONS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
-CLOCK = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+from vibro_ros.messages.topics import TOPICS
 
 OVERRIDES = "qos_overrides"
 POLICIES = {"reliability": ("reliable", "best_effort"), "history": ("keep_last", "keep_all"), "depth": ()}
 """The policies that a user may override, and their values; a depth is a number."""
 DEEPEST = 100_000
 """Largest depth: messages of one topic that DDS holds."""
+
+
+def profile(topic: str) -> QoSProfile:
+    """The quality of one of the robot's topics, by its own name."""
+    depth, reliable, transient_local = TOPICS[topic].quality
+    return QoSProfile(
+        depth=depth, reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if transient_local else DurabilityPolicy.VOLATILE)
 
 
 def check_overrides(node: Node, publishers: Iterable[str], subscriptions: Iterable[str]) -> None:

@@ -9,17 +9,17 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 
+from vibro_ros.messages.topics import full_name
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.node import SteadyNode
 from vibro_ros.ros.robot.stepping import Run, Stepping
-from vibro_ros.ros.topics.templates import SECOND
 from vibro_ros.simulation.accuracy_in_force import accuracy_in_force, next_cheaper_choice
 from vibro_ros.simulation.samples import FIELDS
 from vibro_ros.simulation.validity import validity_of
 
 PERIOD = 1.0  # s
+SECOND = 1_000_000_000  # ns
 LAST_WORD = 0.5  # s; Fast DDS asks for acknowledgements every 3 s only
-TOPIC = "/diagnostics"
 NOT_EVENTS = ("steps", "energy_residual", "energy_exchanged", "solver.method", "solver.step")
 """Keys of `Simulator.statistics` that do not count events."""
 
@@ -36,7 +36,7 @@ class Diagnostics:
 
     def __init__(self, node: SteadyNode, run: Run, stepping: Stepping, now: Callable[[], int]):
         self._node, self._run, self._stepping, self._now = node, run, stepping, now
-        self._publisher = node.create_publisher(DiagnosticArray, TOPIC, qos.DIAGNOSTICS)
+        self._publisher = node.create_publisher(DiagnosticArray, full_name("diagnostics"), qos.profile("diagnostics"))
         self._namesakes = 0
         self._before = self._counters()
         scene, choice = run.device.scene, run.device.choice

@@ -9,9 +9,8 @@ from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
-from vibro_ros.messages.topics import (
+from vibro_ros.messages.operations import (
     FAULT,
-    OPERATIONS,
     PAUSE,
     PUSH,
     RESET,
@@ -23,6 +22,7 @@ from vibro_ros.messages.topics import (
     Operation,
     perform,
 )
+from vibro_ros.messages.topics import OPERATIONS, full_name
 from vibro_ros.model.faults import COMMANDS, FAULTS, checked_incident
 from vibro_ros.model.parameters import Value
 from vibro_ros.ros.node import qos
@@ -78,7 +78,7 @@ class Operations:
         self.paused = paused
         self.changed: dict[str, Value] = {}
         self.woken = lock_step.answered if lock_step else Event()
-        self._publisher = node.create_publisher(String, f"~/{OPERATIONS}", qos.OPERATIONS)
+        self._publisher = node.create_publisher(String, full_name(OPERATIONS), qos.profile(OPERATIONS))
         self.topic = self._publisher.topic_name
         self._device, self._pacing, self._robot_time = device, pacing, robot_time
         self._subscriptions, self._queue = subscriptions, subscriptions.queue

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from vibro_ros.messages.fields import stamp_at
+from vibro_ros.messages.robot_messages import stamp_at
 
 LONGEST_SLEEP = 0.05
 """Longest single sleep [s], so that a stop is noticed however far away the deadline is."""

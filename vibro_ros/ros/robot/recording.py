@@ -1,6 +1,5 @@
 """The robot's bags: what is recorded by the parameters `record.*`, when bags begin and end, and failures."""
 
-import math
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -11,23 +10,20 @@ from pathlib import Path
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from vibro_ros.bag.folders import BAG_PATTERN, bag_folders, unsealed_bags
-from vibro_ros.bag.metadata import Topic
-from vibro_ros.bag.recorder import Recorder, Together
+from vibro_ros.bag.metadata import Topic as RecordedTopic
+from vibro_ros.bag.recorder import Recorder
 from vibro_ros.bag.recovery import RecoveryError, described, recover
 from vibro_ros.bag.writer import Storage
-from vibro_ros.messages.topics import LASTING, OPERATIONS, OPERATIONS_TYPE, PUBLISHED_TYPES
+from vibro_ros.messages.topics import TOPICS
 from vibro_ros.model.parameters import Value
 from vibro_ros.process.untrusted import one_line
-from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.refusals import Throttle
-from vibro_ros.ros.topics.publishers import PROFILES, RobotPublishers
+from vibro_ros.ros.topics.publishers import RobotPublishers
 
 SEALING = 5.0
 """Longest time [s] that the answer of `~/record` waits for the disk; commands wait with it."""
 CHECKPOINT_PERIOD = 500_000_000
-"""Longest robot time [ns] between two checkpoints, about 6 kB each."""
-CHECKPOINTS_A_FILE = 4
-"""Checkpoints in a file of a limited bag, or more: what is left when older files are deleted must hold one early."""
+"""Robot time [ns] between two checkpoints, about 6 kB each."""
 MOST_BAGS = 5
 """Bags that `~/record` begins one right after the other; from then on it begins at most one a second."""
 MOST_UNSEALED = 10
@@ -45,27 +41,30 @@ class Plan:
     """
 
     directory: Path
-    topics: tuple[Topic, ...]
+    topics: tuple[RecordedTopic, ...]
     storage: Storage
     metadata: Mapping[str, str]
-    checkpoint: Topic | None = None
+    checkpoint: RecordedTopic | None = None
     namespace: str = "/"
 
 
 def plan_recording(settings: Mapping[str, Value], received: Mapping[str, str], publishers: RobotPublishers,
-                   metadata: Mapping[str, str]) -> Plan:
+                   about: Mapping[str, str]) -> Plan:
     """How to record, from the parameters `record.*`: the resolved names of `received`, and the topics of `publishers`.
 
     ValueError for a topic that the robot does not have, and for limits that make no sense.
     """
     storage = Storage(settings["record.compression"], int(settings["record.max_size"]),
                       settings["record.max_duration"], int(settings["record.max_bytes"]))
-    types = {**PUBLISHED_TYPES, OPERATIONS: OPERATIONS_TYPE}
-    topics = {name: Topic(publisher.topic_name, types[name], PROFILES[name].depth, name in LASTING)
-              for name, publisher in publishers.publishers.items()}
-    topics |= {name: Topic(resolved, types[name], qos.COMMANDS.depth) for name, resolved in received.items()}
+    topics = {name: recorded_topic(name, resolved) for name, resolved in {**publishers.topics, **received}.items()}
     chosen = _chosen(settings["record.topics"], topics)
-    return Plan(Path(settings["record.directory"]).expanduser(), chosen, storage, metadata)
+    return Plan(Path(settings["record.directory"]).expanduser(), chosen, storage, about)
+
+
+def recorded_topic(name: str, resolved: str) -> RecordedTopic:
+    """One of the robot's topics, by its own name, as a bag has it under its `resolved` name."""
+    topic = TOPICS[name]
+    return RecordedTopic(resolved, topic.type, topic.quality.depth, topic.quality.transient_local)
 
 
 def check_directory(directory: Path) -> None:
@@ -78,7 +77,7 @@ def check_directory(directory: Path) -> None:
                          "written") from error
 
 
-def _chosen(names: Sequence[str], topics: Mapping[str, Topic]) -> tuple[Topic, ...]:
+def _chosen(names: Sequence[str], topics: Mapping[str, RecordedTopic]) -> tuple[RecordedTopic, ...]:
     if not names:
         raise ValueError(f"record.topics: [] names no topic; give [{_ALL}], some of {', '.join(topics)}, or "
                          "record.enabled false to record nothing")
@@ -108,8 +107,6 @@ class Recording:
         self._whole: Recorder | None = None  # the one that holds the run's beginning, whatever comes
         self._checkpointed: Recorder | None = None  # where the last checkpoint is
         self._checkpoint_due = 0
-        self._since_checkpoint = 0  # bytes of samples
-        self._checkpoint_bytes = plan.storage.segment_size / CHECKPOINTS_A_FILE or math.inf
         self._recorder: Recorder | None = None  # the one that messages go to
         self.latest: Recorder | None = None
         self._watched: list[Recorder] = []
@@ -153,17 +150,10 @@ class Recording:
         if self._recorder is not None:
             self._recorder.describe(custom)
 
-    def record(self, topic: str | Together, stamp: int, data: bytes) -> None:
-        """Queue one message, or several that come together, for the bag: resolved topic name, ROS time [ns], serialised
-        message. Never blocks."""
+    def record(self, topic: str, stamp: int, data: bytes) -> None:
+        """Queue one message for the bag: resolved topic name, ROS time [ns], serialised message. Never blocks."""
         recorder = self._recorder
-        if isinstance(topic, Together):
-            self._since_checkpoint += len(data)
-        if recorder is None:
-            return
-        if isinstance(topic, Together):
-            recorder.write_together(topic, stamp, data)
-        elif topic in self._names:
+        if recorder is not None and topic in self._names:
             recorder.write(topic, stamp, data)
 
     def checkpoint(self, stamp: int, messages: Callable[[], Iterable[tuple[str, bytes]]]) -> None:
@@ -174,10 +164,8 @@ class Recording:
         target = self._recorder
         if self._plan.checkpoint is None or target is None or target is self._whole:
             return
-        if (target is not self._checkpointed or stamp >= self._checkpoint_due
-                or self._since_checkpoint >= self._checkpoint_bytes):
+        if target is not self._checkpointed or stamp >= self._checkpoint_due:
             self._checkpointed, self._checkpoint_due = target, stamp + CHECKPOINT_PERIOD
-            self._since_checkpoint = 0
             for topic, data in messages():
                 self.record(topic, stamp, data)
 

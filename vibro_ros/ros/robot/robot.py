@@ -22,17 +22,19 @@ from rclpy.executors import Executor
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 
-from vibro_ros.bag.metadata import Topic
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, NODE_NAME, load_scene, scene_origin, shipped_scenes
-from vibro_ros.messages.fields import ODOM
+from vibro_ros.messages.frames import ODOM
 from vibro_ros.messages.topics import (
     CHECKPOINT,
-    CHECKPOINT_TYPE,
     COMMANDS,
+    EVENT,
+    ONCE,
     OPERATIONS,
+    SAMPLE,
+    TOPICS,
     VARIANCES,
     commands_of,
-    published_name,
+    full_name,
 )
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
@@ -44,7 +46,7 @@ from vibro_ros.ros.node.arguments import check_addressed, check_arguments, check
 from vibro_ros.ros.node.node import SteadyNode
 from vibro_ros.ros.node.parameters import declare, parameter_lines, take_overrides
 from vibro_ros.ros.node.process import CLOCK, wait_for_time
-from vibro_ros.ros.robot.diagnostics import TOPIC, Diagnostics
+from vibro_ros.ros.robot.diagnostics import SECOND, Diagnostics
 from vibro_ros.ros.robot.lock_step import LockStep, checked_nodes
 from vibro_ros.ros.robot.operations import Operations
 from vibro_ros.ros.robot.pacing import Pacing, RobotTime, take_priority
@@ -55,6 +57,7 @@ from vibro_ros.ros.robot.recording import (
     offer_recovery,
     open_recording,
     plan_recording,
+    recorded_topic,
 )
 from vibro_ros.ros.robot.services import (
     SimulationControl,
@@ -65,15 +68,16 @@ from vibro_ros.ros.robot.services import (
     refuse_while_starting,
 )
 from vibro_ros.ros.robot.stepping import CommandTimeout, Run, Stepping
-from vibro_ros.ros.topics.publishers import PROFILES, RobotPublishers
+from vibro_ros.ros.topics.publishers import RobotPublishers
 from vibro_ros.ros.topics.subscriptions import CommandSubscriptions
-from vibro_ros.ros.topics.templates import SECOND
 from vibro_ros.sensors.device import new_device
 from vibro_ros.simulation.kernels import compile_kernels
 from vibro_ros.simulation.preparation import Preparation
 from vibro_ros.simulation.provenance import provenance
 from vibro_ros.simulation.simulator import Simulator, ToleranceWarning
 
+PUBLISHED = tuple(full_name(name) for name, topic in TOPICS.items() if topic.when in (SAMPLE, EVENT, ONCE))
+"""Topics that some robot says its device's motion on, before namespace and remapping."""
 WATCH = 0.2
 """Longest time [s] from a signal, or a failure of the device or the recording, until the node acts on it."""
 
@@ -94,9 +98,9 @@ def _run(words: Sequence[str]) -> int:
     files = check_arguments(words)
     with StopRequest() as stop, process.node_running(NODE_NAME, words) as (node, executor):
         check_addressed(files, node.get_fully_qualified_name())
-        check_names(node, (*COMMANDS, *map(published_name, PROFILES)))
+        check_names(node, (*COMMANDS, *PUBLISHED))
         settings, scene = _configure(node, words)
-        qos.check_overrides(node, (*map(published_name, PROFILES), f"~/{OPERATIONS}", TOPIC,
+        qos.check_overrides(node, (*PUBLISHED, *map(full_name, (OPERATIONS, "diagnostics")),
                                    *[CLOCK] * settings["clock.publish"]), (*COMMANDS, CLOCK))
         publishers = RobotPublishers(node, scene, settings["frame_prefix"], settings["tf.publish"],
                                      [settings[name] for name in VARIANCES], settings["ros2_control"])
@@ -132,9 +136,9 @@ def _configure(node: SteadyNode, words: Sequence[str]) -> tuple[dict[str, Value]
 
 def _plan(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, publishers: RobotPublishers) -> Plan:
     """How to record, as far as it is known before the start; whatever is wrong with it is found here."""
-    checkpoint = Topic(f"{node.get_fully_qualified_name()}/{CHECKPOINT}", CHECKPOINT_TYPE, qos_depth=1)
+    checkpoint = recorded_topic(CHECKPOINT, node.resolve_topic_name(full_name(CHECKPOINT)))
     received = {**{name: node.resolve_topic_name(name) for name in commands_of(scene)},
-                OPERATIONS: node.resolve_topic_name(f"~/{OPERATIONS}")}
+                OPERATIONS: node.resolve_topic_name(full_name(OPERATIONS))}
     topics = {**received, **publishers.topics, CHECKPOINT: checkpoint.name}
     metadata = {"scene": str(settings["scene"]), "topics": json.dumps(topics)}  # `provenance` comes with the start
     plan = plan_recording(settings, received, publishers, metadata)
@@ -210,7 +214,7 @@ def _new_run(node: SteadyNode, settings: Mapping[str, Value], device: Simulator,
     control = SimulationControl(node, operations, robot_time)
     clock = None
     if settings["clock.publish"]:
-        publisher = node.create_publisher(Clock, CLOCK, qos.CLOCK)
+        publisher = node.create_publisher(Clock, CLOCK, qos.profile("clock"))
 
         def publish_clock() -> None:
             """After each sample, so that a controller of any rate has every sample before the time that it is of."""

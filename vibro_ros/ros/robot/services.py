@@ -20,8 +20,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as ParameterOfRclpy
 from std_srvs.srv import SetBool, Trigger
 
-from vibro_ros.messages.fields import fill_entity_state
-from vibro_ros.messages.topics import FAULT, PAUSE, PUSH, RESET, RESUME, SET, STATE, STEP, Operation
+from vibro_ros.messages.frames import fill_header
+from vibro_ros.messages.operations import FAULT, PAUSE, PUSH, RESET, RESUME, SET, STATE, STEP, Operation
 from vibro_ros.model.faults import Incident
 from vibro_ros.model.parameters import checked_parameters, quoted
 from vibro_ros.ros.node.node import RESULT_TIMEOUT, NextTurn, SteadyNode, installed_type
@@ -29,6 +29,7 @@ from vibro_ros.ros.node.parameters import TABLE
 from vibro_ros.ros.robot.operations import BETWEEN, Operations, Request
 from vibro_ros.ros.robot.pacing import RobotTime
 from vibro_ros.ros.robot.recording import Recording
+from vibro_ros.simulation.samples import Samples
 
 PATIENCE = 5.0
 """Longest time [s] that an answer waits for the stepping thread, which looks every 0.05 s unless it is computing."""
@@ -402,6 +403,15 @@ class SimulationControl:
             await finished(self._node, request, math.inf)
         finally:
             self.waiting -= 1
+
+
+def fill_entity_state(message: Any, state: Samples, stamp: int, frame: str) -> None:
+    """Place [m] and velocity [m/s] of the body; its accelerations are not known, which is NaN."""
+    fill_header(message.header, stamp, frame)
+    message.pose.position.x, message.pose.position.z = float(state.body_position), float(state.body_height)
+    message.twist.linear.x = float(state.body_velocity)
+    message.twist.linear.z = float(state.body_vertical_velocity)
+    message.acceleration.linear.x = message.acceleration.linear.z = math.nan
 
 
 def entity_state_asked(request: Any, entity: str, frame: str) -> dict[str, float]:

@@ -21,11 +21,10 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from vibro_ros.bag.cdr import deserialised
+from vibro_ros.messages.codec import deserialised
 from vibro_ros.messages.topics import (
     COMMANDS,
     INPUTS,
-    JOINT_COMMANDS,
     OPERATIONS,
     ROBOT_TOPICS,
     commands_in,
@@ -73,7 +72,7 @@ class CommandSubscriptions:
         gathering = Gathering(self._receive)
         self.subscriptions: dict[str, Subscription] = {
             name: node.create_subscription(message_class(ROBOT_TOPICS[name]), name, partial(gathering.take, name),
-                                           qos.JOINT_COMMANDS if name == JOINT_COMMANDS else qos.COMMANDS, raw=True)
+                                           qos.profile(name), raw=True)
             for name in commands_of(scene)
         }
         gathering.subscriptions = self.subscriptions

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.messages.joint_commands import joint_commands
+from vibro_ros.messages.commands import joint_commands
 
 SCENE = load_scene("device")
 ALL = ("crank", "upper_plate", "inclined_plate")
@@ -40,7 +40,8 @@ def test_what_is_not_finite_is_no_command_and_no_fault():
     ({"position": (1.0, 0.06, 0.06)}, {"upper_gap": 0.0, "inclined_gap": 0.0}, "'crank' is not commanded by position"),
     ({"name": ("elbow\n",), "velocity": (1.0,)}, {}, r"'elbow\n' is not commanded by velocity; give crank by velocity"),
     ({"velocity": (1.0,), "effort": (0.0, 0.0, 1.0)}, {"motor_speed": 1.0}, "'crank' is not commanded by effort"),
-    ({"name": ("crank",) * 2, "velocity": (1.0,) * 3}, {}, "velocity: 3 numbers for 2 names")])
+    ({"name": ("crank", "elbow"), "velocity": (1.0,) * 3}, {}, "velocity: 3 numbers for 2 names"),
+    ({"name": ("crank", "upper_plate", "crank"), "velocity": (1.0, 2.0)}, {}, "'crank' is named 2 times; name each")])
 def test_what_means_nothing_is_said_and_leaves_the_rest(message: dict, commands: dict, words: str):
     found, faults = said(**message)
     assert found == commands and words in faults[0]

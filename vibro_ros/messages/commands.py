@@ -3,10 +3,12 @@
 The crank is commanded by velocity [rad/s], a plate by position [m], the quantities of `joint_states`. An array that is
 as long as the names belongs to them in their order. joint_state_topic_hardware_interface appends a number only for each
 joint that has a command interface of the kind, so that an array as long as the list of such joints belongs to these in
-their order. A number that is not finite is no command: controllers that are not active leave NaN.
+their order. A number that is not finite is no command: controllers that are not active leave NaN. A message that names
+a joint twice commands nothing, because no reader of the bag could say which of the two numbers held.
 """
 
 import math
+from collections import Counter
 from typing import Any
 
 from vibro_ros.model.parameters import quoted
@@ -23,6 +25,8 @@ def joint_commands(message: Any, scene: Scene) -> tuple[dict[str, float], list[s
     The rods' lengths of `scene` lie between a plate's position and its gap.
     """
     names, commands, faults = list(message.name), dict[str, float](), []
+    if repeated := [name for name, count in Counter(names).items() if count > 1]:
+        return {}, [f"{quoted(repeated[0])} is named {names.count(repeated[0])} times; name each joint once"]
     for kind in ("position", "velocity", "effort"):
         numbers, meant = list(getattr(message, kind)), [name for name in names if _kind(name) == kind]
         if len(numbers) == len(names):

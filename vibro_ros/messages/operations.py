@@ -1,0 +1,103 @@
+"""Operations, which are asked of a run besides commands, and their texts.
+
+The robot publishes and records each operation that it performs as a text: the operation's name and, where it has any,
+what belongs to it as JSON, such as ``step 10`` or ``set {"ground.friction": 0.1}``.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from vibro_ros.model import faults
+from vibro_ros.model.faults import FAULTS, Incident, checked_incident
+from vibro_ros.model.parameters import BY_NAME, Value
+
+if TYPE_CHECKING:  # readers of bags need no device
+    from vibro_ros.simulation.simulator import Simulator
+
+RESET, PAUSE, RESUME, STEP, SET, TIMEOUT = "reset", "pause", "resume", "step", "set", "timeout"
+STATE, PUSH, FAULT = "state", "push", "fault"
+ARGUMENTS: Mapping[str, frozenset[str]] = {
+    SET: frozenset(), STATE: frozenset(), PUSH: frozenset(("duration", "force_x", "force_z")),
+    FAULT: frozenset(Incident._fields)}
+"""Operations to which a mapping belongs, with the names that it must have; none where the device says which."""
+NAMES = (RESET, PAUSE, RESUME, STEP, TIMEOUT, *ARGUMENTS)
+
+
+@dataclass(frozen=True)
+class Operation:
+    """One operation.
+
+    Attributes
+    ----------
+    name : str
+        `RESET`: back to the start. `PAUSE`, `RESUME`: robot time stands still, goes on. `STEP`: so many samples while
+        robot time stands still. `SET`: other parameters. `TIMEOUT`: the motor stops, because no command came.
+        `STATE`: another state (`Simulator.set_state`). `PUSH`: a push of the body (`Simulator.push`). `FAULT`: a fault
+        begins, or ends (`model.faults`).
+    steps : int
+        Samples of `STEP`.
+    parameters : mapping of str to value
+        Of those of `ARGUMENTS`.
+    """
+
+    name: str
+    steps: int = 0
+    parameters: Mapping[str, Value] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        if self.name in ARGUMENTS:
+            return f"{self.name} {json.dumps(dict(self.parameters))}"
+        return f"{self.name} {self.steps}" if self.name == STEP else self.name
+
+
+def read_operation(text: str) -> Operation:
+    """The operation that a recorded text names.
+
+    Raises
+    ------
+    ValueError
+        For any other text.
+    """
+    name, _, rest = text.partition(" ")
+    try:
+        if name not in NAMES or (name not in (STEP, *ARGUMENTS) and rest):
+            raise ValueError("no such operation")
+        steps = int(rest) if name == STEP else 0
+        parameters = json.loads(rest) if name in ARGUMENTS else {}
+        if not isinstance(parameters, dict):
+            raise ValueError("no mapping of parameters")
+        if name == FAULT:  # which earlier versions recorded without a place
+            parameters = Incident._field_defaults | parameters
+        if (needed := ARGUMENTS.get(name)) and needed != set(parameters):
+            raise ValueError(f"it needs {', '.join(sorted(needed))}")
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{text[:60]!r} is no operation of the robot: {error}") from None
+    return Operation(name, steps, parameters)
+
+
+def perform(operation: Operation, device: "Simulator") -> None:
+    """Do to the device what the operation does to it; pauses and steps do nothing, because samples are counted.
+
+    Raises
+    ------
+    ValueError
+        For what the device refuses; nothing is changed then.
+    SimulationError
+        When the run cannot go on.
+    """
+    if operation.name == RESET:
+        device.reset()
+    elif operation.name == TIMEOUT:
+        device.command(**{device.scene.motor_command: 0.0})
+    elif operation.name == STATE:
+        device.set_state(**operation.parameters)
+    elif operation.name == PUSH:
+        device.push(**operation.parameters)
+    elif operation.name == FAULT:
+        incident = checked_incident(**operation.parameters)
+        if FAULTS[incident.fault].befalls != faults.COMMANDS:  # what becomes of commands, their record tells
+            device.fail(*incident)
+    elif of_scene := {name: value for name, value in operation.parameters.items() if name in BY_NAME}:
+        device.set_parameters(of_scene)

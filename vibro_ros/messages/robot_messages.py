@@ -1,0 +1,171 @@
+"""The messages of one robot, as the bytes that are published and recorded: the node and a replay make them here.
+
+Units are SI and signs REP-103's: the robot's `base_link` has x forward and z up, and moves in the frame `odom`.
+`messages.topics.TOPICS` says which field of a sample stands where in a message; here is what a table cannot say.
+A message is made once and filled again for each sample. rosbags serialises it, with zeros in the padding between
+fields: so equal samples have equal bytes, and a replay compares bytes.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from vibro_ros.messages.codec import blank, serialised
+from vibro_ros.messages.frames import ALL, JOINTS, NONE, Frames, fill_header, joints_of
+from vibro_ros.messages.topics import SAMPLE, SENSOR_TOPICS, TOPICS, TRANSFORM, published_by
+from vibro_ros.messages.urdf import BASE, robot_description
+from vibro_ros.model.scene import Scene
+from vibro_ros.simulation.samples import FIELDS, Samples
+
+PLATES = {"upper_contact": "upper_plate", "inclined_contact": "inclined_plate"}
+"""Frame of the plate that an event of this kind strikes."""
+
+
+def stamp_at(start: int, time: float) -> int:
+    """ROS time [ns] of the simulated `time` [s], where `start` is that of simulated time 0."""
+    return start + round(time * 1e9)
+
+
+class RobotMessages:
+    """What a robot of a `scene` publishes; `topics` are its own names of the topics.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of the device whose samples come.
+    prefix : str
+        Begins the name of every frame.
+    transforms : str
+        What of the frames is published, of `messages.frames`.
+    variances : sequence of sequence of float
+        Diagonals of the covariances of pose and twist in `odom`, none or 6 numbers each.
+    control : mapping of str to str
+        Resolved names of `joint_commands` and `joint_states`, with which the description tells ros2_control how to
+        command the robot; without them it does not.
+    """
+
+    def __init__(self, scene: Scene, prefix: str = "", transforms: str = ALL,
+                 variances: Sequence[Sequence[float]] = ((), ()), control: Mapping[str, str] = MappingProxyType({})):
+        self._scene, self._prefix, self._control = scene, prefix, control
+        self._frames = Frames(scene, prefix, transforms) if transforms != NONE else None
+        self.topics = published_by(scene, transforms)
+        self._messages = {name: self._blank(name) for name in self.topics}
+        self._sampled = tuple(name for name in self.topics if TOPICS[name].when == SAMPLE)
+        self._stamped = tuple(self._messages[name].header for name in self._sampled if TOPICS[name].frame)
+        self._numbers = [(*_place(self._messages[name], path), FIELDS.index(field.lstrip("-")), field.startswith("-"))
+                         for name in self._sampled for path, field in TOPICS[name].numbers.items()]
+        odom, joints = self._messages["odom"], joints_of(scene)
+        odom.child_frame_id = prefix + BASE
+        for part, diagonal in zip((odom.pose, odom.twist), variances, strict=True):
+            part.covariance[::7][:len(diagonal)] = diagonal
+        self._messages["joint_states"].name = joints
+        self._joints = [[FIELDS.index(JOINTS[joint][part]) for joint in joints] for part in range(3)]
+        if self._frames:
+            self._messages["tf"].transforms = [blank(TRANSFORM) for _ in range(1 + len(self._frames.moving))]
+
+    def once(self, stamp: int) -> Iterator[tuple[str, bytes]]:
+        """What is published once, at ROS time `stamp` [ns]: the robot's own name of each topic, and the message."""
+        self._messages["robot_description"].data = robot_description(self._scene, self._control)
+        yield "robot_description", self._bytes("robot_description")
+        if self._frames and self._frames.fixed:
+            self._messages["tf_static"].transforms = [blank(TRANSFORM) for _ in self._frames.fixed]
+            self._frames.fill_fixed(self._messages["tf_static"].transforms, stamp)
+            yield "tf_static", self._bytes("tf_static")
+
+    def of_sample(self, values: np.ndarray, events: np.ndarray, measurements: Sequence, stamp: int,
+                  stamp_of: Callable[[float], int]) -> Iterator[tuple[str, bytes]]:
+        """What is published with a sample: the robot's own name of each topic, and the message, in their order.
+
+        Parameters
+        ----------
+        values : ndarray, shape (len(FIELDS),)
+            `Simulator.values`.
+        events : ndarray
+            `Simulator.take_events`: those since the sample before; each contact among them is a message.
+        measurements : sequence of Measurement
+            `SensedSimulator.take_measurements`; empty without sensors.
+        stamp : int
+            ROS time [ns] of the sample.
+        stamp_of : callable
+            ROS time [ns] of a time [s] by the device's clock.
+        """
+        numbers = values.tolist()
+        for part, name, index, negated in self._numbers:
+            setattr(part, name, -numbers[index] if negated else numbers[index])
+        for header in self._stamped:
+            header.stamp.sec, header.stamp.nanosec = divmod(stamp, 1_000_000_000)
+        states = self._messages["joint_states"]
+        states.position, states.velocity, states.effort = (values[indices] for indices in self._joints)
+        if self._frames:
+            self._frames.fill(self._messages["tf"].transforms, Samples(*numbers), stamp)
+        for name in self._sampled:
+            yield name, self._bytes(name)
+        for time, kind, _, peak_force, _ in events.tolist():
+            if kind in PLATES:
+                impact = self._messages["impacts"]
+                fill_header(impact.header, stamp_of(time), self._prefix + PLATES[kind])
+                impact.wrench.force.z = peak_force
+                yield "impacts", self._bytes("impacts")
+        for sensor, time, read in measurements:
+            name = SENSOR_TOPICS[sensor]
+            message = self._messages[name]
+            message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_of(time), 1_000_000_000)
+            MEASUREMENTS[sensor](message, read.tolist())
+            yield name, self._bytes(name)
+
+    def _blank(self, name: str) -> Any:
+        message, topic = blank(TOPICS[name].type), TOPICS[name]
+        if topic.frame:
+            message.header.frame_id = self._prefix + topic.frame
+        for path, value in topic.constants.items():
+            setattr(*_place(message, path), value)
+        return message
+
+    def _bytes(self, name: str) -> bytes:
+        return serialised(self._messages[name], TOPICS[name].type)
+
+
+def fill_imu(message: Any, read: Sequence[float]) -> None:
+    """Specific force [m/s²] and angular rate [rad/s], with their variances: REP-145, without an orientation."""
+    force, rate = message.linear_acceleration, message.angular_velocity
+    force.x, force.y, force.z, rate.x, rate.y, rate.z, *variances = read
+    message.orientation_covariance[0] = -1.0  # there is none
+    for covariance, variance in zip((message.linear_acceleration_covariance, message.angular_velocity_covariance),
+                                    variances, strict=True):
+        covariance[::4] = variance
+
+
+def fill_encoder(message: Any, read: Sequence[float]) -> None:
+    """Angle [rad] and speed [rad/s] of the crank; an encoder knows no effort, which is NaN as in ros2_control."""
+    message.name = ["crank"]
+    message.position, message.velocity, message.effort = [read[0]], [read[1]], [math.nan]
+
+
+def fill_battery(message: Any, read: Sequence[float]) -> None:
+    """Voltage [V] and current [A] of the supply, the current negative while it is drawn; the rest is not known."""
+    drawn, message.voltage = read
+    message.current, message.present = -drawn, True
+    message.temperature = message.charge = message.capacity = message.design_capacity = message.percentage = math.nan
+
+
+def fill_tracking(message: Any, read: Sequence[float]) -> None:
+    """Place of the body [m] in the frame `odom`, with its variances; the body does not turn."""
+    position, covariance = message.pose.pose.position, message.pose.covariance
+    position.x, position.y, position.z, variance = read
+    covariance[0] = covariance[7] = covariance[14] = variance
+
+
+MEASUREMENTS: Mapping[str, Callable[[Any, Sequence[float]], None]] = {
+    "imu": fill_imu, "encoder": fill_encoder, "current": fill_battery, "tracking": fill_tracking}
+"""By sensor of `sensors.device`: what fills the message with the numbers of a `Measurement`."""
+
+
+def _place(message: Any, path: str) -> tuple[Any, str]:
+    """The part of a message that a dotted path leads to, and the last name of the path."""
+    *parents, last = path.split(".")
+    for parent in parents:
+        message = getattr(message, parent)
+    return message, last
