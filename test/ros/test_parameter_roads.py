@@ -39,8 +39,10 @@ def own_parameters_by_rcl(words: list[str], domain_id: int) -> dict[str, object]
     "/lab/:\n  '**':\n    ros__parameters: {}\n  '*':\n    ros__parameters: {a: 1}\n",
     '{"/**": {"ros__parameters": {"a": 1}}}', section("vibro_robot", "a: 1"), section("/lab", "a: 1"),
     section("/lab/**", "a: 1") + section("/vibro_robot", "b: 1") + section("/*", "c: 1"),
+    section("/**", "a: !!str 1", "b: !!float 1", "c: !!python/name:os.abort ''", "d: !!set {e: 1}"),
+    section("/**", "a: !!python/object/apply:os.abort [p, q]", "b: !!python/tuple\n    - 1.0\n    - 2.0"),
     section("/lab/*/vibro_robot", "a: 1") + section("vibro_robt", "b: 1") + section(f"{NODE}/**/x", "c: 1"),
-], ids=range(16))
+], ids=range(18))
 def test_rcl_reads_the_same_from_a_file(text, tmp_path, domain_id):
     file = tmp_path / "file.yaml"
     file.write_text(text)

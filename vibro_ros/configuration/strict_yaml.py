@@ -1,7 +1,9 @@
 """YAML read as its authors mean it, and within limits: no key twice, 1e-3 is a number, no file hangs or kills.
 
 A document is scanned, event by event, before anything is made of it: how deep it is nested and how many values it has.
-Aliases are refused, because a few lines of them can become a billion values, and because rcl refuses them, too.
+Aliases are refused, because a few lines of them can become a billion values, and because rcl refuses them, too. Tags
+other than `!!str` are ignored, as rcl ignores them: launch files write lists as `!!python/tuple`, and no tag may make
+an object.
 """
 
 import re
@@ -56,6 +58,9 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mi
         return super().construct_mapping(node, deep)
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> object:
+        if node.tag != self.DEFAULT_SCALAR_TAG or not isinstance(node, yaml.ScalarNode):
+            plain = isinstance(node, yaml.ScalarNode) and not node.style
+            node.tag = self.resolve(type(node), node.value, (plain, False))
         try:
             value = super().construct_object(node, deep)
         except (ValueError, KeyError, IndexError, AttributeError, OverflowError) as error:  # of PyYAML's converters
