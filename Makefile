@@ -114,13 +114,15 @@ clean:  ## remove every .venv and all that is built; out/ stays
 	@find . -name __pycache__ -type d -prune -exec rm -rf {} +
 	@echo "clean: done"
 
-# What pip leaves out of an editable installation, and `ros2 run` and `ros2 pkg` look for.
+# What pip leaves out of an editable installation, and `ros2 run`, `ros2 launch` and `ros2 pkg` look for: `ros2 launch` follows no
+# link to a folder.
 INSTALLED := from vibro_ros.process.executables import EXECUTABLES; print(*(name for name, one in EXECUTABLES.items() if one.installed))
 define LINK_PACKAGE
 rm -rf $(VENV)/lib/vibro_ros $(VENV)/share/vibro_ros
-mkdir -p $(VENV)/lib/vibro_ros $(VENV)/share/vibro_ros $(VENV)/share/ament_index/resource_index/packages
+mkdir -p $(VENV)/lib/vibro_ros $(VENV)/share/vibro_ros/launch $(VENV)/share/ament_index/resource_index/packages
 ln -sf $(CURDIR)/resource/vibro_ros $(VENV)/share/ament_index/resource_index/packages/
-ln -s $(CURDIR)/package.xml $(CURDIR)/config $(CURDIR)/examples/launch $(VENV)/share/vibro_ros/
+ln -s $(CURDIR)/package.xml $(CURDIR)/config $(VENV)/share/vibro_ros/
+ln -s $(CURDIR)/examples/launch/*.launch.py $(VENV)/share/vibro_ros/launch/
 for name in $$($(BIN)/python -c '$(INSTALLED)'); do ln -s ../../bin/$$name $(VENV)/lib/vibro_ros/$$name || exit; done
 endef
 
@@ -138,7 +140,7 @@ $(PACKAGES): $(LOCKS)
 	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
 	@$(BIN)/python -c 'import platform; print(platform.python_version())' > $@
 
-$(READY): $(PACKAGES) setup.py setup.cfg package.xml vibro_ros/process/executables.py
+$(READY): $(PACKAGES) setup.py setup.cfg package.xml vibro_ros/process/executables.py examples/launch
 	@echo "setup: installing vibro_ros from this folder"
 	@$(PIP) install --use-pep517 --no-build-isolation --no-deps --editable .
 	@$(LINK_PACKAGE)

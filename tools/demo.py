@@ -59,10 +59,11 @@ def _run(script: str, output: Path) -> Path | None:
     output.mkdir(parents=True, exist_ok=True)
     earlier = set(output.iterdir())
     environment = ros_environment()
-    _say(f"look on with ROS_DOMAIN_ID={environment['ROS_DOMAIN_ID']}, for example: ros2 topic echo /odom")
+    space = own_namespace("demo")
+    _say(f"look on with ROS_DOMAIN_ID={environment['ROS_DOMAIN_ID']}, for example: ros2 topic echo {space}/odom")
     with StopRequest() as stop:
         stop.hold()  # neither process may be left behind
-        _play(script, output, environment, stop)
+        _play(script, output, environment, space, stop)
         if stop:
             return None
     new = [path for path in set(output.iterdir()) - earlier if path.is_dir()]
@@ -72,11 +73,12 @@ def _run(script: str, output: Path) -> Path | None:
     return new[0]
 
 
-def _play(script: str, output: Path, environment: Mapping[str, str], stop: StopRequest) -> None:
-    """Run both processes until the script ends or `stop`; neither is left behind."""
+def _play(script: str, output: Path, environment: Mapping[str, str], space: str, stop: StopRequest) -> None:
+    """Run both processes in the namespace `space` until the script ends or `stop`; neither is left behind."""
     record_to = f"record.directory:={json.dumps(str(output))}"  # quoted, or a folder named 2026 would be a number
-    robot_words = ("vibro_ros.ros.robot.robot", "--ros-args", "-p", record_to, "-p", TIMEOUT)
-    controller_words = ("vibro_ros.ros.controller.controller", script)  # it waits: the robot may compile
+    robot_words = ("vibro_ros.ros.robot.robot", "--ros-args", "-r", f"__ns:={space}", "-p", record_to, "-p", TIMEOUT)
+    controller_words = ("vibro_ros.ros.controller.controller", script,  # it waits: the robot may compile
+                        "--ros-args", "-r", f"__ns:={space}")
     with (
         Child(*robot_words, environment=environment) as robot,
         Child(*controller_words, environment=environment) as controller,
@@ -112,6 +114,11 @@ def check_bag(bag: Bag) -> None:
     empty = [name for name in ALWAYS_THERE if not len(bag[name]["time"])]
     if empty:
         raise DemoError(f"{bag.path}: no messages on {', '.join(empty)}")
+
+
+def own_namespace(name: str) -> str:
+    """A namespace that no other process has, so that a robot of the user's, in the same domain, is left alone."""
+    return f"/{name}_{os.getpid()}"
 
 
 def ros_environment() -> dict[str, str]:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tools.child import Child
+from vibro_ros.configuration.scene_file import NODE_NAME
 from vibro_ros.process.front_door import Parser, exit_code
 from vibro_ros.process.stop_signals import StopRequest
 
@@ -28,16 +29,19 @@ def _run(words: Sequence[str]) -> int:
     environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", **os.environ}
     settings = {"motor.speed": SPEED, "record.enabled": "false",  # the page's button begins a recording
                 "record.directory": json.dumps(str(options.output))}
+    space = ["-r", f"__ns:={options.namespace}"] if options.namespace else []
     robot_words = [word for name, value in settings.items() for word in ("-p", f"{name}:={value}")]
-    view_words = ["--port", options.port, "--address", options.address, *["--open"] * options.open]
+    view_words = ["--port", options.port, "--address", options.address, *["--open"] * options.open,
+                  "--ros-args", *space]
     with (
         StopRequest() as stop,
         Child("vibro_ros.ros.live.view", *view_words, environment=environment) as view,
-        Child("vibro_ros.ros.robot.robot", "--ros-args", *robot_words, environment=environment) as robot,
+        Child("vibro_ros.ros.robot.robot", "--ros-args", *space, *robot_words, environment=environment) as robot,
     ):
         stop.hold()  # neither process may be left behind
-        print(f"      look | ROS domain {environment.get('ROS_DOMAIN_ID') or 0}; open the address below in a browser; "
-              "Ctrl-C ends all", flush=True)
+        robot_name = f"{options.namespace.rstrip('/')}/{NODE_NAME}"
+        print(f"      look | ROS domain {environment.get('ROS_DOMAIN_ID') or 0}, robot {robot_name}; open the address "
+              "below in a browser; Ctrl-C ends all", flush=True)
         while not stop and view.exit_code is None and robot.exit_code is None:
             time.sleep(_POLL)
         if not stop:
@@ -53,6 +57,8 @@ def _parser() -> Parser:
     parser = Parser(prog="look", description=__doc__)
     parser.add_argument("--output", type=Path, default=Path("out"), metavar="DIR",
                         help="where recordings go that the page asks for (default: %(default)s)")
+    parser.add_argument("--namespace", default="", metavar="NAME", help="of robot and page, such as /r2 beside another "
+                        "robot in this domain (default: none)")
     parser.add_argument("--port", default="8742", help="of the page; 0 for any that is free (default: %(default)s)")
     parser.add_argument("--address", default="127.0.0.1", help="where the page is served (default: %(default)s)")
     parser.add_argument("--open", action="store_true", help="open the page in the browser")

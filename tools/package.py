@@ -10,7 +10,7 @@ import venv
 from collections.abc import Mapping
 from pathlib import Path
 
-from tools.demo import ros_environment
+from tools.demo import own_namespace, ros_environment
 
 ROOT = Path(__file__).resolve().parents[1]
 OUTPUT = ROOT / "out" / "dist"
@@ -52,9 +52,11 @@ def try_installed(programs: Path, folder: Path) -> None:
     hidden = ("PYTHONPATH", "AMENT_PREFIX_PATH", "LD_LIBRARY_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
     environment = {name: value for name, value in ros_environment().items() if name not in hidden}
     Path(folder, "script.yaml").write_text(SCRIPT, encoding="utf-8")
-    robot = subprocess.Popen([programs / "robot"], cwd=folder, env=environment)
+    own = ["--ros-args", "-r", f"__ns:={own_namespace('package')}"]
+    print(f"package: ROS domain {environment['ROS_DOMAIN_ID']}, namespace {own[-1].removeprefix('__ns:=')}", flush=True)
+    robot = subprocess.Popen([programs / "robot", *own], cwd=folder, env=environment)
     try:
-        _run([programs / "controller", "script.yaml"], folder, environment)
+        _run([programs / "controller", "script.yaml", *own], folder, environment)
     finally:
         robot.send_signal(signal.SIGINT)
         robot.wait(DEADLINE)

@@ -43,10 +43,12 @@ _HOMES = {
 
 def __getattr__(name: str) -> object:
     """Import what is asked for: who reads bags needs no kernels (65 MB), who simulates no bags."""
+    if name == "__version__":
+        return import_module("importlib.metadata").version(__name__)
     if name in _HOMES:
         return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *__all__])
+    return sorted([*globals(), *__all__, "__version__"])

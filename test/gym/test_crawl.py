@@ -5,9 +5,10 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 
-from vibro_ros.gym.crawl import PERIOD
+from vibro_ros.gym.crawl import PERIOD, Crawl
 
 NAME = "vibro_ros/Crawl-v1"
 
@@ -74,8 +75,32 @@ def test_a_hostile_action_is_one_of_the_space():
     env = made().unwrapped
     env.reset(seed=0)
     assert np.array_equal(env.step(np.array([1e30, -np.inf, 5.0]))[0][3:], [1.0, -1.0, 1.0])
-    with pytest.raises(ValueError, match="not finite"):
-        env.step(np.array([np.nan, 0.0, 0.0]))
+    for wrong in ([np.nan, 0.0, 0.0], [0.0, 0.0], 0.0, np.zeros((1, 3))):
+        with pytest.raises(ValueError, match="^action: .* is not three numbers; give motor speed, upper gap and incli"):
+            env.step(np.array(wrong))
+
+
+def test_a_step_before_the_first_reset_is_refused():
+    with pytest.raises(ResetNeeded, match="step: no episode has begun; call reset"):
+        made().unwrapped.step(np.zeros(3))
+
+
+def test_another_reward_and_a_picture():
+    env = made(reward=lambda info: -info["motor_power"], render_mode="rgb_array")
+    env.reset(seed=0, options={"target_speed": -0.05})
+    action = np.array([0.4, -1.0, -1.0], np.float32)
+    steps = [env.step(action) for _ in range(10)]
+    assert [reward for _, reward, *_ in steps] == [-info["motor_power"] for *_, info in steps]
+    assert any(reward for _, reward, *_ in steps)
+    picture, info = env.render(), steps[-1][-1]
+    assert picture.shape == (160, 480, 3) and picture.dtype == np.uint8
+    blue, red = ((picture[60:120].astype(int) @ weights > 100).any(axis=0).nonzero()[0]
+                 for weights in ([-1, 0, 1], [1, -1, 0]))
+    metres = 1.2 / (0.96 * 480)  # of a column
+    ahead = (info["body_position"] - info["target_position"]) / metres
+    assert blue.mean() - red.mean() == pytest.approx(ahead, abs=2.0)
+    with pytest.raises(ValueError, match="render_mode: 'human' is not offered"):
+        Crawl(render_mode="human")
 
 
 def trained(env: gymnasium.Env, count: int, policy_of) -> np.ndarray:

@@ -252,6 +252,15 @@ def test_without_ros_it_says_what_to_do(start):
                    "wheels to this Python: pip install '.[ros]' in a clone\n")
 
 
+@pytest.mark.parametrize("limit", [600_000, 800_000])
+def test_too_little_address_space_is_one_line(tmp_path, limit):
+    """With 600 MB a robot hung, deaf to signals, while it imported scipy."""
+    done = run_shell(f"ulimit -v {limit}; exec {sys.executable} -m vibro_ros.ros.robot.robot --help", tmp_path)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == (f"robot: the address space is limited to {limit * 1.024e-3:.0f} MB, and 2000 MB are needed; "
+                           "raise it with `ulimit -v 2000000`, or `ulimit -v unlimited`\n")
+
+
 def test_an_unknown_option_is_one_line(start):
     code, out, err = said_after(start(*module("report"), "--nonsense"))
     assert (code, out, err.count("\n")) == (2, "", 1)

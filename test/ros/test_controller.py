@@ -74,6 +74,23 @@ def test_without_a_robot_it_gives_up(start):
     assert "Traceback" not in controller.text
 
 
+@pytest.mark.parametrize("second", ["__ns:=/", "__node:=twin"])
+def test_two_robots_that_hear_the_commands_stop_it(start, bench, tmp_path, second):
+    """Whether it plays or starts, as soon as it knows of both; of one name, or of two."""
+    script = write(tmp_path, "entries: [{for: 1000.0, motor_speed: 10.0}]\n")
+    robot = ("robot", "--ros-args", "-p", "record.enabled:=false", "-r")
+    start(*robot, "__ns:=/")
+    playing = start("controller", script)
+    playing.wait_for("entry 1")
+    start(*robot, second)
+    late = start("controller", script)
+    for one in (playing, late):
+        assert one.end() == 1
+        assert one.lines[-1].startswith("controller: 2 robots hear /motor_speed: /")
+        assert "Traceback" not in one.text
+    assert "aborted: /motor_speed 0 rad/s" in playing.text
+
+
 def test_it_says_when_the_robot_is_gone(start, bench, tmp_path):
     listener = Listener(bench)
     controller = start("controller", write(tmp_path, "entries: [{for: 1000.0, motor_speed: 10.0}]\n"))

@@ -77,7 +77,7 @@ def test_a_forward_robot_is_led_forwards():
 
 
 @pytest.mark.parametrize("goal, duration, reason", [
-    (go_to(0.5), 30.0, "0.5 m is out of reach: the robot is at 0.0000 m and goes backwards only; give a position"),
+    (go_to(0.5), 30.0, "0.5 m is out of reach: the robot is at 0.0000 m and goes backwards only; give one below that"),
     (go_to(-0.5), 5.0, "-0.5 m is out of reach within 5 s: 0.5000 m at 0.06 m/s take 8.3 s; give more time"),
 ])
 def test_what_cannot_be_reached_is_said_before_anything_moves(goal, duration, reason):

@@ -1,6 +1,7 @@
 """The stateful device: events and their instants, samples, long runs, and checkpoints."""
 
 import dataclasses
+import importlib.metadata
 import math
 import signal
 
@@ -11,6 +12,18 @@ from commanded_device import RAMP, device, of_kind, refused, state_bits
 import vibro_ros
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.solver.methods import SCHEMES
+
+
+@pytest.mark.parametrize("call", [
+    lambda scene: vibro_ros.simulate(scene, 1.0, 10.0, method="rk4"), vibro_ros.Simulator, vibro_ros.SensedSimulator,
+    vibro_ros.find_orbit, vibro_ros.settled_motion])
+def test_a_name_in_place_of_a_scene_is_refused_with_the_remedy(call):
+    with pytest.raises(TypeError, match=r"^scene: 'device' is no Scene; give load_scene\('device'\)$"):
+        call("device")
+
+
+def test_the_package_says_its_version():
+    assert vibro_ros.__version__ == importlib.metadata.version("vibro_ros")
 
 
 def falling(gap):

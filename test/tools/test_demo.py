@@ -56,13 +56,20 @@ def ends_leaving_nothing(demo: Executable) -> int:
     return code
 
 
-def test_it_moves_the_robot_and_reports(demo, tmp_path, domain_id, monkeypatch):
+def test_it_moves_its_own_robot_and_reports(demo, start, tmp_path, domain_id, monkeypatch):  # noqa: F811
+    """Beside another robot in the same domain, such as that of `make view`, which hears nothing of it."""
+    other = start("robot", "--ros-args", "-p", "record.directory:=other")
+    other.wait_for("ready")
     monkeypatch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE")
     shown = demo(CRAWL)
     shown.wait_for("entry 1, 2 s: motor_speed 100 rad/s")
     assert {discovery_range(pid) for pid in children(shown).values()} == {"LOCALHOST"}  # although a domain is chosen
     assert ends_leaving_nothing(shown) == 0, shown.text
-    assert f"ROS_DOMAIN_ID={domain_id}" in shown.text
+    assert f"ROS_DOMAIN_ID={domain_id}, for example: ros2 topic echo /demo_" in shown.text
+    other.send(signal.SIGINT)
+    assert other.end(PATIENCE) == 0
+    (bag,) = (tmp_path / "other").iterdir()
+    assert not len(read_bag(bag)["motor_speed"]["time"])
     paths = {label: tmp_path / line.split(" | ")[1] for line in shown.text.splitlines()
              for label in ("bag", "summary", "picture", "page") if line.startswith(f"{label:>10} | ")}
     assert abs(read_bag(paths["bag"])["odom"]["position"][-1, 0]) > 0.01  # [m]
@@ -116,7 +123,7 @@ def test_the_page_is_there_and_one_interrupt_ends_all(tool, tmp_path, domain_id)
     one.wait_for("view: http://")
     with urlopen(re.search(r"http://\S+", one.text)[0], timeout=PATIENCE) as page:
         assert b"/vibro_robot" in page.read()
-    assert f"look | ROS domain {domain_id};" in one.text  # that of README's next commands
+    assert f"look | ROS domain {domain_id}, robot /vibro_robot;" in one.text  # that of README's next commands
     below = children(one)
     assert set(below) == {"view", "robot"}
     os.killpg(one.pid, signal.SIGINT)

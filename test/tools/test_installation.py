@@ -106,6 +106,14 @@ def test_colcon_knows_a_ros_package(source):
     assert "(ros.ament_python)" in run([colcon_program(), "list"], source.parents[1])
 
 
+def test_ros2_launch_finds_the_files_of_a_checkout(tmp_path):
+    """It walks the share folder, and `os.walk` follows no link to a folder."""
+    recipe = ["make", "--eval", "linked: ; @$(LINK_PACKAGE)", f"VENV={tmp_path}", f"BIN={Path(sys.executable).parent}"]
+    run([*recipe, "linked"], ROOT)
+    found = {name for _, _, names in os.walk(tmp_path / "share" / "vibro_ros") for name in names}
+    assert found >= {file.name for file in (ROOT / "examples" / "launch").glob("*.py")}
+
+
 def test_every_executable_is_installed(installation):
     assert {entry.name for entry in installation.entry_points} == {
         name for name, one in EXECUTABLES.items() if one.installed}

@@ -1,10 +1,15 @@
 """The environment `vibro_ros/Crawl-v1`: stay at a target that moves over ground."""
 
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.scene import Scene
@@ -21,9 +26,15 @@ TARGETS = -0.09, -0.02
 """Between these the speed of the target is drawn [m/s]: this robot crawls backwards."""
 
 _MOST = 100.0  # of an observation
-_PLACE = FIELDS.index("body_position")
+_TRUTH = ("body_position", "body_height", "motor_power")
+_TRUE = [FIELDS.index(name) for name in _TRUTH]
 _SENSORS = {"sensors.encoder.rate": 1.0 / PERIOD, "sensors.encoder.velocity_window": PERIOD,
             "sensors.tracking.rate": 1.0 / PERIOD}
+
+
+def closeness(info: Mapping[str, float]) -> float:
+    """Minus the true distance from the target, in 0.1 m: the reward of a step unless another is given."""
+    return -abs(info["body_position"] - info["target_position"]) / UNIT
 
 
 class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
@@ -42,22 +53,32 @@ class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
         the crank's speed over the last step by the encoder, in 100 rad/s; and the last action.
 
     Reward
-        Minus the true distance from the target at the end of the step, in 0.1 m.
+        What `reward` makes of `info` at the end of the step; by default minus the true distance from the target, in
+        0.1 m.
 
     Episode
         20 s in 100 steps. The target's speed is drawn between -90 and -20 mm/s at the reset, and the sensors' seed
-        with it, so that the seed of `reset` decides all. `info` has the truth: `body_position` and
-        `target_position` [m].
+        with it, so that the seed of `reset` decides all. `info` has the truth: `body_position`, `body_height` and
+        `target_position` [m], and `motor_power` [W], all at the end of the step.
 
     Parameters
     ----------
     scene : str or Scene
         The robot: a shipped scene's name, a file, or a scene. Encoder and tracking get the rate that a step needs.
+    reward : callable
+        Given the `info` of a step, its reward.
+    render_mode : str, optional
+        `rgb_array`: `render` gives a picture of the robot, which stands in its middle, and of the target.
     """
 
-    metadata = {"render_modes": list[str]()}
+    metadata = {"render_modes": ["rgb_array"], "render_fps": round(1.0 / PERIOD)}
 
-    def __init__(self, scene: str | Scene = "device"):
+    def __init__(self, scene: str | Scene = "device", reward: Callable[[Mapping[str, float]], float] = closeness,
+                 render_mode: str | None = None):
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f"render_mode: {render_mode!r} is not offered; give rgb_array, or none")
+        self.render_mode, self._reward = render_mode, reward
+        self._device: SensedSimulator | None = None
         loaded = load_scene(scene) if isinstance(scene, str) else scene
         self._scene = loaded.with_parameters({**_SENSORS, "motor.speed": 0.0})
         self.action_space = Box(-1.0, 1.0, (3,), np.float32)
@@ -78,26 +99,60 @@ class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
         self._device = SensedSimulator(self._scene.with_parameters({"sensors.seed": float(noise)}))
         self._speed = float((options or {}).get("target_speed", drawn))
         self._steps, self._ahead, self._crank, self._action = 0, 0.0, 0.0, np.full(3, -1.0)
-        self._sense()
-        return self._observation(), self._truth()
+        self._sense(self._device)
+        return self._observation(), self._truth(self._device)
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
-        """Command, and let a step pass; an action beyond the space counts as one on its border."""
-        self._action = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
+        """Command, and let a step pass; an action beyond the space counts as one on its border.
+
+        Raises
+        ------
+        ResetNeeded
+            Before the first `reset`.
+        ValueError
+            For an action that is not three numbers.
+        """
+        device = self._begun("step")
+        given = np.asarray(action, dtype=float)
+        if given.shape != self.action_space.shape or np.isnan(given).any():
+            raise ValueError(f"action: {np.array2string(given, threshold=6)} of shape {given.shape} is not three "
+                             "numbers; give motor speed, upper gap and inclined gap, each from -1 to 1")
+        self._action = np.clip(given, -1.0, 1.0)
         speed, upper, inclined = (0.5 * (1.0 + self._action)).tolist()
-        self._device.command(FASTEST * speed, WIDEST * upper, WIDEST * inclined)
+        device.command(FASTEST * speed, WIDEST * upper, WIDEST * inclined)
         self._steps += 1
-        self._device.advance_to(self._steps * PERIOD)
-        self._sense()
-        truth = self._truth()
-        return self._observation(), -abs(truth["body_position"] - truth["target_position"]) / UNIT, False, False, truth
+        device.advance_to(self._steps * PERIOD)
+        self._sense(device)
+        truth = self._truth(device)
+        return self._observation(), float(self._reward(truth)), False, False, truth
 
-    def _truth(self) -> dict[str, float]:
-        return {"body_position": self._device.values.item(_PLACE), "target_position": self._speed * self._device.time}
+    def render(self) -> np.ndarray | None:  # type: ignore[override]
+        """A picture, shape (160, 480, 3): body, ground and target over 1.2 m; None without `render_mode`."""
+        if self.render_mode is None:
+            return None
+        truth = self._truth(self._begun("render"))
+        figure = Figure(figsize=(4.8, 1.6), dpi=100)
+        canvas, axes = FigureCanvasAgg(figure), figure.add_axes((0.02, 0.25, 0.96, 0.73))
+        place, height = truth["body_position"], truth["body_height"]
+        axes.add_patch(Rectangle((place - 0.05, height), 0.1, 0.06, color="tab:blue"))
+        axes.axvline(truth["target_position"], color="tab:red")
+        axes.axhline(0.0, color="black")
+        axes.set(xlim=(place - 0.6, place + 0.6), ylim=(-0.02, 0.3), yticks=[])
+        canvas.draw()
+        return np.asarray(canvas.buffer_rgba())[..., :3].copy()
 
-    def _sense(self) -> None:
+    def _begun(self, method: str) -> SensedSimulator:
+        if self._device is None:
+            raise ResetNeeded(f"{method}: no episode has begun; call reset() first")
+        return self._device
+
+    def _truth(self, device: SensedSimulator) -> dict[str, float]:
+        return {**dict(zip(_TRUTH, device.values[_TRUE].tolist(), strict=True)),
+                "target_position": self._speed * device.time}
+
+    def _sense(self, device: SensedSimulator) -> None:
         """Read the sensors; a measurement that is late or has dropped out leaves what was known."""
-        for sensor, time, values in self._device.take_measurements():
+        for sensor, time, values in device.take_measurements():
             if sensor == "encoder":
                 self._crank = values.item(1)
             elif sensor == "tracking":

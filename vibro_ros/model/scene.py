@@ -6,6 +6,7 @@ The scene's own start and `Simulator.set_state` are checked by the same function
 import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import MappingProxyType
 from typing import ClassVar
 
@@ -149,6 +150,13 @@ class Scene(ParameterValues):
 
 
 @functools.lru_cache(maxsize=64)
+def check_scene(scene: object) -> None:
+    """Refuse, in place of a scene, its name or anything else (TypeError with the remedy)."""
+    if not isinstance(scene, Scene):
+        remedy = f"load_scene({str(scene)!r})" if isinstance(scene, str | Path) else "one that load_scene returns"
+        raise TypeError(f"scene: {quoted(scene)} is no Scene; give {remedy}")
+
+
 def _limited(name: str, minimum: float, maximum: float) -> Parameter:
     """The parameter with other limits; made once for all commands, of which it would take most of the time."""
     return replace(BY_NAME[name], minimum=minimum, maximum=maximum)

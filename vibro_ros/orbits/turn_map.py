@@ -29,7 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibro_ros.model.scene import Scene
+from vibro_ros.model.scene import Scene, check_scene
 from vibro_ros.simulation.given_state import motor_coordinates
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.samples import LATEST, Samples
@@ -222,6 +222,7 @@ def share_of_turn(scene: Scene, here: float, there: float) -> float:
 
 def coordinates(scene: Scene) -> tuple[str, ...]:
     """Names that make up a state at the cut: fields of `Samples`, and `INTEGRAL` with a controller."""
+    check_scene(scene)
     masses = [f"{side}_{what}" for side in scene.guides for what in ("position", "velocity")]
     return (*masses, *["body_velocity"] * scene.body_moves,
             *["body_height", "body_vertical_velocity"] * scene.body_hops,
@@ -236,6 +237,7 @@ def pace(scene: Scene) -> float:
     ValueError
         For a crank that does not turn, or a dc motor that turns it backwards.
     """
+    check_scene(scene)
     if scene.motor_command == "motor_voltage":
         constant, resistance = scene.motor_constant, scene["motor.winding_resistance"]
         driven = constant * scene["motor.voltage"] / resistance - scene["motor.friction"]

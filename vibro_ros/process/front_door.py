@@ -13,6 +13,7 @@ import atexit
 import errno
 import io
 import os
+import resource
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -24,6 +25,9 @@ from vibro_ros.process.stop_signals import change_nothing, end_at_once, interrup
 from vibro_ros.process.untrusted import one_line
 
 FAILURE, BAD_INPUT = 1, 2
+ADDRESS_SPACE = 2_000_000_000
+"""Bytes of address space that an executable needs at most on two cores: below it scipy's libraries wait for memory
+without end, deaf to signals, or end the process without a word that helps."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -87,6 +91,11 @@ def say(program: str, text: str) -> None:
 
 
 def _run(program: str) -> int:
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if limit != resource.RLIM_INFINITY and limit < ADDRESS_SPACE:
+        say(program, f"the address space is limited to {limit / 1e6:.0f} MB, and {ADDRESS_SPACE / 1e6:.0f} MB are "
+            f"needed; raise it with `ulimit -v {ADDRESS_SPACE // 1000}`, or `ulimit -v unlimited`")
+        return FAILURE
     try:
         main = import_module(EXECUTABLES[program].module).main
     except ModuleNotFoundError as error:

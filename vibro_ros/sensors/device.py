@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibro_ros.model.faults import checked_incident
-from vibro_ros.model.scene import Scene
+from vibro_ros.model.scene import Scene, check_scene
 from vibro_ros.sensors.chain import Chain, of_imu
 from vibro_ros.sensors.streams import Rows, Stream
 from vibro_ros.simulation.samples import FIELDS, LATEST, Samples, checked_times
@@ -272,6 +272,7 @@ class SensedSimulator(Simulator):
     """
 
     def __init__(self, scene: Scene):
+        check_scene(scene)
         names = sensors_on(scene)
         super().__init__(scene, of_imu(scene, "bandwidth") if Imu.name in names else 0.0)
         self._names = names

@@ -11,7 +11,7 @@ from typing import TypeVar
 import numpy as np
 
 from vibro_ros.model.parameters import SCENE_PARAMETERS, checked_parameters
-from vibro_ros.model.scene import Scene
+from vibro_ros.model.scene import Scene, check_scene
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.preparation import provide_kernels
 from vibro_ros.simulation.processes import WorkerError, core_count, in_processes
@@ -69,6 +69,7 @@ def simulate(scene: Scene, duration: float | None = None, rate: float | None = N
     '18 blows, the hardest 3493 N'
     """
     times, commands = sample_times(duration, rate, times), _checked_commands(commands)
+    check_scene(scene)
     if overrides := _overriding(tolerance, method):
         scene = scene.with_parameters(overrides)
     began = wall_clock.perf_counter()

@@ -9,7 +9,7 @@ import numpy as np
 
 from vibro_ros.model.faults import DEVICE, DURATION, FAULTS, FORCE, checked_incident
 from vibro_ros.model.parameters import BY_NAME, parameter_named
-from vibro_ros.model.scene import Scene
+from vibro_ros.model.scene import Scene, check_scene
 from vibro_ros.simulation.auto import Choice, choose_method, chosen
 from vibro_ros.simulation.influences import PATCH, PUSH, SAG, STALL, patched
 from vibro_ros.simulation.motion import Motion
@@ -51,6 +51,7 @@ class Simulator:
     """
 
     def __init__(self, scene: Scene, acceleration_bandwidth: float = 0.0):
+        check_scene(scene)
         if acceleration_bandwidth and scene["solver.method"] != "exact":
             raise ValueError(f"solver.method: {scene['solver.method']} has no exact motion to filter; choose exact")
         if fault := scene.broken_promise:

@@ -8,7 +8,7 @@ limits known here is taken, and one that was sent and lies beyond a limit that t
 import math
 import re
 import time
-from collections import deque
+from collections import Counter, deque
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -30,7 +30,8 @@ from vibro_ros.ros.node import process
 PATIENCE = 5.0
 """Longest wait [s] for the robot's parameters before the first command."""
 ALL_ANSWERED = 1.0
-"""Time [s] after which the wait is over if every node that hears the commands has answered that it is no robot."""
+"""Time [s] after which the wait is over if every node that hears the commands has answered that it is no robot, or if
+one is a robot and others do not answer."""
 LOOKS = 0.2
 """Time [s] between two looks for nodes that hear the commands."""
 MOST_ASKED = 16
@@ -44,7 +45,7 @@ ODOMETRY_DEPTH = 1000
 
 
 class CommandedRobot:
-    """Learns from the nodes that hear the commands of `publisher` which robot they are; the first that answers counts.
+    """Learns from the nodes that hear the commands of `publisher` which of them is a robot; there may be one only.
 
     `name` is the robot's full name, empty as long as it is not known; `settings` are its parameters, as they are now;
     `sent_speed` is the motor speed [rad/s] that was sent last.
@@ -56,6 +57,7 @@ class CommandedRobot:
         self.sent_speed: float | None = None
         self._node, self._publisher = node, publisher
         self._readers: dict[str, SceneReader] = {}
+        self._hearers, self._robots = Counter[str](), set[str]()
         self._asked, self._last_look = time.monotonic(), 0.0
         node.create_subscription(ParameterEvent, "/parameter_events", self._hear, qos_profile_parameter_events)
 
@@ -65,16 +67,22 @@ class CommandedRobot:
         Raises
         ------
         RuntimeError
-            When the robot has refused the motor speed that was sent last.
+            When the robot has refused the motor speed that was sent last, or another robot hears the commands, too.
         """
         if self._refused:
             raise RuntimeError(self._refused)
         now = time.monotonic()
-        if self.settings or now < self._last_look + LOOKS:
+        if now < self._last_look + LOOKS:
             return
         self._last_look = now
-        for info in self._node.get_subscriptions_info_by_topic(self._publisher.topic_name):
-            name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+        self._hearers = Counter(f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+                                for info in self._node.get_subscriptions_info_by_topic(self._publisher.topic_name))
+        robots = [name for name, count in self._hearers.items() if name in self._robots for _ in range(count)]
+        if len(robots) > 1:
+            raise RuntimeError(f"{len(robots)} robots hear {self._publisher.topic_name}: {', '.join(sorted(robots))}; "
+                               "leave one of them, or give each a namespace (-r __ns:=/r1), and the controller that of "
+                               "its robot; a killed robot counts for another 20 s")
+        for name in self._hearers:
             if name not in self._readers and len(self._readers) < MOST_ASKED and _can_be_asked(name):
                 self._readers[name] = SceneReader(self._node, name, partial(self._take, name))
         for reader in self._readers.values():
@@ -95,6 +103,8 @@ class CommandedRobot:
     def ask_again(self) -> None:
         """Forget what the robot has answered, and ask for it: a robot of other limits may have taken its place."""
         self.name, self.settings, self._refused, self._asked = "", None, "", time.monotonic()
+        self._robots.clear()
+        self._last_look = 0.0
         for reader in self._readers.values():
             reader.read()
 
@@ -102,8 +112,11 @@ class CommandedRobot:
     def answered(self) -> bool:
         """Whether the robot is known, or need not be waited for any more."""
         waited = time.monotonic() - self._asked
-        reading = not self._readers or any(reader.reading for reader in self._readers.values())
-        return bool(self.settings or waited > (PATIENCE if reading else ALL_ANSWERED))
+        reading = not self._readers or any(reader.reading for name, reader in self._readers.items()
+                                           if name in self._hearers)
+        if self.settings:
+            return waited > ALL_ANSWERED or not reading
+        return waited > (PATIENCE if reading else ALL_ANSWERED)
 
     def __str__(self) -> str:
         return self.name or ", ".join(self._readers) or "the robot"
@@ -139,8 +152,11 @@ class CommandedRobot:
 
     def _take(self, name: str, found: Settings | str) -> None:
         """What a node has answered; a node that is no robot, such as a recorder, answers in words."""
-        if isinstance(found, Settings) and not self.settings:
-            self.name, self.settings = name, found
+        if isinstance(found, Settings):
+            self._robots.add(name)
+            self._last_look = 0.0
+            if not self.settings:
+                self.name, self.settings = name, found
 
     def _hear(self, event: ParameterEvent) -> None:
         """Follow the one limit of the robot that may change."""

@@ -192,7 +192,7 @@ def _parser() -> Parser:
         + "; maps: " + ", ".join(shipped_maps()),
         epilog="ROS parameters (--ros-args -p name:=value):\n"
         + parameter_lines(PARAMETERS, {parameter.name: parameter.default for parameter in PARAMETERS})
-        + "\n\nExit code 0: played to the end, or --serve ended by a signal; 1: no robot, it is not that of the map,\n"
+        + "\n\nExit code 0: played to the end, or --serve ended by a signal; 1: no robot, two, or not the map's,\n"
         "it went away or refuses a command, /clock jumped back, or a speed or a position was not held or reached,\n"
         "with the motor told to stop; 2: bad script, parameter or map, out of reach, or beyond the robot's limits;\n"
         "129, 130, 143: aborted by SIGHUP, SIGINT or SIGTERM, and the motor told to stop.",

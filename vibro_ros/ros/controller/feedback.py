@@ -322,7 +322,7 @@ class Approach:
         self._begun, self._time = True, time
         if distance < -self._goal.within:
             raise GoalError(f"{self._goal.position:g} m is out of reach: the robot is at {position:.4f} m and goes "
-                            f"{way(self._reach)} only; give a position beyond it")
+                            f"{way(self._reach)} only; give one {'above' if self._reach > 0.0 else 'below'} that")
         least = distance / abs(self._reach)
         if least > self._duration:
             raise GoalError(f"{self._goal.position:g} m is out of reach within {self._duration:g} s: {distance:.4f} m "
