@@ -6,7 +6,6 @@ The scene's own start and `Simulator.set_state` are checked by the same function
 import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from types import MappingProxyType
 from typing import ClassVar
 
@@ -153,7 +152,7 @@ class Scene(ParameterValues):
 def check_scene(scene: object) -> None:
     """Refuse, in place of a scene, its name or anything else (TypeError with the remedy)."""
     if not isinstance(scene, Scene):
-        remedy = f"load_scene({str(scene)!r})" if isinstance(scene, str | Path) else "one that load_scene returns"
+        remedy = f"load_scene({scene!r})" if isinstance(scene, str) else "one that load_scene returns"
         raise TypeError(f"scene: {quoted(scene)} is no Scene; give {remedy}")
 
 
