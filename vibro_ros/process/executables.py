@@ -30,7 +30,7 @@ EXECUTABLES = {
         "Sum up a recording of the robot as text and JSON, and draw its motion."),
     "replay": Executable(
         "vibro_ros.recordings.replay", True,
-        "Simulate a recorded run again and compare it to the last bit, or vary it, or play it to ROS."),
+        "Simulate a recorded run again and compare it to the last bit, or vary it."),
     "view": Executable(
         "vibro_ros.view.view", True,
         "Show the robot in the browser: a recording as one HTML file, or a live robot with its knobs."),
@@ -43,9 +43,6 @@ EXECUTABLES = {
     "study": Executable(
         "vibro_ros.study.study", True,
         "Study the machine: sweeps, the optimum, orbits, diagrams, basins, command maps."),
-    "playback": Executable(
-        "vibro_ros.ros.controller.playback", False,
-        "Play a bag's commands to a live robot, at the instants at which the recorded one took them."),
     "live_view": Executable(
         "vibro_ros.ros.live.view", False,
         "Show a live robot in the browser, with its knobs and buttons, until SIGINT, SIGTERM or SIGHUP."),

@@ -1,4 +1,4 @@
-"""The `replay` executable: a recorded run computed again, compared, changed, or played to ROS."""
+"""The `replay` executable: a recorded run computed again, compared, or changed."""
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
     import sys
@@ -12,7 +12,6 @@ import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from importlib import import_module
 from itertools import chain, count
 from pathlib import Path
 
@@ -35,10 +34,6 @@ from vibro_ros.simulation.provenance import provenance
 
 IDENTICAL, DIFFERENT = 0, 1
 """Exit codes; a changed run that was written is `IDENTICAL`, one that could not go on is `DIFFERENT`."""
-PLAYBACK = "vibro_ros.ros.controller.playback"
-"""Module that plays a bag to ROS; named only, because nothing else here needs ROS."""
-OF_PUBLISH = ("--all-topics", "--rate", "--clock", "--wait", "--ros-args")
-"""Options that only `PLAYBACK` has."""
 FLUSH_MESSAGES = 2000  # between two looks at the disk; a chunk of MCAP is written earlier when it is full
 
 
@@ -48,14 +43,6 @@ def main(words: Sequence[str]) -> int:
 
 
 def _run(words: Sequence[str]) -> int:
-    given = {word.partition("=")[0]: word for word in words if word.startswith("--")}
-    if "--publish" in given and "--set" in given:
-        raise ValueError("--set: simulates the run again, and --publish plays what was recorded; give one of the two")
-    alone = [word for option, word in given.items() if option in OF_PUBLISH]
-    if alone and "--publish" not in given:
-        raise ValueError(f"{alone[0]}: is for playing the bag to ROS; add --publish, or leave {alone[0]} out")
-    if "--publish" in words:
-        return import_module(PLAYBACK).main([word for word in words if word != "--publish"])
     options = _parser().parse_args(words)
     try:
         return _vary(options.bag, _changes(options.set)) if options.set else _compare(options.bag)
@@ -206,7 +193,7 @@ def _parser() -> Parser:
         prog="replay", allow_abbrev=False, formatter_class=argparse.RawDescriptionHelpFormatter,
         description=EXECUTABLES["replay"].does,
         epilog="With --set, the recorded commands drive a robot with other parameters, whose bag is written.\n"
-        "With --publish, the bag is played on the live graph: `replay --publish --help`.\n\n"
+        "`ros2 bag play` plays a bag to ROS.\n\n"
         "Exit code 0: identical (with --set: written); 1: different, the first difference is named (with --set: the\n"
         "simulation could not go on); 2: no bag of the robot, or a bad parameter; 129, 130, 143: stopped by SIGHUP,\n"
         "SIGINT, SIGTERM.")
@@ -214,5 +201,4 @@ def _parser() -> Parser:
     parser.add_argument("--set", action="append", metavar="NAME=VALUE",
                         help="change a parameter of the scene, such as guide.angle=1.2, and write what the robot would "
                         "have done to a new bag beside the recording; repeatable")
-    parser.add_argument("--publish", action="store_true", help="play the bag's commands to ROS")
     return parser
