@@ -150,10 +150,12 @@ def test_what_a_page_asks_for_is_what_the_robot_does_and_what_it_shows_is_in_for
     assert drawn(page)["quantities"]["motor_speed"] == speed
     assert "1000000 is refused; the robot takes -500 to 500" in page.inner_text("#motor_speed_words")
     until(page, lambda page: shown(page, "motor_speed") == [speed] * 3, "the speed in force")
+    assert page.inner_text("#motor_speed_words") == ""  # gone with the number that was refused
     page.fill("#motor_speed", "4.5.0")
     page.press("#motor_speed", "Enter")
-    until(page, lambda page: "“4.5.0” is no number" in page.inner_text("#motor_speed_words"), "no number")
-    until(page, lambda page: shown(page, "motor_speed") == [speed] * 3, "the speed in force")
+    assert "“4.5.0” is no number" in page.inner_text("#motor_speed_words")
+    until(page, lambda page: page.inner_text("#motor_speed_words") == "", "enough time to read it")
+    assert shown(page, "motor_speed") == [speed] * 3  # what is in force
     assert heard[-1] == 1e6  # nothing was sent
     follows_what_is_in_force(page, bench)
     sets_another_floor(page, view)
@@ -175,7 +177,11 @@ def follows_what_is_in_force(page, bench) -> None:
     page.focus(".knob:has(#motor_speed) [type=range]")
     page.keyboard.press("ArrowUp")
     until(page, lambda page: drawn(page)["quantities"]["motor_speed"] == 110.5, "one step from what is in force")
+    page.fill("#motor_speed", "1e6")
+    page.press("#motor_speed", "Enter")
+    assert "is refused" in page.inner_text("#motor_speed_words")
     page.click("#reset")
+    assert page.inner_text("#motor_speed_words") == ""
     until(page, lambda page: shown(page, "motor_speed") == [0.0] * 3, "the start")
     until(page, lambda page: shown(page, "upper_gap") == [0.0] * 3, "the start")
 
@@ -250,7 +256,7 @@ def test_buttons_reset_pause_step_and_record(start, view, page, tmp_path):
     open_robot(page, view)
     assert page.is_disabled("#step")
     page.click("#pause")
-    until(page, lambda page: page.get_attribute("#pause", "aria-pressed") == "true", "paused")
+    until(page, lambda page: page.inner_text("#pause") == "Resume", "paused")
     until(page, stands_still, "time stands still")
     before = drawn(page)["time"]
     until(page, lambda page: page.is_enabled("#step"), "step offered")
@@ -264,11 +270,11 @@ def test_buttons_reset_pause_step_and_record(start, view, page, tmp_path):
     until(page, lambda page: drawn(page)["quantities"]["crank_angle"] > 1.0, "time goes on")
     page.click("#record")
     robot.wait_for("recording to")
-    until(page, lambda page: page.get_attribute("#record", "aria-pressed") == "true", "recording")
+    until(page, lambda page: page.inner_text("#record") == "Stop recording", "recording")
     (bag,) = tmp_path.glob("vibro_robot_*")
     assert bag.name in page.inner_text("#recording")
     page.click("#record")
-    until(page, lambda page: page.get_attribute("#record", "aria-pressed") == "false", "sealed")
+    until(page, lambda page: page.inner_text("#record") == "Record", "sealed")
 
 
 def stands_still(page) -> bool:

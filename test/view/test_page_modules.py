@@ -174,23 +174,22 @@ def test_csv_has_the_last_rows_with_all_their_digits(modules):
     assert [[float(one) for one in line.split(",")] for line in lines] == rows[-60:, :2].tolist()
 
 
-def test_means_begin_at_a_reset_and_leave_out_what_is_not_known(modules):
+def test_the_mean_speed_begins_at_a_reset_and_leaves_out_what_is_not_known(modules):
     """Six seconds at 10 mm/s, the last one with the crank turning backwards, then back at the start, then two at
-    -20 mm/s, of which one is spent in the air."""
+    -20 mm/s."""
     times = np.arange(0.0, 8.001, 0.01)
     before = times < 6.0
-    rows = np.stack([times, np.where(before, 0.01 * times, -0.02 * (times - 6.0)), times >= 7.0,
+    rows = np.stack([times, np.where(before, 0.01 * times, -0.02 * (times - 6.0)),
                      np.where(before, 500.0 - 200.0 * abs(times - 5.0), times - 6.0),
                      np.where(before, np.where(times < 5.0, 200.0, -200.0), 1.0)], axis=1)
-    call = """const names = ["time", "body_position", "body_height", "crank_angle", "motor_speed"];
+    call = """const names = ["time", "body_position", "crank_angle", "motor_speed"];
         const ring = new m.Ring(names, 1000);
         ring.push(Float64Array.from(v[0]));
-        const {means} = await import("vibro/mean.js");
-        return v[1].map((time) => Object.values(means(ring, time)));"""
+        const {meanSpeed} = await import("vibro/mean.js");
+        return v[1].map((time) => Object.values(meanSpeed(ring, time)));"""
     found = np.array(modules.call("ring", call, rows.ravel().tolist(), [5.99, 8.0, 2.0]))
     np.testing.assert_allclose(found[:, 0], [5.0, 2.0, 2.0], atol=0.02)
     np.testing.assert_allclose(found[:, 1], [0.01, -0.02, 0.01], rtol=1e-9)
-    np.testing.assert_allclose(found[:, 2], [0.0, 0.5, 0.0], atol=0.01)
 
 
 def test_the_path_of_a_motion_is_what_it_is_at_the_same_instants(modules):
@@ -250,3 +249,84 @@ def test_a_push_is_there_from_its_begin_to_its_end(modules):
         return v[2].map((time) => new m.Motion(v[1], buffer).pushAt(time)?.force_x ?? null);""", binary(payload),
                          header, [0.09, 0.1, 0.15, 0.2])
     assert found == [None, 3.0, 3.0, None]
+
+
+TEXTS = """  // a surface whose texts are noted: {text, left, right, y} [px]
+    const texts = [];
+    const noted = (width, height) => {
+      const context = new OffscreenCanvas(width, height).getContext("2d");
+      context.fillText = (text, x, y) => {
+        const {width} = context.measureText(text);
+        const left = x - {left: 0, start: 0, center: width / 2, right: width, end: width}[context.textAlign];
+        texts.push({text, left, right: left + width, y});
+      };
+      return {context, width, height, begin: () => context};
+    };"""
+
+
+@pytest.mark.parametrize("position", [-1.2345, -12.5, 0.5])
+def test_the_numbers_of_an_axis_are_whole(modules, position):
+    texts = modules.call("charts", TEXTS + """
+        const {Ring} = await import("vibro/ring.js");
+        const {Impacts} = await import("vibro/impacts.js");
+        const ring = new Ring(["time", "body_position"], 100);
+        ring.push(Float64Array.from([0, v[0] - 1e-4, 1, v[0] + 1e-4]));
+        const charts = new m.Charts();
+        charts.load(ring, false);
+        charts.draw(noted(500, 300), 1, 1, {body_position: v[0]}, new Impacts(1));
+        return texts;""", position)
+    assert any(one["text"].startswith("\u2212") for one in texts) == (position < 0.0)
+    assert [one for one in texts if one["left"] < 0.0 or one["right"] > 500.0] == []
+
+
+@pytest.mark.parametrize("size", [(600, 500), (380, 300), (360, 700)])
+def test_the_height_of_a_hop_stands_within_the_picture(modules, size):
+    texts = modules.call("stage", TEXTS + """
+        const {context} = noted(v[1], v[2]);
+        const stage = new m.Stage(v[0]);
+        for (const height of [0.0002, 0.0123, 0.1234]) {
+          const values = {body_height: height};
+          stage.fit(v[1], v[2], values);
+          stage.drawHeight(context, values);
+        }
+        return texts;""", machine(vibro_ros.load_scene("device")), *size)
+    assert len(texts) == 3 and all(0.0 <= one["left"] and one["right"] <= size[0] for one in texts)
+
+
+@pytest.mark.parametrize("size", [(600, 500), (380, 300)])
+def test_numbers_of_forces_lie_beside_the_masses(modules, size):
+    """In the frame of each guide no label reaches a mass, which is 22 mm wide."""
+    found = modules.call("annotations", TEXTS + """
+        const {Stage} = await import("vibro/stage.js");
+        const {massPlace} = await import("vibro/mechanism.js");
+        const {context} = noted(v[1], v[2]);
+        const stage = new Stage(v[0]);
+        const covered = [];
+        for (const place of [0.03, 0.05, 0.06]) {
+          for (const force of [-2000, -30, 30, 2000]) {
+            const values = {upper_position: place, inclined_position: place, upper_plate_position: 0.06,
+              inclined_plate_position: 0.06, upper_drive_force: force, inclined_drive_force: force,
+              upper_plate_force: -force, inclined_plate_force: -force};
+            stage.fit(v[1], v[2], values);
+            texts.length = 0;
+            m.drawForces(context, stage, values);
+            for (const {text, left, right, y} of texts) {
+              for (const guide of v[0].guides) {
+                const mass = massPlace(v[0], guide, values);
+                for (let k = 0; k <= 20; k += 1) {
+                  for (const dy of [-5, 0, 5]) {
+                    const x = (left + (right - left) * k / 20 - stage.middle) / stage.scale;
+                    const z = (stage.hub - y - dy) / stage.scale;
+                    const across = x * Math.cos(guide.angle) + z * Math.sin(guide.angle);
+                    const along = z * Math.cos(guide.angle) - x * Math.sin(guide.angle);
+                    if (Math.abs(across) < 0.011 && along > mass && along < mass + v[0].mass_height) {
+                      covered.push(`${text} on ${guide.side}, ${place}, ${force}`);
+                    }
+                  }
+                }
+              }
+            }
+          }
+        }
+        return [...new Set(covered)];""", machine(vibro_ros.load_scene("device")), *size)
+    assert found == []

@@ -8,6 +8,7 @@ if __name__ == "__main__":  # before all imports: they take a second or two, in 
     sys.exit(enter("view"))
 
 import argparse
+import webbrowser
 from collections.abc import Sequence
 from importlib import import_module, metadata
 from pathlib import Path
@@ -16,7 +17,7 @@ from tqdm import tqdm
 
 from vibro_ros.bag.stream import BagError
 from vibro_ros.process.executables import EXECUTABLES, shows_live_robot
-from vibro_ros.process.front_door import Parser, exit_code
+from vibro_ros.process.front_door import Parser, exit_code, say
 from vibro_ros.process.untrusted import one_line, open_to_read, replace_file
 from vibro_ros.view.bag_motion import bag_motion
 from vibro_ros.view.page import MARK, page_text
@@ -42,13 +43,16 @@ def _live(words: Sequence[str]) -> int:
 def _run(words: Sequence[str]) -> int:
     options = _parser().parse_args(words)
     try:
-        print(one_line(write_page(options.bag, options.output)))
+        path = write_page(options.bag, options.output)
+        print(one_line(path))
     except BagError as error:
         raise ValueError(str(error)) from error
     except OSError as error:
         raise ValueError(f"{error.filename or options.bag}: {error.strerror or error}") from error
     except MemoryError:
         raise ValueError(f"{options.bag}: not enough memory to read it; free some, or record shorter bags") from None
+    if options.open and not webbrowser.open(path.resolve().as_uri()):
+        say("view", "no browser could be opened; open the file above")
     return 0
 
 
@@ -81,17 +85,19 @@ def write_page(bag_folder: Path, output: Path | None = None) -> Path:
 def _parser() -> Parser:
     parser = Parser(
         prog="view", formatter_class=argparse.RawDescriptionHelpFormatter, description=EXECUTABLES["view"].does,
-        usage="view BAG_FOLDER [--output FILE]\n       view [--robot NODE] [--address ADDRESS] [--port PORT] [--open] "
+        usage="view BAG_FOLDER [--output FILE] [--open]\n"
+        "       view [--robot NODE] [--address ADDRESS] [--port PORT] [--open] "
         "[--ros-args ...]",
         epilog="The first form writes a recording as one HTML file, which can be mailed and needs no network: the\n"
         "robot drawn to scale, charts, and slow motion from impact to impact, exact between the samples.\n\n"
         "The second form serves a page of a live robot, and prints its address: the same, with knobs and buttons.\n"
         "--robot names the robot's node (vibro_robot), --address and --port say where the page is served\n"
-        "(127.0.0.1 and 8742; port 0: any that is free), --open opens the browser.\n\n"
+        "(127.0.0.1 and 8742; port 0: any that is free), --open opens the browser, in either form.\n\n"
         "Exit code 0: written, or, of a live view, ended by SIGINT, SIGTERM or SIGHUP; 1: the server failed; 2: no\n"
         "readable recording, nowhere to write, a bad argument, or the port is taken; 129, 130, 143: stopped by\n"
         "SIGHUP, SIGINT, SIGTERM while it read a recording.")
     parser.add_argument("bag", type=Path, metavar="BAG_FOLDER", help="folder of the recording")
     parser.add_argument("--output", type=Path, metavar="FILE",
                         help="where to write the recording's page (default: BAG_FOLDER_view.html)")
+    parser.add_argument("--open", action="store_true", help="open the page in the browser")
     return parser

@@ -9,6 +9,7 @@ const LEAST = 0.05; // N, of a force that is drawn
 const HEAD = 7; // px, of an arrow
 const TRACE_STEPS = 1000; // of a motion
 const LINE = 14; // px, between two names
+const BESIDE = 0.0185; // m from the middle of a guide to the arrows of the forces on its mass and its plate
 const [PUSHED, OVER] = [0.036, 0.01]; // m, where the arrow of a push begins: beside the crank's centre, over the sled
 
 /**
@@ -22,22 +23,22 @@ export function drawForces(context, stage, values) {
   const {machine, middle, scale, sole} = stage;
   if (machine.slope) {
     const down = [-Math.sin(machine.slope), Math.cos(machine.slope)];
-    arrow(context, [middle, stage.hub], down, machine.weight, theme.soft, "weight ");
+    arrow(context, [middle, stage.hub], down, machine.weight, {colour: theme.soft, name: "weight "});
   }
   const behind = middle - scale * (SLED.back - 0.012);
-  arrow(context, [behind, sole + arrowLength(values.normal_force)], [0, -1], values.normal_force, theme.force);
+  arrow(context, [behind, sole + arrowLength(values.normal_force)], [0, -1], values.normal_force, {colour: theme.force});
   const ahead = middle + scale * SLED.front;
-  arrow(context, [ahead, sole + 5], [1, 0], -values.friction_force, theme.force);
+  arrow(context, [ahead, sole + 5], [1, 0], -values.friction_force, {colour: theme.force});
   for (const guide of machine.guides) {
     const colour = theme[guide.side];
-    const out = [-Math.sin(guide.angle), -Math.cos(guide.angle)];
+    const [sin, cos] = [Math.sin(guide.angle), Math.cos(guide.angle)];
     const mass = massPlace(machine, guide, values);
     const drive = values[`${guide.side}_drive_force`];
-    arrow(context, stage.point(guide.angle, 0.0185, mass), out, drive, colour);
+    arrow(context, stage.point(guide.angle, BESIDE, mass), [-sin, -cos], drive, {colour, away: [cos, -sin]});
     if (guide.plate) {
       const face = plateFace(machine, guide, values);
       const plate = -values[`${guide.side}_plate_force`];
-      arrow(context, stage.point(guide.angle, -0.0185, face), out, plate, colour);
+      arrow(context, stage.point(guide.angle, -BESIDE, face), [-sin, -cos], plate, {colour, away: [-cos, sin]});
     }
   }
 }
@@ -53,7 +54,7 @@ export function drawPush(context, stage, push) {
     const force = Math.hypot(push.force_x, push.force_z);
     const x = push.force_x < 0 ? -PUSHED : PUSHED;
     const from = [stage.middle + stage.scale * x, stage.sole - stage.scale * (SLED.height + OVER)];
-    arrow(context, from, [push.force_x / force, -push.force_z / force], force, theme.accent, "push ");
+    arrow(context, from, [push.force_x / force, -push.force_z / force], force, {colour: theme.accent, name: "push "});
   }
 }
 
@@ -120,8 +121,9 @@ export function drawNames(context, stage, values) {
   label(context, "body", left, over, false);
 }
 
-// An arrow from a point along a direction, backwards for a negative force, with its name and number at the tip.
-function arrow(context, [x, y], [toX, toY], force, colour, name = "") {
+// An arrow from a point along a direction, backwards for a negative force, with its name and number at the tip. `away` is
+// the direction in which a label hides nothing; without it the label stands beside the arrow.
+function arrow(context, [x, y], [toX, toY], force, {colour, name = "", away = null}) {
   if (!(Math.abs(force) > LEAST)) {
     return;
   }
@@ -142,7 +144,12 @@ function arrow(context, [x, y], [toX, toY], force, colour, name = "") {
   context.lineTo(tipX - alongX * HEAD - alongY * 4, tipY - alongY * HEAD + alongX * 4);
   context.lineTo(tipX - alongX * HEAD + alongY * 4, tipY - alongY * HEAD - alongX * 4);
   context.fill();
-  label(context, name + forceText(Math.abs(force)), tipX + (alongX < -0.3 ? -5 : 6), tipY + 4 * alongY, alongX < -0.3);
+  const text = name + forceText(Math.abs(force));
+  if (away) {
+    label(context, text, tipX + 6 * away[0], tipY + 12 * away[1], away[0] < 0);
+  } else {
+    label(context, text, tipX + (alongX < -0.3 ? -5 : 6), tipY + 4 * alongY, alongX < -0.3);
+  }
 }
 
 // A text with a rim, so that it can be read on the drawing.

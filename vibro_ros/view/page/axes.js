@@ -4,24 +4,51 @@ import {line} from "vibro/stage.js";
 import {font, theme} from "vibro/surface.js";
 import {fixed, tickText, ticks} from "vibro/ticks.js";
 
-/** Room [px] beside and above a chart: for the numbers of its axis, at its right, for its title, between two charts. */
-export const [LEFT, RIGHT, TITLE, GAP] = [50, 10, 20, 6];
+/** Room [px] beside and above a chart: at its right, for its title, between two charts. */
+export const [RIGHT, TITLE, GAP] = [10, 20, 6];
 /** Between the ticks of time [px], at least. */
 export const TIME_TICK = 72;
 const VALUE = 62; // px, for a value of the legend
 const TICK = 22; // px between the ticks of a value, at least
+const [LEFT, BESIDE, STEP] = [50, 6, 8]; // px left of a chart: the least; between number and chart; in so large steps
+
+/**
+ * Round numbers for an upright axis.
+ * @param {{low: number, high: number}} range of the axis
+ * @param {number} height of the chart [px]
+ * @returns {{step: number, ticks: number[]}}
+ */
+export function upright(range, height) {
+  return ticks(range.low, range.high, height / TICK);
+}
+
+/**
+ * Room for the numbers of upright axes, so that the longest of them is not cut.
+ * @param {CanvasRenderingContext2D} context
+ * @param {object[]} axes ticks as `upright` gives them
+ * @returns {number} [px], in steps, lest charts jitter
+ */
+export function roomBeside(context, axes) {
+  context.font = font(11);
+  let widest = 0;
+  for (const {ticks: marks, step} of axes) {
+    for (const mark of marks) {
+      widest = Math.max(widest, context.measureText(tickText(mark, step)).width);
+    }
+  }
+  return Math.max(LEFT, STEP * Math.ceil((widest + BESIDE + 2) / STEP));
+}
 
 /**
  * The lines of a chart, and the numbers of its upright axis.
  * @param {CanvasRenderingContext2D} context
  * @param {object} place of the chart: left, width, top, height [px] and x, which leads a number to its place
- * @param {{low: number, high: number}} range of the upright axis
+ * @param {{step: number, ticks: number[]}} marks of the upright axis
  * @param {function(number): number} y leads a number to its place [px]
  * @param {number[]} across where upright lines are
  */
-export function drawGrid(context, place, range, y, across) {
+export function drawGrid(context, place, marks, y, across) {
   const {left, width, top, height} = place;
-  const marks = ticks(range.low, range.high, height / TICK);
   context.lineWidth = 1;
   context.strokeStyle = theme.line;
   for (const mark of across) {
@@ -35,7 +62,7 @@ export function drawGrid(context, place, range, y, across) {
   for (const mark of marks.ticks) {
     const at = Math.round(y(mark)) + 0.5;
     line(context, left, at, left + width, at);
-    context.fillText(tickText(mark, marks.step), left - 6, at);
+    context.fillText(tickText(mark, marks.step), left - BESIDE, at);
   }
 }
 

@@ -1,6 +1,6 @@
 /** Strip charts on one canvas, one above the other, with one axis of time. */
 
-import {GAP, LEFT, RIGHT, TIME_TICK, TITLE, drawAxis, drawGrid, drawTitle, stroke} from "vibro/axes.js";
+import {GAP, RIGHT, TIME_TICK, TITLE, drawAxis, drawGrid, drawTitle, roomBeside, stroke, upright} from "vibro/axes.js";
 import {stripsOf} from "vibro/strips.js";
 import {line} from "vibro/stage.js";
 import {theme} from "vibro/surface.js";
@@ -49,19 +49,24 @@ export class Charts {
       return;
     }
     const [begin, end] = this.#span(time, window);
-    this.#shown = {begin, end, width: surface.width - LEFT - RIGHT};
-    const frame = {left: LEFT, width: Math.max(10, surface.width - LEFT - RIGHT), begin, end, time};
-    frame.x = (at) => LEFT + (at - begin) / (end - begin) * frame.width;
-    frame.step = (end - begin) / frame.width;
     const shares = this.#strips.reduce((sum, strip) => sum + strip.share, 0);
     const room = surface.height - BOTTOM - this.#strips.length * (TITLE + GAP);
+    const charts = this.#strips.map((strip, number) => {
+      const height = Math.max(20, room * strip.share / shares);
+      const lines = strip.series.map((series) => this.#points(series, strip.scale, begin, end, surface.width));
+      this.#ranges[number] = axisRange(this.#ranges[number], ...extent(lines), strip.least);
+      return {strip, height, lines, range: this.#ranges[number], marks: upright(this.#ranges[number], height)};
+    });
+    const left = roomBeside(context, charts.map(({marks}) => marks));
+    const frame = {left, width: Math.max(10, surface.width - left - RIGHT), begin, end, time};
+    this.#shown = frame;
+    frame.x = (at) => left + (at - begin) / (end - begin) * frame.width;
     const timeTicks = ticks(frame.begin, end, Math.max(2, frame.width / TIME_TICK));
     let top = 0;
-    for (const [number, strip] of this.#strips.entries()) {
-      const height = Math.max(20, room * strip.share / shares);
-      const place = {...frame, top: top + TITLE, height};
-      this.#drawStrip(context, place, number, {values, impacts, timeTicks: timeTicks.ticks});
-      top += TITLE + height + GAP;
+    for (const chart of charts) {
+      const place = {...frame, top: top + TITLE, height: chart.height};
+      this.#drawStrip(context, place, chart, {values, impacts, timeTicks: timeTicks.ticks});
+      top += TITLE + chart.height + GAP;
     }
     drawAxis(context, frame, top - GAP, timeTicks);
     context.fillText("time [s]", frame.left + frame.width, top - GAP + 19);
@@ -72,8 +77,8 @@ export class Charts {
    * @returns {number} the instant that was drawn there last [s]
    */
   timeAt(x) {
-    const {begin, end, width} = this.#shown;
-    return begin + (end - begin) * (x - LEFT) / width;
+    const {begin, end, left, width} = this.#shown;
+    return begin + (end - begin) * (x - left) / width;
   }
 
   // What is shown: up to the present, or, of what is known as a whole, what lies around it.
@@ -87,13 +92,9 @@ export class Charts {
     return [first, first + length];
   }
 
-  #drawStrip(context, place, number, {values, impacts, timeTicks}) {
-    const strip = this.#strips[number];
-    const lines = strip.series.map((series) => this.#points(series, strip.scale, place));
-    this.#ranges[number] = axisRange(this.#ranges[number], ...extent(lines), strip.least);
-    const range = this.#ranges[number];
+  #drawStrip(context, place, {strip, lines, range, marks}, {values, impacts, timeTicks}) {
     const y = (value) => place.top + place.height * (range.high - value) / (range.high - range.low);
-    drawGrid(context, place, range, y, timeTicks);
+    drawGrid(context, place, marks, y, timeTicks);
     drawTitle(context, place, strip, values);
     context.save();
     context.beginPath();
@@ -119,10 +120,10 @@ export class Charts {
   }
 
   // Times and values of a series within the window, one behind the other.
-  #points(series, scale, place) {
+  #points(series, scale, begin, end, width) {
     const points = [];
     const factor = scale * (series.sign ?? 1);
-    this.#source.trace(series.name, place.begin, place.end, roundedStep(place.step), (time, value) => {
+    this.#source.trace(series.name, begin, end, roundedStep((end - begin) / Math.max(10, width)), (time, value) => {
       points.push(time, factor * value);
     });
     return points;

@@ -8,6 +8,7 @@ const NAMES = {
 };
 const PAUSE = 100; // ms between two commands of a slider that is being moved
 const SETTLED = 1000; // ms after which a knob that nobody moves shows what is in force
+const REFUSED = 5000; // ms after which it does so where it was refused: so long the words can be read
 const GAPS = [-5, 20]; // mm, where a slider of a gap is useful; the number takes any
 const FRICTION = 1; // up to which a slider is useful
 const MILLI = 1e3;
@@ -25,7 +26,7 @@ class Knob {
   #words;
   #force = ""; // what is in force, as the field has it
   #typing = false; // whether somebody has typed what has not been sent
-  #moved = -SETTLED; // when somebody moved it last [ms]
+  #until = 0; // when it is to show what is in force again [ms]
 
   constructor(knob, machine, box, ask) {
     const gap = knob.unit === "m";
@@ -67,7 +68,7 @@ class Knob {
     this.#number.addEventListener("keydown", (event) => {
       if (event.key === "Escape" && this.#typing) {
         event.stopPropagation();
-        this.#settle();
+        this.settle();
       }
     });
   }
@@ -83,8 +84,8 @@ class Knob {
     const words = this.#knob.parameter ? "" : `now ${fixed(now * this.#scale, this.#scale === 1 ? 1 : 3)}`;
     put(this.#output, "textContent", words);
     this.#force = text(value * this.#scale);
-    if (!this.#typing && performance.now() > this.#moved + SETTLED) {
-      this.#settle();
+    if (!this.#typing && performance.now() > this.#until) {
+      this.settle();
     }
   }
 
@@ -94,8 +95,7 @@ class Knob {
     const value = numberOf(typed);
     this.#typing = false;
     if (Number.isNaN(value)) {
-      this.#settle();
-      this.#words.textContent = `“${typed.slice(0, 20)}” is no number; type one such as 4.5`;
+      this.#refuse(`“${typed.slice(0, 20)}” is no number; type one such as 4.5`);
     } else {
       this.#slider.value = value;
       this.#take(value, send);
@@ -103,17 +103,27 @@ class Knob {
   }
 
   #take(value, send) {
-    this.#moved = performance.now();
+    this.#until = performance.now() + SETTLED;
     this.#number.value = text(value);
+    this.#words.textContent = "";
     const [from, to] = [this.#scale * this.#knob.from, this.#scale * this.#knob.to];
-    const refused = value < from || value > to;
-    this.#words.textContent = refused ? `${text(value)} is refused; the robot takes ${text(from)} to ${text(to)}` : "";
+    if (value < from || value > to) {
+      this.#refuse(`${text(value)} is refused; the robot takes ${text(from)} to ${text(to)}`);
+    }
     send(value);
   }
 
+  // Say why what stands in the field has no effect, for as long as it stands there.
+  #refuse(words) {
+    this.#words.textContent = words;
+    this.#until = performance.now() + REFUSED;
+  }
+
   // Show what is in force.
-  #settle() {
+  settle() {
     this.#typing = false;
+    this.#until = 0;
+    put(this.#words, "textContent", "");
     put(this.#number, "value", this.#force);
     put(this.#slider, "value", this.#force);
   }
@@ -145,6 +155,13 @@ export class Knobs {
     }
     for (const [k, {value}] of machine.knobs.entries()) {
       this.#knobs[k].initial = value;
+    }
+  }
+
+  /** Forget what was typed and refused: the robot is back at its start. */
+  settle() {
+    for (const knob of this.#knobs) {
+      knob.settle();
     }
   }
 

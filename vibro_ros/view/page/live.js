@@ -87,11 +87,9 @@ class Live {
     for (const [button, call] of [[reset, "reset"], [step, "step"]]) {
       button.addEventListener("click", () => this.#connection.ask({call}));
     }
+    reset.addEventListener("click", () => this.#knobs.settle());
     for (const [button, call] of [[pause, "pause"], [record, "record"]]) {
-      button.addEventListener("click", () => {
-        const on = button.getAttribute("aria-pressed") !== "true";
-        this.#connection.ask({call, on});
-      });
+      button.addEventListener("click", () => this.#connection.ask({call, on: button.dataset.on !== "true"}));
     }
     slow.addEventListener("click", () => this.#connection.ask({slow_motion: SLOW}));
     live.addEventListener("click", () => this.#goLive());
@@ -152,11 +150,10 @@ class Live {
     document.querySelector("#real-time-factor").textContent = number(factor, 1, 2, "×");
     document.querySelector("#dropped").textContent = number(dropped, 100, 1, " %");
     this.#paused = Boolean(paused);
-    press(this.#buttons.pause, this.#paused);
+    name(this.#buttons.pause, this.#paused, "Pause", "Resume");
     this.#buttons.step.disabled = !(this.#offers?.step && this.#paused);
-    press(this.#buttons.record, Boolean(recording));
+    name(this.#buttons.record, Boolean(recording), "Record", "Stop recording");
     document.querySelector("#recording").textContent = recording ?? "";
-    document.querySelector("#recording").title = recording ?? "";
   }
 
   #slow(header, payload) {
@@ -205,8 +202,10 @@ function sayFailure({done, words}) {
   }
 }
 
-function press(button, on) {
-  button.setAttribute("aria-pressed", String(on));
+// Name a button by what a click does.
+function name(button, on, begin, end) {
+  button.dataset.on = String(on);
+  button.textContent = on ? end : begin;
 }
 
 /**

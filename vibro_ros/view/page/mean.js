@@ -1,4 +1,4 @@
-/** How fast the robot gets along: its mean speed over ground, and how much of the time its body is in the air. */
+/** How fast the robot gets along: its mean speed over ground. */
 
 import {fixed} from "vibro/ticks.js";
 
@@ -6,7 +6,7 @@ const SECONDS = 5; // over which is averaged, or less where the run has begun la
 const STEP = 2.5e-4; // s, between two looks at a motion that is known everywhere
 const EVERY = 250; // ms between two readings
 const RESET = 1; // rad, by which only a reset turns the crank less or more than its speeds before and after would
-const NAMES = ["body_position", "body_height", "crank_angle", "motor_speed"];
+const NAMES = ["body_position", "crank_angle", "motor_speed"];
 
 /**
  * Whether the crank was put elsewhere between two looks.
@@ -21,35 +21,29 @@ function isReset(before, now) {
 }
 
 /**
- * The means over the seconds before an instant, from the last reset and the last gap of what is known on.
+ * The mean speed over the seconds before an instant, from the last reset and the last gap of what is known on.
  * @param {object} source a `Ring` or a `Motion`
  * @param {number} time [s]
- * @returns {{seconds: number, speed: number, airborne: number}} time that was averaged over [s], mean speed over ground
- *     [m/s], share of the time in the air; NaN where nothing is known
+ * @returns {{seconds: number, speed: number}} time that was averaged over [s], mean speed over ground [m/s]; NaN where
+ *     nothing is known
  */
-export function means(source, time) {
+export function meanSpeed(source, time) {
   let start = null;
   let before = null;
-  let airborne = 0;
-  source.path(NAMES, time - SECONDS, time, STEP, (at, [position, height, angle, turning]) => {
+  source.path(NAMES, time - SECONDS, time, STEP, (at, [position, angle, turning]) => {
     if (!before || Number.isNaN(before.position) || isReset(before, {at, angle, turning})) {
       start = {at, position};
-      airborne = 0;
-    } else {
-      airborne += (at - before.at) * ((height > 0) + (before.height > 0)) / 2;
     }
-    before = {at, position, height, angle, turning};
+    before = {at, position, angle, turning};
   });
   const seconds = start ? before.at - start.at : 0;
-  return seconds > 0 ? {seconds, speed: (before.position - start.position) / seconds, airborne: airborne / seconds}
-    : {seconds: 0, speed: Number.NaN, airborne: Number.NaN};
+  return seconds > 0 ? {seconds, speed: (before.position - start.position) / seconds} : {seconds: 0, speed: Number.NaN};
 }
 
-/** The means in the page's words. */
-export class Means {
+/** The mean speed in the page's words. */
+export class MeanSpeed {
   #speed = document.querySelector("#mean-speed");
   #over = document.querySelector("#mean-over");
-  #airborne = document.querySelector("#airborne");
   #written = -EVERY;
   #time = Number.NaN; // that was read last
 
@@ -64,9 +58,8 @@ export class Means {
     }
     this.#written = now;
     this.#time = time;
-    const {seconds, speed, airborne} = means(source, time);
+    const {seconds, speed} = meanSpeed(source, time);
     this.#speed.textContent = `${fixed(speed * 1e3, 1)} mm/s`;
     this.#over.textContent = `mean of the last ${fixed(seconds, 1)} s`;
-    this.#airborne.textContent = `${fixed(airborne * 100, 0)} %`;
   }
 }

@@ -1,6 +1,6 @@
 /** Phase portraits: speed over place of each mass, and of the body's hops. */
 
-import {GAP, LEFT, RIGHT, TIME_TICK, TITLE, drawAxis, drawGrid, drawTitle, stroke} from "vibro/axes.js";
+import {GAP, RIGHT, TIME_TICK, TITLE, drawAxis, drawGrid, drawTitle, roomBeside, stroke, upright} from "vibro/axes.js";
 import {line} from "vibro/stage.js";
 import {theme} from "vibro/surface.js";
 import {axisRange, ticks} from "vibro/ticks.js";
@@ -47,28 +47,32 @@ export class Portraits {
    */
   draw(surface, time, window, values) {
     const context = surface.begin();
-    const width = Math.max(10, surface.width - LEFT - RIGHT);
     const height = surface.height / this.#portraits.length - TITLE - AXIS - GAP;
-    for (const [number, portrait] of this.#portraits.entries()) {
+    const charts = this.#portraits.map((portrait, number) => {
       const points = [];
-      this.#source.path([portrait.x, portrait.y], time - window, time, window / width, (_, [x, y]) => {
+      const step = window / Math.max(10, surface.width);
+      this.#source.path([portrait.x, portrait.y], time - window, time, step, (_, [x, y]) => {
         points.push(x * MILLI, y);
       });
       const ranges = this.#ranges[number].map((range, part) => axisRange(range, ...extent(points, part), LEAST[part]));
       this.#ranges[number] = ranges;
-      const [across, up] = ranges;
+      return {portrait, points, ranges, marks: upright(ranges[1], height)};
+    });
+    const left = roomBeside(context, charts.map(({marks}) => marks));
+    const width = Math.max(10, surface.width - left - RIGHT);
+    for (const [number, chart] of charts.entries()) {
+      const [across, up] = chart.ranges;
       const top = number * (height + TITLE + AXIS + GAP) + TITLE;
       this.#drawOne(context, {
-        left: LEFT, width, top, height, ranges, x: (x) => LEFT + (x - across.low) / (across.high - across.low) * width,
+        left, width, top, height, x: (x) => left + (x - across.low) / (across.high - across.low) * width,
         y: (y) => top + height * (up.high - y) / (up.high - up.low),
-      }, {portrait, points, values});
+      }, {...chart, values});
     }
   }
 
-  #drawOne(context, place, {portrait, points, values}) {
-    const [across, up] = place.ranges;
+  #drawOne(context, place, {portrait, points, ranges: [across], marks: upwards, values}) {
     const marks = ticks(across.low, across.high, place.width / TIME_TICK);
-    drawGrid(context, place, up, place.y, marks.ticks);
+    drawGrid(context, place, upwards, place.y, marks.ticks);
     const series = [{name: portrait.y, colour: portrait.colour}];
     drawTitle(context, place, {...portrait, unit: "m/s", scale: 1, decimals: 3, series}, values);
     drawAxis(context, place, place.top + place.height, marks);

@@ -1,7 +1,7 @@
 /** The loop: sixty times a second the clock goes on, and what it shows is drawn. */
 
 import {Player} from "vibro/clocks.js";
-import {Means} from "vibro/mean.js";
+import {MeanSpeed} from "vibro/mean.js";
 import {Readings} from "vibro/strips.js";
 import {explain, sayExactness} from "vibro/said.js";
 import {clockDecimals, fixed} from "vibro/ticks.js";
@@ -50,7 +50,7 @@ export class Thrift {
 export class Scene {
   #clock;
   #readings;
-  #means;
+  #meanSpeed;
   #live;
   #ring = null; // of a live robot
   #held;
@@ -64,7 +64,7 @@ export class Scene {
     this.motion = null; // what the player plays; null while the robot is live
     this.#clock = document.querySelector("#clock");
     this.#readings = new Readings();
-    this.#means = new Means();
+    this.#meanSpeed = new MeanSpeed();
     this.#live = null;
     this.#held = Number.NaN; // instant that somebody asked to see
     for (const name of ["forces", "traces"]) {
@@ -184,7 +184,7 @@ export class Scene {
       sayExactness(this.motion.exactAt(this.player.time), this.motion.header.why);
     }
     this.#readings.show(this.view.values, now);
-    this.#means.show(this.#ring ?? this.view.source, this.#time, now);
+    this.#meanSpeed.show(this.#ring ?? this.view.source, this.#time, now);
     const text = `${fixed(this.view.values.time, clockDecimals(pace.speed))} s`;
     if (text !== this.#text && Number.isFinite(this.view.values.time)) {
       this.#text = text;

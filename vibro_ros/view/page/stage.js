@@ -8,6 +8,8 @@ const MARGIN = 14; // px, beside the mechanism
 const BELOW = 40; // px, for the ground's marks and the force from below
 const ABOVE = 44; // px, for the state in words and what may be drawn
 const LEAST_HOP = 1e-4; // m that is marked
+const HEIGHT_ROOM = 60; // px, beside the sled, for the height of a hop
+const FROM_SLED = 0.006; // m from the sled to that measure
 const MARKS = 0.01; // m from mark to mark
 
 export class Stage {
@@ -29,11 +31,12 @@ export class Stage {
     this.height = height;
     const [along, up] = [box.right - box.left, box.top - box.bottom]; // m
     const [cos, sin] = [Math.cos(this.machine.slope), Math.abs(Math.sin(this.machine.slope))];
-    const [beside, over] = [2 * MARGIN, BELOW + ABOVE]; // px
+    const ahead = this.machine.hops ? HEIGHT_ROOM : 0; // px
+    const [beside, over] = [2 * MARGIN + ahead, BELOW + ABOVE]; // px
     const wide = (width - beside * cos - over * sin) / (along * cos + up * sin);
     const high = (height - beside * sin - over * cos) / (along * sin + up * cos);
     this.scale = Math.max(1, Math.min(wide, high)); // px/m
-    this.middle = width / 2 - this.scale * (box.left + box.right) / 2; // px, where the crank's centre is
+    this.middle = (width - ahead) / 2 - this.scale * (box.left + box.right) / 2; // px, where the crank's centre is
     this.body = values.body_position || 0;
     const lift = values.body_height || 0;
     const most = Math.max(0.02, 0.25 * up);
@@ -120,7 +123,7 @@ export class Stage {
     if (!(values.body_height > LEAST_HOP)) {
       return;
     }
-    const x = this.middle + this.scale * (SLED.front + SLED.overhang + 0.006);
+    const x = this.middle + this.scale * (SLED.front + SLED.overhang + FROM_SLED);
     context.strokeStyle = theme.soft;
     context.fillStyle = theme.soft;
     context.lineWidth = 1;
