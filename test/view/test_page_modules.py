@@ -75,7 +75,7 @@ def test_a_curve_has_a_break_where_nothing_was_recorded(modules):
 def test_sliders_stand_where_the_model_has_them(modules):
     psi = np.linspace(-7.0, 7.0, 57)
     for rod in (0.06, 0.02):
-        found = modules.call("geometry", "return v[1].map((psi) => m.sliderPosition(0.02, v[0], psi));", rod,
+        found = modules.call("mechanism", "return v[1].map((psi) => m.sliderPosition(0.02, v[0], psi));", rod,
                              psi.tolist())
         np.testing.assert_allclose(found, Slider(0.02, rod, 0.0).position(psi), rtol=EXACT, atol=1e-17)
 
@@ -85,30 +85,30 @@ def test_sliders_stand_where_the_model_has_them(modules):
     (59.9, 60.2, 6, [59.9, 59.95, 60.0, 60.05, 60.1, 60.15, 60.2]),
     (3600.0, 3600.001, 2, [3600.0, 3600.0005, 3600.001])])
 def test_ticks_are_round(modules, low, high, most, expected):
-    found = modules.call("ticks", "return m.ticks(...v).ticks;", low, high, most)
+    found = modules.call("text", "return m.ticks(...v).ticks;", low, high, most)
     assert found == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
 def test_an_axis_stays_while_it_serves(modules):
-    first = modules.call("ticks", "return m.axisRange(null, 1.2, 8.7, 1);")
+    first = modules.call("text", "return m.axisRange(null, 1.2, 8.7, 1);")
     assert first == {"low": 0, "high": 10}
-    assert modules.call("ticks", "return m.axisRange(v[0], 2, 9.5, 1);", first) == first
-    assert modules.call("ticks", "return m.axisRange(v[0], 4.9, 5.3, 1);", first) != first
-    assert modules.call("ticks", "return m.axisRange(v[0], -0.1, 9.5, 1).low;", first) < 0
+    assert modules.call("text", "return m.axisRange(v[0], 2, 9.5, 1);", first) == first
+    assert modules.call("text", "return m.axisRange(v[0], 4.9, 5.3, 1);", first) != first
+    assert modules.call("text", "return m.axisRange(v[0], -0.1, 9.5, 1).low;", first) < 0
 
 
-def test_a_ring_keeps_the_newest_rows(modules):
+def test_a_sample_buffer_keeps_the_newest_rows(modules):
     rows = [number for k in range(25) for number in (k * 0.1, float(k * k))]
-    found = modules.call("ring", """
-        const ring = new m.Ring(["time", "square"], 10);
-        ring.push(Float64Array.from(v[0].slice(0, 31)));
-        ring.push(Float64Array.from(v[0].slice(30)));
+    found = modules.call("samples", """
+        const samples = new m.SampleBuffer(["time", "square"], 10);
+        samples.push(Float64Array.from(v[0].slice(0, 31)));
+        samples.push(Float64Array.from(v[0].slice(30)));
         const values = {};
-        ring.read(1.95, values);
+        samples.read(1.95, values);
         const points = [];
-        ring.trace("square", 2, 2.4, 1e-3, (time, value) => points.push(value));
-        return {count: ring.count, begin: ring.begin, end: ring.end, early: ring.row(0), values, points,
-                again: ring.push(Float64Array.from(v[0]))};""", rows)
+        samples.trace("square", 2, 2.4, 1e-3, (time, value) => points.push(value));
+        return {count: samples.count, begin: samples.begin, end: samples.end, early: samples.row(0), values, points,
+                again: samples.push(Float64Array.from(v[0]))};""", rows)
     assert (found["count"], found["early"], found["again"]) == (10, -1, 0)
     assert (found["begin"], found["end"]) == (pytest.approx(1.5), pytest.approx(2.4))
     assert found["values"] == {"time": pytest.approx(1.9), "square": 361}
@@ -118,40 +118,14 @@ def test_a_ring_keeps_the_newest_rows(modules):
 def test_of_many_samples_in_a_pixel_the_extremes_are_drawn(modules):
     values = np.random.default_rng(8).normal(size=1000)
     rows = np.stack([np.arange(1000) * 1e-3, values], axis=1).ravel().tolist()
-    points = modules.call("ring", """
-        const ring = new m.Ring(["time", "noise"], 1000);
-        ring.push(Float64Array.from(v[0]));
+    points = modules.call("samples", """
+        const samples = new m.SampleBuffer(["time", "noise"], 1000);
+        samples.push(Float64Array.from(v[0]));
         const points = [];
-        ring.trace("noise", 0, 1, 0.1, (time, value) => points.push([time, value]));
+        samples.trace("noise", 0, 1, 0.1, (time, value) => points.push([time, value]));
         return points;""", rows)
     assert len(points) <= 22
     assert min(value for _, value in points) == values.min() and max(value for _, value in points) == values.max()
-
-
-def test_the_live_clock_follows_the_samples_evenly(modules):
-    drawn = np.array(modules.call("clocks", """
-        const clock = new m.LiveClock();
-        const drawn = [];
-        for (let frame = 0; frame < 300; frame += 1) {
-          const now = 5 + frame / 60;
-          if (frame % 2 === 0) { clock.hear(now - 5 + 0.004 * (frame % 3), now); }
-          drawn.push(clock.advance(1 / 60));
-        }
-        return drawn;"""))
-    steps = np.diff(drawn[60:])
-    assert np.all(steps > 0.0) and np.all(np.abs(steps * 60 - 1.0) < 0.2)
-    assert 0.0 < 299 / 60 - drawn[-1] < 0.1
-
-
-def test_pictures_are_left_out_only_while_the_machine_is_behind(modules):
-    """Frames of 60 Hz, then of 25 Hz, then of 60 Hz again."""
-    drawn = modules.call("scene", """
-        const thrift = new m.Thrift();
-        return v[0].map(([frames, elapsed]) => Array.from({length: frames}, () => thrift.draws(elapsed)));""",
-                         [[300, 1 / 60], [250, 0.04], [3000, 1 / 60]])
-    assert all(drawn[0])
-    assert sum(drawn[1][-50:]) == 10  # one of five at last
-    assert all(drawn[2][-300:])
 
 
 @pytest.mark.parametrize("typed, number", [
@@ -165,10 +139,9 @@ def test_a_number_is_what_people_type_and_never_another_one(modules, typed, numb
 
 def test_csv_has_the_last_rows_with_all_their_digits(modules):
     rows = np.stack([np.arange(100) + 1 / 3, np.random.default_rng(9).normal(size=100), np.zeros(100)], axis=1)
-    text = modules.call("ring", """const ring = new m.Ring(["time", "noise", "absent"], 1000);
-        ring.push(Float64Array.from(v[0]));
-        const {csv} = await import("vibro/save.js");
-        return csv(ring, ["noise"], 59.5);""", rows.ravel().tolist())
+    text = modules.call("samples", """const samples = new m.SampleBuffer(["time", "noise", "absent"], 1000);
+        samples.push(Float64Array.from(v[0]));
+        return m.csv(samples, ["noise"], 59.5);""", rows.ravel().tolist())
     head, *lines = text.splitlines()
     assert head == "time,noise"
     assert [[float(one) for one in line.split(",")] for line in lines] == rows[-60:, :2].tolist()
@@ -183,11 +156,11 @@ def test_the_mean_speed_begins_at_a_reset_and_leaves_out_what_is_not_known(modul
                      np.where(before, 500.0 - 200.0 * abs(times - 5.0), times - 6.0),
                      np.where(before, np.where(times < 5.0, 200.0, -200.0), 1.0)], axis=1)
     call = """const names = ["time", "body_position", "crank_angle", "motor_speed"];
-        const ring = new m.Ring(names, 1000);
-        ring.push(Float64Array.from(v[0]));
-        const {meanSpeed} = await import("vibro/mean.js");
-        return v[1].map((time) => Object.values(meanSpeed(ring, time)));"""
-    found = np.array(modules.call("ring", call, rows.ravel().tolist(), [5.99, 8.0, 2.0]))
+        const samples = new m.SampleBuffer(names, 1000);
+        samples.push(Float64Array.from(v[0]));
+        const {meanSpeed} = await import("vibro/text.js");
+        return v[1].map((time) => Object.values(meanSpeed(samples, time)));"""
+    found = np.array(modules.call("samples", call, rows.ravel().tolist(), [5.99, 8.0, 2.0]))
     np.testing.assert_allclose(found[:, 0], [5.0, 2.0, 2.0], atol=0.02)
     np.testing.assert_allclose(found[:, 1], [0.01, -0.02, 0.01], rtol=1e-9)
 
@@ -225,7 +198,7 @@ def test_a_throttled_command_ends_with_the_last_value(modules):
 def test_a_robot_on_any_slope_lies_within_its_picture(modules, size):
     scene = vibro_ros.load_scene("device")
     for slope in np.linspace(-1.5, 1.5, 13):
-        corners = modules.call("stage", """
+        corners = modules.call("mechanism", """
             const stage = new m.Stage(v[0]);
             stage.fit(v[1], v[2], {});
             const {left, right, top} = stage.box;
@@ -267,12 +240,12 @@ TEXTS = """  // a surface whose texts are noted: {text, left, right, y} [px]
 @pytest.mark.parametrize("position", [-1.2345, -12.5, 0.5])
 def test_the_numbers_of_an_axis_are_whole(modules, position):
     texts = modules.call("charts", TEXTS + """
-        const {Ring} = await import("vibro/ring.js");
+        const {SampleBuffer} = await import("vibro/samples.js");
         const {Impacts} = await import("vibro/impacts.js");
-        const ring = new Ring(["time", "body_position"], 100);
-        ring.push(Float64Array.from([0, v[0] - 1e-4, 1, v[0] + 1e-4]));
+        const samples = new SampleBuffer(["time", "body_position"], 100);
+        samples.push(Float64Array.from([0, v[0] - 1e-4, 1, v[0] + 1e-4]));
         const charts = new m.Charts();
-        charts.load(ring, false);
+        charts.load(samples, false);
         charts.draw(noted(500, 300), 1, 1, {body_position: v[0]}, new Impacts(1));
         return texts;""", position)
     assert any(one["text"].startswith("\u2212") for one in texts) == (position < 0.0)
@@ -281,7 +254,7 @@ def test_the_numbers_of_an_axis_are_whole(modules, position):
 
 @pytest.mark.parametrize("size", [(600, 500), (380, 300), (360, 700)])
 def test_the_height_of_a_hop_stands_within_the_picture(modules, size):
-    texts = modules.call("stage", TEXTS + """
+    texts = modules.call("mechanism", TEXTS + """
         const {context} = noted(v[1], v[2]);
         const stage = new m.Stage(v[0]);
         for (const height of [0.0002, 0.0123, 0.1234]) {
@@ -296,9 +269,8 @@ def test_the_height_of_a_hop_stands_within_the_picture(modules, size):
 @pytest.mark.parametrize("size", [(600, 500), (380, 300)])
 def test_numbers_of_forces_lie_beside_the_masses(modules, size):
     """In the frame of each guide no label reaches a mass, which is 22 mm wide."""
-    found = modules.call("annotations", TEXTS + """
-        const {Stage} = await import("vibro/stage.js");
-        const {massPlace} = await import("vibro/mechanism.js");
+    found = modules.call("overlays", TEXTS + """
+        const {massPlace, Stage} = await import("vibro/mechanism.js");
         const {context} = noted(v[1], v[2]);
         const stage = new Stage(v[0]);
         const covered = [];

@@ -31,8 +31,6 @@ def page_text(setting: Mapping[str, Any], motion: tuple[Mapping[str, Any], bytes
     the motion document of a recording, `nonce` that of the server's policy. Without one the text carries its own
     policy, as a file must.
     """
-    if nonce:
-        setting = {**setting, "policy": policy("NONCE")}  # of the file that the page may save
     elements = [f'<script id="setting" type="application/json">{_json(setting)}</script>']
     if motion:
         packed = base64.b64encode(zlib.compress(motion[1])).decode()

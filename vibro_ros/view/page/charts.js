@@ -1,10 +1,275 @@
-/** Strip charts on one canvas, one above the other, with one axis of time. */
+/**
+ * Strip charts on one canvas, and what they share with phase portraits.
+ *
+ * In what follows `context` is that of the canvas, `place` is where a chart is on it: left, width, top, height [px], and
+ * `x`, which leads a number to its place; `values` has the quantities of the present by name.
+ */
 
-import {GAP, RIGHT, TIME_TICK, TITLE, drawAxis, drawGrid, drawTitle, roomBeside, stroke, upright} from "vibro/axes.js";
-import {stripsOf} from "vibro/strips.js";
-import {line} from "vibro/stage.js";
-import {theme} from "vibro/surface.js";
-import {axisRange, ticks} from "vibro/ticks.js";
+import {line} from "vibro/mechanism.js";
+import {fixed, font, theme, ticks, axisRange, tickText} from "vibro/text.js";
+
+const MILLI = 1e3;
+
+/**
+ * @typedef {object} Series
+ * @property {string} name quantity
+ * @property {string} colour of the theme
+ * @property {string} [label] beside its value
+ * @property {number} [sign] -1 turns it around
+ * @property {boolean} [dashed]
+ */
+
+/**
+ * @typedef {object} Strip
+ * @property {string} title
+ * @property {string} [short] title where there is little room
+ * @property {string} unit
+ * @property {number} scale from SI units to those of the chart
+ * @property {number} least shortest axis, in units of the chart
+ * @property {number} decimals of the values
+ * @property {number} share of the height
+ * @property {boolean} [impacts] whether impacts are marked
+ * @property {Series[]} series
+ */
+
+/** @type {Strip[]} */
+export const STRIPS = [
+  {
+    title: "body displacement", unit: "mm", scale: MILLI, least: 0.2, decimals: 2, share: 1,
+    series: [{name: "body_position", colour: "ink"}],
+  },
+  {
+    title: "masses, plates dashed, impacts ▾", short: "masses", unit: "mm",
+    scale: MILLI, least: 1, decimals: 2, share: 1.4, impacts: true,
+    series: [
+      {name: "upper_plate_position", colour: "upper", dashed: true},
+      {name: "inclined_plate_position", colour: "inclined", dashed: true},
+      {name: "upper_position", colour: "upper", label: "upper"},
+      {name: "inclined_position", colour: "inclined", label: "inclined"},
+    ],
+  },
+  {
+    title: "motor speed", unit: "rad/s", scale: 1, least: 10, decimals: 1, share: 0.8,
+    series: [{name: "motor_speed", colour: "ink"}],
+  },
+  {
+    title: "motor power", unit: "W", scale: 1, least: 1, decimals: 1, share: 0.9,
+    series: [{name: "motor_power", colour: "ink"}],
+  },
+  {
+    title: "motor voltage", unit: "V", scale: 1, least: 1, decimals: 2, share: 0.8,
+    series: [{name: "motor_voltage", colour: "ink"}],
+  },
+  {
+    title: "motor current", unit: "A", scale: 1, least: 0.1, decimals: 3, share: 0.8,
+    series: [{name: "motor_current", colour: "ink"}],
+  },
+  {
+    title: "force of the ground", short: "ground", unit: "N", scale: 1, least: 1, decimals: 1, share: 0.9,
+    series: [
+      {name: "normal_force", colour: "ink", label: "normal"},
+      {name: "friction_force", colour: "force", label: "friction", sign: -1},
+    ],
+  },
+];
+
+/**
+ * The strips of what a source knows.
+ * @param {{has: function(string): boolean}} source
+ * @returns {Strip[]}
+ */
+export function stripsOf(source) {
+  const found = [];
+  for (const strip of STRIPS) {
+    const series = strip.series.filter((one) => source.has(one.name));
+    if (series.length > 0) {
+      found.push({...strip, series});
+    }
+  }
+  return found;
+}
+
+/** ms between two readings of the table */
+const EVERY = 1000;
+
+/** The numbers of the charts as a table, for screen readers, once a second. */
+export class Readings {
+  #body;
+  #rows;
+  #written;
+
+  constructor() {
+    this.#body = document.querySelector("#readings tbody");
+    this.#rows = [];
+    this.#written = 0;
+  }
+
+  /** @param {object} source a `SampleBuffer` or a `Motion`, whose quantities the table is to have */
+  load(source) {
+    this.#body.textContent = "";
+    this.#rows = [];
+    for (const strip of stripsOf(source)) {
+      for (const series of strip.series) {
+        const row = this.#body.insertRow();
+        const head = document.createElement("th");
+        head.scope = "row";
+        head.textContent = series.name.replaceAll("_", " ");
+        row.append(head);
+        this.#rows.push({strip, series, cell: row.insertCell()});
+      }
+    }
+  }
+
+
+  show(values, now) {
+    if (now - this.#written < EVERY) {
+      return;
+    }
+    this.#written = now;
+    for (const {strip, series, cell} of this.#rows) {
+      const value = values[series.name] * strip.scale * (series.sign ?? 1);
+      cell.textContent = `${fixed(value, strip.decimals)} ${strip.unit}`;
+    }
+  }
+}
+
+// What strip charts and phase portraits share: lines, numbers, titles and curves.
+
+/** Room [px] beside and above a chart: at its right, for its title, between two charts. */
+export const [RIGHT, TITLE, GAP] = [10, 20, 6];
+/** Between the ticks of time [px], at least. */
+export const TIME_TICK = 72;
+const VALUE = 62; // px, for a value of the legend
+const TICK = 22; // px between the ticks of a value, at least
+const [LEFT, BESIDE, STEP] = [50, 6, 8]; // px left of a chart: the least; between number and chart; in so large steps
+
+/**
+ * Round numbers for an upright axis.
+ * @param {{low: number, high: number}} range of the axis
+ * @param {number} height of the chart [px]
+ * @returns {{step: number, ticks: number[]}}
+ */
+export function upright(range, height) {
+  return ticks(range.low, range.high, height / TICK);
+}
+
+/**
+ * Room for the numbers of upright axes, so that the longest of them is not cut.
+ * @param {object[]} axes ticks as `upright` gives them
+ * @returns {number} [px], in steps, lest charts jitter
+ */
+export function roomBeside(context, axes) {
+  context.font = font(11);
+  let widest = 0;
+  for (const {ticks: marks, step} of axes) {
+    for (const mark of marks) {
+      widest = Math.max(widest, context.measureText(tickText(mark, step)).width);
+    }
+  }
+  return Math.max(LEFT, STEP * Math.ceil((widest + BESIDE + 2) / STEP));
+}
+
+/**
+ * The lines of a chart, and the numbers of its upright axis.
+ * @param {object} place of the chart: left, width, top, height [px] and x, which leads a number to its place
+ * @param {{step: number, ticks: number[]}} marks of the upright axis
+ * @param {function(number): number} y leads a number to its place [px]
+ * @param {number[]} across where upright lines are
+ */
+export function drawGrid(context, place, marks, y, across) {
+  const {left, width, top, height} = place;
+  context.lineWidth = 1;
+  context.strokeStyle = theme.line;
+  for (const mark of across) {
+    const x = Math.round(place.x(mark)) + 0.5;
+    line(context, x, top, x, top + height);
+  }
+  context.font = font(11);
+  context.fillStyle = theme.soft;
+  context.textAlign = "right";
+  context.textBaseline = "middle";
+  for (const mark of marks.ticks) {
+    const at = Math.round(y(mark)) + 0.5;
+    line(context, left, at, left + width, at);
+    context.fillText(tickText(mark, marks.step), left - BESIDE, at);
+  }
+}
+
+/**
+ * The title of a chart, and the values of the present at its right end.
+ * @param {object} strip as `STRIPS` has it
+ */
+export function drawTitle(context, place, strip, values) {
+  const base = place.top - 6;
+  const legend = strip.series.filter((one) => !one.dashed).toReversed();
+  context.font = font(12);
+  const taken = legend.reduce((sum, one) => sum + VALUE + labelWidth(context, one), 0);
+  context.textBaseline = "alphabetic";
+  context.textAlign = "left";
+  context.font = font(12, "600");
+  context.fillStyle = theme.ink;
+  const title = `${strip.title} [${strip.unit}]`;
+  const fits = context.measureText(title).width + taken < place.width;
+  context.fillText(fits ? title : `${strip.short ?? strip.title} [${strip.unit}]`, place.left, base);
+  let right = place.left + place.width;
+  context.font = font(12);
+  context.textAlign = "right";
+  for (const series of legend) {
+    context.fillStyle = theme[series.colour];
+    context.fillText(fixed(values[series.name] * strip.scale * (series.sign ?? 1), strip.decimals), right, base);
+    right -= VALUE;
+    context.fillText(series.label ?? "", right + 8, base);
+    right -= labelWidth(context, series);
+  }
+}
+
+function labelWidth(context, series) {
+  return series.label ? context.measureText(series.label).width + 4 : 0;
+}
+
+/**
+ * A curve through points, with a break where a value is no number.
+ * @param {number[]} points across and upwards, one behind the other
+ * @param {function(number): number} y leads a number to its place [px]
+ * @param {number} first place of the first point
+ * @param {number} end
+ */
+export function stroke(context, place, points, y, first, end) {
+  let pen = false;
+  context.beginPath();
+  for (let k = first; k < end; k += 2) {
+    const known = !Number.isNaN(points[k + 1]);
+    if (known && pen) {
+      context.lineTo(place.x(points[k]), y(points[k + 1]));
+    } else if (known) {
+      context.moveTo(place.x(points[k]), y(points[k + 1]));
+    }
+    pen = known;
+  }
+  context.stroke();
+}
+
+/**
+ * The numbers of the axis below a chart; what is written next to them stands at its right end.
+ * @param {object} frame left, width [px] and x, which leads a number to its place
+ * @param {number} bottom of the chart [px]
+ * @param {{step: number, ticks: number[]}} marks
+ */
+export function drawAxis(context, frame, bottom, marks) {
+  context.font = font(11);
+  context.fillStyle = theme.soft;
+  context.textBaseline = "top";
+  for (const mark of marks.ticks) {
+    const x = frame.x(mark);
+    const text = tickText(mark, marks.step);
+    const half = context.measureText(text).width / 2;
+    context.textAlign = "center";
+    context.fillText(text, Math.min(x, frame.left + frame.width + RIGHT - half), bottom + 4);
+  }
+  context.textAlign = "right";
+}
+
+// Strip charts on one canvas, one above the other, with one axis of time.
 
 const BOTTOM = 34; // px, for the axis of time
 const FUTURE = 0.3; // share of the window that lies ahead, when what comes is known
@@ -25,7 +290,7 @@ export class Charts {
 
   /**
    * Show another source.
-   * @param {object} source a `Ring` or a `Motion`
+   * @param {object} source a `SampleBuffer` or a `Motion`
    * @param {boolean} ahead whether what comes is known and shown
    */
   load(source, ahead) {
@@ -40,7 +305,6 @@ export class Charts {
    * @param {object} surface to draw on
    * @param {number} time the present [s]
    * @param {number} window how much time is shown [s]
-   * @param {object} values quantities at the present, by name
    * @param {object} impacts to mark
    */
   draw(surface, time, window, values, impacts) {

@@ -28,10 +28,7 @@ export class Impacts {
     }
   }
 
-  /**
-   * @param {number} time [s]
-   * @returns {number} number of the first impact later than that
-   */
+  /** @returns {number} number of the first impact later than that */
   after(time) {
     let [low, high] = [0, this.list.length];
     while (low < high) {
@@ -45,18 +42,12 @@ export class Impacts {
     return low;
   }
 
-  /**
-   * @param {number} time [s]
-   * @returns {object | undefined} the next impact
-   */
+  /** @returns {object | undefined} the next impact */
   next(time) {
     return this.list[this.after(time)];
   }
 
-  /**
-   * @param {number} time [s]
-   * @returns {object | undefined} the one before
-   */
+  /** @returns {object | undefined} the one before */
   previous(time) {
     let number = this.after(time) - 1;
     while (number >= 0 && this.list[number].time >= time) {
@@ -67,7 +58,6 @@ export class Impacts {
 
   /**
    * @param {string} side "upper" or "inclined"
-   * @param {number} time [s]
    * @param {number} since how far back it may lie [s]
    * @returns {object | null} the last impact on that side that has begun
    */
@@ -86,8 +76,6 @@ export class Impacts {
 
   /**
    * How brightly a plate flashes.
-   * @param {string} side
-   * @param {number} time [s]
    * @param {number} fade in which the light goes out after the contact [s]
    * @returns {{glow: number, impact: object | null}} 0 (dark) to 1 (contact), and the impact that did it
    */
@@ -101,11 +89,7 @@ export class Impacts {
     return glow < 0.02 ? {glow: 0, impact: null} : {glow, impact};
   }
 
-  /**
-   * @param {number} from [s]
-   * @param {number} to [s]
-   * @returns {object[]} the impacts that begin in between
-   */
+  /** @returns {object[]} the impacts that begin in between */
   between(from, to) {
     return this.list.slice(this.after(from), this.after(to));
   }

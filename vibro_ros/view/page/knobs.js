@@ -1,6 +1,6 @@
 /** The knobs: a number and a slider for each command. The robot, not the page, refuses a number beyond its limits. */
 
-import {fixed} from "vibro/ticks.js";
+import {fixed} from "vibro/text.js";
 
 const NAMES = {
   "motor_speed": "motor speed", "upper_gap": "upper gap", "inclined_gap": "inclined gap",
@@ -174,7 +174,6 @@ export class Knobs {
 
   /**
    * Show what is in force.
-   * @param {object} values quantities by name
    * @param {object} commands values [SI] by the name of their knob, of those that have been given
    */
   show(values, commands) {
@@ -207,7 +206,6 @@ function make(tag, properties) {
 
 /**
  * A number as people type it, with a decimal point or a decimal comma.
- * @param {string} typed
  * @returns {number} NaN for anything else: thousands cannot be told from decimals where both signs stand
  */
 export function numberOf(typed) {
@@ -220,7 +218,6 @@ export function numberOf(typed) {
  * A function that is called at most so often, and in the end with the last value.
  * @param {function(number): void} call
  * @param {number} pause [ms]
- * @returns {function(number): void}
  */
 export function throttled(call, pause) {
   let timer = 0;

@@ -1,49 +1,42 @@
 /** The page of a live robot: samples, commands, what the robot says, and slow motion of the last second. */
 
-import {Connection} from "vibro/connection.js";
 import {Impacts} from "vibro/impacts.js";
 import {Knobs} from "vibro/knobs.js";
-import {LiveClock} from "vibro/clocks.js";
 import {Motion} from "vibro/motion.js";
-import {Ring} from "vibro/ring.js";
-import {note, pressed, say, sayAbsent} from "vibro/said.js";
-import {csv, recordedPage, save} from "vibro/save.js";
-import {Scene} from "vibro/scene.js";
-import {fixed} from "vibro/ticks.js";
+import {Page} from "vibro/page.js";
+import {csv, SampleBuffer} from "vibro/samples.js";
+import {fixed, note, pressed, say, sayAbsent} from "vibro/text.js";
 
-const SAMPLES = 60_000; // that are kept: a minute of a robot that publishes 1000 a second
+const MOST_SAMPLES = 60_000; // that are kept: a minute of a robot that publishes 1000 a second
 const MINUTE = 60; // s
 const AWAY = "The view is away, and the robot may run on. A view that is started anew prints a new address; open it.";
-const IMPACTS = 2000;
+const MOST_IMPACTS = 2000;
 const SLOW = 1; // s of slow motion
 const SLOW_SPEED = "0.03"; // until somebody chooses another one: two seconds for a turn of the crank
 
+const AGAIN = 1000; // ms before another try
+const LONGEST = 10_000; // ms between two of many tries
+const SAMPLES = 1; // a binary frame of rows of samples
+const MOTION = 2; // a binary frame of the payload of a motion
+const HEADER = 8; // bytes
+
 class Live {
-  #scene;
-  #clock;
+  #page;
   #connection;
   #impacts;
   #knobs;
   #buttons;
   #identity;
-  #ring;
+  #samples;
   #offers;
   #paused;
   #commands = {}; // in force
   #machine;
   #setting;
-  #page;
-  #shown; // what slow motion plays: header and payload
 
-  /**
-   * @param {object} setting of the page
-   * @param {string} page as the server has sent it
-   */
-  constructor(setting, page) {
+  constructor(setting) {
     this.#setting = setting;
-    this.#page = page;
-    this.#scene = new Scene();
-    this.#clock = new LiveClock();
+    this.#page = new Page();
     this.#connection = new Connection({
       robot: (message) => this.#meet(message), absent: ({words}) => this.#miss(words),
       commands: ({values}) => {
@@ -69,10 +62,10 @@ class Live {
   start() {
     sayAbsent("Waiting for the robot…");
     this.#connection.open();
-    this.#scene.run();
+    this.#page.run();
     const newest = {};
     setInterval(() => {
-      this.#ring?.read(this.#ring.end, newest);
+      this.#samples?.read(this.#samples.end, newest);
       this.#knobs.show(newest, this.#commands);
     }, 100);
   }
@@ -81,9 +74,8 @@ class Live {
     const {stop, reset, pause, step, record, slow, live, "save-samples": samples} = this.#buttons;
     stop.addEventListener("click", () => this.#connection.ask({command: "motor_speed", value: 0}, sayFailure));
     samples.addEventListener("click", () => {
-      save(`${this.#setting.robot}_last_minute.csv`, csv(this.#ring, Object.keys(this.#machine.quantities), MINUTE));
+      save(`${this.#setting.robot}_last_minute.csv`, csv(this.#samples, Object.keys(this.#machine.quantities), MINUTE));
     });
-    document.querySelector("#save-page").addEventListener("click", () => this.#savePage());
     for (const [button, call] of [[reset, "reset"], [step, "step"]]) {
       button.addEventListener("click", () => this.#connection.ask({call}));
     }
@@ -94,7 +86,7 @@ class Live {
     slow.addEventListener("click", () => this.#connection.ask({slow_motion: SLOW}));
     live.addEventListener("click", () => this.#goLive());
     document.addEventListener("keydown", (event) => {
-      if (event.key === "Escape" && this.#scene.motion) {
+      if (event.key === "Escape" && this.#page.motion) {
         this.#goLive();
       } else if (pressed(event, "s")) {
         slow.click(); // does nothing while it is disabled
@@ -110,13 +102,12 @@ class Live {
     const identity = JSON.stringify([name, origin, columns]);
     if (identity !== this.#identity) {
       this.#identity = identity;
-      this.#ring = new Ring(columns, SAMPLES, Object.keys(machine.quantities));
-      this.#impacts = new Impacts(IMPACTS);
-      this.#clock.forget();
-      this.#scene.view.setMachine(machine);
+      this.#samples = new SampleBuffer(columns, MOST_SAMPLES, Object.keys(machine.quantities));
+      this.#impacts = new Impacts(MOST_IMPACTS);
+      this.#page.picture.setMachine(machine);
       this.#goLive();
     }
-    this.#scene.view.setMachine(machine);
+    this.#page.picture.setMachine(machine);
     this.#machine = machine;
     this.#knobs.load(machine);
     this.#enable(true, offers);
@@ -124,8 +115,8 @@ class Live {
   }
 
   #miss(words) {
-    sayAbsent(this.#scene.motion ? "" : words);
-    note(this.#scene.motion ? words : "");
+    sayAbsent(this.#page.motion ? "" : words);
+    note(this.#page.motion ? words : "");
     this.#enable(false, {});
   }
 
@@ -137,13 +128,11 @@ class Live {
     }
     this.#buttons.step.disabled = !(offers.step && this.#paused);
     this.#buttons.slow.disabled = !on;
-    this.#buttons["save-samples"].disabled = !this.#ring;
+    this.#buttons["save-samples"].disabled = !this.#samples;
   }
 
   #take(rows) {
-    if (this.#ring.push(rows)) {
-      this.#clock.hear(this.#ring.end, performance.now() / 1e3);
-    }
+    this.#samples.push(rows);
   }
 
   #tell({real_time_factor: factor, dropped_share: dropped, paused, recording}) {
@@ -158,20 +147,13 @@ class Live {
 
   #slow(header, payload) {
     const motion = new Motion(header, payload);
-    this.#shown = [header, payload];
-    this.#scene.play(motion, new Impacts(header.impacts.length + 1, header.impacts));
-    this.#scene.player.playing = true;
+    this.#page.play(motion, new Impacts(header.impacts.length + 1, header.impacts));
+    this.#page.player.playing = true;
     this.#show(true);
   }
 
-  async #savePage() {
-    const title = `${this.#setting.robot} in slow motion`;
-    const setting = {...this.#setting, mode: "bag", title, machine: this.#machine};
-    save(`${title}.html`, await recordedPage(this.#page, setting, ...this.#shown));
-  }
-
   #goLive() {
-    this.#scene.follow(this.#ring, this.#impacts, this.#clock);
+    this.#page.follow(this.#samples, this.#impacts);
     this.#show(false);
     note("");
     document.querySelector("#exactness").textContent = "";
@@ -188,6 +170,15 @@ class Live {
       (slow ? live : button).focus();
     }
   }
+}
+
+// Have the browser save a text as a file.
+function save(name, text) {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(new Blob([text]));
+  link.download = name.replaceAll(/[^\w.-]+/gu, "_").replace(/^_/u, "");
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
 }
 
 // A number in other units as text; a dash for one that is not known.
@@ -208,11 +199,114 @@ function name(button, on, begin, end) {
   button.textContent = on ? end : begin;
 }
 
+/** Show the robot of the server that this page came from. */
+export function startLive(setting) {
+  new Live(setting).start();
+}
+
+/** The web socket to the server of the live view; it is opened again when it is lost. */
+class Connection {
+  /** Numbers in a row of samples; 0 while they are not known. */
+  columns = 0;
+  #hear;
+  #pause = AGAIN;
+  #number;
+  #header;
+  #waiting;
+  #socket;
+
+  /**
+   * @param {object} hear functions by the kind of a message, and `samples(rows)`, `motion(header, payload)`, `lost()`
+   */
+  constructor(hear) {
+    this.#hear = hear;
+    this.#number = 0;
+    this.#header = null;
+    this.#waiting = new Map();
+  }
+
+  /** Connect, now and whenever the connection is lost. */
+  open() {
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    const token = new URLSearchParams(location.search).get("token") ?? "";
+    const socket = new WebSocket(`${scheme}://${location.host}/live?token=${encodeURIComponent(token)}`);
+    socket.binaryType = "arraybuffer";
+    socket.addEventListener("open", () => {
+      this.#pause = AGAIN;
+    });
+    socket.addEventListener("message", (event) => this.#take(event.data));
+    socket.addEventListener("close", (event) => this.#lost(event));
+    this.#socket = socket;
+  }
+
+  /**
+   * Ask the server for something.
+   * @param {function(object): void} [answered] is called with the answer, instead of `hear.answer`
+   */
+  ask(request, answered) {
+    if (this.#socket?.readyState !== WebSocket.OPEN) {
+      this.#hear.lost("");
+      return;
+    }
+    this.#number += 1;
+    if (answered) {
+      this.#waiting.set(this.#number, answered);
+    }
+    this.#socket.send(JSON.stringify({id: this.#number, ...request}));
+  }
+
+  #lost(event) {
+    this.columns = 0;
+    this.#header = null;
+    this.#waiting.clear();
+    this.#hear.lost(event.reason);
+    this.#pause = Math.min(LONGEST, 1.5 * this.#pause);
+    setTimeout(() => this.open(), this.#pause);
+  }
+
+  #take(data) {
+    if (typeof data === "string") {
+      this.#takeText(JSON.parse(data));
+      return;
+    }
+    const frame = decode(data, this.columns);
+    if (frame?.type === SAMPLES) {
+      this.#hear.samples(frame.rows);
+    } else if (frame?.type === MOTION && this.#header?.id === frame.number) {
+      this.#hear.motion(this.#header.header, frame.payload);
+      this.#header = null;
+    }
+  }
+
+  #takeText(message) {
+    if (message.kind === "motion") {
+      this.#header = message;
+    } else if (message.kind === "answer") {
+      const answered = this.#waiting.get(message.id) ?? this.#hear.answer;
+      this.#waiting.delete(message.id);
+      answered(message);
+    } else {
+      this.#hear[message.kind]?.(message);
+    }
+  }
+}
+
 /**
- * Show the robot of the server that this page came from.
- * @param {object} setting of the page
- * @param {string} page as the server has sent it
+ * Take a frame apart.
+ * @param {number} columns how many numbers a row of samples has
+ * @returns {object | null} {type, number, rows or payload}; null for what is no frame
  */
-export function startLive(setting, page) {
-  new Live(setting, page).start();
+export function decode(buffer, columns) {
+  if (buffer.byteLength < HEADER) {
+    return null;
+  }
+  const view = new DataView(buffer);
+  const [type, number] = [view.getUint32(0, true), view.getUint32(4, true)];
+  if (type === MOTION) {
+    return {type, number, payload: buffer.slice(HEADER)};
+  }
+  if (type === SAMPLES && columns > 0 && buffer.byteLength === HEADER + 8 * columns * number) {
+    return {type, number, rows: new Float64Array(buffer, HEADER)};
+  }
+  return null;
 }

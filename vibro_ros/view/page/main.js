@@ -3,11 +3,9 @@
 import {Impacts} from "vibro/impacts.js";
 import {startLive} from "vibro/live.js";
 import {Motion} from "vibro/motion.js";
-import {note, say} from "vibro/said.js";
-import {save} from "vibro/save.js";
-import {Scene} from "vibro/scene.js";
+import {Page} from "vibro/page.js";
+import {note, say} from "vibro/text.js";
 
-const page = `<!doctype html>\n${document.documentElement.outerHTML}\n`; // before anything changes it
 const setting = json("setting");
 document.body.dataset.mode = setting.mode;
 document.title = setting.title;
@@ -17,7 +15,7 @@ try {
   if (setting.mode === "bag") {
     showBag(json("motion-header"), await bytes("motion-payload"));
   } else {
-    startLive(setting, page);
+    startLive(setting);
   }
 } catch (error) {
   say("error", String(error.message ?? error));
@@ -27,13 +25,12 @@ try {
 // Show the recording.
 function showBag(header, payload) {
   const motion = new Motion(header, payload);
-  const scene = new Scene();
-  scene.view.setMachine(setting.machine);
-  scene.play(motion, new Impacts(header.impacts.length + 1, header.impacts));
-  scene.player.playing = !globalThis.matchMedia("(prefers-reduced-motion: reduce)").matches;
+  const page = new Page();
+  page.picture.setMachine(setting.machine);
+  page.play(motion, new Impacts(header.impacts.length + 1, header.impacts));
+  page.player.playing = !globalThis.matchMedia("(prefers-reduced-motion: reduce)").matches;
   note((setting.notes ?? []).join(" "));
-  scene.run();
-  document.querySelector("#save-page").addEventListener("click", () => save(`${setting.title}.html`, page));
+  page.run();
 }
 
 // Data of the page that are JSON, by the id of their element.

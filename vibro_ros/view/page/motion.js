@@ -3,7 +3,7 @@
  * `vibro_ros/view/motion.py` says how a document holds them.
  */
 
-import {Cell} from "vibro/ring.js";
+import {Extremes} from "vibro/samples.js";
 
 /** Degree of a quantity about which nothing is known. */
 const UNKNOWN = 255;
@@ -47,18 +47,12 @@ export class Motion {
     this.#blocks = new Map();
   }
 
-  /**
-   * @param {string} name
-   * @returns {boolean} whether the motion tells this quantity
-   */
+  /** @returns {boolean} whether the motion tells this quantity */
   has(name) {
     return this.#index.has(name);
   }
 
-  /**
-   * @param {number} time [s]
-   * @returns {number} number of the last piece that begins no later; 0 before the first
-   */
+  /** @returns {number} number of the last piece that begins no later; 0 before the first */
   piece(time) {
     const borders = this.#borders;
     const guess = this.#piece;
@@ -79,7 +73,6 @@ export class Motion {
   }
 
   /**
-   * @param {string} name
    * @param {number} time [s]; within a gap between pieces the end of the piece before is returned
    * @returns {number} the quantity; NaN where nothing is known
    */
@@ -90,7 +83,6 @@ export class Motion {
 
   /**
    * The device at an instant.
-   * @param {number} time [s]
    * @param {object} values filled: each quantity by its name
    * @returns {number} the time within the motion that was read [s]
    */
@@ -115,28 +107,19 @@ export class Motion {
     return chebyshev(this.#coefficients, this.#places[place], degree, s);
   }
 
-  /**
-   * @param {number} time [s]
-   * @returns {boolean} whether what is shown there is what the simulator computes, not an interpolation
-   */
+  /** @returns {boolean} whether what is shown there is what the simulator computes, not an interpolation */
   exactAt(time) {
     const {exact, exact_spans: spans} = this.header;
     return exact || (spans ?? []).some(([begin, end]) => begin <= time && time <= end);
   }
 
-  /**
-   * @param {number} time [s]
-   * @returns {{force_x: number, force_z: number} | undefined} what pushes the body from outside [N], if it is known
-   */
+  /** @returns {{force_x: number, force_z: number} | undefined} what pushes the body from outside [N], if it is known */
   pushAt(time) {
     return this.header.pushes?.find(({begin, end}) => begin <= time && time < end);
   }
 
   /**
    * A quantity as a polyline; of each step of time the least and the greatest value, short blows included.
-   * @param {string} name
-   * @param {number} from [s]
-   * @param {number} to [s]
    * @param {number} step shortest time that can be seen [s]
    * @param {function(number, number): void} point is called for each point: time [s], value
    */
@@ -154,8 +137,6 @@ export class Motion {
   /**
    * Quantities at the same instants: both ends of each piece, and so many in between that no step is longer.
    * @param {string[]} names
-   * @param {number} from [s]
-   * @param {number} to [s]
    * @param {number} step longest time between two instants [s]
    * @param {function(number, number[]): void} point is called for each instant: time [s], values; NaN in a gap
    */
@@ -203,7 +184,7 @@ export class Motion {
 
   // One step of time; where nothing was recorded in between, a value that is no number parts the curve.
   #cell(name, number, step, hand) {
-    const cell = new Cell(number);
+    const cell = new Extremes(number);
     const index = this.#index.get(name);
     const [from, to] = [Math.max(number * step, this.begin), Math.min((number + 1) * step, this.end)];
     if (!(from <= to)) {
@@ -231,7 +212,6 @@ export class Motion {
  * @param {number} first place of the first coefficient
  * @param {number} degree
  * @param {number} s where, from -1 to 1
- * @returns {number}
  */
 export function chebyshev(coefficients, first, degree, s) {
   let [next, beyond] = [0, 0];

@@ -1,9 +1,8 @@
 /** Phase portraits: speed over place of each mass, and of the body's hops. */
 
-import {GAP, RIGHT, TIME_TICK, TITLE, drawAxis, drawGrid, drawTitle, roomBeside, stroke, upright} from "vibro/axes.js";
-import {line} from "vibro/stage.js";
-import {theme} from "vibro/surface.js";
-import {axisRange, ticks} from "vibro/ticks.js";
+import {GAP, RIGHT, TIME_TICK, TITLE, stroke, upright, drawAxis, drawGrid, drawTitle, roomBeside} from "vibro/charts.js";
+import {line} from "vibro/mechanism.js";
+import {theme, ticks, axisRange} from "vibro/text.js";
 
 const MILLI = 1e3;
 const AXIS = 20; // px, for the numbers below
@@ -27,7 +26,7 @@ export class Portraits {
 
   /**
    * Show another source.
-   * @param {object} source a `Ring` or a `Motion`
+   * @param {object} source a `SampleBuffer` or a `Motion`
    * @param {boolean} ahead whether what lies between samples is known
    * @param {boolean} hops whether the body can leave the ground
    */
@@ -43,7 +42,6 @@ export class Portraits {
    * @param {object} surface to draw on
    * @param {number} time the present [s]
    * @param {number} window how much time is shown, up to the present [s]
-   * @param {object} values quantities at the present, by name
    */
   draw(surface, time, window, values) {
     const context = surface.begin();

@@ -1,7 +1,73 @@
-/** The controls of a motion, by mouse and by keyboard: play, pause, speed, the time line, from impact to impact. */
+/** Slow motion: its clock, and the controls by mouse and by keyboard. */
 
-import {Surface, theme} from "vibro/surface.js";
-import {clockDecimals, fixed} from "vibro/ticks.js";
+import {Surface, fixed, theme, clockDecimals} from "vibro/text.js";
+
+const FRAME = 1 / 60; // s, of time on the wall
+
+/** The clock of slow motion: which instant of a motion is shown. */
+export class Player {
+  begin = 0; // s
+  end = 0; // s
+  time = 0; // s, the instant that is shown
+  speed = 1; // robot time over time on the wall
+  playing = false;
+
+  /** Put another motion in. */
+  load(begin, end) {
+    this.begin = begin;
+    this.end = end;
+    this.time = begin;
+  }
+
+  /**
+   * Go on.
+   * @param {number} elapsed time on the wall [s]
+   * @returns {boolean} whether the instant has changed
+   */
+  advance(elapsed) {
+    if (!this.playing) {
+      return false;
+    }
+    this.time += elapsed * this.speed;
+    if (this.time >= this.end) {
+      this.time = this.end;
+      this.playing = false;
+    }
+    return true;
+  }
+
+  /** Play, from the start if the end is reached; or pause. */
+  toggle() {
+    if (!this.playing && this.time >= this.end) {
+      this.time = this.begin;
+    }
+    this.playing = !this.playing;
+  }
+
+  /** Go to an instant, and stay there. */
+  seek(time) {
+    this.time = Math.min(this.end, Math.max(this.begin, time));
+    this.playing = false;
+  }
+
+  /**
+   * Go one picture on or back, as far as playing goes in a sixtieth of a second.
+   * @param {number} count 1 or -1
+   */
+  frame(count) {
+    this.seek(this.time + count * FRAME * this.speed);
+  }
+
+  /**
+   * How much robot time the charts show: what passes in six seconds of watching.
+   * @returns {number} [s]
+   */
+  get window() {
+    return 6 * this.speed;
+  }
+}
+
+// The controls of a motion, by mouse and by keyboard: play, pause, speed, the time line, from impact to impact.
 
 const THUMB = 8; // px, half of the time line's handle, where its value begins
 const CLICK = 4; // px that a pointer may move within a click
@@ -175,30 +241,29 @@ export class Marks {
 
 /**
  * Let a pointer choose the instant on the charts, while a motion is played.
- * @param {HTMLCanvasElement} canvas of the charts
- * @param {object} scene whose player and view are meant
+ * @param {object} page whose player and picture are meant
  */
-export function scrub(canvas, scene) {
+export function scrub(canvas, page) {
   let grip = null; // where the pointer went down
   canvas.addEventListener("pointerdown", (event) => {
-    const [at, edge] = [scene.view.timeAt(event.offsetX), scene.view.timeAt(event.offsetX + 1)];
-    if (scene.motion && event.button === 0 && Number.isFinite(at)) {
-      grip = {x: event.offsetX, time: scene.player.time, at, pace: edge - at, moved: false};
+    const [at, edge] = [page.picture.timeAt(event.offsetX), page.picture.timeAt(event.offsetX + 1)];
+    if (page.motion && event.button === 0 && Number.isFinite(at)) {
+      grip = {x: event.offsetX, time: page.player.time, at, pace: edge - at, moved: false};
       canvas.setPointerCapture(event.pointerId);
     }
   });
   canvas.addEventListener("pointermove", (event) => {
-    if (grip && scene.motion) {
+    if (grip && page.motion) {
       const way = event.offsetX - grip.x;
       grip.moved ||= Math.abs(way) > CLICK;
       if (grip.moved) {
-        scene.player.seek(grip.time - way * grip.pace);
+        page.player.seek(grip.time - way * grip.pace);
       }
     }
   });
   canvas.addEventListener("pointerup", () => {
-    if (grip && !grip.moved && scene.motion) {
-      scene.player.seek(grip.at);
+    if (grip && !grip.moved && page.motion) {
+      page.player.seek(grip.at);
     }
     grip = null;
   });

@@ -1,7 +1,7 @@
 /** Rows of numbers, the newest so many of them: the samples of a live robot; and curves of more points than pixels. */
 
 /** What of a step of time is drawn: the least and the greatest value, in their order. */
-export class Cell {
+export class Extremes {
   /** @param {number} number which step of time it is */
   constructor(number) {
     this.number = number;
@@ -11,10 +11,7 @@ export class Cell {
     this.high = -Infinity;
   }
 
-  /**
-   * @param {number} time [s]
-   * @param {number} value NaN where nothing is known
-   */
+  /** @param {number} value NaN where nothing is known */
   add(time, value) {
     if (value < this.low) {
       this.low = value;
@@ -44,7 +41,7 @@ export class Cell {
 }
 
 /** The newest rows. */
-export class Ring {
+export class SampleBuffer {
   #first;
   #known;
   #index;
@@ -65,10 +62,7 @@ export class Ring {
     this.#data = columns.map(() => new Float64Array(capacity));
   }
 
-  /**
-   * @param {string} name
-   * @returns {boolean} whether there is such a column, and the robot has that quantity
-   */
+  /** @returns {boolean} whether there is such a column, and the robot has that quantity */
   has(name) {
     return this.#index.has(name) && this.#known.has(name);
   }
@@ -119,10 +113,7 @@ export class Ring {
     return column ? column[(this.#first + row) % this.capacity] : Number.NaN;
   }
 
-  /**
-   * @param {number} time [s]
-   * @returns {number} number of the last row that is no later; -1 if all are
-   */
+  /** @returns {number} number of the last row that is no later; -1 if all are */
   row(time) {
     let [low, high] = [0, this.count];
     while (low < high) {
@@ -138,7 +129,6 @@ export class Ring {
 
   /**
    * The last sample no later than a time, or the first: nothing is invented between samples.
-   * @param {number} time [s]
    * @param {object} values filled: each quantity by its name
    * @returns {number} the time of the sample [s]
    */
@@ -152,9 +142,6 @@ export class Ring {
 
   /**
    * A quantity as a polyline; of many samples in one step the least and the greatest.
-   * @param {string} name
-   * @param {number} from [s]
-   * @param {number} to [s]
    * @param {number} step shortest time that can be seen [s]
    * @param {function(number, number): void} point is called for each point: time [s], value
    */
@@ -162,13 +149,13 @@ export class Ring {
     const column = this.#data[this.#index.get(name)];
     const [times] = this.#data;
     const last = Math.min(this.count - 1, this.row(to) + 1);
-    let cell = new Cell(Number.NaN);
+    let cell = new Extremes(Number.NaN);
     for (let row = Math.max(0, this.row(from)); row <= last; row += 1) {
       const place = (this.#first + row) % this.capacity;
       const number = Math.floor(times[place] / step);
       if (number !== cell.number) {
         cell.hand(point);
-        cell = new Cell(number);
+        cell = new Extremes(number);
       }
       cell.add(times[place], column[place]);
     }
@@ -178,8 +165,6 @@ export class Ring {
   /**
    * Quantities at the same instants: those of the samples.
    * @param {string[]} names
-   * @param {number} from [s]
-   * @param {number} to [s]
    * @param {number} _ step that a motion needs
    * @param {function(number, number[]): void} point is called for each sample: time [s], values
    */
@@ -189,4 +174,18 @@ export class Ring {
       point(this.at("time", row), names.map((name) => this.at(name, row)));
     }
   }
+}
+
+/**
+ * The newest rows as CSV: a line of names, then numbers in SI units that are read again bit for bit.
+ * @param {SampleBuffer} samples
+ * @param {string[]} names of its quantities
+ */
+export function csv(samples, names, seconds) {
+  const columns = ["time", ...names];
+  const lines = [columns.join(",")];
+  for (let row = samples.row(samples.end - seconds) + 1; row < samples.count; row += 1) {
+    lines.push(columns.map((name) => samples.at(name, row)).join(","));
+  }
+  return `${lines.join("\n")}\n`;
 }

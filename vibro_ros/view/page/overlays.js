@@ -1,13 +1,10 @@
-/** What is drawn over the mechanism on demand: forces, the ways of the masses, the names of the parts. */
+/** What is drawn over the mechanism on demand: forces, the names of the parts. */
 
-import {RAIL, SLED, arrowLength, sliderPosition} from "vibro/geometry.js";
-import {PLATE, massPlace, plateFace} from "vibro/mechanism.js";
-import {font, theme} from "vibro/surface.js";
-import {forceText} from "vibro/ticks.js";
+import {PLATE, RAIL, SLED, arrowLength, massPlace, plateFace, sliderPosition} from "vibro/mechanism.js";
+import {font, theme, forceText} from "vibro/text.js";
 
 const LEAST = 0.05; // N, of a force that is drawn
 const HEAD = 7; // px, of an arrow
-const TRACE_STEPS = 1000; // of a motion
 const LINE = 14; // px, between two names
 const BESIDE = 0.0185; // m from the middle of a guide to the arrows of the forces on its mass and its plate
 const [PUSHED, OVER] = [0.036, 0.01]; // m, where the arrow of a push begins: beside the crank's centre, over the sled
@@ -15,9 +12,6 @@ const [PUSHED, OVER] = [0.036, 0.01]; // m, where the arrow of a push begins: be
 /**
  * Draw the forces of an instant as arrows: of the ground on the body, of drives and plates on the masses, on a slope the
  * weight. Their length grows with the logarithm of the force, and the number stands beside it.
- * @param {CanvasRenderingContext2D} context
- * @param {object} stage fitted to the canvas
- * @param {object} values quantities by name
  */
 export function drawForces(context, stage, values) {
   const {machine, middle, scale, sole} = stage;
@@ -45,8 +39,6 @@ export function drawForces(context, stage, values) {
 
 /**
  * Draw a push from outside as an arrow over the sled.
- * @param {CanvasRenderingContext2D} context
- * @param {object} stage fitted to the canvas
  * @param {{force_x: number, force_z: number} | undefined} push none if nothing pushes
  */
 export function drawPush(context, stage, push) {
@@ -58,44 +50,7 @@ export function drawPush(context, stage, push) {
   }
 }
 
-/**
- * Draw the ways of the masses and of the crank's centre over the ground.
- * @param {CanvasRenderingContext2D} context
- * @param {object} stage fitted to the canvas
- * @param {object} source a `Ring` or a `Motion`
- * @param {number} time the present [s]
- * @param {number} window how much time is shown, up to the present [s]
- */
-export function drawTraces(context, stage, source, time, window) {
-  const {machine, middle, scale, body} = stage;
-  const hub = stage.ground - scale * machine.hub_height;
-  const ways = machine.guides.map(({side, angle}) => ({
-    colour: side, names: [`${side}_position`],
-    place: (position) => {
-      const along = position + machine.free_length + machine.mass_height / 2;
-      return [-along * Math.sin(angle), along * Math.cos(angle)];
-    },
-  }));
-  for (const {colour, names, place} of [...ways, {colour: "soft", names: [], place: () => [0, 0]}]) {
-    context.strokeStyle = theme[colour];
-    context.lineWidth = 1;
-    context.lineJoin = "bevel";
-    context.beginPath();
-    source.path(["body_position", "body_height", ...names], time - window, time, window / TRACE_STEPS,
-      (_, [position, height, ofMass]) => {
-        const [x, z] = place(ofMass);
-        context.lineTo(middle + scale * (position - body + x), hub - scale * (height + z));
-      });
-    context.stroke();
-  }
-}
-
-/**
- * Write beside the parts what they are called.
- * @param {CanvasRenderingContext2D} context
- * @param {object} stage fitted to the canvas
- * @param {object} values quantities by name
- */
+/** Write beside the parts what they are called. */
 export function drawNames(context, stage, values) {
   const {machine} = stage;
   for (const guide of machine.guides) {
