@@ -22,9 +22,9 @@ COMMANDS = {5: {"motor_speed": 100.0}, 120: {"upper_gap": 0.0005}, 150: {"motor_
             230: {"motor_speed": 40.0}}
 
 
-def read(folder):
+def read(folder, scene=None):
     """The motion, its header as a browser gets it, and the parts of the setting."""
-    setting, header, payload = bag_motion(folder)
+    setting, header, payload = bag_motion(folder, scene=scene)
     json.dumps(setting, allow_nan=False)
     return Motion(json.loads(json.dumps(header, allow_nan=False)), payload), setting
 
@@ -206,11 +206,13 @@ def test_one_of_the_two_topics_of_state_is_enough(without, tmp_path):
     assert_is_run(motion, run_of(offset_times(0.0, 120 / RATE, 3000)))
 
 
-def test_the_bag_of_another_recorder_is_recognised_by_its_samples(tmp_path):
+def test_the_bag_of_another_recorder_is_exact_by_its_samples_and_the_scene_that_is_named(tmp_path):
     whole = robot_bag(tmp_path / "bag", "damped", 241, {0: {"motor_speed": 60.0}, 120: "reset"}, RATE)
-    motion, setting = read(rewritten(whole, tmp_path / "other", known=False))
+    bag, scene = rewritten(whole, tmp_path / "other", known=False), vibro_ros.load_scene("damped")
+    motion, setting = read(bag, scene)
     assert (motion.header["exact"], motion.header["why"], setting["robot"]) == (True, "", "damped")
-    assert "its samples are those of the scene damped" in setting["notes"][0]
+    with pytest.raises(BagError, match="says which scene its robot simulated; leave --scene out"):
+        bag_motion(whole, scene=scene)
     assert motion.header["resets"] == [121 / RATE]
     assert_is_run(motion, run_of(offset_times(0.0, 120 / RATE, 5000), "damped", {0: {"motor_speed": 60.0}}))
 
@@ -230,6 +232,7 @@ def test_the_robot_of_another_recorder_may_be_unknown_and_its_motion_interpolate
     assert not header["exact"] and header["exact_spans"] == []
     assert "says nothing of scene, parameters, start" in header["why"] and "interpolated" in header["why"]
     assert header["resets"] == [121 / RATE] and setting["machine"]["name"] == "device"
+    assert "name the robot's scene with --scene" in setting["notes"][0]
     first = run_of(np.arange(121) / RATE, scene, {0: {"motor_speed": 60.0}})
     assert {"body_position", "motor_power", "normal_force", "upper_plate_force"} <= set(motion.quantities)
     assert_is_run(motion, first)

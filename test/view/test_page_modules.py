@@ -10,7 +10,7 @@ from page_reading import Modules
 
 import vibro_ros
 from vibro_ros.model.slider import Slider
-from vibro_ros.view.machine import machine
+from vibro_ros.view.drawing import drawing
 from vibro_ros.view.motion import MotionWriter
 
 EXACT = 4e-16  # relative: the same operations in another order
@@ -209,7 +209,7 @@ def test_a_robot_on_any_slope_lies_within_its_picture(modules, size):
               const {x: across, y: down} = turned.transformPoint(
                 new DOMPoint(stage.middle + stage.scale * x, stage.ground - stage.scale * z));
               return [across, down];
-            }));""", machine(scene.with_parameters({"ground.slope": float(slope)})), *size)
+            }));""", drawing(scene.with_parameters({"ground.slope": float(slope)})), *size)
         assert np.all((np.array(corners) >= 0.0) & (np.array(corners) <= size)), slope
         ahead = np.subtract(corners[2], corners[0])  # along the ground: uphill with a positive slope
         np.testing.assert_allclose(np.arctan2(-ahead[1], ahead[0]), slope, rtol=0, atol=1e-9)
@@ -262,7 +262,7 @@ def test_the_height_of_a_hop_stands_within_the_picture(modules, size):
           stage.fit(v[1], v[2], values);
           stage.drawHeight(context, values);
         }
-        return texts;""", machine(vibro_ros.load_scene("device")), *size)
+        return texts;""", drawing(vibro_ros.load_scene("device")), *size)
     assert len(texts) == 3 and all(0.0 <= one["left"] and one["right"] <= size[0] for one in texts)
 
 
@@ -300,5 +300,5 @@ def test_numbers_of_forces_lie_beside_the_masses(modules, size):
             }
           }
         }
-        return [...new Set(covered)];""", machine(vibro_ros.load_scene("device")), *size)
+        return [...new Set(covered)];""", drawing(vibro_ros.load_scene("device")), *size)
     assert found == []

@@ -52,4 +52,5 @@ EXECUTABLES = {
 
 def shows_live_robot(words):
     """Whether a command line of `view` is about a live robot, not about a recording."""
-    return not words or words[0].startswith("-") and words[0].partition("=")[0] not in ("--output", "--help", "-h")
+    of_recording = ("--output", "--scene", "--help", "-h")
+    return not words or words[0].startswith("-") and words[0].partition("=")[0] not in of_recording

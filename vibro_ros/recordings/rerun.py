@@ -130,6 +130,11 @@ class Rerun:
             [settings[name] for name in VARIANCES], facts.topics if settings["ros2_control"] else {})
         self.lasting = dict(self._messages.once(facts.start))
 
+    @property
+    def rate(self) -> float:
+        """Samples per simulated second [Hz]."""
+        return self._facts.rate
+
     def step(self) -> list[tuple[str, bytes]]:
         """Go to the next sample; what the robot publishes there: its own name of each topic, and the message.
 

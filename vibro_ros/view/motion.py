@@ -22,20 +22,56 @@ sentence when they are not; ``exact_spans``, pairs of begin and end [s] of what 
 ``time`` and ``end`` [s], ``side``, ``peak_force`` [N] (null where a plate is rigid, where an impact is an instant);
 ``resets``, the instants [s] at which the robot stood at its start again; of a robot's own recording also ``pushes`` of
 the body from outside, a list of ``begin`` and ``end`` [s], ``force_x`` and ``force_z`` [N].
+
+`fitted_motion` makes a document of exact intervals and interpolated samples. A piece is sampled at the nodes of
+Chebyshev's first kind, which lie inside it, so that what jumps at an event counts on neither side. Where the last
+coefficients of a quantity are still larger than may be neglected, the piece is halved: that also finds what jumps
+without having been announced.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from vibro_ros.messages.robot_messages import PLATES
+from vibro_ros.model.scene import Scene
+from vibro_ros.sensors.device import new_device
+from vibro_ros.simulation.simulator import Simulator, ToleranceWarning
 
 UNKNOWN = 255
 """Degree of a quantity of which nothing is known in a piece."""
 Document = tuple[dict[str, Any], bytes]
 """Header and payload."""
+Span = tuple[float, float]
+"""Begin and end [s]."""
+Progress = Callable[[float], object]
+"""Is given the share of the work that is done, from 0 to 1."""
+
+MOST_A_SECOND, MOST_OF_STEPS = 20_000, 2000
+"""Pieces of a second, by the method exact and by another one, whose every step may be a border that nobody sees."""
+#: Coefficients of a polynomial: of twelve to twenty-four, those that give the smallest documents.
+NODES = 20
+#: Longest piece [s], about a third of a turn of the crank at 100 rad/s.
+LONGEST = 0.02
+#: Borders closer together [s] are one: with the speeds of a blow, 4 m/s, nothing moves by 1e-10 m in between.
+TOGETHER = 2e-11
+#: A piece so short [s] is not halved.
+SHORTEST = 1e-9
+#: The last coefficients, of which none may count.
+_TAIL = 3
+#: Halving has helped if the last coefficients of one half shrink to less than this part; those of a smooth quantity
+#: nearly vanish.
+_HELPED = 0.2
+#: Times in a row that halving has not helped, after which it will not: more jumps in a piece than are unannounced.
+_HOPELESS = 4
+
+#: Borders [s], shape (p, 2), and Chebyshev coefficients (SI), shape (p, quantities, n), of interpolated pieces.
+Interpolated = tuple[np.ndarray, np.ndarray]
+#: Samples every quantity at ascending instants [s], shape (n,), as an array of shape (n, quantities).
+Sampler = Callable[[np.ndarray], np.ndarray]
 
 #: Precision of a place [m] and of an angle [rad]: a polynomial of 20 coefficients is then off by 5e-10 m at most.
 _PLACE = 5e-11
@@ -122,3 +158,211 @@ def impacts_as_json(impacts: Sequence[Impact]) -> list[dict[str, Any]]:
     """Impacts for a header, by time."""
     return [{**one._asdict(), "peak_force": one.peak_force if math.isfinite(one.peak_force) else None}
             for one in sorted(impacts)]
+
+
+class ExactInterval(NamedTuple):
+    """A device from one sample to a later one, by its own time [s]; `offset` is added to it to get robot time [s].
+
+    `start` is a checkpoint at the begin, before the commands there. The device took each of the commands, an instant of
+    its own time [s] and arguments of `Simulator.command`, which lie from `begin` to before `end`.
+    """
+
+    scene: Scene
+    start: np.ndarray
+    begin: float
+    end: float
+    offset: float
+    commands: tuple[tuple[float, dict[str, float]], ...] = ()
+
+    @property
+    def span(self) -> Span:
+        """Begin and end in robot time [s]."""
+        return self.begin + self.offset, self.end + self.offset
+
+    def values(self, device: Simulator, times: np.ndarray, names: Sequence[str]) -> np.ndarray:
+        """Quantities `names` at ascending `times` [s] of the device's own, shape (n, names); overwrites `device`."""
+        device.restore(self.start)
+        parts, done = [], 0
+        for instant, command in self.commands:
+            upto = int(np.searchsorted(times, instant))
+            if upto > done:
+                parts.append(_sampled(device, times[done:upto], names))
+            device.advance_to(instant)
+            device.command(**command)
+            done = upto
+        parts.append(_sampled(device, times[done:], names))
+        device.take_events()
+        return np.concatenate(parts)
+
+
+def _sampled(device: Simulator, times: np.ndarray, names: Sequence[str]) -> np.ndarray:
+    samples = device.sample(times)
+    return np.column_stack([getattr(samples, name) for name in names])
+
+
+def quiet() -> warnings.catch_warnings:
+    """A context without the warning of a tolerance that a scene cannot keep: its robot has given it."""
+    return warnings.catch_warnings(action="ignore", category=ToleranceWarning)
+
+
+def quiet_device(scene: Scene) -> Simulator:
+    """The device of a scene, without that warning."""
+    with quiet():
+        return new_device(scene)
+
+
+class FittedMotion(NamedTuple):
+    """The pieces; the intervals that they follow exactly; the instant [s] from which on pieces were left out, else
+    infinite."""
+
+    writer: MotionWriter
+    exact: list[ExactInterval]
+    end: float
+
+
+def fitted_motion(names: Sequence[str], intervals: Sequence[ExactInterval], instants: Sequence[np.ndarray],
+                  rest: Sequence[Interpolated], limit: float = math.inf,
+                  progress: Progress = lambda share: None) -> FittedMotion:
+    """Pieces of the quantities `names` in the order of time, as many as fit into `limit` bytes.
+
+    `intervals` are what is exact, by time, and `instants` the events in them [s]; `rest` is what is interpolated.
+    """
+    events = np.sort(np.concatenate([np.empty(0), *instants]))
+    places = [q for q, name in enumerate(names) if is_place(name)]
+    device: Simulator | None = None
+
+    def sampler(interval: ExactInterval) -> Sampler:
+        nonlocal device
+        if device is None or device.scene != interval.scene:
+            device = quiet_device(interval.scene)
+        return lambda times: interval.values(device, times, names)
+
+    rest = [one for one in rest if len(one[0])]
+    bounds = [np.nan_to_num(np.abs(one[1]).sum(axis=2), posinf=np.inf).max(axis=0) for one in rest]
+    for one in intervals:  # the largest magnitude of each quantity, by samples within the pieces
+        samples = sampler(one)(_instants(_borders(one, events), _PLACES[[0, NODES // 3, NODES // 2, -1]]).ravel())
+        bounds.append(np.abs(samples).max(axis=0, initial=0.0))
+    writer = MotionWriter(names, precisions(names, np.max([np.zeros(len(names)), *bounds], axis=0)))
+    parts: list[tuple[float, ExactInterval | Interpolated]] = [
+        *((one.span[0], one) for one in intervals), *((float(one[0][0, 0]), one) for one in rest)]
+    exact: list[ExactInterval] = []
+    for number, (begin, part) in enumerate(sorted(parts, key=lambda part: part[0])):
+        progress(number / len(parts))
+        if writer.size > limit:
+            return FittedMotion(writer, exact, begin)
+        if isinstance(part, ExactInterval):
+            borders = _borders(part, events)
+            a_second = MOST_A_SECOND if part.scene["solver.method"] == "exact" else MOST_OF_STEPS
+            most = len(borders) + int(a_second * (part.end - part.begin))
+            borders, coefficients, resolved = fitted(sampler(part), borders, 0.5 * writer.precision, most)
+            if resolved[places].all():
+                exact.append(part)
+            part = borders + part.offset, coefficients
+        writer.add(*part)
+    return FittedMotion(writer, exact, math.inf)
+
+
+def _borders(interval: ExactInterval, events: np.ndarray) -> np.ndarray:
+    """Borders of the pieces of an interval [s], shape (p, 2): cut at events, commands and samples of a controller."""
+    inside = events[slice(*np.searchsorted(events, interval.span))] - interval.offset
+    return cut(interval.begin, interval.end, np.concatenate([
+        inside, [time for time, _ in interval.commands],
+        controlled(interval.scene, interval.begin, interval.end)]))
+
+
+def controlled(scene: Scene, begin: float, end: float) -> np.ndarray:
+    """Instants [s] by the device's own time at which a dc motor's controller takes a sample: what it holds jumps there,
+    without an event. None of a controller that takes more samples than a page can show."""
+    rate = scene["motor.control_rate"]
+    if not scene.has_rotor or scene["motor.control"] == "voltage" or rate > MOST_A_SECOND:
+        return np.empty(0)
+    return np.arange(math.floor(begin * rate), math.ceil(end * rate) + 1) / rate
+
+
+def cut(begin: float, end: float, instants: np.ndarray) -> np.ndarray:
+    """Borders of pieces, shape (p, 2): `begin`, `end` [s], the `instants` between them, and none longer than `LONGEST`.
+
+    Instants that are closer than `TOGETHER` to the border before them or to the end are left out.
+    """
+    borders = [begin]
+    for instant in np.sort(instants[(instants > begin) & (instants < end - TOGETHER)]).tolist():
+        if instant - borders[-1] > TOGETHER:
+            borders.append(instant)
+    borders.append(end)
+    parts = np.maximum(1, np.ceil(np.diff(borders) / LONGEST)).astype(int)
+    edges = np.concatenate([*(np.linspace(one, other, count, endpoint=False)
+                              for one, other, count in zip(borders[:-1], borders[1:], parts, strict=True)), [end]])
+    return np.column_stack([edges[:-1], edges[1:]])
+
+
+def fitted(sample: Sampler, borders: np.ndarray, allowed: np.ndarray,
+           most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Polynomials of every quantity in the pieces with these `borders` [s], ascending, shape (p, 2), from `cut`.
+
+    `sample` samples the motion, as often as it is asked, anywhere within the borders. `allowed` are the largest
+    coefficients that may be neglected (SI); from `most` pieces on none is halved any more.
+
+    Returns
+    -------
+    borders : ndarray, shape (n, 2)
+        Of all pieces, ascending [s].
+    coefficients : ndarray, shape (n, quantities, NODES)
+        Of the Chebyshev polynomials (SI).
+    resolved : ndarray of bool, shape (quantities,)
+        Whether the polynomials of a quantity neglect nothing in any piece.
+    """
+    done: list[tuple[np.ndarray, np.ndarray]] = []
+    total, resolved = len(borders), np.full(len(allowed), True)
+    before: np.ndarray = np.empty(0)
+    in_vain: np.ndarray = np.zeros(len(borders), dtype=int)
+    while len(borders):
+        values = sample(_instants(borders, _PLACES).ravel())
+        coefficients = np.einsum("kn,pnq->pqk", _TRANSFORM, values.reshape(len(borders), NODES, -1), optimize=True)
+        # Instants are rounded, the more the later they are; a quantity's change in that time is no sign of anything.
+        rounding = np.spacing(borders[:, 1]) / (borders[:, 1] - borders[:, 0])
+        noise = 8.0 * rounding[:, None] * np.abs(coefficients[:, :, 1:]).max(axis=2)
+        tails = np.abs(coefficients[:, :, -_TAIL:]).max(axis=2) / np.maximum(allowed, noise)  # at most 1: neglected
+        worst = tails.max(axis=1, initial=0.0)
+        if len(before):  # a half shrinks unless the tails are rounding, or the steps of a method
+            helped = worst.reshape(-1, 2).min(axis=1) <= np.maximum(1.0, _HELPED * before)
+            in_vain = np.where(np.repeat(helped, 2), 0, in_vain + 1)
+        is_last = (borders[:, 1] - borders[:, 0] <= SHORTEST) | (in_vain >= _HOPELESS)
+        halved = (worst > 1.0) & ~is_last
+        total += int(np.count_nonzero(halved))
+        if total > most:
+            is_last, halved = is_last | halved, np.full(len(halved), False)
+        resolved &= (tails[is_last & (borders[:, 1] - borders[:, 0] > SHORTEST)] <= 1.0).all(axis=0)
+        done.append((borders[~halved], coefficients[~halved]))
+        (begin, end), middle = borders[halved].T, borders[halved].mean(axis=1)
+        borders = np.column_stack([begin, middle, middle, end]).reshape(-1, 2)
+        before, in_vain = worst[halved], np.repeat(in_vain[halved], 2)
+    found, polynomials = (np.concatenate(parts) for parts in zip(*done, strict=True))
+    order = np.argsort(found[:, 0], kind="stable")
+    return found[order], polynomials[order], resolved
+
+
+def polynomials_through(borders: np.ndarray, values: Callable[[np.ndarray], np.ndarray], count: int) -> np.ndarray:
+    """Coefficients of the polynomials of degree `count` - 1 through values at as many nodes, shape (p, Q, count).
+
+    `values` gives those at instants [s] of shape (p, count), of shape (p, count, Q).
+    """
+    places, transform = _nodes(count)
+    return np.einsum("kn,pnq->pqk", transform, values(_instants(borders, places)))
+
+
+def _nodes(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """The nodes in [-1, 1], ascending; and the matrix that makes Chebyshev coefficients of the values there."""
+    angles = (np.arange(count)[::-1] + 0.5) * np.pi / count
+    transform = 2.0 / count * np.cos(np.arange(count)[:, None] * angles)
+    transform[0] *= 0.5
+    return np.cos(angles), transform
+
+
+_PLACES, _TRANSFORM = _nodes(NODES)
+
+
+def _instants(borders: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Instants [s] of some places in [-1, 1] in each piece, shape (p, places)."""
+    middle, half = borders.mean(axis=1), 0.5 * (borders[:, 1] - borders[:, 0])
+    inside = middle[:, None] + half[:, None] * places
+    return np.clip(inside, borders[:, :1], borders[:, 1:])  # rounding leads out of no piece

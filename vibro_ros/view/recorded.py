@@ -11,8 +11,7 @@ from vibro_ros.messages.frames import JOINTS
 from vibro_ros.messages.robot_messages import PLATES
 from vibro_ros.messages.topics import CHECKPOINT, INPUTS, ROBOT_TOPICS
 from vibro_ros.simulation.samples import resets
-from vibro_ros.view.pieces import Interpolated, polynomials_through
-from vibro_ros.view.stretch import Progress, Span
+from vibro_ros.view.motion import Interpolated, Progress, Span, polynomials_through
 
 MOST_SAMPLES = 1_000_000
 """Samples of a topic that are read, an hour and a half at 200 Hz: more than a page can show."""
@@ -54,7 +53,7 @@ class Input(NamedTuple):
     data: bytes
 
 
-class Track(NamedTuple):
+class Signal(NamedTuple):
     """A quantity at the instants at which it was recorded [s], ascending, and its rate there if that was, too."""
 
     times: np.ndarray
@@ -105,9 +104,9 @@ class Recorded:
         """Read the other topics as well, which only an interpolated motion needs."""
         self._read(("ground_contact", *UNSTAMPED, "impacts"), lambda share: None)
 
-    def tracks(self, times_of: Callable[[Arrays], np.ndarray]) -> dict[str, Track]:
+    def signals(self, times_of: Callable[[Arrays], np.ndarray]) -> dict[str, Signal]:
         """Every recorded quantity; `times_of` gives the instants [s] of a topic's samples."""
-        found: dict[str, Track] = {}
+        found: dict[str, Signal] = {}
         columns_of: dict[str, Columns] = {topic: columns for topic, columns in _BODY.items() if topic in self.arrays}
         if joints := self.arrays.get("joint_states"):
             columns_of["joint_states"] = {
@@ -124,7 +123,7 @@ class Recorded:
                 rates = values.get(RATES.get(name, ""))
                 if rates is not None:
                     finite &= np.isfinite(rates)
-                found[name] = Track(times[finite], of_name[finite], None if rates is None else rates[finite])
+                found[name] = Signal(times[finite], of_name[finite], None if rates is None else rates[finite])
         return found
 
     def impacts(self) -> list[tuple[float, str, float]]:
@@ -143,15 +142,15 @@ RATES = {"body_position": "body_velocity", "body_height": "body_vertical_velocit
 """The rate of a quantity."""
 
 
-def interpolated(tracks: Mapping[str, Track], names: Sequence[str], span: Span,
+def interpolated(signals: Mapping[str, Signal], names: Sequence[str], span: Span,
                  resets: Sequence[float]) -> Interpolated:
     """Pieces between the samples in a `span` [s]: borders [s], shape (p, 2), and Chebyshev coefficients (SI).
 
     The coefficients have the shape (p, names, DEGREE + 1); what was not recorded of the names is NaN. At the instants
     [s] of `resets` the robot stood at its start again.
     """
-    # The samples of the first track that has any, because all that a robot publishes has one rate.
-    times = next((track.times for track in tracks.values() if len(track.times) > 1), np.empty(0))
+    # The samples of the first signal that has any, because all that a robot publishes has one rate.
+    times = next((signal.times for signal in signals.values() if len(signal.times) > 1), np.empty(0))
     longest = _longest(times)
     times = times[(times >= span[0] - NEAR) & (times <= span[1] + NEAR)]
     borders = np.column_stack([times[:-1], times[1:]])
@@ -161,10 +160,10 @@ def interpolated(tracks: Mapping[str, Track], names: Sequence[str], span: Span,
     if not names:
         return borders, np.empty((len(borders), 0, DEGREE + 1))
     return borders, polynomials_through(
-        borders, lambda instants: np.stack([_at(tracks.get(name), instants) for name in names], axis=2), DEGREE + 1)
+        borders, lambda instants: np.stack([_at(signals.get(name), instants) for name in names], axis=2), DEGREE + 1)
 
 
-def reset_instants(crank: Track) -> list[float]:
+def reset_instants(crank: Signal) -> list[float]:
     """Instants [s] of the first samples after resets; where the crank's speed was not recorded, it turns forwards."""
     speeds = np.full(len(crank.times), _FASTEST) if crank.rates is None else crank.rates
     return crank.times[1:][resets(crank.times, crank.values, speeds)].tolist()
@@ -175,11 +174,11 @@ def _longest(times: np.ndarray) -> float:
     return GAP * float(np.median(np.diff(times))) if len(times) > 1 else 0.0
 
 
-def _at(track: Track | None, instants: np.ndarray) -> np.ndarray:
+def _at(signal: Signal | None, instants: np.ndarray) -> np.ndarray:
     """A quantity at some instants [s], of their shape; NaN beyond its samples and in its gaps."""
-    if track is None or len(track.times) < 2:
+    if signal is None or len(signal.times) < 2:
         return np.full(instants.shape, np.nan)
-    times, values, rates = track
+    times, values, rates = signal
     left = np.clip(np.searchsorted(times, instants, side="right") - 1, 0, len(times) - 2)
     pause = times[left + 1] - times[left]
     s = (instants - times[left]) / pause

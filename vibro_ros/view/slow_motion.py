@@ -16,13 +16,11 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.given_state import UNITS
 from vibro_ros.simulation.kernels import compile_kernels
 from vibro_ros.simulation.preparation import Preparation
-from vibro_ros.view.following import Following, regular, state_of
-from vibro_ros.view.machine import shown
-from vibro_ros.view.motion import Document, impacts_as_json
-from vibro_ros.view.pieces import Assembly
+from vibro_ros.view.drawing import shown
+from vibro_ros.view.exact import ExactMotion, regular, spans, state_of
+from vibro_ros.view.motion import Document, fitted_motion, impacts_as_json, quiet_device
 from vibro_ros.view.protocol import COLUMNS, MOST_SECONDS
-from vibro_ros.view.recorded import RATES, Track, interpolated
-from vibro_ros.view.stretch import quiet_device, spans
+from vibro_ros.view.recorded import RATES, Signal, interpolated
 
 MOST_WAITING = 8
 """Motions that wait for those before them: one for each page."""
@@ -119,23 +117,22 @@ def motion_between(scene: Scene, samples: Mapping[str, np.ndarray]) -> Document:
     order = order[np.unique(stamps[order], return_index=True)[1]]
     samples, names = {name: column[order] for name, column in columns.items()}, shown(scene)
     times = regular(stamps[order])
-    followed = Following(quiet_device(scene), samples, times)
+    motion = ExactMotion(quiet_device(scene), samples, times)
     missing = [name for name in state_of(scene) if name not in samples]
     if not missing:
-        followed.follow()
-    tracks = {name: Track(times, values, samples.get(RATES.get(name, ""))) for name, values in samples.items()}
-    borders = np.ravel(spans(followed.stretches)).tolist()
+        motion.walk()
+    signals = {name: Signal(times, values, samples.get(RATES.get(name, ""))) for name, values in samples.items()}
+    borders = np.ravel(spans(motion.intervals)).tolist()
     if len(times):
         borders = [float(times[0]), *borders, float(times[-1])]
-    rest = [interpolated(tracks, names, span, followed.resets)
+    rest = [interpolated(signals, names, span, motion.resets)
             for span in zip(borders[::2], borders[1::2], strict=True)]
-    made = Assembly(names, followed.stretches, followed.instants, rest)
-    made.write()
+    made = fitted_motion(names, motion.intervals, motion.instants, rest)
     why = ""
-    if len(made.exact) < len(followed.stretches) or any(len(one) for one, _ in rest):
-        faults = [*(f"{name} is not published" for name in missing), *followed.faults,
+    if len(made.exact) < len(motion.intervals) or any(len(one) for one, _ in rest):
+        faults = [*(f"{name} is not published" for name in missing), *motion.faults,
                   "the motion changes too often to be drawn finely"]
         why = f"{faults[0]}; there the motion is interpolated between the samples"
     return made.writer.document({
-        "exact": not why, "why": why, "exact_spans": spans(made.exact), "impacts": impacts_as_json(followed.impacts),
-        "resets": followed.resets})
+        "exact": not why, "why": why, "exact_spans": spans(made.exact), "impacts": impacts_as_json(motion.impacts),
+        "resets": motion.resets})

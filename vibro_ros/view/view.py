@@ -16,6 +16,8 @@ from pathlib import Path
 from tqdm import tqdm
 
 from vibro_ros.bag.stream import BagError
+from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.model.scene import Scene
 from vibro_ros.process.executables import EXECUTABLES, shows_live_robot
 from vibro_ros.process.front_door import Parser, exit_code, say
 from vibro_ros.process.untrusted import one_line, open_to_read, replace_file
@@ -43,7 +45,7 @@ def _live(words: Sequence[str]) -> int:
 def _run(words: Sequence[str]) -> int:
     options = _parser().parse_args(words)
     try:
-        path = write_page(options.bag, options.output)
+        path = write_page(options.bag, options.output, load_scene(options.scene) if options.scene else None)
         print(one_line(path))
     except BagError as error:
         raise ValueError(str(error)) from error
@@ -56,12 +58,13 @@ def _run(words: Sequence[str]) -> int:
     return 0
 
 
-def write_page(bag_folder: Path, output: Path | None = None) -> Path:
+def write_page(bag_folder: Path, output: Path | None = None, scene: Scene | None = None) -> Path:
     """Write the page of a recording: one file that needs no network and no other file.
 
-    Returns its path, by default ``<bag folder>_view.html`` beside the recording, into which nothing is ever written.
-    BagError when the recording cannot be read, or `output` lies inside it, cannot be written, or is a file that `view`
-    has not written; OSError when what is at `output` cannot be read.
+    `scene` is what the robot simulated, of a recording that does not say it. Returns the page's path, by default
+    ``<bag folder>_view.html`` beside the recording, into which nothing is ever written. BagError when the recording
+    cannot be read or says its scene itself, or `output` lies inside it, cannot be written, or is a file that `view` has
+    not written; OSError when what is at `output` cannot be read.
     """
     folder = Path(bag_folder).resolve()
     path = Path(output).absolute() if output else folder.with_name(f"{folder.name}_view.html")
@@ -73,7 +76,7 @@ def write_page(bag_folder: Path, output: Path | None = None) -> Path:
                 raise BagError(f"{path}: is there, and no page that `view` wrote; give another --output")
     with tqdm(total=1.0, desc="view", delay=1.0, disable=None, leave=False,
               bar_format="{desc}: {percentage:3.0f} %|{bar}| {elapsed}") as bar:
-        parts, header, payload = bag_motion(folder, lambda share: bar.update(max(0.0, share - bar.n)))
+        parts, header, payload = bag_motion(folder, lambda share: bar.update(max(0.0, share - bar.n)), scene)
     text = page_text({**parts, "mode": "bag", "version": metadata.version("vibro_ros")}, (header, payload))
     try:
         replace_file(path, text.encode())
@@ -85,7 +88,7 @@ def write_page(bag_folder: Path, output: Path | None = None) -> Path:
 def _parser() -> Parser:
     parser = Parser(
         prog="view", formatter_class=argparse.RawDescriptionHelpFormatter, description=EXECUTABLES["view"].does,
-        usage="view BAG_FOLDER [--output FILE] [--open]\n"
+        usage="view BAG_FOLDER [--output FILE] [--scene NAME] [--open]\n"
         "       view [--robot NODE] [--address ADDRESS] [--port PORT] [--open] "
         "[--ros-args ...]",
         epilog="The first form writes a recording as one HTML file, which can be mailed and needs no network: the\n"
@@ -99,5 +102,7 @@ def _parser() -> Parser:
     parser.add_argument("bag", type=Path, metavar="BAG_FOLDER", help="folder of the recording")
     parser.add_argument("--output", type=Path, metavar="FILE",
                         help="where to write the recording's page (default: BAG_FOLDER_view.html)")
+    parser.add_argument("--scene", metavar="NAME", help="scene that the robot simulated, by name or file, of a "
+                        "recording that does not say it: another recorder's")
     parser.add_argument("--open", action="store_true", help="open the page in the browser")
     return parser

@@ -24,7 +24,7 @@ from vibro_ros.ros.live.robot import LiveRobot
 from vibro_ros.ros.live.scene import Settings
 from vibro_ros.ros.live.words import Words
 from vibro_ros.ros.node.node import SteadyNode
-from vibro_ros.view.machine import machine
+from vibro_ros.view.drawing import drawing
 from vibro_ros.view.motion import Document
 from vibro_ros.view.protocol import (
     COLUMNS,
@@ -213,7 +213,7 @@ class LivePage:
         """Kind and text of the frame that says how things stand."""
         if standing.settings is None:
             return "absent", text_frame("absent", words=standing.absence)
-        return "robot", text_frame("robot", name=self._name, machine=machine(standing.settings.scene),
+        return "robot", text_frame("robot", name=self._name, machine=drawing(standing.settings.scene),
                                    columns=list(COLUMNS), origin=str(standing.origin or 0),
                                    offers=dict(standing.offers))
 

@@ -18,7 +18,7 @@ from vibro_ros.ros.live.scene import SceneReader, Settings
 from vibro_ros.ros.node.node import SteadyNode
 from vibro_ros.ros.node.refusals import peer_text
 from vibro_ros.simulation.samples import FIELDS, TIME
-from vibro_ros.view.machine import voltage
+from vibro_ros.view.drawing import voltage
 
 SAMPLES = QoSProfile(depth=2000, reliability=ReliabilityPolicy.RELIABLE)
 """Deep, so that none is lost between two looks, or while something else takes long: 2 s at 1 kHz."""

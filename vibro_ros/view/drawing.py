@@ -20,7 +20,7 @@ _UNITS = {"time": "s", "position": "m", "height": "m", "velocity": "m/s", "angle
 ELECTRICAL = ("motor_voltage", "motor_current", "electrical_power")
 
 
-def machine(scene: Scene) -> dict[str, Any]:
+def drawing(scene: Scene) -> dict[str, Any]:
     """The robot of a scene, ready for JSON.
 
     Lengths are in m and angles in rad, counted from z (upwards) towards -x. A mass's position in the quantities is
@@ -41,7 +41,7 @@ def machine(scene: Scene) -> dict[str, Any]:
 
     Examples
     --------
-    >>> robot = machine(vibro_ros.load_scene("device"))
+    >>> robot = drawing(vibro_ros.load_scene("device"))
     >>> [(guide["side"], guide["rod"]) for guide in robot["guides"]]
     [('upper', 0.06), ('inclined', 0.06)]
     """

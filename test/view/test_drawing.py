@@ -7,13 +7,13 @@ import pytest
 
 import vibro_ros
 from vibro_ros.configuration.scene_file import shipped_scenes
-from vibro_ros.view.machine import machine, quantities, voltage
+from vibro_ros.view.drawing import drawing, quantities, voltage
 
 
 @pytest.mark.parametrize("name", shipped_scenes())
 def test_lengths_limits_and_units_of_every_shipped_scene(name):
     scene = vibro_ros.load_scene(name)
-    robot = json.loads(json.dumps(machine(scene), allow_nan=False))
+    robot = json.loads(json.dumps(drawing(scene), allow_nan=False))
     assert (robot["name"], robot["crank_radius"]) == (name, scene["crank.radius"])
     assert [guide["side"] for guide in robot["guides"]] == list(scene.guides)
     floor = ["ground.friction"] if scene["effects.friction"] != "none" else []
@@ -25,7 +25,7 @@ def test_lengths_limits_and_units_of_every_shipped_scene(name):
 @pytest.mark.parametrize("changes", [{"effects.reaction": False}, {"effects.friction": "static"}])
 def test_the_robot_refuses_beyond_a_knobs_limits_and_nowhere_before(changes):
     device = vibro_ros.Simulator(vibro_ros.load_scene("device").with_parameters(changes))
-    for knob in machine(device.scene)["knobs"]:
+    for knob in drawing(device.scene)["knobs"]:
         for limit, beyond in ((knob["from"], -1e-6), (knob["to"], 1e-6)):
             turn = device.set_parameters if knob["parameter"] else lambda one: device.command(**one)
             turn({knob["name"]: limit})
@@ -36,7 +36,7 @@ def test_the_robot_refuses_beyond_a_knobs_limits_and_nowhere_before(changes):
 def test_a_robot_without_a_mass_or_a_plate_has_no_quantities_of_them():
     scene = vibro_ros.load_scene("damped").with_parameters(
         {"effects.upper_mass": False, "effects.inclined_contact": "none"})
-    robot = machine(scene)
+    robot = drawing(scene)
     assert [(guide["side"], guide["plate"]) for guide in robot["guides"]] == [("inclined", False)]
     assert [knob["name"] for knob in robot["knobs"]] == ["motor_speed", "ground.friction"]
     assert not any("upper" in name or "plate" in name for name in robot["quantities"])
@@ -58,4 +58,4 @@ def test_the_voltage_is_what_the_simulator_says_with_a_current_and_without():
 
 def test_a_slope_and_the_weight_on_it():
     scene = vibro_ros.load_scene("device").with_parameters({"ground.slope": -0.2})
-    assert (machine(scene)["slope"], machine(scene)["weight"]) == (-0.2, scene.total_mass * scene["gravity"])
+    assert (drawing(scene)["slope"], drawing(scene)["weight"]) == (-0.2, scene.total_mass * scene["gravity"])
