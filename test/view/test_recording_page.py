@@ -93,8 +93,8 @@ def test_the_time_line_and_the_charts_lead_to_an_instant(opened):
 def test_the_numbers_of_the_charts_stand_in_a_table(opened):
     opened.evaluate("vibro.show(1.0)")
     assert opened.get_attribute("#mechanism", "role") == "img"
-    wait_for(opened, "document.querySelectorAll('#readings td').length > 6")
-    assert "mm" in opened.text_content("#readings tr:first-child td")
+    until(opened, lambda page: "mm" in page.text_content("#readings tr:first-child td"), "the body's displacement")
+    assert opened.locator("#readings td").count() > 6
 
 
 def test_a_dc_motor_has_voltage_and_current_among_the_numbers_and_a_push_is_drawn(opened, tmp_path):
