@@ -84,7 +84,7 @@ setup(
     },
     entry_points={
         "console_scripts": [
-            f"{name} = {NAME}.process.front_door:{name}" for name, one in EXECUTABLES.items() if one.installed
+            f"{name} = {NAME}.process.entry_point:{name}" for name, one in EXECUTABLES.items() if one.installed
         ],
     },
 )

@@ -15,8 +15,7 @@ import numpy as np
 from tools.child import Child
 from vibro_ros.bag.reader import Bag, BagError, read_bag
 from vibro_ros.messages.topics import OF_DC_MOTOR, ROBOT_TOPICS
-from vibro_ros.process.front_door import Parser, exit_code, say
-from vibro_ros.process.stop_signals import StopRequest
+from vibro_ros.process.entry_point import Parser, StopRequest, exit_code, say
 from vibro_ros.recordings.report import write_report
 from vibro_ros.view.view import write_page
 

@@ -9,8 +9,7 @@ from pathlib import Path
 
 from tools.child import Child
 from vibro_ros.configuration.scene_file import NODE_NAME
-from vibro_ros.process.front_door import Parser, exit_code
-from vibro_ros.process.stop_signals import StopRequest
+from vibro_ros.process.entry_point import Parser, StopRequest, exit_code
 
 SPEED = 60.0
 """Motor speed [rad/s] with which the robot starts: it crawls at once, and there is room for a knob to be turned up."""

@@ -14,7 +14,7 @@ from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64
 
-from vibro_ros.process.stop_signals import StopRequest
+from vibro_ros.process.entry_point import StopRequest
 from vibro_ros.ros.controller.player import Player, timeline
 from vibro_ros.ros.node import process
 

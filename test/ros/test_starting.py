@@ -21,8 +21,8 @@ from std_msgs.msg import Float64
 
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.configuration.scene_file import NODE_NAME
+from vibro_ros.process.entry_point import StopRequest
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.ros.controller import player
 from vibro_ros.ros.node import process
 

@@ -265,10 +265,9 @@ def test_an_iterator_that_is_dropped_leaves_nothing_running():
 
 INTERRUPTED_FORK = """
 import os, signal
-from vibro_ros.process import stop_signals
+from vibro_ros.process import entry_point
 from vibro_ros.simulation.processes import in_processes
-stop_signals.end_at_once("study")
-stop_signals.interrupt_what_runs()
+entry_point.interrupt_on_signals()
 os.register_at_fork(before=lambda: os.kill(os.getpid(), signal.SIGINT))
 try:
     list(in_processes(abs, range(3), 2))
@@ -284,10 +283,9 @@ def test_a_stop_signal_in_a_hook_of_a_fork_is_not_lost():
 
 SWALLOWED = """
 import os, signal, sys
-from vibro_ros.process import stop_signals
+from vibro_ros.process import entry_point
 from vibro_ros.simulation.processes import in_processes
-stop_signals.end_at_once("study")
-stop_signals.interrupt_what_runs()
+entry_point.interrupt_on_signals()
 def propose():
     for number in range(100):
         try:

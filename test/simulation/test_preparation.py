@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from vibro_ros.process import front_door
+from vibro_ros.process import entry_point
 from vibro_ros.simulation import preparation
 from vibro_ros.simulation.preparation import Preparation
 from vibro_ros.solver.kernel_cache import Progress
@@ -68,7 +68,7 @@ def test_a_python_program_is_told_what_it_waits_for_on_stderr(progress, monkeypa
         assert told.wait(PATIENCE)
 
     def say(program, text):
-        front_door.say(program, text)
+        entry_point.say(program, text)
         if "so far" in text:
             told.set()
 

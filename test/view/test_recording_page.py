@@ -9,7 +9,7 @@ from page_reading import COLOURED, open_file, until, wait_for
 from robot_bag import robot_bag
 
 import vibro_ros
-from vibro_ros.process.front_door import BAD_INPUT
+from vibro_ros.process.entry_point import BAD_INPUT
 from vibro_ros.view import view
 from vibro_ros.view.page import MARK, page_text
 

@@ -18,7 +18,7 @@ from xml.sax.saxutils import escape
 from tools.interfaces.compilation import CompilerError, Libraries, find_compiler
 from tools.interfaces.definitions import InterfacePackage, fingerprint, interface_packages
 from tools.interfaces.generation import Sources
-from vibro_ros.process.front_door import Parser, exit_code
+from vibro_ros.process.entry_point import Parser, exit_code
 
 STAMP = "interface_types.done"
 """File in the environment that holds the fingerprint of what its types were made from; written last."""

@@ -3,7 +3,7 @@
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
     import sys
 
-    from vibro_ros.process.front_door import enter
+    from vibro_ros.process.entry_point import enter
 
     sys.exit(enter("accuracy"))
 
@@ -36,9 +36,8 @@ from vibro_ros.accuracy.methods import STUDIED, ComparedMethod, UnableError
 from vibro_ros.accuracy.precision import INSTANTS, LEAST_TIME, RATE, RUNNING_SPEED, Effort, Growth, SceneStudy
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
 from vibro_ros.orbits.starts import SETTLING
+from vibro_ros.process.entry_point import FAILURE, Parser, exit_code, interrupted_code, say
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import FAILURE, Parser, exit_code, say
-from vibro_ros.process.stop_signals import interrupted_code
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.preparation import prepare_kernels
 

@@ -10,7 +10,7 @@ from itertools import count, islice
 from pathlib import Path
 
 from vibro_ros.bag.metadata import FILE_NAME
-from vibro_ros.process.untrusted import kind_of
+from vibro_ros.process.files import kind_of
 
 BAG_PATTERN = "vibro_robot_*"
 """Of the names that `bag_folders` gives."""

@@ -36,7 +36,7 @@ from mcap.records import (
 
 from vibro_ros.bag.mcap_segment import HEAD, MAGIC, METADATA_KEY, METADATA_NAME, Summary, message_indexes, packed, zstd
 from vibro_ros.bag.metadata import LAST_STAMP, FileInformation, TopicInformation, custom_data, qos_profiles
-from vibro_ros.process.untrusted import open_to_read
+from vibro_ros.process.files import open_to_read
 
 LARGEST_RECORD = 128 * 2**20
 """Bytes of a record's content, and of a chunk's when it is decompressed; a longer one is not read."""

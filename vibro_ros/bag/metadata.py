@@ -8,7 +8,7 @@ import yaml
 
 from vibro_ros.configuration.strict_yaml import Limits, parsed, read_yaml
 from vibro_ros.messages.codec import jazzy_types
-from vibro_ros.process.untrusted import replace_file
+from vibro_ros.process.files import replace_file
 
 BAG_VERSION = 9
 FILE_NAME = "metadata.yaml"

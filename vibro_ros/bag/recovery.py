@@ -18,7 +18,7 @@ from vibro_ros.bag.mcap_scan import McapFile
 from vibro_ros.bag.mcap_segment import metadata_record
 from vibro_ros.bag.metadata import FILE_NAME, agrees, as_text, bag_information, write_metadata
 from vibro_ros.bag.stream import BagContents, BagError, BagStream, not_read
-from vibro_ros.process.untrusted import one_line, opened, write_all
+from vibro_ros.process.files import one_line, opened, write_all
 
 _BLOCK = 2**20  # bytes that are copied at a time
 

@@ -14,7 +14,7 @@ from vibro_ros.bag.folders import bag_files
 from vibro_ros.bag.mcap_scan import ForeignFileError, McapFile, Message
 from vibro_ros.bag.metadata import FILE_NAME, custom_of, depth_of, is_lasting, read_metadata
 from vibro_ros.messages.topics import ROBOT_TOPICS, TOPICS
-from vibro_ros.process.untrusted import one_line
+from vibro_ros.process.files import one_line
 
 QOS_DEPTH = 10
 """Of a topic of which the bag does not say it."""

@@ -17,7 +17,7 @@ import numpy as np
 from vibro_ros.configuration.scene_file import config_folder
 from vibro_ros.model.parameters import BY_NAME, Value, checked_parameters, quoted
 from vibro_ros.model.scene import Scene
-from vibro_ros.process.untrusted import content
+from vibro_ros.process.files import content
 
 PATCHWORK = -1
 """Number of no motion: of cells that are too few together to make one, where what is found changes from cell to cell.

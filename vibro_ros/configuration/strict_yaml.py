@@ -13,7 +13,7 @@ from pathlib import Path
 
 import yaml
 
-from vibro_ros.process.untrusted import content
+from vibro_ros.process.files import content
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
     import sys
 
-    from vibro_ros.process.front_door import enter
+    from vibro_ros.process.entry_point import enter
 
     sys.exit(enter("recover"))
 
@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 
 from vibro_ros.bag.recovery import RecoveryError, described, recover
+from vibro_ros.process.entry_point import BAD_INPUT, Parser, exit_code, say
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import BAD_INPUT, Parser, exit_code, say
 
 
 def main(words: Sequence[str]) -> int:

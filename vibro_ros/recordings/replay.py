@@ -3,7 +3,7 @@
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
     import sys
 
-    from vibro_ros.process.front_door import enter
+    from vibro_ros.process.entry_point import enter
 
     sys.exit(enter("replay"))
 
@@ -22,9 +22,9 @@ from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.messages.topics import CHECKPOINT, COMMAND_UNITS, INPUTS, OF_DC_MOTOR, SENSOR_TOPICS, TOPICS
 from vibro_ros.model.scene import Scene
+from vibro_ros.process.entry_point import Parser, exit_code, say
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import Parser, exit_code, say
-from vibro_ros.process.untrusted import one_line
+from vibro_ros.process.files import one_line
 from vibro_ros.recordings.comparison import Comparison, compare
 from vibro_ros.recordings.rerun import SAMPLED, Rerun, RunFacts, most_ticks, run_facts, ticks
 from vibro_ros.recordings.summary import as_text, load_samples, summarise

@@ -3,7 +3,7 @@
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
     import sys
 
-    from vibro_ros.process.front_door import enter
+    from vibro_ros.process.entry_point import enter
 
     sys.exit(enter("report"))
 
@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from vibro_ros.bag.reader import BagError
+from vibro_ros.process.entry_point import Parser, exit_code
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import Parser, exit_code
-from vibro_ros.process.untrusted import one_line
+from vibro_ros.process.files import one_line
 from vibro_ros.recordings.energy import energy_of
 from vibro_ros.recordings.plots import plot_pair, plot_run
 from vibro_ros.recordings.summary import as_caption, as_text, load_samples, pair_as_text, summarise

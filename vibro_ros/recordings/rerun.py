@@ -26,7 +26,7 @@ from vibro_ros.messages.robot_messages import RobotMessages, stamp_at
 from vibro_ros.messages.topics import CHECKPOINT, OF_DC_MOTOR, OPERATIONS, ROBOT_TOPICS, TOPICS, VARIANCES, commands_in
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
-from vibro_ros.process.untrusted import one_line
+from vibro_ros.process.files import one_line
 from vibro_ros.sensors.device import SensedSimulator, new_device
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.preparation import prepare_kernels

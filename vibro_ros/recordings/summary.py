@@ -13,7 +13,7 @@ from vibro_ros.bag.stream import not_read
 from vibro_ros.messages.topics import OPERATIONS
 from vibro_ros.model.parameters import SCENE_PARAMETERS
 from vibro_ros.model.scene import Scene
-from vibro_ros.process.untrusted import one_line
+from vibro_ros.process.files import one_line
 from vibro_ros.recordings.energy import changes, energy_as_lines, reset_times
 from vibro_ros.simulation.validity import Validity, validity_of
 

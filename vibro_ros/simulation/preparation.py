@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from typing import Generic, TypeVar, cast
 
-from vibro_ros.process.front_door import say
+from vibro_ros.process.entry_point import say
 from vibro_ros.simulation.kernels import compile_kernels, compiled_methods
 from vibro_ros.solver.compilation import PLAIN
 from vibro_ros.solver.kernel_cache import progress

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from vibro_ros.process.stop_signals import interrupt_again, interrupted_afterwards
+from vibro_ros.process.entry_point import interrupt_again, interrupted_afterwards
 
 #: Items a process that may be ahead of the result that is due.
 AHEAD = 4

@@ -13,9 +13,8 @@ from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.parameters import BY_NAME, Value, parameter_named
 from vibro_ros.model.scene import Scene
-from vibro_ros.process.front_door import Parser, exit_code, say
-from vibro_ros.process.stop_signals import interrupted_code
-from vibro_ros.process.untrusted import replace_file
+from vibro_ros.process.entry_point import Parser, exit_code, interrupted_code, say
+from vibro_ros.process.files import replace_file
 from vibro_ros.simulation.processes import core_count
 from vibro_ros.study.running.runner import Runner, run_on_this_machine
 from vibro_ros.study.variation import whole_number

@@ -7,7 +7,7 @@ from typing import Self
 
 from tqdm import tqdm
 
-from vibro_ros.process.front_door import say
+from vibro_ros.process.entry_point import say
 
 _LINES = 10.0  # s between lines that say how far it is, where no bar can be drawn
 _DELAY = 2.0  # s before a bar is drawn

@@ -3,15 +3,15 @@
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
     import sys
 
-    from vibro_ros.process.front_door import enter
+    from vibro_ros.process.entry_point import enter
 
     sys.exit(enter("study"))
 
 from collections.abc import Sequence
 from importlib import import_module
 
+from vibro_ros.process.entry_point import Parser, exit_code
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import Parser, exit_code
 
 STUDIES = {
     "sweep": "Vary parameters and tabulate what the robot does.",

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from vibro_ros.messages.topics import COMMAND_UNITS
-from vibro_ros.process.untrusted import one_line
+from vibro_ros.process.files import one_line
 from vibro_ros.simulation.samples import FIELDS
 
 COLUMNS = FIELDS

@@ -23,7 +23,7 @@ from tornado.netutil import bind_sockets
 from tornado.web import Application, Finish, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
-from vibro_ros.process.front_door import say
+from vibro_ros.process.entry_point import say
 from vibro_ros.view.gate import MOST_STRIKES, RATE, Allowance, Gate
 from vibro_ros.view.motion import Document
 from vibro_ros.view.page import policy

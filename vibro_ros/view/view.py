@@ -3,7 +3,7 @@
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
     import sys
 
-    from vibro_ros.process.front_door import enter
+    from vibro_ros.process.entry_point import enter
 
     sys.exit(enter("view"))
 
@@ -18,9 +18,9 @@ from tqdm import tqdm
 from vibro_ros.bag.stream import BagError
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.scene import Scene
+from vibro_ros.process.entry_point import Parser, exit_code, say
 from vibro_ros.process.executables import EXECUTABLES, shows_live_robot
-from vibro_ros.process.front_door import Parser, exit_code, say
-from vibro_ros.process.untrusted import one_line, open_to_read, replace_file
+from vibro_ros.process.files import one_line, open_to_read, replace_file
 from vibro_ros.view.bag_motion import bag_motion
 from vibro_ros.view.page import MARK, page_text
 

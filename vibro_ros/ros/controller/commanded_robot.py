@@ -21,7 +21,7 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, qos_profile_parameter_events
 
-from vibro_ros.process.stop_signals import StopRequest
+from vibro_ros.process.entry_point import StopRequest
 from vibro_ros.ros.controller.feedback import Track
 from vibro_ros.ros.controller.script import MOTOR
 from vibro_ros.ros.live.scene import SceneReader, Settings

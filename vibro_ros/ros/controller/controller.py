@@ -3,7 +3,7 @@
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
     import sys
 
-    from vibro_ros.process.front_door import enter
+    from vibro_ros.process.entry_point import enter
 
     sys.exit(enter("controller"))
 
@@ -27,9 +27,8 @@ from vibro_ros.configuration.command_map import CommandMap, find_map, read_map, 
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.model.faults import Incident
 from vibro_ros.model.parameters import Parameter, Value, checked_parameters
+from vibro_ros.process.entry_point import Parser, StopRequest, exit_code
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import Parser, exit_code
-from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.ros.controller.actions import NAMES, PACKAGE, GoalServer, action_types
 from vibro_ros.ros.controller.commanded_robot import ODOM, PATIENCE, CommandedRobot, Odometer
 from vibro_ros.ros.controller.feedback import RATE, GoalError, Pursuit, check_reach

@@ -11,7 +11,7 @@ from rclpy.publisher import Publisher
 from std_msgs.msg import Float64
 
 from vibro_ros.configuration.scene_file import NODE_NAME
-from vibro_ros.process.stop_signals import StopRequest
+from vibro_ros.process.entry_point import StopRequest
 from vibro_ros.ros.node import process
 from vibro_ros.ros.node.node import SteadyNode
 from vibro_ros.ros.node.process import CLOCK

@@ -16,7 +16,7 @@ from rclpy.task import Future
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.model.parameters import SCENE_PARAMETERS, checked_parameters
 from vibro_ros.model.scene import Scene
-from vibro_ros.process.untrusted import one_line
+from vibro_ros.process.files import one_line
 from vibro_ros.ros.node.refusals import peer_text
 
 AGAIN = 1.0

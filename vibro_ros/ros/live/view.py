@@ -3,7 +3,7 @@
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
     import sys
 
-    from vibro_ros.process.front_door import enter
+    from vibro_ros.process.entry_point import enter
 
     sys.exit(enter("live_view"))
 
@@ -23,9 +23,8 @@ from typing import Any
 
 from vibro_ros.configuration.scene_file import NODE_NAME as ROBOT
 from vibro_ros.model.parameters import Parameter, checked_parameters
+from vibro_ros.process.entry_point import Parser, StopRequest, exit_code
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import Parser, exit_code
-from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.ros.live.page import LivePage
 from vibro_ros.ros.node import process
 from vibro_ros.ros.node.arguments import check_addressed, check_arguments, check_names, own_arguments

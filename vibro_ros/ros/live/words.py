@@ -19,7 +19,7 @@ from vibro_ros.messages.codec import deserialised
 from vibro_ros.messages.operations import PAUSE, RESUME, Operation, read_operation
 from vibro_ros.messages.robot_messages import PLATES
 from vibro_ros.messages.topics import OPERATIONS, TOPICS, full_name
-from vibro_ros.process.untrusted import one_line
+from vibro_ros.process.files import one_line
 from vibro_ros.ros.live.samples import SECOND, QuietSubscription
 from vibro_ros.ros.node import qos
 

@@ -14,7 +14,7 @@ from rclpy.parameter import Parameter as ParameterOfRclpy
 from vibro_ros.configuration.parameter_file import own_parameters
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Parameter, Value, checked_parameters
-from vibro_ros.process.untrusted import one_line
+from vibro_ros.process.files import one_line
 from vibro_ros.ros.node.refusals import peer_text
 
 TABLE = (*DEVICE_PARAMETERS, *SCENE_PARAMETERS)

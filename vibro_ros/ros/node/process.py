@@ -1,6 +1,6 @@
 """How a node's process gets its node, how its loop runs, and how it waits for simulated time.
 
-SIGINT, SIGTERM and SIGHUP are taken by `front_door` instead of by rclpy: rclpy's handlers shut the context down under
+SIGINT, SIGTERM and SIGHUP are taken by `entry_point` instead of by rclpy: rclpy's handlers shut the context down under
 the threads that still publish, and a wait without end may then never return. A signal is a request that the loop polls,
 so that it can say a last word (seal the bag, stop the motor) while ROS is still up.
 """

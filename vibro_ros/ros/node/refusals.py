@@ -6,7 +6,7 @@ from types import TracebackType
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
-from vibro_ros.process.untrusted import one_line
+from vibro_ros.process.files import one_line
 
 LONGEST_SHOWN = 60
 """Characters of a peer's text that are repeated to it or to the log."""

@@ -16,7 +16,7 @@ from vibro_ros.bag.recovery import RecoveryError, described, recover
 from vibro_ros.bag.writer import Storage
 from vibro_ros.messages.topics import TOPICS
 from vibro_ros.model.parameters import Value
-from vibro_ros.process.untrusted import one_line
+from vibro_ros.process.files import one_line
 from vibro_ros.ros.node.refusals import Throttle
 from vibro_ros.ros.topics.publishers import RobotPublishers
 

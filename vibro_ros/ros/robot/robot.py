@@ -3,7 +3,7 @@
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
     import sys
 
-    from vibro_ros.process.front_door import enter
+    from vibro_ros.process.entry_point import enter
 
     sys.exit(enter("robot"))
 
@@ -38,9 +38,8 @@ from vibro_ros.messages.topics import (
 )
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
+from vibro_ros.process.entry_point import Parser, StopRequest, exit_code, say
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import Parser, exit_code, say
-from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.ros.node import process, qos
 from vibro_ros.ros.node.arguments import check_addressed, check_arguments, check_names, folder_of, own_arguments
 from vibro_ros.ros.node.node import SteadyNode

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from vibro_ros.accuracy.precision import running
 from vibro_ros.orbits.turn_map import Stroboscope, free_cut
-from vibro_ros.process.front_door import FAILURE, Parser, say
+from vibro_ros.process.entry_point import FAILURE, Parser, say
 from vibro_ros.simulation.simulator import ToleranceWarning
 from vibro_ros.study.basins.attractors import NOWHERE, basin_entropy, found_in, uncertainty
 from vibro_ros.study.basins.result import attractors_table, draw_basins, in_words, starts_table

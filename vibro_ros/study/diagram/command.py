@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import PREFIX, Scene
 from vibro_ros.orbits.turn_map import TURN, coordinates, free_cut
-from vibro_ros.process.front_door import Parser
+from vibro_ros.process.entry_point import Parser
 from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.study.command import (
     add_machine,

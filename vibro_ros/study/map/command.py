@@ -12,7 +12,7 @@ import pyarrow as pa
 from vibro_ros.configuration.command_map import LARGEST, SIDES, CommandMap, parameters_that_count, written
 from vibro_ros.orbits.continuation import KINDS
 from vibro_ros.orbits.turn_map import check_closes, coordinates, is_sampled
-from vibro_ros.process.front_door import Parser
+from vibro_ros.process.entry_point import Parser
 from vibro_ros.simulation.provenance import software
 from vibro_ros.study.command import add_runner, locked, run_study, runner_of, study_parser, write_files
 from vibro_ros.study.map.motions import PROOFS, QUICK_PROOFS, End, Point, curves, end_point, ends, motions, proved

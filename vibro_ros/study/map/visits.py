@@ -13,7 +13,7 @@ from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.recurrence import SettledMotion, settle
 from vibro_ros.orbits.turn_map import Stroboscope, TurnMap
-from vibro_ros.process.front_door import Parser
+from vibro_ros.process.entry_point import Parser
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import Simulator
 from vibro_ros.study.command import add_machine, machine_of

@@ -10,7 +10,7 @@ from vibro_ros.accuracy.precision import running
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.model.scene import Scene
-from vibro_ros.process.front_door import Parser
+from vibro_ros.process.entry_point import Parser
 from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.simulation.processes import core_count
 from vibro_ros.study.command import locked, run_study, settings_of, study_parser, write_files

@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.process.front_door import say
+from vibro_ros.process.entry_point import say
 from vibro_ros.study.optimise.plan import CHOOSING, FRONT, Plan, values_of_many
 from vibro_ros.study.optimise.search import (
     SHOWN,

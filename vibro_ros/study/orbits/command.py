@@ -14,7 +14,7 @@ from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.orbits.branch import family_of
 from vibro_ros.orbits.curve import Curve
 from vibro_ros.orbits.turn_map import TurnMap
-from vibro_ros.process.front_door import Parser
+from vibro_ros.process.entry_point import Parser
 from vibro_ros.study.command import (
     add_machine,
     add_runner,

@@ -18,7 +18,7 @@ from vibro_ros.orbits.curve import Curve
 from vibro_ros.orbits.family import Family
 from vibro_ros.orbits.orbit import Seed, seeds_of
 from vibro_ros.orbits.turn_map import coordinates, units_of
-from vibro_ros.process.front_door import say
+from vibro_ros.process.entry_point import say
 from vibro_ros.simulation.given_state import STATE_UNITS
 from vibro_ros.study.progress import Progress, SignsOfLife
 from vibro_ros.study.running.blocks import NUMBERS, Field, ParquetBlocks

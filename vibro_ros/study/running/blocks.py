@@ -22,8 +22,8 @@ from typing import Any, NamedTuple
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from vibro_ros.process.front_door import say
-from vibro_ros.process.untrusted import content, is_temporary, replace_file
+from vibro_ros.process.entry_point import say
+from vibro_ros.process.files import content, is_temporary, replace_file
 from vibro_ros.simulation.provenance import software
 from vibro_ros.study.progress import Progress
 from vibro_ros.study.running.runner import Results

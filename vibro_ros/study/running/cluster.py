@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 
 from distributed import CancelledError, Client, Future, KilledWorker
 
-from vibro_ros.process.front_door import say
+from vibro_ros.process.entry_point import say
 from vibro_ros.simulation.preparation import provide_kernels
 from vibro_ros.study.running.blocks import computes_with
 from vibro_ros.study.running.runner import Piece, Results, Work, tasks

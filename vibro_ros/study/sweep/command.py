@@ -3,7 +3,7 @@
 import argparse
 from collections.abc import Sequence
 
-from vibro_ros.process.front_door import FAILURE, Parser, say
+from vibro_ros.process.entry_point import FAILURE, Parser, say
 from vibro_ros.study.command import add_runner, locked, run_study, runner_of, study_parser, write_files
 from vibro_ros.study.measures import MEASURES
 from vibro_ros.study.progress import Progress

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from vibro_ros.process import front_door
+from vibro_ros.process import entry_point
 from vibro_ros.process.executables import EXECUTABLES
 
 PATIENCE = 60.0  # [s] deadline of what takes a second on an idle machine
@@ -66,9 +66,9 @@ def test_every_console_script_enters_by_it():
                if script.value.startswith("vibro_ros.")]
     assert {script.name for script in scripts} == {name for name, one in EXECUTABLES.items() if one.installed}
     for script in scripts:
-        assert script.value == f"vibro_ros.process.front_door:{script.name}"
+        assert script.value == f"vibro_ros.process.entry_point:{script.name}"
         entrance = script.load()
-        assert (entrance.func, entrance.args) == (front_door.enter, (script.name,))
+        assert (entrance.func, entrance.args) == (entry_point.enter, (script.name,))
 
 
 @pytest.mark.parametrize("name", EXECUTABLES)
@@ -105,14 +105,14 @@ def test_a_signal_at_any_instant_of_the_imports(start):
 DOOR = """
 import signal, sys, threading, time
 from types import ModuleType
-from vibro_ros.process import front_door, stop_signals
+from vibro_ros.process import entry_point
 from vibro_ros.process.executables import Executable
 def main(words):
     {main}
 sys.modules["planted"] = planted = ModuleType("planted")
 planted.main = main
-front_door.EXECUTABLES["planted"] = Executable("planted", False, "")
-code = front_door.enter("planted")
+entry_point.EXECUTABLES["planted"] = Executable("planted", False, "")
+code = entry_point.enter("planted")
 sys.exit(code)
 """
 READY = "__import__('os').write(1, b'ready\\n')"  # not by Python's own buffer, in which a signal may meet it
@@ -144,7 +144,7 @@ def test_a_second_signal_ends_a_program_that_swallows_the_first(start):
     assert said_after(process, PROMPT) == (143, "", "planted: stopped\n")
 
 
-REQUEST = ("with stop_signals.StopRequest() as stop:", "    {before}", f"    {READY}", "    while {condition}:",
+REQUEST = ("with entry_point.StopRequest() as stop:", "    {before}", f"    {READY}", "    while {condition}:",
            "        time.sleep(0.01)", "    print('asked', flush=True)", "    time.sleep({rest})", "return 7")
 
 
@@ -203,7 +203,7 @@ def test_a_foreseen_error_is_one_line(capsys, error, code, said):
     def body():
         raise error
 
-    assert front_door.exit_code("planted", body) == code
+    assert entry_point.exit_code("planted", body) == code
     assert capsys.readouterr().err == f"planted: {said}\n"
 
 
@@ -243,8 +243,8 @@ def test_a_file_never_gets_the_number_of_a_closed_stream(tmp_path):
 
 
 def test_without_ros_it_says_what_to_do(start):
-    program = ("import sys; sys.modules['rclpy'] = None; from vibro_ros.process import front_door; "
-               "sys.exit(front_door.enter('robot'))")
+    program = ("import sys; sys.modules['rclpy'] = None; from vibro_ros.process import entry_point; "
+               "sys.exit(entry_point.enter('robot'))")
     code, out, err = said_after(start("-c", program, "--help"))
     assert (code, out) == (1, "")
     assert err == ("robot: rclpy: no such Python module here; ROS 2 is missing. Source an installation of it "

@@ -1,0 +1,277 @@
+"""How every executable is entered and left: signals, streams, arguments, errors and exit codes.
+
+SIGINT, SIGTERM and SIGHUP mean the same: end, and leave nothing broken behind. In three stages, of which `enter` begins
+the first before anything that takes long to import:
+
+- while the executable is imported, a stop signal ends the process at once: nothing is open yet;
+- while its `main` runs, it raises KeyboardInterrupt, until `main` enters a `StopRequest`: then it is a request;
+- when `main` is over, it changes nothing any more.
+
+A signal that is ignored when the process starts stays ignored if it is SIGHUP: that is what `nohup` is for. SIGINT is
+not: a shell script ignores it for every program that it starts with `&`, and a robot must hear it all the same, as
+other ROS nodes do. SIGQUIT (Ctrl-\\) always ends the process where it stands.
+"""
+
+import argparse
+import atexit
+import errno
+import io
+import os
+import resource
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from importlib import import_module
+from types import FrameType
+from typing import Any, NoReturn
+
+from vibro_ros.process.executables import EXECUTABLES, shows_live_robot
+from vibro_ros.process.files import one_line
+
+FAILURE, BAD_INPUT = 1, 2
+ADDRESS_SPACE = 2_000_000_000
+"""Bytes of address space that an executable needs at most on two cores: below it scipy's libraries wait for memory
+without end, deaf to signals, or end the process without a word that helps."""
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+ENDLESS = ("robot", "live_view")
+"""Executables that a signal ends well, with exit code 0, like a `view` of a live robot; the others exit with 128 + its
+number."""
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose errors are one line, written by `exit_code`."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raise `message` as the ValueError that bad input is everywhere else."""
+        raise ValueError(f"{message}; `{self.prog} --help` shows what there is")
+
+
+def enter(program: str) -> int:
+    """Run an executable as the whole of this process.
+
+    Returns the exit code: what `main` returned; 0 or 128 + the signal's number if a signal stopped it before.
+    """
+    _process.program = program
+    _on_stop_signals(_end_at_once)
+    _open_streams()
+    interrupted: list[int] = []
+    # Python would end by SIGINT if the interrupt met code that `exec` runs, whoever has caught it. Registered before
+    # all others, so that it comes after them.
+    atexit.register(lambda: interrupted and os._exit(interrupted[0]))
+    try:
+        code = _run(program)
+    except KeyboardInterrupt:
+        code = interrupted_code()
+        interrupted.append(code)
+        say(program, "stopped")
+    finally:
+        _on_stop_signals(signal.SIG_IGN)
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        say(program, f"standard output: {error.strerror}")
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # else Python tries again, and says so
+        code = code or FAILURE
+    threading = sys.modules.get("threading")
+    if threading and any(thread.daemon for thread in threading.enumerate()):
+        os._exit(code)  # a thread that was left alone, such as a compilation, would crash the interpreter's end
+    return code
+
+
+def exit_code(program: str, body: Callable[[], int]) -> int:
+    """The exit code of `body()`; a foreseen error is one line on stderr, which `program` begins, never a traceback.
+
+    It is 2 for bad input (ValueError), 1 for a failure (RuntimeError, OSError, MemoryError).
+    """
+    try:
+        return body()
+    except ValueError as error:
+        say(program, str(error))
+        return BAD_INPUT
+    except MemoryError:
+        say(program, "not enough memory; free some, or give less at a time")
+    except OSError as error:
+        say(program, f"{error.filename}: {error.strerror}" if error.filename else str(error))
+    except RuntimeError as error:
+        say(program, str(error))
+    return FAILURE
+
+
+def say(program: str, text: str) -> None:
+    """Write one line on stderr."""
+    print(f"{program}: {one_line(' '.join(text.split()))}", file=sys.stderr, flush=True)
+
+
+class StopRequest:
+    """Whether a stop signal came, and the number of the first; a context that catches them.
+
+    While the executable starts, the first signal is a request and a second one ends the process at once.
+    """
+
+    def __init__(self):
+        self.signal: int | None = None
+        self._held = False
+
+    def hold(self) -> None:
+        """From now on further signals change nothing: something is open that must be closed well."""
+        self._held = True
+
+    def __enter__(self) -> "StopRequest":
+        self._before = {number: signal.getsignal(number) for number in STOP_SIGNALS}
+        _on_stop_signals(self._receive)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, before in self._before.items():
+            signal.signal(number, signal.SIG_IGN if self else before)
+
+    @property
+    def exit_code(self) -> int:
+        """128 + the signal's number, by which a shell knows what ended a program; 0 if no signal came."""
+        return 128 + self.signal if self.signal is not None else 0
+
+    def __bool__(self) -> bool:
+        return self.signal is not None
+
+    def _receive(self, number: int, frame: FrameType | None) -> None:
+        if self.signal is not None and not self._held:
+            _end_at_once(number, frame)
+        self.signal = self.signal or number
+
+
+class _Process:
+    """This process: its `program`, the number of the stop `signal` that interrupted it first, and whether the
+    interruption waits for the end of `interrupted_afterwards`."""
+
+    program = ""
+    signal: int | None = None
+    defers = False
+
+
+_process = _Process()
+
+
+def interrupt_on_signals() -> None:
+    """Let a stop signal raise KeyboardInterrupt from now on, and a second one, because the first may have been
+    swallowed, end the process."""
+    _on_stop_signals(_interrupt)
+
+
+def interrupted_code() -> int:
+    """Exit code of an executable that ends because of a KeyboardInterrupt."""
+    return _code_after(_process.signal or signal.SIGINT)
+
+
+def interrupt_again() -> None:
+    """Raise the KeyboardInterrupt of an earlier stop signal once more, if one came.
+
+    For the next step of a long work: the first may have been swallowed, by a finaliser or by `except:` in a library.
+    """
+    if _process.signal is not None:
+        raise KeyboardInterrupt
+
+
+@contextmanager
+def interrupted_afterwards() -> Iterator[None]:
+    """Raise the KeyboardInterrupt of a stop signal that comes inside at the end.
+
+    For code that calls back from where Python can only ignore an exception, such as the hooks of a fork.
+    """
+    before, _process.defers = _process.signal, True
+    try:
+        yield
+    finally:
+        _process.defers = False
+    if _process.signal != before:
+        raise KeyboardInterrupt
+
+
+def _on_stop_signals(receive: Callable[[int, FrameType | None], object] | signal.Handlers) -> None:
+    for number in STOP_SIGNALS:
+        if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, receive)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    if _process.signal is not None:
+        _end_at_once(number, frame)
+    _process.signal = number
+    if not _process.defers:
+        raise KeyboardInterrupt
+
+
+def _end_at_once(number: int, frame: FrameType | None) -> None:
+    """End the process. An exception might be swallowed: by a finaliser, or a callback of C code."""
+    stage = " while starting" if _process.signal is None else ""
+    try:
+        os.write(2, f"{_process.program}: stopped{stage}\n".encode())
+    except OSError:
+        pass
+    os._exit(_code_after(number))
+
+
+def _code_after(number: int) -> int:
+    live = _process.program == "view" and shows_live_robot(sys.argv[1:])
+    return 0 if live or _process.program in ENDLESS else 128 + number
+
+
+def _run(program: str) -> int:
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if limit != resource.RLIM_INFINITY and limit < ADDRESS_SPACE:
+        say(program, f"the address space is limited to {limit / 1e6:.0f} MB, and {ADDRESS_SPACE / 1e6:.0f} MB are "
+            f"needed; raise it with `ulimit -v {ADDRESS_SPACE // 1000}`, or `ulimit -v unlimited`")
+        return FAILURE
+    try:
+        main = import_module(EXECUTABLES[program].module).main
+    except ModuleNotFoundError as error:
+        missing = (error.name or str(error)).partition(".")[0]
+        of_ros = missing == "rclpy" or missing.endswith(("_msgs", "_srvs", "_interfaces"))
+        say(program, f"{missing}: no such Python module here; " + (
+            "ROS 2 is missing. Source an installation of it (. /opt/ros/jazzy/setup.bash), or run `make setup` in a "
+            f"clone and then .venv/bin/{program}, or add the wheels to this Python: pip install '.[ros]' in a clone"
+            if of_ros else "install what setup.py names"))
+        return FAILURE
+    interrupt_on_signals()
+    try:
+        return main(sys.argv[1:])
+    except SystemExit as end:  # of argparse, after --help
+        return end.code if isinstance(end.code, int) else 0
+
+
+class _Output(io.FileIO):
+    """A stream whose reader may have gone: a closed pipe or terminal ends no robot that seals its bag."""
+
+    def write(self, data: Any) -> int:
+        try:
+            return super().write(data)
+        except OSError as error:
+            if error.errno not in (errno.EPIPE, errno.EIO, errno.ECONNRESET):
+                raise
+            return memoryview(data).nbytes
+
+
+def _open_streams() -> None:
+    """Renew `sys.stdout` and `sys.stderr`, and take every closed standard descriptor.
+
+    A descriptor below 3 that is left closed goes to the next file that is opened: a log line would land in a bag.
+    A character that the stream's encoding lacks is written as `\\u03c6`.
+    """
+    for descriptor in range(3):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # gets the lowest free number, which is this one
+    for descriptor, name in ((1, "stdout"), (2, "stderr")):
+        encoding = getattr(getattr(sys, name), "encoding", None) or "utf-8"
+        setattr(sys, name, io.TextIOWrapper(
+            io.BufferedWriter(_Output(descriptor, "w", closefd=False)), encoding, errors="backslashreplace",
+            line_buffering=descriptor == 2 or os.isatty(descriptor)))
+
+
+def __getattr__(name: str) -> Callable[[], int]:
+    """What the console script of an installed executable calls, such as `robot`."""
+    if name in EXECUTABLES:
+        return partial(enter, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
