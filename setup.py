@@ -54,8 +54,8 @@ setup(
             "ros-jazzy-std-msgs",
             "ros-jazzy-std-srvs",
         ],
-        # What the studies need beyond the robot: tables of results, searches for an optimum, sensitivities.
-        "study": ["SALib", "cma", "pyarrow"],
+        # What the studies need beyond the robot: tables of results, and searches for an optimum.
+        "study": ["cma", "pyarrow"],
         # The environment of the room `gym`.
         "gym": ["gymnasium"],
         # Sweeps on more than one machine.

@@ -21,7 +21,7 @@ ROSDEP_KEYS |= {name: f"python3-{name}" for name in ("matplotlib", "numba", "num
 LOCKS = [f"requirements{part}.txt" for part in ("", "-jazzy", "-bench", "-browser", "-study")]
 # Of the extras `bench`, `study`, `cluster`, `gym` and `test`; only the rooms peer, study and gym import them, and
 # `Bag.to_pandas`.
-NO_ROSDEP_KEY = {"heyoka", "SALib", "cma", "distributed", "gymnasium", "pandas", "pyarrow"}
+NO_ROSDEP_KEY = {"heyoka", "cma", "distributed", "gymnasium", "pandas", "pyarrow"}
 
 
 def canonical(name: str) -> str:

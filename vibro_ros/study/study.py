@@ -18,7 +18,7 @@ STUDIES = {
     "optimise": "Search for the fastest or thriftiest robot.",
     "orbits": "Follow branches of periodic orbits over a parameter, and locate where they change.",
     "diagram": "Sweep a parameter up and down: states once a turn, hysteresis, exponents, chaos.",
-    "basins": "Tell which start leads to which motion, and what upsets it.",
+    "basins": "Tell which start leads to which motion.",
     "map": "Find every motion over motor speed and gap: the command map that `controller` reads.",
 }
 """What each study does, by its name, which is that of its folder: `main` in `command.py` there takes the words that

@@ -11,7 +11,7 @@ import pytest
 
 from vibro_ros.study.optimise import search as module
 from vibro_ros.study.optimise.plan import FRONT, Trials
-from vibro_ros.study.optimise.search import METHODS, Evaluations, SpentError, by_weights, non_dominated, search
+from vibro_ros.study.optimise.search import Evaluations, SpentError, by_cma, by_weights, non_dominated, search
 
 PATIENCE = 120.0  # [s] deadline of what takes a few seconds on an idle machine
 BEST = np.array([0.2, 0.9, 0.6])
@@ -29,8 +29,7 @@ def hill(points):
     return 1.0 - np.square(points - BEST).sum(axis=1)
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_finds_the_top_of_a_hill(method):
+def test_finds_the_top_of_a_hill():
     tried = []
 
     def scores(points):
@@ -40,7 +39,7 @@ def test_finds_the_top_of_a_hill(method):
         return hill(points)
 
     with pytest.raises(SpentError):
-        METHODS[method](scores, 3, 0)
+        by_cma(scores, 3, 0)
     every = np.concatenate(tried)
     assert ((every >= 0.0) & (every <= 1.0)).all()
     assert every[np.argmax(hill(every))] == pytest.approx(BEST, abs=0.01)
@@ -74,22 +73,21 @@ def contents(folder):
     return {file.name: file.read_bytes() for file in folder.glob("*.parquet")}
 
 
-def searched(path, budget, method="cma"):
+def searched(path, budget, seed=5):
     path.mkdir(exist_ok=True)
-    files = module.candidate_files(path, {"method": method}, 3, 2)
+    files = module.candidate_files(path, {"seed": seed}, 3, 2)
     evaluations = Evaluations(Cube(), Trials(starts=2), files, budget, 1, Nobody())
-    search(method, evaluations, lambda values: float(values.mean()), 3, 5)
+    search(evaluations, lambda values: float(values.mean()), 3, seed)
     return evaluations.gathered()
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_a_stopped_search_goes_on_bit_for_bit(tmp_path, simulated, method):
-    whole = searched(tmp_path / "whole", 300, method)
+def test_a_stopped_search_goes_on_bit_for_bit(tmp_path, simulated):
+    whole = searched(tmp_path / "whole", 300)
     assert 300 <= len(whole.points) < 500  # the last group is not cut
-    searched(tmp_path / "parts", 100, method)
+    searched(tmp_path / "parts", 100)
     done = len(simulated)
     for budget in (150, 220, 300):
-        parts = searched(tmp_path / "parts", budget, method)
+        parts = searched(tmp_path / "parts", budget)
     np.testing.assert_array_equal(parts.points, whole.points)
     np.testing.assert_array_equal(parts.values, whole.values)
     assert contents(tmp_path / "parts") == contents(tmp_path / "whole")
@@ -152,10 +150,10 @@ def test_ctrl_c_keeps_what_is_done_and_the_same_command_goes_on(tmp_path):
 
 def test_other_candidates_and_another_search_are_refused(tmp_path, simulated):
     searched(tmp_path, 40)
-    with pytest.raises(ValueError, match="is of another study .design.method is cma there, diff"):
-        searched(tmp_path, 40, "differential_evolution")
+    with pytest.raises(ValueError, match="is of another study .design.seed is 5 there, 6 here"):
+        searched(tmp_path, 40, 6)
     (tmp_path / "others").mkdir()
-    files = module.candidate_files(tmp_path / "others", {"method": "cma"}, 3, 2)
+    files = module.candidate_files(tmp_path / "others", {}, 3, 2)
     files.write(0, [{"point": BEST, "values": np.zeros(2 * 4)}])
     with pytest.raises(RuntimeError, match="is of other candidates than this version proposes"):
         Evaluations(Cube(), Trials(starts=2), files, 10, 1, Nobody())(BEST[None] + 1e-12)

@@ -121,7 +121,7 @@ def test_a_robot_that_cannot_be_simulated_or_stands_still_has_no_merit(speeds, s
 
 
 def test_a_robot_that_flies_too_long_is_worse_than_any_that_counts_and_the_longer_the_worse():
-    plan = Plan(Space(DEVICE), "speed_per_power", "cma", Reading(), 0.1, 0.02, Effort(), 0)
+    plan = Plan(Space(DEVICE), "speed_per_power", Reading(), 0.1, 0.02, Effort(), 0)
     grounded, slow, hopping, flying = (plan.score(values([pace, pace], air=air)) for pace, air in (
         (0.2, 0.01), (0.05, 0.01), (0.2, 0.1), (0.2, 0.9)))
     assert grounded > 0.0 > slow == pytest.approx(-0.05) and 0.0 > hopping > flying

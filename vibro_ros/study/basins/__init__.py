@@ -1,1 +1,1 @@
-"""Basins: which start leads to which motion, how much of the starts each motion has, and what upsets it."""
+"""Basins: which start leads to which motion, and how much of the starts each motion has."""

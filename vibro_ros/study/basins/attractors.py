@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
-from scipy.stats import linregress
-from scipy.stats import t as student
+from scipy.stats import binomtest
 
 from vibro_ros.orbits.chaos import exponent_of_pairs
 from vibro_ros.orbits.orbit import close, orbit_at
@@ -20,8 +19,6 @@ from vibro_ros.study.progress import Progress
 
 #: Starts along a side of a box of `basin_entropy`, as its authors have it.
 BOX = 5
-_QUANTILE = 1.959963984540054  # of the normal distribution, for 95 %
-_LEAST_DISTANCES = 3  # of a fit with an interval
 
 
 class Fraction(NamedTuple):
@@ -52,55 +49,7 @@ class BasinEntropy(NamedTuple):
     mixed: int
 
 
-class Uncertainty(NamedTuple):
-    """How fast it becomes easier to tell where a start leads, as the start is known better.
-
-    Attributes
-    ----------
-    exponent, spread : float
-        Slope of log f over log of the distance, f being the share of starts with another motion so far away; and half
-        the width of the fit's 95 % interval. 1 for a smooth boundary, less for a fractal one; dimensionless.
-    steps : tuple of int
-        Least and largest distance of the fit, in steps of the grid.
-    """
-
-    exponent: float
-    spread: float
-    steps: tuple[int, int]
-
-
-def uncertainty(numbers: np.ndarray, outside: int) -> Uncertainty | None:
-    """Uncertainty exponent of a grid of starts; None where fewer than three distances see a boundary.
-
-    C. Grebogi, S. W. McDonald, E. Ott and J. A. Yorke, Phys. Lett. A 99 (1983) 415-418. A start counts if both starts
-    at the distance along a side of the grid can be; distances are powers of two up to an eighth of a side.
-
-    Parameters
-    ----------
-    numbers : ndarray of int, shape (rows, columns)
-        Where each start leads.
-    outside : int
-        What stands where nothing can start.
-    """
-    steps, shares = [], []
-    most = min(numbers.shape) // 8
-    for step in (2**power for power in range(most.bit_length())):
-        unsure = counted = 0
-        for grid in (numbers, numbers.T):  # of the same starts at every distance
-            before, middle, after = (grid[most + shift:len(grid) - most + shift] for shift in (-step, 0, step))
-            possible = (before != outside) & (middle != outside) & (after != outside)
-            unsure += int(np.sum(possible & ((before != middle) | (after != middle))))
-            counted += int(possible.sum())
-        if unsure:
-            steps.append(step)
-            shares.append(unsure / counted)
-    if len(steps) < _LEAST_DISTANCES:
-        return None
-    fit = linregress(np.log(steps), np.log(shares))
-    return Uncertainty(float(fit.slope), float(student.ppf(0.975, len(steps) - 2) * fit.stderr), (steps[0], steps[-1]))
-
-
-def wilson(found: int, of: int) -> Fraction:
+def fraction(found: int, of: int) -> Fraction:
     """A share with its interval by E. B. Wilson, J. Am. Stat. Assoc. 22 (1927) 209.
 
     Parameters
@@ -108,10 +57,8 @@ def wilson(found: int, of: int) -> Fraction:
     found, of : int
         Starts that are counted, among how many drawn ones; `of` is above 0.
     """
-    share, square = found / of, _QUANTILE**2 / of
-    middle = (share + 0.5 * square) / (1.0 + square)
-    half = _QUANTILE * math.sqrt(share * (1.0 - share) / of + 0.25 * square / of) / (1.0 + square)
-    return Fraction(share, max(0.0, middle - half) if found else 0.0, min(1.0, middle + half) if found < of else 1.0)
+    interval = binomtest(found, of).proportion_ci(method="wilson")
+    return Fraction(found / of, float(interval.low), float(interval.high))
 
 
 def basin_entropy(numbers: np.ndarray, outside: int, side: int = BOX) -> BasinEntropy | None:
@@ -287,17 +234,17 @@ def _wandering(state: np.ndarray, stroboscope: Stroboscope) -> SettledMotion | N
 
 
 def _attractor(motion: SettledMotion, count: int, possible: int, turn_map: TurnMap) -> Attractor:
-    device, fraction = Simulator(turn_map.scene), wilson(count, possible)
+    device, share = Simulator(turn_map.scene), fraction(count, possible)
     turn_map.put(device, motion.states[-1])
     none = np.empty(0, dtype=complex)
     if not motion.turns:
-        return Attractor(motion, count, fraction, none, *exponent_of_pairs(
+        return Attractor(motion, count, share, none, *exponent_of_pairs(
             device, device.time, _MEASURED * turn_map.period))
     multipliers = _multipliers(motion, device, turn_map)
     largest = float(np.abs(multipliers).max(initial=0.0))
     duration = motion.turns * turn_map.turn_time(motion.states[-1], motion.turns)
     rate = math.log(largest) / duration if largest > 0.0 else math.nan
-    return Attractor(motion, count, fraction, multipliers, rate, 0.0)
+    return Attractor(motion, count, share, multipliers, rate, 0.0)
 
 
 def _multipliers(motion: SettledMotion, device: Simulator, turn_map: TurnMap) -> np.ndarray:

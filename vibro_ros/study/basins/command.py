@@ -1,4 +1,4 @@
-"""``study basins``: which start leads to which motion, how many starts each has, and what upsets it."""
+"""``study basins``: which start leads to which motion, how many starts each has."""
 
 import argparse
 import os
@@ -10,19 +10,17 @@ from vibro_ros.accuracy.precision import running
 from vibro_ros.orbits.turn_map import Stroboscope, free_cut
 from vibro_ros.process.entry_point import FAILURE, Parser, say
 from vibro_ros.simulation.simulator import ToleranceWarning
-from vibro_ros.study.basins.attractors import NOWHERE, basin_entropy, found_in, uncertainty
+from vibro_ros.study.basins.attractors import NOWHERE, basin_entropy, found_in
 from vibro_ros.study.basins.result import attractors_table, draw_basins, in_words, starts_table
 from vibro_ros.study.basins.starts import (
     FOLDER,
     NO_START,
-    SHOCKS_FOLDER,
     Design,
     Plane,
     chosen_starts,
     over_in_words,
     settle_starts,
     stroboscope_of,
-    upset_motions,
 )
 from vibro_ros.study.command import (
     add_machine,
@@ -37,9 +35,7 @@ from vibro_ros.study.command import (
 from vibro_ros.study.variation import whole_number
 
 STARTS, ATTRACTORS, PICTURE = "starts.parquet", "attractors.parquet", "basins.png"
-TURNS, MOST_TURNS, STARTS_DRAWN, TRIES = 64, 4096, 1000, 600
-_QUICK = {"starts": 300, "shocks": 100}
-_MOST_TRIES = 1_000_000
+TURNS, MOST_TURNS, STARTS_DRAWN, QUICK_STARTS = 64, 4096, 1000, 300
 
 
 def main(words: Sequence[str]) -> int:
@@ -58,17 +54,13 @@ def _basins(options: argparse.Namespace) -> int:
         if (found.numbers == NOWHERE).all():
             reason = next(text for text in table["error"].to_pylist() if text)
             raise ValueError(f"none of {design.starts.count} starts can be simulated; the first one: {reason}")
-        upsets = None
-        if design.shocks and len(found.attractors) > 1:
-            upsets = upset_motions(design, tuple(one.motion for one in found.attractors),
-                                   _folder(options.output, f"{SHOCKS_FOLDER}_{design.shocks}"), runner)
-        write_files(options.output, {STARTS: starts_table(table, found), ATTRACTORS: attractors_table(found, upsets),
+        write_files(options.output, {STARTS: starts_table(table, found), ATTRACTORS: attractors_table(found),
                                      PICTURE: draw_basins(design, table, found)})
-    entropy = unsure = None
+    entropy = None
     if isinstance(design.starts, Plane):
         grid = found.numbers.reshape([one.count for one in design.starts.over])
-        entropy, unsure = basin_entropy(grid, outside=NOWHERE), uncertainty(grid, outside=NOWHERE)
-    print("\n".join(in_words(design, table, found, entropy, unsure, upsets)))
+        entropy = basin_entropy(grid, outside=NOWHERE)
+    print("\n".join(in_words(design, table, found, entropy)))
     if not options.scheduler:
         say("study", f"{_core_time() - begun:.1f} s of core time")
     failed = any(text and not text.startswith(NO_START) for text in table["error"].to_pylist())
@@ -84,16 +76,13 @@ def _design(options: argparse.Namespace) -> Design:
     scene = running(machine_of(options))
     if scene.broken_promise:
         say("study", f"warning: {scene.broken_promise}")
-    quick = _QUICK if options.quick else {}
-    count = options.starts if options.starts is not None else quick.get("starts", STARTS_DRAWN)
-    tries = options.shocks if options.shocks is not None else quick.get("shocks", TRIES)
+    count = options.starts if options.starts is not None else QUICK_STARTS if options.quick else STARTS_DRAWN
     phase = Stroboscope(free_cut(scene)).turn_map.phase  # refuses a scene in which nothing moves
     starts = chosen_starts(scene, tuple(over_in_words(scene, text) for text in options.over), count,
-                           whole_number("--seed", options.seed, 0, 2**63 - 1), options.ball)
-    if isinstance(starts, Plane) and (options.starts is not None or options.ball):
-        raise ValueError("--starts and --ball: a grid draws no starts; leave them out, or the counts of --over")
-    return Design(scene, phase, starts, options.turns, options.most_turns,
-                  whole_number("--shocks", tries, 0, _MOST_TRIES))
+                           whole_number("--seed", options.seed, 0, 2**63 - 1))
+    if isinstance(starts, Plane) and options.starts is not None:
+        raise ValueError("--starts: a grid draws no starts; leave it out, or the counts of --over")
+    return Design(scene, phase, starts, options.turns, options.most_turns)
 
 
 def _core_time() -> float:
@@ -104,22 +93,18 @@ def _core_time() -> float:
 def _parser() -> Parser:
     parser = study_parser(
         "basins", "Let a machine begin from many states, tell the motions apart that it settles to, and say how many "
-        "starts lead to each, how mixed they are, and which smallest shock turns one motion into another. Writes "
-        "Parquet files and a picture.", "a start could not go on, or the disk is full")
+        "starts lead to each, and how mixed they are. Writes Parquet files and a picture.",
+        "a start could not go on, or the disk is full")
     add_machine(parser, "device")
     parser.add_argument("--over", action="append", default=[], metavar="NAME=LOW:HIGH[:COUNT]", help="a coordinate of "
                         "the start, SI units: with counts two of them, a grid; without counts, from which starts are "
                         "drawn (default: all, within a crank radius l of rest, and l times motor speed)")
     parser.add_argument("--starts", type=int, metavar="N", help=f"drawn starts (default: {STARTS_DRAWN})")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the draws (default: %(default)s)")
-    parser.add_argument("--ball", action="store_true", help="draw from the ellipsoid inside the box")
     parser.add_argument("--turns", type=int, default=TURNS, metavar="N", help="turns of the crank after which a start "
                         "is looked at first; then after twice as many, and so on (default: %(default)s)")
     parser.add_argument("--most-turns", type=int, default=MOST_TURNS, metavar="N", help="turns after which a start is "
                         "given up (default: %(default)s)")
-    parser.add_argument("--shocks", type=int, metavar="N", help="shocks that are tried on each motion; 0: none "
-                        f"(default: {TRIES})")
-    parser.add_argument("--quick", action="store_true", help=f"{_QUICK['starts']} starts and {_QUICK['shocks']} shocks "
-                        "unless you say otherwise")
+    parser.add_argument("--quick", action="store_true", help=f"{QUICK_STARTS} starts unless you say otherwise")
     add_runner(parser)
     return parser

@@ -11,8 +11,7 @@ from matplotlib.patches import Patch
 from vibro_ros.accuracy.figures import new_figure, png, tidy
 from vibro_ros.orbits.chaos import sign_of
 from vibro_ros.orbits.recurrence import LONGEST_PERIOD, command_in_words
-from vibro_ros.orbits.turn_map import coordinates, is_sampled, units_of
-from vibro_ros.simulation.given_state import STATE_UNITS
+from vibro_ros.orbits.turn_map import is_sampled
 from vibro_ros.study.basins.attractors import (
     MOST_MOTIONS,
     NOWHERE,
@@ -21,7 +20,6 @@ from vibro_ros.study.basins.attractors import (
     Attractor,
     BasinEntropy,
     Found,
-    Uncertainty,
 )
 from vibro_ros.study.basins.starts import Design, Over, Plane
 from vibro_ros.study.running.blocks import NUMBERS, Field, file_of, table_of
@@ -36,8 +34,8 @@ def starts_table(table: pa.Table, found: Found) -> bytes:
     return file_of(table.add_column(table.num_columns - 4, field, pa.array(found.numbers, pa.int64())))
 
 
-def attractors_table(found: Found, upsets: pa.Table | None) -> bytes:
-    """All attractors, with what upsets them, as a Parquet file."""
+def attractors_table(found: Found) -> bytes:
+    """All attractors, as a Parquet file."""
     fields = [
         Field("attractor", pa.int64(), "1", "number of the motion"),
         Field("turns", pa.int64(), "1", "turns after which it repeats itself, 0: it does not"),
@@ -52,24 +50,18 @@ def attractors_table(found: Found, upsets: pa.Table | None) -> bytes:
         Field("multipliers_imaginary", NUMBERS, "1", "imaginary parts of its Floquet multipliers, the largest first"),
         Field("states", NUMBERS, "1", "at successive cuts, one after the other, in crank radii and crank radii times "
               "motor speed")]
-    table = table_of([
+    return file_of(table_of([
         {"attractor": number, "turns": one.motion.turns, "mean_speed": one.motion.mean_speed, "starts": one.count,
          "fraction": one.fraction.share, "fraction_low": one.fraction.low, "fraction_high": one.fraction.high,
          "lyapunov_exponent": one.lyapunov, "lyapunov_spread": one.spread, "multipliers_real": one.multipliers.real,
          "multipliers_imaginary": one.multipliers.imag, "states": one.motion.states.ravel()}
-        for number, one in enumerate(found.attractors, 1)], fields)
-    if upsets is not None:
-        for name in upsets.column_names[1:]:
-            table = table.append_column(upsets.schema.field(name).with_name(f"shock_{name}"), upsets[name])
-    return file_of(table)
+        for number, one in enumerate(found.attractors, 1)], fields))
 
 
 _SHOWN = 12  # motions
-_PART = 0.05  # of the largest part of a shock: smaller parts are left out
 
 
-def in_words(design: Design, table: pa.Table, found: Found, entropy: BasinEntropy | None,
-             unsure: Uncertainty | None, upsets: pa.Table | None) -> list[str]:
+def in_words(design: Design, table: pa.Table, found: Found, entropy: BasinEntropy | None) -> list[str]:
     """What was found, a line each."""
     over = ", ".join(f"{one.name} {one.low:g} to {one.high:g} {one.unit}" for one in design.starts.over)
     watched = float(np.mean(table["after"].to_numpy()))
@@ -90,17 +82,12 @@ def in_words(design: Design, table: pa.Table, found: Found, entropy: BasinEntrop
                      f"{100.0 * share.low:.2f} to {100.0 * share.high:.2f} %); {stability}")
     if len(found.attractors) > _SHOWN:
         lines.append(f"{len(found.attractors) - _SHOWN} more motions; without losses every start has one of its own")
-    for row in upsets.slice(0, _SHOWN).to_pylist() if upsets is not None else ():
-        lines.append(f"motion {row['attractor']}: {_upset(design, row)}")
     if entropy:
         says = "above log 2 = 0.693, which hints at a fractal boundary" if entropy.boundary > math.log(2.0) else (
             "not above log 2 = 0.693, which leaves open whether the boundary is fractal")
         lines.append(f"basin entropy {entropy.entropy:.4f}, of the {entropy.mixed} of {entropy.boxes} boxes with more "
                      f"than one motion {entropy.boundary:.4f}, {says}" if entropy.mixed else
                      f"basin entropy 0: each of {entropy.boxes} boxes has one motion")
-    if unsure:
-        lines.append(f"uncertainty exponent {unsure.exponent:.2f} ± {unsure.spread:.2g} from distances of "
-                     f"{unsure.steps[0]} to {unsure.steps[1]} steps of the grid; 1 for a smooth boundary")
     for number, what in ((UNSETTLED, f"starts had not settled within {design.most_turns} turns"),
                          (UNTOLD, f"starts have other motions than the first {MOST_MOTIONS}"),
                          (NOWHERE, "starts cannot be, or could not go on")):
@@ -114,22 +101,6 @@ def _motion_in_words(attractor: Attractor) -> str:
     turns = attractor.motion.turns
     again = f"again after {turns} turn{'s' * (turns > 1)}" if turns else f"not again within {LONGEST_PERIOD} turns"
     return f"{attractor.motion.mean_speed * 1e3:.4g} mm/s, {again}"
-
-
-def _upset(design: Design, row: dict) -> str:
-    names = coordinates(design.scene)
-    if row["size"] is None:
-        return "no shock was found that changes it"
-    parts = np.array([row[f"change.{name}"] for name in names])
-    scale = units_of(design.scene)
-    shown = np.abs(parts / scale) >= _PART * np.abs(parts / scale).max()
-    change = ", ".join(f"{name} {part:+.3g} {STATE_UNITS[name]}"
-                       for name, part, tell in zip(names, parts, shown, strict=True) if tell)
-    alone = ", ".join(f"{name} {row[f'alone.{name}']:+.3g} {STATE_UNITS[name]}" for name in names
-                      if row[f"alone.{name}"] is not None)
-    after = f"motion {row['leads_to']}" if row["leads_to"] != UNTOLD else "another motion"
-    return (f"smallest shock found {row['size']:.3g}: at {row['crank_angle']:.3f} rad {change}, to {after}; "
-            f"one coordinate alone: {alone}")
 
 
 # Okabe and Ito's colours, which the colour-blind can tell apart; further motions share the last one.

@@ -14,13 +14,11 @@ import pyarrow as pa
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.parameters import Value
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.fatal_shock import Shocked
-from vibro_ros.orbits.recurrence import SettledMotion, number_among, settle
+from vibro_ros.orbits.recurrence import settle
 from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, coordinates, pace
 from vibro_ros.simulation.given_state import STATE_UNITS
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import ToleranceWarning
-from vibro_ros.study.basins.attractors import UNTOLD
 from vibro_ros.study.running.blocks import NUMBERS, Field, ParquetBlocks, are, completed, cut
 from vibro_ros.study.running.runner import Piece, Runner
 from vibro_ros.study.variation import whole_number
@@ -93,7 +91,7 @@ class Plane:
 
 @dataclass(frozen=True)
 class Draws:
-    """Starts that are drawn evenly from a box, or from the ellipsoid that touches its sides.
+    """Starts that are drawn evenly from a box.
 
     A start depends on seed and number alone: more starts are the same starts and others.
 
@@ -103,30 +101,21 @@ class Draws:
         The sides of the box.
     count, seed : int
         Starts, and what else their random numbers depend on.
-    ball : bool
-        Whether they are drawn from the ellipsoid.
     """
 
     over: tuple[Over, ...]
     count: int
     seed: int
-    ball: bool
 
     def start(self, number: int) -> dict[str, float]:
         """What a start gives to `Simulator.set_state`."""
-        draw = np.random.default_rng((self.seed, number))
-        if self.ball:
-            direction = draw.normal(size=len(self.over))
-            radius = draw.uniform() ** (1.0 / len(self.over))
-            shares = 0.5 + 0.5 * radius * direction / np.linalg.norm(direction)
-        else:
-            shares = draw.uniform(size=len(self.over))
+        shares = np.random.default_rng((self.seed, number)).uniform(size=len(self.over))
         return {one.name: float(one.low + share * (one.high - one.low))
                 for one, share in zip(self.over, shares, strict=True)}
 
     def document(self) -> dict:
         """All that decides the starts, as JSON has it."""
-        return {"ball" if self.ball else "box": [one.document() for one in self.over], "count": self.count,
+        return {"box": [one.document() for one in self.over], "count": self.count,
                 "seed": self.seed}
 
 
@@ -158,7 +147,7 @@ def over_in_words(scene: Scene, text: str) -> Over:
     return Over(name, low, high, count)
 
 
-def chosen_starts(scene: Scene, over: tuple[Over, ...], count: int, seed: int, ball: bool) -> Starts:
+def chosen_starts(scene: Scene, over: tuple[Over, ...], count: int, seed: int) -> Starts:
     """The starts that the command line asks for.
 
     Raises
@@ -169,7 +158,7 @@ def chosen_starts(scene: Scene, over: tuple[Over, ...], count: int, seed: int, b
     if len({one.name for one in over}) < len(over):
         raise ValueError("--over: a coordinate is given twice; keep one")
     if not any(one.count for one in over):
-        return Draws(over or everywhere(scene), whole_number("--starts", count, 1, MOST_STARTS), seed, ball)
+        return Draws(over or everywhere(scene), whole_number("--starts", count, 1, MOST_STARTS), seed)
     if len(over) != 2 or not all(one.count for one in over):
         raise ValueError(f"--over: {len(over)} coordinates, of which {sum(one.count > 0 for one in over)} have a "
                          "count; a grid has two, both with a count; draws have none with a count")
@@ -227,8 +216,6 @@ class Design:
         Turns of the crank after which a start is looked at for the first time.
     most_turns : int
         Turns after which a start is given up.
-    shocks : int
-        Disturbances that are tried to find the smallest which changes a motion; 0 for none.
 
     Raises
     ------
@@ -241,7 +228,6 @@ class Design:
     starts: Starts
     turns: int
     most_turns: int
-    shocks: int
 
     def __post_init__(self) -> None:
         if not FIRST <= self.turns <= self.most_turns <= MOST:
@@ -339,43 +325,3 @@ def settle_starts(design: Design, folder: Path, runner: Runner) -> pa.Table:
     return completed("starts", blocks, list(map(len, starts)), lambda missing: runner(
         partial(rows_of, design), design.run_time, (design.scene["solver.method"],),
         itertools.chain.from_iterable(pieces(starts[block]) for block in missing)))
-
-
-SHOCKS_FOLDER = "shocks"
-_ALONG = 10  # parts of the tries that each coordinate alone gets
-
-
-def upset_motions(design: Design, motions: tuple[SettledMotion, ...], folder: Path, runner: Runner) -> pa.Table:
-    """What upsets each of several motions, a row each; missing ones are computed (see `completed`)."""
-    names, real = coordinates(design.scene), pa.float64()
-    fields = [
-        Field("attractor", pa.int64(), "1", "number of the motion, counted from 1"),
-        Field("size", real, "1", "length of the smallest shock found, in crank radii and crank radii times motor "
-              "speed; null where none changes the motion"),
-        Field("crank_angle", real, "rad", "where the shock acts", True),
-        Field("leads_to", pa.int64(), "1", "number of the motion that follows", True),
-        *(Field(f"change.{name}", real, STATE_UNITS[name], "what the shock adds", True) for name in names),
-        *(Field(f"alone.{name}", real, STATE_UNITS[name], "smallest change of this coordinate alone that changes the "
-                "motion", True) for name in names)]
-    blocks = ParquetBlocks(folder, {**design.document(), "shocks": design.shocks}, len(motions), fields,
-                           lambda block, rows: are(rows, [{"attractor": block + 1}]))
-    return completed("shocks", blocks, [1] * len(motions), lambda missing: runner(
-        partial(upset_of, design, motions), design.shocks * design.run_time, (design.scene["solver.method"],),
-        (Piece(number, {}, (None,)) for number in missing)))
-
-
-def upset_of(design: Design, motions: tuple[SettledMotion, ...], piece: Piece) -> list[dict]:
-    """Shock the motion that a piece has the number of, among all; one row, whose shock is null if none was found."""
-    stroboscope = stroboscope_of(design.scene, design.phase)
-    shocked, units = Shocked(stroboscope, motions[piece.number]), stroboscope.turn_map.units
-    names = stroboscope.turn_map.names
-    alone = [shocked.along(k, -(-design.shocks // _ALONG)) for k in range(len(units))]
-    smallest = min((shock for shock in alone if shock), key=lambda shock: shock.size, default=None)
-    best = shocked.anywhere(smallest, design.shocks)
-    row = {"attractor": piece.number + 1, **{f"alone.{name}": float(shock.change[k] * units[k]) if shock else None
-                                             for k, (name, shock) in enumerate(zip(names, alone, strict=True))}}
-    if best is not None:
-        other = number_among(best.leads_to, motions)
-        row |= {"size": best.size, "crank_angle": best.crank_angle, "leads_to": UNTOLD if other is None else other + 1}
-        row |= {f"change.{name}": one for name, one in zip(names, (best.change * units).tolist(), strict=True)}
-    return [row]

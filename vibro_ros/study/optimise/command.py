@@ -16,7 +16,7 @@ from vibro_ros.simulation.processes import core_count
 from vibro_ros.study.command import locked, run_study, settings_of, study_parser, write_files
 from vibro_ros.study.optimise.plan import DIRECTIONS, FRONT, OBJECTIVES, POWERS, QUICK, Effort, Plan, Reading
 from vibro_ros.study.optimise.result import Result, result_file, scene_file, studied
-from vibro_ros.study.optimise.search import METHODS, Candidates
+from vibro_ros.study.optimise.search import Candidates
 from vibro_ros.study.optimise.space import Space, chosen_variables
 from vibro_ros.study.optimise.text import document, draw_convergence, draw_front, draw_sensitivity, on_bounds, title
 
@@ -65,7 +65,7 @@ def plan_of(options: argparse.Namespace) -> Plan:
     effort = QUICK if options.quick else Effort()
     starts = options.starts or effort.trials.starts
     effort = replace(effort, budget=options.budget or effort.budget, trials=replace(effort.trials, starts=starts))
-    return Plan(Space(scene, chosen_variables(tuple(fixed), varied)), options.objective, options.method,
+    return Plan(Space(scene, chosen_variables(tuple(fixed), varied)), options.objective,
                 Reading(options.power, options.direction), options.least_speed, options.most_air, effort, options.seed)
 
 
@@ -138,8 +138,6 @@ def parser() -> Parser:
     own.add_argument("--budget", type=int, metavar="N", help=f"robots that are tried (default: {default.budget})")
     own.add_argument("--starts", type=int, metavar="N", help="drawn starts of each robot (default: "
                         f"{default.trials.starts})")
-    own.add_argument("--method", choices=METHODS, default="cma", help="of the search; the front is "
-                        "always sought by cma (default: %(default)s)")
     own.add_argument("--seed", type=int, default=0, metavar="N", help="of the search (default: %(default)s)")
     own.add_argument("--workers", type=int, default=core_count(), metavar="N", help="processes; change no number "
                         "(default: %(default)s)")

@@ -219,8 +219,6 @@ class Plan:
         The robots.
     objective : str
         Of `OBJECTIVES`, or `FRONT`.
-    method : str
-        Of `search.METHODS`; the front has its own.
     reading : Reading
         How speed and power are read.
     least_speed : float
@@ -235,7 +233,6 @@ class Plan:
 
     space: Space
     objective: str
-    method: str
     reading: Reading
     least_speed: float
     most_air: float
@@ -282,7 +279,7 @@ class Plan:
 
     def identity(self) -> dict[str, object]:
         """All that the candidates and their values depend on, in numbers and texts; the budget is not among it."""
-        return {"objective": self.objective, "method": self.method, "reading": dict(self.reading._asdict()),
+        return {"objective": self.objective, "reading": dict(self.reading._asdict()),
                 "least_speed": self.least_speed, "most_air": self.most_air, "seed": self.seed,
                 "trials": asdict(self.effort.trials),
                 "variables": [[one.name, one.low, one.high, one.logarithmic] for one in self.space.variables],

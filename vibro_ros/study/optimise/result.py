@@ -126,7 +126,7 @@ def _searched(plan: Plan, folder: Path, workers: int) -> Candidates:
         if plan.objective == FRONT:
             by_weights(evaluations, plan)
         else:
-            search(plan.method, evaluations, plan.score, plan.space.dimension, plan.seed)
+            search(evaluations, plan.score, plan.space.dimension, plan.seed)
         return evaluations.gathered()
 
 

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import cma
 import numpy as np
-from scipy.optimize import differential_evolution
 
 from vibro_ros.model.scene import Scene
 from vibro_ros.study.optimise.plan import CHOOSING, FAILED, MEASURED, POWERS, Plan, Trials, values_of_many
@@ -47,8 +46,6 @@ SIGMA = 0.3
 # A run of CMA-ES ends when its steps are shorter than this part of the edge, or the scores of a group differ by less
 # than this part of the first group's: the noise is larger.
 _FINE = 1e-3
-# Candidates a coordinate of a population of differential evolution.
-_POPULATION = 4
 
 Scores = Callable[[np.ndarray], np.ndarray]
 
@@ -164,27 +161,13 @@ def by_cma(scores: Scores, dimension: int, seed: int) -> None:
         descend(scores, np.full(dimension, 0.5), SIGMA, number)
 
 
-def by_differential_evolution(scores: Scores, dimension: int, seed: int) -> None:
-    """Differential evolution until `SpentError`, its population first a Sobol sequence, its steps those of scipy."""
-    for number in itertools.count(seed):
-        differential_evolution(lambda points: -scores(points.T), [(0.0, 1.0)] * dimension, vectorized=True, seed=number,
-                               updating="deferred", polish=False, init="sobol", tol=_FINE, popsize=_POPULATION)
-
-
-METHODS = {"cma": by_cma, "differential_evolution": by_differential_evolution}
-"""Every method of search by its name."""
-
-
-def search(method: str, evaluations: Evaluations, score: Callable[[np.ndarray], float], dimension: int,
-           seed: int) -> None:
-    """Search by a method of `METHODS` until the budget is spent; `score` makes a number of a candidate's values."""
+def search(evaluations: Evaluations, score: Callable[[np.ndarray], float], dimension: int, seed: int) -> None:
+    """Search until the budget is spent; `score` makes a number of a candidate's values."""
     def scores(points: np.ndarray) -> np.ndarray:
         return np.array([score(values) for values in evaluations(points)])
 
-    try:
-        METHODS[method](scores, dimension, seed)
-    except SpentError:
-        pass
+    with suppress(SpentError):
+        by_cma(scores, dimension, seed)
 
 
 #: Most robots of a front that are shown.

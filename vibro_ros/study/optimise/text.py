@@ -26,7 +26,6 @@ from vibro_ros.study.optimise.verification import (
 POWER = {"net": "the work of the motor less what the springs return to it, over time",
          "delivered": "the work that the motor delivers, over time; what the springs return to it is lost"}
 """What P is, by the reading."""
-_METHODS = {"cma": "CMA-ES with BIPOP restarts", "differential_evolution": "Differential evolution"}
 _DIRECTIONS = {"either": "in either direction", "forward": "forwards only", "backward": "backwards only"}
 _ENDS = {"low": "lower", "high": "upper", "": ""}
 
@@ -84,7 +83,8 @@ def _question_and_verdict(result: Result) -> list[str]:
     floor = f" A robot slower than {_number(plan.least_speed * 1e3)} mm/s does not count." if plan.least_speed else ""
     if plan.most_air < 1.0:
         floor += f" A robot that is in the air for more than {100 * plan.most_air:g} % of the time does not count."
-    how = "CMA-ES, one weight of speed and cost after the other," if plan.objective == FRONT else _METHODS[plan.method]
+    how = "CMA-ES, one weight of speed and cost after the other," if plan.objective == FRONT else (
+        "CMA-ES with BIPOP restarts")
     asked = (f"P is mean mechanical power: {POWER[plan.reading.power]}. {how} tried {result.robots} robots, each "
             f"from the same {trials.starts} drawn starts over {trials.duration:g} s after {trials.settling:g} s. The "
             f"score is the lower quartile of these starts. Speed counts {_DIRECTIONS[plan.reading.direction]}, and all "

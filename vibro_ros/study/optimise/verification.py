@@ -5,8 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from SALib.analyze import sobol as sobol_analysis
-from SALib.sample import sobol as sobol_sample
+from scipy.stats import qmc, sobol_indices
 
 from vibro_ros.accuracy.starts import Average, average, motions_of
 from vibro_ros.configuration.scene_file import load_scene
@@ -200,6 +199,7 @@ def one_at_a_time(space: Space, parameters: Mapping[str, float]) -> Sequence[tup
 
 
 _QUANTILES = (0.05, 0.5)
+_RESAMPLES, _NORMAL = 100, 1.959963984540054  # of the bootstrap, and 95 % of the normal distribution
 
 
 @dataclass(frozen=True)
@@ -278,23 +278,47 @@ def neighbourhood(space: Space, optimum: Mapping[str, float], score: Callable[[n
     progress : Progress
         Counts every robot.
     """
-    names = [variable.name for variable in space.variables]
-    problem = {"num_vars": space.dimension, "names": names, "bounds": [[-1.0, 1.0]] * space.dimension}
-    shifts = sobol_sample.sample(problem, samples, calc_second_order=False, seed=seed)
+    names, dimension = [variable.name for variable in space.variables], space.dimension
+    shifts = _saltelli_sample(dimension, samples, seed)
     robots = [perturbed(space, optimum, {}), *(robot for _, _, robot in one_at_a_time(space, optimum)),
-              *(perturbed(space, optimum, dict(zip(names, shift, strict=True))) for shift in shifts)]
+              *(perturbed(space, optimum, dict(zip(names, shift, strict=True)))
+                for shift in shifts.reshape(-1, dimension))]
     scores = []
     for values in values_of_many(robots, replace(trials, first=VERIFYING), workers):
         scores.append(max(score(values), 0.0))
         progress.add(1)
-    alone, together = np.array(scores[1:1 + 2 * space.dimension]), np.array(scores[1 + 2 * space.dimension:])
-    indices = sobol_analysis.analyze(problem, together, calc_second_order=False, seed=seed)
-    rows = zip(names, alone.reshape(-1, 2) / scores[0], indices["S1"], indices["S1_conf"], indices["ST"],
-               indices["ST_conf"], strict=True)
+    alone, together = np.array(scores[1:1 + 2 * dimension]), np.array(scores[1 + 2 * dimension:])
+    rows = zip(names, alone.reshape(-1, 2) / scores[0], _indices(together.reshape(dimension + 2, samples), seed),
+               strict=True)
     poorest, median = np.quantile(together, _QUANTILES) / scores[0]
     return Neighbourhood(
-        float(scores[0]), tuple(Sensitivity(name, *map(float, (*pair, *index))) for name, pair, *index in rows),
+        float(scores[0]), tuple(Sensitivity(name, *map(float, (*pair, *index))) for name, pair, index in rows),
         len(together), float(poorest), float(median))
+
+
+def _saltelli_sample(dimension: int, samples: int, seed: int) -> np.ndarray:
+    """Points from -1 to 1 for `_indices`, shape (dimension + 2, samples, dimension): two independent sets, then the
+    first one with each column in turn that of the second."""
+    first, second = np.split(2.0 * qmc.Sobol(2 * dimension, seed=seed).random(samples) - 1.0, 2, axis=1)
+    mixed = np.repeat(first[None], dimension, axis=0)
+    for column in range(dimension):
+        mixed[column, :, column] = second[:, column]
+    return np.concatenate([first[None], second[None], mixed])
+
+
+def _indices(scores: np.ndarray, seed: int) -> np.ndarray:
+    """First-order and total indices of the scores at the points of `_saltelli_sample`, and half their 95 % intervals by
+    a seeded bootstrap: shape (dimension, 4), in the order first, its half, total, its half; all 0 of equal scores."""
+    def indices(of: np.ndarray) -> np.ndarray:
+        found = sobol_indices(func={"f_A": of[:1], "f_B": of[1:2], "f_AB": of[2:, None]}, n=of.shape[1])
+        return np.nan_to_num(np.stack([np.ravel(found.first_order), np.ravel(found.total_order)]))
+
+    draw, count = np.random.default_rng(seed), scores.shape[1]
+    with np.errstate(all="ignore"):
+        found = indices(scores)
+        again = np.array([indices(scores[:, draw.integers(0, count, count)]) for _ in range(_RESAMPLES)])
+    halves = _NORMAL * again.std(axis=0)
+    return np.column_stack([found[0], halves[0], found[1], halves[1]])
 
 
 _MEASURES = ("upper_impacts", "inclined_impacts", "upper_peak_force", "inclined_peak_force", "stick_share", "air_share")
