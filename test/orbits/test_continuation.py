@@ -9,6 +9,7 @@ from closed_form import ImpactOscillator
 import vibro_ros
 from vibro_ros.orbits.continuation import CORNER, DOUBLING, FOLD, GRAZING, TORUS, follow, special_points
 from vibro_ros.orbits.family import Family, Place, corrected
+from vibro_ros.orbits.orbit import close
 from vibro_ros.orbits.turn_map import TurnMap
 
 LOW, HIGH = -0.03, 0.06  # m, of the gap
@@ -116,6 +117,33 @@ def test_a_landing_that_no_longer_stops_the_body_is_a_corner():
     assert found[0].change == "landing_stops vanishes, landing_slips_backward appears"
     assert found[0].point.value == pytest.approx(62.208519643, abs=1e-8) and found[0].width < 1e-8
     assert np.abs(before.multipliers[0]) < 2.01 and np.abs(after.multipliers[0]) > 2.3
+
+
+def test_a_machine_has_a_neimark_sacker_point_beyond_which_a_circle_appears():
+    """`device` at 62.626 rad/s: a run that begins beside the orbit comes to the orbit, or to a circle around it."""
+    scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 62.64})
+    special = next(one for pair in branch(scene, "motor.speed", 62.0, 63.0, -1.0) for one in special_points(*pair)
+                   if one.kind == TORUS)
+    phase, place = special.point.family.phase, special.point.place
+
+    def settled(beside):
+        """States once a turn, less the orbit, of a run that begins 1e-4 beside the orbit."""
+        turn_map = TurnMap(scene.with_parameters({"motor.speed": special.point.value + beside}), phase)
+        orbit = close(turn_map, place.state, 1).state
+        turn_map.put(turn_map.device, orbit + 1e-4 * (np.arange(len(orbit)) == 0))
+        return turn_map.cuts(turn_map.device, 4000).states[2000:] - orbit
+
+    assert np.abs(settled(2e-4)[-1]).max() < 1e-9
+    circle = settled(-2e-4)
+    circle -= circle.mean(axis=0)
+    left, sizes, _ = np.linalg.svd(circle, full_matrices=False)
+    assert sizes[1] > 50.0 * sizes[2]  # it lies in the plane of the pair of multipliers, and ...
+    around = np.hypot(*left[:, :2].T) * np.sqrt(0.5 * len(circle))
+    assert 0.5 < around.min() and around.max() < 1.5  # ... goes round the orbit, which is unstable, by their angle
+    angles = np.angle(left[:, 0] + 1j * left[:, 1])
+    turned = abs(np.mod(np.diff(angles) + np.pi, 2.0 * np.pi).mean() - np.pi)
+    expected = abs(np.angle(special.point.multipliers[0]))
+    assert turned == pytest.approx(expected, abs=0.02)  # which has moved by the square
 
 
 def test_a_range_that_is_none_is_refused():

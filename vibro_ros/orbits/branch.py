@@ -34,9 +34,8 @@ class SpecialOrbit:
     Attributes
     ----------
     kind : str
-        Of a branch ``fold``, ``period doubling``, ``Neimark-Sacker``, ``grazing`` or ``corner``; of a curve ``cusp``,
-        ``generalized flip``, ``1:1 resonance`` to ``1:4 resonance``, ``fold-flip``, ``grazing-fold``, ``grazing-flip``
-        or ``change of events``.
+        Of a branch ``fold``, ``period doubling``, ``Neimark-Sacker``, ``grazing`` or ``corner``; of a curve ``change of
+        events``.
     mean_speed : float
         Of the body [m/s].
     multipliers : ndarray of complex, shape (n,)

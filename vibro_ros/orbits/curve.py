@@ -1,8 +1,8 @@
-"""Curves of special points over two parameters: folds, period doublings, Neimark-Sacker points and grazings.
+"""Curves of special points over two parameters: folds, period doublings and grazings.
 
 Where a branch over one parameter has a special point, the special points of its neighbours over a second parameter form
-a curve. The curve is followed by pseudo-arclength (H. B. Keller 1977) in the state and both parameters; its equations,
-and the points of codimension two that lie on it, are those of `plane`.
+a curve. The curve is followed by pseudo-arclength (H. B. Keller 1977) in the state and both parameters; its equations
+are those of `plane`.
 
 A curve is smooth as long as the order of the orbit's events stays. Where it changes, the curve is sought on the other
 side, as a branch is; it may end there.
@@ -12,14 +12,13 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.orbits.branch import MOST_POINTS, Branch, OrbitSequence, Special, SpecialOrbit
-from vibro_ros.orbits.continuation import FIRST_STEP, GRAZING, NEAREST_EVENT, STRAIGHT, TORUS
+from vibro_ros.orbits.continuation import FIRST_STEP, GRAZING, NEAREST_EVENT, STRAIGHT
 from vibro_ros.orbits.family import LONGEST_STEP, LostError
 from vibro_ros.orbits.passage import change_in_words, same_order
-from vibro_ros.orbits.plane import FOLLOWED, R1, R2, CurvePoint, Plane, away, corrected, where
+from vibro_ros.orbits.plane import FOLLOWED, CurvePoint, Plane, away, corrected, where
 from vibro_ros.orbits.turn_map import TURN, units_of
 from vibro_ros.simulation.motion import SimulationError
 
@@ -31,13 +30,12 @@ _ASIDE = 3.0  # arcs that a curve may turn aside within an arc at a change of ev
 _AHEAD = 1e-6  # along the curve: where its direction is looked for when the cut changes
 _NUDGES = (1e-6, -1e-6, 1e-5, -1e-5, 1e-4, -1e-4, 1e-3, -1e-3)  # of a parameter, to the side of a grazing without it
 _FOUND = 1e-5  # units of the machine, shares and m/s: how near special points of a curve and of a branch are
-_LOCATED = 1e-6  # arc in which a point of codimension two is located
 _CLOSES = 0.75  # of a step: a curve that comes so near to its begin is closed
 
 
 @dataclass(frozen=True)
 class CurveSpecial(SpecialOrbit):
-    """A point of codimension two on a curve, or a change of the order of events: a `SpecialOrbit`.
+    """A change of the order of events on a curve, a `SpecialOrbit`.
 
     Attributes
     ----------
@@ -55,7 +53,7 @@ class Curve(OrbitSequence):
     Attributes
     ----------
     kind : str
-        ``fold``, ``period doubling``, ``Neimark-Sacker`` or ``grazing``.
+        ``fold``, ``period doubling`` or ``grazing``.
     names : tuple of str
         Both parameters.
     special_points : tuple of CurveSpecial
@@ -69,7 +67,7 @@ class Curve(OrbitSequence):
 
 def follow_bifurcation(branch: Branch, special: Special, ranges: Mapping[str, tuple[float, float]],
                        upwards: bool = True, points: int = 400) -> Curve:
-    """The curve of folds, period doublings, Neimark-Sacker points or grazings through a special point of a branch.
+    """The curve of folds, period doublings or grazings through a special point of a branch.
 
     Pseudo-arclength continuation in the state and two parameters; see `vibro_ros.orbits.curve`.
 
@@ -78,7 +76,7 @@ def follow_bifurcation(branch: Branch, special: Special, ranges: Mapping[str, tu
     branch : Branch
         As `follow_orbit` gives it.
     special : Special
-        One of its special points; no corner, and no grazing of the body on the ground.
+        One of its special points; no corner, no Neimark-Sacker point, and no grazing of the body on the ground.
     ranges : mapping of str to (float, float)
         The branch's parameter and another number among the scene's parameters, with their ranges, in their units.
     upwards : bool
@@ -89,7 +87,7 @@ def follow_bifurcation(branch: Branch, special: Special, ranges: Mapping[str, tu
     Returns
     -------
     Curve
-        The orbits, and the points of codimension two between them.
+        The orbits, and the changes of the order of events between them.
 
     Raises
     ------
@@ -114,8 +112,9 @@ def follow_bifurcation(branch: Branch, special: Special, ranges: Mapping[str, tu
 def _plane(branch: Branch, special: Special, ranges: Mapping[str, tuple[float, float]]) -> Plane:
     """The equations, the branch's parameter first (ValueError as `follow_bifurcation` has it)."""
     if not has_curve(special):
-        raise ValueError(f"special: a {special.kind} ({special.change}) has no curve; give a fold, a period doubling, "
-                         "a Neimark-Sacker point, or a grazing of a plate")
+        change = f" ({special.change})" if special.change else ""
+        raise ValueError(f"special: a {special.kind}{change} has no curve; give a fold, a period doubling, or a "
+                         "grazing of a plate")
     if branch.name not in ranges:
         raise ValueError(f"ranges: has no {branch.name}, the branch's parameter; give its range and that of another")
     plane = Plane(branch.scene, {name: ranges[name] for name in sorted(ranges, key=branch.name.__ne__)}, branch.turns,
@@ -164,7 +163,7 @@ def whole_curve(branch: Branch, special: Special, ranges: Mapping[str, tuple[flo
 
 def curve_from(start: CurvePoint, points: int, notice: Callable[[int, np.ndarray], object] | None = None) -> Curve:
     """The curve from `start` along its tangent, of at most so many orbits; `notice` as `whole_curve` has it."""
-    found, met, end = list[CurvePoint](), list[tuple[int, str, CurvePoint, str]](), ""
+    found, met, end = list[CurvePoint](), list[tuple[int, CurvePoint, str]](), ""
     closing = _Closing(start)
     try:
         for before, after in follow(start):
@@ -174,11 +173,9 @@ def curve_from(start: CurvePoint, points: int, notice: Callable[[int, np.ndarray
             if found and closing.closes(before, after):
                 end = "closes on itself"
                 break
-            for kind, point, change in _met(before, after):
-                met.append((len(found), kind, point, change))
-                if start.kind == TORUS and kind in (R1, R2):
-                    end, after = f"the curve ends at a {kind}, where the pair of multipliers becomes real", point
-                    break
+            orders = before.passage.order, after.passage.order
+            if not same_order(*orders):
+                met.append((len(found), before, change_in_words(*orders)))
             found.append(after)
             if notice:
                 notice(len(found), after.values)
@@ -192,9 +189,9 @@ def curve_from(start: CurvePoint, points: int, notice: Callable[[int, np.ndarray
     return _gathered(start.plane, start.kind, found, met, end)
 
 
-def _gathered(plane: Plane, kind: str, found: list[CurvePoint], met: list[tuple[int, str, CurvePoint, str]],
+def _gathered(plane: Plane, kind: str, found: list[CurvePoint], met: list[tuple[int, CurvePoint, str]],
               end: str) -> Curve:
-    """The curve of some points, with the number of points before each point of codimension two."""
+    """The curve of some points, with the number of points before each change of events."""
     n = len(plane.units)
     return Curve(
         kind=kind, names=plane.names, turns=plane.turns,
@@ -204,8 +201,8 @@ def _gathered(plane: Plane, kind: str, found: list[CurvePoint], met: list[tuple[
         phases=np.array([point.plane.phase for point in found]),
         states=np.array([point.exact[:-2] for point in found]).reshape(-1, n),
         special_points=tuple(
-            CurveSpecial(kind, point.mean_speed, point.multipliers, change, point.plane.phase, point.exact[:-2], at,
-                         point.values) for at, kind, point, change in met), end=end)
+            CurveSpecial(EDGE, point.mean_speed, point.multipliers, change, point.plane.phase, point.exact[:-2], at,
+                         point.values) for at, point, change in met), end=end)
 
 
 def _bound(point: CurvePoint) -> tuple[str, np.ndarray] | None:
@@ -228,31 +225,6 @@ def _at_bound(before: CurvePoint, after: CurvePoint, normal: np.ndarray) -> Curv
     guess = before.vector + part * (after.vector - before.vector)
     guess += (bound - abs(normal) @ guess) * abs(normal)
     return corrected(before.plane, before.kind, guess, normal, before.frame, away(before, normal))[0]
-
-
-def _met(before: CurvePoint, after: CurvePoint) -> list[tuple[str, CurvePoint, str]]:
-    """Points of codimension two between two neighbours, with their kinds, in their order; or the change of events."""
-    orders = before.passage.order, after.passage.order
-    if not same_order(*orders):
-        return [(EDGE, before, change_in_words(*orders))]
-    found = [(kind, _located(before, after, kind), "") for kind in before.tests
-             if before.tests[kind] * after.tests[kind] < 0.0]
-    return sorted(found, key=lambda one: one[1].vector @ (after.vector - before.vector))
-
-
-def _located(before: CurvePoint, after: CurvePoint, kind: str) -> CurvePoint:
-    """The point between two neighbours where a test function is 0."""
-    chord = after.vector - before.vector
-    length = float(np.linalg.norm(chord))
-    known = {0.0: before, 1.0: after}
-
-    def test(part: float) -> float:
-        if part not in known:
-            known[part], _ = corrected(before.plane, before.kind, before.vector + part * chord, chord / length,
-                                       before.frame, away(before, chord / length))
-        return known[part].tests[kind]
-
-    return known[brentq(test, 0.0, 1.0, xtol=_LOCATED / length)]
 
 
 class _Closing:

@@ -6,22 +6,12 @@ Methods for Bifurcations of Dynamical Equilibria, SIAM 2000). With the derivativ
 
 - at a fold or a period doubling: g = 0 of the bordered system [A -+ 1, b; c, 0] [v; g] = [0; 1], which is regular
   there, with b and c from a neighbour's null vectors w and v;
-- at a Neimark-Sacker point: the determinant of A within the plane of the pair of multipliers is 1;
 - at a grazing: the mass turns back at its plate. From the side without the contact, where the map is smooth, its
   distance from the plate is made 1e-6 crank radii, and the point is carried on to 0 by the derivative, which leaves an
   error of the square.
 
-The first three need derivatives of A, which are second differences of the map: they decide how fast Newton's method
+The first needs derivatives of A, which are second differences of the map: they decide how fast Newton's method
 converges, not where to.
-
-On a curve lie points of codimension two, each where a test function changes its sign (Kuznetsov, chapter 9):
-
-- a cusp on a fold: the normal form's quadratic coefficient; the curve turns back in both parameters at once, and two
-  folds meet;
-- a generalized flip on a doubling: the normal form's cubic coefficient, which tells the doubled orbits' side;
-- 1:1 and 1:2 resonances: two multipliers are 1, or -1; Neimark-Sacker points begin there, and their curve ends there;
-- 1:3 and 1:4 resonances on a curve of Neimark-Sacker points;
-- fold-flip, grazing-fold and grazing-flip: two special points at once.
 """
 
 from collections.abc import Callable, Mapping
@@ -30,27 +20,22 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import schur
 
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.branch import family_of
-from vibro_ros.orbits.continuation import DOUBLING, FOLD, GRAZING, TORUS
+from vibro_ros.orbits.continuation import DOUBLING, FOLD, GRAZING
 from vibro_ros.orbits.family import LONGEST_STEP, LostError, derivative
 from vibro_ros.orbits.orbit import CLOSED
 from vibro_ros.orbits.passage import EventOrder, Miss, Passage, least_gap, ordered, passage
 from vibro_ros.orbits.turn_map import TURN, TurnMap, direction
 from vibro_ros.simulation.motion import SimulationError
 
-FOLLOWED = (FOLD, DOUBLING, TORUS, GRAZING)
+FOLLOWED = (FOLD, DOUBLING, GRAZING)
 """Kinds of special points that have curves."""
-CUSP, FLIP, R1, R2, R3, R4 = ("cusp", "generalized flip", "1:1 resonance", "1:2 resonance", "1:3 resonance",
-                              "1:4 resonance")
-FOLD_FLIP, GRAZING_FOLD, GRAZING_FLIP = "fold-flip", "grazing-fold", "grazing-flip"
 _CRITICAL = {FOLD: 1.0, DOUBLING: -1.0}
 _MISS = 1e-6  # crank radii, at which grazing orbits are computed
 _MET = 1e-7  # largest defect of the second equation; rounding of the derivative makes 1e-10 to 1e-8
 _STEP = 1e-4  # of differences, in units of the machine: with `fine`, rounding / step is the larger error, 1e-10
-_NORMAL = 1e-3  # of the differences of the normal form, of third order
 _MOST_ITERATIONS, _SLOW = 16, 0.1
 _APART = 0.3  # rad, farthest that a step moves the instant of a grazing
 _DEPTHS = (1e-5, 1e-4, 1e-3, 1e-2)  # crank radii, from which a grazing is approached where the prediction touches
@@ -183,8 +168,6 @@ class CurvePoint:
         What the second equation refers to.
     multipliers : ndarray of complex, shape (n,)
         Floquet multipliers, the largest first.
-    tests : dict of str to float
-        Test functions by the kinds of points of codimension two.
     passage : Passage
         Its events.
     mean_speed : float
@@ -199,7 +182,6 @@ class CurvePoint:
     matrix: np.ndarray
     frame: Frame
     multipliers: np.ndarray
-    tests: dict[str, float]
     passage: Passage
     mean_speed: float
 
@@ -218,12 +200,6 @@ def _second(plane: Plane, kind: str, vector: np.ndarray, matrix: np.ndarray, fra
                        Frame(np.zeros(0), np.zeros(0), miss.side, angle))
     n = len(vector) - 2
     turn = matrix[:, :n] + np.eye(n)
-    if kind == TORUS:
-        left, right = _pair_planes(turn)
-        block = left.T @ turn @ right
-        adjugate = np.array([[block[1, 1], -block[0, 1]], [-block[1, 0], block[0, 0]]])
-        return _Second(float(np.linalg.det(block)) - 1.0,
-                       lambda: _derivative_slope(plane, vector, left @ adjugate.T, right), Frame(left, right))
     singular = turn - _CRITICAL[kind] * np.eye(n)
     if frame is None:
         u, _, v = np.linalg.svd(singular)
@@ -232,22 +208,7 @@ def _second(plane: Plane, kind: str, vector: np.ndarray, matrix: np.ndarray, fra
     last = np.append(np.zeros(n), 1.0)
     right, left = np.linalg.solve(bordered, last), np.linalg.solve(bordered.T, last)
     own = Frame(left[:n] / np.linalg.norm(left[:n]), right[:n] / np.linalg.norm(right[:n]))
-    return _Second(float(right[n]), lambda: _derivative_slope(plane, vector, -left[:n, None], right[:n, None]), own)
-
-
-def _pair_planes(turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Bases of the left and right invariant planes of the two multipliers whose product is nearest to 1."""
-    values = np.linalg.eigvals(turn)
-    first, second = np.triu_indices(len(values), 1)
-    best = np.argmin(np.abs(values[first] * values[second] - 1.0))
-    pair = values[[first[best], second[best]]]
-
-    def chosen(real: float, imag: float) -> bool:
-        return bool(np.abs(pair - complex(real, imag)).min() < 1e-7)
-
-    right = schur(turn, sort=chosen)[1][:, :2]
-    left = schur(turn.T, sort=chosen)[1][:, :2]
-    return left @ np.linalg.inv(right.T @ left), right
+    return _Second(float(right[n]), lambda: _derivative_slope(plane, vector, -left[:n], right[:n]), own)
 
 
 def _reach(seen: Passage, longest: float) -> float:
@@ -255,19 +216,15 @@ def _reach(seen: Passage, longest: float) -> float:
     return max(1e-6, min(longest, 0.005 * seen.softest**2, 0.1 * seen.miss))
 
 
-def _derivative_slope(plane: Plane, vector: np.ndarray, lefts: np.ndarray, rights: np.ndarray) -> np.ndarray:
-    """The sum of l' (dA/dz) r for each unknown z, shape (n + 2,), by second differences; A is the map's derivative."""
+def _derivative_slope(plane: Plane, vector: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """l' (dA/dz) r for each unknown z, shape (n + 2,), by second differences; A is the map's derivative."""
     step, n = _reach(plane.passage(vector), _STEP), len(vector) - 2
-    free = plane.free(vector)
-    row = np.zeros(n + 2)
+    free, size, row = plane.free(vector), float(np.linalg.norm(right)), np.zeros(n + 2)
+    along = np.append(right / size, [0.0, 0.0]) * free
     for i in np.flatnonzero(free):
-        unit = np.zeros(n + 2)
-        unit[i] = 1.0
-        for left, right in zip(lefts.T, rights.T, strict=True):
-            size = float(np.linalg.norm(right))
-            along = np.append(right / size, [0.0, 0.0]) * free
-            ends = [plane.residual(vector + step * (a * unit + b * along)) for a in (1, -1) for b in (1, -1)]
-            row[i] += left @ (ends[0] - ends[1] - ends[2] + ends[3]) * size / (4.0 * step**2)
+        unit = np.eye(n + 2)[i]
+        ends = [plane.residual(vector + step * (a * unit + b * along)) for a in (1, -1) for b in (1, -1)]
+        row[i] = left @ (ends[0] - ends[1] - ends[2] + ends[3]) * size / (4.0 * step**2)
     return row
 
 
@@ -390,57 +347,9 @@ def _point(plane: Plane, kind: str, vector: np.ndarray, matrix: np.ndarray, seco
             np.vstack([matrix, along]), np.eye(n + 2)[n])
     multipliers = np.linalg.eigvals(matrix[:n, :n] + np.eye(n))
     multipliers = multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
-    tests = _tests(plane, kind, vector, matrix, second.frame, multipliers)
     speed = 2.0 * plane.mean_speed(vector) - plane.mean_speed(2.0 * vector - exact)  # carried on as `exact` is
-    return CurvePoint(plane, kind, vector, tangent, exact, matrix, second.frame, multipliers, tests,
+    return CurvePoint(plane, kind, vector, tangent, exact, matrix, second.frame, multipliers,
                       plane.passage(vector), speed)
-
-
-def _tests(plane: Plane, kind: str, vector: np.ndarray, matrix: np.ndarray, frame: Frame,
-           multipliers: np.ndarray) -> dict[str, float]:
-    """Test functions, each of which changes its sign at a kind of points of codimension two."""
-    n = len(multipliers)
-    one, minus_one = (float(np.prod(multipliers - value).real) for value in (1.0, -1.0))
-    if kind == GRAZING:
-        return {GRAZING_FOLD: one, GRAZING_FLIP: minus_one}
-    if kind == TORUS:
-        both = float(np.trace(frame.left.T @ (matrix[:n, :n] + np.eye(n)) @ frame.right))
-        return {R1: 2.0 - both, R2: 2.0 + both, R3: 1.0 + both, R4: both}
-    together = float(frame.left @ frame.right)
-    if kind == DOUBLING:
-        return {FLIP: one * _cubic(plane, vector, matrix, frame), R2: together, FOLD_FLIP: one}
-    return {CUSP: _quadratic(plane, vector, frame), R1: together, FOLD_FLIP: minus_one}
-
-
-def _second_difference(plane: Plane, vector: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Second derivative of the map by the state along two directions, shape (n,)."""
-    step, (one, other) = _reach(plane.passage(vector), _NORMAL), (np.append(way, [0.0, 0.0]) for way in (one, other))
-    ends = [plane.residual(vector + step * (a * one + b * other)) for a in (1, -1) for b in (1, -1)]
-    return (ends[0] - ends[1] - ends[2] + ends[3]) / (4.0 * step**2)
-
-
-def _third_difference(plane: Plane, vector: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """Third derivative of the map by the state along a direction, shape (n,)."""
-    step = _reach(plane.passage(vector), _NORMAL)
-    ends = [plane.residual(vector + a * step * np.append(along, [0.0, 0.0])) for a in (2, 1, -1, -2)]
-    return (ends[0] - 2.0 * ends[1] + 2.0 * ends[2] - ends[3]) / (2.0 * step**3)
-
-
-def _quadratic(plane: Plane, vector: np.ndarray, frame: Frame) -> float:
-    """Quadratic coefficient of a fold's normal form, times w'v, by differences of the map (Kuznetsov, section 5.4)."""
-    return float(frame.left @ _second_difference(plane, vector, frame.right, frame.right))
-
-
-def _cubic(plane: Plane, vector: np.ndarray, matrix: np.ndarray, frame: Frame) -> float:
-    """Cubic coefficient of a doubling's normal form, times w'v, by differences of the map (Kuznetsov, section 5.4).
-
-    It has a pole where another multiplier is 1, at a fold-flip.
-    """
-    n, along = len(frame.right), frame.right
-    bent = np.linalg.solve(-matrix[:n, :n], _second_difference(plane, vector, along, along))
-    size = max(float(np.linalg.norm(bent)), 1e-12)
-    return float(frame.left @ (_third_difference(plane, vector, along)
-                               + 3.0 * size * _second_difference(plane, vector, along, bent / size)))
 
 
 def away(point: CurvePoint, normal: np.ndarray) -> np.ndarray:

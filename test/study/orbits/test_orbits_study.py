@@ -133,7 +133,8 @@ def test_a_curve_is_read_as_it_was_written(tmp_path):
     multipliers = random.normal(size=(4, 5)) + 1j * random.normal(size=(4, 5))
     special = tuple(CurveSpecial(kind, 0.1 * at, multipliers[0], change, 0.5, random.normal(size=5), at,
                                  random.normal(size=2))
-                    for kind, change, at in (("cusp", "", 0), ("change of events", "stick", 2), ("cusp", "", 4)))
+                    for kind, change, at in (("change of events", "stick", 0), ("change of events", "stick", 2),
+                                     ("change of events", "", 4)))
     curve = Curve(2, random.normal(size=(4, 2)), random.normal(size=4), multipliers, random.normal(size=4),
                   random.normal(size=(4, 5)), "an end", "fold", ("motor.speed", "upper.gap"), special)
     files = curves.curve_files(tmp_path, asked)

@@ -7,15 +7,15 @@ from matplotlib.lines import Line2D
 from vibro_ros.accuracy.figures import new_figure, png, tidy, with_unit
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.orbits.branch import Branch
-from vibro_ros.orbits.continuation import DOUBLING, FOLD, GRAZING, TORUS
-from vibro_ros.orbits.curve import EDGE, Curve, has_curve
+from vibro_ros.orbits.continuation import DOUBLING, FOLD, GRAZING
+from vibro_ros.orbits.curve import Curve, has_curve
 from vibro_ros.study.orbits.curves import CurvePlan, CurveTask
 from vibro_ros.study.orbits.result import MARKS, names_of
 from vibro_ros.study.orbits.run import Task
 
-_COLOURS = {FOLD: "#d55e00", DOUBLING: "#0072b2", TORUS: "#009e73", GRAZING: "#000000"}
+_COLOURS = {FOLD: "#d55e00", DOUBLING: "#0072b2", GRAZING: "#000000"}
 _CELLS = 50.0  # of the first parameter's range: names of one cell stand together
-_STYLES = {FOLD: "-", DOUBLING: "--", TORUS: "-.", GRAZING: ":"}
+_STYLES = {FOLD: "-", DOUBLING: "--", GRAZING: ":"}
 
 
 def curve_document(asked: CurvePlan, found: Sequence[tuple[CurveTask, Curve]]) -> str:
@@ -37,10 +37,7 @@ def curve_document(asked: CurvePlan, found: Sequence[tuple[CurveTask, Curve]]) -
 def curves_in_words(found: Sequence[tuple[CurveTask, Curve]]) -> Iterator[str]:
     """One line a curve and direction."""
     for task, curve in found:
-        met = ", ".join(f"{one.kind} at {one.values[0]:.6g}, {one.values[1]:.6g}" for one in curve.special_points
-                        if one.kind != EDGE)
-        yield (f"{task.special.kind} curve through {task.name}, {task.way}: {len(curve)} orbits; "
-               f"{met + '; ' if met else ''}{curve.end}")
+        yield f"{task.special.kind} curve through {task.name}, {task.way}: {len(curve)} orbits; {curve.end}"
 
 
 def draw_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]],
@@ -51,10 +48,6 @@ def draw_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]],
     for _, curve in found:
         if len(curve):
             axes.plot(*curve.values.T, _STYLES[curve.kind], color=_COLOURS[curve.kind], lw=1.4)
-        for one in curve.special_points:
-            if one.kind != EDGE:
-                axes.plot(*one.values, "*", ms=9.0, color=_COLOURS[curve.kind], zorder=3)
-                axes.annotate(one.kind, one.values, xytext=(5, 5), textcoords="offset points", fontsize=7)
     branches, base = [branch for _, branch in done], asked.plan.scene[asked.name]
     cells: dict[int, list[tuple[float, str]]] = {}
     for branch, names in zip(branches, names_of(branches), strict=True):

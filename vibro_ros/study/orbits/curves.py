@@ -89,8 +89,7 @@ def fields_of(asked: CurvePlan) -> list[Field]:
     first, second = (BY_NAME[name] for name in asked.ranges)
     return [
         Field("kind", pa.string(), "1", "of the special points that the curve is made of"),
-        Field("point", pa.string(), "1", "of codimension two, or a change of events; null for an orbit between them",
-              True),
+        Field("point", pa.string(), "1", "change of events; null for an orbit between them", True),
         Field(first.name, pa.float64(), first.unit or "1", first.description),
         Field(second.name, pa.float64(), second.unit or "1", second.description),
         *ORBIT_FIELDS,
