@@ -110,7 +110,6 @@ class Found:
 
 
 _COLUMNS = tuple(field.name for field in fields(Found))
-_WHOLE = frozenset(_COLUMNS[:6])
 _KEYS = ("type", "made_by", "scene", "parameters", "gaps", "motor_speed", "gap", "found", "curves")
 
 
@@ -247,91 +246,83 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _command_map(document: Any) -> CommandMap:
-    document = _mapping(document, "the document", _KEYS)
-    if document["type"] != TYPE:
-        raise ValueError(f"type: {quoted(document['type'])} is not {TYPE!r}")
-    sides = tuple(str(side) for side in _list(document["gaps"], "gaps", 2))
-    if not sides or len(set(sides)) < len(sides) or any(side not in SIDES for side in sides):
+    given = _fields(document, "the document", _KEYS)
+    if given["type"] != TYPE:
+        raise ValueError(f"type: {quoted(given['type'])} is not {TYPE!r}")
+    sides = tuple(map(str, _list(given["gaps"], "gaps", 2)))
+    if not sides or len(set(sides)) < len(sides) or not {*sides} <= {*SIDES}:
         raise ValueError(f"gaps: {quoted(sides)} are no sides; give {', '.join(SIDES)}")
-    speeds, gaps = (_axis(document[name], name) for name in ("motor_speed", "gap"))
+    speeds, gaps = (_axis(given[name], name) for name in ("motor_speed", "gap"))
     if speeds.low <= 0.0:
         raise ValueError(f"motor_speed: from {speeds.low:g} rad/s; give speeds above 0")
-    with_motor = isinstance(document["parameters"], dict) and "effects.motor" in document["parameters"]
-    scene = document["scene"]
-    defaults = {name: BY_NAME[name].default for name in _names_that_count(sides, with_motor)}
+    scene = given["scene"]
     if not isinstance(scene, str) or not scene.isprintable() or len(scene) > 200:
         raise ValueError("scene: is no text of at most 200 characters")
-    given = _mapping(document["parameters"], "parameters", tuple(defaults), complete=False)
+    with_motor = isinstance(given["parameters"], dict) and "effects.motor" in given["parameters"]
     # A parameter that the file lacks has its default, because an older version wrote the file.
-    parameters = checked_parameters(defaults | given, tuple(BY_NAME.values()))
-    return CommandMap(scene, parameters, sides, speeds, gaps, _found(document["found"], speeds.count, gaps.count),
-                      tuple(_curve(curve, f"curves[{number}]")
-                            for number, curve in enumerate(_list(document["curves"], "curves", 10_000))))
+    defaults = {name: BY_NAME[name].default for name in _names_that_count(sides, with_motor)}
+    named = _fields(given["parameters"], "parameters", tuple(defaults), complete=False)
+    parameters = checked_parameters(defaults | named, tuple(BY_NAME.values()))
+    curves = tuple(_curve(curve, f"curves[{number}]")
+                   for number, curve in enumerate(_list(given["curves"], "curves", 10_000)))
+    return CommandMap(scene, parameters, sides, speeds, gaps, _found(given["found"], speeds, gaps), curves)
 
 
-def _found(given: Any, speeds: int, gaps: int) -> Found:
-    given = _mapping(given, "found", _COLUMNS)
-    columns = {}
-    for name in _COLUMNS:
-        where, rows = f"found.{name}", _list(given[name], f"found.{name}", MOST_ROWS)
-        if name in _WHOLE:
-            if not all(type(value) is int and abs(value) < 2**53 for value in rows):
-                raise ValueError(f"{where}: holds what is no whole number")
-            columns[name] = np.array(rows, dtype=int)
-        else:
-            may_lack = name == "cost_of_transport"
-            columns[name] = np.array([math.nan if value is None and may_lack else _number(value, where)
-                                      for value in rows])
+def _axis(given: Any, name: str) -> Axis:
+    low, high, count = _fields(given, name, ("from", "to", "count")).values()
+    if type(count) is not int or not 2 <= count <= 10_000:
+        raise ValueError(f"{name}: is no grid of at least 2 ascending values")
+    ends = _numbers([low, high], name)
+    if ends[0] >= ends[1]:
+        raise ValueError(f"{name}: is no grid of at least 2 ascending values")
+    return Axis(float(ends[0]), float(ends[1]), count)
+
+
+def _found(given: Any, speeds: Axis, gaps: Axis) -> Found:
+    limits = {"speed_index": (0, speeds.count - 1), "gap_index": (0, gaps.count - 1), "motion": (PATCHWORK, 10**6),
+              "turns": (0, 10**6), "landings": (0, 10**9), "sure": (0, 1)}
+    columns = {name: _numbers(values, f"found.{name}", limits.get(name), name == "cost_of_transport")
+               for name, values in _fields(given, "found", _COLUMNS).items()}
     if len({len(column) for column in columns.values()}) > 1:
         raise ValueError("found: its columns have not the same length")
-    for name, least, most in (("speed_index", 0, speeds - 1), ("gap_index", 0, gaps - 1), ("motion", PATCHWORK, 10**6),
-                              ("turns", 0, 10**6), ("landings", 0, 10**9), ("sure", 0, 1)):
-        if len(columns[name]) and not least <= columns[name].min() <= columns[name].max() <= most:
-            raise ValueError(f"found.{name}: holds a number that is not from {least} to {most}")
     return Found(**columns)
 
 
 def _curve(given: Any, where: str) -> Curve:
-    given = _mapping(given, where, ("kind", "turns", "motor_speed", "gap"))
-    if given["kind"] not in CURVES:
+    kind, turns, *points = _fields(given, where, ("kind", "turns", "motor_speed", "gap")).values()
+    if kind not in CURVES:
         raise ValueError(f"{where}.kind: is none of {', '.join(CURVES)}")
-    if type(given["turns"]) is not int or not 1 <= given["turns"] <= 10**6:
-        raise ValueError(f"{where}.turns: is no whole number above 0")
-    speeds, gaps = (tuple(_number(value, f"{where}.{name}") for value in _list(given[name], f"{where}.{name}", 10_000))
-                    for name in ("motor_speed", "gap"))
+    (turns,) = _numbers([turns], f"{where}.turns", (1, 10**6)).tolist()
+    speeds, gaps = (tuple(_numbers(values, f"{where}.{name}").tolist())
+                    for values, name in zip(points, ("motor_speed", "gap"), strict=True))
     if len(speeds) != len(gaps):
         raise ValueError(f"{where}: {len(speeds)} motor speeds and {len(gaps)} gaps")
-    return Curve(given["kind"], given["turns"], speeds, gaps)
+    return Curve(kind, turns, speeds, gaps)
 
 
-def _axis(given: Any, name: str) -> Axis:
-    given = _mapping(given, name, ("from", "to", "count"))
-    low, high, count = _number(given["from"], name), _number(given["to"], name), given["count"]
-    if type(count) is not int or not 2 <= count <= 10_000 or not low < high:
-        raise ValueError(f"{name}: is no grid of at least 2 ascending values")
-    return Axis(low, high, count)
+def _numbers(given: Any, where: str, whole: tuple[int, int] | None = None, may_lack: bool = False) -> np.ndarray:
+    """A list of numbers up to 1e9 in magnitude, or of whole ones between two; None is NaN where one `may_lack`."""
+    values = _list(given, where, MOST_ROWS)
+    low, high = whole or (-1e9, 1e9)
+    for value in values:
+        if not (may_lack and value is None) and (
+                type(value) not in ((int,) if whole else (int, float)) or not low <= value <= high):
+            raise ValueError(f"{where}: holds what is no {'whole ' * bool(whole)}number from {low:g} to {high:g}")
+    return np.array([math.nan if value is None else value for value in values], dtype=int if whole else float)
 
 
-def _mapping(given: Any, where: str, keys: tuple[str, ...], complete: bool = True) -> dict[str, Any]:
-    """`given` if it is a mapping with no other keys than `keys`, and with all of them if it must be complete."""
+def _fields(given: Any, where: str, keys: tuple[str, ...], complete: bool = True) -> dict[str, Any]:
+    """`given` in the order of `keys`, if it is a mapping of no others, and of all of them if it must be complete."""
     if not isinstance(given, dict):
         raise ValueError(f"{where}: is no mapping")
-    for key in keys:
-        if complete and key not in given:
-            raise ValueError(f"{where}: {key} is missing")
-    for key in given:
-        if key not in keys:
-            raise ValueError(f"{where}: {quoted(key)} is unknown")
-    return given
+    if missing := [key for key in keys if complete and key not in given]:
+        raise ValueError(f"{where}: {missing[0]} is missing")
+    if unknown := [key for key in given if key not in keys]:
+        raise ValueError(f"{where}: {quoted(unknown[0])} is unknown")
+    return {key: given[key] for key in keys if key in given}
 
 
 def _list(given: Any, where: str, most: int) -> list[Any]:
     if not isinstance(given, list) or len(given) > most:
         raise ValueError(f"{where}: is no list of at most {most} values")
     return given
-
-
-def _number(given: Any, where: str) -> float:
-    if isinstance(given, bool) or not isinstance(given, (int, float)) or not abs(given) <= 1e9:
-        raise ValueError(f"{where}: holds what is no number up to 1e9 in magnitude")
-    return float(given)
