@@ -1,4 +1,12 @@
-"""A vibro-impact robot as a virtual device, with physics to be trusted to the last digit."""
+"""A vibro-impact robot as a virtual device, with physics to be trusted to the last digit.
+
+In comes a scene, every parameter of the machine: `load_scene`. Out come motions: `simulate` makes whole runs,
+`Simulator` is the device that is commanded as it goes on, `SensedSimulator` the same with its sensors, `find_orbit` a
+motion that repeats itself. `model` has the physics, as modes and guards; `solver` finds the events between two modes
+and knows nothing of robots; `simulation` makes the device of both. Around it stand `orbits`, `sensors`, `bag`
+(recordings), `recordings` (what is done with them), `accuracy`, `study`, `view` (the page) and `ros`, which alone
+imports rclpy. Read `simulation/simulator.py` first, then `docs/architecture.md`.
+"""
 
 from importlib import import_module
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.ros.controller.feedback import RATE, Goal, Pursuit, Track
+from vibro_ros.ros.controller.feedback import RATE, Goal, GoalTracking, MeanPosition
 from vibro_ros.simulation.simulator import Simulator
 
 ODOMETRY_RATE = 200
@@ -37,21 +37,21 @@ class Trial:
         GoalError
             When it is missed.
         """
-        start, track, tick = self.device.time, Track(), 0
-        pursuit = Pursuit(goal, 0.0, duration, reach, track)
-        while not pursuit.over:
+        start, mean, tick = self.device.time, MeanPosition(), 0
+        tracking = GoalTracking(goal, 0.0, duration, reach, mean)
+        while not tracking.over:
             self.took = tick / ODOMETRY_RATE
             self.device.advance_to(start + self.took)
             self.positions.append(float(self.device.state.body_position))
             for stamp, position in self._heard(round(self.took * 1e9), self.positions[-1]):
-                track.add(stamp, position, self.took)
+                mean.add(stamp, position, self.took)
             if tick % round(ODOMETRY_RATE / RATE) == 0:
-                self._command(pursuit)
+                self._command(tracking)
             tick += 1
 
-    def _command(self, pursuit: Pursuit) -> None:
-        speed = pursuit.motor_speed(self.took)
-        self.words += pursuit.take_words()
+    def _command(self, tracking: GoalTracking) -> None:
+        speed = tracking.motor_speed(self.took)
+        self.words += tracking.take_words()
         if speed is not None:
             self.commands.append(speed)
             self.device.command(motor_speed=speed)

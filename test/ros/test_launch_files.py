@@ -16,7 +16,7 @@ from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.model.parameters import SCENE_PARAMETERS, checked_parameters
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.ros.controller import controller
-from vibro_ros.ros.controller.script_file import shipped_scripts
+from vibro_ros.ros.controller.script import shipped_scripts
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 FILES = sorted((EXAMPLES / "launch").glob("*.launch.py"))

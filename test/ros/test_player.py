@@ -15,7 +15,7 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64
 
 from vibro_ros.process.entry_point import StopRequest
-from vibro_ros.ros.controller.player import Player, timeline
+from vibro_ros.ros.controller.player import Player
 from vibro_ros.ros.node import process
 
 SIMULATED = ("--ros-args", "-p", "use_sim_time:=true")
@@ -153,9 +153,9 @@ def test_what_is_due_is_done_before_the_next_request_is_answered(domain_id, monk
 
         node.create_service(GetParameters, "asked", answer)
         process.spin_until(executor, lambda: client.service_is_ready() and (publish(0) or node.clock_heard))
-        moments = [(tick * 1e-3, partial(done.append, tick)) for tick in range(200)]
+        schedule = [(tick * 1e-3, partial(done.append, tick)) for tick in range(200)]
         ask_next()
-        assert Player(node, executor, {}, (), "", timeline=timeline(node)).run(moments, 0.0, stop) == 0
+        assert Player(node, executor, {}).run(schedule, 0.0, stop) == 0
     rclpy.shutdown(context=context)
     for tick in range(199):  # the last one's answers are no longer waited for
         assert done.index(tick) < done.index(f"{tick} {BARRIER - 1}"), tick
@@ -170,13 +170,13 @@ def test_time_between_two_instants_is_never_beyond_the_second(domain_id: int):
     executor.add_node(node)
     told: list[float] = []
     try:
-        player = Player(node, executor, {}, (), "", meanwhile=told.append, period=1e-6)
-        moments = [(5e-4 * k, partial(told.append, 5e-4 * k)) for k in range(3000)]
+        player = Player(node, executor, {}, meanwhile=told.append, period=1e-6)
+        schedule = [(5e-4 * k, partial(told.append, 5e-4 * k)) for k in range(3000)]
         with StopRequest() as stop:
-            assert player.run(moments, 0.0, stop) == 0
+            assert player.run(schedule, 0.0, stop) == 0
     finally:
         executor.shutdown()
         node.destroy_node()
         rclpy.shutdown(context=context)
-    assert len(told) > len(moments) + 300, "too few waits to tell"
+    assert len(told) > len(schedule) + 300, "too few waits to tell"
     assert told == sorted(told)

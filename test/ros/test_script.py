@@ -6,7 +6,7 @@ import pytest
 from known_map import known_map, mean_speed
 
 from vibro_ros.ros.controller.feedback import PositionGoal, SpeedGoal, check_reach
-from vibro_ros.ros.controller.script_file import find_script, read_script
+from vibro_ros.ros.controller.script import find_script, read_script
 
 
 def script(folder: Path, text: str):

@@ -157,7 +157,7 @@ def test_a_reader_that_goes_does_not_end_the_robot(compiled, domain_id, tmp_path
 
 
 def test_who_waits_for_a_robot_is_told_again_and_again_what_for(bench, monkeypatch, capfd):
-    monkeypatch.setattr(player, "REPORTS", 0.05)
+    monkeypatch.setattr(player, "REPORT_PERIOD", 0.05)
     publisher = bench.node.create_publisher(Float64, "motor_speed", 10)
     with StopRequest() as request, pytest.raises(RuntimeError) as error:
         player.wait_for_listeners(bench.node, bench._executor, [publisher], 0.5, request)

@@ -22,7 +22,7 @@ from vibro_ros.messages.frames import JOINTS
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.model.parameters import SCENE_PARAMETERS
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.ros.controller.script_file import read_script
+from vibro_ros.ros.controller.script import read_script
 from vibro_ros.simulation.motion import EventLog
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.study.measures import MEASURES

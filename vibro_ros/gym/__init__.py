@@ -1,4 +1,8 @@
-"""A Gymnasium environment over the device and its sensors; importing this room registers it."""
+"""A Gymnasium environment over the device and its sensors; importing this room registers it.
+
+In come actions of a policy, motor speed and gaps; out go observations by encoder and tracking, and a reward.
+`crawl.py` is all of it: its class is the manual page. It needs gymnasium, and no ROS.
+"""
 
 import gymnasium
 

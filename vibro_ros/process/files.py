@@ -66,18 +66,6 @@ def content(path: Path, limit: int, follow: bool = True) -> bytes:
     return data
 
 
-def write_new(path: Path, data: bytes) -> None:
-    """Make a file at `path`, where nothing may be, not even a link; whole on the disk, or not at all (OSError)."""
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
-    try:
-        with os.fdopen(descriptor, "wb", buffering=0) as file:
-            write_all(file.fileno(), data)
-            os.fsync(file.fileno())
-    except BaseException:
-        path.unlink(missing_ok=True)
-        raise
-
-
 def write_all(descriptor: int, data: bytes) -> None:
     """Write all of `data` where the descriptor stands (OSError)."""
     rest = memoryview(data)
@@ -85,21 +73,19 @@ def write_all(descriptor: int, data: bytes) -> None:
         rest = rest[os.write(descriptor, rest):]
 
 
-def temporary_name(path: Path) -> Path:
-    """A name beside `path` that nobody can guess, and so nobody can lay a link under."""
-    return path.with_name(f".{path.name}.{secrets.token_hex(8)}")
-
-
 def is_temporary(name: str) -> bool:
-    """Whether `temporary_name` may have given this name."""
+    """Whether `replace_file` may have given this name to a file that it had not finished."""
     return re.fullmatch(r"\..+\.[0-9a-f]{16}", name) is not None
 
 
 def replace_file(path: Path, data: bytes) -> None:
     """Put a file in the place of whatever is at `path`, whole or not at all; a link there is replaced (OSError)."""
-    fresh = temporary_name(path)
-    write_new(fresh, data)
+    fresh = path.with_name(f".{path.name}.{secrets.token_hex(8)}")  # nobody can guess it, and lay a link under it
+    descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
     try:
+        with os.fdopen(descriptor, "wb", buffering=0) as file:
+            write_all(file.fileno(), data)
+            os.fsync(file.fileno())
         fresh.replace(path)
     except BaseException:
         fresh.unlink(missing_ok=True)

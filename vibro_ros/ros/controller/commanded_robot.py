@@ -20,24 +20,29 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, qos_profile_parameter_events
+from rclpy.task import Future
 
+from vibro_ros.model.faults import Incident
 from vibro_ros.process.entry_point import StopRequest
-from vibro_ros.ros.controller.feedback import Track
+from vibro_ros.ros.controller.feedback import MeanPosition
 from vibro_ros.ros.controller.script import MOTOR
 from vibro_ros.ros.live.scene import SceneReader, Settings
 from vibro_ros.ros.node import process
+from vibro_ros.ros.node.node import installed_type
 
-PATIENCE = 5.0
+PARAMETERS_TIMEOUT = 5.0
 """Longest wait [s] for the robot's parameters before the first command."""
-ALL_ANSWERED = 1.0
+ANSWERS_TIMEOUT = 1.0
 """Time [s] after which the wait is over if every node that hears the commands has answered that it is no robot, or if
 one is a robot and others do not answer."""
-LOOKS = 0.2
+LOOK_PERIOD = 0.2
 """Time [s] between two looks for nodes that hear the commands."""
 MOST_ASKED = 16
 """Nodes that are asked, of those that hear the commands."""
 LONGEST_NAME = 200
 """Characters of a node's full name."""
+OWN_TYPES = "vibro_ros_interfaces"
+"""Package of the types of faults and goals."""
 LIVE_LIMIT = "motor.max_speed"
 ODOM = "odom"
 ODOMETRY_DEPTH = 1000
@@ -72,7 +77,7 @@ class CommandedRobot:
         if self._refused:
             raise RuntimeError(self._refused)
         now = time.monotonic()
-        if now < self._last_look + LOOKS:
+        if now < self._last_look + LOOK_PERIOD:
             return
         self._last_look = now
         self._hearers = Counter(f"{info.node_namespace.rstrip('/')}/{info.node_name}"
@@ -115,8 +120,8 @@ class CommandedRobot:
         reading = not self._readers or any(reader.reading for name, reader in self._readers.items()
                                            if name in self._hearers)
         if self.settings:
-            return waited > ALL_ANSWERED or not reading
-        return waited > (PATIENCE if reading else ALL_ANSWERED)
+            return waited > ANSWERS_TIMEOUT or not reading
+        return waited > (PARAMETERS_TIMEOUT if reading else ANSWERS_TIMEOUT)
 
     def __str__(self) -> str:
         return self.name or ", ".join(self._readers) or "the robot"
@@ -171,34 +176,66 @@ class CommandedRobot:
             self._refused = self.refusal(MOTOR, self.sent_speed)
 
 
-class Odometer:
-    """Hears `odom`, and hands its samples to a track.
+class OdometrySubscription:
+    """Hears `odom`, and hands its samples to a `MeanPosition`.
 
     With `use_sim_time` only samples older than ROS time are handed over. In lock-step these are there for certain,
     while of the sample and the clock of one instant either may come first: what is commanded would depend on that.
     """
 
     def __init__(self, node: Node):
-        self.track = Track()
+        self.mean = MeanPosition()
         self._clock = node.get_clock()
         self._waiting: deque[tuple[int, float]] = deque(maxlen=ODOMETRY_DEPTH)
         node.create_subscription(Odometry, ODOM, self._hear, QoSProfile(depth=ODOMETRY_DEPTH))
 
     def restart(self) -> None:
-        """Begin another track, of what is heard from now on."""
-        self.track = Track()
+        """Begin another mean, of what is heard from now on."""
+        self.mean = MeanPosition()
         self._waiting.clear()
 
     def _hear(self, message: Odometry) -> None:
         stamp = message.header.stamp
         self._waiting.append((stamp.sec * 1_000_000_000 + stamp.nanosec, message.pose.pose.position.x))
 
-    def read(self, time: float) -> Track:
-        """The track with all samples that count at `time` [s] of the script."""
+    def read(self, time: float) -> MeanPosition:
+        """The mean of all samples that count at `time` [s] of the script."""
         limit = self._clock.now().nanoseconds if self._clock.ros_time_is_active else math.inf
         while self._waiting and self._waiting[0][0] < limit:
-            self.track.add(*self._waiting.popleft(), time)
-        return self.track
+            self.mean.add(*self._waiting.popleft(), time)
+        return self.mean
+
+
+class FaultService:
+    """Asks the robot to fail, by its service `inject_fault`; ValueError where the service's type is not installed."""
+
+    def __init__(self, node: Node, robot: CommandedRobot):
+        self._kind = installed_type(OWN_TYPES, "srv", "InjectFault")
+        if not self._kind:
+            raise ValueError(f"fault: {OWN_TYPES} is not installed, or old; `make setup` builds it where there is a C "
+                             "compiler, and colcon from the folder interfaces")
+        self._node, self._robot = node, robot
+        self._asked: list[tuple[str, Future]] = []
+
+    def wait(self, executor: Executor, stop: StopRequest) -> None:
+        """Return when the robot offers the service, or on `stop` (RuntimeError: it does not)."""
+        name, begun = f"{self._robot.name}/inject_fault", time.monotonic()
+        self._client = self._node.create_client(self._kind, name)
+        process.spin_until(executor, lambda: bool(stop or self._client.service_is_ready()
+                                                  or time.monotonic() > begun + PARAMETERS_TIMEOUT))
+        if not (stop or self._client.service_is_ready()):
+            raise RuntimeError(f"{self._robot} offers no {name}; a robot with the types of {OWN_TYPES} does")
+
+    def begin(self, entry: str, incident: Incident) -> None:
+        """Ask for the fault of an entry."""
+        self._asked.append((entry, self._client.call_async(self._kind.Request(**incident._asdict()))))
+
+    def check(self) -> None:
+        """Raise a RuntimeError if the robot has refused a fault."""
+        for entry, future in [one for one in self._asked if one[1].done()]:
+            self._asked.remove((entry, future))
+            if not future.result().success:
+                raise RuntimeError(f"entry {entry}: {self._robot} refuses the fault: {future.result().message}")
 
 
 def _can_be_asked(name: str) -> bool:

@@ -8,37 +8,30 @@ if __name__ == "__main__":  # before all imports: they take a second or two, in 
     sys.exit(enter("controller"))
 
 import argparse
-import math
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
-from heapq import merge
-from itertools import count
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rclpy.duration import Duration
 from rclpy.executors import Executor
 from rclpy.node import Node
-from rclpy.task import Future
 from std_msgs.msg import Float64
 
 from vibro_ros.configuration.command_map import CommandMap, find_map, read_map, shipped_maps
 from vibro_ros.messages.topics import COMMAND_UNITS
-from vibro_ros.model.faults import Incident
 from vibro_ros.model.parameters import Parameter, Value, checked_parameters
 from vibro_ros.process.entry_point import Parser, StopRequest, exit_code
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.ros.controller.actions import NAMES, PACKAGE, GoalServer, action_types
-from vibro_ros.ros.controller.commanded_robot import ODOM, PATIENCE, CommandedRobot, Odometer
-from vibro_ros.ros.controller.feedback import RATE, GoalError, Pursuit, check_reach
-from vibro_ros.ros.controller.map_adviser import STAY, MapAdviser
-from vibro_ros.ros.controller.player import LAST_WORD, Moments, Player, timeline
-from vibro_ros.ros.controller.script import MOTOR, Script, Segment
-from vibro_ros.ros.controller.script_file import find_script, read_script, shipped_scripts
+from vibro_ros.ros.controller.commanded_robot import ODOM, CommandedRobot, FaultService, OdometrySubscription
+from vibro_ros.ros.controller.feedback import check_reach
+from vibro_ros.ros.controller.goals import NAMES, GoalServer, action_types
+from vibro_ros.ros.controller.map_adviser import MapAdviser
+from vibro_ros.ros.controller.player import ACKNOWLEDGE_TIMEOUT, Player, ScriptSchedule, timeline
+from vibro_ros.ros.controller.script import MOTOR, Script, find_script, read_script, shipped_scripts
 from vibro_ros.ros.node import process, qos
 from vibro_ros.ros.node.arguments import check_addressed, check_arguments, own_arguments
-from vibro_ros.ros.node.node import SteadyNode, installed_type
+from vibro_ros.ros.node.node import SteadyNode
 from vibro_ros.ros.node.parameters import declare, parameter_lines, take_overrides
 
 NODE_NAME = "vibro_controller"
@@ -52,9 +45,6 @@ PARAMETERS = (
     Parameter("map", "device", "", "command map, a shipped scene's name or a path: gives the commands for a speed over "
               "ground, and says when commands cross into another motion, if it is the robot's"),
 )
-
-REPETITIONS = 3
-"""How often the motor's command comes within the robot's `command.timeout`."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -99,14 +89,14 @@ def _run(argv: Sequence[str] | None) -> int:
         return _play(script, (command_map, map_path), settings, node, executor, stop)
 
 
-def _play(script: Script, known: tuple[CommandMap, Path], settings: Mapping[str, Value], node: Node, executor: Executor,
-          stop: StopRequest) -> int:
+def _play(script: Script, known: tuple[CommandMap, Path], settings: Mapping[str, Value], node: SteadyNode,
+          executor: Executor, stop: StopRequest) -> int:
     publishers = {name: node.create_publisher(Float64, name, qos.profile(name)) for name in script.commands}
     robot = CommandedRobot(node, publishers[script.commands[0]])
     adviser = MapAdviser(node, *known, robot)
-    faults = Faults(node, robot) if script.needs_faults else None
+    faults = FaultService(node, robot) if script.needs_faults else None
 
-    def prepare(stop: StopRequest) -> None:
+    def prepare() -> None:
         robot.wait(executor, stop)
         if stop:
             return
@@ -122,16 +112,15 @@ def _play(script: Script, known: tuple[CommandMap, Path], settings: Mapping[str,
         if faults:
             faults.check()
 
-    def send(name: str, message: Float64) -> None:
-        robot.note(name, message.data)
-        player.send(name, message)
+    def send(name: str, value: float) -> None:
+        robot.note(name, value)
+        player.send(name, value)
 
-    player = Player(node, executor, publishers, script.commands, MOTOR, meanwhile, prepare=prepare,
-                    timeline=timeline(node))
-    odometer = Odometer(node) if script.goals else None
-    played = ScriptPlayer(script, settings["reach"], odometer, send, node.get_logger().info, adviser.advise, robot,
-                          faults)
-    code = player.run(played.moments(settings["rate"]), settings["wait"], stop)
+    player = Player(node, executor, publishers, meanwhile, prepare)
+    odometer = OdometrySubscription(node) if script.goals else None
+    schedule = ScriptSchedule(script, settings["reach"], odometer, send, node.get_logger().info, adviser.advise, robot,
+                              faults)
+    code = player.run(schedule.instants(settings["rate"]), settings["wait"], stop)
     if not code:
         _say_what_still_runs(node, robot)
     return code
@@ -146,9 +135,9 @@ def _serve(settings: Mapping[str, Value], node: SteadyNode, executor: Executor, 
     node.get_logger().info("ready: actions " + ", ".join(map(node.resolve_service_name, NAMES.values())))
     process.spin_until(executor, lambda: bool(stop))
     server.ending = True
-    over = time.monotonic() + LAST_WORD * server.busy  # the goal's sender is to have its result
+    over = time.monotonic() + ACKNOWLEDGE_TIMEOUT * server.busy  # the goal's sender is to have its result
     process.spin_until(executor, lambda: time.monotonic() >= over)
-    publisher.wait_for_all_acked(Duration(seconds=LAST_WORD))
+    publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGE_TIMEOUT))
     return 0
 
 
@@ -162,7 +151,7 @@ def check_limits(script: Script, file: str, robot: CommandedRobot) -> None:
     """
     for segment in script.segments:
         values = [(name, value) for name in segment.given
-                  for value in (segment.courses[name].start, segment.courses[name].end)]
+                  for value in (segment.ramps[name].start, segment.ramps[name].end)]
         if segment.goal:
             values.append((MOTOR, segment.goal.motor[1]))
         for name, value in values:
@@ -201,123 +190,3 @@ def _parser() -> Parser:
     parser.add_argument("--serve", action="store_true", help="offer the actions go_to and hold_speed to other "
                         "programs, until a signal, instead of playing a script")
     return parser
-
-
-class Faults:
-    """Asks the robot to fail, by its service `inject_fault`; ValueError where the service's type is not installed."""
-
-    def __init__(self, node: Node, robot: CommandedRobot):
-        self._kind = installed_type(PACKAGE, "srv", "InjectFault")
-        if not self._kind:
-            raise ValueError(f"fault: {PACKAGE} is not installed, or old; `make setup` builds it where there is a C "
-                             "compiler, and colcon from the folder interfaces")
-        self._node, self._robot = node, robot
-        self._asked: list[tuple[str, Future]] = []
-
-    def wait(self, executor: Executor, stop: StopRequest) -> None:
-        """Return when the robot offers the service, or on `stop` (RuntimeError: it does not)."""
-        name, begun = f"{self._robot.name}/inject_fault", time.monotonic()
-        self._client = self._node.create_client(self._kind, name)
-        process.spin_until(executor, lambda: bool(stop or self._client.service_is_ready()
-                                                  or time.monotonic() > begun + PATIENCE))
-        if not (stop or self._client.service_is_ready()):
-            raise RuntimeError(f"{self._robot} offers no {name}; a robot with the types of {PACKAGE} does")
-
-    def begin(self, entry: str, incident: Incident) -> None:
-        """Ask for the fault of an entry."""
-        self._asked.append((entry, self._client.call_async(self._kind.Request(**incident._asdict()))))
-
-    def check(self) -> None:
-        """Raise a RuntimeError if the robot has refused a fault."""
-        for entry, future in [one for one in self._asked if one[1].done()]:
-            self._asked.remove((entry, future))
-            if not future.result().success:
-                raise RuntimeError(f"entry {entry}: {self._robot} refuses the fault: {future.result().message}")
-
-
-class ScriptPlayer:
-    """The commands of a script, each sent when its value changes.
-
-    `reach` is the mean speed [m/s] that the robot holds at most, with the sign of the way it goes. `say` is given what
-    comes, and what came of it, in words. `advise` is given, before they are sent, the number of the entry, all commands
-    that stand then, and those that stand `STAY` later; NaN for a motor speed that feedback has given.
-    """
-
-    def __init__(self, script: Script, reach: float, odometer: Odometer | None,
-                 send: Callable[[str, Float64], None], say: Callable[[str], object],
-                 advise: Callable[[str, Mapping[str, float], Mapping[str, float]], object], robot: CommandedRobot,
-                 faults: "Faults | None" = None):
-        self._script, self._reach, self._odometer = script, reach, odometer
-        self._send, self._say, self._advise, self._robot = send, say, advise, robot
-        self._faults, self._sent = faults, dict[str, float]()
-        self._segment: Segment | None = None
-        self._saved = 0.0
-
-    def moments(self, rate: float) -> Moments:
-        """Yield when to send, and what sends then: `rate` [Hz] times a second along ramps, and at the script's end.
-
-        What follows a position that was reached sooner than it might have been comes so much sooner.
-        """
-        for segment in self._script.segments:
-            for instant in merge(segment.instants(rate), self._repetitions(segment)):
-                yield instant - self._saved, partial(self._send_changes, instant)
-            if segment.goal:
-                yield from self._pursue(segment)
-        end = self._script.duration
-        yield end - self._saved, partial(self._send_changes, end)
-
-    def _repetitions(self, segment: Segment) -> Iterator[float]:
-        """When the motor's command is due again [s], for a robot that stops its motor without commands."""
-        if self._robot.timeout and MOTOR in segment.courses:
-            period = self._robot.timeout / REPETITIONS
-            for step in count(1):
-                if (instant := segment.start + step * period) >= segment.end:
-                    return
-                yield instant
-
-    def _send_changes(self, instant: float) -> None:
-        """Send what changes at an `instant` [s] of the script, counted as if nothing had been saved."""
-        segment = self._script.segment_at(instant)
-        if segment and segment is not self._segment:
-            self._segment = segment
-            self._say(segment.describe())
-            for name in segment.given:  # sent again: somebody else may have commanded meanwhile
-                self._sent.pop(name, None)
-            if segment.incident and self._faults:
-                self._faults.begin(segment.entry, segment.incident)
-        commands = self._script.command_at(instant)
-        if segment:
-            unknown = {MOTOR: math.nan} if self._script.goals else {}
-            later = self._script.command_at(instant + STAY)
-            self._advise(f"entry {segment.entry}", {**unknown, **commands}, {**unknown, **later})
-        for name, value in commands.items():
-            self._send_change(name, value)
-
-    def _send_change(self, name: str, value: float) -> None:
-        if self._sent.get(name) != value or (name == MOTOR and self._robot.timeout):
-            self._send(name, Float64(data=value))
-            self._sent[name] = value
-
-    def _pursue(self, segment: Segment) -> Moments:
-        """Yield the steps of feedback until its goal is reached, and count what time that saves."""
-        odometer = self._odometer
-        assert segment.goal and odometer
-        began = segment.start - self._saved
-        pursuit = Pursuit(segment.goal, began, segment.duration, self._reach, odometer.track)
-        for step in count():
-            instant = began + step / RATE
-            yield instant, partial(self._step, odometer, pursuit, segment, instant)
-            if pursuit.over:
-                self._saved += max(0.0, segment.duration - step / RATE)
-                return
-
-    def _step(self, odometer: Odometer, pursuit: Pursuit, segment: Segment, instant: float) -> None:
-        try:
-            odometer.read(instant)
-            speed = pursuit.motor_speed(instant)
-        except GoalError as error:
-            raise RuntimeError(f"entry {segment.entry}: {error}") from error
-        for words in pursuit.take_words():
-            self._say(f"entry {segment.entry}: {words}")
-        if speed is not None:
-            self._send_change(MOTOR, speed)

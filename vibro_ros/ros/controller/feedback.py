@@ -1,13 +1,12 @@
-"""Feedback from the position of the body to the speed of the motor: goals, odometry, two laws, and their pursuit.
+"""Feedback from the position of the body to the speed of the motor: goals, odometry, two laws, and their tracking.
 
 The mean speed over the motor's speed is neither monotonic nor single-valued: it has peaks where the crank meets the
-masses' resonances, and may depend on the motion before. So no law here trusts its slope. `Holding` and `Approach` rest
-on this: the robot stands still while the motor does, goes one way only, and goes at least at `reach` at the largest
-motor speed.
+masses' resonances, and may depend on the motion before. So no law here trusts its slope. `SpeedLaw` and `PositionLaw`
+rest on this: the robot stands still while the motor does, goes in one direction only, and goes at least at `reach` at
+the largest motor speed.
 
 Nothing here knows ROS: the caller gives the time, and the samples of odometry.
 """
-
 
 import math
 from collections import deque
@@ -41,6 +40,7 @@ class SpeedGoal:
         low, high = self.motor
         return f"hold {self.speed:g} m/s within {self.within:g} m/s, motor {low:g} to {high:g} rad/s"
 
+
 @dataclass(frozen=True)
 class PositionGoal:
     """A position [m] of the body to reach, in the frame of `odom`, and to stand at.
@@ -63,10 +63,10 @@ Goal = SpeedGoal | PositionGoal
 
 
 def check_reach(goals: Iterable[tuple[str, Goal]], reach: float) -> None:
-    """Refuse goals that a robot which goes one way only cannot reach, as far as that is known before it starts.
+    """Refuse goals out of reach of a robot that goes in one direction only, as far as that is known before it starts.
 
     `goals` are the numbers of the entries, and their goals, in order; `reach` is the mean speed [m/s] that the robot
-    holds at most, with the sign of the way it goes. ValueError names the entry, the limit and the remedy.
+    holds at most, with the sign of its direction. ValueError names the entry, the limit and the remedy.
     """
     before: tuple[str, PositionGoal] | None = None
     for entry, goal in goals:
@@ -74,20 +74,20 @@ def check_reach(goals: Iterable[tuple[str, Goal]], reach: float) -> None:
             if not 0.0 < goal.speed / reach <= 1.0:
                 low, high = sorted((0.0, reach))
                 raise ValueError(f"entry {entry}: hold_speed: {goal.speed:g} m/s is out of reach of a robot that goes "
-                                 f"{way(reach)}; give one between {low:g} and {high:g} m/s, and not 0, or set `reach` "
-                                 "for another robot")
+                                 f"{direction(reach)}; give one between {low:g} and {high:g} m/s, and not 0, or set "
+                                 "`reach` for another robot")
             continue
         if before:
             earlier, passed = before
             if (goal.position - passed.position) * reach < -(goal.within + passed.within) * abs(reach):
                 raise ValueError(f"entry {entry}: go_to: {goal.position:g} m is out of reach after entry {earlier} "
-                                 f"went to {passed.position:g} m: the robot goes {way(reach)} only; give positions in "
-                                 "the order in which it passes them")
+                                 f"went to {passed.position:g} m: the robot goes {direction(reach)} only; give "
+                                 "positions in the order in which it passes them")
         before = entry, goal
 
 
-def way(reach: float) -> str:
-    """The way that a robot of that `reach` [m/s] goes."""
+def direction(reach: float) -> str:
+    """The direction in which a robot of that `reach` [m/s] goes, in words."""
     return "backwards" if reach < 0.0 else "forwards"
 
 
@@ -99,7 +99,7 @@ LEAP, FASTEST = 0.1, 5.0
 """Two samples further apart than 0.1 m and what 5 m/s makes of their time are no motion: odometry was reset."""
 
 
-class Track:
+class MeanPosition:
     """The positions of the last `WINDOW`, from samples of odometry that follow each other in time.
 
     `position` and `stamp` are the means over the window of the position [m] and of its time [s], counted from the first
@@ -159,7 +159,7 @@ SHORT = 1.0
 """Time [s] over which the mean speed is looked at to say when it has settled, and how far it strays."""
 
 
-class Holding:
+class SpeedLaw:
     """Holds a mean speed: the body follows a position that moves on at that speed, by a proportional and integral law.
 
     The mean speed is right as long as the distance to this position stays bounded. That holds even where no motor
@@ -175,13 +175,13 @@ class Holding:
         self._integral = self._low + (self._high - self._low) * min(1.0, goal.speed / reach)
         self._target = 0.0
         self._before: tuple[float, float, int] | None = None  # stamp, position, leaps of the last step
-        self._way = self._span = 0.0
+        self._distance = self._span = 0.0
         self._short: deque[tuple[float, float]] = deque()
         self._settled: float | None = None
         self._strays = (goal.speed, goal.speed)
         self._at_high = self._at_low = 0.0
 
-    def step(self, time: float, track: Track) -> float:
+    def step(self, time: float, mean: MeanPosition) -> float:
         """The motor speed [rad/s] to command, `time` [s] after the beginning.
 
         Raises
@@ -189,16 +189,16 @@ class Holding:
         GoalError
             At the end, when the speed was not held.
         """
-        stamp, position = track.stamp, track.position
+        stamp, position = mean.stamp, mean.position
         assert stamp is not None and position is not None
-        if self._before is None or self._before[2] != track.leaps:  # from here on, then
+        if self._before is None or self._before[2] != mean.leaps:  # from here on, then
             self._target = position
             self._short.clear()
             elapsed = 0.0
         else:
             elapsed = min(stamp - self._before[0], LONGEST_STEP)
             self._measure(time, stamp, position)
-        self._before = stamp, position, track.leaps
+        self._before = stamp, position, mean.leaps
         if time >= self._duration:
             self._finish()
         return self._follow(elapsed, position)
@@ -218,7 +218,7 @@ class Holding:
         return speed
 
     def _measure(self, time: float, stamp: float, position: float) -> None:
-        """Add the way since the last step to what counts; see whether the speed has settled."""
+        """Add the distance since the last step to what counts; see whether the speed has settled."""
         self._short.append((stamp, position))
         while self._short[0][0] < stamp - SHORT:
             self._short.popleft()
@@ -231,7 +231,7 @@ class Holding:
             if time >= self._duration / 2.0 + SHORT:
                 self._strays = min(mean, self._strays[0]), max(mean, self._strays[1])
         if time >= self._duration / 2.0 and self._before:
-            self._way += position - self._before[1]
+            self._distance += position - self._before[1]
             self._span += stamp - self._before[0]
 
     def _finish(self) -> None:
@@ -239,7 +239,7 @@ class Holding:
         if self._span < self._duration / 4.0:
             raise GoalError(f"odom covers {self._span:.1f} s of the last {self._duration / 2.0:g} s: too little to "
                             "know the mean speed")
-        mean = self._way / self._span
+        mean = self._distance / self._span
         low, high = self._strays
         said = (f"mean speed {mean:.4f} m/s over the last {self._span:.1f} s, {low:.4f} to {high:.4f} m/s over "
                 f"{SHORT:g} s each")
@@ -247,13 +247,14 @@ class Holding:
             advice = "give more time or a wider tolerance"
             if self._at_high > self._duration / 4.0:
                 advice = (f"the motor was at {self._high:g} rad/s for {self._at_high:.1f} s: the robot goes no faster "
-                          f"{way(self._reach)}; give a smaller speed or a wider motor_speed")
+                          f"{direction(self._reach)}; give a smaller speed or a wider motor_speed")
             elif self._at_low > self._duration / 4.0:
                 advice = (f"the motor was at {self._low:g} rad/s for {self._at_low:.1f} s: the robot goes no slower; "
                           "give a larger speed or a wider motor_speed")
             wanted = f"{self._goal.speed:g} m/s not held within {self._goal.within:g} m/s"
             raise GoalError(f"{wanted}: {said}; {advice}")
         self.words.append(f"held: {said}")
+
 
 APPROACH = 0.7
 """Time [s] at `reach` below which the motor is slowed down; the distance then shrinks to 1/e in as long."""
@@ -266,17 +267,17 @@ LOOK_BACK = 1.0
 NEARER = 0.1, 0.0005
 """The robot comes nearer if it makes this part of the distance in `LOOK_BACK`, or this many metres."""
 EARLY = 0.1
-"""Part of the tolerance that is left when the motor is told to stop: its way until it stands."""
+"""Part of the tolerance that is left when the motor is told to stop: the distance until it stands."""
 BRAKING = 0.3
-"""Time [s] for which the robot goes on at its speed: half of its motor's ramp, and half of the track's window."""
+"""Time [s] for which the robot goes on at its speed: half of its motor's ramp, and half of the window of the mean."""
 SPEED_OVER = 0.25
 """Time [s] over which its speed is seen for that."""
 STANDSTILL = 0.5, 0.05
 """The body is at rest when it moved for so long [s] by no more than this part of the tolerance."""
 
 
-class Approach:
-    """Reaches a position within `duration` [s] and stands there: a proportional law on the distance, with no way back.
+class PositionLaw:
+    """Reaches a position within `duration` [s] and stands there: a proportional law on the distance, never backwards.
     """
 
     def __init__(self, goal: PositionGoal, duration: float, reach: float):
@@ -288,7 +289,7 @@ class Approach:
         self._distances: deque[tuple[float, float]] = deque()
         self._time = 0.0
 
-    def step(self, time: float, track: Track) -> float:
+    def step(self, time: float, mean: MeanPosition) -> float:
         """The motor speed [rad/s] to command, `time` [s] after the beginning; 0 at the end.
 
         Raises
@@ -296,13 +297,13 @@ class Approach:
         GoalError
             When the position is out of reach, was passed, or was not reached in time.
         """
-        assert track.position is not None
-        distance = (self._goal.position - track.position) * (1.0 if self._reach > 0.0 else -1.0)
+        assert mean.position is not None
+        distance = (self._goal.position - mean.position) * (1.0 if self._reach > 0.0 else -1.0)
         if not self._begun:
-            self._begin(distance, time, track.position)
+            self._begin(distance, time, mean.position)
         if distance < -self._goal.within:
             raise GoalError(f"{self._goal.position:g} m was passed by {-distance:.4f} m, and the robot goes "
-                            f"{way(self._reach)} only; give a smaller motor_speed or a wider tolerance")
+                            f"{direction(self._reach)} only; give a smaller motor_speed or a wider tolerance")
         if time > self._duration:
             raise GoalError(f"{self._goal.position:g} m not reached within {self._duration:g} s: {distance:.4f} m are "
                             "left; give more time, or a wider motor_speed")
@@ -322,7 +323,7 @@ class Approach:
         self._begun, self._time = True, time
         if distance < -self._goal.within:
             raise GoalError(f"{self._goal.position:g} m is out of reach: the robot is at {position:.4f} m and goes "
-                            f"{way(self._reach)} only; give one {'above' if self._reach > 0.0 else 'below'} that")
+                            f"{direction(self._reach)} only; give one {'above' if self._reach > 0.0 else 'below'} that")
         least = distance / abs(self._reach)
         if least > self._duration:
             raise GoalError(f"{self._goal.position:g} m is out of reach within {self._duration:g} s: {distance:.4f} m "
@@ -363,23 +364,23 @@ class Approach:
 
 RATE = 20.0
 """Commands a second."""
-SILENCE = 2.0
+ODOMETRY_TIMEOUT = 2.0
 """Longest time [s] without a new sample of odometry."""
 MOST_LEAPS = 3
 """Leaps of the position in one entry after which odometry is not believed any more."""
 
 
-class Pursuit:
+class GoalTracking:
     """A goal, and the law by which it is pursued.
 
     The entry `began` in the time [s] of the calls, and holds a speed for `duration` [s] or takes as long at most to
-    reach a position. The caller adds to `track` what odometry tells.
+    reach a position. The caller adds to `mean` what odometry tells.
     """
 
-    def __init__(self, goal: Goal, began: float, duration: float, reach: float, track: Track):
-        self._began, self._track, self._leaps = began, track, track.leaps
-        self._law: Holding | Approach = (Holding(goal, duration, reach) if isinstance(goal, SpeedGoal)
-                                         else Approach(goal, duration, reach))
+    def __init__(self, goal: Goal, began: float, duration: float, reach: float, mean: MeanPosition):
+        self._began, self._mean, self._leaps = began, mean, mean.leaps
+        self._law: SpeedLaw | PositionLaw = (SpeedLaw(goal, duration, reach) if isinstance(goal, SpeedGoal)
+                                         else PositionLaw(goal, duration, reach))
 
     @property
     def over(self) -> bool:
@@ -399,11 +400,11 @@ class Pursuit:
         GoalError
             With the reason; the motor is then to be stopped.
         """
-        track = self._track
-        silence = time - max(self._began, self._began if track.heard is None else track.heard)
-        if silence > SILENCE:
-            refused = f", and {track.refused} samples refused, the last for {track.reason}" if track.refused else ""
+        mean = self._mean
+        silence = time - max(self._began, self._began if mean.heard is None else mean.heard)
+        if silence > ODOMETRY_TIMEOUT:
+            refused = f", and {mean.refused} samples refused, the last for {mean.reason}" if mean.refused else ""
             raise GoalError(f"no odometry for {silence:.1f} s{refused}; is there a robot that publishes odom?")
-        if (leaps := track.leaps - self._leaps) > MOST_LEAPS:
+        if (leaps := mean.leaps - self._leaps) > MOST_LEAPS:
             raise GoalError(f"the position in odom leapt {leaps} times; let one robot alone publish there")
-        return None if track.position is None else self._law.step(time - self._began, track)
+        return None if mean.position is None else self._law.step(time - self._began, mean)

@@ -13,7 +13,7 @@ from pathlib import Path
 from rclpy.node import Node
 
 from vibro_ros.configuration.command_map import CommandMap
-from vibro_ros.ros.controller.commanded_robot import PATIENCE, CommandedRobot
+from vibro_ros.ros.controller.commanded_robot import PARAMETERS_TIMEOUT, CommandedRobot
 
 STAY = 1.0
 """Time [s] for which a motion must go on to be one that the commands stay in."""
@@ -43,8 +43,8 @@ class MapAdviser:
         if self._fault:
             raise RuntimeError(f"speed_over_ground: {self._fault}")
         if not self._watch:
-            raise RuntimeError(f"speed_over_ground: {self._robot} does not say in {PATIENCE:g} s which machine it is; "
-                               "give motor_speed and gaps, or start a robot of this package")
+            raise RuntimeError(f"speed_over_ground: {self._robot} does not say in {PARAMETERS_TIMEOUT:g} s which "
+                               "machine it is; give motor_speed and gaps, or start a robot of this package")
 
     def advise(self, where: str, commands: Mapping[str, float], later: Mapping[str, float]) -> None:
         """Say if commands, which are about to be sent, lead into another motion; `where` names the script's entry."""

@@ -1,8 +1,11 @@
-"""Playing messages to a robot in time: waiting for it, keeping time, and stopping the motor on an abort."""
+"""Playing a script to a robot in time: waiting for it, keeping time, and stopping the motor on an abort."""
 
 import math
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from heapq import merge
+from itertools import count
 
 from rclpy.duration import Duration
 from rclpy.executors import Executor
@@ -12,19 +15,25 @@ from std_msgs.msg import Float64
 
 from vibro_ros.configuration.scene_file import NODE_NAME
 from vibro_ros.process.entry_point import StopRequest
+from vibro_ros.ros.controller.commanded_robot import CommandedRobot, FaultService, OdometrySubscription
+from vibro_ros.ros.controller.feedback import RATE, GoalError, GoalTracking
+from vibro_ros.ros.controller.map_adviser import STAY
+from vibro_ros.ros.controller.script import MOTOR, Script, Segment
 from vibro_ros.ros.node import process
 from vibro_ros.ros.node.node import SteadyNode
 from vibro_ros.ros.node.process import CLOCK
 
-LAST_WORD = 0.5
+ACKNOWLEDGE_TIMEOUT = 0.5
 """Longest wait [s] for the robot to acknowledge the last message; Fast DDS asks for that every 3 s only."""
+REPETITIONS = 3
+"""How often the motor's command comes within the robot's `command.timeout`."""
 ROUNDING = 5e-10
 """Time [s] by which an instant that was summed in floating point may lie beyond the nanosecond that is meant."""
-Moments = Iterable[tuple[float, Callable[[], None]]]
+Schedule = Iterable[tuple[float, Callable[[], None]]]
 """Instants [s] from the start, ascending, and what is to be done then; the next is asked for when that is done."""
-REPORTS = 10.0
+REPORT_PERIOD = 10.0
 """Time [s] between two lines that say what is waited for."""
-STANDSTILL = 2.0
+STANDSTILL_PERIOD = 2.0
 """Wall time [s] without progress of ROS time after which the log says so, once a standstill."""
 
 
@@ -95,7 +104,7 @@ class RosTime:
         return period
 
     def _say_standstill(self) -> None:
-        if self._said or time.monotonic() - self._progress < STANDSTILL:
+        if self._said or time.monotonic() - self._progress < STANDSTILL_PERIOD:
             return
         self._said = True
         if self._node.clock_heard:
@@ -122,26 +131,23 @@ def timeline(node: SteadyNode) -> Timeline:
 class Player:
     """Publishes to a robot in time.
 
-    Of `publishers`, by the names that `send` is given, a robot must listen to the `needed` ones; `motor` is that of the
-    motor's command, empty if there is none. While nothing is due, `meanwhile` is called with the time [s] since the
-    start, each `period` [s] of wall time at least; before each instant only with times before it. `prepare` is called
-    with the stop request when a robot listens, before time begins to count.
+    `publishers` are of the commands, by their names; a robot must listen to each. While nothing is due, `meanwhile` is
+    called with the time [s] since the start, each `period` [s] of wall time at least; before each instant only with
+    times before it. `prepare` is called when a robot listens, before time begins to count.
 
-    Whatever is due by `timeline` is done after the callback that brings the time, before the executor runs another: a
-    simulator that waits for this node's answer in lock-step relies on it.
+    Whatever is due by the node's time is done after the callback that brings the time, before the executor runs
+    another: a simulator that waits for this node's answer in lock-step relies on it.
     """
 
-    def __init__(self, node: Node, executor: Executor, publishers: Mapping[str, Publisher], needed: Sequence[str],
-                 motor: str, meanwhile: Callable[[float], None] = lambda elapsed: None, period: float = process.POLL,
-                 prepare: Callable[[StopRequest], None] = lambda stop: None, timeline: Timeline | None = None):
+    def __init__(self, node: SteadyNode, executor: Executor, publishers: Mapping[str, Publisher],
+                 meanwhile: Callable[[float], None] = lambda elapsed: None,
+                 prepare: Callable[[], None] = lambda: None, period: float = process.POLL):
         self._node, self._executor, self._publishers = node, executor, publishers
-        self._needed = [publishers[name] for name in needed]
-        self._motor, self._moved = motor, False
-        self._meanwhile, self._period, self._timeline = meanwhile, period, timeline or WallTime()
-        self._prepare = prepare
+        self._moved, self._meanwhile, self._prepare, self._period = False, meanwhile, prepare, period
+        self._timeline = timeline(node)
 
-    def run(self, moments: Moments, patience: float, stop: StopRequest) -> int:
-        """Wait for a robot, up to `patience` [s] or, if 0, without end; then play `moments`.
+    def run(self, schedule: Schedule, patience: float, stop: StopRequest) -> int:
+        """Wait for a robot, up to `patience` [s] or, if 0, without end; then play the schedule.
 
         Returns
         -------
@@ -154,14 +160,15 @@ class Player:
             Without a robot, or as `prepare` raises it; and, with the motor told to stop, when the robot goes away or
             time jumps back.
         """
-        if self._needed:
-            wait_for_listeners(self._node, self._executor, self._needed, patience, stop)
-        self._prepare(stop)
+        if self._publishers:
+            wait_for_listeners(self._node, self._executor, [*self._publishers.values()], patience, stop)
+        if not stop:
+            self._prepare()
         stop.hold()  # the motor must be told to stop
         done = False
         try:
             self._timeline.begin()
-            for instant, act in moments:
+            for instant, act in schedule:
                 self._wait_until(instant, stop)
                 if stop:
                     break
@@ -169,27 +176,28 @@ class Player:
             done = True
         finally:
             if self._moved and (stop or not done):  # a stopped motor is what an operator means who aborts
-                self.send(self._motor, Float64(data=0.0))
-                self._node.get_logger().info(f"aborted: {self._publishers[self._motor].topic_name} 0 rad/s")
-            deadline = time.monotonic() + LAST_WORD  # a publisher that goes takes undelivered messages with it
+                self.send(MOTOR, 0.0)
+                self._node.get_logger().info(f"aborted: {self._publishers[MOTOR].topic_name} 0 rad/s")
+            deadline = time.monotonic() + ACKNOWLEDGE_TIMEOUT  # a publisher that goes takes its messages with it
             for publisher in self._publishers.values():
                 publisher.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))
         return stop.exit_code
 
-    def send(self, name: str, message: object) -> None:
-        """Publish a message, or its serialised bytes."""
-        self._publishers[name].publish(message)
-        self._moved |= name == self._motor
+    def send(self, name: str, value: float) -> None:
+        """Publish the value of a command."""
+        self._publishers[name].publish(Float64(data=value))
+        self._moved |= name == MOTOR
 
     def _wait_until(self, instant: float, stop: StopRequest) -> None:
         """Return at `instant` or on `stop`; `meanwhile` gets no time beyond it, so that time never goes back."""
         while not stop and (elapsed := self._timeline.elapsed()) < instant - ROUNDING:
             self._meanwhile(elapsed)
             self._executor.spin_once(timeout_sec=self._timeline.longest_wait(instant - elapsed, self._period))
-            if gone := deaf(self._needed):
+            if gone := topics_without_subscribers([*self._publishers.values()]):
                 raise RuntimeError(f"the robot is gone: nobody listens to {', '.join(gone)} any more")
 
-def deaf(publishers: Sequence[Publisher]) -> list[str]:
+
+def topics_without_subscribers(publishers: Sequence[Publisher]) -> list[str]:
     """Topics of `publishers` that nobody subscribes to."""
     return [publisher.topic_name for publisher in publishers if publisher.get_subscription_count() == 0]
 
@@ -199,23 +207,23 @@ def wait_for_listeners(node: Node, executor: Executor, publishers: Sequence[Publ
     """Return when somebody subscribes to every one of `publishers`, or on `stop`.
 
     A robot subscribes when it can obey, not before: what is sent to one that compiles would be applied in a burst.
-    RuntimeError after `patience` [s]; 0 waits without end, and says every `REPORTS` what for.
+    RuntimeError after `patience` [s]; 0 waits without end, and says every `REPORT_PERIOD` what for.
     """
     begun, log = time.monotonic(), node.get_logger()
     limit = f"up to {patience:g} s " if patience else ""
     log.info(f"waiting {limit}for a robot on {', '.join(publisher.topic_name for publisher in publishers)}")
-    due = REPORTS
+    due = REPORT_PERIOD
 
     def over() -> bool:
         nonlocal due
-        topics, waited = deaf(publishers), time.monotonic() - begun
+        topics, waited = topics_without_subscribers(publishers), time.monotonic() - begun
         if topics and not stop and waited >= due:
-            due += REPORTS
+            due += REPORT_PERIOD
             log.info(f"waiting for {waited:.0f} s: nobody listens to {', '.join(topics)}; {_remedy(node)}")
         return bool(stop or not topics or (patience and waited > patience))
 
     process.spin_until(executor, over)
-    if (topics := deaf(publishers)) and not stop:
+    if (topics := topics_without_subscribers(publishers)) and not stop:
         raise RuntimeError(f"no robot listens to {', '.join(topics)} after {patience:g} s; {_remedy(node)}")
 
 
@@ -227,3 +235,91 @@ def _remedy(node: Node) -> str:
         return (f"{', '.join(robots)} is there and does not: it compiles at its first start, or has another namespace "
                 "or other topics")
     return "start one (ros2 run vibro_ros robot), in the same ROS domain and namespace"
+
+
+class ScriptSchedule:
+    """The commands of a script, each given to `send` when its value changes.
+
+    `reach` is the mean speed [m/s] that the robot holds at most, with the sign of its direction. `say` is given what
+    comes, and what came of it, in words. `advise` is given, before they are sent, the number of the entry, all commands
+    that stand then, and those that stand `STAY` later; NaN for a motor speed that feedback has given.
+    """
+
+    def __init__(self, script: Script, reach: float, odometer: OdometrySubscription | None,
+                 send: Callable[[str, float], None], say: Callable[[str], object],
+                 advise: Callable[[str, Mapping[str, float], Mapping[str, float]], object], robot: CommandedRobot,
+                 faults: FaultService | None = None):
+        self._script, self._reach, self._odometer = script, reach, odometer
+        self._send, self._say, self._advise, self._robot = send, say, advise, robot
+        self._faults, self._sent = faults, dict[str, float]()
+        self._segment: Segment | None = None
+        self._saved = 0.0
+
+    def instants(self, rate: float) -> Schedule:
+        """Yield when to send, and what sends then: `rate` [Hz] times a second along ramps, and at the script's end.
+
+        What follows a position that was reached sooner than it might have been comes so much sooner.
+        """
+        for segment in self._script.segments:
+            for instant in merge(segment.instants(rate), self._repetitions(segment)):
+                yield instant - self._saved, partial(self._send_changes, instant)
+            if segment.goal:
+                yield from self._goal_instants(segment)
+        end = self._script.duration
+        yield end - self._saved, partial(self._send_changes, end)
+
+    def _repetitions(self, segment: Segment) -> Iterator[float]:
+        """When the motor's command is due again [s], for a robot that stops its motor without commands."""
+        if self._robot.timeout and MOTOR in segment.ramps:
+            period = self._robot.timeout / REPETITIONS
+            for step in count(1):
+                if (instant := segment.start + step * period) >= segment.end:
+                    return
+                yield instant
+
+    def _send_changes(self, instant: float) -> None:
+        """Send what changes at an `instant` [s] of the script, counted as if nothing had been saved."""
+        segment = self._script.segment_at(instant)
+        if segment and segment is not self._segment:
+            self._segment = segment
+            self._say(segment.describe())
+            for name in segment.given:  # sent again: somebody else may have commanded meanwhile
+                self._sent.pop(name, None)
+            if segment.incident and self._faults:
+                self._faults.begin(segment.entry, segment.incident)
+        commands = self._script.command_at(instant)
+        if segment:
+            unknown = {MOTOR: math.nan} if self._script.goals else {}
+            later = self._script.command_at(instant + STAY)
+            self._advise(f"entry {segment.entry}", {**unknown, **commands}, {**unknown, **later})
+        for name, value in commands.items():
+            self._send_change(name, value)
+
+    def _send_change(self, name: str, value: float) -> None:
+        if self._sent.get(name) != value or (name == MOTOR and self._robot.timeout):
+            self._send(name, value)
+            self._sent[name] = value
+
+    def _goal_instants(self, segment: Segment) -> Schedule:
+        """Yield the steps of feedback until its goal is reached, and count what time that saves."""
+        odometer = self._odometer
+        assert segment.goal and odometer
+        began = segment.start - self._saved
+        tracking = GoalTracking(segment.goal, began, segment.duration, self._reach, odometer.mean)
+        for step in count():
+            instant = began + step / RATE
+            yield instant, partial(self._step, odometer, tracking, segment, instant)
+            if tracking.over:
+                self._saved += max(0.0, segment.duration - step / RATE)
+                return
+
+    def _step(self, odometer: OdometrySubscription, tracking: GoalTracking, segment: Segment, instant: float) -> None:
+        try:
+            odometer.read(instant)
+            speed = tracking.motor_speed(instant)
+        except GoalError as error:
+            raise RuntimeError(f"entry {segment.entry}: {error}") from error
+        for words in tracking.take_words():
+            self._say(f"entry {segment.entry}: {words}")
+        if speed is not None:
+            self._send_change(MOTOR, speed)

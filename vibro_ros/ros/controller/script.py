@@ -1,20 +1,46 @@
-"""The controller's script, unfolded in time: which command has which value when."""
+"""A controller script, read from YAML, checked as a whole before anything is sent, and unfolded in time.
+
+A script is a block: a list of `entries`, played `repeat` times. An entry says for how long (`for`) each command is held
+(`motor_speed: 100.0`) or ramped (`motor_speed: {from: 0.0, to: 100.0}`; without `from`, from where it is), what
+feedback is to reach (`hold_speed: -0.05`, `go_to: -0.5`), or which mean speed the commands are to give that a command
+map knows (`speed_over_ground: -0.05`), and which fault the robot has meanwhile (`fault: motor_stall`). It begins when
+the entry before it ends, or `at` a time counted from the start of its block. An entry may itself be a block. A command
+keeps its value until another entry changes it.
+"""
 
 import math
+import os
+import sys
 from bisect import bisect_right
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
+from vibro_ros.configuration.command_choice import CommandChoice
+from vibro_ros.configuration.command_map import CommandMap
+from vibro_ros.configuration.scene_file import config_folder
+from vibro_ros.configuration.strict_yaml import read_yaml
 from vibro_ros.messages.topics import COMMAND_UNITS
-from vibro_ros.model.faults import Incident
-from vibro_ros.ros.controller.feedback import Goal
+from vibro_ros.model.faults import FAULTS, Incident, checked_incident
+from vibro_ros.ros.controller.feedback import MOTOR_RANGE, WITHIN, Goal, PositionGoal, SpeedGoal
 
 MOTOR = "motor_speed"
 """The command that feedback gives."""
+LONGEST_SCRIPT = 100_000
+"""Most segments that a script may unfold to; nested repeats multiply."""
+DEEPEST_BLOCK = 10
+"""Most blocks inside each other."""
+GOAL_KEYS = ("hold_speed", "go_to")
+"""Keys that make an entry one of feedback."""
+SHORTEST = 4.0
+"""Shortest time [s] to hold a speed: half of it to settle, half of it to be measured over some turns of the crank."""
+_GAPS = tuple(name for name in COMMAND_UNITS if name.endswith("_gap"))
+_OVER_GROUND = "speed_over_ground"
+_FAULT_KEYS = tuple(name for name in Incident._fields if name != "duration")
 
 
 @dataclass(frozen=True)
-class Course:
+class Ramp:
     """A command's value over a segment: from `start` to `end` in a straight line; equal when held."""
 
     start: float
@@ -36,7 +62,7 @@ class Segment:
     start, duration : float
         In seconds from the start of the script. An entry that goes to a position lasts this long at most; what follows
         it begins sooner when the position is reached sooner.
-    courses : mapping of str to Course
+    ramps : mapping of str to Ramp
         Every command given so far, those that are only held from earlier entries included.
     given : tuple of str
         The commands that this entry itself gives.
@@ -53,7 +79,7 @@ class Segment:
     entry: str
     start: float
     duration: float
-    courses: Mapping[str, Course]
+    ramps: Mapping[str, Ramp]
     given: tuple[str, ...]
     note: str
     goal: Goal | None = None
@@ -68,7 +94,7 @@ class Segment:
     @property
     def is_ramp(self) -> bool:
         """Whether any command changes during the segment."""
-        return any(course.start != course.end for course in self.courses.values())
+        return any(ramp.start != ramp.end for ramp in self.ramps.values())
 
     def instants(self, rate: float) -> Iterator[float]:
         """When its commands change [s], in order: at its start; along a ramp, `rate` times a second, and at its end."""
@@ -84,9 +110,9 @@ class Segment:
         if self.speed_over_ground is not None:
             words = [f"{self.speed_over_ground:g} m/s over ground"]
         for name in self.given:
-            course = self.courses[name]
-            start = f"{course.start:g} -> " if course.start != course.end else ""
-            words.append(f"{name} {start}{course.end:g} {COMMAND_UNITS[name]}")
+            ramp = self.ramps[name]
+            start = f"{ramp.start:g} -> " if ramp.start != ramp.end else ""
+            words.append(f"{name} {start}{ramp.end:g} {COMMAND_UNITS[name]}")
         words += [" ".join(("fault", *filter(None, (self.incident.fault, self.incident.of))))] if self.incident else []
         note = f" ({self.note})" if self.note else ""
         return f"entry {self.entry}, {self.duration:g} s: {', '.join(words or ['as before'])}{note}"
@@ -139,9 +165,256 @@ class Script:
         if segment is None:
             return {}
         share = (time - segment.start) / segment.duration if time < segment.end else 1.0
-        return {name: course.at(share) for name, course in segment.courses.items()}
+        return {name: ramp.at(share) for name, ramp in segment.ramps.items()}
 
     def instants(self, rate: float) -> Iterator[float]:
         """When commands of the script change [s], in order, if every goal takes its longest time."""
         for segment in self.segments:
             yield from segment.instants(rate)
+
+
+def shipped_scripts() -> tuple[str, ...]:
+    """Names of the scripts that come with the package."""
+    return tuple(sorted(path.stem for path in (config_folder() / "controller").glob("*.yaml")))
+
+
+def find_script(name_or_path: str) -> Path:
+    """The file of a shipped script's name, or `name_or_path` as a path (ValueError when there is neither)."""
+    if name_or_path in shipped_scripts():
+        return config_folder() / "controller" / f"{name_or_path}.yaml"
+    if not os.path.isfile(name_or_path):  # which is false, not an error, for a name that no file can have
+        missing = f"{name_or_path}: no such script" if name_or_path else "no script given"
+        raise ValueError(f"{missing}; give a path or one of {', '.join(shipped_scripts())}")
+    return Path(name_or_path)
+
+
+def read_script(path: Path, command_map: CommandMap | None = None) -> Script:
+    """Read and check the script, a YAML file.
+
+    An entry that asks for a speed over ground is refused without a command map, which gives its commands. ValueError
+    names the file, the entry and the reason.
+    """
+    document = read_yaml(path)
+    try:
+        if document is None:
+            raise ValueError("the file is empty; give a list of `entries`")
+        script = Script(tuple(_Unfolding(command_map).block(document, start=0.0, prefix="")))
+        if not script.commands:
+            raise ValueError(f"no entry gives a command; give {', '.join(COMMAND_UNITS)}")
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+    return script
+
+
+def read_goal(entry: Mapping[str, object]) -> tuple[float, Goal]:
+    """The longest time [s] and the goal of one entry that is not in a script (ValueError in a script's words)."""
+    segment = _Unfolding(None).goal_segment(entry, [], 0.0, 0.0, "")
+    assert segment.goal
+    return segment.duration, segment.goal
+
+
+class _EntryError(ValueError):
+    """What is wrong with an entry that the message names."""
+
+
+class _Unfolding:
+    """Unfolds blocks to segments while it remembers where each command stands."""
+
+    def __init__(self, command_map: CommandMap | None):
+        self._map = command_map
+        self._choice: CommandChoice | None = None
+        self._last: dict[str, float] = {}
+        self._count = 0
+        self._open_ends = 0  # entries so far that may end sooner than they say
+
+    def block(self, block: object, start: float, prefix: str) -> Iterator[Segment]:
+        if not isinstance(block, Mapping):
+            raise ValueError(f"{_shown(block)} is not a mapping; give `entries`, a list")
+        if prefix.count(".") > DEEPEST_BLOCK:
+            raise ValueError(f"more than {DEEPEST_BLOCK} blocks inside each other; use fewer")
+        _refuse_unknown(block, ("entries", "repeat", "at", "note") if prefix else ("entries", "repeat", "note"))
+        entries, repeats = block.get("entries"), block.get("repeat", 1)
+        if not isinstance(entries, list) or not entries:
+            raise ValueError(f"entries is {_shown(entries)}; give a list with at least one entry")
+        if type(repeats) is not int or repeats < 1:
+            raise ValueError(f"repeat: {_shown(repeats)} is not a count; give a whole number of at least 1")
+        for _ in range(repeats):
+            for segment in self._entries(entries, start, prefix):
+                yield segment
+                start_of_next = segment.end
+            start = start_of_next
+
+    def _entries(self, entries: list[object], start: float, prefix: str) -> Iterator[Segment]:
+        clock, fixed = start, self._open_ends
+        for index, entry in enumerate(entries):
+            number = f"{prefix}{index + 1}"
+            try:
+                if not isinstance(entry, Mapping):
+                    raise ValueError(f"{_shown(entry)} is not a mapping; give `for` and commands")
+                if "at" in entry and self._open_ends > fixed:
+                    raise ValueError("at: when the go_to before it in this list ends is not known; leave `at` out, or "
+                                     "put the entries after the go_to into a list of their own")
+                clock = _start_of(entry, start, clock)
+                for segment in self._entry(entry, entries[index + 1:], start, clock, number):
+                    self._count += 1
+                    if self._count > LONGEST_SCRIPT:
+                        raise ValueError(f"unfolds to more than {LONGEST_SCRIPT} entries; repeat less often")
+                    yield segment
+                    clock = segment.end
+            except _EntryError:
+                raise
+            except ValueError as error:
+                raise _EntryError(f"entry {number}: {error}") from error
+
+    def _entry(self, entry: Mapping, later: list[object], block_start: float, start: float, number: str
+               ) -> Iterator[Segment]:
+        if "entries" in entry or "repeat" in entry:
+            yield from self.block(entry, start, f"{number}.")
+        elif any(key in entry for key in GOAL_KEYS):
+            yield self.goal_segment(entry, later, block_start, start, number)
+        else:
+            yield self._command_segment(entry, later, block_start, start, number)
+
+    def _command_segment(self, entry: Mapping, later: list[object], block_start: float, start: float, number: str
+                         ) -> Segment:
+        speed = _finite_number(entry[_OVER_GROUND], _OVER_GROUND, "m/s") if _OVER_GROUND in entry else None
+        allowed = (*COMMAND_UNITS, *GOAL_KEYS) if speed is None else ()
+        _refuse_unknown(entry, ("at", "for", "note", *_FAULT_KEYS, _OVER_GROUND, *allowed))
+        duration = _duration(entry, later, start - block_start)
+        given = self._chosen(speed) if speed is not None else {
+            name: self._ramp(name, entry[name]) for name in COMMAND_UNITS if name in entry}
+        ramps = {name: Ramp(value, value) for name, value in self._last.items()} | given
+        self._last = {name: ramp.end for name, ramp in ramps.items()}
+        return Segment(number, start, duration, ramps, tuple(given), str(entry.get("note", "")),
+                       speed_over_ground=speed, incident=_incident(entry, duration))
+
+    def _chosen(self, speed: float) -> dict[str, Ramp]:
+        try:
+            if self._map is None:
+                raise ValueError("there is no command map here; give motor_speed and gaps")
+            self._choice = self._choice or CommandChoice(self._map)
+            return {name: Ramp(level, level) for name, level in self._choice.commands_for(speed).commands.items()}
+        except ValueError as error:
+            raise ValueError(f"{_OVER_GROUND}: {error}") from None
+
+    def goal_segment(self, entry: Mapping, later: list[object], block_start: float, start: float, number: str
+                     ) -> Segment:
+        """The segment of an entry with a goal; what the motor does at its end is known only if it stands then."""
+        goal = _read_goal(entry)
+        reaches = isinstance(goal, PositionGoal)
+        if not reaches:
+            duration = _duration(entry, later, start - block_start)
+            if duration < SHORTEST:
+                raise ValueError(f"hold_speed: {duration:g} s is too short to settle and to be measured; give at least "
+                                 f"{SHORTEST:g} s")
+        elif "timeout" in entry:
+            duration = _positive_number(entry["timeout"], "timeout", "s")
+        else:
+            raise ValueError("go_to: no longest time; give `timeout: <seconds>`")
+        self._open_ends += reaches
+        levels = {name: _finite_number(entry[name], name, "m") for name in _GAPS if name in entry}
+        held = {name: value for name, value in self._last.items() if name != MOTOR} | levels
+        self._last = held | ({MOTOR: 0.0} if reaches else {})
+        return Segment(number, start, duration, {name: Ramp(value, value) for name, value in held.items()},
+                       tuple(levels), str(entry.get("note", "")), goal)
+
+    def _ramp(self, name: str, value: object) -> Ramp:
+        unit = COMMAND_UNITS[name]
+        if not isinstance(value, Mapping):
+            level = _finite_number(value, name, unit)
+            return Ramp(level, level)
+        _refuse_unknown(value, ("from", "to"), f"{name}: ")
+        if "to" not in value:
+            raise ValueError(f"{name}: a ramp needs `to`; give {{from: …, to: …}}")
+        if "from" not in value and name not in self._last:
+            raise ValueError(f"{name}: no value to start the ramp from; give `from`")
+        start = _finite_number(value["from"], name, unit) if "from" in value else self._last[name]
+        return Ramp(start, _finite_number(value["to"], name, unit))
+
+
+def _start_of(entry: Mapping, block_start: float, clock: float) -> float:
+    if "at" not in entry:
+        return clock
+    at = _finite_number(entry["at"], "at", "s")
+    if at < 0.0:
+        raise ValueError(f"at: {at:g} is negative; give a time of at least 0 s")
+    # a block's start plus `at` is rounded; the end of the entry before it as well
+    if block_start + at < clock - 1e-9 * max(1.0, clock):
+        raise ValueError(f"at: {at:g} s lies before the end of the entry before it, {clock - block_start:g} s")
+    return max(block_start + at, clock)
+
+
+def _duration(entry: Mapping, later: list[object], start: float) -> float:
+    """`for`, or the time until the next entry's `at`."""
+    if "for" in entry:
+        duration, key = _finite_number(entry["for"], "for", "s"), "for"
+    elif later and isinstance(later[0], Mapping) and "at" in later[0]:
+        at = _finite_number(later[0]["at"], "at of the entry after it", "s")
+        duration, key = at - start, "at of the next entry"
+    else:
+        raise ValueError("no duration; give `for: <seconds>`, or `at` in the entry after it")
+    if duration <= 0.0:
+        raise ValueError(f"{key}: leaves {duration:g} s; give a duration above 0 s")
+    return duration
+
+
+def _incident(entry: Mapping, duration: float) -> Incident | None:
+    """The fault that lasts as long as the entry, if it names one."""
+    if "fault" not in entry:
+        if given := [key for key in _FAULT_KEYS if key in entry]:
+            raise ValueError(f"{given[0]}: belongs to a fault; give `fault`, one of {', '.join(FAULTS)}")
+        return None
+    return checked_incident(duration=duration, **{key: entry[key] for key in _FAULT_KEYS if key in entry})
+
+
+def _read_goal(entry: Mapping) -> Goal:
+    """The goal of an entry that has one of `GOAL_KEYS`, beside which it may give gaps."""
+    if all(key in entry for key in GOAL_KEYS):
+        raise ValueError("hold_speed and go_to: one entry has one goal; make two entries of it")
+    motor = _motor_range(entry.get("motor_speed", {}))
+    key, lasts, unit, kind = (("go_to", "timeout", "m", PositionGoal) if "go_to" in entry else
+                              ("hold_speed", "for", "m/s", SpeedGoal))
+    _refuse_unknown(entry, ("at", lasts, "note", key, "within", "motor_speed", *_GAPS))
+    return kind(_finite_number(entry[key], key, unit), _positive_number(entry.get("within", WITHIN), "within", unit),
+                motor)
+
+
+def _motor_range(value: object) -> tuple[float, float]:
+    """The range of motor speeds, from a mapping with `from`, `to` or neither."""
+    if not isinstance(value, Mapping):
+        raise ValueError(f"motor_speed: {value!r} is no range; beside a goal give the range that feedback uses, "
+                         "{from: …, to: …}, or leave it out")
+    _refuse_unknown(value, ("from", "to"), "motor_speed: ")
+    low, high = (_finite_number(value.get(key, default), "motor_speed", COMMAND_UNITS[MOTOR])
+                 for key, default in zip(("from", "to"), MOTOR_RANGE, strict=True))
+    if low >= high:
+        raise ValueError(f"motor_speed: from {low:g} to {high:g} rad/s is no range; give `to` above `from`")
+    if low < 0.0:
+        raise ValueError(f"motor_speed: {low:g} rad/s is below 0; feedback goes faster by a faster motor: give `from` "
+                         "at least 0")
+    return low, high
+
+
+def _positive_number(value: object, what: str, unit: str) -> float:
+    number = _finite_number(value, what, unit)
+    if number <= 0.0:
+        raise ValueError(f"{what}: {number:g} is not above 0; give a number above 0 {unit}")
+    return number
+
+
+def _finite_number(value: object, what: str, unit: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise ValueError(f"{what}: {_shown(value)} is not a number; give a number in {unit}")
+    if not abs(value) <= sys.float_info.max:  # also false for NaN
+        raise ValueError(f"{what}: {value} is not finite; give a number in {unit}")
+    return float(value)
+
+
+def _refuse_unknown(given: Mapping, known: tuple[str, ...], where: str = "") -> None:
+    for key in given:
+        if key not in known:
+            raise ValueError(f"{where}{key}: unknown key; give {', '.join(known)}")
+
+
+def _shown(value: object) -> str:
+    return "missing" if value is None else repr(value)

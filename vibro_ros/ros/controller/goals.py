@@ -14,24 +14,22 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.publisher import Publisher
 from std_msgs.msg import Float64
 
-from vibro_ros.ros.controller.commanded_robot import CommandedRobot, Odometer
-from vibro_ros.ros.controller.feedback import RATE, Pursuit, check_reach
-from vibro_ros.ros.controller.player import Timeline, deaf
-from vibro_ros.ros.controller.script import MOTOR
-from vibro_ros.ros.controller.script_file import read_goal
+from vibro_ros.ros.controller.commanded_robot import OWN_TYPES, CommandedRobot, OdometrySubscription
+from vibro_ros.ros.controller.feedback import RATE, GoalTracking, check_reach
+from vibro_ros.ros.controller.player import Timeline, topics_without_subscribers
+from vibro_ros.ros.controller.script import MOTOR, read_goal
 from vibro_ros.ros.node.node import RESULT_TIMEOUT, NextTurn, SteadyNode, installed_type
 
-PACKAGE = "vibro_ros_interfaces"
 NAMES = {"GoTo": "go_to", "HoldSpeed": "hold_speed"}
 """The actions, by their types."""
 
 
 def action_types() -> dict[str, Any]:
     """The types of the actions; ValueError where they are not installed."""
-    types = {name: installed_type(PACKAGE, "action", name) for name in NAMES}
+    types = {name: installed_type(OWN_TYPES, "action", name) for name in NAMES}
     if not all(types.values()):
-        raise ValueError(f"--serve: {PACKAGE} is not installed, so there are no actions; `make setup` builds it where "
-                         "there is a C compiler, and colcon from the folder interfaces")
+        raise ValueError(f"--serve: {OWN_TYPES} is not installed, so there are no actions; `make setup` builds it "
+                         "where there is a C compiler, and colcon from the folder interfaces")
     return types
 
 
@@ -42,15 +40,15 @@ class _CancelledError(Exception):
 class GoalServer:
     """Offers the actions of `types` from now on; for the executor's thread.
 
-    `time` is that in which goals count; `reach` the mean speed [m/s] that the robot holds at most, with the sign of the
-    way it goes. `busy` says whether a goal is being pursued, `ending` that none is to be any more.
+    `time` is that in which goals count; `reach` the mean speed [m/s] that the robot holds at most, with the sign of its
+    direction. `busy` says whether a goal is being pursued, `ending` that none is to be any more.
     """
 
     def __init__(self, node: SteadyNode, types: dict[str, Any], robot: CommandedRobot, publisher: Publisher,
                  time: Timeline, reach: float):
         self.busy = self.ending = self._moved = False
         self._node, self._robot, self._publisher = node, robot, publisher
-        self._time, self._reach, self._odometer = time, reach, Odometer(node)
+        self._time, self._reach, self._odometer = time, reach, OdometrySubscription(node)
         for kind, name in NAMES.items():
             ActionServer(node, types[kind], name, partial(self._execute, types[kind], name),
                          cancel_callback=lambda _: CancelResponse.ACCEPT, result_timeout=RESULT_TIMEOUT)
@@ -105,17 +103,17 @@ class GoalServer:
         self._node.get_logger().info(f"{goal.describe()}, {duration:g} s")
         self._odometer.restart()
         self._time.begin()
-        pursuit = Pursuit(goal, 0.0, duration, self._reach, self._odometer.track)
+        tracking = GoalTracking(goal, 0.0, duration, self._reach, self._odometer.mean)
         words, speed, due = "", 0.0, 0.0
-        while not pursuit.over:
+        while not tracking.over:
             self._check(handle)
             if (elapsed := self._time.elapsed()) < due:
                 await NextTurn()
                 continue
             due = (math.floor(elapsed * RATE) + 1) / RATE
             self._odometer.read(elapsed)
-            given = pursuit.motor_speed(elapsed)
-            for words in pursuit.take_words():
+            given = tracking.motor_speed(elapsed)
+            for words in tracking.take_words():
                 self._node.get_logger().info(f"{name}: {words}")
             if given is not None:
                 speed = given
@@ -131,7 +129,7 @@ class GoalServer:
         while not self._robot.answered:
             self._check(handle)
             await NextTurn()
-        if topics := deaf([self._publisher]):
+        if topics := topics_without_subscribers([self._publisher]):
             raise RuntimeError(f"nobody listens to {', '.join(topics)}; start a robot")
 
     def _check(self, handle: ServerGoalHandle) -> None:
@@ -140,13 +138,13 @@ class GoalServer:
             raise _CancelledError
         if self.ending:
             raise RuntimeError("the controller ends")
-        if self._robot.settings and deaf([self._publisher]):
+        if self._robot.settings and topics_without_subscribers([self._publisher]):
             raise RuntimeError(f"{self._robot} is gone")
         self._robot.tick()
 
     def _position(self) -> float:
         """Mean position [m] of the body; NaN before it was heard."""
-        position = self._odometer.track.position
+        position = self._odometer.mean.position
         return math.nan if position is None else position
 
 
