@@ -85,7 +85,7 @@ def test_errors_are_the_ones_shown(line, tmp_path, domain_id, monkeypatch, capsy
              "forwards.yaml": "ros.controller.controller forwards.yaml",
              "mass.body": "ros.robot.robot --ros-args -p mass.body:=0.0", "/tmp/nobag": "recordings.report /tmp/nobag",
              "/tmp/none": "recordings.recover /tmp/none", "/tmp/norun": "recordings.replay /tmp/norun",
-             "papper": "ros.robot.robot --ros-args -p scene:=papper", "--clock": "recordings.replay bag --clock",
+             "papper": "ros.robot.robot --ros-args -p scene:=papper",
              "itself.yaml": "accuracy.accuracy --scene itself.yaml",
              "other.yaml": "ros.robot.robot --ros-args --params-file other.yaml"}[line.split(": ")[1]].split()
     monkeypatch.chdir(tmp_path)
