@@ -38,8 +38,8 @@ setup(
     ],
     zip_safe=True,
     python_requires=">=3.11,<3.15",
-    install_requires=['backports-zstd ; python_version < "3.14"', "llvmlite", "lz4", "matplotlib", "mcap", "numba",
-                      "numpy", "pillow", "PyYAML", "rosbags>=0.11", "scipy", "tornado", "tqdm"],
+    install_requires=["llvmlite", "lz4", "matplotlib", "mcap>=1.5", "numba", "numpy", "pillow", "PyYAML",
+                      "rosbags>=0.11", "scipy", "tornado", "tqdm", "zstandard"],
     extras_require={
         # The peer that bench and tests compare with: 104 MB.
         "bench": ["heyoka==7.13.2"],

@@ -9,7 +9,7 @@ import numpy as np
 import vibro_ros
 from vibro_ros.bag.metadata import Topic, defined
 from vibro_ros.bag.stream import BagStream
-from vibro_ros.bag.writer import BagWriter, Storage
+from vibro_ros.bag.recorder import BagWriter, Storage
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.messages.codec import blank, deserialised, serialised
 from vibro_ros.messages.topics import CHECKPOINT, OPERATIONS, ROBOT_TOPICS, TOPICS

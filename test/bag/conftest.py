@@ -16,7 +16,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
 from vibro_ros.bag.metadata import defined
-from vibro_ros.bag.writer import BagWriter, Storage
+from vibro_ros.bag.recorder import BagWriter, Storage
 
 START = 1_763_700_000_000_000_000  # ns, an instant in 2025
 DEADLINE = 30.0  # s, before a test gives up waiting

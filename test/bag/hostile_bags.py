@@ -7,9 +7,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import lz4.frame
+import zstandard
 from mcap.records import Channel, Chunk, Message, Schema
 
-from vibro_ros.bag.mcap_segment import HEAD, MAGIC, packed, zstd
+from vibro_ros.bag.mcap_file import HEAD, MAGIC, packed
 
 Maker = Callable[[Path], None]
 """Changes the bag folder that it is given; `folder.parent / "outside"` has files that nobody may change."""
@@ -123,7 +124,7 @@ def chunk(compression: str, data: bytes, size: int, crc: int = 0) -> Chunk:
 
 def zeros(size: int) -> bytes:
     """So many zeros, packed by zstd, without ever being there."""
-    packer = zstd.ZstdCompressor()
+    packer = zstandard.ZstdCompressor().compressobj()
     return b"".join([*(packer.compress(bytes(2**20)) for _ in range(size // 2**20)), packer.flush()])
 
 
@@ -193,7 +194,7 @@ OF_MCAP: dict[str, Maker] = {
     "bomb that lies": appended_chunk(chunk("zstd", zeros(2**30), 1000)),
     "many bombs": edited(lambda data: bytes(data[:list(_heads(data))[1]]) + packed(chunk(
         "zstd", zeros(100 * 2**20), 100 * 2**20)) * 200 + bytes(data[list(_heads(data))[1]:])),
-    "bomb of messages": appended_chunk(chunk("zstd", zstd.compress(tiny_messages(50_000)), 31 * 50_000)),
+    "bomb of messages": appended_chunk(chunk("zstd", zstandard.compress(tiny_messages(50_000)), 31 * 50_000)),
     "bomb of lz4": appended_chunk(chunk("lz4", lz4.frame.compress(bytes(2**28)), 2**28)),
     "a size of 2^63": appended_chunk(chunk("", b"", 2**63)),
     "unknown compression": appended_chunk(chunk("bz2", b"x" * 100, 100)),

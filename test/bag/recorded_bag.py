@@ -7,8 +7,7 @@ from pathlib import Path
 from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 
-from vibro_ros.bag.recorder import Topic
-from vibro_ros.bag.writer import Storage
+from vibro_ros.bag.recorder import Storage, Topic
 
 TOPICS = (
     Topic("/odom", "nav_msgs/msg/Odometry", 10),

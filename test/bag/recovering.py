@@ -10,7 +10,7 @@ import signal
 import sys
 from collections.abc import Callable
 
-from vibro_ros.bag.recovery import recover
+from vibro_ros.recordings.recover import recover
 
 CALLS = ("write", "ftruncate", "posix_fallocate", "fsync", "unlink", "rename", "replace", "link", "rmdir", "mkdir")
 

@@ -13,7 +13,7 @@ import pytest
 from hostile_bags import OF_MCAP, OF_METADATA
 from robot_bag import robot_bag
 
-from vibro_ros.bag.writer import Storage
+from vibro_ros.bag.recorder import Storage
 
 TOLD = {tick: {"motor_speed": 60.0 + tick} for tick in range(10, 120, 20)}
 STORAGES = {"mcap": Storage(), "zstd": Storage("zstd")}

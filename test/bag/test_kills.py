@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from recorded_bag import by_rosbags, mcap_file
 
-from vibro_ros.bag.recovery import recover
+from vibro_ros.recordings.recover import recover
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from recorded_bag import content, mcap_file
 from rosbags.typesys import Stores, get_typestore
 
 import vibro_ros
@@ -166,13 +167,32 @@ def cut(folder):
     file.write_bytes(file.read_bytes()[:2000])
 
 
+def test_a_bag_that_is_not_sealed_is_read_at_once_and_left_as_it_is(unsealed):
+    folder, sent = unsealed()
+    with mcap_file(folder).open("ab") as file:
+        file.write(b"torn")
+    before = content(folder)
+    with pytest.warns(BagWarning, match="it is not sealed, because its recorder still runs or was killed; its last 4 "
+                      "bytes are torn and not read; `recover` seals it for other programs"):
+        bag = read_bag(folder)
+    np.testing.assert_array_equal(bag["motor_power"]["value"], np.arange(len(sent)) * 0.25)
+    assert bag.metadata == {"scene": "device"} and content(folder) == before
+
+
+def test_a_bag_that_is_being_recorded_is_read_as_far_as_it_is_flushed(tmp_path, published, wait_for):
+    with Recorder(tmp_path / "run", topics(), {}) as recorder:
+        recorder.write("/motor_power", 0, published["/motor_power"](1))
+        wait_for(lambda: recorder.written == 1)
+        with pytest.warns(BagWarning, match="all that was written is read"):
+            assert len(read_bag(tmp_path / "run")["motor_power"]["time"]) == 1
+
+
 @pytest.mark.parametrize(("how", "reason"), [
-    (lambda folder: (folder / "metadata.yaml").unlink(), "not sealed"),
     (lambda folder: next(folder.glob("*.mcap")).unlink(),
      "nothing in it can be read: run_0.mcap: metadata.yaml names this file, and it is not in the folder"),
     (cut, "nothing in it can be read: run_0.mcap: it is not sealed"),
     (lambda folder: next(folder.glob("*.mcap")).write_bytes(b""), "run_0.mcap: the file is empty"),
-], ids=["unsealed", "no file", "cut", "empty file"])
+], ids=["no file", "cut", "empty file"])
 def test_spoilt_bag_is_an_error_of_one_line(run, how, reason):
     how(run)
     with pytest.raises(BagError) as raised:

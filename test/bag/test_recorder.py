@@ -9,8 +9,7 @@ from recorded_bag import METADATA, POWER, TOPICS, by_mcap, by_rosbags, mcap_file
 from rosbags.interfaces import QosReliability
 from rosbags.rosbag2 import Reader
 
-from vibro_ros.bag.recorder import LAST_STAMP, Recorder
-from vibro_ros.bag.writer import BagWriter
+from vibro_ros.bag.recorder import LAST_STAMP, BagWriter, Recorder
 
 
 @pytest.fixture

@@ -10,21 +10,22 @@ import numpy as np
 import pytest
 import yaml
 from mcap.reader import make_reader
-from recorded_bag import METADATA, POWER, by_rosbags
+from recorded_bag import METADATA, POWER, by_rosbags, mcap_file
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from vibro_ros.bag.folders import bag_folders
 from vibro_ros.bag.metadata import Topic, defined
-from vibro_ros.bag.recorder import Recorder
-from vibro_ros.bag.recovery import recover
+from vibro_ros.bag.recorder import CHUNK_SIZE, BagWriter, Recorder, Storage
 from vibro_ros.bag.stream import BagStream
-from vibro_ros.bag.writer import BagWriter, Storage
 from vibro_ros.messages.codec import jazzy_types
 from vibro_ros.messages.topics import TOPICS as ROBOT_TOPICS
+from vibro_ros.recordings.recover import recover
 
 TOPICS = defined([Topic("/odom", "nav_msgs/msg/Odometry", 10), Topic("/motor_power", "std_msgs/msg/Float64", 10)])
 PERIOD = 5_000_000  # ns
+FLUSHED = 20_000  # bytes, at most, between two flushes
+ENDING = 40_000  # bytes, at most, of topics, index and metadata at a file's end
 SPLITS = {
     "size": Storage(max_size=100_000),
     "duration": Storage(max_duration=0.5),
@@ -76,7 +77,7 @@ def test_a_split_bag_holds_every_message_in_files_that_do_not_overlap(tmp_path, 
         assert (file["starting_time"], file["duration"], file["message_count"]) == (
             {"nanoseconds_since_epoch": min(stamps)}, {"nanoseconds": end - min(stamps)}, len(stamps))
         if storage.max_size:
-            assert (folder / file["path"]).stat().st_size <= storage.max_size
+            assert (folder / file["path"]).stat().st_size <= storage.max_size + FLUSHED + ENDING
         if storage.max_duration:
             assert end - min(stamps) <= storage.max_duration * 1e9
     names = {path.name for path in folder.iterdir()}
@@ -91,8 +92,33 @@ def test_size_is_that_of_the_compressed_file(tmp_path, start_ns):
         writer.flush()
     writer.close({})
     sizes = [path.stat().st_size for path in sorted((tmp_path / "run").glob("*.mcap"))]
-    assert max(sizes) <= 100_000
+    assert max(sizes) <= 100_000 + FLUSHED + ENDING
     assert 3 <= len(sizes) <= 6
+
+
+def test_chunks_have_a_checksum_and_an_index_of_every_message(tmp_path, published, start_ns):
+    write(tmp_path / "run", Storage(), published, start_ns, samples=30)
+    with mcap_file(tmp_path / "run").open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        assert len(list(reader.iter_messages())) == 60
+        summary = reader.get_summary()
+    assert [sorted(one.message_index_offsets) for one in summary.chunk_indexes] == [[1, 2]] * 3
+    assert summary.statistics.channel_message_counts == {1: 30, 2: 30}
+
+
+def test_a_long_silence_of_flush_does_not_fill_the_memory(tmp_path, start_ns):
+    writer = BagWriter(tmp_path / "run", TOPICS, {}, Storage())
+    for i in range(4):
+        writer.write(1, start_ns + i, bytes(CHUNK_SIZE))
+    assert writer.stored >= 3
+    writer.close({})
+
+
+def test_an_empty_bag_is_not_from_the_far_future(tmp_path):
+    BagWriter(tmp_path / "run", TOPICS, {}, Storage()).close({})
+    with Reader(tmp_path / "run") as reader:
+        assert (reader.message_count, reader.duration) == (0, 0)
+        assert [one.topic for one in reader.connections] == ["/odom", "/motor_power"]
 
 
 def test_metadata_are_those_of_rosbag2_in_jazzy(tmp_path, published, start_ns):
@@ -160,7 +186,7 @@ def test_each_file_begins_with_what_is_said_once_for_all(tmp_path, published, st
     assert [stamp for topic, stamp, _ in messages if topic == "/odom"] == [start_ns + i * PERIOD for i in range(400)]
     assert (recorder.written, recorder.dropped, recorder.lost) == (400 + len(files), 0, 0)
     if storage.max_size:
-        assert all(file.stat().st_size <= storage.max_size for file in files)
+        assert all(file.stat().st_size <= storage.max_size + FLUSHED + ENDING for file in files)
 
 
 def test_messages_out_of_order_do_not_make_files_overlap(tmp_path, published, start_ns):

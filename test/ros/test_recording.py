@@ -10,7 +10,7 @@ from observation import bags, stamps_of, stop
 import vibro_ros
 from vibro_ros.bag.metadata import defined
 from vibro_ros.bag.reader import read_bag
-from vibro_ros.bag.writer import BagWriter, Storage
+from vibro_ros.bag.recorder import BagWriter, Storage
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.ros.robot.recording import Plan, offer_recovery, open_recording, plan_recording

@@ -15,7 +15,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from observation import bags, stamps_of, stop
 
 from vibro_ros.bag.reader import read_bag
-from vibro_ros.bag.recovery import recover
+from vibro_ros.recordings.recover import recover
 
 UNLIMITED = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
 KILLS = int(os.environ.get("VIBRO_ROS_ROBOT_KILLS", "2"))  # VIBRO_ROS_ROBOT_KILLS=100 for the long version
@@ -84,15 +84,15 @@ def test_a_full_disk_is_told_once_and_recording_resumes_when_there_is_room(start
 
 SLOW = """
 import sys, time
-from vibro_ros.bag.mcap_segment import McapSegment
+from vibro_ros.bag.recorder import _Sink
 from vibro_ros.ros.robot import robot
-append, stalled = McapSegment._append, []
-def slow(self, data):  # waits for the disk as a write does: without the interpreter lock
-    if not stalled and self.stored > 1000:
+flush, stalled = _Sink.flush, []
+def slow(self):  # waits for the disk as a write does: without the interpreter lock
+    if not stalled and self.size > 500_000:
         stalled.append(True)
         time.sleep(2.0)
-    append(self, data)
-McapSegment._append = slow
+    flush(self)
+_Sink.flush = slow
 code = robot.main(["--ros-args", "-p", "rate.publish:=1000.0"])
 print("stalled" if stalled else "never stalled")
 sys.exit(code)

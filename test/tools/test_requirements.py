@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 ROSDEP_KEYS = {"PIL": "python3-pil", "mcap": "mcap-ros2-support", "rosbags": "python3-rosbags-pip",
                "yaml": "python3-yaml",  # not python3-<import>
                "llvmlite": "python3-numba",  # these are brought by others
-               **dict.fromkeys(("lz4", "backports"), "python3-rosbags-pip")}
+               "lz4": "python3-rosbags-pip", "zstandard": "mcap-ros2-support"}
 ROSDEP_KEYS |= {name: f"python3-{name}" for name in ("matplotlib", "numba", "numpy", "scipy", "tornado", "tqdm")}
 LOCKS = [f"requirements{part}.txt" for part in ("", "-jazzy", "-bench", "-browser", "-study")]
 # Of the extras `bench`, `study`, `cluster`, `gym` and `test`; only the rooms peer, study and gym import them, and

@@ -6,26 +6,97 @@ comes, the thread wakes by itself a little later. It wakes no more often, becaus
 a tick has published. The thread takes a few messages at a time: many would hold the interpreter lock and delay the
 robot's clock, and after each single one it would wait so long for the lock to come back that it would fall behind a
 robot that publishes at 1 kHz.
-What a killed process loses is what came in the last `FLUSH_PERIOD`.
+
+Files are written by `mcap.writer.Writer`, whose `flush` finishes a chunk: what a killed process loses is what came in
+the last `FLUSH_PERIOD`. The Writer keeps 63 MB an hour of chunk indexes in memory, so the robot begins another file
+after an hour (`record.max_duration`).
 """
 
 import contextlib
 import math
+import os
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Lock, Thread
 
-from vibro_ros.bag.metadata import LAST_STAMP, Topic, defined
-from vibro_ros.bag.writer import BagWriter, Storage
+from mcap.records import Channel, Schema
+from mcap.writer import CompressionType, Writer
+
+from vibro_ros.bag.folders import SUFFIX, lock
+from vibro_ros.bag.mcap_file import METADATA_KEY, METADATA_NAME, McapFile, packed
+from vibro_ros.bag.metadata import (
+    FILE_NAME,
+    LAST_STAMP,
+    Definition,
+    FileInformation,
+    Topic,
+    as_text,
+    bag_information,
+    defined,
+    write_metadata,
+)
 
 FLUSH_PERIOD = 0.05  # s, that a message stays in memory only; 0.1 is promised, and a busy machine is late
 PATIENCE = 0.01  # s, after a flush was due, until the thread wakes by itself
 WAKING = 1000  # messages that wait and wake the thread before: a robot faster than real time must not fill the queue
-BATCH = 50  # messages between two offers of the interpreter lock; about 60 us
+BATCH = 15  # messages between two offers of the interpreter lock; about 60 us
 BACKLOG = 20_000  # messages waiting for the disk; about 4 s of a robot that publishes at 1 kHz
+
+CHUNK_SIZE = 2**20  # bytes; the largest chunk, unless one message is larger
+SMALLEST_FILE = 100_000  # bytes; topics, index and metadata of a file take about a third of it
+SHORTEST_FILE = 0.1  # s, that between two flushes
+FEWEST_FILES = 2  # of a bag that is limited: the one that is written, and one before it
+_PARTS = 10  # in how many files a bag is cut when only its whole size is limited
+_METADATA_SIZE = 64 * 1024  # bytes, room for metadata.yaml and a file's end in a bag that is limited
+_COMPRESSIONS = {"none": CompressionType.NONE, "zstd": CompressionType.ZSTD}
+
+
+@dataclass(frozen=True)
+class Storage:
+    """How a bag lies on the disk.
+
+    Attributes
+    ----------
+    compression : str
+        ``none`` or ``zstd``, of chunks.
+    max_size : int
+        Largest file [bytes]; 0 is no limit. A file exceeds it by what one flush writes, and by its index.
+    max_duration : float
+        Longest file [s]; 0 is no limit.
+    max_bytes : int
+        Largest bag [bytes]: the oldest file is deleted before it would be exceeded; 0 is no limit.
+
+    Raises
+    ------
+    ValueError
+        For values that are too small or do not go together; the message names the parameter of the node.
+    """
+
+    compression: str = "none"
+    max_size: int = 0
+    max_duration: float = 0.0
+    max_bytes: int = 0
+
+    def __post_init__(self) -> None:
+        for name, value, least, unit in (("max_size", self.max_size, SMALLEST_FILE, "bytes"),
+                                         ("max_duration", self.max_duration, SHORTEST_FILE, "s"),
+                                         ("max_bytes", self.max_bytes, _PARTS * SMALLEST_FILE, "bytes")):
+            if 0 < value < least:
+                raise ValueError(f"record.{name}: {value:g} is too small; give 0 for no limit, "
+                                 f"or at least {least:g} {unit}")
+        if self.max_bytes and self.max_size * FEWEST_FILES > self.max_bytes:
+            raise ValueError(f"record.max_size: {self.max_size} does not fit twice into record.max_bytes "
+                             f"{self.max_bytes}; give at most half of it")
+
+    @property
+    def file_size(self) -> int:
+        """Largest file [bytes]; 0 is no limit."""
+        return self.max_size or self.max_bytes // _PARTS
+
 
 _PLAIN = Storage()
 
@@ -241,3 +312,245 @@ class Recorder:
             while True:
                 self._queue.popleft()
                 self._taken += 1
+
+
+class BagWriter:
+    """Writes a bag folder: one MCAP file, or several that follow each other in time.
+
+    It holds the folder's lock, so that nobody takes it for abandoned. `folder` must not exist, its parents may be
+    missing. A message names its topic by the position in `definitions`, counted from 1. `custom` is the bag's custom
+    data, from its beginning on; `added` counts the messages that the writer itself has put at the beginning of files.
+    FileExistsError when the folder exists; OSError when it cannot be made or written, and then nothing is left behind.
+    """
+
+    def __init__(self, folder: Path, definitions: Sequence[Definition], custom: Mapping[str, str], storage: Storage):
+        self.folder = folder
+        self.added = 0
+        self._definitions, self._custom, self._storage = definitions, dict(custom), storage
+        self._latched: tuple[tuple[int, bytes], ...] = ()
+        self._finished: deque[tuple[FileInformation, int]] = deque()  # sealed files, and their bytes
+        self._number = 0
+        self._sink: _Sink  # of the file that is written, or was written last
+        self._is_open = False
+        self._flushed = 0  # messages of that file that the operating system has
+        self._discarded_files = self._discarded_messages = 0
+        folder.mkdir(parents=True)
+        self._lock = lock(folder)
+        try:
+            self._begin_file()
+        except OSError:
+            os.close(self._lock)
+            folder.rmdir()  # a file that could not be begun has left nothing
+            raise
+
+    @property
+    def stored(self) -> int:
+        """Messages that the operating system has, those of files too that were deleted to make room."""
+        finished = sum(file.messages for file, _ in list(self._finished))  # other threads ask, too
+        return finished + self._discarded_messages + (self._flushed if self._is_open else 0)
+
+    def begin_files_with(self, latched: Sequence[tuple[int, bytes]]) -> None:
+        """Let each file begin with these, topic and message, under its first message's stamp; before that is written.
+
+        So whoever has one file, or plays the bag from there on, has what was published once and for all.
+        """
+        self._latched = self._waiting = tuple(latched)
+
+    def write(self, topic: int, stamp: int, data: bytes) -> None:
+        """Take a message (OSError when the disk fails); a new file begins only where time goes on."""
+        if self._is_full or (self._longest and stamp - self._first >= self._longest):
+            if 0 <= self._last < stamp:
+                self.flush()
+                self._finish_file()
+                self._begin_file()
+        if self._waiting:
+            waiting, self._waiting = self._waiting, ()
+            self.added += len(waiting)
+            for number, message in waiting:
+                self._add(number, stamp, message)
+        self._add(topic, stamp, data)
+        if self._sink.pending:  # a chunk is full, so many messages came since the last flush
+            self.flush()
+
+    def flush(self) -> None:
+        """Make everything written so far survive the end of this process.
+
+        Raises
+        ------
+        OSError
+            When the disk is full, or the file was removed or replaced.
+        """
+        try:
+            self._file.flush()
+        except OSError:
+            self._has_failed = True
+            self._flushed *= self._sink.is_in_place
+            raise
+        self._flushed = sum(self._counts)
+        self._is_full = 0 < self._storage.file_size < self._sink.size
+        self._make_room()
+
+    def describe(self, custom: Mapping[str, str]) -> None:
+        """Add to the bag's custom data, with the next flush also for a reader of a bag that was killed."""
+        self._custom |= custom
+        self._note(self._file_information())
+
+    def close(self, custom: Mapping[str, str]) -> None:
+        """Seal the bag, with `custom` added to its custom data (OSError when the disk fails)."""
+        if self._discarded_files:
+            custom = {**custom, "discarded_files": str(self._discarded_files),
+                      "discarded_messages": str(self._discarded_messages)}
+        self._custom |= custom
+        try:
+            if self._is_open:
+                self._finish_file()
+            files = [file for file, _ in self._finished if (self.folder / file.name).exists()]
+            write_metadata(self.folder / FILE_NAME, self._information(files))
+        finally:
+            self.abandon()
+
+    def abandon(self) -> None:
+        """Close all files without sealing; calling it again does nothing."""
+        if self._is_open:
+            self._sink.close()
+        if self._lock >= 0:
+            os.close(self._lock)
+            self._lock = -1
+
+    def _begin_file(self) -> None:
+        path = self.folder / f"{self.folder.name}_{self._number}{SUFFIX}"
+        self._sink = _Sink(path)
+        chunk = min(CHUNK_SIZE, self._storage.file_size // 8 or CHUNK_SIZE)
+        self._file = Writer(self._sink, chunk, _COMPRESSIONS[self._storage.compression])  # type: ignore[arg-type]
+        self._file.start("ros2", "vibro_ros")
+        schemas: dict[str, Schema] = {}
+        channels = []
+        for definition in self._definitions:
+            topic, text = definition.information, definition.text.encode()
+            if topic.type_name not in schemas:
+                number = self._file.register_schema(topic.type_name, "ros2msg", text)
+                schemas[topic.type_name] = Schema(id=number, data=text, encoding="ros2msg", name=topic.type_name)
+            schema = schemas[topic.type_name].id
+            labels = {"offered_qos_profiles": as_text(topic.qos).strip(), "topic_type_hash": topic.type_hash}
+            number = self._file.register_channel(topic.name, topic.encoding, schema, labels)
+            channels.append(Channel(id=number, topic=topic.name, message_encoding=topic.encoding, metadata=labels,
+                                    schema_id=schema))
+        # The Writer puts topics into the first chunk. Here they are on the disk before there is one, and if it is lost.
+        self._sink.write(packed(*schemas.values(), *channels))
+        self._note(FileInformation(path.name, 0, 0))
+        try:
+            self._file.flush()
+        except OSError:
+            self._sink.close()
+            path.unlink(missing_ok=True)
+            raise
+        self._is_open = True
+        self._number += 1
+        self._counts = [0] * len(self._definitions)  # messages by topic
+        self._first, self._last = LAST_STAMP, -1  # stamps
+        self._longest = self._storage.max_duration * 1e9
+        self._flushed = 0
+        self._is_full = self._has_failed = False
+        self._waiting = self._latched
+
+    def _add(self, topic: int, stamp: int, data: bytes) -> None:
+        self._file.add_message(topic, stamp, data, stamp)
+        self._counts[topic - 1] += 1
+        if stamp < self._first:
+            self._first = stamp
+        if stamp > self._last:
+            self._last = stamp
+
+    def _finish_file(self) -> None:
+        """Seal the file; a failed write leaves what was flushed before, to be sealed once more or by `recover`."""
+        sink = self._sink
+        try:
+            if self._has_failed:  # the Writer's index names chunks that the disk did not take
+                file = McapFile(sink.path)
+                information = file.information
+                sink.write(file.ending(as_text(self._information([information]))))
+            else:
+                information = self._file_information()
+                self._note(information)
+                self._file.finish()
+            sink.flush()
+        except OSError:
+            self._has_failed = True
+            raise
+        sink.close()
+        self._finished.append((information, sink.size))
+        self._is_open = False
+
+    def _make_room(self) -> None:
+        """Delete the oldest files before a limited bag would exceed its limit."""
+        room = self._storage.max_bytes - self._storage.file_size // 10 - _METADATA_SIZE - self._sink.size
+        while self._storage.max_bytes and self._finished and sum(size for _, size in self._finished) > room:
+            file, _ = self._finished.popleft()
+            (self.folder / file.name).unlink(missing_ok=True)
+            self._discarded_files += 1
+            self._discarded_messages += file.messages
+
+    def _file_information(self) -> FileInformation:
+        names = [definition.information.name for definition in self._definitions]
+        is_empty = self._last < 0
+        return FileInformation(self._sink.path.name, 0 if is_empty else self._first, max(0, self._last),
+                               dict(zip(names, self._counts, strict=True)))
+
+    def _note(self, file: FileInformation) -> None:
+        """Write into the file what the bag says of itself."""
+        self._file.add_metadata(METADATA_NAME, {METADATA_KEY: as_text(self._information([file]))})
+
+    def _information(self, files: Sequence[FileInformation]) -> dict:
+        return bag_information(files, [one.information for one in self._definitions], self._custom)
+
+
+class _Sink:
+    """A new file that takes what was written since the last `flush` as a whole, or not at all.
+
+    `size` are the bytes on the disk, `pending` those that wait for the next flush.
+    """
+
+    def __init__(self, path: Path):
+        self.path = path
+        self.size = self.pending = 0
+        self._parts: list[bytes] = []
+        self._file = path.open("xb", buffering=0)
+
+    def write(self, data: bytes) -> int:
+        """Take some bytes."""
+        self._parts.append(data)
+        self.pending += len(data)
+        return len(data)
+
+    def tell(self) -> int:
+        """Bytes that were taken."""
+        return self.size + self.pending
+
+    def flush(self) -> None:
+        """Hand the bytes on to the operating system (OSError when it cannot take them, or the file is gone)."""
+        rest = memoryview(b"".join(self._parts))
+        whole = self.size + len(rest)
+        self._parts.clear()
+        self.pending = 0
+        try:
+            while rest:
+                rest = rest[self._file.write(rest):]
+        except OSError:
+            os.ftruncate(self._file.fileno(), self.size)
+            self._file.seek(self.size)
+            raise
+        if not self.is_in_place:  # what is written to such a file is nowhere
+            raise OSError(0, f"{self.path.name} was removed, or replaced by another file", str(self.path))
+        self.size = whole
+
+    @property
+    def is_in_place(self) -> bool:
+        """Whether the path still leads to this file."""
+        try:
+            return os.path.samestat(os.fstat(self._file.fileno()), os.stat(self.path, follow_symlinks=False))
+        except OSError:
+            return False
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()

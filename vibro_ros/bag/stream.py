@@ -11,7 +11,7 @@ from itertools import count
 from pathlib import Path
 
 from vibro_ros.bag.folders import bag_files
-from vibro_ros.bag.mcap_scan import ForeignFileError, McapFile, Message
+from vibro_ros.bag.mcap_file import ForeignFileError, McapFile, Message
 from vibro_ros.bag.metadata import FILE_NAME, custom_of, depth_of, is_lasting, read_metadata
 from vibro_ros.messages.topics import ROBOT_TOPICS, TOPICS
 from vibro_ros.process.files import one_line
@@ -68,8 +68,9 @@ class BagStream:
 
     `start` and `end` are the least and the greatest recorded stamp [ns] of a message, 0 in an empty bag; `metadata` is
     the bag's custom data. In `unreadable` those who read the messages count the ones that are not of their topic's
-    type. BagError when the folder is missing, no bag, or not sealed, or when nothing in it can be read; the message
-    names path, reason and remedy.
+    type. A bag that is not sealed, because its recorder was killed or still runs, is read as far as it was written.
+    BagError when the folder is missing or no bag, or when nothing in it can be read; the message names path, reason and
+    remedy.
     """
 
     def __init__(self, path: str | Path):
@@ -101,12 +102,10 @@ class BagStream:
             raise BagError(f"{folder}: no such folder; give the folder of a recording")
         if not folder.is_dir():
             raise BagError(f"{folder}: a file, not a bag; give the folder that holds metadata.yaml")
-        if not os.path.lexists(folder / FILE_NAME):
-            files, flaws = bag_files(folder)
-            raise BagError(f"{folder}: " + (
-                "the bag is not sealed: its recorder still runs, or was killed; end the recorder, or seal it with "
-                f"`recover {folder}`" if files else f"nothing in it can be read: {flaws[0]}" if flaws else
-                "not a bag, it holds no metadata.yaml; give the folder of a recording"))
+        files, flaws = bag_files(folder)
+        if not files and not os.path.lexists(folder / FILE_NAME):
+            reason = f"nothing in it can be read: {flaws[0]}" if flaws else "not a bag, it holds no .mcap file"
+            raise BagError(f"{folder}: {reason}; give the folder of a recording")
 
     @property
     def flaws(self) -> list[str]:
@@ -159,8 +158,9 @@ class BagContents:
         self.information: dict = {}
         self.files: list[McapFile] = []
         paths, self.flaws = bag_files(folder)
+        is_missing = not os.path.lexists(folder / FILE_NAME)
         try:
-            self.information = read_metadata(folder)
+            self.information = {} if is_missing else read_metadata(folder)
         except ValueError as error:
             reason = str(error).removeprefix(f"{folder}/").removesuffix("; give the path of a YAML file")
             self.flaws.insert(0, reason)
@@ -174,6 +174,8 @@ class BagContents:
                     raise
                 self.flaws.append(f"{path.name}: {error.strerror or error}")
         self.files.sort(key=lambda file: file.information.first)
+        if is_missing and all(file.sealed for file in self.files):
+            self.flaws.insert(0, f"{FILE_NAME}: is missing; `recover` writes it")
         self.custom = custom_of(self.information) or {
             key: value for file in self.files for key, value in file.custom.items()}
 

@@ -1,4 +1,11 @@
-"""The `recover` executable: seals bags whose recorder was killed."""
+"""The `recover` executable: seals a bag whose recorder was killed, so that other programs read it as well.
+
+A file without its end is cut behind its last whole record, and gets index and footer there; the torn end is kept beside
+it before. A file that has its end is left as it is, whatever is damaged in it. metadata.yaml appears whole, at last.
+Everything is read before anything is written. When a step fails (the disk is full), nothing readable is lost, and
+recovery can be repeated. No link is followed. Files are sealed in place: a copy of a long recording would take as much
+room again.
+"""
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
     import sys
@@ -7,17 +14,187 @@ if __name__ == "__main__":  # before all imports: they take a second or two, in 
 
     sys.exit(enter("recover"))
 
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import chain, count
+from pathlib import Path
 
-from vibro_ros.bag.recovery import RecoveryError, described, recover
+from vibro_ros.bag.folders import SUFFIX, bag_files, locked, writers
+from vibro_ros.bag.mcap_file import McapFile, named_once
+from vibro_ros.bag.metadata import FILE_NAME, as_text, bag_information, write_metadata
+from vibro_ros.bag.stream import BagContents, BagError, BagStream, not_read
 from vibro_ros.process.entry_point import BAD_INPUT, Parser, exit_code, say
 from vibro_ros.process.executables import EXECUTABLES
+from vibro_ros.process.files import one_line, opened, write_all
+
+_BLOCK = 2**20  # bytes that are copied at a time
+
+
+class RecoveryError(Exception):
+    """A bag cannot be recovered; the message is one line for the user."""
+
+    def __init__(self, message: str):
+        super().__init__(one_line(message))
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """What was done to a bag, which has so many messages now, the last one at the time `last` [ns]; 0 without messages.
+
+    `cut` bytes were torn and are `kept` there. `was_sealed` says that nothing was to do, and nothing was done; `flaws`
+    are sentences on the parts of the bag that cannot be read.
+    """
+
+    folder: Path
+    messages: int
+    cut: int
+    last: int
+    was_sealed: bool = False
+    kept: tuple[Path, ...] = ()
+    flaws: tuple[str, ...] = ()
 
 
 def main(words: Sequence[str]) -> int:
     """Seal each bag; 0 when all are sealed now, 2 with a line on stderr for each that cannot be."""
     return exit_code("recover", lambda: _run(words))
+
+
+def recover(path: str | Path, keep_torn: bool = True) -> Recovery:
+    """Seal the bag in the folder `path`, or that of the file `path`.
+
+    `keep_torn` keeps what is cut beside it, as ``<file>.torn``, ``<file>.torn.2``, … RecoveryError when it is no bag,
+    holds nothing that can be read, is being recorded, or cannot be written.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise RecoveryError(f"{path}: no such folder; give the folder of a recording")
+    if not path.is_dir() and path.suffix != SUFFIX:
+        raise RecoveryError(f"{path}: a file, not a bag; give the folder of a recording")
+    folder = path if path.is_dir() else path.absolute().parent
+    try:
+        paths, flaws = bag_files(folder)
+        if not paths:
+            reason = flaws[0] if flaws else "not a bag, it holds no .mcap file"
+            raise RecoveryError(f"{folder}: {reason}; give the folder of a recording")
+        with locked(folder):
+            if found := writers([folder]):
+                processes = ", ".join(map(str, found[folder]))
+                raise RecoveryError(f"{folder}: the bag is in use, process {processes} writes to it; end the recorder")
+            return _recovered(folder, paths, keep_torn)
+    except BlockingIOError:
+        raise RecoveryError(f"{path}: the bag is in use, its recorder still runs; end the recorder") from None
+    except OSError as error:
+        raise RecoveryError(f"{path}: cannot be sealed: {error.strerror or error}; nothing readable was lost, "
+                            "make room or give write permission and try again") from error
+    except MemoryError:
+        raise RecoveryError(f"{path}: cannot be sealed: not enough memory; nothing readable was lost") from None
+
+
+def described(recovery: Recovery, stamp: Callable[[int], str]) -> Iterable[str]:
+    """What was done, for people; `stamp` writes a time [ns]."""
+    if recovery.was_sealed:
+        yield one_line(f"{recovery.folder}: sealed already, {recovery.messages} messages; nothing to do")
+    else:
+        lost = f"{recovery.cut} torn bytes cut" if recovery.cut else "no bytes lost"
+        kept = f", kept in {', '.join(path.name for path in recovery.kept)}" if recovery.kept else ""
+        last = f", the last of {stamp(recovery.last)}" if recovery.messages else ""
+        yield one_line(f"{recovery.folder}: sealed, {recovery.messages} messages{last}; {lost}{kept}")
+    yield from not_read(recovery.flaws)
+
+
+def _recovered(folder: Path, paths: list[Path], keep_torn: bool) -> Recovery:
+    if not any(path.stat().st_size for path in paths):
+        raise RecoveryError(f"{folder}: {paths[0].name} is empty (0 bytes), nothing was recorded; delete the folder")
+    bag = BagContents(folder, all_files=True)
+    if not bag.files:
+        raise RecoveryError(f"{folder / bag.flaws[-1]}; give the folder of a recording")
+    files, names = [file.information for file in bag.files], bag.information.get("relative_file_paths")
+    damaged = [file.flaws[0] for file in bag.files if file.damaged]
+    if damaged and not any(file.messages for file in files):
+        raise RecoveryError(f"{folder}: nothing in it can be read: {damaged[0]}")
+    if (all(file.sealed for file in bag.files) and isinstance(names, list)
+            and sorted(map(str, names)) == sorted(file.name for file in files)):
+        return _read_back(folder, was_sealed=True)
+    cut, kept = 0, []
+    for file in bag.files:
+        if not file.sealed:
+            cut += file.size - file.end
+            text = as_text(bag_information([file.information], file.topics, file.custom or bag.custom))
+            kept += _seal(file, text, keep_torn)
+    written = str(sum(file.messages for file in files))
+    custom = {**bag.custom, "written": written, "recovered": "true", "cut_bytes": str(cut)}
+    metadata = folder / FILE_NAME
+    if os.path.lexists(metadata) and (os.path.islink(metadata) or metadata.is_dir() or metadata.stat().st_size):
+        if keep_torn:
+            kept.append(metadata.rename(_torn_name(metadata)))
+        else:
+            metadata.unlink()
+    write_metadata(metadata, bag_information(files, named_once(bag.files), custom))
+    return _read_back(folder, cut, tuple(kept))
+
+
+def _seal(file: McapFile, metadata: str, keep_torn: bool) -> list[Path]:
+    """Cut a file behind its last whole record, and write `metadata`, index and footer there (OSError).
+
+    The torn end is on the disk under another name before it is overwritten; the names of such files are returned.
+    """
+    ending = file.ending(metadata)
+    descriptor = opened(file.path, os.O_RDWR, follow=False)
+    try:
+        status = os.fstat(descriptor)
+        if status.st_size != file.size:
+            raise OSError(0, "the file changed while it was read")
+        if status.st_nlink > 1:
+            raise RecoveryError(f"{file.path}: has another name (a hard link) that would change, too; give a copy")
+        kept = [_keep_tail(file, descriptor)] if keep_torn and file.size > file.end else []
+        try:
+            os.posix_fallocate(descriptor, file.end, len(ending))  # before anything is overwritten: is there room?
+        except OSError:
+            os.ftruncate(descriptor, file.size)
+            for copy in kept:
+                copy.unlink()
+            raise
+        os.lseek(descriptor, file.end, os.SEEK_SET)
+        write_all(descriptor, ending)
+        os.ftruncate(descriptor, file.end + len(ending))
+        os.fsync(descriptor)
+        return kept
+    finally:
+        os.close(descriptor)
+
+
+def _keep_tail(file: McapFile, descriptor: int) -> Path:
+    """Copy the torn end of an open file to a new one beside it (OSError, and then nothing is left of the copy)."""
+    path = _torn_name(file.path)
+    copy = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
+    try:
+        for at in range(file.end, file.size, _BLOCK):
+            write_all(copy, os.pread(descriptor, min(_BLOCK, file.size - at), at))
+        os.fsync(copy)
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise
+    finally:
+        os.close(copy)
+    return path
+
+
+def _torn_name(path: Path) -> Path:
+    """A free name beside `path` for what is cut from it: ``<file>.torn``, ``<file>.torn.2``, …"""
+    names = (path.with_name(f"{path.name}.torn{suffix}") for suffix in chain([""], (f".{i}" for i in count(2))))
+    return next(name for name in names if not os.path.lexists(name))
+
+
+def _read_back(folder: Path, cut: int = 0, kept: tuple[Path, ...] = (), was_sealed: bool = False) -> Recovery:
+    """What a reader finds now."""
+    try:
+        with BagStream(folder) as stream:
+            messages = sum(topic.messages for topic in stream.topics.values())
+            return Recovery(folder, messages, cut, stream.end, was_sealed, kept, tuple(stream.flaws))
+    except BagError as error:
+        raise RecoveryError(f"{error}; `recover` cannot mend it") from error
 
 
 def _run(words: Sequence[str]) -> int:
@@ -45,8 +222,8 @@ def _parser() -> Parser:
     parser = Parser(
         prog="recover",
         description=f"{EXECUTABLES['recover'].does} The torn end is cut and kept beside as FILE.torn; index and "
-        "metadata.yaml are written in place, and the bag is read back. A sealed bag is not touched. What of a bag "
-        "cannot be read is named.",
+        "metadata.yaml are written in place, and the bag is read back. A file that has its end is not touched. What of "
+        "a bag cannot be read is named.",
         epilog="Exit code 0: every bag is sealed now; 2: one is no bag, is empty, in use, or cannot be written; "
         "129, 130, 143: stopped by SIGHUP, SIGINT, SIGTERM.")
     parser.add_argument("bags", nargs="+", metavar="BAG_FOLDER", help="folder of a recording")

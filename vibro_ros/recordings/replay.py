@@ -17,7 +17,7 @@ from pathlib import Path
 
 from vibro_ros.bag.metadata import Topic, defined
 from vibro_ros.bag.stream import QOS_DEPTH, BagError, BagStream, not_read
-from vibro_ros.bag.writer import BagWriter, Storage
+from vibro_ros.bag.recorder import BagWriter, Storage
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.messages.topics import CHECKPOINT, COMMAND_UNITS, INPUTS, OF_DC_MOTOR, SENSOR_TOPICS, TOPICS

@@ -11,12 +11,11 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from vibro_ros.bag.folders import BAG_PATTERN, bag_folders, unsealed_bags
 from vibro_ros.bag.metadata import Topic as RecordedTopic
-from vibro_ros.bag.recorder import Recorder
-from vibro_ros.bag.recovery import RecoveryError, described, recover
-from vibro_ros.bag.writer import Storage
+from vibro_ros.bag.recorder import Recorder, Storage
 from vibro_ros.messages.topics import TOPICS
 from vibro_ros.model.parameters import Value
 from vibro_ros.process.files import one_line
+from vibro_ros.recordings.recover import RecoveryError, described, recover
 from vibro_ros.ros.node.refusals import Throttle
 from vibro_ros.ros.topics.publishers import RobotPublishers
 

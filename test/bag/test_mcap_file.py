@@ -1,0 +1,108 @@
+"""Records that readers believe: each is what it says, or one kind of error, and costs no more memory than it may."""
+
+import subprocess
+import sys
+from zlib import crc32
+
+import lz4.frame
+import pytest
+import zstandard
+from hostile_bags import OF_MCAP
+from mcap.records import Chunk, Schema
+from recorded_bag import POWER, mcap_file
+
+from vibro_ros.bag.mcap_file import HEAD, DamagedError, McapFile, chunk_content, packed, parsed
+from vibro_ros.bag.recorder import Recorder, Storage
+
+
+def chunk(records: bytes, compression: str = "", data: bytes | None = None, crc: int | None = None) -> Chunk:
+    return Chunk(compression=compression, data=records if data is None else data, message_start_time=0,
+                 message_end_time=0, uncompressed_crc=crc32(records) if crc is None else crc,
+                 uncompressed_size=len(records))
+
+
+@pytest.mark.parametrize("compression, pack", [("", bytes), ("zstd", zstandard.compress), ("lz4", lz4.frame.compress)])
+def test_chunks_of_every_compression_are_read(compression, pack):
+    assert chunk_content(chunk(b"data" * 9, compression, pack(b"data" * 9))) == b"data" * 9
+
+
+@pytest.mark.parametrize("damaged", [
+    chunk(b"data", crc=1),
+    chunk(b"data", "zstd", b"data"),
+    chunk(b"data", "lz4", b"data"),
+    chunk(b"data", "bz2", b"packed", crc=0),
+], ids=["checksum", "zstd", "lz4", "unknown"])
+def test_a_damaged_chunk_is_one_kind_of_error(damaged):
+    with pytest.raises(DamagedError, match="a chunk "):
+        chunk_content(damaged)
+
+
+def test_bytes_that_are_no_record_are_one_kind_of_error():
+    content = packed(Schema(id=1, data=b"float64 data", encoding="ros2msg", name="x/msg/X"))[HEAD.size:]
+    assert parsed(Schema, content).data == b"float64 data"
+    for size in range(10):
+        with pytest.raises(DamagedError):
+            parsed(Schema, content[:size])
+    with pytest.raises(DamagedError):
+        parsed(Schema, content.replace(b"ros2msg", b"ros2\xff\xff\xff"))
+    with pytest.raises(DamagedError, match="another length than it says"):  # it would swallow the records behind it
+        parsed(Chunk, packed(chunk(b"data"))[HEAD.size:] + b"more")
+
+
+def test_a_damaged_chunk_costs_its_own_messages_alone(unsealed):
+    folder, sent = unsealed()  # two chunks
+    path = mcap_file(folder)
+    data = bytearray(path.read_bytes())
+    data[data.index(sent[3][2])] ^= 1
+    path.write_bytes(data)
+    file = McapFile(path)
+    assert list(file.messages(frozenset(["/motor_power"]))) == sent[31:]
+    assert file.flaws[0].startswith("run_0.mcap: ") and "another checksum than it says at byte" in file.flaws[0]
+
+
+def test_of_a_sealed_file_the_summary_names_topics_whose_chunk_is_damaged(tmp_path, published):
+    with Recorder(tmp_path / "run", POWER, {}, storage=Storage()) as recorder:
+        recorder.write("/motor_power", 1, published["/motor_power"](1))
+    path = mcap_file(tmp_path / "run")
+    data = bytearray(path.read_bytes())
+    data[data.index(b"float64 data")] ^= 1
+    path.write_bytes(data)
+    assert [topic.name for topic in McapFile(path).topics] == ["/motor_power"]
+
+
+def test_a_record_whose_length_is_damaged_ends_the_file(unsealed):
+    folder, sent = unsealed()
+    path = mcap_file(folder)
+    whole, data = McapFile(path), bytearray(path.read_bytes())
+    at = data.index(sent[0][2])
+    begin = data.rindex(b"\6", 0, at - 40)  # of the first chunk
+    assert HEAD.unpack_from(data, begin)[1] < len(data)
+    data[begin + 1:begin + 9] = (2**40).to_bytes(8, "little")
+    path.write_bytes(data)
+    file = McapFile(path)
+    assert (file.end, file.size, file.information.messages) == (begin, whole.size, 0)
+    assert f"its last {file.size - begin} bytes are torn and not read" in file.flaws[0]
+
+
+MEASURED = """
+import resource, sys
+from pathlib import Path
+from vibro_ros.bag.mcap_file import McapFile
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+try:
+    McapFile(Path(sys.argv[1]))
+except ValueError as error:  # its header may be damaged
+    print(error, file=sys.stderr)
+print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)
+"""
+LARGEST = 100.0  # MB, beyond what the imports take
+
+
+@pytest.mark.parametrize("name", ["bomb", "bomb that lies", "many bombs", "bomb of lz4", "a size of 2^63",
+                                  "length 10000000000 2", "length ffffffffffffffff 3"])
+def test_hostile_lengths_take_no_memory(unsealed, name):
+    folder, _ = unsealed()
+    OF_MCAP[name](folder)
+    took = subprocess.run([sys.executable, "-c", MEASURED, str(mcap_file(folder))], capture_output=True, text=True,
+                          check=True).stdout
+    assert float(took) < LARGEST
