@@ -8,13 +8,13 @@ import numpy as np
 
 import vibro_ros
 from vibro_ros.bag.metadata import Topic, defined
-from vibro_ros.bag.stream import BagStream
 from vibro_ros.bag.recorder import BagWriter, Storage
+from vibro_ros.bag.stream import BagStream
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.messages.codec import blank, deserialised, serialised
 from vibro_ros.messages.topics import CHECKPOINT, OPERATIONS, ROBOT_TOPICS, TOPICS
 from vibro_ros.model.scene import Scene
-from vibro_ros.recordings.rerun import Rerun, RunFacts
+from vibro_ros.recordings.rerun import RecordedRun, Rerun
 from vibro_ros.simulation.provenance import provenance
 
 START = 1_763_700_000_000_000_000  # ns
@@ -31,7 +31,7 @@ def robot_bag(folder: Path, scene: Scene | str, ticks: int, told: Told | None = 
     scene = vibro_ros.load_scene(scene) if isinstance(scene, str) else scene
     settings = {one.name: one.default for one in DEVICE_PARAMETERS} | {"rate.publish": rate}
     topics = {name: f"/{name}" for name in KINDS}
-    facts = RunFacts(settings, scene, START, topics)
+    facts = RecordedRun(settings, scene, START, topics)
     custom = {"scene": scene.name, "topics": json.dumps(topics), "dropped": "0", "lost": "0",
               **provenance({**settings, **scene.parameters}, START)}
     rerun, messages = Rerun(facts, scene), []

@@ -15,7 +15,7 @@ from vibro_ros.messages.topics import CHECKPOINT, ROBOT_TOPICS, TOPICS
 from vibro_ros.recordings import replay
 from vibro_ros.recordings.energy import energy_as_lines, energy_of
 from vibro_ros.recordings.plots import parts_of, plot_run
-from vibro_ros.recordings.rerun import run_facts
+from vibro_ros.recordings.rerun import recorded_run
 
 RATE = 50.0
 TICKS = 120
@@ -142,7 +142,7 @@ def test_a_step_that_takes_a_sample_forever_is_refused(recorded, tmp_path):
     parameters = {"rate.publish": 1.0, "solver.method": "rk4", "solver.step": 1e-8}
     with BagStream(rewritten(recorded, tmp_path / "steps", parameters=json.dumps(parameters))) as stream:
         with pytest.raises(BagError, match="solver.step takes 1e.08 steps a sample, more than 1000000"):
-            run_facts(stream)
+            recorded_run(stream)
 
 
 def test_bags_from_before_the_storage_was_chosen_for_good_are_understood(recorded, tmp_path):

@@ -17,7 +17,7 @@ from vibro_ros.messages.codec import deserialised, serialised
 from vibro_ros.messages.topics import ROBOT_TOPICS
 from vibro_ros.recordings import replay
 from vibro_ros.recordings.comparison import compare
-from vibro_ros.recordings.replay import write_variation
+from vibro_ros.recordings.replay import what_if
 
 TFMessage = pytest.importorskip("tf2_msgs.msg", reason="types of tf2_msgs are not built: no compiler").TFMessage
 LATE = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -113,7 +113,7 @@ def test_another_robot_of_the_same_commands_has_its_own_frames_and_a_moved_frame
     stop(robot)
     (folder,) = bags(tmp_path)
     check_places(messages_of(folder))
-    varied, failure = write_variation(folder, {"guide.angle": 1.2})
+    varied, failure = what_if(folder, {"guide.angle": 1.2})
     assert failure == "" and replay.main([str(varied)]) == 0
     (fixed,) = messages_of(varied)["/tf_static"]
     guide = next(one for one in fixed.transforms if one.child_frame_id == "inclined_guide")

@@ -6,25 +6,28 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
 
-from vibro_ros.bag.stream import BagError, BagStream
-from vibro_ros.messages.codec import deserialised, first_difference
+from vibro_ros.bag.stream import BagStream
+from vibro_ros.messages.codec import first_difference
 from vibro_ros.messages.frames import joints_of
 from vibro_ros.messages.topics import (
     CHECKPOINT,
     COMMAND_UNITS,
-    COMMANDS,
     INPUTS,
     OF_DC_MOTOR,
-    OPERATIONS,
-    ROBOT_TOPICS,
     TOPICS,
 )
-from vibro_ros.recordings.rerun import LONGEST_PAUSE, Rerun, RunFacts, most_ticks, run_facts, ticks
+from vibro_ros.recordings.rerun import (
+    Recorded,
+    RecordedRun,
+    Rerun,
+    StampError,
+    begins_at_checkpoint,
+    recorded_run,
+)
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.provenance import software, tables
 
 ABSENT = "no message"
-STAMPED = ("odom", "joint_states", "ground_contact")  # topics whose headers have the recorded stamp
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,7 @@ class Comparison:
     [s] of the last recorded sample that was compared.
     """
 
-    facts: RunFacts
+    facts: RecordedRun
     compared: Counter = field(default_factory=Counter)
     commands: int = 0
     missing: int = 0
@@ -86,114 +89,70 @@ def compare(stream: BagStream) -> Comparison:
     BagError
         When the bag is damaged, or does not say what was simulated.
     """
-    comparing = _Comparing(stream, run_facts(stream))
-    for stamp, group in ticks(stream, comparing.found.facts):
-        comparing.found.difference = comparing.sample(stamp, group)
-        if comparing.found.difference:
-            break
-        comparing.found.last = comparing.found.facts.time(comparing.rerun.tick)
-    return comparing.found
+    facts = recorded_run(stream)
+    rerun = Rerun(facts, facts.scene)
+    comparing = _Comparing(stream, facts, rerun)
+    found = comparing.found
+    try:
+        for tick, recorded in rerun.through(stream):
+            if tick is None:
+                continue
+            found.difference = comparing.sample(recorded)
+            if found.difference:
+                break
+            if recorded:
+                found.last = facts.time(tick)
+    except StampError:
+        found.difference = comparing.difference("recorded stamp", rerun.stamp, facts.stamp(rerun.tick + 1))
+    except SimulationError as error:
+        found.difference = comparing.difference("message", "a message", str(error))
+    found.commands = rerun.commands
+    return found
 
 
 class _Comparing:
-    """Goes through the bag and the simulation side by side."""
+    """Compares what a run computed again publishes with what was recorded."""
 
-    def __init__(self, stream: BagStream, facts: RunFacts):
-        self._stream, self._facts = stream, facts
-        self.rerun = Rerun(facts, facts.scene)
+    def __init__(self, stream: BagStream, facts: RecordedRun, rerun: Rerun):
+        self._facts, self._rerun = facts, rerun
         self.found = Comparison(facts, notes=notes(stream, facts))
-        self._seen: Counter = Counter()
         self._recorded = {name for name, topic in facts.topics.items() if topic in stream.topics}
         self._may_lack = stream.metadata.get("dropped") != "0" or bool(stream.flaws)
-        self._failure = ""  # of the simulation
-        self._begun = False
-        self._most = most_ticks(stream, facts)
-        self._late = stream.start > facts.start and CHECKPOINT in self._recorded
+        self._begun = begins_at_checkpoint(stream, facts)  # then its samples are whole
+        self._matched: Counter = Counter()  # of the sample that is compared, by topic
         self._lacking: list[tuple[str, int]] = []  # messages that follow others and are not there: topic, sample
 
-    def sample(self, stamp: int, group: list[tuple[str, bytes]]) -> Difference | None:
-        """Compare what was recorded with one stamp, and give its commands to the device."""
-        tick = self._facts.tick(stamp)
-        if self._late and tick is not None:
-            self._restore(tick, stamp, group)
+    def sample(self, recorded: Recorded) -> Difference | None:
+        """Compare what was recorded with the sample that was reached with what is published there."""
+        published = self._rerun.published()
+        self._matched.clear()
+        if not recorded:
+            self._lack([name for name, _ in published], self._begun)
             return None
-        if tick is None or tick <= self.rerun.tick or not self._is_likely(tick, stamp, group):
-            return self._difference(group[0][0], stamp, "recorded stamp", stamp,
-                                    self._facts.stamp(self.rerun.tick + 1))
-        replayed = self._advance(tick)
-        if self._failure:
-            return self._difference(group[0][0], stamp, "message", "a message", self._failure)
         if self._lacking and not self._may_lack:
-            name, lacking = self._lacking[0]
-            return self._difference(name, self._facts.stamp(lacking), "message", ABSENT, "a message")
+            name, tick = self._lacking[0]
+            return self.difference("message", ABSENT, "a message", name, self._facts.stamp(tick))
         self.found.missing += len(self._lacking)
         self._lacking.clear()
-        difference = self._match(stamp, group, replayed)
-        self._command(stamp, group)
-        return difference
+        return self._match(recorded, published)
 
-    def _is_likely(self, tick: int, stamp: int, group: list[tuple[str, bytes]]) -> bool:
-        """Whether a header bears a stamp out that lies far ahead: a spoilt one would cost years of simulation."""
-        if tick > self._most:
-            return False
-        if tick - self.rerun.tick < LONGEST_PAUSE * self._facts.rate or not self._recorded.intersection(STAMPED):
-            return True
-        try:
-            headers = [deserialised(data, ROBOT_TOPICS[name]).header.stamp for name, data in group if name in STAMPED]
-        except ValueError:
-            return False
-        return any(one.sec * 1_000_000_000 + one.nanosec == stamp for one in headers)
-
-    def _restore(self, tick: int, stamp: int, group: list[tuple[str, bytes]]) -> None:
-        """Begin at a bag's first checkpoint, of which the sample is already out, and its commands are not.
-
-        Before the checkpoint stand the parameters that were changed since the robot's start.
-        """
-        commanded: list[tuple[str, bytes]] = []
-        for i, (name, data) in enumerate(group):
-            if name == OPERATIONS:
-                self.rerun.receive(name, data)
-            if name == CHECKPOINT:
-                try:
-                    self.rerun.restore(tick, data)
-                except ValueError as error:
-                    raise BagError(f"{self._stream.folder}: {error}") from error
-                self._late, self._begun = False, True
-                self._most += tick
-                commanded = group[i + 1:]
-                break
-        self._seen.update(name for i, (name, _) in enumerate(group)
-                          if name not in INPUTS or i < len(group) - len(commanded))
-        self._command(stamp, commanded)
-
-    def _advance(self, tick: int) -> list[tuple[str, bytes]]:
-        """Go to a sample; what it publishes."""
-        try:
-            while not self._failure and self.rerun.tick < tick - 1:
-                self._lack([name for name, _ in self.rerun.step()], begun=self._begun)
-            return self.rerun.step() if not self._failure else []
-        except SimulationError as error:
-            self._failure = str(error)
-            return []
-
-    def _match(self, stamp: int, group: list[tuple[str, bytes]],
-               replayed: list[tuple[str, bytes]]) -> Difference | None:
+    def _match(self, recorded: Recorded, published: Recorded) -> Difference | None:
         begun, self._begun = self._begun, True
         expected: dict[str, list[bytes]] = {}
-        for name, data in replayed:
+        for name, data in published:
             expected.setdefault(name, []).append(data)
-        for name, data in group:
+        for name, data in recorded:
             if name in INPUTS or name == CHECKPOINT:
                 continue
-            waiting = [self.rerun.lasting[name]] if name in self.rerun.lasting else expected.get(name, [])
+            waiting = [self._rerun.latched[name]] if name in self._rerun.latched else expected.get(name, [])
             found = [first_difference(data, other, TOPICS[name].type) for other in waiting]
             if None not in found:
-                where, recorded, is_now = (found and found[0]) or ("message", "a message", ABSENT)
-                return self._difference(name, stamp, where, recorded, is_now)
+                where, was, is_now = (found and found[0]) or ("message", "a message", ABSENT)
+                return self.difference(where, was, is_now, name)
             skipped = found.index(None)
             self._lack([name] * skipped, begun)
             del waiting[:skipped + 1]
-            self._seen[name] += 1
+            self._matched[name] += 1
             self.found.compared[self._facts.topics[name]] += 1
         # A bag may begin and end amid a sample, so this counts only once more follows.
         self._lack([name for name, waiting in expected.items() for _ in waiting], begun)
@@ -201,30 +160,23 @@ class _Comparing:
 
     def _lack(self, names: list[str], begun: bool) -> None:
         if begun:
-            self._lacking += [(name, self.rerun.tick) for name in names if name in self._recorded]
+            self._lacking += [(name, self._rerun.tick) for name in names if name in self._recorded]
 
-    def _command(self, stamp: int, group: list[tuple[str, bytes]]) -> None:
-        try:
-            for name, data in group:
-                if name in INPUTS:
-                    unreadable = self.rerun.receive(name, data)
-                    if unreadable:
-                        self._stream.unreadable.add(self._facts.topics[name], self._seen[name], stamp, unreadable)
-                    self.found.commands += not unreadable and name in COMMANDS
-                    self._seen[name] += 1
-        except SimulationError as error:
-            self._failure = str(error)
-
-    def _difference(self, name: str, stamp: int, where: str, recorded: object, replayed: object) -> Difference:
-        time = (stamp - self._facts.start) * 1e-9
+    def difference(self, where: str, recorded: object, replayed: object, name: str = "",
+                   stamp: int | None = None) -> Difference:
+        """A difference in a message of the topic `name`, by default the first one of those that were reached."""
+        matched = self._matched[name] if name else 0
+        name = name or self._rerun.recorded[0][0]
+        stamp = self._rerun.stamp if stamp is None else stamp
         index = where.rpartition("[")[2].rstrip("]")
         joints = joints_of(self._facts.scene)
         if name == "joint_states" and index.isdigit() and int(index) < len(joints):
             where = f"{where} ({joints[int(index)]})"
-        return Difference(self._facts.topics[name], self._seen[name], stamp, time, where, recorded, replayed)
+        return Difference(self._facts.topics[name], self._rerun.seen[name] + matched, stamp,
+                          (stamp - self._facts.start) * 1e-9, where, recorded, replayed)
 
 
-def notes(stream: BagStream, facts: RunFacts) -> list[str]:
+def notes(stream: BagStream, facts: RecordedRun) -> list[str]:
     """What in the bag may make a replay differ from it, for people."""
     found, recorded = [], stream.metadata
     here = {**software(), "tables": tables(facts.scene.parameters)}

@@ -1,6 +1,5 @@
 """Where the energy of a recorded run went: the run simulated again from its commands, with its accounts kept."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -8,8 +7,8 @@ from tqdm import tqdm
 
 from vibro_ros.bag.reader import Arrays, Bag
 from vibro_ros.bag.stream import BagError, BagStream
-from vibro_ros.messages.topics import CHECKPOINT, INPUTS
-from vibro_ros.recordings.rerun import Rerun, RunFacts, most_ticks, run_facts
+from vibro_ros.messages.topics import CHECKPOINT, INPUTS, OPERATIONS
+from vibro_ros.recordings.rerun import RecordedRun, Rerun, begins_at_checkpoint, most_ticks, recorded_run
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.simulation.samples import resets
@@ -20,7 +19,6 @@ RECEIVED = {"motor_delivered": 1.0, "motor_taken_back": -1.0, "plates": 1.0, "un
 RECEIVED_BY_DC = {"supply": 1.0, "plates": 1.0, "unpaid": 1.0}
 LOST = ("drive_dampers", "plate_dampers", "friction", "blows", "landings", "copper", "bearing")
 
-_AT_ONCE = 20_000  # samples between two looks at the bar of progress
 _SILENCE = 2.0  # s, before the bar is shown
 
 
@@ -44,52 +42,50 @@ def energy_of(bag: Bag) -> dict[str, Any]:
     """
     try:
         with BagStream(bag.path) as stream:
-            return _energy(bag, stream, run_facts(stream))
+            return _energy(bag, stream, recorded_run(stream))
     except (_UnknownError, BagError, SimulationError) as reason:
         return {"unknown": str(reason)}
 
 
-def _energy(bag: Bag, stream: BagStream, facts: RunFacts) -> dict[str, Any]:
+def _energy(bag: Bag, stream: BagStream, facts: RecordedRun) -> dict[str, Any]:
     if (method := facts.scene["solver.method"]) != "exact":
         raise _UnknownError(f"the accounts need solver.method exact; the run was recorded with {method}")
     times = bag["odom"]["time"]
     first, last = (facts.tick(bag.start_ns + round(float(time) * 1e9)) for time in times[[0, -1]])
     if first is None or last is None:
         raise _UnknownError("the stamps of its odometry are not those of the robot's samples")
+    if stream.start > facts.start and not begins_at_checkpoint(stream, facts):
+        raise _UnknownError("the recording begins after the robot's start, without a checkpoint")
     prepare_kernels("report", method)
     rerun = Rerun(facts, facts.scene.with_parameters({"solver.accounts": True}))
-    commands = _commands(stream, facts)
-    if stream.start > facts.start:  # the run begins at the bag's first checkpoint
-        tick, name, data = next((one for one in commands if one[1] == CHECKPOINT), (0, "", b""))
-        if not name:
-            raise _UnknownError("the recording begins after the robot's start, without a checkpoint")
-        try:
-            rerun.restore(tick, data)
-        except ValueError as error:
-            raise _UnknownError(str(error)) from error
-        first = max(first, tick)
-    if last - rerun.tick > most_ticks(stream, facts):
-        raise _UnknownError(f"only {len(bag['odom']['time'])} of {last - rerun.tick} samples of odometry are recorded")
-    with tqdm(total=last, desc="energy", unit=" samples", delay=_SILENCE) as bar:
-        run = _Run(rerun, bar)
-        before: dict[str, float] = {}
-        for tick, name, data in commands:
-            if tick > last:
-                break
-            if tick < rerun.tick:
-                raise _UnknownError("its commands lie out of the order of time")
-            if tick >= first and not before:
-                before = run.accounts_at(first)
-            if name != CHECKPOINT:
-                run.receive(tick, name, data)
-        before = before or run.accounts_at(first)
-        after = run.accounts_at(last)
+    if stream.start <= facts.start:
+        _check_span(stream, facts, last - rerun.tick, len(times))
+    held: dict[str, float] = {}  # accounts [J] from the start on, across resets
+    before, of_earlier_runs, resets = held, held, 0
+    samples = rerun.through(stream, (*INPUTS, CHECKPOINT), until=last)
+    for tick, recorded in tqdm(samples, total=last, desc="energy", unit=" samples", delay=_SILENCE):
+        if rerun.tick < 0:  # before the bag's first checkpoint
+            continue
+        if tick is None:
+            first = max(first, rerun.tick)
+            _check_span(stream, facts, last - rerun.tick, len(times))
+        if rerun.resets > resets:
+            of_earlier_runs, resets = held, rerun.resets
+        if rerun.tick in (first, last) or any(name == OPERATIONS for name, _ in recorded):
+            now = rerun.device.statistics["energy_accounts"]
+            held = {name: amount + of_earlier_runs.get(name, 0.0) for name, amount in now.items()}
+        if rerun.tick == first:
+            before = held
+        if rerun.tick == last:
+            break
+    else:
+        raise _UnknownError("no odometry follows its first checkpoint")
     body = bag["odom"]
     x = body["position"][:, 0]
     if rerun.device.state.body_position != x[-1]:
         raise _UnknownError("simulated again, the run is not the recorded one; `replay` tells where they part")
     moved = changes(body["time"], x, reset_times(bag["joint_states"])).sum()
-    accounts = {name: amount - before[name] for name, amount in after.items()}
+    accounts = {name: amount - before[name] for name, amount in held.items()}
     net, duration = accounts["motor_delivered"] - accounts["motor_taken_back"], facts.time(last - first)
     net = accounts.get("supply", net)
     carried = facts.scene.total_mass * facts.scene["gravity"] * abs(float(moved))
@@ -97,38 +93,10 @@ def _energy(bag: Bag, stream: BagStream, facts: RunFacts) -> dict[str, Any]:
             "cost_of_transport": net / carried if carried else None}
 
 
-def _commands(stream: BagStream, facts: RunFacts) -> Iterator[tuple[int, str, bytes]]:
-    """Number of the sample after which it came, own name and message of each command, and of each checkpoint."""
-    names = {topic: name for name, topic in facts.topics.items() if name in INPUTS or name == CHECKPOINT}
-    for topic, stamp, data in stream.messages(frozenset(names)):
-        tick = facts.tick(stamp)
-        if tick is None:
-            raise _UnknownError(f"the stamp {stamp} of a message on {topic} is not that of a sample")
-        yield tick, names[topic], data
-
-
-class _Run:
-    """The run on its way, shown by a bar of progress."""
-
-    def __init__(self, rerun: Rerun, bar: tqdm):
-        self._rerun, self._bar = rerun, bar
-        self._before_reset: dict[str, float] = {}
-
-    def accounts_at(self, tick: int) -> dict[str, float]:
-        """Energy accounts [J] from the start to a sample that does not lie behind, across resets."""
-        while True:
-            self._rerun.go_to(min(tick, self._rerun.tick + _AT_ONCE))
-            self._bar.update(self._rerun.tick - self._bar.n)
-            if self._rerun.tick == tick:
-                now = self._rerun.device.statistics["energy_accounts"]
-                return {name: amount + self._before_reset.get(name, 0.0) for name, amount in now.items()}
-
-    def receive(self, tick: int, name: str, data: bytes) -> None:
-        """Give the device what it received after a sample."""
-        accounts, resets = self.accounts_at(tick), self._rerun.resets
-        self._rerun.receive(name, data)
-        if self._rerun.resets != resets:
-            self._before_reset = accounts
+def _check_span(stream: BagStream, facts: RecordedRun, samples: int, recorded: int) -> None:
+    """Return when a run of so many samples may be computed, of which so many of odometry are recorded."""
+    if samples > most_ticks(stream, facts):
+        raise _UnknownError(f"only {recorded} of {samples} samples of odometry are recorded")
 
 
 def energy_as_lines(energy: dict[str, Any]) -> list[str]:

@@ -10,14 +10,14 @@ if __name__ == "__main__":  # before all imports: they take a second or two, in 
 import argparse
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, count
 from pathlib import Path
 
 from vibro_ros.bag.metadata import Topic, defined
-from vibro_ros.bag.stream import QOS_DEPTH, BagError, BagStream, not_read
 from vibro_ros.bag.recorder import BagWriter, Storage
+from vibro_ros.bag.stream import QOS_DEPTH, BagError, BagStream, not_read
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.messages.topics import CHECKPOINT, COMMAND_UNITS, INPUTS, OF_DC_MOTOR, SENSOR_TOPICS, TOPICS
@@ -26,7 +26,7 @@ from vibro_ros.process.entry_point import Parser, exit_code, say
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.files import one_line
 from vibro_ros.recordings.comparison import Comparison, compare
-from vibro_ros.recordings.rerun import SAMPLED, Rerun, RunFacts, most_ticks, run_facts, ticks
+from vibro_ros.recordings.rerun import SAMPLED, RecordedRun, Rerun, recorded_run
 from vibro_ros.recordings.summary import as_text, load_samples, summarise
 from vibro_ros.sensors.device import sensors_on
 from vibro_ros.simulation.motion import SimulationError
@@ -34,7 +34,6 @@ from vibro_ros.simulation.provenance import provenance
 
 IDENTICAL, DIFFERENT = 0, 1
 """Exit codes; a changed run that was written is `IDENTICAL`, one that could not go on is `DIFFERENT`."""
-FLUSH_MESSAGES = 2000  # between two looks at the disk; a chunk of MCAP is written earlier when it is full
 
 
 def main(words: Sequence[str]) -> int:
@@ -45,7 +44,7 @@ def main(words: Sequence[str]) -> int:
 def _run(words: Sequence[str]) -> int:
     options = _parser().parse_args(words)
     try:
-        return _vary(options.bag, _changes(options.set)) if options.set else _compare(options.bag)
+        return _show_what_if(options.bag, _changes(options.set)) if options.set else _compare(options.bag)
     except BagError as error:
         raise ValueError(str(error)) from error
     except OSError as error:
@@ -78,9 +77,9 @@ def described(found: Comparison) -> list[str]:
     return lines
 
 
-def _vary(bag: Path, changes: Mapping[str, object]) -> int:
+def _show_what_if(bag: Path, changes: Mapping[str, object]) -> int:
     """Compute the run again with other parameters, into a new bag."""
-    folder, failure = write_variation(bag, changes)
+    folder, failure = what_if(bag, changes)
     replayed = "replayed with " + ", ".join(f"{name}={value}" for name, value in changes.items())
     for title, one in (("recorded", bag), (replayed, folder)):
         try:
@@ -94,7 +93,7 @@ def _vary(bag: Path, changes: Mapping[str, object]) -> int:
     return DIFFERENT if failure else IDENTICAL
 
 
-def write_variation(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str]:
+def what_if(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str]:
     """Simulate a recorded run with `changes` of its scene, from its start to its last message, into a new bag.
 
     The new bag is ``<bag>_replay`` beside the recording, with ``_2``, ``_3``, … where taken. Returns its folder, and
@@ -107,7 +106,7 @@ def write_variation(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str
             raise ValueError(f"{name}={value}: is a parameter of the node, which the recording fixes; change one of "
                              f"the scene, such as guide.angle=1.2, or record again with -p {name}:={value}")
     with BagStream(bag) as stream:
-        facts = run_facts(stream)
+        facts = recorded_run(stream)
         facts = replace(facts, topics=_sensor_topics(facts, facts.scene.with_parameters(changes)) | facts.topics)
         if stream.start > facts.start:
             raise BagError(f"{bag}: begins {(stream.start - facts.start) * 1e-9:.3f} s after the robot started, and "
@@ -123,12 +122,12 @@ def write_variation(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str
         writer = BagWriter(next(folder for folder in folders if not os.path.lexists(folder)),
                            defined([*topics.values()]), custom, Storage())
         numbers = {name: number for number, name in enumerate(topics, start=1)}
-        writer.begin_files_with([(numbers[name], data) for name, data in rerun.lasting.items() if name in numbers])
+        writer.begin_files_with([(numbers[name], data) for name, data in rerun.latched.items() if name in numbers])
         try:
-            for written, (stamp, name, data) in enumerate(_messages(stream, facts, rerun)):
-                writer.write(numbers[name], stamp, data)
-                if written % FLUSH_MESSAGES == 0:
-                    writer.flush()
+            for _, recorded in rerun.through(stream):
+                inputs = [(name, data) for name, data in recorded if name in INPUTS]
+                for name, data in (*rerun.published(), *inputs):
+                    writer.write(numbers[name], facts.stamp(rerun.tick), data)
             return writer.folder, ""
         except SimulationError as error:
             return writer.folder, str(error)
@@ -137,7 +136,7 @@ def write_variation(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str
             writer.close({"written": str(writer.stored), "dropped": "0", "lost": "0"})
 
 
-def _topics(stream: BagStream, facts: RunFacts) -> dict[str, Topic]:
+def _topics(stream: BagStream, facts: RecordedRun) -> dict[str, Topic]:
     """Every topic that the recorded robot had, under the recorded names; an earlier version had fewer."""
     names = facts.topics
     if missing := [name for name in (*SAMPLED, "impacts", *COMMAND_UNITS)
@@ -150,29 +149,10 @@ def _topics(stream: BagStream, facts: RunFacts) -> dict[str, Topic]:
             if name in names and name != CHECKPOINT}
 
 
-def _sensor_topics(facts: RunFacts, scene: Scene) -> dict[str, str]:
+def _sensor_topics(facts: RecordedRun, scene: Scene) -> dict[str, str]:
     """Names of the topics of a scene's sensors, which the recorded robot may not have had: beside its `odom`."""
     names = [SENSOR_TOPICS[sensor] for sensor in sensors_on(scene)]
     return {name: f"{facts.topics['odom'].removesuffix('odom')}{name}" for name in names if "odom" in facts.topics}
-
-
-def _messages(stream: BagStream, facts: RunFacts, rerun: Rerun) -> Iterator[tuple[int, str, bytes]]:
-    """Recorded stamp [ns], the robot's own name of the topic, and message, of all that the changed robot records."""
-    most = most_ticks(stream, facts)
-    for stamp, group in ticks(stream, facts):
-        tick = facts.tick(stamp)
-        if tick is None or tick <= rerun.tick:
-            raise BagError(f"{stream.folder}: its stamp {stamp} is of no sample; give a bag that the robot recorded")
-        if tick > most:
-            raise BagError(f"{stream.folder}: its stamp {stamp} is that of sample {tick}, and its messages are of "
-                           f"{most} samples at most; give a bag with the robot's own stamps")
-        while rerun.tick < tick:
-            for name, data in rerun.step():
-                yield facts.stamp(rerun.tick), name, data
-        for name, data in group:
-            if name in INPUTS:
-                yield stamp, name, data
-                rerun.receive(name, data)
 
 
 def _changes(texts: Sequence[str]) -> dict[str, object]:

@@ -2,14 +2,16 @@
 
 What the robot does between two samples is fixed: it publishes sample k, taken at k / `rate.publish`, gives the device
 the commands and operations that have arrived, in their order, and advances to sample k + 1, or, after a reset, puts the
-device to its start there. A recorded stamp is the run's start plus
-the time of the sample, also for a command: so the bag tells k exactly, whatever the wall clock did (stalls, another
-real-time factor).
+device to its start there. A recorded stamp is the run's start plus the time of the sample, also for a command: so the
+bag tells k exactly, whatever the wall clock did (stalls, another real-time factor).
+
+`Rerun.through` is the one loop that goes through a bag so. Comparing, varying and accounting are loops over it.
 """
 
 import json
 import math
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -23,7 +25,17 @@ from vibro_ros.messages.codec import deserialised
 from vibro_ros.messages.frames import NONE
 from vibro_ros.messages.operations import RESET, perform, read_operation
 from vibro_ros.messages.robot_messages import RobotMessages, stamp_at
-from vibro_ros.messages.topics import CHECKPOINT, OF_DC_MOTOR, OPERATIONS, ROBOT_TOPICS, TOPICS, VARIANCES, commands_in
+from vibro_ros.messages.topics import (
+    CHECKPOINT,
+    COMMANDS,
+    INPUTS,
+    OF_DC_MOTOR,
+    OPERATIONS,
+    ROBOT_TOPICS,
+    TOPICS,
+    VARIANCES,
+    commands_in,
+)
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.files import one_line
@@ -41,10 +53,19 @@ MOST_UNSAMPLED = 40_000_000
 MOST_STEPS = 1_000_000
 _PART = 0.1  # s of robot time between two looks at the steps
 SAMPLED = ("odom", "joint_states", "ground_contact", "motor_power")
+STAMPED = ("odom", "joint_states", "ground_contact")
+"""Topics whose headers have the recorded stamp."""
+
+Recorded = list[tuple[str, bytes]]
+"""Messages of one recorded stamp: the robot's own name of each topic, and the message."""
+
+
+class StampError(BagError):
+    """A recorded stamp that no sample can have."""
 
 
 @dataclass(frozen=True)
-class RunFacts:
+class RecordedRun:
     """What a bag says of the run that it recorded: the device's parameters, and the scene that was simulated.
 
     `start` is the ROS time [ns] of simulated time 0; `topics` has resolved names by the robot's own.
@@ -74,7 +95,7 @@ class RunFacts:
         return tick if tick >= 0 and self.stamp(tick) == stamp else None
 
 
-def run_facts(stream: BagStream) -> RunFacts:
+def recorded_run(stream: BagStream) -> RecordedRun:
     """What the bag says of its run.
 
     Raises
@@ -99,7 +120,7 @@ def run_facts(stream: BagStream) -> RunFacts:
         start = int(known["start"])
         if not 0 <= start <= LAST_STAMP:
             raise ValueError(f"start is {one_line(known['start'])} ns, which is no ROS time")
-        return RunFacts(defaults | settings, scene, start, robot_topics(stream))
+        return RecordedRun(defaults | settings, scene, start, robot_topics(stream))
     except (ValueError, AttributeError, TypeError, RecursionError) as error:  # the custom data may be anything
         version = known.get("version", "unknown")
         raise BagError(f"{stream.folder}: cannot be simulated by this version: {error} (recorded by version "
@@ -110,16 +131,18 @@ class Rerun:
     """The device, stepped and commanded as the robot does it.
 
     `scene` has the method that `solver.method` auto has picked. `tick` is the number of the last sample taken, -1
-    before the first, `origin` that of the sample at which the device's own time is 0. `refused` counts commands and
-    operations that the device refused, `resets` how often it was put back to its start. `lasting` is what the robot
-    publishes once: its own name of each topic, and the message.
+    before the first, `origin` that of the sample at which the device's own time is 0. `latched` is what the robot
+    publishes once: its own name of each topic, and the message. `commands` counts the messages that commanded the
+    device, `refused` commands and operations that the device refused, `resets` how often it was put back to its start.
+    While `through` goes on, `stamp` [ns] and `recorded` are what it has reached, or could not reach, and `seen` counts
+    the messages before it by topic.
     """
 
-    def __init__(self, facts: RunFacts, scene: Scene):
+    def __init__(self, facts: RecordedRun, scene: Scene):
         self.tick = -1
-        self.refused = 0
-        self.resets = 0
-        self.origin = 0
+        self.origin = self.commands = self.refused = self.resets = self.stamp = 0
+        self.recorded: Recorded = []
+        self.seen: Counter[str] = Counter()
         self._facts = facts
         prepare_kernels("replay", scene["solver.method"])
         self.device = new_device(scene)
@@ -128,27 +151,89 @@ class Rerun:
         self._messages = RobotMessages(
             scene, settings["frame_prefix"], settings["tf.publish"] if "tf" in facts.topics else NONE,
             [settings[name] for name in VARIANCES], facts.topics if settings["ros2_control"] else {})
-        self.lasting = dict(self._messages.once(facts.start))
+        self.latched = dict(self._messages.once(facts.start))
 
     @property
     def rate(self) -> float:
         """Samples per simulated second [Hz]."""
         return self._facts.rate
 
-    def step(self) -> list[tuple[str, bytes]]:
-        """Go to the next sample; what the robot publishes there: its own name of each topic, and the message.
+
+    def through(self, stream: BagStream, names: Collection[str] | None = None,
+                until: int = -1) -> Iterator[tuple[int | None, Recorded]]:
+        """Compute the run of a bag again; the device gets what the robot received after each sample.
+
+        Yields the number of each sample, at which the device then stands, and what was recorded with its stamp;
+        `published` is what the robot publishes there. A bag that lacks the run's beginning is gone through from its
+        first checkpoint on: what was recorded up to there, the checkpoint's sample with it, is yielded without a
+        number.
+
+        Parameters
+        ----------
+        stream : BagStream
+            The bag.
+        names : collection of str, optional
+            The robot's own names of the topics that are read; all by default.
+        until : int
+            Number of the sample to which the run is computed if the bag's messages end before it.
 
         Raises
         ------
+        StampError
+            When a stamp is of no sample, or so far ahead that it would cost years of simulation.
+        BagError
+            When the bag's first checkpoint is none.
         SimulationError
             When the run cannot go on.
         """
-        self.tick += 1
-        self._advance()
-        return list(self._of_sample())
+        most, headed = most_ticks(stream, self._facts), self._are_headed(stream, names)
+        is_late = begins_at_checkpoint(stream, self._facts)
+        failure: SimulationError | None = None
+        for stamp, recorded in ticks(stream, self._facts, names):
+            self.stamp, self.recorded, tick = stamp, recorded, self._facts.tick(stamp)
+            if failure:
+                raise failure
+            given = 0  # messages that lie before the inputs that the device gets
+            if is_late and tick is not None:
+                given = self._begin_at_checkpoint(stream, tick)
+                is_late = self.tick < 0
+                most += max(0, self.tick)
+                yield None, recorded
+            else:
+                tick = self._checked(stream, tick, most, headed)
+                while self.tick < tick - 1:
+                    self.go_to(self.tick + 1)
+                    yield self.tick, []
+                self.go_to(tick)
+                yield tick, recorded
+            try:
+                self._give(stream, given)
+            except SimulationError as error:  # what the robot recorded before it ended is whole
+                failure = error
+        if failure and self.tick < until:
+            raise failure
+        while self.tick < until:
+            self.go_to(self.tick + 1)
+            yield self.tick, []
+
+    def published(self) -> Recorded:
+        """What the robot publishes at the sample that was reached last; asked once for each.
+
+        A robot of an earlier version did not have all topics of a dc motor.
+        """
+        device, start = self.device, self._facts.stamp(self.origin)
+        measurements = device.take_measurements() if isinstance(device, SensedSimulator) else ()
+        found = self._messages.of_sample(device.values, device.take_events(), measurements,
+                                         self._facts.stamp(self.tick), partial(stamp_at, start))
+        return [one for one in found if one[0] not in OF_DC_MOTOR or one[0] in self._facts.topics]
+
+    def step(self) -> Recorded:
+        """Go to the next sample; what the robot publishes there (SimulationError when the run cannot go on)."""
+        self.go_to(self.tick + 1)
+        return self.published()
 
     def go_to(self, tick: int) -> None:
-        """Go to a sample that does not lie behind, without its message (SimulationError as above)."""
+        """Go to a sample that does not lie behind (SimulationError as above)."""
         self.tick = tick
         self._advance()
 
@@ -189,6 +274,56 @@ class Rerun:
                 self.resets += 1
         return ""
 
+    def _are_headed(self, stream: BagStream, names: Collection[str] | None) -> bool:
+        """Whether messages are read whose headers have the recorded stamp."""
+        return any(self._facts.topics.get(name) in stream.topics for name in STAMPED if names is None or name in names)
+
+    def _checked(self, stream: BagStream, tick: int | None, most: int, headed: bool) -> int:
+        """The sample `tick` of `stamp`, when the run can have reached it (StampError when not).
+
+        After a long pause some header must bear the stamp out: a spoilt one would cost years of simulation.
+        """
+        if tick is None or tick <= self.tick:
+            raise StampError(f"{stream.folder}: its stamp {self.stamp} is of no sample; give a bag that the robot "
+                             "recorded")
+        if tick > most:
+            raise StampError(f"{stream.folder}: its stamp {self.stamp} is that of sample {tick}, and its messages are "
+                             f"of {most} samples at most; give a bag with the robot's own stamps")
+        if headed and tick - self.tick >= LONGEST_PAUSE * self._facts.rate:
+            try:
+                headers = [deserialised(data, ROBOT_TOPICS[name]).header.stamp for name, data in self.recorded
+                           if name in STAMPED]
+            except ValueError:
+                headers = []
+            if not any(one.sec * 1_000_000_000 + one.nanosec == self.stamp for one in headers):
+                raise StampError(f"{stream.folder}: its stamp {self.stamp} is not that of the message's header")
+        return tick
+
+    def _begin_at_checkpoint(self, stream: BagStream, tick: int) -> int:
+        """Stand at the sample `tick` if a checkpoint was recorded there; the number of messages up to it.
+
+        Before the checkpoint stand the parameters that were changed since the robot's start.
+        """
+        for number, (name, data) in enumerate(self.recorded, start=1):
+            if name == OPERATIONS:
+                self.receive(name, data)
+            if name == CHECKPOINT:
+                try:
+                    self.restore(tick, data)
+                except ValueError as error:
+                    raise BagError(f"{stream.folder}: {error}") from error
+                return number
+        return len(self.recorded)
+
+    def _give(self, stream: BagStream, given: int) -> None:
+        """Give the device the inputs in `recorded`, of which so many messages were `given` before."""
+        for number, (name, data) in enumerate(self.recorded):
+            if name in INPUTS and number >= given:
+                if unreadable := self.receive(name, data):
+                    stream.unreadable.add(self._facts.topics[name], self.seen[name], self.stamp, unreadable)
+                self.commands += not unreadable and name in COMMANDS
+            self.seen[name] += 1
+
     def _command(self, name: str, message: Any) -> None:
         given, faults = commands_in(name, message, self.device.scene)
         self.refused += len(faults)
@@ -212,17 +347,15 @@ class Rerun:
                                       "that recorded this bag cannot have taken them")
         self.device.advance_to(until)
 
-    def _of_sample(self) -> Iterator[tuple[str, bytes]]:
-        """The messages of the present sample; without topics that an earlier version's robot did not have."""
-        device, start = self.device, self._facts.stamp(self.origin)
-        measurements = device.take_measurements() if isinstance(device, SensedSimulator) else ()
-        for name, data in self._messages.of_sample(device.values, device.take_events(), measurements,
-                                                   self._facts.stamp(self.tick), partial(stamp_at, start)):
-            if name not in OF_DC_MOTOR or name in self._facts.topics:
-                yield name, data
 
 
-def most_ticks(stream: BagStream, facts: RunFacts) -> int:
+def begins_at_checkpoint(stream: BagStream, facts: RecordedRun) -> bool:
+    """Whether a bag lacks its run's beginning and holds a checkpoint, from which the run can be computed."""
+    checkpoints = stream.topics.get(facts.topics.get(CHECKPOINT, ""))
+    return stream.start > facts.start and checkpoints is not None and checkpoints.messages > 0
+
+
+def most_ticks(stream: BagStream, facts: RecordedRun) -> int:
     """Samples that a recorded run may have by the number of its messages: stretched stamps would cost years."""
     recorded = max((stream.topics[facts.topics[name]].messages for name in SAMPLED
                     if facts.topics.get(name) in stream.topics), default=0)
@@ -231,10 +364,11 @@ def most_ticks(stream: BagStream, facts: RunFacts) -> int:
     return round(4 * recorded + LONGEST_PAUSE * facts.rate)
 
 
-def ticks(stream: BagStream, facts: RunFacts) -> Iterator[tuple[int, list[tuple[str, bytes]]]]:
-    """Recorded stamp [ns], and what was recorded with it: the robot's own name of each topic, and the message."""
-    names = {topic: name for name, topic in facts.topics.items()}
-    group: list[tuple[str, bytes]] = []
+def ticks(stream: BagStream, facts: RecordedRun,
+          chosen: Collection[str] | None = None) -> Iterator[tuple[int, Recorded]]:
+    """Recorded stamp [ns], and what was recorded with it on the `chosen` of the robot's topics, all by default."""
+    names = {topic: name for name, topic in facts.topics.items() if chosen is None or name in chosen}
+    group: Recorded = []
     before: int | None = None
     for topic, stamp, data in stream.messages(frozenset(names)):
         if before is not None and stamp != before:
@@ -244,5 +378,3 @@ def ticks(stream: BagStream, facts: RunFacts) -> Iterator[tuple[int, list[tuple[
         group.append((names[topic], data))
     if before is not None:
         yield before, group
-
-

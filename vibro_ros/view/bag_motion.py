@@ -20,7 +20,7 @@ from vibro_ros.messages.topics import OPERATIONS, TOPICS
 from vibro_ros.model.faults import DURATION, FORCE
 from vibro_ros.model.scene import Scene
 from vibro_ros.recordings.comparison import notes
-from vibro_ros.recordings.rerun import Rerun, RunFacts, run_facts
+from vibro_ros.recordings.rerun import RecordedRun, Rerun, recorded_run
 from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.view.drawing import drawing, shown, voltage
 from vibro_ros.view.exact import ExactMotion, common_samples, regular, spans, state_of
@@ -79,9 +79,9 @@ class _Making:
         self._notes: list[str] = []
         self._exact: list[ExactMotion] = []
         self._scene = scene
-        self._facts: RunFacts | None = None
+        self._facts: RecordedRun | None = None
         try:
-            self._facts = run_facts(stream)
+            self._facts = recorded_run(stream)
         except BagError as error:
             said = str(error).removeprefix(f"{stream.folder}: ").partition(";")[0]
             self._faults.append(f"the bag {said}" if said.startswith(("says", "cannot")) else said)
@@ -131,7 +131,7 @@ class _Making:
     def _nanoseconds(self, arrays: Arrays, start: int) -> np.ndarray:
         return np.rint(arrays["time"] * 1e9).astype(np.int64) + (self._stream.start - start)
 
-    def _are_ticks(self, facts: RunFacts) -> bool:
+    def _are_ticks(self, facts: RecordedRun) -> bool:
         """Whether everything was recorded with the stamp of a sample."""
         for arrays in self._recorded.arrays.values():
             stamps = self._nanoseconds(arrays, facts.start)
@@ -169,7 +169,7 @@ class _Making:
                                 "is unknown")
         self._faults += motion.faults
 
-    def _run_again(self, facts: RunFacts) -> ExactMotion:
+    def _run_again(self, facts: RecordedRun) -> ExactMotion:
         """The recorded run, whose samples are those of all topics and those after which it was told something."""
         is_known = self._stream.start <= facts.start
         signals = {name: one for name, one in self._signals.items() if name in state_of(facts.scene) or is_place(name)}
@@ -250,7 +250,7 @@ class _Making:
         return reset_instants(self._signals["crank_angle"]) if "crank_angle" in self._signals else []
 
 
-def pushes(facts: RunFacts, inputs: Sequence[Input]) -> list[dict[str, float]]:
+def pushes(facts: RecordedRun, inputs: Sequence[Input]) -> list[dict[str, float]]:
     """Recorded pushes of the body: ``begin`` and ``end`` [s] of robot time, ``force_x`` and ``force_z`` [N]."""
     found: list[dict[str, float]] = []
     for one in inputs:
