@@ -34,7 +34,7 @@ def test_a_recording_is_simulated_again_to_the_last_bit(recorded, capsys):
 
 def test_the_storage_makes_no_difference(recorded, tmp_path, capsys):
     folder = rewritten(recorded, tmp_path / "stored", storage=Storage("zstd", max_size=200_000))
-    assert len(list(folder.glob("stored_*"))) > 3
+    assert len(list(folder.glob("stored_*"))) >= 3
     assert replay.main([str(folder)]) == 0
     again = capsys.readouterr().out
     assert replay.main([str(recorded)]) == 0
