@@ -17,12 +17,14 @@ the pictures set each mass and its plate farther out by the spring's length, `FR
 import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from vibro_ros.messages.commands import COMMANDED
 from vibro_ros.model.scene import Scene
-from vibro_ros.model.slider import Slider
+
+if TYPE_CHECKING:
+    from vibro_ros.model.slider import Slider
 
 BASE = "base_link"
 BODY = "body"
@@ -127,12 +129,14 @@ def robot_joints(scene: Scene) -> tuple[Joint, ...]:
     return tuple(found)
 
 
-def slider(scene: Scene, side: str) -> Slider:
+def slider(scene: Scene, side: str) -> "Slider":
     """The slider of a guide."""
+    from vibro_ros.model.slider import Slider  # it is compiled, and whoever reads a bag needs no kernels
+
     return Slider(scene["crank.radius"], scene[f"crank.{side}_rod"], scene.guide_angle(side))
 
 
-def rod_angle(driven: Slider, crank_angle: float) -> float:
+def rod_angle(driven: "Slider", crank_angle: float) -> float:
     """Angle [rad] of a rod in the frame `crank`, at the crank's angle [rad].
 
     The rod leads from the pin to the slider. In the guide's frame the pin stands at l (-sin psi, cos psi), and the
