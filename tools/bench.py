@@ -292,8 +292,9 @@ def measure_many(count: int, duration: float, repeats: int) -> tuple[float, floa
             pass
 
     def run_apart() -> None:
-        for job in in_processes(lambda half: _simulate_all(half, duration), [scenes[::2], scenes[1::2]], 2):
-            job.outcome()
+        halves = [scenes[::2], scenes[1::2]]
+        for _, future in in_processes(lambda half: _simulate_all(half, duration), halves, 2):
+            future.result()
 
     run(2)
     rounds = np.array([[seconds(run, 1), seconds(run, 2), seconds(run_apart)] for _ in range(repeats)])

@@ -4,12 +4,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from vibro_ros.study import table as tables
 from vibro_ros.study.basins.command import main as basins
 from vibro_ros.study.diagram.command import main as diagram
 from vibro_ros.study.map.command import main as command_map
-from vibro_ros.study.optimise.search import candidate_files
 from vibro_ros.study.orbits.command import main as orbits
-from vibro_ros.study.running import blocks
 from vibro_ros.study.sweep.command import main as sweep
 
 #: Of each study one of its blocks, its `main`, and words that make it short.
@@ -40,7 +39,7 @@ def forged(path, forge):
     """Write other values into a block, with a digest that fits them."""
     table = pq.read_table(path)
     document, other = table.schema.metadata[b"vibro_ros"], forge(table)
-    other = other.replace_schema_metadata({b"vibro_ros": document, b"digest": blocks._digest(document, other)})
+    other = other.replace_schema_metadata({b"vibro_ros": document, b"digest": tables._digest(document, other)})
     pq.write_table(other, path, compression="zstd", write_page_checksum=True)
 
 
@@ -83,23 +82,13 @@ def test_a_forged_block_is_named_and_computed_again(done, capsys, forgery):
     assert f"study: {path}: is damaged; it is computed again" in capsys.readouterr().err.splitlines()
 
 
-@pytest.mark.parametrize("row", [{"point": [0.5], "values": [1.0] * 8}, {"point": [0.5] * 2, "values": [1.0] * 7}])
-def test_a_group_of_candidates_with_other_numbers_is_searched_again(tmp_path, capsys, row):
-    files = candidate_files(tmp_path, {}, 2, 2)
-    files.write(0, [{"point": [0.5] * 2, "values": [1.0] * 8}])
-    assert files.read(0) is not None
-    files.write(0, [row])
-    assert files.read(0) is None
-    assert f"{files.path(0)}: is damaged; it is computed again" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("document", [b"", b"no JSON", b"[" * 100_000, b"\xff"])
 def test_a_block_whose_design_cannot_be_read_is_computed_again(tmp_path, capsys, document):
     file, main, words = STUDIES["sweep"]
     words, path = [*words.split(), "--output", str(tmp_path)], tmp_path / file
     assert main(words) == 0
     whole, table = path.read_bytes(), pq.read_table(path)
-    table = table.replace_schema_metadata({b"vibro_ros": document, b"digest": blocks._digest(document, table)})
+    table = table.replace_schema_metadata({b"vibro_ros": document, b"digest": tables._digest(document, table)})
     pq.write_table(table, path)
     assert main(words) == 0 and path.read_bytes() == whole
     assert f"{path}: is damaged; it is computed again" in capsys.readouterr().err

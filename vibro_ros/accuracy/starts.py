@@ -70,7 +70,7 @@ def speeds_of_starts(scene: Scene, duration: float, starts: int, batch: int = 0)
     provide_kernels(scene["solver.method"])  # once for all that are forked
     found = in_processes(partial(speed_of_start, scene, duration, batch), range(starts), core_count())
     with closing(found) as jobs:  # else a raised error would keep the workers until it is collected
-        return np.array([job.outcome() for job in jobs])
+        return np.array([future.result() for _, future in jobs])
 
 
 def speed_of_start(scene: Scene, duration: float, batch: int, number: int) -> float:

@@ -249,7 +249,7 @@ def attractors(scene: Scene, starts: int = 16) -> Attractors:
     provide_kernels(scene["solver.method"])  # once for all that are forked
     jobs = in_processes(partial(_settled, scene, turn_map.phase), range(starts), min(core_count(), int(starts)))
     with closing(jobs):  # else a raised error would keep the workers until it is collected
-        motions, speeds = zip(*(job.outcome() for job in jobs), strict=True)
+        motions, speeds = zip(*(future.result() for _, future in jobs), strict=True)
     found, places = grouped(motions, speeds)
     return Attractors(_measured_unsettled(one, scene, turn_map, int(np.argmax(places == place))) if one.turns is None
                       else measured(one, turn_map) for place, one in enumerate(found))

@@ -186,13 +186,14 @@ def _results(scenes: Iterator[Scene], simulation: Callable, workers: int, method
         provide_kernels(method or first["solver.method"])
     jobs = in_processes(simulation, itertools.chain([first], scenes), workers)
     try:
-        for number, job in enumerate(jobs):
-            if error := job.error:
-                different = {name: value for name, value in job.item.parameters.items() if value != first[name]}
-                scene = ", ".join([job.item.name, *(f"{name} = {value!r}" for name, value in different.items())])
+        for number, (own, future) in enumerate(jobs):
+            if error := future.exception():
+                different = {name: value for name, value in own.parameters.items() if value != first[name]}
+                scene = ", ".join([own.name, *(f"{name} = {value!r}" for name, value in different.items())])
                 kind = "" if isinstance(error, SimulationError | WorkerError) else f"{type(error).__name__}: "
                 raise SimulationError(f"scene {number} ({scene}): {kind}{error}")
-            yield job.result
+            yield future.result()
+            del future
     finally:
         jobs.close()
 

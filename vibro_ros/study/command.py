@@ -6,7 +6,6 @@ import fcntl
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 
 from vibro_ros.configuration.scene_file import load_scene
@@ -16,7 +15,7 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.process.entry_point import Parser, exit_code, interrupted_code, say
 from vibro_ros.process.files import replace_file
 from vibro_ros.simulation.processes import core_count
-from vibro_ros.study.running.runner import Runner, run_on_this_machine
+from vibro_ros.study.execution import Execution
 from vibro_ros.study.variation import whole_number
 
 MOST_WORKERS = 4096
@@ -82,7 +81,7 @@ def settings_of(words: Sequence[str]) -> dict[str, Value]:
     return found
 
 
-def add_runner(parser: Parser) -> None:
+def add_execution(parser: Parser) -> None:
     """Add `--workers` and `--scheduler`."""
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--workers", type=int, metavar="N", help="processes on this machine (default: one a core); they "
@@ -91,17 +90,10 @@ def add_runner(parser: Parser) -> None:
                        "tcp://host:8786; the numbers are the same to the last bit")
 
 
-def runner_of(options: argparse.Namespace) -> Runner:
-    """Who computes, by `--workers` or `--scheduler` (ValueError, also where `distributed` is not installed)."""
-    if options.scheduler:
-        try:
-            from vibro_ros.study.running import cluster  # needs a package that only clusters need
-        except ModuleNotFoundError as error:
-            raise ValueError(f"{error.name}: not installed; `pip install \".[cluster]\"` brings what --scheduler "
-                             "needs") from error
-        return partial(cluster.run_on_cluster, options.scheduler)
+def execution_of(options: argparse.Namespace) -> Execution:
+    """Who computes, by `--workers` or `--scheduler` (ValueError)."""
     workers = core_count() if options.workers is None else options.workers
-    return partial(run_on_this_machine, whole_number("--workers", workers, 1, MOST_WORKERS))
+    return Execution(whole_number("--workers", workers, 1, MOST_WORKERS), options.scheduler)
 
 
 @contextlib.contextmanager

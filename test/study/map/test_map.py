@@ -19,7 +19,6 @@ from vibro_ros.study.map.command import main, rows_of_line
 from vibro_ros.study.map.motions import LEAST_CELLS, motions
 from vibro_ros.study.map.visits import GAP, SPEED, UNSETTLED, Line, MapDesign, Visit, visits
 from vibro_ros.study.measures import measure
-from vibro_ros.study.running.runner import Piece
 
 SIDES = ("upper", "inclined")
 FOLD, BACK = 107.959911, 104.85265
@@ -88,7 +87,7 @@ def test_a_sweep_goes_on_from_cell_to_cell():
 def test_other_machines_get_the_work_as_it_is():
     design = MapDesign(vibro_ros.load_scene("device"), SIDES, Axis(110.0, 120.0, 2), Axis(0.003, 0.004, 2))
     work = pickle.loads(pickle.dumps(partial(rows_of_line, design)))
-    found = work(Piece(3, {}, (None, None)))
+    found = work(3)
     assert [row["mean_speed"] for row in found] == [one.mean_speed for one in visits(design, design.lines()[3])]
 
 

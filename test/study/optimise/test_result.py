@@ -10,9 +10,9 @@ import pytest
 
 from vibro_ros.accuracy.starts import average
 from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.study.execution import Execution
 from vibro_ros.study.optimise import command
 from vibro_ros.study.optimise.plan import MEASURED, VERIFYING, Reading, Trials, values_of, values_of_many
-from vibro_ros.study.optimise.search import Evaluations, candidate_files
 from vibro_ros.study.optimise.space import VARIABLES, Space
 from vibro_ros.study.optimise.verification import (
     OPTIMUM,
@@ -48,14 +48,14 @@ def of_scene(space=SPACE):
 
 def test_values_do_not_depend_on_workers():
     robots = [SPACE.robot(point) for point in np.random.default_rng(0).random((4, 17))]
-    one, two = (list(values_of_many(robots, SHORT, workers)) for workers in (1, 2))
+    one, two = (list(values_of_many(robots, SHORT, Execution(workers))) for workers in (1, 2))
     np.testing.assert_array_equal(one, two)
     assert one[0].shape == (3, len(MEASURED))
 
 
 def test_the_robots_are_compared_from_the_same_fresh_starts():
     progress = Counting()
-    rows = verified(SPACE, of_scene(), Reading(), SHORT, 1, progress)
+    rows = verified(SPACE, of_scene(), Reading(), SHORT, Execution(1), progress)
     own = [row for row in rows if row.reading == "as sought (`device`)"]
     fresh = values_of(SCENE, Trials(3, 1.5, 1.0, VERIFYING))
     assert own[0].robot == OPTIMUM and own[0].margin is None
@@ -83,7 +83,7 @@ def test_readings_differ():
 
 def test_no_cost_of_transport_where_energy_does_not_balance():
     space = Space(load_scene("damped"), VARIABLES[:1])
-    rows = verified(space, {"mass.upper": 0.1}, Reading(), SHORT, 1, Counting())
+    rows = verified(space, {"mass.upper": 0.1}, Reading(), SHORT, Execution(1), Counting())
     assert math.isnan(rows[0].cost)
     assert math.isfinite(next(row.cost for row in rows if "`device`" in row.reading))
 
@@ -99,23 +99,22 @@ def test_perturbed_robots_can_be_built_even_beyond_the_bounds():
     assert perturbed(SPACE, lowest, {}).parameters == SPACE.scene.with_parameters(lowest).parameters
 
 
-def test_robots_that_cannot_be_built_are_passed_over(tmp_path):
+def test_robots_that_cannot_be_built_are_passed_over():
     """Much friction jams some guide angles (Painlevé's paradox), which no bounds of the space know."""
     space = Space(SCENE.with_parameters({"ground.friction": 12.0, "ground.static_friction": 12.0}))
     points = np.random.default_rng(0).random((12, 17))
     points[0] = space.point(of_scene(space) | {"guide.angle": 0.8, "mass.inclined": 0.25, "mass.upper": 0.02})
     assert space.buildable(points[0]) is None
-    files = candidate_files(tmp_path, {}, 17, 3)
-    values = Evaluations(space, SHORT, files, 12, 1, Counting())(points)
-    built = [space.buildable(point) is not None for point in points]
-    assert 0 < sum(built) < 12
-    assert np.isfinite(values).all(axis=(1, 2)).tolist() == built
+    built = [space.buildable(point) for point in points]
+    assert 0 < sum(robot is not None for robot in built) < 12
+    for robot in built:
+        assert np.isfinite(values_of(robot, SHORT)).all() == (robot is not None)
     assert perturbed(space, space.parameters(points[0]), {}) is None
 
 
 def test_without_weight_there_is_no_cost_of_transport():
     space = Space(SCENE.with_parameters({"gravity": 0.0}), VARIABLES[:1])
-    rows = verified(space, {"mass.upper": 0.1}, Reading(), SHORT, 1, Counting())
+    rows = verified(space, {"mass.upper": 0.1}, Reading(), SHORT, Execution(1), Counting())
     assert all(math.isnan(row.cost) for row in rows)
 
 
@@ -124,14 +123,14 @@ def test_sobols_indices_find_what_matters(monkeypatch):
     space, shares = Space(SCENE, VARIABLES[:3]), {"mass.upper": 3.0, "mass.inclined": 1.0}
     optimum = of_scene(space)
 
-    def values_of_many(robots, trials, workers):
+    def values_of_many(robots, trials, _):
         for robot in robots:
             shift = sum(share * (robot[name] / optimum[name] - 1.0) for name, share in shares.items())
             yield np.full((1, 1), 10.0 + shift)
 
     monkeypatch.setattr("vibro_ros.study.optimise.verification.values_of_many", values_of_many)
     progress = Counting()
-    around = neighbourhood(space, optimum, lambda values: float(values.mean()), SHORT, 256, 0, 1, progress)
+    around = neighbourhood(space, optimum, lambda values: float(values.mean()), SHORT, 256, 0, Execution(1), progress)
     upper, inclined, rod = around.sensitivities
     assert (upper.first, inclined.first, rod.first) == pytest.approx((0.9, 0.1, 0.0), abs=0.03)
     assert (upper.total, inclined.total, rod.total) == pytest.approx((0.9, 0.1, 0.0), abs=0.03)

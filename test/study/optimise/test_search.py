@@ -9,50 +9,67 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from vibro_ros.study.execution import Execution
 from vibro_ros.study.optimise import search as module
-from vibro_ros.study.optimise.plan import FRONT, Trials
-from vibro_ros.study.optimise.search import Evaluations, SpentError, by_cma, by_weights, non_dominated, search
+from vibro_ros.study.optimise.plan import FRONT, Effort, Trials
+from vibro_ros.study.optimise.search import evaluated, non_dominated, proposals, searched
 
 PATIENCE = 120.0  # [s] deadline of what takes a few seconds on an idle machine
 BEST = np.array([0.2, 0.9, 0.6])
 
 
-class Nobody:
-    """Is told of progress."""
+class Counting:
+    """Counts what it is told."""
+
+    count = 0
 
     def add(self, count):
-        """Do nothing."""
+        """Add `count`."""
+        self.count += count
 
 
 def hill(points):
     """Score 1 at `BEST`, less elsewhere."""
-    return 1.0 - np.square(points - BEST).sum(axis=1)
+    return 1.0 - np.square(points - BEST).sum(axis=-1)
 
 
 def test_finds_the_top_of_a_hill():
-    tried = []
-
-    def scores(points):
-        tried.append(points.copy())
-        if sum(map(len, tried)) > 2000:
-            raise SpentError
-        return hill(points)
-
-    with pytest.raises(SpentError):
-        by_cma(scores, 3, 0)
+    search, tried = proposals(3, 0), []
+    points = next(search)
+    while sum(map(len, tried)) < 2000:
+        tried.append(points)
+        points = search.send(hill(points))
     every = np.concatenate(tried)
     assert ((every >= 0.0) & (every <= 1.0)).all()
     assert every[np.argmax(hill(every))] == pytest.approx(BEST, abs=0.01)
+    assert len(tried[-1]) > len(tried[0])  # a later run has larger groups
 
 
 class Cube:
     """A space whose robots are their points."""
 
-    dimension = 3
+    dimension, scene = 3, {"solver.method": "exact"}
 
     def buildable(self, point):
         """Return the point."""
         return point
+
+
+class Hill:
+    """A plan of which a robot's values are the hill at its point."""
+
+    objective, space, run_time = "speed", Cube(), 1.0
+
+    def __init__(self, budget, seed=5):
+        self.effort, self.seed = Effort(budget=budget, trials=Trials(starts=2)), seed
+
+    def identity(self):
+        """Return what tells searches apart."""
+        return {"seed": self.seed}
+
+    def score(self, values):
+        """Return the mean."""
+        return float(values.mean())
 
 
 @pytest.fixture
@@ -60,11 +77,11 @@ def simulated(monkeypatch):
     """Replace simulation by the hill; returns the points that were simulated."""
     points = []
 
-    def values_of_many(robots, trials, workers):
-        points.extend(robots)
-        return (np.full((trials.starts, 4), hill(robot[None])[0]) for robot in robots)
+    def values_of(point, trials):
+        points.append(point)
+        return np.full((trials.starts, 4), hill(point))
 
-    monkeypatch.setattr(module, "values_of_many", values_of_many)
+    monkeypatch.setattr(module, "values_of", values_of)
     return points
 
 
@@ -73,31 +90,28 @@ def contents(folder):
     return {file.name: file.read_bytes() for file in folder.glob("*.parquet")}
 
 
-def searched(path, budget, seed=5):
+def found_in(path, plan):
     path.mkdir(exist_ok=True)
-    files = module.candidate_files(path, {"seed": seed}, 3, 2)
-    evaluations = Evaluations(Cube(), Trials(starts=2), files, budget, 1, Nobody())
-    search(evaluations, lambda values: float(values.mean()), 3, seed)
-    return evaluations.gathered()
+    return searched(plan, path, Execution(1), Counting())
 
 
 def test_a_stopped_search_goes_on_bit_for_bit(tmp_path, simulated):
-    whole = searched(tmp_path / "whole", 300)
+    whole = found_in(tmp_path / "whole", Hill(300))
     assert 300 <= len(whole.points) < 500  # the last group is not cut
-    searched(tmp_path / "parts", 100)
+    found_in(tmp_path / "parts", Hill(100))
     done = len(simulated)
     for budget in (150, 220, 300):
-        parts = searched(tmp_path / "parts", budget)
+        parts = found_in(tmp_path / "parts", Hill(budget))
     np.testing.assert_array_equal(parts.points, whole.points)
     np.testing.assert_array_equal(parts.values, whole.values)
     assert contents(tmp_path / "parts") == contents(tmp_path / "whole")
     assert len(simulated) - len(whole.points) == len(whole.points) and done > len(whole.points)  # nothing twice
 
 
-class SpeedAndCost:
+class SpeedAndCost(Hill):
     """A plan whose speed is the first coordinate and whose cost grows with it."""
 
-    objective, seed, space = FRONT, 0, Cube()
+    objective = FRONT
 
     def speed_and_cost(self, point, values):
         """Speed and cost of a point."""
@@ -105,10 +119,9 @@ class SpeedAndCost:
 
 
 def test_the_front_reaches_from_slow_and_cheap_to_fast_and_dear(tmp_path, simulated):
-    files = module.candidate_files(tmp_path, {}, 3, 2)
-    evaluations = Evaluations(Cube(), Trials(starts=2), files, 1600, 1, Nobody())
-    by_weights(evaluations, SpeedAndCost())
-    pairs = np.array([SpeedAndCost().speed_and_cost(point, None) for point in evaluations.gathered().points])
+    plan = SpeedAndCost(1600)
+    candidates = found_in(tmp_path, plan)
+    pairs = np.array([plan.speed_and_cost(point, None) for point in candidates.points])
     front = pairs[non_dominated(pairs)]
     assert front[0, 1] < 1.1 and front[-1, 0] > 0.99  # the cheapest, the fastest
     assert (np.diff(front, axis=0) > 0.0).all()
@@ -148,12 +161,12 @@ def test_ctrl_c_keeps_what_is_done_and_the_same_command_goes_on(tmp_path):
     assert (tmp_path / "optimum.yaml").is_file()
 
 
-def test_other_candidates_and_another_search_are_refused(tmp_path, simulated):
-    searched(tmp_path, 40)
+def test_another_search_is_refused_and_other_candidates_are_computed_again(tmp_path, simulated, capsys):
+    found_in(tmp_path, Hill(40))
     with pytest.raises(ValueError, match="is of another study .design.seed is 5 there, 6 here"):
-        searched(tmp_path, 40, 6)
-    (tmp_path / "others").mkdir()
-    files = module.candidate_files(tmp_path / "others", {}, 3, 2)
-    files.write(0, [{"point": BEST, "values": np.zeros(2 * 4)}])
-    with pytest.raises(RuntimeError, match="is of other candidates than this version proposes"):
-        Evaluations(Cube(), Trials(starts=2), files, 10, 1, Nobody())(BEST[None] + 1e-12)
+        found_in(tmp_path, Hill(40, seed=6))
+    before = contents(tmp_path)
+    evaluated(Hill(40), 1, np.full((7, 3), 0.5), tmp_path, Execution(1))
+    assert contents(tmp_path) != before
+    found_in(tmp_path, Hill(40))
+    assert contents(tmp_path) == before and "block_000001.parquet: is damaged" in capsys.readouterr().err

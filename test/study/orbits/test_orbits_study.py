@@ -13,7 +13,8 @@ from vibro_ros.orbits.curve import Curve, CurveSpecial
 from vibro_ros.study import progress
 from vibro_ros.study.orbits import curves
 from vibro_ros.study.orbits.command import main, parser, plan_of
-from vibro_ros.study.orbits.run import Followed, branch_files, branch_of, rows_of
+from vibro_ros.study.orbits.run import Followed, branch_of, fields_of, rows_of, study_of
+from vibro_ros.study.table import table_of
 
 SHORT = ["--scene", "damped", "--vary", "motor.speed=99.5:101", "--from", "100", "--starts", "1", "--turns", "2"]
 
@@ -86,7 +87,7 @@ def test_bad_input_is_refused_in_one_line(refusal, words, message):
     assert message in refusal(main, *words)
 
 
-def test_a_branch_is_read_as_it_was_written(tmp_path):
+def test_a_branch_is_read_as_it_was_written():
     """Special points stand between the orbits that they lie between."""
     plan = plan_of(parser().parse_args(["--quick", "--scene", "damped"]))
     random = np.random.default_rng(7)
@@ -98,9 +99,9 @@ def test_a_branch_is_read_as_it_was_written(tmp_path):
     branch = Branch(2, random.normal(size=4), random.normal(size=4), multipliers, random.normal(size=4),
                     random.normal(size=(4, 5)), "an end", plan.scene, "motor.speed",
                     {name: random.normal(size=(4, 2)) for name in names}, special)
-    files = branch_files(tmp_path, plan)
-    files.write(3, rows_of(branch))
-    found = branch_of(plan, files.read(3))
+    table = table_of(rows_of(branch), fields_of(plan))
+    assert study_of(plan, {}).are_own([3], table.to_pylist())
+    found = branch_of(plan, table)
     assert found.end == "an end" and found.turns == 2
     for key in ("values", "mean_speeds", "multipliers", "phases", "states"):
         np.testing.assert_array_equal(getattr(found, key), getattr(branch, key))
@@ -127,7 +128,7 @@ def test_curves_are_followed_kept_and_not_followed_twice(bytes_of, tmp_path, cap
     assert "at most 30 orbits" not in capsys.readouterr().err and bytes_of(tmp_path) == before
 
 
-def test_a_curve_is_read_as_it_was_written(tmp_path):
+def test_a_curve_is_read_as_it_was_written():
     plan = plan_of(parser().parse_args(["--quick", "--scene", "damped"]))
     asked, random = curves.CurvePlan(plan, "upper.gap", 0.0, 0.002), np.random.default_rng(7)
     multipliers = random.normal(size=(4, 5)) + 1j * random.normal(size=(4, 5))
@@ -137,9 +138,9 @@ def test_a_curve_is_read_as_it_was_written(tmp_path):
                                      ("change of events", "", 4)))
     curve = Curve(2, random.normal(size=(4, 2)), random.normal(size=4), multipliers, random.normal(size=4),
                   random.normal(size=(4, 5)), "an end", "fold", ("motor.speed", "upper.gap"), special)
-    files = curves.curve_files(tmp_path, asked)
-    files.write(3, curves.rows_of(curve))
-    found = curves.curve_of(asked, files.read(3))
+    table = table_of(curves.rows_of(curve), curves.fields_of(asked))
+    assert curves.study_of(asked, {}).are_own([3], table.to_pylist())
+    found = curves.curve_of(asked, table)
     assert (found.kind, found.names, found.turns, found.end) == ("fold", curve.names, 2, "an end")
     for key in ("values", "mean_speeds", "multipliers", "phases", "states"):
         np.testing.assert_array_equal(getattr(found, key), getattr(curve, key))

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from vibro_ros.study.running import cluster
+from vibro_ros.study import execution
 from vibro_ros.study.sweep.command import main
 
 PATIENCE = 60.0  # [s] deadline of what takes a few seconds on an idle machine
@@ -73,7 +73,7 @@ def when_begun(blocks: Path) -> int:
 def test_a_cluster_of_which_a_worker_is_killed_writes_the_bytes_of_one_machine(
         started, address, bytes_of, tmp_path, monkeypatch):
     monkeypatch.setattr("vibro_ros.study.sweep.design._BLOCK_TIME", 220.0)
-    monkeypatch.setattr(cluster, "_TASK_TIME", 60.0)
+    monkeypatch.setattr(execution, "_THERE", (60.0, 256))
     workers = [add_worker(started, address) for _ in range(2)]
     blocks, killed = tmp_path / "there" / "blocks", []
 
@@ -94,7 +94,7 @@ def test_a_cluster_of_which_a_worker_is_killed_writes_the_bytes_of_one_machine(
 
 def test_workers_that_compute_otherwise_are_refused(started, address, tmp_path, monkeypatch, capsys):
     add_worker(started, address)
-    monkeypatch.setattr(cluster, "computes_with", lambda: {"processor": "another"})
+    monkeypatch.setattr(execution, "computes_with", lambda: {"processor": "another"})
     assert main([*WORDS, "--duration", "1", "--scheduler", address, "--output", str(tmp_path)]) == 1
     said = capsys.readouterr().err
     assert "a worker of the cluster has another processor" in said and "bits may differ" in said
@@ -103,7 +103,7 @@ def test_workers_that_compute_otherwise_are_refused(started, address, tmp_path, 
 def test_a_scheduler_that_goes_is_told(started, scheduler, address, tmp_path, monkeypatch, capfd):
     """Nothing hangs, and what is done is kept."""
     monkeypatch.setattr("vibro_ros.study.sweep.design._BLOCK_TIME", 220.0)
-    monkeypatch.setattr(cluster, "_TASK_TIME", 60.0)
+    monkeypatch.setattr(execution, "_THERE", (60.0, 256))
     add_worker(started, address)
     blocks = tmp_path / "blocks"
     killer = threading.Thread(target=lambda: (when_begun(blocks), scheduler.kill()))

@@ -10,15 +10,14 @@ import time
 import numpy as np
 import pandas
 import polars
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 import vibro_ros
+from vibro_ros.study import table as tables
 from vibro_ros.study.command import locked
+from vibro_ros.study.execution import Execution
 from vibro_ros.study.measures import MEASURES, measure
-from vibro_ros.study.running import blocks
-from vibro_ros.study.running.runner import Piece, run_on_this_machine
 from vibro_ros.study.sweep.command import main
 
 # 24 points of 3 starts, in blocks of a second of work when the time of a block is shortened.
@@ -180,7 +179,7 @@ def test_a_folder_of_another_design_is_refused_and_stays(bytes_of, tmp_path, cap
 
 def test_a_folder_of_another_version_is_refused(tmp_path, capsys, monkeypatch):
     assert main([*SHORT, "--output", str(tmp_path)]) == 0
-    monkeypatch.setattr(blocks, "fingerprint", lambda: {"version": "0.0.1", "sources": "0"})
+    monkeypatch.setattr(tables, "fingerprint", lambda: {"version": "0.0.1", "sources": "0"})
     assert main([*SHORT, "--output", str(tmp_path)]) == 2
     assert "version is" in capsys.readouterr().err
 
@@ -214,13 +213,13 @@ def test_a_damaged_file_is_computed_again_or_has_its_values(tmp_path, capsys):
     path, draw = tmp_path / "blocks" / "block_000000.parquet", random.Random(3)
     whole, table = path.read_bytes(), pq.read_table(path)
     design = json.loads(table.schema.metadata[b"vibro_ros"])["design"]
-    fields = [blocks.Field(one.name, one.type, one.metadata[b"unit"].decode(), one.metadata[b"meaning"].decode(),
+    fields = [tables.Field(one.name, one.type, one.metadata[b"unit"].decode(), one.metadata[b"meaning"].decode(),
                            one.nullable) for one in table.schema]
-    files = blocks.ParquetBlocks(path.parent, design, 1, fields, lambda *_: True)
+    study = tables.Study("", design, fields, None, lambda *_: True, 1.0, (), 1)
     damaged = 0
     for place in [0, len(whole) - 1, *(draw.randrange(len(whole)) for _ in range(600))]:
         path.write_bytes(whole[:place] + bytes([whole[place] ^ 1 << draw.randrange(8)]) + whole[place + 1:])
-        found = files.read(0)
+        found = tables.read(study, path.parent, 0, [0])
         damaged += found is None
         assert found is None or found.equals(table, check_metadata=True)
     assert damaged > 300  # at least half of them; all others are equal
@@ -231,18 +230,6 @@ def test_a_damaged_file_is_computed_again_or_has_its_values(tmp_path, capsys):
         assert "is damaged; it is computed again" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("forge", [
-    lambda table: table.slice(0, 2), lambda table: table.drop_columns(["error"]),
-    lambda table: table.set_column(3, table.field(3), pa.array([0.1] * len(table)))])
-def test_rows_that_somebody_else_has_written_are_computed_again(tmp_path, capsys, forge):
-    assert main([*SHORT, "--output", str(tmp_path)]) == 0
-    path = tmp_path / "blocks" / "block_000000.parquet"
-    whole = path.read_bytes()
-    pq.write_table(forge(pq.read_table(path)), path, compression="zstd", write_page_checksum=True)
-    assert main([*SHORT, "--output", str(tmp_path)]) == 0 and path.read_bytes() == whole
-    assert "is damaged; it is computed again" in capsys.readouterr().err
-
-
 def test_what_an_interrupted_write_left_is_cleared(tmp_path):
     (tmp_path / "blocks").mkdir()
     left = tmp_path / "blocks" / ".block_000000.parquet.0123456789abcdef"
@@ -251,37 +238,36 @@ def test_what_an_interrupted_write_left_is_cleared(tmp_path):
 
 
 def test_a_full_disk_keeps_what_is_done_and_says_so(tmp_path, small_blocks, monkeypatch, capsys):
-    words, real = [*LONG, "--output", str(tmp_path)], blocks.replace_file
+    words, real = [*LONG, "--output", str(tmp_path)], tables.replace_file
 
     def full_after_two(path, data):
         if path.name.startswith("block_000002"):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
         real(path, data)
 
-    monkeypatch.setattr(blocks, "replace_file", full_after_two)
+    monkeypatch.setattr(tables, "replace_file", full_after_two)
     assert main(words) == 1
     said = capsys.readouterr().err
     assert "No space left on device; free some room. The blocks before it are kept" in said and said.count("\n") == 1
     assert len(list((tmp_path / "blocks").iterdir())) == 2
 
 
-class KillingWork:
-    """Work that kills its process at one of its pieces, as often as asked."""
+class KillingRows:
+    """Rows of a point, whose process is killed at one point as often as asked."""
 
     def __init__(self, at, folder, times):
         self._at, self._folder, self._times = at, folder, times
 
-    def __call__(self, piece):
-        if piece.changes["k"] == self._at and len(list(self._folder.iterdir())) < self._times:
+    def __call__(self, number):
+        if number == self._at and len(list(self._folder.iterdir())) < self._times:
             (self._folder / str(os.getpid())).touch()
             os.kill(os.getpid(), signal.SIGKILL)
-        return [piece.changes["k"]]
+        return [number]
 
 
 def killing(at, folder, times, count):
-    """Results of `count` pieces of `KillingWork`, on two processes."""
-    items = (Piece(k, {"k": k}, (0,)) for k in range(count))
-    return run_on_this_machine(2, KillingWork(at, folder, times), 64.0, (), items)
+    """Rows of `count` points, on two processes."""
+    return Execution(2).rows(KillingRows(at, folder, times), range(count), 64.0, ())
 
 
 def test_a_killed_worker_is_replaced(tmp_path):
@@ -292,7 +278,7 @@ def test_a_killed_worker_is_replaced(tmp_path):
 def test_a_worker_that_dies_again_and_again_is_an_error(tmp_path):
     found = killing(1, tmp_path, 9, 4)
     assert next(found) == [0]
-    with pytest.raises(RuntimeError, match="3 processes ended at or after k = 1"):
+    with pytest.raises(RuntimeError, match="3 processes ended at or after point 1"):
         next(found)
 
 

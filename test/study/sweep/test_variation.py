@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import qmc
 
 import vibro_ros
-from vibro_ros.study.sweep.design import Design, pieces
+from vibro_ros.study.sweep.design import Design, study_of
 from vibro_ros.study.variation import (
     Axis,
     Range,
@@ -60,10 +60,11 @@ def test_points_are_every_combination_with_every_sample_and_rows_every_start():
     assert [(one["guide.angle"], one["effects.normal_force"]) for one in changes[::4]] == [
         (0.5, "printed"), (0.5, "hop"), (1.0, "printed"), (1.0, "hop")]
     assert [one["mass.inclined"] for one in changes[:4]] == [one["mass.inclined"] for one in changes[4:8]]
-    parts = [(piece.number, start) for piece in pieces(drawn, range(48)) for start in piece.starts]
-    assert [parts[row] for row in (0, 2, 3, 47)] == [(0, 0), (0, 2), (1, 0), (15, 2)]
-    drawn = design([Axis("guide.angle", tuple(np.linspace(0.1, 3.0, 1000).tolist()))], starts=5)
-    assert [row for rows in drawn.blocks for row in rows] == list(range(5000)) and len(drawn.blocks[0]) == 1024
+    assert [drawn.runs(number) for number in (0, 15)] == [(0, (0, 1, 2)), (15, (0, 1, 2))]
+    drawn = design([Axis("guide.angle", tuple(np.linspace(0.1, 3.0, 1000).tolist()))], starts=20)
+    assert [drawn.runs(number) for number in (2, 3)] == [(1, tuple(range(16))), (1, (16, 17, 18, 19))]
+    study = study_of(drawn)
+    assert study.count == 2000 and [k for block in range(study.blocks) for k in study.points(block)] == [*range(2000)]
 
 
 @pytest.mark.parametrize(("text", "words"), [

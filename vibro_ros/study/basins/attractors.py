@@ -147,7 +147,7 @@ class Found:
 
 
 def found_in(table: pa.Table, stroboscope: Stroboscope) -> Found:
-    """The attractors of all rows, which `blocks.Blocks` has written.
+    """The attractors of all rows, which a study of starts has written.
 
     Rows are judged in their order, so that the outcome does not depend on who computed them.
     """

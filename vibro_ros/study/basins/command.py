@@ -19,19 +19,20 @@ from vibro_ros.study.basins.starts import (
     Plane,
     chosen_starts,
     over_in_words,
-    settle_starts,
     stroboscope_of,
+    study_of,
 )
 from vibro_ros.study.command import (
+    add_execution,
     add_machine,
-    add_runner,
+    execution_of,
     locked,
     machine_of,
     run_study,
-    runner_of,
     study_parser,
     write_files,
 )
+from vibro_ros.study.table import computed
 from vibro_ros.study.variation import whole_number
 
 STARTS, ATTRACTORS, PICTURE = "starts.parquet", "attractors.parquet", "basins.png"
@@ -46,10 +47,10 @@ def main(words: Sequence[str]) -> int:
 
 
 def _basins(options: argparse.Namespace) -> int:
-    runner = runner_of(options)
+    execution = execution_of(options)
     design, begun = _design(options), _core_time()
     with locked(options.output):
-        table = settle_starts(design, _folder(options.output, FOLDER), runner)
+        table = computed(study_of(design), _folder(options.output), execution)
         found = found_in(table, stroboscope_of(design.scene, design.phase))
         if (found.numbers == NOWHERE).all():
             reason = next(text for text in table["error"].to_pylist() if text)
@@ -67,9 +68,9 @@ def _basins(options: argparse.Namespace) -> int:
     return FAILURE if failed else 0
 
 
-def _folder(output: Path, name: str) -> Path:
-    (output / name).mkdir(exist_ok=True)
-    return output / name
+def _folder(output: Path) -> Path:
+    (output / FOLDER).mkdir(exist_ok=True)
+    return output / FOLDER
 
 
 def _design(options: argparse.Namespace) -> Design:
@@ -106,5 +107,5 @@ def _parser() -> Parser:
     parser.add_argument("--most-turns", type=int, default=MOST_TURNS, metavar="N", help="turns after which a start is "
                         "given up (default: %(default)s)")
     parser.add_argument("--quick", action="store_true", help=f"{QUICK_STARTS} starts unless you say otherwise")
-    add_runner(parser)
+    add_execution(parser)
     return parser

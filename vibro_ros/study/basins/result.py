@@ -22,7 +22,7 @@ from vibro_ros.study.basins.attractors import (
     Found,
 )
 from vibro_ros.study.basins.starts import Design, Over, Plane
-from vibro_ros.study.running.blocks import NUMBERS, Field, file_of, table_of
+from vibro_ros.study.table import NUMBERS, Field, file_of, table_of
 
 
 def starts_table(table: pa.Table, found: Found) -> bytes:

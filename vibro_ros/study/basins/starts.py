@@ -1,12 +1,10 @@
 """The starts of a study of basins, and all else that decides where they lead."""
 
-import itertools
 import math
 import warnings
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
-from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -19,8 +17,7 @@ from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, coordinates, p
 from vibro_ros.simulation.given_state import STATE_UNITS
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import ToleranceWarning
-from vibro_ros.study.running.blocks import NUMBERS, Field, ParquetBlocks, are, completed, cut
-from vibro_ros.study.running.runner import Piece, Runner
+from vibro_ros.study.table import NUMBERS, Field, Study, are
 from vibro_ros.study.variation import whole_number
 
 ANGLE = "crank_angle"
@@ -245,34 +242,28 @@ class Design:
                 "starts": self.starts.document(), "turns": self.turns, "most_turns": self.most_turns}
 
 
-#: Starts of a piece: together some hundredths of a second of work.
-PIECE = 64
 #: States that tell the motion of a start which is not periodic.
 KEPT_STATES = 16
 #: How the error of a start begins that cannot be, such as a mass beyond its rigid plate.
 NO_START = "no such start: "
 
 
-def rows_of(design: Design, piece: Piece) -> list[dict]:
-    """Let the starts of a piece settle; a row a start."""
+def rows_of(design: Design, number: int) -> list[dict]:
+    """Let a start settle; one row."""
     stroboscope = stroboscope_of(design.scene, design.phase)
-    rows: list[dict] = []
-    for number in piece.starts:
-        start = design.starts.start(number or 0)
-        motion, after, error = None, design.most_turns, None
-        try:
-            stroboscope.begin_as(**start)
-            motion = settle(stroboscope, design.turns, design.most_turns)
-        except ValueError as refused:
-            after, error = 0, f"{NO_START}{refused}"
-        except SimulationError as failed:
-            after, error = 0, str(failed)
-        rows.append({
-            **start, "turns": motion.turns if motion else None, "after": motion.after if motion else after,
-            "mean_speed": motion.mean_speed if motion else math.nan,
-            "states": [] if motion is None else motion.states[-1:].ravel() if motion.turns else
-            motion.states[::len(motion.states) // KEPT_STATES].ravel(), "error": error})
-    return rows
+    start, motion, after, error = design.starts.start(number), None, design.most_turns, None
+    try:
+        stroboscope.begin_as(**start)
+        motion = settle(stroboscope, design.turns, design.most_turns)
+    except ValueError as refused:
+        after, error = 0, f"{NO_START}{refused}"
+    except SimulationError as failed:
+        after, error = 0, str(failed)
+    return [{
+        **start, "turns": motion.turns if motion else None, "after": motion.after if motion else after,
+        "mean_speed": motion.mean_speed if motion else math.nan,
+        "states": [] if motion is None else motion.states[-1:].ravel() if motion.turns else
+        motion.states[::len(motion.states) // KEPT_STATES].ravel(), "error": error}]
 
 
 def _kept_states(turns: int | None) -> int:
@@ -292,17 +283,11 @@ def _stroboscope(name: str, parameters: tuple[tuple[str, Value], ...], phase: fl
         return Stroboscope(TurnMap(Scene(name, dict(parameters)), phase))
 
 
-def pieces(starts: range) -> Iterator[Piece]:
-    """The pieces of a block, in the order of its starts."""
-    for first in range(starts.start, starts.stop, PIECE):
-        yield Piece(first, {}, tuple(range(first, min(first + PIECE, starts.stop))))
-
-
 FOLDER = "blocks"
 
 
-def settle_starts(design: Design, folder: Path, runner: Runner) -> pa.Table:
-    """Where each start leads, a row a start; blocks that are missing in the folder are computed (see `completed`)."""
+def study_of(design: Design) -> Study:
+    """The table of where each start leads, a row a start."""
     fields = [
         *(Field(one.name, pa.float64(), one.unit, "of the start; other coordinates are as the scene starts")
           for one in design.starts.over),
@@ -314,14 +299,11 @@ def settle_starts(design: Design, folder: Path, runner: Runner) -> pa.Table:
         Field("states", NUMBERS, "1", "states of the settled motion at the cut, one after the other, in crank radii "
               "and crank radii times motor speed; of a dc motor see `vibro_ros.orbits.turn_map`"),
         Field("error", pa.string(), "1", "why the start leads nowhere; else null", True)]
-    starts = cut(design.starts.count, BLOCK_ROWS)
     dimension = len(coordinates(design.scene))
 
-    def sound(block: int, rows: list[dict]) -> bool:
-        return are(rows, [design.starts.start(number) for number in starts[block]]) and all(
+    def are_own(numbers: Sequence[int], rows: list[dict]) -> bool:
+        return are(rows, [design.starts.start(number) for number in numbers]) and all(
             len(row["states"]) == dimension * _kept_states(row["turns"]) for row in rows)
 
-    blocks = ParquetBlocks(folder, design.document(), len(starts), fields, sound)
-    return completed("starts", blocks, list(map(len, starts)), lambda missing: runner(
-        partial(rows_of, design), design.run_time, (design.scene["solver.method"],),
-        itertools.chain.from_iterable(pieces(starts[block]) for block in missing)))
+    return Study("starts", design.document(), fields, partial(rows_of, design), are_own, design.run_time,
+                 (design.scene["solver.method"],), design.starts.count, BLOCK_ROWS)

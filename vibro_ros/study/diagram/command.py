@@ -9,12 +9,12 @@ from vibro_ros.orbits.turn_map import TURN, coordinates, free_cut
 from vibro_ros.process.entry_point import Parser
 from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.study.command import (
+    add_execution,
     add_machine,
-    add_runner,
+    execution_of,
     locked,
     machine_of,
     run_study,
-    runner_of,
     study_parser,
     write_files,
 )
@@ -34,13 +34,13 @@ def main(words: Sequence[str]) -> int:
 
 
 def _diagram(options: argparse.Namespace) -> int:
-    runner = runner_of(options)
+    execution = execution_of(options)
     design = _design(options, machine_of(options), _axis(options))
     with locked(options.output):
         for name in (VISITS, NATURES):
             (options.output / name).mkdir(exist_ok=True)
         states, seen = visited(design, options.output / VISITS)
-        natures = (measured(design, seen, options.output / NATURES, runner) if design.exponents or design.cuts else
+        natures = (measured(design, seen, options.output / NATURES, execution) if design.exponents or design.cuts else
                    None)
         found = Diagram(design, seen, natures)
         write_files(options.output, {STATES: states_table(design, states), VALUES: values_table(found),
@@ -101,5 +101,5 @@ def _parser() -> Parser:
     parser.add_argument("--cuts", type=int, default=_CUTS, metavar="TURNS", help="turns that the 0-1 test hears; 0: no "
                         "test (default: %(default)d)")
     parser.add_argument("--quick", action="store_true", help=f"{_QUICK_COUNT} values, where these are not given")
-    add_runner(parser)
+    add_execution(parser)
     return parser

@@ -17,7 +17,8 @@ from vibro_ros.orbits.chaos import sign_of
 from vibro_ros.orbits.recurrence import LONGEST_PERIOD, WATCHED
 from vibro_ros.simulation.given_state import STATE_UNITS
 from vibro_ros.study.diagram.visits import DOWN, UP, Design, Visit
-from vibro_ros.study.running.blocks import KEY, file_of, fingerprint
+from vibro_ros.study.execution import fingerprint
+from vibro_ros.study.table import KEY, file_of
 from vibro_ros.study.variation import beyond_the_edge
 
 

@@ -5,10 +5,11 @@ cannot be shared among processes; a visit takes some hundredths of a second, unl
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pyarrow as pa
@@ -21,8 +22,8 @@ from vibro_ros.orbits.chaos import MOST_TURNS as MOST_MEASURED
 from vibro_ros.orbits.recurrence import CLOUD, FIRST_TURNS, LONGEST_PERIOD, SettledMotion, settle, tolerance_of
 from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, coordinates, is_sampled, pace, units_of
 from vibro_ros.simulation.given_state import STATE_UNITS
-from vibro_ros.study.running.blocks import Field, ParquetBlocks, are, completed, cut
-from vibro_ros.study.running.runner import Piece, Results, Runner
+from vibro_ros.study.execution import Execution, Results
+from vibro_ros.study.table import Field, Study, are, computed, read, stored
 from vibro_ros.study.variation import Axis, whole_number
 
 UP, DOWN = "up", "down"
@@ -99,11 +100,6 @@ class Design:
         """Values, up and down."""
         return 2 * len(self.axis.values)
 
-    @property
-    def blocks(self) -> list[range]:
-        """Numbers of the visits of each block."""
-        return cut(self.visits, _BLOCK)
-
     def direction(self, visit: int) -> str:
         """`UP` or `DOWN`."""
         return UP if visit < len(self.axis.values) else DOWN
@@ -176,26 +172,30 @@ def visited(design: Design, folder: Path) -> tuple[pa.Table, tuple[Visit, ...]]:
         *(Field(name, pa.float64(), STATE_UNITS[name], f"at the crank angle {design.phase:.17g}")
           for name in design.names)]
 
-    def sound(block: int, rows: list[dict]) -> bool:
+    def are_own(numbers: Sequence[int], rows: list[dict]) -> bool:
         own = []
-        for number in design.blocks[block]:
+        for number in numbers:
             of_visit = [row for row in rows if row["visit"] == number]
             period = of_visit[0]["period"]
             own += [{"visit": number, "direction": design.direction(number), design.axis.name: design.value(number),
                      "period": period, "cut": cut} for cut in range(period or CLOUD)]
         return are(rows, own)
 
-    blocks = ParquetBlocks(folder, design.document(), len(design.blocks), fields, sound)
+    def visits(numbers: Iterable[int]) -> Results:
+        left, last = None, -1
+        for number in numbers:
+            if number and last != number - 1:
+                block = number // _BLOCK - 1
+                before = cast(pa.Table, read(study, folder, block, study.points(block)))
+                left = _visits_in(design, before)[-1].states[-1]
+            one = _visit(design, number, left if number else None)
+            left, last = one.states[-1], number
+            yield _rows_of(design, one)
 
-    def visits(missing: Sequence[int]) -> Results:
-        for block in missing:
-            left = _visits_in(design, blocks.read(block - 1))[-1].states[-1] if block else None
-            for number in design.blocks[block]:
-                one = _visit(design, number, left)
-                left = one.states[-1]
-                yield [one]
-
-    whole = completed("values", blocks, list(map(len, design.blocks)), visits, partial(_rows_of, design))
+    study = Study("values", design.document(), fields, lambda number: [], are_own, 0.0, (), design.visits, _BLOCK)
+    blocks = {block: study.points(block) for block in range(study.blocks)}
+    tables = stored(study, folder, blocks, visits)
+    whole = pa.concat_tables([tables[block].replace_schema_metadata() for block in blocks])
     return whole, tuple(_visits_in(design, whole))
 
 
@@ -250,13 +250,13 @@ def _visits_in(design: Design, table: pa.Table) -> list[Visit]:
     return found
 
 
-def nature_of(design: Design, settled: tuple[tuple[int, np.ndarray], ...], piece: Piece) -> list[dict]:
-    """Measure the visit that a piece has the number of: all Lyapunov exponents, and K of the 0-1 test; one row.
+def nature_of(design: Design, settled: tuple[tuple[int, np.ndarray], ...], number: int) -> list[dict]:
+    """Measure the visit of a number: all Lyapunov exponents, and K of the 0-1 test; one row.
 
     `settled` has of each visit the turns after which its motion repeats itself, or 0, and its last state in SI units.
     """
-    turn_map = design.map_of(piece.number)
-    turns, state = settled[piece.number][0], settled[piece.number][1] / turn_map.units
+    turn_map = design.map_of(number)
+    turns, state = settled[number][0], settled[number][1] / turn_map.units
     exponents = spread = np.full(len(state), math.nan)
     if design.exponents:
         spectrum = (spectrum_of_cycle(turn_map, _turns_from(turn_map, state, turns)) if turns else
@@ -268,7 +268,7 @@ def nature_of(design: Design, settled: tuple[tuple[int, np.ndarray], ...], piece
         seen = _turns_from(turn_map, state, max(design.cuts, _PERIODS * turns))
         chaos = zero_one_test(seen[:, turn_map.names.index(design.coordinate)],
                               tolerance_of(turn_map.scene))
-    return [{"visit": piece.number, "period": turns,
+    return [{"visit": number, "period": turns,
              **{f"exponent_{k + 1}": one for k, one in enumerate(exponents.tolist())},
              **{f"spread_{k + 1}": one for k, one in enumerate(spread.tolist())}, "zero_one": chaos}]
 
@@ -279,7 +279,7 @@ def _turns_from(turn_map: TurnMap, state: np.ndarray, turns: int) -> np.ndarray:
     return stroboscope.turns(turns).states
 
 
-def measured(design: Design, seen: Sequence[Visit], folder: Path, runner: Runner) -> pa.Table:
+def measured(design: Design, seen: Sequence[Visit], folder: Path, execution: Execution) -> pa.Table:
     """What kind of motion each visit has found, a row each; blocks that are missing in the folder are measured."""
     numbers = range(1, len(design.names) + 1)
     fields = [
@@ -292,10 +292,8 @@ def measured(design: Design, seen: Sequence[Visit], folder: Path, runner: Runner
         Field("zero_one", pa.float64(), "1", "K of the 0-1 test: near 0 regular, near 1 chaotic")]
     # Robot time [s], about: a derivative takes some fifteen turns, each begun in its own state.
     run_time = (300.0 * design.exponents + design.cuts) * 0.06
-    blocks = ParquetBlocks(folder, design.document(), len(design.blocks), fields, lambda block, rows: are(
-        rows, [{"visit": number} for number in design.blocks[block]]))
-    work = partial(nature_of, design, tuple((one.motion.turns, one.states[-1]) for one in seen))
-    return completed("motions measured", blocks, list(map(len, design.blocks)), lambda missing: runner(
-        work, run_time, (design.scene["solver.method"],),
-        (Piece(number, {design.axis.name: design.value(number)}, (None,))
-         for block in missing for number in design.blocks[block])))
+    settled = tuple((one.motion.turns, one.states[-1]) for one in seen)
+    return computed(Study(
+        "motions measured", design.document(), fields, partial(nature_of, design, settled),
+        lambda own, rows: are(rows, [{"visit": number} for number in own]), run_time, (design.scene["solver.method"],),
+        design.visits, _BLOCK), folder, execution)

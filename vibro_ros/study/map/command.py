@@ -14,12 +14,12 @@ from vibro_ros.orbits.continuation import KINDS
 from vibro_ros.orbits.turn_map import check_closes, coordinates, is_sampled
 from vibro_ros.process.entry_point import Parser
 from vibro_ros.simulation.provenance import software
-from vibro_ros.study.command import add_runner, locked, run_study, runner_of, study_parser, write_files
+from vibro_ros.study.command import add_execution, execution_of, locked, run_study, study_parser, write_files
+from vibro_ros.study.execution import Execution
 from vibro_ros.study.map.motions import PROOFS, QUICK_PROOFS, End, Point, curves, end_point, ends, motions, proved
 from vibro_ros.study.map.result import draw_costs, draw_map, map_in_words, trials_in_words
 from vibro_ros.study.map.visits import BOTH, PHASE, UNSETTLED, MapDesign, Visit, add_grid, design_of, visits
-from vibro_ros.study.running.blocks import Field, ParquetBlocks, are, completed, file_of
-from vibro_ros.study.running.runner import Piece, Runner
+from vibro_ros.study.table import Field, Study, are, computed, file_of
 
 TABLE, PICTURE, COSTS = "motions.parquet", "map.png", "costs.png"
 CURVES = 11
@@ -32,13 +32,13 @@ def main(words: Sequence[str]) -> int:
 
 
 def _map(options: argparse.Namespace) -> int:
-    runner = runner_of(options)
+    execution = execution_of(options)
     design = design_of(options)
     gap_indices = _rows_of_curves(design, options.curves)
     with locked(options.output):
         for folder in (LINES, ENDS):
             (options.output / folder).mkdir(exist_ok=True)
-        visits = visits_of(design, options.output / LINES, runner)
+        visits = visits_of(design, options.output / LINES, execution)
         found, rows = motions(visits)
         if not rows:
             raise RuntimeError("no visit has settled, so that there is no map; give another scene or other speeds")
@@ -46,7 +46,7 @@ def _map(options: argparse.Namespace) -> int:
         command_map = CommandMap(design.scene.name, parameters, design.sides, design.speeds, design.gaps, found, ())
         if gap_indices:
             all_ends = tuple(ends(command_map.found, rows, design.speeds, gap_indices))
-            points = points_of(design, all_ends, options.output / ENDS, runner)
+            points = points_of(design, all_ends, options.output / ENDS, execution)
             command_map = replace(command_map, curves=curves(design, points, gap_indices))
         command_map, trials = proved(command_map, design, QUICK_PROOFS if options.quick else PROOFS)
         write_files(options.output, _files(command_map, rows))
@@ -100,7 +100,7 @@ def _parser() -> Parser:
     parser.add_argument("--curves", type=int, metavar="N", help="gaps at which folds, doublings, Neimark-Sacker points "
                         "and grazings are located, which takes the longest; 0: none, as with a dc motor, whose orbits "
                         "do not close (default: 11, or all if fewer)")
-    add_runner(parser)
+    add_execution(parser)
     return parser
 
 
@@ -130,52 +130,49 @@ _POINT = [
 ]
 
 
-def visits_of(design: MapDesign, lines: Path, runner: Runner) -> list[Visit]:
-    """All visits of a map; lines that are missing in the folder `lines` are swept (see `completed`)."""
+def visits_of(design: MapDesign, lines: Path, execution: Execution) -> list[Visit]:
+    """All visits of a map; lines that are missing in the folder `lines` are swept (see `computed`)."""
     every = design.lines()
-    fields = [*_VISIT, *(Field(f"{_STATE}{name}", pa.float64(), f"crank.radius{' x motor.speed' * is_speed}",
-                               f"{name} at the cut, crank angle {PHASE:.6g} rad", True)
-                         for name in coordinates(design.scene) for is_speed in (name.endswith("velocity"),))]
-    sizes = [len(list(design.cells(line))) for line in every]
-    names = [one.name for one in fields if one.name.startswith(_STATE)]
+    names = [f"{_STATE}{name}" for name in coordinates(design.scene)]
+    fields = [*_VISIT, *(Field(name, pa.float64(), f"crank.radius{' x motor.speed' * name.endswith('velocity')}",
+                               f"{name.removeprefix(_STATE)} at the cut, crank angle {PHASE:.6g} rad", True)
+                         for name in names)]
 
-    def sound(line: int, rows: list[dict]) -> bool:
-        return are(rows, [{"speed_index": i, "gap_index": j} for i, j in design.cells(every[line])]) and all(
+    def are_own(numbers: Sequence[int], rows: list[dict]) -> bool:
+        cells = [cell for number in numbers for cell in design.cells(every[number])]
+        return are(rows, [{"speed_index": i, "gap_index": j} for i, j in cells]) and all(
             row["turns"] >= UNSETTLED and all((row[name] is None) == (row["turns"] == UNSETTLED) for name in names)
             for row in rows)
 
-    blocks = ParquetBlocks(lines, design.document(), len(every), fields, sound)
-    rows = completed("cells visited", blocks, sizes, lambda missing: runner(
-        partial(rows_of_line, design), _RUN_TIME, ("exact",),
-        (Piece(number, {}, (None,) * sizes[number]) for number in missing))).to_pylist()
+    run_time = _RUN_TIME * max(design.speeds.count, design.gaps.count)
+    rows = computed(Study("lines visited", design.document(), fields, partial(rows_of_line, design), are_own, run_time,
+                          ("exact",), len(every)), lines, execution).to_pylist()
     return [Visit(**{one.name: row[one.name] for one in _VISIT}, state=tuple(
         value for name, value in row.items() if name.startswith(_STATE) and value is not None))
         for row in rows]
 
 
-def rows_of_line(design: MapDesign, piece: Piece) -> list[dict]:
-    """Sweep the line that a piece has the number of; a row a visit."""
+def rows_of_line(design: MapDesign, number: int) -> list[dict]:
+    """Sweep the line of a number; a row a visit."""
     names = [f"{_STATE}{name}" for name in coordinates(design.scene)]
     return [{**one._asdict(), **dict(zip(names, one.state, strict=False))}
-            for one in visits(design, design.lines()[piece.number])]
+            for one in visits(design, design.lines()[number])]
 
 
-def points_of(design: MapDesign, ends: tuple[End, ...], folder: Path, runner: Runner) -> list[Point]:
+def points_of(design: MapDesign, ends: tuple[End, ...], folder: Path, execution: Execution) -> list[Point]:
     """The special point of each end that has one; points that are missing in the folder are looked for."""
     if not ends:
         return []
     document = {**design.document(), "ends": hashlib.sha256(repr(list(ends)).encode()).hexdigest()}
 
-    def sound(number: int, rows: list[dict]) -> bool:
-        own = {name: getattr(ends[number], name) for name in ("turns", "motion", "direction", "gap_index")}
-        return are(rows, [own]) and rows[0]["kind"] in (None, *KINDS)
+    def are_own(numbers: Sequence[int], rows: list[dict]) -> bool:
+        return are(rows, [{name: getattr(ends[number], name) for name in ("turns", "motion", "direction", "gap_index")}
+                          for number in numbers]) and all(row["kind"] in (None, *KINDS) for row in rows)
 
-    blocks = ParquetBlocks(folder, document, len(ends), _POINT, sound)
-    rows = completed("ends of motions followed", blocks, [1] * len(ends), lambda missing: runner(
-        partial(_row_of_end, design, ends), 20.0 * _RUN_TIME, ("exact",),
-        (Piece(number, {}, (None,)) for number in missing))).to_pylist()
+    rows = computed(Study("ends of motions followed", document, _POINT, partial(_row_of_end, design, ends), are_own,
+                          20.0 * _RUN_TIME, ("exact",), len(ends)), folder, execution).to_pylist()
     return [Point(**row) for row in rows if row["kind"] is not None]
 
 
-def _row_of_end(design: MapDesign, ends: tuple[End, ...], piece: Piece) -> list[dict]:
-    return [end_point(design, ends[piece.number])._asdict()]
+def _row_of_end(design: MapDesign, ends: tuple[End, ...], number: int) -> list[dict]:
+    return [end_point(design, ends[number])._asdict()]

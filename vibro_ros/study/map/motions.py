@@ -8,7 +8,7 @@ meet, and behind that end nothing separates them.
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -274,10 +274,10 @@ def proved(command_map: CommandMap, design: MapDesign, count: int) -> tuple[Comm
         new = [key for key in choices if key not in done]
         with Progress("commands tried", "job", len(new)) as progress:
             tried = [choices[key] for key in new]
-            jobs = in_processes(partial(_trial, design), tried, min(core_count(), len(new)) or 1)
-            for key, job in zip(new, jobs, strict=True):
-                done[key] = job.outcome()
-                progress.add(1)
+            with closing(in_processes(partial(_trial, design), tried, min(core_count(), len(new)) or 1)) as trials:
+                for key, (_, future) in zip(new, trials, strict=True):
+                    done[key] = future.result()
+                    progress.add(1)
         failed = [trial for trial in done.values()
                   if trial.error > MET and command_map.found.sure[list(trial.choice.rows)].all()]
         if not failed:

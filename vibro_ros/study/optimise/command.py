@@ -11,9 +11,15 @@ from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.entry_point import Parser
-from vibro_ros.simulation.preparation import prepare_kernels
-from vibro_ros.simulation.processes import core_count
-from vibro_ros.study.command import locked, run_study, settings_of, study_parser, write_files
+from vibro_ros.study.command import (
+    add_execution,
+    execution_of,
+    locked,
+    run_study,
+    settings_of,
+    study_parser,
+    write_files,
+)
 from vibro_ros.study.optimise.plan import DIRECTIONS, FRONT, OBJECTIVES, POWERS, QUICK, Effort, Plan, Reading
 from vibro_ros.study.optimise.result import Result, result_file, scene_file, studied
 from vibro_ros.study.optimise.search import Candidates
@@ -21,8 +27,8 @@ from vibro_ros.study.optimise.space import Space, chosen_variables
 from vibro_ros.study.optimise.text import document, draw_convergence, draw_front, draw_sensitivity, on_bounds, title
 
 FOLDER, TEXT, SCENE, NUMBERS = "candidates", "optimum.md", "optimum.yaml", "optimum.json"
-_MOST = {"budget": 10**6, "starts": 1000, "workers": 1024, "seed": 2**31 - 2}
-_LEAST = {"budget": 1, "starts": 2, "workers": 1, "seed": 0}
+_MOST = {"budget": 10**6, "starts": 1000, "seed": 2**31 - 2}
+_LEAST = {"budget": 1, "starts": 2, "seed": 0}
 _VARIED = re.compile(r"([^=]+)=([^:]+):([^:]+)")
 
 
@@ -32,11 +38,10 @@ def main(words: Sequence[str]) -> int:
 
 
 def _optimise(options: argparse.Namespace) -> int:
-    plan, folder = plan_of(options), options.output
-    prepare_kernels("study", plan.space.scene["solver.method"])
+    plan, execution, folder = plan_of(options), execution_of(options), options.output
     with locked(folder):
         (folder / FOLDER).mkdir(exist_ok=True)
-        result, candidates = studied(plan, folder / FOLDER, options.workers)
+        result, candidates = studied(plan, folder / FOLDER, execution)
         write_files(folder, files_of(result, candidates))
     print(folder / FOLDER)
     print(on_bounds(result))
@@ -139,7 +144,6 @@ def parser() -> Parser:
     own.add_argument("--starts", type=int, metavar="N", help="drawn starts of each robot (default: "
                         f"{default.trials.starts})")
     own.add_argument("--seed", type=int, default=0, metavar="N", help="of the search (default: %(default)s)")
-    own.add_argument("--workers", type=int, default=core_count(), metavar="N", help="processes; change no number "
-                        "(default: %(default)s)")
+    add_execution(own)
     own.add_argument("--quick", action="store_true", help="a look at everything within two minutes, not an optimum")
     return own

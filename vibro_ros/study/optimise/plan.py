@@ -1,19 +1,18 @@
 """What a search is asked for: objective, effort and runs of a robot; and the values that come of these runs."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
+import cma
 import numpy as np
 
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.motion import SimulationError
-from vibro_ros.simulation.preparation import provide_kernels
-from vibro_ros.simulation.processes import in_processes
+from vibro_ros.study.execution import Execution, computes_with
 from vibro_ros.study.measures import measure
 from vibro_ros.study.optimise.space import Space
-from vibro_ros.study.running.blocks import computes_with
 
 #: Measures that every score is made of, the columns of the values of a robot.
 MEASURED = ("mean_speed", "mean_power", "delivered_power", "air_share")
@@ -141,6 +140,11 @@ class Trials:
     duration: float = 4.0
     first: int = 0
 
+    @property
+    def run_time(self) -> float:
+        """Robot time of all starts [s]."""
+        return self.starts * (self.settling + self.duration)
+
 
 def values_of(scene: Scene | None, trials: Trials, measures: Sequence[str] = MEASURED) -> np.ndarray:
     """Measures of a robot from each start, shape (starts, measures).
@@ -158,17 +162,16 @@ def values_of(scene: Scene | None, trials: Trials, measures: Sequence[str] = MEA
     return np.array([[row[name] for name in measures] for row in rows])
 
 
-def values_of_many(scenes: Sequence[Scene | None], trials: Trials, workers: int,
-                   measures: Sequence[str] = MEASURED) -> Iterator[np.ndarray]:
-    """Yield `values_of` of each of `scenes`, in their order, from so many processes."""
-    for method in {scene["solver.method"] for scene in scenes if scene is not None}:
-        provide_kernels(method)  # once for all that are forked
-    jobs = in_processes(partial(values_of, trials=trials, measures=measures), scenes, min(workers, max(len(scenes), 1)))
-    try:
-        for job in jobs:
-            yield cast(np.ndarray, job.outcome())
-    finally:
-        jobs.close()
+def values_of_many(scenes: Sequence[Scene | None], trials: Trials, execution: Execution,
+                   measures: Sequence[str] = MEASURED) -> Generator[np.ndarray, None, None]:
+    """Yield `values_of` of each of `scenes`, in their order."""
+    methods = {scene["solver.method"]: None for scene in scenes if scene is not None}
+    return execution.rows(partial(_values_at, tuple(scenes), trials, measures), range(len(scenes)), trials.run_time,
+                          tuple(methods))
+
+
+def _values_at(scenes: tuple[Scene | None, ...], trials: Trials, measures: Sequence[str], number: int) -> np.ndarray:
+    return values_of(scenes[number], trials, measures)
 
 
 #: The objective of two numbers, beside those of `OBJECTIVES`.
@@ -255,6 +258,11 @@ class Plan:
         """The objective of one number that a robot is judged by; of a front, V/P."""
         return "speed_per_power" if self.objective == FRONT else self.objective
 
+    @property
+    def run_time(self) -> float:
+        """Robot time of a candidate [s]."""
+        return self.effort.trials.run_time
+
     def score(self, values: np.ndarray) -> float:
         """Score of a robot from its values; a robot that is too slow, or flies too long, is judged by how much so."""
         pace = speed(values, self.reading)
@@ -283,4 +291,5 @@ class Plan:
                 "least_speed": self.least_speed, "most_air": self.most_air, "seed": self.seed,
                 "trials": asdict(self.effort.trials),
                 "variables": [[one.name, one.low, one.high, one.logarithmic] for one in self.space.variables],
-                "scene": dict(self.space.scene.parameters), "computed_with": computes_with()}
+                "scene": dict(self.space.scene.parameters), "cma": cma.__version__,
+                "computed_with": computes_with()}

@@ -13,17 +13,9 @@ import yaml
 
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.entry_point import say
-from vibro_ros.study.optimise.plan import CHOOSING, FRONT, Plan, values_of_many
-from vibro_ros.study.optimise.search import (
-    SHOWN,
-    Candidates,
-    Evaluations,
-    FrontRobot,
-    by_weights,
-    candidate_files,
-    front_of,
-    search,
-)
+from vibro_ros.study.execution import Execution
+from vibro_ros.study.optimise.plan import CHOOSING, Plan, values_of_many
+from vibro_ros.study.optimise.search import SHOWN, Candidates, FrontRobot, front_of, searched
 from vibro_ros.study.optimise.verification import (
     Behaviour,
     Neighbourhood,
@@ -81,7 +73,7 @@ class Result:
     front: tuple[FrontRobot, ...]
 
 
-def studied(plan: Plan, folder: Path, workers: int) -> tuple[Result, Candidates]:
+def studied(plan: Plan, folder: Path, execution: Execution) -> tuple[Result, Candidates]:
     """Search and verify; returns all candidates of the search as well.
 
     Parameters
@@ -90,8 +82,8 @@ def studied(plan: Plan, folder: Path, workers: int) -> tuple[Result, Candidates]
         What is asked for.
     folder : Path
         Of the files of the search, which goes on from them; it exists, and nobody else writes into it.
-    workers : int
-        Processes.
+    execution : Execution
+        Who computes.
 
     Raises
     ------
@@ -100,44 +92,34 @@ def studied(plan: Plan, folder: Path, workers: int) -> tuple[Result, Candidates]
     OSError, RuntimeError
         If files cannot be read, or written.
     """
-    candidates = _searched(plan, folder, workers)
+    with stage("search", plan.effort.budget) as progress:
+        candidates = searched(plan, folder, execution, progress)
     scores = np.array([plan.score(values) for values in candidates.values])
-    point = _chosen(plan, candidates, scores, workers)
+    point = _chosen(plan, candidates, scores, execution)
     optimum, effort, space = plan.space.parameters(point), plan.effort, plan.space
     with stage("verification", case_count(space.scene)) as progress:
-        rows = verified(space, optimum, plan.reading, effort.verifying, workers, progress)
+        rows = verified(space, optimum, plan.reading, effort.verifying, execution, progress)
     with stage("perturbation", robot_count(space, effort.samples)) as progress:
-        around = neighbourhood(space, optimum, plan.score, effort.perturbing, effort.samples, plan.seed, workers,
+        around = neighbourhood(space, optimum, plan.score, effort.perturbing, effort.samples, plan.seed, execution,
                                progress)
     front: list[FrontRobot] = []
     if space.scene["effects.reaction"]:
         with stage("front", SHOWN) as progress:
-            front = front_of(plan, candidates, workers, progress)
+            front = front_of(plan, candidates, execution, progress)
     ends = [max(1, round(part * len(scores))) for part in MILESTONES]
     return Result(plan, len(scores), tuple(float(scores[:end].max()) for end in ends), optimum, space.robot(point),
                   tuple(space.on_bound(point)), behaviour_of(space.robot(point), effort.verifying), tuple(rows), around,
                   tuple(front)), candidates
 
 
-def _searched(plan: Plan, folder: Path, workers: int) -> Candidates:
-    files = candidate_files(folder, plan.identity(), plan.space.dimension, plan.effort.trials.starts)
-    with stage("search", plan.effort.budget) as progress:
-        evaluations = Evaluations(plan.space, plan.effort.trials, files, plan.effort.budget, workers, progress)
-        if plan.objective == FRONT:
-            by_weights(evaluations, plan)
-        else:
-            search(evaluations, plan.score, plan.space.dimension, plan.seed)
-        return evaluations.gathered()
-
-
-def _chosen(plan: Plan, candidates: Candidates, scores: np.ndarray, workers: int) -> np.ndarray:
+def _chosen(plan: Plan, candidates: Candidates, scores: np.ndarray, execution: Execution) -> np.ndarray:
     """The point that is best from fresh starts, of those that were best in the search: luck does not repeat."""
     scores = np.where(np.isfinite(candidates.values).all(axis=(1, 2)), scores, -np.inf)
     finalists = _apart(candidates.points, scores, plan.effort.finalists)
     trials = replace(plan.effort.choosing, first=CHOOSING)
     robots, fresh = [plan.space.robot(point) for point in finalists], []
     with stage("choice", len(robots)) as progress:
-        for values in values_of_many(robots, trials, workers):
+        for values in values_of_many(robots, trials, execution):
             fresh.append(plan.score(values))
             progress.add(1)
     best = int(np.argmax(fresh)) if fresh else 0

@@ -11,6 +11,7 @@ from vibro_ros.accuracy.starts import Average, average, motions_of
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
+from vibro_ros.study.execution import Execution
 from vibro_ros.study.measures import device_at_start, measure
 from vibro_ros.study.optimise.plan import (
     AIR,
@@ -97,7 +98,7 @@ def readings(scene: Scene) -> dict[str, Scene]:
     return found
 
 
-def verified(space: Space, optimum: Mapping[str, float], reading: Reading, trials: Trials, workers: int,
+def verified(space: Space, optimum: Mapping[str, float], reading: Reading, trials: Trials, execution: Execution,
              progress: Progress) -> list[Verified]:
     """The optimum, the paper's optimum and the paper's parameters under every one of `readings`.
 
@@ -111,8 +112,8 @@ def verified(space: Space, optimum: Mapping[str, float], reading: Reading, trial
         How powers are read.
     trials : Trials
         Its starts are counted from `VERIFYING` on.
-    workers : int
-        Processes.
+    execution : Execution
+        Who computes.
     progress : Progress
         Counts every robot.
     """
@@ -122,7 +123,7 @@ def verified(space: Space, optimum: Mapping[str, float], reading: Reading, trial
              for robot, changes in robots.items()]
     rows: list[Verified] = []
     best = np.empty(0)
-    for (words, robot, scene), values in zip(cases, values_of_many([case[2] for case in cases], fresh, workers,
+    for (words, robot, scene), values in zip(cases, values_of_many([case[2] for case in cases], fresh, execution,
                                                                    (*MEASURED, *_LOADS)), strict=True):
         best = values if robot == OPTIMUM else best
         rows.append(_verified(words, robot, scene, values, best, reading))
@@ -256,7 +257,7 @@ def robot_count(space: Space, samples: int) -> int:
 
 
 def neighbourhood(space: Space, optimum: Mapping[str, float], score: Callable[[np.ndarray], float], trials: Trials,
-                  samples: int, seed: int, workers: int, progress: Progress) -> Neighbourhood:
+                  samples: int, seed: int, execution: Execution, progress: Progress) -> Neighbourhood:
     """Perturb an optimum.
 
     Parameters
@@ -273,8 +274,8 @@ def neighbourhood(space: Space, optimum: Mapping[str, float], score: Callable[[n
         Points of a Sobol sequence, a power of two; each makes dimension + 2 robots.
     seed : int
         Of the sequence's scrambling.
-    workers : int
-        Processes.
+    execution : Execution
+        Who computes.
     progress : Progress
         Counts every robot.
     """
@@ -284,7 +285,7 @@ def neighbourhood(space: Space, optimum: Mapping[str, float], score: Callable[[n
               *(perturbed(space, optimum, dict(zip(names, shift, strict=True)))
                 for shift in shifts.reshape(-1, dimension))]
     scores = []
-    for values in values_of_many(robots, replace(trials, first=VERIFYING), workers):
+    for values in values_of_many(robots, replace(trials, first=VERIFYING), execution):
         scores.append(max(score(values), 0.0))
         progress.add(1)
     alone, together = np.array(scores[1:1 + 2 * dimension]), np.array(scores[1 + 2 * dimension:])

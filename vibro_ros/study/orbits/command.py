@@ -16,12 +16,12 @@ from vibro_ros.orbits.curve import Curve
 from vibro_ros.orbits.turn_map import TurnMap
 from vibro_ros.process.entry_point import Parser
 from vibro_ros.study.command import (
+    add_execution,
     add_machine,
-    add_runner,
+    execution_of,
     locked,
     machine_of,
     run_study,
-    runner_of,
     study_parser,
     write_files,
 )
@@ -29,7 +29,7 @@ from vibro_ros.study.orbits import curves
 from vibro_ros.study.orbits.curve_result import curve_document, curves_in_words, draw_curves
 from vibro_ros.study.orbits.result import document, draw_orbits, in_words, names_of
 from vibro_ros.study.orbits.run import FOLDER, OrbitsRun, Plan, fields_of, rows_of
-from vibro_ros.study.running.blocks import Field, file_of, table_of
+from vibro_ros.study.table import Field, file_of, table_of
 from vibro_ros.study.variation import Range, varied_in_words, whole_number
 
 BRANCHES, SPECIAL, PICTURE, TEXT = "branches.parquet", "special_points.parquet", "orbits.png", "orbits.md"
@@ -48,16 +48,16 @@ def main(words: Sequence[str]) -> int:
 def _orbits(options: argparse.Namespace) -> int:
     plan = plan_of(options)
     asked = curves_of(options, plan) if options.curves else None
-    runner = runner_of(options)
+    execution = execution_of(options)
     with locked(options.output / FOLDER):
-        run = OrbitsRun(plan, options.output / FOLDER, runner)
+        run = OrbitsRun(plan, options.output / FOLDER, execution)
         run.do()
         write_files(options.output, _files(plan, run))
     print("\n".join(in_words(run.done)) or "no orbit was found; give more --starts, --turns, or another --from")
     if asked:
         with locked(options.output / curves.FOLDER):
             names = names_of([branch for _, branch in run.done])
-            found = curves.follow_curves(asked, run.done, names, options.output / curves.FOLDER, runner)
+            found = curves.follow_curves(asked, run.done, names, options.output / curves.FOLDER, execution)
             write_files(options.output, _curve_files(asked, run, found))
         print("\n".join(curves_in_words(found)) or "no special point has a curve")
     return 0
@@ -155,7 +155,7 @@ def parser() -> Parser:
     own.add_argument("--starts", type=int, metavar="N", help="starts from which orbits are looked for, at each VALUE "
                      "(default: 4)")
     own.add_argument("--points", type=int, metavar="N", help="most orbits of a branch (default: 400)")
-    add_runner(own)
+    add_execution(own)
     own.add_argument("--quick", action="store_true", help="the folds of `device` between 60 and 66 rad/s, in a minute; "
                      "options that are given win")
     return own

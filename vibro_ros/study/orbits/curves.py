@@ -1,6 +1,7 @@
 """Curves of special points over two parameters, as a study follows and keeps them."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -13,6 +14,8 @@ from vibro_ros.orbits.branch import Branch, Special
 from vibro_ros.orbits.continuation import KINDS
 from vibro_ros.orbits.curve import Curve, CurveSpecial, has_curve, passes, whole_curve
 from vibro_ros.orbits.turn_map import coordinates
+from vibro_ros.process.entry_point import say
+from vibro_ros.study.execution import Execution, Results
 from vibro_ros.study.orbits.run import (
     DOWN,
     ORBIT_FIELDS,
@@ -22,14 +25,13 @@ from vibro_ros.study.orbits.run import (
     Plan,
     Task,
     array_of,
-    followed,
     is_sequence,
+    nothing,
     read_sequence,
     rows_of_sequence,
 )
 from vibro_ros.study.progress import SignsOfLife
-from vibro_ros.study.running.blocks import Field, ParquetBlocks
-from vibro_ros.study.running.runner import Piece, Runner
+from vibro_ros.study.table import Field, Study, stored
 
 FOLDER = "curves"
 MOST_CURVES = 10_000
@@ -96,11 +98,12 @@ def fields_of(asked: CurvePlan) -> list[Field]:
     ]
 
 
-def curve_files(folder: Path, asked: CurvePlan) -> ParquetBlocks:
-    """The files of the curves in a folder that exists: one a curve, a row an orbit or special point, in its order."""
+def study_of(asked: CurvePlan, tasks: dict[int, CurveTask]) -> Study:
+    """The curves: a block a curve, a row an orbit or special point, in its order."""
     dimension = len(coordinates(asked.plan.scene))
-    return ParquetBlocks(folder, asked.document(), MOST_CURVES, fields_of(asked), lambda _, rows: is_sequence(
-        rows, dimension) and {row["kind"] for row in rows} <= set(KINDS))
+    return Study("curves followed", asked.document(), fields_of(asked), partial(rows_of_task, asked, tasks),
+                 lambda _, rows: is_sequence(rows, dimension) and {row["kind"] for row in rows} <= set(KINDS), RUN_TIME,
+                 (asked.plan.scene["solver.method"],), MOST_CURVES)
 
 
 def rows_of(curve: Curve) -> list[dict]:
@@ -122,15 +125,16 @@ def curve_of(asked: CurvePlan, table: pa.Table) -> Curve:
         **common)
 
 
-def curves_of_piece(asked: CurvePlan, tasks: dict[int, CurveTask], piece: Piece) -> list[Curve]:
-    """The curve that a piece has the number of, as one result; lines say how far it is."""
-    task = tasks[piece.number]
+def rows_of_task(asked: CurvePlan, tasks: dict[int, CurveTask], number: int) -> list[dict]:
+    """The rows of the curve of a number; lines say how far it is."""
+    task = tasks[number]
     with Followed(f"curve of {task.name}, {task.way}", list(asked.ranges)) as notice:
-        return [whole_curve(task.branch, task.special, asked.ranges, task.way == UP, asked.plan.points, notice)]
+        curve = whole_curve(task.branch, task.special, asked.ranges, task.way == UP, asked.plan.points, notice)
+    return rows_of(curve) or [{"kind": curve.kind, **dict.fromkeys(asked.ranges, math.nan), **nothing(curve)}]
 
 
 def follow_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]], names: Sequence[Sequence[str]], folder: Path,
-                  runner: Runner) -> list[tuple[CurveTask, Curve]]:
+                  execution: Execution) -> list[tuple[CurveTask, Curve]]:
     """The curves through all special points of branches that have one, in both directions of the second parameter.
 
     A special point that lies on a curve which is known already has none of its own. `names` are those of the special
@@ -143,9 +147,7 @@ def follow_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]], names: 
     RuntimeError
         When the disk is full or refuses, or a run cannot go on; finished curves are kept.
     """
-    files = curve_files(folder, asked)
     found: list[tuple[CurveTask, Curve]] = []
-    files.check_folder()
     for (_, branch), own in zip(done, names, strict=True):
         for name, special in zip(own, branch.special_points, strict=True):
             if not has_curve(special):
@@ -157,12 +159,19 @@ def follow_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]], names: 
             tasks = [CurveTask(name, branch, special, way) for way in (UP, DOWN)]
             if len(found) + len(tasks) > MOST_CURVES:
                 raise RuntimeError(f"there are more than {MOST_CURVES} curves; give a smaller range")
-            curves = followed(
-                files, dict(enumerate(tasks, len(found))), partial(curve_of, asked), rows_of,
-                lambda _, task: f"curve of {task.name}, {task.special.kind} at {asked.plan.name} = "
-                f"{task.special.value:.9g}, {task.way} in {asked.name}, at most {asked.plan.points} orbits",
-                lambda missing: runner(
-                    partial(curves_of_piece, asked, missing), RUN_TIME, (asked.plan.scene["solver.method"],),
-                    (Piece(number, {}, (number,)) for number in missing)))
-            found += zip(tasks, curves, strict=True)
+            found += _followed(asked, dict(enumerate(tasks, len(found))), folder, execution)
     return found
+
+
+def _followed(asked: CurvePlan, tasks: dict[int, CurveTask], folder: Path,
+              execution: Execution) -> list[tuple[CurveTask, Curve]]:
+    study = study_of(asked, tasks)
+
+    def follow(numbers: Iterable[int]) -> Results:
+        for task in map(tasks.__getitem__, numbers):
+            say("study", f"curve of {task.name}, {task.special.kind} at {asked.plan.name} = {task.special.value:.9g}, "
+                f"{task.way} in {asked.name}, at most {asked.plan.points} orbits")
+        return execution.rows(study.rows, numbers, study.run_time, study.methods)
+
+    tables = stored(study, folder, {number: [number] for number in tasks}, follow)
+    return [(task, curve_of(asked, tables[number])) for number, task in tasks.items()]

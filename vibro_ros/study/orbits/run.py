@@ -1,11 +1,12 @@
 """A study of orbits at work: it looks for orbits, follows and keeps their branches, then those of doubled period."""
 
 import contextlib
-from collections.abc import Callable, Iterator, Sequence, Sized
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -20,9 +21,9 @@ from vibro_ros.orbits.orbit import Seed, seeds_of
 from vibro_ros.orbits.turn_map import coordinates, units_of
 from vibro_ros.process.entry_point import say
 from vibro_ros.simulation.given_state import STATE_UNITS
+from vibro_ros.study.execution import Execution, Results
 from vibro_ros.study.progress import Progress, SignsOfLife
-from vibro_ros.study.running.blocks import NUMBERS, Field, ParquetBlocks
-from vibro_ros.study.running.runner import Piece, Results, Runner, Work
+from vibro_ros.study.table import NUMBERS, Field, Study, read, stored
 
 UP, DOWN, DOUBLED = "upwards", "downwards", "doubled"
 
@@ -97,27 +98,35 @@ class Plan:
         return family_of(self.scene, self.name, self.low, self.high, turns, phase)
 
 
-def seeds_of_piece(plan: Plan, piece: Piece) -> list[list[Seed]]:
-    """Orbits at the value of the parameter that a piece has, in the units of their families, as one result."""
-    scene, found = plan.scene.with_parameters(piece.changes), []
+def seeds_at(plan: Plan, number: int) -> list[Seed]:
+    """Orbits at the value of a number of those at which they are looked for, in the units of their families."""
+    scene, found = plan.scene.with_parameters({plan.name: plan.begin[number]}), []
     with SignsOfLife(f"orbits at {plan.name} = {scene[plan.name]:g}"):
         seeds = seeds_of(scene, plan.starts, plan.turns)
     for seed in seeds:
         family = plan.family(seed.turns, seed.phase)
         ratio = units_of(scene) / family.units
         found.append(Seed(seed.turns, float(seed.phase), seed.state * ratio))
-    return [found]
+    return found
 
 
-def branches_of_piece(plan: Plan, tasks: dict[int, Task], piece: Piece) -> list[Branch]:
-    """The branch that a piece has the number of, as one result; lines say how far it is."""
-    task = tasks[piece.number]
+def rows_of_task(plan: Plan, tasks: dict[int, Task], number: int) -> list[dict]:
+    """The rows of the branch of a number; lines say how far it is."""
+    task = tasks[number]
     family = plan.family(task.turns, task.phase)
     share = family.share(task.value)
-    with Followed(f"branch {piece.number}", [plan.name]) as notice:
+    with Followed(f"branch {number}", [plan.name]) as notice:
         if task.way == DOUBLED:
-            return [doubled_branch_from(family, task.state, share, plan.points, notice)]
-        return [branch_from(family, task.state, share, 1.0 if task.way == UP else -1.0, plan.points, notice)]
+            branch = doubled_branch_from(family, task.state, share, plan.points, notice)
+        else:
+            branch = branch_from(family, task.state, share, 1.0 if task.way == UP else -1.0, plan.points, notice)
+    return rows_of(branch) or [{plan.name: task.value, **nothing(branch)}]
+
+
+def nothing(sequence: Branch | Curve) -> dict:
+    """The row of a branch or curve without an orbit: why there is none."""
+    return {"turns": sequence.turns, "mean_speed": math.nan, "phase": math.nan, "state": [], "multipliers_real": [],
+            "multipliers_imag": [], "end": sequence.end}
 
 
 class Followed(SignsOfLife):
@@ -138,22 +147,25 @@ FOLDER = "branches"
 MOST_BRANCHES = 10_000
 
 
-def branch_files(folder: Path, plan: Plan) -> ParquetBlocks:
-    """The files of a plan in a folder that exists: one a branch, a row an orbit or special point, in its order."""
+def study_of(plan: Plan, tasks: dict[int, Task]) -> Study:
+    """The branches of a plan: a block a branch, a row an orbit or special point, in its order."""
     names = coordinates(plan.scene)
 
-    def sound(_: int, rows: list[dict]) -> bool:
+    def are_own(_: Sequence[int], rows: list[dict]) -> bool:
         return is_sequence(rows, len(names)) and all(row["kind"] in (None, *KINDS) for row in rows) and all(
-            len(row[name] or ()) == (row["turns"] if row["kind"] is None else 0) for row in rows for name in names)
+            len(row[name] or ()) == (row["turns"] if row["kind"] is None and row["state"] else 0)
+            for row in rows for name in names)
 
-    return ParquetBlocks(folder, plan.document(), MOST_BRANCHES, fields_of(plan), sound)
+    return Study("branches followed", plan.document(), fields_of(plan), partial(rows_of_task, plan, tasks), are_own,
+                 RUN_TIME, (plan.scene["solver.method"],), MOST_BRANCHES)
 
 
 def is_sequence(rows: list[dict], dimension: int) -> bool:
     """Whether rows are one branch or curve of states with so many coordinates."""
     ends = [row["end"] is not None for row in rows]
     return ends == [*[False] * (len(rows) - 1), True] and len({row["turns"] for row in rows}) == 1 and all(
-        len(row[name]) == dimension for row in rows for name in ("state", "multipliers_real", "multipliers_imag"))
+        len(row[name]) == (dimension if rows[0]["state"] else 0)
+        for row in rows for name in ("state", "multipliers_real", "multipliers_imag"))
 
 
 def fields_of(plan: Plan) -> list[Field]:
@@ -235,6 +247,9 @@ def read_sequence(table: pa.Table, kind: str) -> tuple[list[dict], list[tuple[di
         The attributes of their `OrbitSequence`, without `values`.
     """
     rows = table.to_pylist()
+    turns, end = int(rows[0]["turns"]), rows[-1]["end"]
+    n = len(rows[0]["state"]) or 1
+    rows = [row for row in rows if row["state"]]
     orbits, special = list[dict](), list[tuple[dict, dict]]()
     for row in rows:
         if row[kind] is None:
@@ -244,11 +259,10 @@ def read_sequence(table: pa.Table, kind: str) -> tuple[list[dict], list[tuple[di
                 "kind": row[kind], "mean_speed": row["mean_speed"], "multipliers": _multipliers_of(row),
                 "change": row["change"] or "", "phase": row["phase"], "state": np.array(row["state"]),
                 "at": len(orbits)}))
-    n = len(rows[0]["state"])
     return orbits, special, {
-        "turns": int(rows[0]["turns"]), "mean_speeds": array_of(orbits, "mean_speed"),
+        "turns": turns, "mean_speeds": array_of(orbits, "mean_speed"),
         "multipliers": np.array([_multipliers_of(row) for row in orbits], dtype=complex).reshape(-1, n),
-        "phases": array_of(orbits, "phase"), "states": array_of(orbits, "state").reshape(-1, n), "end": rows[-1]["end"]}
+        "phases": array_of(orbits, "phase"), "states": array_of(orbits, "state").reshape(-1, n), "end": end}
 
 
 def array_of(rows: Sequence[dict[str, Any]], key: str) -> np.ndarray:
@@ -265,26 +279,6 @@ RUN_TIME = 1000.0  # robot time [s] of a search or a branch, about: so long that
 _JOINS = 0.05  # share of the range within which a branch that joins another one ends at its period doubling
 
 
-_Task = TypeVar("_Task")
-_Result = TypeVar("_Result", bound=Sized)
-
-
-def followed(files: ParquetBlocks, tasks: dict[int, _Task], read: Callable[[pa.Table], _Result],
-             rows: Callable[[_Result], list[dict]], words: Callable[[int, _Task], str],
-             compute: Callable[[dict[int, _Task]], Results]) -> list[_Result]:
-    """What comes of numbered tasks, in their order: read from the files, or computed and written."""
-    found = {number: table and read(table) for number, table in ((number, files.read(number)) for number in tasks)}
-    missing = {number: task for number, task in tasks.items() if found[number] is None}
-    for number, task in missing.items():
-        say("study", words(number, task))
-    with contextlib.closing(compute(missing)) as results:
-        for number, (result,) in zip(missing, results, strict=True):
-            found[number] = result
-            if len(result):  # what does not begin is tried again, which is soon done
-                files.write(number, rows(result))
-    return [result for result in found.values() if result is not None]
-
-
 class OrbitsRun:
     """The branches of a plan in a folder that nobody else writes into.
 
@@ -294,7 +288,7 @@ class OrbitsRun:
         What is asked for.
     folder : Path
         Of the branches' files.
-    runner : Runner
+    execution : Execution
         Who computes.
 
     Attributes
@@ -303,9 +297,8 @@ class OrbitsRun:
         The branches so far, by their numbers.
     """
 
-    def __init__(self, plan: Plan, folder: Path, runner: Runner):
-        self._plan, self._files = plan, branch_files(folder, plan)
-        self._runner = runner
+    def __init__(self, plan: Plan, folder: Path, execution: Execution):
+        self._plan, self._folder, self._execution = plan, folder, execution
         self._doubled: set[tuple[int, int]] = set()  # number of a branch and of its special point
         self.done: list[tuple[Task, Branch]] = []
 
@@ -319,40 +312,39 @@ class OrbitsRun:
         RuntimeError
             When the disk is full or refuses, or a run cannot go on; finished branches are kept.
         """
-        self._files.check_folder()
-        self._files.read(0)  # refuses another study before the search, which is long
-        begin, found = self._plan.begin, list[tuple[float, list[Seed]]]()
-        pieces = (Piece(number, {self._plan.name: value}, (number,)) for number, value in enumerate(begin))
-        with contextlib.closing(self._compute(partial(seeds_of_piece, self._plan), pieces)) as results, \
-                Progress("orbits looked for", "value", len(begin)) as progress:
-            for value, (seeds,) in zip(begin, results, strict=True):
-                found.append((value, seeds))
-                progress.add(1)
-        for value, seeds in found:
+        plan, begin, found = self._plan, self._plan.begin, list[list[Seed]]()
+        read(study_of(plan, {}), self._folder, 0, [0])  # refuses another study before the search, which is long
+        with contextlib.closing(self._execution.rows(partial(seeds_at, plan), range(len(begin)), RUN_TIME, (
+                plan.scene["solver.method"],))) as results, Progress("orbits looked for", "value", len(begin)) as bar:
+            for seeds in results:
+                found.append(seeds)
+                bar.add(1)
+        for value, seeds in zip(begin, found, strict=True):
             for seed in seeds:
-                family = self._plan.family(seed.turns, seed.phase)
-                with SignsOfLife(f"an orbit at {self._plan.name} = {value:g} compared with branches"):
+                family = plan.family(seed.turns, seed.phase)
+                with SignsOfLife(f"an orbit at {plan.name} = {value:g} compared with branches"):
                     known = any(lies_on(family, seed, family.share(value), branch) for _, branch in self.done)
                 if not known:
                     self._follow([Task(way, seed.turns, seed.phase, seed.state, value, None) for way in (UP, DOWN)])
         while tasks := self._doublings():
             self._follow(tasks)
 
-    def _compute(self, work: Work, pieces: Iterator[Piece]) -> Results:
-        return self._runner(work, RUN_TIME, (self._plan.scene["solver.method"],), pieces)
-
     def _follow(self, tasks: Sequence[Task]) -> None:
         """Do the tasks, or read what was done before; their branches come in the order of the tasks."""
         if len(self.done) + len(tasks) > MOST_BRANCHES:
             raise RuntimeError(f"there are more than {MOST_BRANCHES} branches; give fewer --turns or a smaller range")
-        numbered = dict(enumerate(tasks, len(self.done)))
-        branches = followed(
-            self._files, numbered, partial(branch_of, self._plan), rows_of,
-            lambda number, task: f"branch {number}: {task.turns} turn{'s' * (task.turns > 1)}, {task.way} from "
-            f"{self._plan.name} = {task.value:.9g}, at most {self._plan.points} orbits",
-            lambda missing: self._compute(partial(branches_of_piece, self._plan, missing), (
-                Piece(number, {self._plan.name: task.value}, (number,)) for number, task in missing.items())))
-        self.done += zip(tasks, branches, strict=True)
+        plan, numbered = self._plan, dict(enumerate(tasks, len(self.done)))
+        study = study_of(plan, numbered)
+
+        def follow(numbers: Iterable[int]) -> Results:
+            for number in numbers:
+                task = numbered[number]
+                say("study", f"branch {number}: {task.turns} turn{'s' * (task.turns > 1)}, {task.way} from "
+                    f"{plan.name} = {task.value:.9g}, at most {plan.points} orbits")
+            return self._execution.rows(study.rows, numbers, study.run_time, study.methods)
+
+        tables = stored(study, self._folder, {number: [number] for number in numbered}, follow)
+        self.done += [(task, branch_of(plan, tables[number])) for number, task in numbered.items()]
 
     def _doublings(self) -> list[Task]:
         """The first period doubling of each branch whose branch of doubled period is not known yet."""

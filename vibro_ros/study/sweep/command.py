@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Sequence
 
 from vibro_ros.process.entry_point import FAILURE, Parser, say
-from vibro_ros.study.command import add_runner, locked, run_study, runner_of, study_parser, write_files
+from vibro_ros.study.command import add_execution, execution_of, locked, run_study, study_parser, write_files
 from vibro_ros.study.measures import MEASURES
 from vibro_ros.study.progress import Progress
 from vibro_ros.study.sweep.design import (
@@ -14,11 +14,12 @@ from vibro_ros.study.sweep.design import (
     design_of,
     given_in_words,
     read_sweep,
-    run_sweep,
     shipped_sweeps,
+    study_of,
     sweep_path,
 )
 from vibro_ros.study.sweep.result import as_csv, draw_sweep, in_words, summary
+from vibro_ros.study.table import computed
 from vibro_ros.study.variation import SAMPLERS
 
 TABLE, PICTURE = "summary.csv", "sweep.png"
@@ -30,12 +31,12 @@ def main(words: Sequence[str]) -> int:
 
 
 def _sweep(options: argparse.Namespace) -> int:
-    runner = runner_of(options)
+    execution = execution_of(options)
     file = {} if options.file is None else read_sweep(sweep_path(options.file))
     design = design_of(file, given_in_words(options))
     check_points(design)
     with locked(options.output / FOLDER):
-        found = summary(design, run_sweep(design, options.output / FOLDER, runner))
+        found = summary(design, computed(study_of(design), options.output / FOLDER, execution))
         print(options.output / FOLDER)
         write_files(options.output, {TABLE: as_csv(found).encode(), PICTURE: draw_sweep(found)})
     print("\n".join(in_words(found)))
@@ -81,5 +82,5 @@ def _parser() -> Parser:
                         f"{DEFAULTS['settling']:g})")
     parser.add_argument("--duration", type=float, metavar="S", help="time that counts, cut to whole turns (default: "
                         f"{DEFAULTS['duration']:g})")
-    add_runner(parser)
+    add_execution(parser)
     return parser

@@ -1,18 +1,16 @@
 """A sweep's design: which points are run from which starts, and what is measured; the same for whoever reads it.
 
 The rows of a sweep are numbered point by point, and within a point start by start. Points come in the order of the
-product of the axes, of which the last one changes fastest, and beside it the samples. The rows are cut into blocks by
-a rule that knows neither machine nor workers.
+product of the axes, of which the last one changes fastest, and beside it the samples.
 """
 
 import argparse
 import difflib
 import functools
-import itertools
 import math
 import os
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -30,8 +28,7 @@ from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import ToleranceWarning
 from vibro_ros.study.command import settings_of
 from vibro_ros.study.measures import MEASURES, checked_names, checked_times, measure
-from vibro_ros.study.running.blocks import Field, ParquetBlocks, are, completed, cut
-from vibro_ros.study.running.runner import PIECE, Piece, Runner
+from vibro_ros.study.table import Field, Study, are
 from vibro_ros.study.variation import (
     Axis,
     Range,
@@ -47,6 +44,8 @@ from vibro_ros.study.variation import (
 MOST_RUNS = 100_000_000
 #: Most drawn starts of a point.
 MOST_STARTS = 1_000_000
+PART = 16
+"""Most starts of a part of a point: runs of the same machine, whose equations are compiled once."""
 # Robot time [s] of the runs of a block, a second or two of work, and most of its rows: what an interruption can lose.
 _BLOCK_TIME, _BLOCK_ROWS = 4096.0, 1024
 
@@ -128,9 +127,14 @@ class Design:
         return self.points * max(self.starts, 1)
 
     @property
-    def blocks(self) -> list[range]:
-        """Numbers of the rows of each block."""
-        return cut(self.rows, max(1, min(_BLOCK_ROWS, int(_BLOCK_TIME / (self.settling + self.duration)))))
+    def parts(self) -> int:
+        """Parts that the starts of a point are cut into, of which each has at most `PART` runs of one machine."""
+        return max(1, -(-self.starts // PART))
+
+    def runs(self, number: int) -> tuple[int, tuple[int | None, ...]]:
+        """Point, and numbers of the starts, of the part of a number; None for the scene's own start."""
+        point, part = divmod(number, self.parts)
+        return point, tuple(range(part * PART, min((part + 1) * PART, self.starts))) or (None,)
 
     def changes(self, point: int) -> dict[str, Value]:
         """Values of the varied parameters at a point."""
@@ -285,57 +289,41 @@ NO_SCENE = "no such scene: "
 _TYPES = {float: pa.float64(), bool: pa.bool_(), str: pa.string()}
 
 
-def run_sweep(design: Design, folder: Path, runner: Runner) -> pa.Table:
-    """All rows of a design, in a folder that nobody else writes into; blocks that are missing are computed.
-
-    Raises
-    ------
-    ValueError, OSError, RuntimeError
-        As `completed`.
-    """
-    rows = design.blocks
-    def sound(block: int, found: list[dict]) -> bool:
-        return are(found, [{"point": piece.number, "start": start, **piece.changes}
-                           for piece in pieces(design, rows[block]) for start in piece.starts])
-
-    blocks = ParquetBlocks(folder, design.document(), len(rows), fields_of(design), sound)
+def study_of(design: Design) -> Study:
+    """The table of a sweep: a row a run, point by point, and within a point start by start."""
     methods = next((axis.values for axis in design.axes if axis.name == "solver.method"),
                    (design.scene["solver.method"],))
-    return completed("sweep", blocks, list(map(len, rows)), lambda missing: runner(
-        partial(rows_of, design.scene, design.measures, design.settling, design.duration),
-        design.settling + design.duration, cast(tuple[str, ...], methods),
-        itertools.chain.from_iterable(pieces(design, rows[block]) for block in missing)))
+    starts = min(max(design.starts, 1), PART)
+    run_time = (design.settling + design.duration) * starts
+    block = max(1, min(_BLOCK_ROWS // starts, int(_BLOCK_TIME / run_time)))
+    return Study("sweep", design.document(), fields_of(design), partial(rows_of, design), partial(_are_own, design),
+                 run_time, cast(tuple[str, ...], methods), design.points * design.parts, block)
 
 
-def rows_of(scene: Scene, measures: tuple[str, ...], settling: float, duration: float, piece: Piece) -> list[dict]:
-    """Run a piece; a row a start, with NaN and the reason where it cannot go on. Times [s] as `measure` takes them."""
-    rows = [{"point": piece.number, "start": start, **piece.changes, **dict.fromkeys(measures, math.nan),
-             "error": None, "warning": None} for start in piece.starts]
+def _are_own(design: Design, numbers: Sequence[int], rows: list[dict]) -> bool:
+    return are(rows, [{"point": point, "start": start, **design.changes(point)}
+                      for point, starts in map(design.runs, numbers) for start in starts])
+
+
+def rows_of(design: Design, number: int) -> list[dict]:
+    """Run a part; a row a start, with NaN and the reason where it cannot go on."""
+    point, starts = design.runs(number)
+    changes = design.changes(point)
+    rows = [{"point": point, "start": start, **changes, **dict.fromkeys(design.measures, math.nan), "error": None,
+             "warning": None} for start in starts]
     try:
-        scene = scene.with_parameters(piece.changes)
+        scene = design.scene.with_parameters(changes)
     except ValueError as error:
         return [{**row, "error": f"{NO_SCENE}{error}"} for row in rows]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ToleranceWarning)  # it stands in the row
-        for row, start in zip(rows, piece.starts, strict=True):
+        for row, start in zip(rows, starts, strict=True):
             row["warning"] = scene.broken_promise or None
             try:
-                row.update(measure(scene, measures, settling, duration, start))
+                row.update(measure(scene, design.measures, design.settling, design.duration, start))
             except SimulationError as error:
                 row["error"] = str(error)
     return rows
-
-
-def pieces(design: Design, rows: range) -> Iterator[Piece]:
-    """The pieces of a block, in the order of its rows: those of one point together, with the numbers of their starts,
-    None for the scene's own."""
-    first, starts = rows.start, max(design.starts, 1)
-    while first < rows.stop:
-        point = first // starts
-        end = min(rows.stop, first + PIECE, (point + 1) * starts)
-        yield Piece(point, design.changes(point),
-                    tuple(row % starts if design.starts else None for row in range(first, end)))
-        first = end
 
 
 def fields_of(design: Design) -> list[Field]:

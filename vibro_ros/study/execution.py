@@ -1,0 +1,204 @@
+"""Who computes the points of a study, with the same numbers everywhere: processes of this machine, or a cluster.
+
+Both are a `concurrent.futures.Executor`. A task is some points, so that handing out costs little of it; every answer
+says what it was computed with, and one that may differ in a bit is refused, because nobody could tell afterwards which
+rows it made. Where a process is killed, as by a system that lacks memory, its task and those after it are done again.
+"""
+
+import functools
+import hashlib
+import itertools
+import threading
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import BrokenExecutor, CancelledError, Executor
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from vibro_ros.process.entry_point import say
+from vibro_ros.simulation.preparation import prepare_kernels, provide_kernels
+from vibro_ros.simulation.processes import Forks, InThisProcess, in_order
+from vibro_ros.simulation.provenance import software
+
+MOST_DEATHS = 3
+"""How often in a row processes may end before the task that is due is done."""
+AHEAD = 16
+"""Tasks a process that may be submitted beyond the one that is due."""
+# Robot time [s] of a task, and its most points: some hundredths of a second of work here, and half a second on a
+# cluster, whose scheduler hands out some thousand tasks a second.
+_HERE, _THERE = (64.0, 64), (512.0, 256)
+_PATIENCE = "10s"  # to find the scheduler
+_one_at_a_time = threading.Lock()
+
+Results = Generator[Any, None, None]
+"""The rows of each point, in the order of the points."""
+
+
+@functools.cache
+def fingerprint() -> dict[str, str]:
+    """Version of the package, and a digest of all that may decide the numbers of a study; equal where it may go on.
+
+    Every module of the rooms `orbits` and `study` counts, beside those of the robot.
+    """
+    package, digest = Path(__file__).parents[1], hashlib.sha256(software()["sources"].encode())
+    for path in sorted([*package.glob("orbits/**/*.py"), *package.glob("study/**/*.py")]):
+        digest.update(b"\n".join((str(path.relative_to(package)).encode(), *path.read_bytes().splitlines())))
+    return {"version": software()["version"], "sources": digest.hexdigest()[:16]}
+
+
+@functools.cache
+def computes_with() -> dict[str, str]:
+    """All that the bits of a study's run depend on besides its scene: where it is equal, numbers are equal to the last
+    bit."""
+    return {**software(), **fingerprint()}
+
+
+@dataclass(frozen=True)
+class Task:
+    """The rows of some points.
+
+    Attributes
+    ----------
+    rows : callable
+        Rows of the point of a number.
+    methods : tuple of str
+        Each `solver.method` whose kernels are needed.
+    """
+
+    rows: Callable[[int], Any]
+    methods: tuple[str, ...]
+
+    def __call__(self, numbers: tuple[int, ...]) -> tuple[dict[str, str], list]:
+        """What it was computed with, and the rows of each point; threads of a worker take turns, because a device is
+        for one thread."""
+        with _one_at_a_time:
+            for method in self.methods:
+                provide_kernels(method)
+            return computes_with(), [self.rows(number) for number in numbers]
+
+
+@dataclass(frozen=True)
+class Execution:
+    """Who computes.
+
+    Attributes
+    ----------
+    workers : int
+        Processes of this machine.
+    address : str or None
+        Of the scheduler of a Dask cluster that takes their place.
+    """
+
+    workers: int
+    address: str | None = None
+
+    def rows(self, rows: Callable[[int], Any], numbers: Iterable[int], run_time: float,
+             methods: tuple[str, ...]) -> Results:
+        """The rows of the point of each number, in order; a point takes about `run_time` seconds of robot time.
+
+        Raises
+        ------
+        ValueError
+            If there is no scheduler.
+        RuntimeError
+            If workers compute otherwise than this machine, die again and again, or the scheduler goes.
+        """
+        for method in () if self.address else methods:
+            prepare_kernels("study", method)  # once for all that are forked
+        task, (time, most) = Task(rows, methods), _THERE if self.address else _HERE
+        given = _groups(iter(numbers), max(1, min(most, int(time / run_time))))
+        due: deque[tuple[int, ...]] = deque()
+        deaths = 0
+        while True:
+            waiting = itertools.chain(tuple(due), given)
+            due.clear()
+            try:
+                with self._executor(task) as (executor, ahead), closing(
+                        in_order(executor, task, _noted(waiting, due), ahead)) as answers:
+                    for _, future in answers:
+                        found = _checked(*future.result())
+                        due.popleft()
+                        deaths = 0
+                        yield from found
+                return
+            except BrokenExecutor as error:
+                deaths += 1
+                if deaths == MOST_DEATHS:
+                    raise RuntimeError(f"{MOST_DEATHS} processes ended at or after point {due[0][0]} ({error}), perhaps"
+                                       " for want of memory; finished work is kept. Give fewer --workers and the same "
+                                       "command again") from error
+
+    def _executor(self, task: Task) -> "_Here | _Cluster":
+        return _Cluster(self.address) if self.address else _Here(self.workers, task)
+
+
+def _groups(numbers: Iterator[int], size: int) -> Iterator[tuple[int, ...]]:
+    while group := tuple(itertools.islice(numbers, size)):
+        yield group
+
+
+def _noted(groups: Iterable[tuple[int, ...]], due: deque[tuple[int, ...]]) -> Iterator[tuple[int, ...]]:
+    for group in groups:
+        due.append(group)  # before it is given away: whatever happens then, it is done or in here
+        yield group
+
+
+def _checked(theirs: dict[str, str], found: list) -> list:
+    for key, ours in computes_with().items():
+        if theirs.get(key) != ours:
+            raise RuntimeError(f"a worker of the cluster has another {key} ({theirs.get(key)}) than this machine "
+                               f"({ours}), so that bits may differ; start workers from the same environment on "
+                               "machines of one kind")
+    return found
+
+
+class _Here:
+    """Processes of this machine, and how many tasks may be ahead; a context."""
+
+    def __init__(self, workers: int, task: Task):
+        self._executor: Executor = Forks(workers, task) if workers > 1 else InThisProcess()
+        self._ahead = AHEAD * workers if workers > 1 else 0
+
+    def __enter__(self) -> tuple[Executor, int]:
+        return self._executor, self._ahead
+
+    def __exit__(self, *_: object) -> None:
+        self._executor.shutdown()
+
+
+class _Cluster:
+    """The workers of the scheduler at ``tcp://host:8786`` or the like, and how many tasks may be ahead; a context."""
+
+    def __init__(self, address: str):
+        try:
+            from distributed import Client  # only clusters need it
+        except ModuleNotFoundError as error:
+            raise ValueError(f"{error.name}: not installed; `pip install \".[cluster]\"` brings what --scheduler "
+                             "needs") from error
+        self._address = address
+        try:
+            self._client = Client(address, timeout=_PATIENCE, set_as_default=False)
+        except (OSError, ValueError, TypeError, ImportError) as error:
+            raise ValueError(f"--scheduler {address}: no scheduler answers ({error}); start one with `dask scheduler`, "
+                             "and `dask worker` for each core") from error
+
+    def __enter__(self) -> tuple[Executor, int]:
+        threads = self._client.nthreads()
+        if not threads:
+            say("study", f"{self._address} has no worker yet; waiting for `dask worker {self._address}`")
+        return self._client.get_executor(pure=False), AHEAD * max(1, sum(threads.values()))
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> None:
+        self._client.close()
+        if error is None:
+            return
+        from distributed import CancelledError as Cancelled
+        from distributed import KilledWorker
+        if isinstance(error, KilledWorker):
+            raise RuntimeError(f"workers of the cluster died again and again at the same task ({error}); finished work "
+                               "is kept. Give them more memory and the same command again") from error
+        if isinstance(error, Cancelled | CancelledError | OSError):
+            raise RuntimeError(f"{self._address}: the scheduler went away ({error}); finished work is kept. Start it "
+                               "and give the same command again") from error

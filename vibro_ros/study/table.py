@@ -1,0 +1,275 @@
+"""The table of a study: rows of numbered points, computed in order, kept in files, and resumed.
+
+`Study` says what the rows are. `computed` gives its whole table: it reads the blocks that are whole, has the others
+computed, and writes each of them at once.
+
+A block is a Parquet file whose bytes depend on the study alone. Its schema's metadata say, under the key `vibro_ros`,
+the version, the whole design, and which block it is, and, under `digest`, by which damage is seen, a digest of this and
+of its values; every column says its unit and meaning. A file is whole or absent: it is written beside its place,
+brought to the disk and renamed. Anybody can write a file with a digest that fits, so a file also counts only if it has
+the columns of the study and the rows of its points.
+"""
+
+import contextlib
+import errno
+import hashlib
+import io
+import json
+import os
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from vibro_ros.process.entry_point import say
+from vibro_ros.process.files import content, is_temporary, replace_file
+from vibro_ros.study.execution import Execution, Results, fingerprint
+from vibro_ros.study.progress import Progress
+
+KEY, _DIGEST = b"vibro_ros", b"digest"
+NUMBERS = pa.list_(pa.field("element", pa.float64(), nullable=False))
+"""A list of numbers, by the name of its items that a file has which is read again."""
+_LARGEST, _MOST_ROWS = 2**28, 2**20  # bytes of a block's file, and its rows: few bytes can stand for many rows
+# What comes of reading values that are not those of a study.
+_UNSOUND = (pa.ArrowException, ArithmeticError, LookupError, TypeError, ValueError)
+
+
+class ForeignBlockError(ValueError):
+    """A file that belongs to another study."""
+
+
+class Field(NamedTuple):
+    """One column of a table; `optional`: whether a row may have no value there."""
+
+    name: str
+    type: pa.DataType
+    unit: str
+    meaning: str
+    optional: bool = False
+
+
+@dataclass(frozen=True)
+class Study:
+    """What decides a table, and how its rows are computed.
+
+    Attributes
+    ----------
+    what : str
+        What is done, for the lines that say how far it is.
+    design : dict
+        All that decides the rows, as JSON has it.
+    fields : sequence of Field
+        The columns.
+    rows : callable
+        The rows of the point of a number, a function of this number alone; other processes get it pickled.
+    are_own : callable
+        Whether rows, whose columns have the right types, are those of the points of some numbers; it may raise instead
+        of returning False.
+    run_time : float
+        Robot time of a point [s], about.
+    methods : tuple of str
+        Each `solver.method` whose kernels are needed.
+    count : int
+        Points, or the most that there may be.
+    block : int
+        Points of a block: what an interruption can lose.
+    """
+
+    what: str
+    design: dict
+    fields: Sequence[Field]
+    rows: Callable[[int], list[dict]]
+    are_own: Callable[[Sequence[int], list[dict]], bool]
+    run_time: float
+    methods: tuple[str, ...]
+    count: int
+    block: int = 1
+
+    @property
+    def blocks(self) -> int:
+        """How many blocks there are."""
+        return -(-self.count // self.block)
+
+    def points(self, block: int) -> range:
+        """Numbers of the points of a block."""
+        return range(block * self.block, min((block + 1) * self.block, self.count))
+
+
+def computed(study: Study, folder: Path, execution: Execution) -> pa.Table:
+    """The whole table of a study, in a folder that exists and into which nobody else writes.
+
+    Raises
+    ------
+    ForeignBlockError
+        For files of another study.
+    OSError
+        For files that cannot be read.
+    RuntimeError
+        When the disk is full or refuses, or the runs cannot go on; finished blocks are kept.
+    """
+    blocks = {block: study.points(block) for block in range(study.blocks)}
+    tables = stored(study, folder, blocks, lambda numbers: execution.rows(
+        study.rows, numbers, study.run_time, study.methods))
+    return pa.concat_tables([tables[block].replace_schema_metadata() for block in blocks])
+
+
+def stored(study: Study, folder: Path, blocks: Mapping[int, Sequence[int]],
+           compute: Callable[[Iterable[int]], Results]) -> dict[int, pa.Table]:
+    """The tables of some blocks, of which each has the points of some numbers.
+
+    Those that are there are read. `compute` gives, in order, the rows of the others' points, and each block is written
+    when it is whole; a block without a row leaves no file. Errors are those of `computed`.
+    """
+    _check_folder(study, folder)
+    tables: dict[int, pa.Table] = {}
+    with Progress("blocks checked", "block", len(blocks)) as progress:
+        for block, numbers in blocks.items():
+            if (table := read(study, folder, block, numbers)) is not None:
+                tables[block] = table
+            progress.add(1)
+    missing = {block: numbers for block, numbers in blocks.items() if block not in tables}
+    points = sum(map(len, blocks.values()))
+    left = sum(map(len, missing.values()))
+    with contextlib.closing(compute([number for numbers in missing.values() for number in numbers])) as results, \
+            Progress(study.what, "point", points, points - left) as progress:
+        for block, numbers in missing.items():
+            rows: list[dict] = []
+            for _ in numbers:
+                rows += next(results)
+                progress.add(1)
+            tables[block] = _write(study, folder, block, rows)
+    return tables
+
+
+def path_of(folder: Path, block: int) -> Path:
+    """The file of a block."""
+    return folder / f"block_{block:06d}.parquet"
+
+
+def read(study: Study, folder: Path, block: int, numbers: Sequence[int]) -> pa.Table | None:
+    """The table of a block; None where there is no file, or one that is damaged or has the rows of something else.
+
+    Raises
+    ------
+    ForeignBlockError
+        For a file of another design or version; the message names the first difference.
+    OSError
+        For one that cannot be read.
+    """
+    path = path_of(folder, block)
+    if not path.exists():
+        return None
+    data = content(path, _LARGEST, follow=False)
+    try:
+        file = pq.ParquetFile(io.BytesIO(data), page_checksum_verification=True)
+        if file.metadata.num_rows > _MOST_ROWS:
+            raise ValueError
+        table = file.read()
+        document, digest = table.schema.metadata[KEY], table.schema.metadata[_DIGEST]
+        if _digest(document, table) != digest:
+            raise ValueError
+        theirs = json.loads(document)
+    except (*_UNSOUND, OSError, RecursionError):
+        _say_damaged(path)
+        return None
+    if document != _document(study, block):
+        raise ForeignBlockError(f"{path}: is of another study ({_difference(theirs, _identity(study))}); give another "
+                                "--output, or delete that folder")
+    try:
+        own = table.schema.equals(schema_of(study.fields)) and study.are_own(numbers, table.to_pylist())
+    except _UNSOUND:
+        own = False
+    if not own:
+        _say_damaged(path)
+    return table if own else None
+
+
+def _say_damaged(path: Path) -> None:
+    say("study", f"{path}: is damaged; it is computed again")
+
+
+def _check_folder(study: Study, folder: Path) -> None:
+    """Delete what an interrupted write has left (ForeignBlockError for files of another study)."""
+    for name in sorted(os.listdir(folder)):
+        found = re.fullmatch(r"\.?(block_(\d{6})\.parquet)(\.\w+)?", name)
+        own = found[1] if found and int(found[2]) < study.blocks else ""
+        if own and is_temporary(name):
+            (folder / name).unlink()
+        elif name != own:
+            raise ForeignBlockError(f"{folder / name}: is no block of this study; give another --output, or delete "
+                                    "that folder")
+
+
+def _write(study: Study, folder: Path, block: int, rows: Sequence[dict]) -> pa.Table:
+    """Put a block on the disk, in the place of an older file (RuntimeError with the remedy); returns its table."""
+    table, document, path = table_of(rows, study.fields), _document(study, block), path_of(folder, block)
+    table = table.replace_schema_metadata({KEY: document, _DIGEST: _digest(document, table)})
+    if not rows:
+        return table
+    try:
+        replace_file(path, file_of(table))
+        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+    except OSError as error:
+        remedy = "free some room" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "let it be written"
+        raise RuntimeError(f"{path}: {error.strerror}; {remedy}. The blocks before it are kept; the same command goes "
+                           "on from there") from error
+    return table
+
+
+def are(rows: Sequence[dict], expected: Sequence[dict]) -> bool:
+    """Whether there are as many rows as `expected`, and each has what is expected of it."""
+    return len(rows) == len(expected) and all(
+        row[name] == value for row, own in zip(rows, expected, strict=True) for name, value in own.items())
+
+
+def table_of(rows: Sequence[dict], fields: Sequence[Field]) -> pa.Table:
+    """A table whose schema says units and meanings."""
+    return pa.Table.from_pylist(list(rows), schema_of(fields))
+
+
+def schema_of(fields: Sequence[Field]) -> pa.Schema:
+    """The schema that says units and meanings."""
+    return pa.schema([pa.field(one.name, one.type, one.optional, {"unit": one.unit, "meaning": one.meaning})
+                      for one in fields])
+
+
+def file_of(table: pa.Table) -> bytes:
+    """A table as a Parquet file, with a checksum of every page."""
+    sink = io.BytesIO()
+    pq.write_table(table, sink, compression="zstd", write_page_checksum=True)
+    return sink.getvalue()
+
+
+def _identity(study: Study) -> dict:
+    return {**fingerprint(), "design": study.design, "blocks": study.blocks}
+
+
+def _document(study: Study, block: int) -> bytes:
+    return json.dumps({**_identity(study), "block": block}, ensure_ascii=False).encode()
+
+
+def _digest(document: bytes, table: pa.Table) -> bytes:
+    """Digest of what a file says of its study, of its columns, and of all its values to the last bit."""
+    columns = [(one.name, str(one.type), sorted((one.metadata or {}).items())) for one in table.schema]
+    return hashlib.sha256(document + repr((columns, table.to_pylist())).encode()).hexdigest().encode()
+
+
+def _difference(theirs: object, ours: object, where: str = "") -> str:
+    """The first difference between two documents, in words."""
+    if not (isinstance(theirs, dict) and isinstance(ours, dict)):
+        shown = [text if len(text) <= 60 else f"{text[:60]}…" for text in map(str, (theirs, ours))]
+        return f"{where} is {shown[0]} there, {shown[1]} here"
+    for key in dict.fromkeys((*ours, *theirs)):
+        if key in ours and theirs.get(key) != ours[key]:
+            return _difference(theirs.get(key), ours[key], f"{where}.{key}" if where else str(key))
+        if key not in ours and key != "block":
+            return f"{where}.{key} is only there"
+    return "its number is of another block"
