@@ -16,8 +16,8 @@ from vibro_ros.orbits.recurrence import SettledMotion
 from vibro_ros.simulation.samples import Run
 
 RETURNED = (Run, Bag, Orbit, Branch, Curve, SettledMotion, Attractors, Attractor, LyapunovSpectrum)
-#: Methods for users, of a class that has others for the physics.
-USED = {"Scene": ["with_parameters", "describe"]}
+#: Methods for users, of a class that has others for the physics, or others that are `Simulator`'s.
+USED = {"Scene": ["with_parameters", "describe"], "SensedSimulator": ["take_measurements", "fail"]}
 _SECTION = re.compile(r"^(\w[\w ]*)\n-{3,}$", re.MULTILINE)
 _PROMPT = re.compile(r"^(?:>>> .*\n?(?:(?!\n|>>> ).+\n?)*)+", re.MULTILINE)
 _TABLE = re.compile(r"^ *={4,}[ =]*\n(?:.*\n)*? *={4,}[ =]*$", re.MULTILINE)

@@ -8,7 +8,7 @@ from scipy.signal import welch
 
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
-from vibro_ros.sensors.chain import PRESETS, Chain, of_imu
+from vibro_ros.sensors.noise import PRESETS, InertialErrors, of_imu
 
 RATE, COUNT = 200.0, 200_000
 
@@ -16,7 +16,7 @@ RATE, COUNT = 200.0, 200_000
 def read(changes: dict, true=lambda k: 0.0, part: str = "accelerometer") -> np.ndarray:
     scene = Scene("sensed", {"sensors.imu.rate": RATE,
                              **{f"sensors.imu.{part}.{name}": value for name, value in changes.items()}})
-    chain = Chain(scene, part)
+    chain = InertialErrors(scene, part)
     return np.array([chain.read([true(k)] * 3, k) for k in range(COUNT)])
 
 
@@ -53,7 +53,7 @@ def test_the_variance_that_is_published_is_that_of_the_errors():
     names = {"noise_density": 0.002, "bias_random_walk": 0.02, "turn_on_bias": 0.3, "resolution": 0.05}
     errors, variance = [], 0.0
     for seed in range(400):
-        chain = Chain(Scene("sensed", {"sensors.seed": float(seed), "sensors.imu.rate": RATE, **{
+        chain = InertialErrors(Scene("sensed", {"sensors.seed": float(seed), "sensors.imu.rate": RATE, **{
             f"sensors.imu.accelerometer.{name}": value for name, value in names.items()}}), "accelerometer")
         errors += chain.read((0.0, 0.0, 0.0), 7000)
         variance = chain.variance(7000)

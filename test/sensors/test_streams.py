@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from vibro_ros.sensors.streams import BLOCK, Rows, Stream, philox
+from vibro_ros.sensors.noise import BLOCK, BlockNumbers, Stream, philox
 
 ONES = (1 << 64) - 1
 PI = [0x243F6A8885A308D3, 0x13198A2E03707344, 0xA4093822299F31D0, 0x082EFA98EC4E6C89,
@@ -25,7 +25,7 @@ def test_random123s_known_answers(words, answer):
 
 
 def test_a_sample_does_not_depend_on_those_that_were_asked_for_before():
-    forwards, jumping = Rows(Stream(3, "a").walk), Rows(Stream(3, "a").walk)
+    forwards, jumping = BlockNumbers(Stream(3, "a").walk), BlockNumbers(Stream(3, "a").walk)
     indices = [0, 1, BLOCK - 1, BLOCK, 5 * BLOCK + 7, 2 * BLOCK]
     assert [jumping[index] for index in reversed(indices)] == [forwards[index] for index in indices][::-1]
     normal = np.vstack([Stream(3, "a").normal(block) for block in range(6)])

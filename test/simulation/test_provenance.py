@@ -53,7 +53,7 @@ def test_sources_differ_by_their_text_but_not_by_their_line_ends(monkeypatch):
         return provenance.software()["sources"]
 
     assert told(lambda text, name: text.replace(b"\n", b"\r\n")) == here
-    for module in ("flow.py", "streams.py"):  # of the solver, and of the sensors
+    for module in ("flow.py", "noise.py"):  # of the solver, and of the sensors
         assert told(lambda text, name, module=module: text + b"#" * (name == module)) != here
     monkeypatch.undo()
     provenance.software.cache_clear()

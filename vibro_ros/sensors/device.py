@@ -1,7 +1,7 @@
 """The device with its sensors: what each measures at its own instants, and when that comes out.
 
 A sensor measures sample k at k / rate since the start, exactly then, whatever else the device is asked for in between.
-All that is random about sample k follows from the seed, the sensor's name and k (`sensors.streams`). So a sensor's
+All that is random about sample k follows from the seed, the sensor's name and k (`sensors.noise`). So a sensor's
 bits are the same however time is cut up, whichever other sensors are on, and in every replay.
 
 A measurement comes out when its delay has passed. There, too, a fault does what it does.
@@ -16,8 +16,7 @@ import numpy as np
 
 from vibro_ros.model.faults import checked_incident
 from vibro_ros.model.scene import Scene, check_scene
-from vibro_ros.sensors.chain import Chain, of_imu
-from vibro_ros.sensors.streams import Rows, Stream
+from vibro_ros.sensors.noise import BlockNumbers, InertialErrors, Stream, of_imu
 from vibro_ros.simulation.samples import FIELDS, LATEST, Samples, checked_times
 from vibro_ros.simulation.simulator import Simulator
 
@@ -164,7 +163,7 @@ class Imu(Sensor):
         super().__init__(scene, scene["sensors.imu.delay"])
         slope, gravity = scene["ground.slope"], scene["gravity"]
         self._weight = gravity * math.sin(slope), gravity * math.cos(slope)
-        self._force, self._turning = Chain(scene, "accelerometer"), Chain(scene, "gyroscope")
+        self._force, self._turning = (InertialErrors(scene, part) for part in ("accelerometer", "gyroscope"))
 
     def read(self, device: Simulator) -> np.ndarray:
         """See `Sensor`."""
@@ -204,7 +203,7 @@ class Current(Sensor):
         reach, self._noise, self._resolution, self._resistance = (scene[f"sensors.current.{name}"] for name in (
             "range", "noise", "resolution", "supply_resistance"))
         self._range = reach or math.inf
-        self._errors = Rows(Stream(int(scene["sensors.seed"]), "current/noise").normal)
+        self._errors = BlockNumbers(Stream(int(scene["sensors.seed"]), "current/noise").normal)
 
     def read(self, device: Simulator) -> np.ndarray:
         """See `Sensor`."""
@@ -227,8 +226,8 @@ class Tracking(Sensor):
         self._noise, self._probability, self._duration = (scene[f"sensors.tracking.{name}"] for name in (
             "noise", "dropout_probability", "dropout_duration"))
         seed = int(scene["sensors.seed"])
-        self._errors = Rows(Stream(seed, "tracking/noise").normal)
-        self._chances = Rows(Stream(seed, "tracking/dropout").uniform)
+        self._errors = BlockNumbers(Stream(seed, "tracking/noise").normal)
+        self._chances = BlockNumbers(Stream(seed, "tracking/dropout").uniform)
 
     def read(self, device: Simulator) -> np.ndarray | None:
         """See `Sensor`."""
@@ -344,27 +343,13 @@ class SensedSimulator(Simulator):
 
     @property
     def influences(self) -> dict[str, float]:
-        """As `Simulator.influences`, and faults of sensors.
-
-        Examples
-        --------
-        >>> vibro_ros.SensedSimulator(vibro_ros.load_scene("damped")).influences
-        {}
-        """
+        """As `Simulator.influences`, and faults of sensors."""
         lasting = {f"{fault} of {name}": until for name, sensor in self._sensors.items()
                    for fault, until in sensor.failing.items() if until > self.time}
         return {**super().influences, **lasting}
 
     def advance_to(self, time: float) -> None:
-        """As `Simulator.advance_to`; sensors measure on the way.
-
-        Examples
-        --------
-        >>> device = vibro_ros.SensedSimulator(vibro_ros.load_scene("damped"))
-        >>> device.advance_to(0.1)
-        >>> device.time
-        0.1
-        """
+        """As `Simulator.advance_to`; sensors measure on the way."""
         time = float(time)
         if time <= LATEST:  # else refused below
             self._measure_up_to(time)
@@ -386,14 +371,7 @@ class SensedSimulator(Simulator):
                 self._untaken += sensor.come_out(due)
 
     def sample(self, times: np.ndarray) -> Samples:
-        """As `Simulator.sample`; sensors measure on the way.
-
-        Examples
-        --------
-        >>> device = vibro_ros.SensedSimulator(vibro_ros.load_scene("paper"))
-        >>> device.sample([0.0, 0.01, 0.02]).crank_angle
-        array([0., 1., 2.])
-        """
+        """As `Simulator.sample`; sensors measure on the way."""
         rows = np.empty((len(FIELDS), len(times)))
         for k, time in enumerate(checked_times(times, self.time)):
             self.advance_to(time)
@@ -401,45 +379,16 @@ class SensedSimulator(Simulator):
         return Samples(*rows)
 
     def reset(self) -> None:
-        """As `Simulator.reset`; sensors begin again, with the noise that they began with.
-
-        Examples
-        --------
-        >>> scene = vibro_ros.load_scene("device").with_parameters({"sensors.tracking.rate": 100.0})
-        >>> device = vibro_ros.SensedSimulator(scene)
-        >>> first = device.take_measurements()[0]
-        >>> device.advance_to(0.1)
-        >>> device.reset()
-        >>> (device.take_measurements()[0].values == first.values).all()
-        np.True_
-        """
+        """As `Simulator.reset`; sensors begin again, with the noise that they began with."""
         super().reset()
         self._begin()
 
     def checkpoint(self) -> np.ndarray:
-        """As `Simulator.checkpoint`, and the sensors with it.
-
-        Examples
-        --------
-        >>> scene = vibro_ros.load_scene("device").with_parameters({"sensors.tracking.rate": 100.0})
-        >>> len(vibro_ros.SensedSimulator(scene).checkpoint()) - len(vibro_ros.Simulator(scene).checkpoint())
-        18
-        """
+        """As `Simulator.checkpoint`, and the sensors with it."""
         return np.concatenate([super().checkpoint(), *(sensor.memory() for sensor in self._sensors.values())])
 
     def restore(self, checkpoint: np.ndarray) -> None:
-        """As `Simulator.restore`, and the sensors with it; measurements that were not taken are dropped.
-
-        Examples
-        --------
-        >>> scene = vibro_ros.load_scene("device").with_parameters({"sensors.tracking.rate": 100.0})
-        >>> device = vibro_ros.SensedSimulator(scene)
-        >>> start = device.checkpoint()
-        >>> device.advance_to(0.1)
-        >>> device.restore(start)
-        >>> device.time, device.take_measurements()
-        (0.0, [])
-        """
+        """As `Simulator.restore`, and the sensors with it; measurements that were not taken are dropped."""
         memories = [sensor.memory() for sensor in self._sensors.values()]
         before = super().checkpoint()
         if np.ndim(checkpoint) != 1:

@@ -1,15 +1,29 @@
-"""From a quantity to the numbers of an inertial sensor: clip, bias and noise, quantise.
+"""The errors of sensors: data of real parts, what a sensor makes of a quantity, and random numbers by counting.
 
-The accelerometer's low-pass stands before this chain, because it is solved with the motion (`solver.lowpass`), and the
-delay behind it (`sensors.device`).
+An inertial sensor clips, adds bias and noise, and quantises. The accelerometer's low-pass stands before that, because
+it is solved with the motion (`solver.lowpass`), and the delay behind it (`sensors.device`).
+
+The k-th number of a stream is a function of the seed, the stream's name and k alone. So no stream depends on another,
+on the instants at which somebody asks, or on how time is cut up. The generator is Philox 4x64 (J. Salmon et al.,
+"Parallel random numbers: as easy as 1, 2, 3", 2011), as numpy has it; numpy promises the bits of `random_raw`, but not
+those of its normal numbers.
 """
 
+import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+
+import numpy as np
 
 from vibro_ros.model.parameters import AS_PRESET
 from vibro_ros.model.scene import Scene
-from vibro_ros.sensors.streams import Rows, Stream
+
+BLOCK = 128
+"""Samples whose numbers are made together: a call of numpy costs as much as some hundred of them."""
+LANES = 4
+"""Numbers of a sample: those that Philox makes of one counter."""
+_WHOLE = 1 << 256
+
 
 _G = 9.80665  # m/s², the unit of data sheets
 _DEGREE = math.pi / 180.0
@@ -45,7 +59,7 @@ def of_imu(scene: Scene, name: str) -> float:
     return PRESETS[scene["sensors.preset"]].get(name, 0.0) if given == AS_PRESET else given
 
 
-class Chain:
+class InertialErrors:
     """Accelerometer or gyroscope.
 
     Parameters
@@ -63,7 +77,7 @@ class Chain:
         self._range, noise, step = limit or math.inf, density * math.sqrt(0.5 * rate), drift * math.sqrt(1.0 / rate)
         numbers, steps = Stream(seed, f"imu/{part}/noise"), Stream(seed, f"imu/{part}/bias")
         bias = turn_on * Stream(seed, f"imu/{part}/turn_on").normal(0)[0]
-        self._errors = Rows(lambda block: (bias + step * steps.walk(block)) + noise * numbers.normal(block))
+        self._errors = BlockNumbers(lambda block: (bias + step * steps.walk(block)) + noise * numbers.normal(block))
         self._variance = noise**2 + self._resolution**2 / 12.0 + turn_on**2
         self._growth = step**2
 
@@ -78,3 +92,75 @@ class Chain:
     def variance(self, index: int) -> float:
         """Variance of the error on each axis, of noise, steps and bias at its age, where the range is kept."""
         return self._variance + index * self._growth
+
+
+def philox(key: int, counter: int, count: int) -> np.ndarray:
+    """What Philox 4x64-10 makes of `counter` and of those that follow it, shape (count, 4) of uint64.
+
+    Parameters
+    ----------
+    key : int
+        128 bits, the first word lowest.
+    counter : int
+        256 bits, the first word lowest.
+    count : int
+        Number of counters.
+    """
+    generator = np.random.Philox(key=key, counter=(counter - 1) % _WHOLE)  # which counts first
+    return generator.random_raw(LANES * count).reshape(count, LANES)
+
+
+class Stream:
+    """Random numbers of one kind, by blocks of samples.
+
+    Parameters
+    ----------
+    seed : int
+        Of all streams.
+    name : str
+        Of this one.
+    """
+
+    def __init__(self, seed: int, name: str):
+        self._key = int.from_bytes(hashlib.blake2b(f"{seed}/{name}".encode(), digest_size=16).digest(), "little")
+        self._walked, self._walk = 0, np.zeros(LANES)  # the sum of all normal numbers before this block
+
+    def uniform(self, block: int) -> np.ndarray:
+        """Numbers between 0 and 1, neither of them included, shape (BLOCK, LANES): row k of sample block BLOCK + k."""
+        return ((philox(self._key, block * BLOCK, BLOCK) >> np.uint64(11)) + 0.5) * 2.0**-53
+
+    def normal(self, block: int) -> np.ndarray:
+        """Numbers of the standard normal distribution, made of the uniform ones; shape (BLOCK, LANES)."""
+        from scipy.special import ndtri  # a tenth of a second, which a robot without sensors need not wait
+
+        return ndtri(self.uniform(block))
+
+    def walk(self, block: int) -> np.ndarray:
+        """The sum of the normal numbers of all earlier samples, none left out; shape (BLOCK, LANES)."""
+        if block < self._walked:
+            self._walked, self._walk = 0, np.zeros(LANES)
+        while True:
+            sums = np.cumsum(np.vstack([self._walk, self.normal(self._walked)]), axis=0)
+            if self._walked == block:
+                return sums[:-1]
+            self._walked, self._walk = self._walked + 1, sums[-1]
+
+
+class BlockNumbers:
+    """Numbers of one sample after the other, of blocks that are made when they are needed.
+
+    Parameters
+    ----------
+    made : callable
+        Makes the block of a number, shape (BLOCK, n).
+    """
+
+    def __init__(self, made: Callable[[int], np.ndarray]):
+        self._made, self._block, self._rows = made, -1, [[0.0]]
+
+    def __getitem__(self, index: int) -> list[float]:
+        """Those of a sample."""
+        block, place = divmod(index, BLOCK)
+        if block != self._block:
+            self._block, self._rows = block, self._made(block).tolist()
+        return self._rows[place]
