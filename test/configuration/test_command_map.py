@@ -14,13 +14,12 @@ from vibro_ros.configuration.command_map import (
     LARGEST,
     SIDES,
     Found,
-    find_map,
     parameters_that_count,
     read_map,
-    shipped_maps,
     written,
 )
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
+from vibro_ros.configuration.shipped import find_file, shipped
 
 
 def commands(motor_speed, upper_gap, inclined_gap=None):
@@ -52,9 +51,9 @@ def test_what_is_written_is_read(file):
 
 
 def test_the_shipped_maps_are_of_the_shipped_scenes_and_of_no_other_machine():
-    assert "device" in shipped_maps()
-    for name in shipped_maps():
-        path = find_map(name)
+    assert "device" in shipped("map")
+    for name in shipped("map"):
+        path = find_file("map", name)
         assert path.stat().st_size <= LARGEST
         command_map = read_map(path)
         assert command_map.scene == name
@@ -209,5 +208,5 @@ def test_what_is_no_regular_file_is_refused(tmp_path):
 
 @pytest.mark.parametrize("name", ["", "nowhere.json", "a\0b"])
 def test_a_map_that_is_nowhere_is_named(name):
-    with pytest.raises(ValueError, match="is no such file; give a path or one of device, machine"):
-        find_map(name)
+    with pytest.raises(ValueError, match="neither a shipped map nor a file; shipped maps are device, machine"):
+        find_file("map", name)

@@ -115,8 +115,9 @@ def test_an_operator_who_aborts_stops_the_motor(start, bench, tmp_path):
 
 @pytest.mark.parametrize("words, reason", [
     (["script.yaml"], "controller: script.yaml: entry 2: motor_speed: nan is not finite; give a number in rad/s"),
-    (["nope.yaml"], "controller: nope.yaml: no such script; give a path or one of crawl, goals, pulses"),
-    ([], "controller: no script given; give a path or one of crawl, goals, pulses"),
+    (["nope.yaml"], "controller: nope.yaml: neither a shipped script nor a file; shipped scripts are crawl, goals, "
+     "pulses"),
+    ([], "controller: '': neither a shipped script nor a file; shipped scripts are crawl, goals, pulses"),
     (["crawl", "--fast"], "controller: unrecognized arguments: --fast; `controller --help` shows what there is"),
     (["crawl", "--ros-args", "-p", "rate:=0.0"],
      "controller: rate: 0 is out of range; give a number above 0 to 10000 Hz"),

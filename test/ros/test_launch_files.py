@@ -13,10 +13,10 @@ import guide
 import pytest
 
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
+from vibro_ros.configuration.shipped import shipped
 from vibro_ros.model.parameters import SCENE_PARAMETERS, checked_parameters
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.ros.controller import controller
-from vibro_ros.ros.controller.script import shipped_scripts
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 FILES = sorted((EXAMPLES / "launch").glob("*.launch.py"))
@@ -76,7 +76,7 @@ def test_a_launch_file_names_what_there_is(launched, file):
                      if name != "use_sim_time" and not isinstance(value, Asked)}
             checked_parameters(plain, PARAMETERS[node["executable"]])
             assert {*given} - {"use_sim_time"} <= {one.name for one in PARAMETERS[node["executable"]]}
-        assert {one for one in node.get("arguments", []) if isinstance(one, str)} <= {*shipped_scripts()}
+        assert {one for one in node.get("arguments", []) if isinstance(one, str)} <= {*shipped("script")}
     for path in (one.given[0] for one in asked if one.kind == "PathJoinSubstitution"):
         _, folder, *rest = path
         assert (EXAMPLES if folder == "launch" else EXAMPLES.parent).joinpath(folder, *rest).is_file()

@@ -7,7 +7,8 @@ from known_map import known_map
 from observation import stop, write
 
 from vibro_ros.bag.reader import read_bag
-from vibro_ros.configuration.command_map import find_map, written
+from vibro_ros.configuration.command_map import written
+from vibro_ros.configuration.shipped import find_file
 from vibro_ros.ros.controller import controller
 from vibro_ros.ros.controller.map_adviser import MotionWatch
 
@@ -59,7 +60,7 @@ def test_the_map_of_another_machine_gives_no_commands(start, tmp_path):
     controller = start("controller", write(tmp_path, "entries: [{for: 5.0, speed_over_ground: -0.05}]\n"))
     assert controller.end() == 1
     assert controller.lines[-1] == (
-        f"controller: speed_over_ground: {find_map('device')} is the map of another machine than /vibro_robot: "
+        f"controller: speed_over_ground: {find_file('map', 'device')} is the map of another machine than /vibro_robot: "
         "mass.body is 1 there, 1.25 here; make one with `study map` and give it as the parameter `map`")
     entries = "entries: [{for: 1, motor_speed: 20}, {for: 1, motor_speed: 0}]\n"
     plain = start("controller", write(tmp_path, entries))
@@ -70,7 +71,7 @@ def test_the_map_of_another_machine_gives_no_commands(start, tmp_path):
 
 
 @pytest.mark.parametrize("words, reason", [
-    (["-p", "map:=none.json"], "map: 'none.json' is no such file; give a path or one of device, machine"),
+    (["-p", "map:=none.json"], "none.json: neither a shipped map nor a file; shipped maps are device, machine"),
     (["-p", "map:=bad.json"], "bad.json: no command map: type: 'x' is not 'vibro_ros command map, version 1'; make one "
      "with `study map`")])
 def test_a_bad_map_is_one_line_and_nothing_is_sent(refusal, tmp_path, words, reason):

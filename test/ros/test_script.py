@@ -5,8 +5,9 @@ from pathlib import Path
 import pytest
 from known_map import known_map, mean_speed
 
+from vibro_ros.configuration.shipped import find_file
 from vibro_ros.ros.controller.feedback import PositionGoal, SpeedGoal, check_reach
-from vibro_ros.ros.controller.script import find_script, read_script
+from vibro_ros.ros.controller.script import read_script
 
 
 def script(folder: Path, text: str):
@@ -149,20 +150,20 @@ def test_a_bad_script_is_refused_with_file_entry_and_reason(tmp_path, text, reas
 
 
 def test_a_missing_script_names_the_shipped_ones():
-    with pytest.raises(ValueError, match="dance: no such script; give a path or one of crawl, goals, pulses"):
-        find_script("dance")
+    with pytest.raises(ValueError, match="dance: neither a shipped script nor a file; shipped scripts are crawl"):
+        find_file("script", "dance")
 
 
 @pytest.mark.parametrize("name", ["crawl", "pulses"])
 def test_shipped_scripts_drive_and_stop_the_motor(name):
-    played = read_script(find_script(name))
+    played = read_script(find_file("script", name))
     speeds = [played.command_at(time).get("motor_speed", 0.0) for time in played.instants(rate=10.0)]
     assert max(speeds) >= 100.0  # [rad/s]
     assert played.command_at(played.duration)["motor_speed"] == 0.0
 
 
 def test_the_shipped_goals_are_within_reach():
-    goals = read_script(find_script("goals")).goals
+    goals = read_script(find_file("script", "goals")).goals
     assert [type(goal) for _, goal in goals] == [SpeedGoal, PositionGoal]
     check_reach(goals, -0.06)
 

@@ -15,8 +15,9 @@ import vibro_ros
 from tools import accuracy_report, bench, documents, effects, parameter_table, topic_table
 from tools.generated_text import replaced
 from vibro_ros.accuracy.findings import MEAN_SPEED, NEEDS
-from vibro_ros.configuration.command_map import find_map, read_map
+from vibro_ros.configuration.command_map import read_map
 from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.configuration.shipped import find_file
 from vibro_ros.messages.commands import COMMANDED
 from vibro_ros.messages.frames import JOINTS
 from vibro_ros.messages.topics import COMMAND_UNITS
@@ -61,7 +62,7 @@ def test_yaml_is_a_script_a_sweep_or_a_scene(text, output, tmp_path):
     file = tmp_path / "file.yaml"
     file.write_text(text)
     if "entries" in yaml.safe_load(text):
-        assert read_script(file, read_map(find_map("device"))).duration > 0.0
+        assert read_script(file, read_map(find_file("map", "device"))).duration > 0.0
     elif "vary" in yaml.safe_load(text):
         assert design_of(read_sweep(file), {"set": {}, "vary": {}}).points > 1
     elif "controller_manager" in yaml.safe_load(text):

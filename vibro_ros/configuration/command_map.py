@@ -14,7 +14,6 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from vibro_ros.configuration.scene_file import config_folder
 from vibro_ros.model.parameters import BY_NAME, Value, checked_parameters, quoted
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.files import content
@@ -177,22 +176,6 @@ def parameters_that_count(scene: Scene, sides: tuple[str, ...]) -> dict[str, Val
 def _names_that_count(sides: tuple[str, ...], with_motor: bool) -> list[str]:
     free = (*_FREE, *(_FREE_OF_DC if with_motor else _OF_MOTOR), *(f"{side}.gap" for side in sides))
     return [name for name in BY_NAME if not name.startswith(free)]
-
-
-def shipped_maps() -> tuple[str, ...]:
-    """Names of the maps that come with the package: those of the shipped scenes."""
-    return tuple(sorted(path.stem for path in (config_folder() / "maps").glob("*.json")))
-
-
-def find_map(name_or_path: str) -> Path:
-    """The file of a shipped map's name, or `name_or_path` as a path (ValueError when there is neither)."""
-    if name_or_path in shipped_maps():
-        return (config_folder() / "maps") / f"{name_or_path}.json"
-    path = Path(name_or_path)
-    if "\0" in name_or_path or not name_or_path or not path.exists():
-        raise ValueError(f"map: {quoted(name_or_path)} is no such file; give a path or one of "
-                         f"{', '.join(shipped_maps())}")
-    return path
 
 
 def read_map(path: Path) -> CommandMap:

@@ -1,9 +1,9 @@
 """Scenes and device parameters from ordinary ROS parameter files, and where the shipped ones lie."""
 
-import os
 from pathlib import Path
 
 from vibro_ros.configuration.parameter_file import absolute, check_addressed, merged, own_parameters, sections
+from vibro_ros.configuration.shipped import find_file, shipped
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Parameter, checked_parameters
 from vibro_ros.model.scene import Scene
 
@@ -53,7 +53,7 @@ DEVICE_PARAMETERS: tuple[Parameter, ...] = (
 
 def shipped_scenes() -> tuple[str, ...]:
     """Names of the scenes that come with the package."""
-    return tuple(sorted(path.stem for path in (config_folder() / "scenes").glob("*.yaml")))
+    return shipped("scene")
 
 
 def load_scene(name_or_path: str | Path, node: str | None = None) -> Scene:
@@ -84,7 +84,7 @@ def load_scene(name_or_path: str | Path, node: str | None = None) -> Scene:
     >>> vibro_ros.load_scene("rigid")["effects.upper_contact"]
     'restitution'
     """
-    return _load(_scene_path(str(name_or_path), Path()), node, ())
+    return _load(find_file("scene", str(name_or_path), Path()), node, ())
 
 
 def scene_origin(name: str, folder: Path) -> str:
@@ -92,7 +92,7 @@ def scene_origin(name: str, folder: Path) -> str:
 
     A relative path starts from `folder`. ValueError if there is no such scene or file.
     """
-    return name if name in shipped_scenes() else str(_scene_path(name, folder).absolute())
+    return name if name in shipped_scenes() else str(find_file("scene", name, folder).absolute())
 
 
 def _load(path: Path, node: str | None, above: tuple[Path, ...]) -> Scene:
@@ -110,7 +110,7 @@ def _load(path: Path, node: str | None, above: tuple[Path, ...]) -> Scene:
     check_addressed(path, given, own)
     try:
         checked = checked_parameters(own_parameters(merged(given, own)), (*SCENE_PARAMETERS, *DEVICE_PARAMETERS))
-        base = _scene_path(checked["scene"], path.parent) if "scene" in checked else None
+        base = find_file("scene", checked["scene"], path.parent) if "scene" in checked else None
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     start = _load(base, node, (*above, path.resolve())).parameters if base else {}
@@ -119,41 +119,3 @@ def _load(path: Path, node: str | None, above: tuple[Path, ...]) -> Scene:
         return Scene(path.stem, {**start, **{name: value for name, value in checked.items() if name not in device}})
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-
-
-def _scene_path(name: str, folder: Path) -> Path:
-    if name in shipped_scenes():
-        return config_folder() / "scenes" / f"{name}.yaml"
-    path = folder / name
-    if os.path.isfile(path):  # which is false, not an error, for a name that no file can have
-        return path
-    raise ValueError(f"{name}: neither a shipped scene nor a file; shipped scenes are {', '.join(shipped_scenes())}")
-
-
-def config_folder() -> Path:
-    """The folder of the shipped configuration: scenes, maps, controller scripts and the robot's parameter file.
-
-    The same call serves a source checkout, a pip installation and a colcon workspace.
-
-    Returns
-    -------
-    Path
-        Absolute; holds `robot.yaml`, `scenes/` and `controller/`.
-
-    Raises
-    ------
-    FileNotFoundError
-        If the package was installed without its data; one line that names where it was looked for.
-    """
-    package = Path(__file__).resolve().parents[1]
-    # <prefix>/lib/python3.x/site-packages/vibro_ros; Debian puts `local/` before `lib/`.
-    underlays = filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
-    candidates = [prefix / "share" / "vibro_ros" / "config"
-                  for prefix in [*package.parents[:5], *map(Path, underlays)]]
-    if (package.parent / "package.xml").is_file():
-        candidates.insert(0, package.parent / "config")
-    for folder in candidates:
-        if folder.is_dir():
-            return folder
-    looked_for = ", ".join(map(str, candidates))
-    raise FileNotFoundError(f"vibro_ros is installed without its config folder (looked for {looked_for}); reinstall it")

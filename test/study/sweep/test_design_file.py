@@ -4,7 +4,8 @@ import argparse
 
 import pytest
 
-from vibro_ros.study.sweep.design import design_of, given_in_words, read_sweep, shipped_sweeps, sweep_path
+from vibro_ros.configuration.shipped import find_file, shipped
+from vibro_ros.study.sweep.design import design_of, given_in_words, read_sweep
 
 WORDS = {"scene": None, "set": [], "vary": [], "sample": None, "measure": None, "starts": None, "settling": None,
          "duration": None}
@@ -22,9 +23,9 @@ def file_of(tmp_path, text):
     return path
 
 
-@pytest.mark.parametrize("name", shipped_sweeps())
+@pytest.mark.parametrize("name", shipped("sweep"))
 def test_shipped_sweeps_are_designs(name):
-    found = design_of(read_sweep(sweep_path(name)), said())
+    found = design_of(read_sweep(find_file("sweep", name)), said())
     assert found.points > 1 and all(scene is not None for _, scene, _ in found.scenes())
 
 
@@ -80,4 +81,4 @@ def test_a_slip_in_the_words_is_named(options, words):
 def test_no_such_file_names_the_shipped_ones(tmp_path):
     for name in ("no_such", "", str(tmp_path), "\0"):
         with pytest.raises(ValueError, match="guide_angle"):
-            sweep_path(name)
+            find_file("sweep", name)

@@ -18,7 +18,8 @@ from rclpy.executors import Executor
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
-from vibro_ros.configuration.command_map import CommandMap, find_map, read_map, shipped_maps
+from vibro_ros.configuration.command_map import CommandMap, read_map
+from vibro_ros.configuration.shipped import find_file, shipped
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.model.parameters import Parameter, Value, checked_parameters
 from vibro_ros.process.entry_point import Parser, StopRequest, exit_code
@@ -28,7 +29,7 @@ from vibro_ros.ros.controller.feedback import check_reach
 from vibro_ros.ros.controller.goals import NAMES, GoalServer, action_types
 from vibro_ros.ros.controller.map_adviser import MapAdviser
 from vibro_ros.ros.controller.player import ACKNOWLEDGE_TIMEOUT, Player, ScriptSchedule, timeline
-from vibro_ros.ros.controller.script import MOTOR, Script, find_script, read_script, shipped_scripts
+from vibro_ros.ros.controller.script import MOTOR, Script, read_script
 from vibro_ros.ros.node import process, qos
 from vibro_ros.ros.node.arguments import check_addressed, check_arguments, own_arguments
 from vibro_ros.ros.node.node import SteadyNode
@@ -76,8 +77,8 @@ def _run(argv: Sequence[str] | None) -> int:
                              "negative if the robot goes backwards")
         if arguments.serve:
             return _serve(settings, node, executor, stop)
-        path = find_script(settings["script"])
-        map_path = find_map(settings["map"])
+        path = find_file("script", settings["script"])
+        map_path = find_file("map", settings["map"])
         command_map = read_map(map_path)
         script = read_script(path, command_map)
         try:
@@ -176,8 +177,8 @@ def _say_what_still_runs(node: Node, robot: CommandedRobot) -> None:
 def _parser() -> Parser:
     parser = Parser(
         prog="controller",
-        description=f"{EXECUTABLES['controller'].does} Shipped scripts: " + ", ".join(shipped_scripts())
-        + "; maps: " + ", ".join(shipped_maps()),
+        description=f"{EXECUTABLES['controller'].does} Shipped scripts: " + ", ".join(shipped("script"))
+        + "; maps: " + ", ".join(shipped("map")),
         epilog="ROS parameters (--ros-args -p name:=value):\n"
         + parameter_lines(PARAMETERS, {parameter.name: parameter.default for parameter in PARAMETERS})
         + "\n\nExit code 0: played to the end, or --serve ended by a signal; 1: no robot, two, or not the map's,\n"

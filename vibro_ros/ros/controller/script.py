@@ -9,7 +9,6 @@ keeps its value until another entry changes it.
 """
 
 import math
-import os
 import sys
 from bisect import bisect_right
 from collections.abc import Iterator, Mapping
@@ -18,7 +17,6 @@ from pathlib import Path
 
 from vibro_ros.configuration.command_choice import CommandChoice
 from vibro_ros.configuration.command_map import CommandMap
-from vibro_ros.configuration.scene_file import config_folder
 from vibro_ros.configuration.strict_yaml import read_yaml
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.model.faults import FAULTS, Incident, checked_incident
@@ -171,21 +169,6 @@ class Script:
         """When commands of the script change [s], in order, if every goal takes its longest time."""
         for segment in self.segments:
             yield from segment.instants(rate)
-
-
-def shipped_scripts() -> tuple[str, ...]:
-    """Names of the scripts that come with the package."""
-    return tuple(sorted(path.stem for path in (config_folder() / "controller").glob("*.yaml")))
-
-
-def find_script(name_or_path: str) -> Path:
-    """The file of a shipped script's name, or `name_or_path` as a path (ValueError when there is neither)."""
-    if name_or_path in shipped_scripts():
-        return config_folder() / "controller" / f"{name_or_path}.yaml"
-    if not os.path.isfile(name_or_path):  # which is false, not an error, for a name that no file can have
-        missing = f"{name_or_path}: no such script" if name_or_path else "no script given"
-        raise ValueError(f"{missing}; give a path or one of {', '.join(shipped_scripts())}")
-    return Path(name_or_path)
 
 
 def read_script(path: Path, command_map: CommandMap | None = None) -> Script:

@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Sequence
 
+from vibro_ros.configuration.shipped import find_file, shipped
 from vibro_ros.process.entry_point import FAILURE, Parser, say
 from vibro_ros.study.command import add_execution, execution_of, locked, run_study, study_parser, write_files
 from vibro_ros.study.measures import MEASURES
@@ -14,9 +15,7 @@ from vibro_ros.study.sweep.design import (
     design_of,
     given_in_words,
     read_sweep,
-    shipped_sweeps,
     study_of,
-    sweep_path,
 )
 from vibro_ros.study.sweep.result import as_csv, draw_sweep, in_words, summary
 from vibro_ros.study.table import computed
@@ -32,7 +31,7 @@ def main(words: Sequence[str]) -> int:
 
 def _sweep(options: argparse.Namespace) -> int:
     execution = execution_of(options)
-    file = {} if options.file is None else read_sweep(sweep_path(options.file))
+    file = {} if options.file is None else read_sweep(find_file("sweep", options.file))
     design = design_of(file, given_in_words(options))
     check_points(design)
     with locked(options.output / FOLDER):
@@ -65,7 +64,7 @@ def _parser() -> Parser:
         "several starts, and write one Parquet file a block, a summary and a picture. Measures: "
         f"{', '.join(MEASURES)}.")
     parser.add_argument("file", nargs="?", metavar="FILE", help="a sweep's YAML file, or one of "
-                        f"{', '.join(shipped_sweeps())}; the options below change what it says")
+                        f"{', '.join(shipped('sweep'))}; the options below change what it says")
     parser.add_argument("--scene", metavar="NAME", help="shipped scene or scene file")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a parameter's value at every "
                         "point, SI units, angles in rad; repeatable")

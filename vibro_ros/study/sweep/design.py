@@ -8,7 +8,6 @@ import argparse
 import difflib
 import functools
 import math
-import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,7 +18,7 @@ from typing import Any, cast
 import numpy as np
 import pyarrow as pa
 
-from vibro_ros.configuration.scene_file import config_folder, load_scene, scene_origin
+from vibro_ros.configuration.scene_file import load_scene, scene_origin
 from vibro_ros.configuration.strict_yaml import read_yaml
 from vibro_ros.model.parameters import BY_NAME, Value, parameter_named
 from vibro_ros.model.scene import Scene
@@ -177,21 +176,6 @@ class Design:
 DEFAULTS: Mapping[str, Any] = {"set": {}, "vary": {}, "sample": None, "measure": ["mean_speed"], "starts": 8,
                                   "settling": SETTLING, "duration": 10.0}
 KEYS = ("scene", *DEFAULTS)
-
-
-def shipped_sweeps() -> tuple[str, ...]:
-    """Names of the sweeps that come with the package."""
-    return tuple(sorted(path.stem for path in (config_folder() / "studies").glob("*.yaml")))
-
-
-def sweep_path(name_or_path: str) -> Path:
-    """The file of a shipped sweep's name, or `name_or_path` as a path (ValueError when there is neither)."""
-    if name_or_path in shipped_sweeps():
-        return config_folder() / "studies" / f"{name_or_path}.yaml"
-    if os.path.isfile(name_or_path):
-        return Path(name_or_path)
-    raise ValueError(f"{name_or_path or repr(name_or_path)}: neither a shipped sweep nor a file; shipped sweeps are "
-                     f"{', '.join(shipped_sweeps())}")
 
 
 def read_sweep(path: Path) -> dict[str, Any]:
