@@ -87,7 +87,7 @@ package: $(READY)  ## build wheel and sdist into out/dist, and try the wheel's r
 	@$(BIN)/python -m tools.package
 
 bench: $(READY) $(PEER)  ## compare the exact solver's cost with fixed-step Runge-Kutta and heyoka
-	@$(BIN)/python -m tools.bench
+	@$(BIN)/python -m benchmark.costs
 
 benchmark: $(READY) $(PEER) $(COMPARED)  ## price accuracy against MuJoCo, Drake, SUNDIALS and others, half an hour; ONLY="6_device mujoco --quick" limits it
 	@$(COMPILED)

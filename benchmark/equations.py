@@ -1,4 +1,4 @@
-"""The equations of README.md, compiled by numba, for the runners of general integrators; and the unit of cost.
+"""The equations of README.md, compiled by numba, for the programs that integrate what they are given.
 
 A mode says which plates push and what the ground does. `slope` is smooth within a mode, `guards` are positive within
 it, and `crossed` does what an event asks. `observed` reads the mode off a state, for integrators that see no events.
@@ -266,48 +266,3 @@ def crossed(t, y, upper, inclined, ground, which, p):
     if ground != AIR:
         ground = settled(t, y, upper, inclined, p)
     return upper, inclined, ground
-
-
-@_jit
-def rk4(y, p, step, per_row, rows):
-    """Runge-Kutta 4 of fixed `step` [s], `rows` shape (n, 8): the unit of cost.
-
-    Plates and friction are evaluated where the stages happen to fall. The body stops in a step in which x' changes sign
-    while friction can hold it, leaves the ground after a step at whose end N < 0, and lands after one that ends below.
-    """
-    air, t = y[6] > 0.0, 0.0
-    slopes, stage = np.zeros((4, 8)), np.empty(8)
-    rows[0] = y
-    for n in range(1, len(rows)):
-        for _ in range(per_row):
-            for s in range(4):
-                share = 0.0 if s == 0 else step if s == 3 else 0.5 * step
-                for i in range(8):
-                    stage[i] = y[i] + share * slopes[s - 1, i]
-                upper = touches(stage[0], stage[1], p.plate2, p.k4, p.c4, p)
-                inclined = touches(stage[2], stage[3], p.plate3, p.k1, p.c1, p)
-                ground = AIR if air else settled_or_free(t + share, stage, upper, inclined, p)
-                slope(t + share, stage, upper, inclined, ground, float(ground), p, slopes[s])
-            before = y[5]
-            for i in range(8):
-                y[i] += step / 6.0 * (slopes[0, i] + 2.0 * (slopes[1, i] + slopes[2, i]) + slopes[3, i])
-            t += step
-            upper = touches(y[0], y[1], p.plate2, p.k4, p.c4, p)
-            inclined = touches(y[2], y[3], p.plate3, p.k1, p.c1, p)
-            if air:
-                if y[6] <= 0.0 and y[7] < 0.0:
-                    land(y, p)
-                    air = y[7] > 0.0
-            elif p.mu > 0.0:
-                f2, f3 = forces(t, y, upper, inclined, p)
-                if before * y[5] < 0.0 and abs(f3 * p.sine) <= p.mu * accelerations(f2, f3, 0.0, STICK, p)[4]:
-                    y[5] = 0.0
-                air = p.rule == 2 and settled(t, y, upper, inclined, p) == AIR
-        rows[n] = y
-
-
-@_jit
-def settled_or_free(t, y, upper, inclined, p):
-    """`settled` of a body that has not yet left the ground."""
-    ground = settled(t, y, upper, inclined, p)
-    return FREE if ground == AIR else ground

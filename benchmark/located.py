@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from benchmark.contract import Answer, UnableError
 from benchmark.equations import AIR, STICK, begin, crossed, guards, slope, start
+from vibro_ros.accuracy.programs import Answer, UnableError, event_array
 
 _MOST_EVENTS = 5000
 _MOST_IN_AN_INSTANT = 50
@@ -18,7 +18,8 @@ def run(problem, numbers, integrate):
     """
     y, t, times, rows = start(problem), 0.0, problem.times, [start(problem)]
     mode, crowd = begin(t, y, numbers), 0
-    events = {kind: int(closed) for kind, closed in zip(("upper_contact", "inclined_contact"), mode[:2], strict=True)}
+    events = [(0.0, kind) for kind, closed in zip(("upper_contact", "inclined_contact"), mode[:2], strict=True)
+              if closed]
     while len(rows) < len(times):
         upper, inclined, ground = mode
         slide = float(ground)
@@ -46,8 +47,8 @@ def run(problem, numbers, integrate):
                                ("lift_off", new[2] == AIR != ground), ("landing", ground == AIR and which == 2),
                                ("stick", new[2] == STICK != ground)):
             if happened:
-                events[kind] = events.get(kind, 0) + 1
+                events.append((t, kind))
         mode, crowd = new, crowd + 1 if t - before < 1e-14 else 0
-        if crowd > _MOST_IN_AN_INSTANT or sum(events.values()) > _MOST_EVENTS:
+        if crowd > _MOST_IN_AN_INSTANT or len(events) > _MOST_EVENTS:
             raise UnableError(f"events without end at {t:.6g} s")
-    return Answer(np.array(rows), events)
+    return Answer(np.array(rows), event_array(events))

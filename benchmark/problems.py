@@ -6,9 +6,14 @@ Every problem is a case of one machine, whose symbols the pages in `problems/` e
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+
+from vibro_ros.accuracy.harness import DIVERGES, Row
+from vibro_ros.accuracy.programs import Answer, Program, Setting
 
 FOLDER = Path(__file__).with_name("problems")
 #: What is sampled: positions and speeds of upper mass, inclined mass and body, the body along and above the ground.
@@ -23,12 +28,17 @@ NAMES = {
     "gap3": "inclined.gap", "normal": "effects.normal_force", "adhesion": "effects.adhesion",
     "reaction": "effects.reaction", "weight": "effects.mass_weight", "restitution": "ground.restitution",
 }
+#: Outcomes of a run: its body is deeper below a ground that it may leave than it truly rises above it; or ends on the
+#: other side of its start.
+FALLS, WRONG_SIGN = "falls through the ground", "wrong sign"
+#: Error of a run that diverges, in spans of the reference.
+DIVERGED = 10.0
 STAND_IN = 0.25  # kg, of a mass that is absent: it hangs on nothing, and the body is lighter by it
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A problem with its reference values.
+    """A problem with its reference values, as `accuracy.harness.Problem` asks for.
 
     Attributes
     ----------
@@ -39,7 +49,7 @@ class Problem:
         plate of stiffness 0 is absent.
     start : mapping of str to float
         Values of `COLUMNS` at t = 0.
-    times : tuple of float
+    times : ndarray, shape (n,)
         Sampled instants [s].
     values : mapping of str to tuple of str
         Reference values at these instants, in decimal.
@@ -56,13 +66,20 @@ class Problem:
     title: str
     parameters: Mapping[str, Any]
     start: Mapping[str, float]
-    times: tuple[float, ...]
+    times: np.ndarray
     values: Mapping[str, Sequence[str]]
     events: Mapping[str, Mapping[str, Any]]
     judged: tuple[str, ...]
     digits: int
 
-    def scene(self) -> dict[str, float | str | bool]:
+    @property
+    def scene(self) -> Any:
+        """The same problem for vibro_ros."""
+        from vibro_ros import load_scene  # numba, which a program of another interpreter lacks
+
+        return load_scene("paper").with_parameters(self.scene_parameters())
+
+    def scene_parameters(self) -> dict[str, float | str | bool]:
         """The parameters by their names in vibro_ros, where a body without masses does not hop: one stands in."""
         given = self.parameters
         contact = {side: "compliant" if given[m] and given[k] else "none"
@@ -78,26 +95,56 @@ class Problem:
             "effects.friction": "coulomb" if given["mu"] else "none", "ground.static_friction": given["mu"],
             "effects.motor": "ideal", "start.state": "given" if start else "rest"}
 
-    def falls_through(self, states: Sequence[Sequence[float]]) -> bool:
+    def at(self, times: np.ndarray) -> "Problem":
+        """The same problem, sampled at other instants [s]."""
+        return replace(self, times=times)
+
+    def instants(self, program: Program, setting: Setting) -> np.ndarray:
+        """The stored instants [s]."""
+        return self.times
+
+    def judge(self, row: Row, answer: Answer, times: np.ndarray) -> Row:
+        """The row with the error of an answer at the stored instants, its outcome, and the events that it missed."""
+        error, falls = self.error(answer.samples), self.falls_through(answer.samples)
+        if math.isnan(error) or error > DIVERGED and not falls:
+            return replace(row, outcome=DIVERGES)
+        row = replace(row, share_error=error, note=self.missed(answer), outcome=FALLS if falls else row.outcome)
+        along = answer.samples[-1][COLUMNS.index("x")] * float(self.values["x"][-1])
+        return replace(row, outcome=WRONG_SIGN) if self.judged == ("x",) and along < 0.0 else row
+
+    def missed(self, answer: Answer) -> str:
+        """Events that were counted otherwise than in the reference, in words; nothing of a program without events."""
+        if answer.events is None:
+            return ""
+        kinds, counts = np.unique(answer.events["kind"], return_counts=True)
+        found = {str(kind): int(count) for kind, count in zip(kinds, counts, strict=True)}
+        return "; ".join(
+            f"{found.get(kind, 0)} of {event['count']} {kind.replace('_', ' ')}{'' if event['count'] == 1 else 's'}"
+            for kind, event in self.events.items()
+            if (kind in found or kind.endswith("contact")) and found.get(kind, 0) != event["count"])
+
+    def falls_through(self, states: np.ndarray) -> bool:
         """Whether a body that may leave the ground, y >= 0, is ever deeper below it than it truly rises above it."""
         height = max(map(float, self.values["y"]))
-        return self.parameters["normal"] == "hop" and any(row[COLUMNS.index("y")] < -height for row in states)
+        return self.parameters["normal"] == "hop" and bool(np.any(states[:, COLUMNS.index("y")] < -height))
 
-    def error(self, states: Sequence[Sequence[float]]) -> float:
+    def error(self, states: np.ndarray) -> float:
         """Largest error of the judged columns, each relative to the span of its reference values; NaN for no number.
 
-        `states` has a row of `COLUMNS` for each of `times`.
+        `states` has a row of `COLUMNS` for each of `times`, shape (n, 8).
+
+        Raises
+        ------
+        ValueError
+            For another number of rows.
         """
-        worst = 0.0
+        if len(states) != len(self.times):
+            raise ValueError(f"{len(states)} of {len(self.times)} samples")
+        shares = []
         for column in self.judged:
-            true = [float(text) for text in self.values[column]]
-            span = max(true) - min(true)
-            for row, value in zip(states, true, strict=True):
-                off = abs(row[COLUMNS.index(column)] - value) / span
-                worst = off if not off <= worst else worst
-                if math.isnan(worst):
-                    return worst
-        return worst
+            true = np.array(list(map(float, self.values[column])))
+            shares.append(np.abs(states[:, COLUMNS.index(column)] - true).max() / np.ptp(true))
+        return float(np.max(shares))
 
 
 def names() -> list[str]:
@@ -111,6 +158,6 @@ def load(name: str) -> Problem:
         if name in (path.stem, path.stem.split("_", 1)[1]):
             stored = json.loads(path.read_text(encoding="utf-8"))
             del stored["made_by"]
-            return Problem(name=path.stem, **stored | {"times": tuple(map(float, stored["times"])),
+            return Problem(name=path.stem, **stored | {"times": np.array(list(map(float, stored["times"]))),
                                                       "judged": tuple(stored["judged"])})
     raise ValueError(f"{name!r} is no problem of the benchmark; there are {', '.join(names())}")

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from flint import arb, ctx
 from mpmath import mp, mpf
 
@@ -52,10 +53,15 @@ _ROWS = 21
 DIGITS, FIRST, SECOND = 60, {"order": 64, "digits": 84}, {"order": 76, "digits": 94}
 
 
+def _unsolved(parameters: dict[str, Any], height: float = 0.0) -> Problem:
+    """A problem whose body starts at a height [m], without reference values."""
+    return Problem("", "", parameters, {"y": height}, np.zeros(0), {}, {}, (), 0)
+
+
 def integrate(parameters: dict[str, Any], duration: float, order: int, digits: int) -> tuple[list, list]:
     """Rows of `COLUMNS` at `_ROWS` instants, and the events."""
-    problem = Problem("", "", parameters, {"y": _HEIGHT if parameters["restitution"] else 0.0}, (), {}, {}, (), 0)
-    values: dict[str, Any] = _UNUSED | problem.scene()
+    problem = _unsolved(parameters, _HEIGHT if parameters["restitution"] else 0.0)
+    values: dict[str, Any] = _UNUSED | problem.scene_parameters()
     for side in ("upper", "inclined"):
         if not values[f"effects.{side}_mass"]:
             values |= {f"mass.{side}": STAND_IN, "mass.body": values["mass.body"] - STAND_IN,
@@ -78,8 +84,8 @@ def grazing_gap() -> arb:
     The turning point is where u' changes sign between the two instants around the largest sample.
     """
     free = _PAIR | {"k4": 0.0, "k1": 0.0}
-    problem = Problem("", "", free, {"y": 0.0}, (), {}, {}, (), 0)
-    model = ReferenceModel(_UNUSED | problem.scene())
+    problem = _unsolved(free)
+    model = ReferenceModel(_UNUSED | problem.scene_parameters())
     best, before = arb(-1), arb(0)
     for index in range(1, 801):  # a quarter of a millisecond
         now = exact(arb(index) / 4000)

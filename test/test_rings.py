@@ -191,7 +191,7 @@ def test_no_cycle_among_modules(sources):
         ("vibro_ros.solver.loop", "from vibro_ros.simulation.simulator import Simulator"),
         ("vibro_ros.bag.recorder", "from rclpy.node import Node"),
         ("vibro_ros.utils.text", "import math"),
-        ("vibro_ros.ros.robot.robot", "import tools.bench"),
+        ("vibro_ros.ros.robot.robot", "import tools.effects"),
     ],
 )
 def test_a_broken_ring_is_seen(module, source):

@@ -78,8 +78,8 @@ DOCUMENTS = {
          "out/study/map_machine/machine.json": "config/maps/machine.json",
          "out/study/map_machine/map.png": "docs/map_machine.png"}),
     "accuracy": Document(
-        "docs/accuracy.md", ("tools.accuracy_report",), 15.0,
-        (*_PHYSICS, "vibro_ros/accuracy", "tools/peer", "tools/baseline.py", "tools/accuracy_report.py")),
+        "docs/accuracy.md", ("benchmark.scenes",), 15.0,
+        (*_PHYSICS, "vibro_ros/accuracy", "benchmark")),
     "benchmark": Document(
         "docs/benchmark/benchmark.md", ("benchmark.run --quick",), 20.0, (*_PHYSICS, "benchmark"),
         {f"out/benchmark/{file}": f"docs/benchmark/{file}" for file in

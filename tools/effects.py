@@ -16,8 +16,9 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from tools.bench import RATE, seconds
+from benchmark.costs import RATE
 from tools.generated_text import write_between
+from vibro_ros.accuracy.harness import seconds
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.parameters import Value
 from vibro_ros.model.scene import Scene
@@ -194,8 +195,8 @@ def cost_ratio(effect: Effect, duration: float, repeats: int) -> float:
     pieces = np.split(times, np.searchsorted(times, turns))
     for scene in (with_it, without):
         _run(scene, [times[:2]], 0.0)
-    return statistics.median(seconds(_run, with_it, pieces, effect.travel) / seconds(_run, without, pieces, 0.0)
-                             for _ in range(repeats))
+    return statistics.median(seconds(lambda: _run(with_it, pieces, effect.travel))
+                             / seconds(lambda: _run(without, pieces, 0.0)) for _ in range(repeats))
 
 
 def _run(scene: Scene, pieces: list[np.ndarray], travel: float) -> None:

@@ -8,44 +8,44 @@ from dataclasses import fields
 import pytest
 
 from vibro_ros.accuracy import accuracy
-from vibro_ros.accuracy.measurement import Measurement
-from vibro_ros.accuracy.methods import METHODS, ComparedMethod, UnableError
-from vibro_ros.accuracy.precision import SceneStudy
+from vibro_ros.accuracy.harness import Row
+from vibro_ros.accuracy.programs import DEVICE, UnableError
+from vibro_ros.accuracy.scene_rows import rows_of_scene
 
 
 def test_an_interrupted_run_keeps_its_rows(monkeypatch, tmp_path, capsys):
-    rk4 = METHODS["rk4"].run
+    rk4 = DEVICE["rk4"]
 
-    def interrupted(scene, times, step):
-        if step < 5e-4 and len(times) > 2:
+    def interrupted(problem, setting):
+        if setting.value == 1e-4 and len(problem.times) > 2:
             raise KeyboardInterrupt
-        return rk4(scene, times, step)
+        return rk4.prepare(problem, setting)
 
-    monkeypatch.setitem(accuracy.STUDIED, "rk4", ComparedMethod(interrupted, "step", (1e-3, 1e-4)))
+    monkeypatch.setitem(accuracy.DEVICE, "rk4", rk4._replace(prepare=interrupted))
     options = ["--scene", "damped", "--methods", "rk4", "exact", "--horizon", "0.05", "--repeats", "1"]
     assert accuracy.main([*options, "--output", str(tmp_path)]) == 130
     with (tmp_path / "accuracy.csv").open(encoding="utf-8") as file:
         kept = list(csv.DictReader(file))
-    assert list(kept[0]) == [field.name for field in fields(Measurement)]
-    assert [row["method"] for row in kept][1:] == ["exact", "rk4"]
-    assert float(kept[-1]["body_error"]) > 0.0
+    assert list(kept[0]) == [field.name for field in fields(Row)]
+    assert [row["program"] for row in kept] == ["exact", "rk4_located", "exact", "rk4"]  # exponent, reference, two rows
+    assert float(kept[2]["body_error"]) >= 0.0
     assert "Interrupted: only a part" in (tmp_path / "accuracy.md").read_text(encoding="utf-8")
     assert (tmp_path / "damped.png").stat().st_size > 10_000
     assert "what was measured is kept" in capsys.readouterr().err
 
 
 def test_a_scene_that_cannot_be_simulated_does_not_end_the_others(monkeypatch, tmp_path, capsys):
-    def study(scene, effort):
+    def study(scene, *rest):
         if scene.name == "damped":
             raise UnableError("at 0.1 s: events follow each other")
-        return SceneStudy(scene, effort)
+        return rows_of_scene(scene, *rest)
 
-    monkeypatch.setattr(accuracy, "SceneStudy", study)
-    monkeypatch.setattr(accuracy, "shipped_scenes", lambda: ("damped", "machine", "paper"))
+    monkeypatch.setattr(accuracy, "rows_of_scene", study)
+    monkeypatch.setattr(accuracy, "shipped_scenes", lambda: ("damped", "machine"))
     options = ["--all", "--methods", "exact", "--horizon", "0.05", "--repeats", "1", "--starts", "2"]
-    assert accuracy.main([*options, "--output", str(tmp_path)]) == 1
+    assert accuracy.main([*options, "--patience", "0.01", "--output", str(tmp_path)]) == 1
     assert "damped: exact cannot simulate it: at 0.1 s" in capsys.readouterr().err
-    assert "## paper" in (tmp_path / "accuracy.md").read_text(encoding="utf-8")
+    assert "## machine" in (tmp_path / "accuracy.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(("options", "reason"), [
@@ -68,7 +68,8 @@ def test_bad_input_is_refused_before_anything_is_written(options, reason, tmp_pa
 
 def test_the_executable_ends_its_workers_without_a_word(tmp_path):
     """They are forked from a process that has the front door's signal handlers."""
-    options = ["--scene", "paper", "--methods", "exact", "--horizon", "0.05", "--repeats", "1", "--starts", "2"]
+    options = ["--scene", "paper", "--methods", "exact", "--horizon", "0.05", "--repeats", "1", "--starts", "2",
+               "--patience", "0.01"]
     done = subprocess.run([sys.executable, "-m", "vibro_ros.accuracy.accuracy", *options, "--output", str(tmp_path)],
                           capture_output=True, text=True, timeout=250)
     assert done.returncode == 0, done.stderr

@@ -1,58 +1,66 @@
 """A program that crashes, hangs, returns no numbers or is absent is a result, and the run goes on."""
 
-import json
+import math
 import sys
 
+import numpy as np
 import pytest
 
 from benchmark import problems, report, run
-from benchmark.contract import PLAIN, TUNED
+from benchmark.problems import COLUMNS
+from vibro_ros.accuracy.harness import Effort, Row, row_of, rows
+from vibro_ros.accuracy.programs import EVENT_DTYPE, PLAIN, TUNED, Answer, Program, Setting, event_array
 
 PROBLEM = problems.load("damped")
-TRUE = [[float(PROBLEM.values[column][k]) for column in problems.COLUMNS] for k in range(len(PROBLEM.times))]
+TRUE = np.array([[float(PROBLEM.values[column][k]) for column in COLUMNS] for k in range(len(PROBLEM.times))])
+EFFORT = Effort(repeats=1)
 
-#: What a runner's `prepare` returns, and the outcome that is said of it.
+#: What a program's `prepare` does, and the outcome that is said of it.
 VISITORS = {
     "crashes": ("import os, signal; return lambda: os.kill(os.getpid(), signal.SIGSEGV)", "fails", "SIGSEGV"),
     "raises": ("raise RuntimeError('no step')", "fails", "RuntimeError: no step"),
-    "hangs": ("import time; return lambda: time.sleep(60)", "out of time", "more than 2 s"),
-    "knows no number": ("return lambda: Answer([[float('nan')] * 8] * len(problem.times))", "diverges", None),
-    "tells too little": ("return lambda: Answer([[0.0] * 8])", "fails", "1 of 21 samples"),
+    "hangs": ("import time; return lambda: time.sleep(60)", "out of time", "more than 3 s"),
+    "knows no number": ("return lambda: Answer(np.full((len(problem.times), 8), np.nan))", "diverges", ""),
+    "tells too little": ("return lambda: Answer(np.zeros((1, 8)))", "fails", "ValueError: 1 of 21 samples"),
     "cannot": ("raise UnableError('no friction')", "cannot", "no friction"),
-    "is chatty": ("print('hello'); return lambda: Answer([[0.0] * 8] * len(problem.times))", "ok", None),
+    "is chatty": ("print('hello'); return lambda: Answer(np.zeros((len(problem.times), 8)))", "ok", ""),
 }
 
 
 @pytest.mark.parametrize("name", VISITORS)
-def test_what_goes_wrong_is_a_result(name, tmp_path, monkeypatch):
+def test_what_goes_wrong_is_a_result(name, tmp_path):
     body, outcome, why = VISITORS[name]
-    package = tmp_path / "benchmark" / "runners"
-    package.mkdir(parents=True)
-    (package / "visitor.py").write_text(
-        "from benchmark.contract import Answer, Setting, UnableError\nSETTINGS = [Setting('tuned', '', 0.0)]\n"
-        f"def version():\n    return 'visitor 1'\ndef prepare(problem, setting):\n    {body}\n")
-    monkeypatch.setenv("PYTHONPATH", str(run.ROOT))
-    text = (f"import sys, benchmark.runners; benchmark.runners.__path__.append({str(package)!r})\n"
-            "from benchmark.child import measure; import json; print(json.dumps(measure('visitor', '4_damped', 0)))")
-    monkeypatch.setattr(run, "_command", lambda runner, words: [sys.executable, "-c", text])
-    row = run.judged(PROBLEM, run.run_child("visitor", "4_damped", 0, limit=2.0 if name == "hangs" else 60.0))
-    assert (row["outcome"], row.get("why")) == (outcome, why)
+    (tmp_path / "visitor.py").write_text(
+        "import sys\nsys.path.insert(0, sys.argv.pop(1))\nimport numpy as np\nfrom benchmark.problems import load\n"
+        "from vibro_ros.accuracy.harness import Effort, measured, print_row\n"
+        "from vibro_ros.accuracy.programs import Answer, Program, Setting, UnableError\n"
+        f"def prepare(problem, setting):\n    {body}\n"
+        "program = Program('visitor', (Setting(1.0, ''),), prepare)\n"
+        "print_row(measured(load(sys.argv[1]), program, program.settings[0], Effort(repeats=1)))\n")
+    command = (sys.executable, str(tmp_path / "visitor.py"), str(run.ROOT))
+    visitor = Program("visitor", (Setting(1.0, ""),), run._not_here, command=command)
+    [row] = rows(PROBLEM, visitor, Effort(limit=3.0 if name == "hangs" else 120.0))
+    assert (row.outcome, row.note) == (outcome, why)
 
 
 def test_an_absent_program_is_one_line(monkeypatch):
     monkeypatch.setitem(run._INTERPRETERS, "siconos", "/nowhere/python3")
-    found = list(run.measured(["4_damped"], ["siconos"], 2.0))
-    assert [row["outcome"] for row in found] == ["absent"]
-    assert "/nowhere/python3" in found[0]["why"]
-    assert "- siconos: " in report.page(found, ["4_damped"], "a machine")
+    [row] = rows(PROBLEM, run.program("siconos"), EFFORT)
+    assert row.outcome == "absent" and "/nowhere/python3" in row.note
+    assert "- siconos: " in report.page([row], "a machine", "a unit")
+
+
+def judged(problem, samples, events=None):
+    row = row_of(problem, Program("visitor", (), run._not_here), Setting(1.0, ""))
+    return problem.judge(row, Answer(np.asarray(samples), events), problem.times)
 
 
 def test_a_body_that_goes_the_wrong_way_is_called_so():
-    backwards = [[-number for number in row] for row in TRUE]
-    assert run.judged(PROBLEM, {"states": backwards, "events": None})["outcome"] == "wrong sign"
-    right = run.judged(PROBLEM, {"states": TRUE, "events": {"upper_contact": 3}})
-    assert (right["outcome"], right["error"]) == ("ok", 0.0)
-    assert right["missed"] == {"upper_contact": [3, 4], "inclined_contact": [0, 6]}
+    assert judged(PROBLEM, -TRUE).outcome == "wrong sign"
+    right = judged(PROBLEM, TRUE, event_array([(0.01 * k, "upper_contact") for k in range(3)]))
+    assert (right.outcome, right.share_error) == ("ok", 0.0)
+    assert right.note == "3 of 4 upper contacts; 0 of 6 inclined contacts"
+    assert judged(PROBLEM, TRUE, np.empty(0, EVENT_DTYPE)).note.startswith("0 of 4 upper contacts")
 
 
 def test_a_body_that_falls_is_called_so_whatever_its_error():
@@ -60,36 +68,47 @@ def test_a_body_that_falls_is_called_so_whatever_its_error():
     ball = problems.load("bounce")
     height = ball.start["y"]
     for depth, outcome in ((0.1, "ok"), (1.1, "falls through the ground"), (100.0, "falls through the ground")):
-        states = [[0.0] * 6 + [-depth * height, 0.0]] * len(ball.times)
-        assert run.judged(ball, {"states": states, "events": None})["outcome"] == outcome
-    assert run.judged(PROBLEM, {"states": [[0.0] * 6 + [-1.0, 0.0]] * 21, "events": None})["outcome"] == "ok"
+        assert judged(ball, [[0.0] * 6 + [-depth * height, 0.0]] * len(ball.times)).outcome == outcome
+    assert judged(PROBLEM, [[0.0] * 6 + [-1.0, 0.0]] * 21).outcome == "ok"
+
+
+def row(**cells):
+    return Row(**{"problem": "6_device", "compared": "trajectory", "program": "exact", "use": PLAIN,
+                  "setting": "as it comes", "value": 1e-9, "horizon": 0.2} | cells)
 
 
 def test_a_program_with_two_versions_says_where_each_ran():
-    rows = [{"problem": name, "runner": "siconos", "version": f"siconos {version}"}
-            for name, version in (("4_damped", "4.5.0"), ("6_device", "4.5.0"), ("7_bounce", "4.4.0"))]
-    assert report.versions([*rows, {"problem": "4_damped", "runner": "rk4", "version": "numba 0"}]) == (
+    ran = [row(problem=name, program="siconos", version=f"siconos {version}")
+           for name, version in (("4_damped", "4.5.0"), ("6_device", "4.5.0"), ("7_bounce", "4.4.0"))]
+    assert report.versions([*ran, row(version="numba 0")]) == (
         "siconos 4.5.0 (4_damped, 6_device), siconos 4.4.0 (7_bounce), numba 0")
 
 
 def test_a_digit_of_a_first_order_method_costs_ten_times():
-    rows = [{"outcome": "ok", "error": 1e-3 / k, "cost": float(k), "kind": TUNED} for k in (1, 10, 100)]
-    found = report.price(rows)
-    assert found == pytest.approx((10.0, 1e-3, 1e-5))
-    assert report.price(rows[:1]) is None
-    assert report.price(rows[::-1]) is None  # the finer setting is worse: no digit is gained
+    ladder = [row(share_error=1e-3 / k, cost=float(k), use=TUNED) for k in (1, 10, 100)]
+    found = report.slope(ladder)
+    assert (found.factor, found.coarse, found.fine) == pytest.approx((10.0, 1e-3, 1e-5))
+    assert report.slope(ladder[:1]) is None
+    assert report.slope(ladder[::-1]) is None  # the finer setting is worse: no digit is gained
 
 
 def test_page_and_table_hold_every_row(tmp_path):
-    row = {"problem": "6_device", "runner": "exact", "kind": PLAIN, "label": "as it comes", "outcome": "ok",
-           "error": 1e-13, "cost": 0.1, "version": "vibro_ros 0"}
-    late = row | {"runner": "drake", "kind": TUNED, "label": "RK3", "outcome": "out of time", "why": "more than 60 s"}
-    report.write(tmp_path, [row, {key: late[key] for key in late if key not in ("error", "cost")}], "a machine")
+    late = row(program="drake", use=TUNED, setting="RK3", outcome="out of time", note="more than 60 s")
+    hand = row(program="rk4_by_hand", use=TUNED, setting="step 1e-05 s", value=1e-5, share_error=1e-4, cost=0.4)
+    report.write(tmp_path, [row(share_error=1e-13, cost=0.1), hand, late], "a machine")
     page = (tmp_path / report.PAGE).read_text(encoding="utf-8")
     assert "| exact | as documented | as it comes | 1.0e-13 | 0.1 |  |" in page
-    assert "| drake | tuned | RK3 |  |  | **out of time**: more than 60 s |" in page
-    assert len(json.loads((tmp_path / report.RESULTS).read_text())["rows"]) == 2
+    assert "| drake | tuned | RK3 |  |  | **out of time**; more than 60 s |" in page
+    assert "`exact` is within 1e-13 of the reference for 0.25 of the cost of Runge-Kutta 4 of 1e-05 s written" in page
+    rows, machine, _ = report.read(tmp_path / report.RESULTS)
+    assert (len(rows), machine) == (3, "a machine") and math.isnan(rows[2].cost)
     assert (tmp_path / "6_device.png").stat().st_size > 10_000
+
+
+def test_the_committed_page_is_made_of_the_committed_rows():
+    docs = run.ROOT / "docs" / "benchmark"
+    page = report.page(*report.read(docs / report.RESULTS))
+    assert (docs / report.PAGE).read_text(encoding="utf-8").startswith(page.rstrip())
 
 
 def test_a_name_that_is_none_is_refused(capsys):

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import vibro_ros
-from vibro_ros.accuracy.methods import METHODS, UnableError
+from vibro_ros.accuracy.harness import SceneProblem
+from vibro_ros.accuracy.programs import Setting, UnableError, by_device
 from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation import auto
@@ -70,14 +71,14 @@ def any_scene(seed):
 
 @pytest.mark.parametrize("name", shipped_scenes())
 def test_every_tolerance_is_kept(name):
-    """Against heyoka at its strictest, whose own error within 0.2 s is below 1e-13 m (test_peer)."""
-    scene, by_heyoka = vibro_ros.load_scene(name), pytest.importorskip("tools.peer.accuracy").by_heyoka
+    """Against heyoka at its strictest, whose own error within 0.2 s is below 1e-13 m (test_heyoka_robot)."""
+    scene, heyoka = vibro_ros.load_scene(name), pytest.importorskip("benchmark.programs.heyoka")
     try:
-        peer = by_heyoka(scene, TIMES, 1e-15).samples
+        peer = heyoka.prepare(SceneProblem(scene, TIMES), Setting(1e-15, ""))().samples
     except UnableError as reason:
         pytest.skip(str(reason))
     for tolerance in (1e-3, 1e-6, 1e-9, 1e-12):
-        samples = METHODS["exact"](scene, TIMES, tolerance).samples
+        samples = by_device("exact", scene, TIMES, tolerance).samples
         error = np.abs(samples - peer)[:, ::2].max()
         assert error < tolerance, f"{error:.1e} m"
 

@@ -12,9 +12,8 @@ import pytest
 import yaml
 
 import vibro_ros
-from tools import accuracy_report, bench, documents, effects, parameter_table, topic_table
+from tools import documents, effects, parameter_table, topic_table
 from tools.generated_text import replaced
-from vibro_ros.accuracy.findings import MEAN_SPEED, NEEDS
 from vibro_ros.configuration.command_map import read_map
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.configuration.shipped import find_file
@@ -167,11 +166,6 @@ def test_executables_and_their_exit_codes_are_those_of_their_help(capsys):
         assert not ended.value.code and codes(said) == codes(told), (name, said, told)
 
 
-def test_bench_table_has_the_benchmarks_scenes():
-    table = DOCUMENTS["accuracy.md"].partition(accuracy_report.BENCH)[2].partition("\n## ")[0]
-    assert re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE) == list(bench.SCENES)
-
-
 def test_parameter_table_is_up_to_date():
     text, marks = DOCUMENTS["parameters.md"], (parameter_table.BEGIN, parameter_table.END)
     assert replaced(text, *marks, parameter_table.parameter_table()) == text, "run `make documents`"
@@ -226,14 +220,3 @@ def test_effects_tables_have_every_effect_and_count_what_is_compiled():
         whole = effects.size(load_scene(name))
         numbers = f"{whole.states} states, {whole.modes} modes, at most {whole.terms} terms and {whole.guards} guards"
         assert numbers in lines[0]
-
-
-def test_accuracy_is_told_for_every_scene_and_every_need():
-    """Its numbers are measured by `make accuracy`; what it tells of is not."""
-    text = DOCUMENTS["accuracy.md"]
-    assert re.findall(r"^## (\w+)$", text, re.MULTILINE)[-len(bench.SCENES):] == sorted(bench.SCENES)
-    heads = ["scene", "Lyapunov time", "RK4 = 1 is off by", *(need.words for need in NEEDS), MEAN_SPEED]
-    assert f"| {' | '.join(heads)} |" in text, "run `make accuracy`"
-    assert f"({accuracy_report.FOLDER}/{accuracy_report.WAYS})" in text
-    assert "](docs/accuracy.md)" in DOCUMENTS["README.md"]
-    assert f"](docs/{accuracy_report.FOLDER}/" in DOCUMENTS["README.md"]

@@ -12,8 +12,8 @@ Every effect needs places 1 to 3, 10 and 11. The others are for the effects that
 2. `model/parameter_checks.py`: a check refuses what has no meaning together with another choice, by a ValueError
    "parameter: value ...; give ...". `ParameterValues` says which parts the robot has.
 3. `model/support.py`: a row of `SUPPORT` says whether Moreau's time stepping, the peer and the baseline have the
-   parameter. They refuse what has no row. Their equations: `fixed_steps.py`, `tools/peer/equations.py`,
-   `tools/baseline.py`.
+   parameter. They refuse what has no row. Their equations: `fixed_steps.py`, `benchmark/heyoka_robot/equations.py`,
+   `benchmark/rk4_by_hand.py`.
 4. `model/ground.py`, for a force of the ground: a row of `GROUND_FORCES`, and the method of `Ground` that gives the
    force as a form. Equations, stick, energy, Moreau's laws and `Scene.describe()` read that row. A force with states
    of its own adds them to `GROUND_STATES`, and their guards to `Ground.guards`; a shock is a matter of `shock.py`.

@@ -2,9 +2,9 @@
 
 The methods `exact`, `auto`, `rk4` and `semi_implicit_euler` integrate the compiled equations, so that they have every
 parameter. Three simulators hold equations of their own: Moreau's time stepping (`model.fixed_steps`) and, beside the
-package, the baseline (`tools/baseline.py`) and the peer (`tools/peer`). `SUPPORT` says of every parameter which values
-each of the three has. Of a parameter that the table lacks they have only the default, with which a new parameter has no
-effect, so that a new choice or number is refused until its equations are written.
+package, the baseline (`benchmark/rk4_by_hand.py`) and the peer (`benchmark/heyoka_robot`). `SUPPORT` says of every
+parameter which values each of the three has. Of a parameter that the table lacks they have only the default, with which
+a new parameter has no effect, so that a new choice or number is refused until its equations are written.
 """
 
 from collections.abc import Mapping

@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
-from vibro_ros.accuracy.precision import running
+from vibro_ros.accuracy.harness import running
 from vibro_ros.orbits.turn_map import Stroboscope, free_cut
 from vibro_ros.process.entry_point import FAILURE, Parser, say
 from vibro_ros.simulation.simulator import ToleranceWarning

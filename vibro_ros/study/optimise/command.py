@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from vibro_ros.accuracy.figures import png
-from vibro_ros.accuracy.precision import running
+from vibro_ros.accuracy.harness import running
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.model.scene import Scene

@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from vibro_ros.accuracy.precision import running
+from vibro_ros.accuracy.harness import running
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.orbits.branch import family_of

@@ -1,0 +1,193 @@
+"""`make bench`: what a run by `exact` and by heyoka costs, as ratios to Runge-Kutta 4 by hand."""
+
+import argparse
+import itertools
+import math
+import os
+import platform
+import statistics
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from importlib import metadata
+
+import numpy as np
+
+from benchmark import rk4_by_hand
+from vibro_ros.accuracy.harness import LEAST_TIME, SceneProblem, seconds, typical
+from vibro_ros.accuracy.programs import DEVICE, DRIVE_SPEED, UNIT_STEP, Program, Setting, UnableError
+from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.model.scene import Scene
+from vibro_ros.model.tables import compile_scene
+from vibro_ros.simulation.processes import in_processes
+from vibro_ros.simulation.runs import simulate, simulate_many
+from vibro_ros.simulation.simulator import Simulator
+
+SCENES = ("unilateral", "paper", "damped", "frictionless", "no_impact", "rigid", "device", "machine")
+#: Heading of a column, and how it shows a value of `measure`.
+COLUMNS = {
+    "scene": "`{scene}`",
+    "cost, RK4 = 1": "{ratio:.4f}",
+    "heyoka, RK4 = 1": "{heyoka}",
+    "times faster than real time": "{real_time:.0f}",
+    "segments a turn": "{segments:.1f}",
+    "an event": "{event:.2f} µs",
+    "1 ms of robot time": "{tick:.1f} µs",
+    "RK4, 1 s": "{unit:.1f} ms",
+}
+#: Samples per second of robot time that a run is asked for.
+RATE = 200.0
+_PACKAGES = ("numpy", "numba", "heyoka")
+_TOLERANCE = 1e-9  # heyoka's: over 10 s of each scene, its errors are below those of Runge-Kutta
+_COMPILED = ("no_impact", "unilateral", "device")
+_GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+
+
+def main(words: Sequence[str]) -> int:
+    """Print the table that docs/accuracy.md has."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--duration", type=float, default=10.0, help="robot time [s] (default 10)")
+    parser.add_argument("--repeats", type=int, default=7, help="rounds (default 7)")
+    parser.add_argument("--many", type=int, default=200, help="scenes of `simulate_many` (default 200)")
+    options = parser.parse_args(words)
+    print(f"{options.duration:g} s of robot time sampled at {RATE:g} Hz, medians of {options.repeats}, each over "
+          f"{LEAST_TIME:g} s of runs; RK4: dt = {UNIT_STEP:g} s, `rk4_by_hand`, in `machine` the device's own `rk4`, "
+          f"because the other has no dc motor; heyoka: tolerance {_TOLERANCE:g}, in the same run")
+    print(f"{machine()}\n")
+    print(f"| {' | '.join(COLUMNS)} |\n{'|---' * len(COLUMNS)}|")
+    for name in SCENES:
+        values = measure(name, options.duration, options.repeats)
+        print(f"| {' | '.join(shown.format(**values) for shown in COLUMNS.values())} |", flush=True)
+    print(f"\n{about_compiling()}\n")
+    gain, possible = measure_many(options.many, options.duration, options.repeats)
+    print(f"`simulate_many`, {options.many} scenes of {options.duration:g} s: two workers are {gain:.2f} times as fast "
+          f"as one; two processes that share nothing, {possible:.2f} times.")
+    return 0
+
+
+def measure(name: str, duration: float, repeats: int) -> dict[str, str | float]:
+    """Medians over `repeats` rounds: exact, Runge-Kutta and heyoka in turn, all compiled before, each for `LEAST_TIME`.
+
+    Returns
+    -------
+    dict
+        `scene`; `ratio` of exact to Runge-Kutta; `heyoka`, its ratio as text, `-` without it; `real_time`, simulated
+        seconds per second; `segments`, segments a turn; `event`, microseconds an event; `tick`, microseconds of a 1 ms
+        `advance_to`; `unit`, milliseconds of Runge-Kutta per simulated second.
+    """
+    scene = load_scene(name)
+    problem = SceneProblem(scene, np.arange(round(duration * RATE) + 1) / RATE)
+    runs = [_run(problem, DEVICE["exact"], DEVICE["exact"].settings[0]), _unit(problem), *_heyoka(problem)]
+    rounds = np.array([[typical(run) for run in runs] for _ in range(repeats)])
+    exact, unit, *_ = np.median(rounds, axis=0)
+    ratio, _, *heyoka = np.median(rounds / rounds[:, 1:2], axis=0)
+    device = moving(scene)
+    device.advance_to(duration)
+    return {
+        "scene": name,
+        "ratio": ratio,
+        "heyoka": f"{heyoka[0]:.4f}" if heyoka else "-",
+        "real_time": duration / exact,
+        "segments": device.statistics["steps"] * 2.0 * math.pi / abs(device.state.crank_angle),
+        "event": exact / max(1, len(device.take_events())) * 1e6,
+        "tick": _tick(scene) * 1e6,
+        "unit": unit / duration * 1e3,
+    }
+
+
+def moving(scene: Scene) -> Simulator:
+    """The scene at t = 0, its motor turning, on command if not by itself."""
+    device = Simulator(scene)
+    if scene["motor.speed"] == 0.0:
+        device.command(motor_speed=DRIVE_SPEED)
+    return device
+
+
+def _run(problem: SceneProblem, program: Program, setting: Setting) -> Callable[[], object]:
+    """A run that has been made once, so that all of it is compiled."""
+    run = program.prepare(problem, setting)
+    run()
+    return run
+
+
+def _unit(problem: SceneProblem) -> Callable[[], object]:
+    try:
+        return _run(problem, rk4_by_hand.PROGRAM, Setting(UNIT_STEP, ""))
+    except UnableError:
+        return _run(problem, DEVICE["rk4"], Setting(UNIT_STEP, ""))
+
+
+def _heyoka(problem: SceneProblem) -> list[Callable[[], object]]:
+    """heyoka's run; if it is not installed or fails, none, and the reason on stderr."""
+    try:
+        from benchmark.programs.heyoka import ON_SCENES
+
+        return [_run(problem, ON_SCENES, Setting(_TOLERANCE, ""))]
+    except (ModuleNotFoundError, UnableError) as error:
+        print(f"bench: {problem.name} without heyoka: {error}", file=sys.stderr)
+        return []
+
+
+def _tick(scene: Scene) -> float:
+    device = Simulator(scene)
+    device.command(motor_speed=DRIVE_SPEED)
+    device.advance_to(1.0)
+    ends = iter(1.0 + 0.001 * np.arange(1, 1001))
+    return statistics.median(seconds(lambda: device.advance_to(next(ends))) for _ in range(1000))
+
+
+def machine() -> str:
+    """What the numbers depend on: versions, and processor cores."""
+    versions = [f"Python {platform.python_version()}"]
+    for package in _PACKAGES:
+        try:
+            versions.append(f"{package} {metadata.version(package)}")
+        except metadata.PackageNotFoundError:
+            versions.append(f"no {package}")
+    return f"{', '.join(versions)}; {platform.machine()}, {os.cpu_count()} cores"
+
+
+def about_compiling() -> str:
+    """What a new geometry costs in a sweep; a line of words."""
+    said = ", ".join(f"{1e3 * compiling_seconds(name):.2f} ms (`{name}`)" for name in _COMPILED)
+    return f"A scene with another guide angle is compiled in {said}."
+
+
+def compiling_seconds(name: str) -> float:
+    """Median time [s] to compile a shipped scene for another guide angle, with tables of other angles in the cache."""
+    scene = load_scene(name)
+    angles = (0.3 + k * _GOLDEN % 1.0 for k in itertools.count(1))
+    compile_scene(scene)
+    return typical(lambda: compile_scene(scene.with_parameters({"guide.angle": next(angles)})))
+
+
+def measure_many(count: int, duration: float, repeats: int) -> tuple[float, float]:
+    """How many times faster two workers of `simulate_many` are than one; and what the machine allows: two processes
+    that simulate half of the scenes each and hand nothing over.
+
+    `count` scenes of `duration` [s] that differ in the guide's angle, each compiled by itself. Medians over rounds.
+    """
+    base = load_scene("unilateral")
+    scenes = [base.with_parameters({"guide.angle": 0.3 + k / count}) for k in range(count)]
+
+    def run(workers: int) -> None:
+        for _ in simulate_many(scenes, duration=duration, rate=RATE, workers=workers):
+            pass
+
+    def run_apart() -> None:
+        halves = [scenes[::2], scenes[1::2]]
+        for _, future in in_processes(lambda half: _simulate_all(half, duration), halves, 2):
+            future.result()
+
+    run(2)
+    rounds = np.array([[seconds(lambda: run(1)), seconds(lambda: run(2)), seconds(run_apart)] for _ in range(repeats)])
+    gain, possible = np.median(rounds[:, :1] / rounds[:, 1:], axis=0)
+    return gain, possible
+
+
+def _simulate_all(scenes: Iterable[Scene], duration: float) -> None:
+    for scene in scenes:
+        simulate(scene, duration=duration, rate=RATE)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

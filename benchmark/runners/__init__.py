@@ -1,1 +1,0 @@
-"""A program a module; `benchmark.contract` says what a module has."""

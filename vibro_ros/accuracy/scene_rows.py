@@ -1,0 +1,172 @@
+"""All rows of one scene: its chaos, the check of its reference, trajectories, requirements, and mean speeds.
+
+Chaos decides how long trajectories can be compared: five Lyapunov times. Beyond, mean speeds over drawn starts are.
+"""
+
+import math
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vibro_ros.accuracy.harness import (
+    AVERAGE,
+    CANNOT,
+    DIVERGES,
+    EXPONENT,
+    INSTANTS,
+    REFERENCE,
+    REQUIRED,
+    TRAJECTORY,
+    Effort,
+    Row,
+    SceneProblem,
+    errors,
+    off_every_grid,
+    row_of,
+    rows,
+    running,
+)
+from vibro_ros.accuracy.programs import DEVICE, PLAIN, Program, Setting, UnableError
+from vibro_ros.accuracy.starts import average, speeds_of_starts
+from vibro_ros.model.scene import Scene
+from vibro_ros.orbits.chaos import exponent_of_pairs
+from vibro_ros.orbits.starts import STARTING, motor_command, started_at_share
+from vibro_ros.simulation.motion import SimulationError
+
+#: Horizons [s] of requirements: a short one, which chaos allows everywhere, and a long one.
+SHORT, LONG = 0.2, 10.0
+#: Longest horizon [s] of a comparison by every program, and how many Lyapunov times it may have: an error of the first
+#: instant has grown e^5 = 150 times by then.
+LONGEST_HORIZON, LYAPUNOV_TIMES = 1.0, 5.0
+#: The device's methods of fixed step whose mean speeds are measured, and the steps [s].
+AVERAGED, AVERAGE_STEPS = ("rk4", "rk4_located"), (1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5, 1e-5, 5e-6, 2e-6, 1e-6)
+_WATCHED, _PAIRS = 15.0, 24  # s and number of pairs of nearby motions
+# Starts for the exact mean, times those of the others: it is what they are measured against, and cheap.
+_MORE_STARTS = 4
+# m/s, about that of sound: a body that is faster has no mean speed, its method has diverged.
+_DIVERGED = 300.0
+#: The check of a reference where no other program is at hand: another integrator with another location of events. The
+#: tables of the model are shared.
+OWN_CHECK = (DEVICE["rk4_located"], Setting(1e-6, "step 1e-06 s", is_step=True))
+
+
+@dataclass(frozen=True)
+class Growth:
+    """How fast nearby motions part.
+
+    Attributes
+    ----------
+    rate, spread : float
+        Largest Lyapunov exponent [1/s] and its 95 % confidence interval's half width, over pairs.
+    chaotic : bool
+        Whether most pairs have parted and the exponent is positive beyond its interval.
+    duration : float
+        Time that each pair was watched for at most [s].
+    """
+
+    rate: float
+    spread: float
+    chaotic: bool
+    duration: float
+
+    @property
+    def lyapunov_time(self) -> float:
+        """[s]; infinite if no growth was seen."""
+        return 1.0 / self.rate if self.chaotic else math.inf
+
+    @property
+    def comparable(self) -> float:
+        """Time [s] within which trajectories can be compared; as far as was watched where there is no chaos."""
+        return min(self.duration, LYAPUNOV_TIMES * self.lyapunov_time)
+
+    def __str__(self):
+        if self.chaotic:
+            return (f"Lyapunov time {self.lyapunov_time:.2g} s (exponent {self.rate:.2g} ± {self.spread:.1g} 1/s): "
+                    f"chaotic")
+        return f"no chaos seen: motions that start close stay close for {self.duration:g} s"
+
+    def row(self, scene: str) -> Row:
+        """As a row; `starts_forwards` is 1 of a chaotic scene."""
+        return Row(scene, EXPONENT, "exact", PLAIN, "as it comes", math.nan, self.duration, _PAIRS, mean=self.rate,
+                   spread=self.spread, starts_forwards=int(self.chaotic))
+
+
+def growth_in(own: Sequence[Row]) -> Growth:
+    """The chaos of a scene by its rows."""
+    row = next(row for row in own if row.compared == EXPONENT)
+    return Growth(row.mean, row.spread, bool(row.starts_forwards), row.horizon)
+
+
+def growth(scene: Scene, duration: float = _WATCHED, starts: int = _PAIRS) -> Growth:
+    """Estimate the largest Lyapunov exponent of the masses' motion from pairs of exact runs; the motor turns."""
+    scene = scene.with_parameters({"solver.method": "exact", "solver.audit": False})
+    rates = np.array([
+        exponent_of_pairs(started_at_share(scene, k / starts, motor_command(scene)[1]), STARTING, duration)[0]
+        for k in range(starts)])
+    rate = average(rates)
+    chaotic = bool(2 * np.count_nonzero(rates) > starts and rate.mean > rate.spread)
+    return Growth(rate.mean, rate.spread, chaotic, duration)
+
+
+def rows_of_scene(scene: Scene, programs: Mapping[str, Program], effort: Effort,
+                  checks: Sequence[tuple[Program, Setting]] = (OWN_CHECK,)) -> Iterator[Row]:
+    """Measure row by row; `checks` are independent programs, the best first: the first that is able is the check."""
+    scene = running(scene)
+    found = growth(scene)
+    yield found.row(scene.name)
+    horizon = effort.horizon or math.floor(min(LONGEST_HORIZON, found.comparable) * 20.0) / 20.0 or 0.05
+    for compared, length in ((TRAJECTORY, horizon), (REQUIRED, SHORT), (REQUIRED, LONG)):
+        if compared == REQUIRED and length > found.comparable:
+            continue
+        problem = SceneProblem.within(scene, length)
+        yield checked(problem, checks)
+        for program in programs.values():
+            yield from rows(problem, program, effort, compared)
+    yield from _averages(scene, effort)
+
+
+def checked(problem: SceneProblem, checks: Sequence[tuple[Program, Setting]]) -> Row:
+    """Errors of the reference against the first check that is able, named there."""
+    horizon, reasons = float(problem.times[-1]), list[str]()
+    instants = off_every_grid(horizon, INSTANTS)
+    for program, setting in checks:
+        row = replace(row_of(problem, program, setting, REFERENCE), repeats=1)
+        try:
+            answer = program.prepare(problem.at(instants), setting)()
+        except UnableError as error:
+            reasons.append(str(error))
+            continue
+        return row.with_errors(errors(answer, problem.reference(instants), horizon))
+    return Row(problem.name, REFERENCE, "none", PLAIN, "", math.nan, horizon, note="; ".join(reasons))
+
+
+def _averages(scene: Scene, effort: Effort) -> Iterator[Row]:
+    yield _average(scene, "exact", math.nan, effort)
+    for name in AVERAGED:
+        before, seconds = math.inf, 0.0
+        for step in AVERAGE_STEPS:
+            if math.isfinite(before) and seconds * before / step > effort.patience_for_averages:
+                break
+            row = _average(scene, name, step, effort)
+            yield row
+            before, seconds = (step, row.wall_time) if math.isfinite(row.wall_time) else (before, seconds)
+
+
+def _average(scene: Scene, method: str, step: float, effort: Effort) -> Row:
+    exact = method == "exact"
+    starts = effort.starts * (_MORE_STARTS if exact else 1)
+    row = Row(scene.name, AVERAGE, method, PLAIN, "as it comes" if exact else f"step {step:g} s", step, effort.duration,
+              starts)
+    steps = {} if exact else {"solver.step": step}
+    began = time.perf_counter()
+    try:
+        found = average(speeds_of_starts(scene.with_parameters(
+            {"solver.method": method, "solver.audit": False, **steps}), effort.duration, starts))
+    except SimulationError as error:
+        return replace(row, repeats=0, outcome=CANNOT, note=str(error))
+    row = replace(row, wall_time=time.perf_counter() - began)
+    if not abs(found.mean) + found.spread < _DIVERGED:
+        return replace(row, outcome=DIVERGES, note=f"diverged: faster than {_DIVERGED:g} m/s")
+    return replace(row, mean=found.mean, spread=found.spread, starts_forwards=found.positive)
