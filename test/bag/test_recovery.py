@@ -335,6 +335,14 @@ def test_folders_that_are_not_ones_own_are_passed_over(unsealed, tmp_path, monke
     assert unsealed_bags(tmp_path / "of another") == []
 
 
+def test_a_bag_that_is_sealed_while_it_is_looked_at_is_not_called_unsealed(tmp_path, published, monkeypatch):
+    """Of robots that start at once in one folder, one said of another's bag that its robot was killed."""
+    recorder = Recorder(tmp_path / "run", POWER, {})
+    recorder.write("/motor_power", 1, published["/motor_power"](1))
+    monkeypatch.setattr("vibro_ros.bag.folders.writers", lambda _: recorder.close() and {})
+    assert unsealed_bags(tmp_path) == []
+
+
 def test_a_sealed_bag_is_not_touched(tmp_path, published, capsys):
     with Recorder(tmp_path / "run", POWER, {}, storage=Storage("zstd", max_size=100_000)) as recorder:
         recorder.write("/motor_power", 1, published["/motor_power"](1))

@@ -2,12 +2,14 @@
 
 import re
 import time
+from types import SimpleNamespace
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from observation import bags, stamps_of, stop
 
 import vibro_ros
+from vibro_ros.bag.folders import locked
 from vibro_ros.bag.metadata import defined
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.bag.recorder import BagWriter, Storage
@@ -75,7 +77,7 @@ def test_recordings_that_cannot_be_are_refused(bench, wrong, reason):
         plan_recording(SETTINGS | wrong, RECEIVED, RobotPublishers(bench.node, vibro_ros.Scene()), {})
 
 
-def test_bags_left_unsealed_are_sealed_if_the_robot_is_told_to(bench, topics, tmp_path):
+def test_bags_left_unsealed_are_sealed_if_the_robot_is_told_to(bench, topics, tmp_path, monkeypatch):
     folder = tmp_path / "vibro_robot_1"
     writer = BagWriter(folder, defined(topics), {}, Storage())
     writer.write(1, 1, bytes(100))
@@ -85,6 +87,11 @@ def test_bags_left_unsealed_are_sealed_if_the_robot_is_told_to(bench, topics, tm
     writer.abandon()
     offer_recovery(tmp_path, False, bench.node.get_logger())
     assert not (folder / "metadata.yaml").exists()
+    said = []
+    with locked(folder), monkeypatch.context() as patch:  # another robot that starts at once seals it
+        patch.setattr("vibro_ros.ros.robot.recording.unsealed_bags", lambda *_: [folder])
+        offer_recovery(tmp_path, True, SimpleNamespace(warning=said.append, error=said.append))
+    assert said == []
     offer_recovery(tmp_path, True, bench.node.get_logger())
     assert stamps_of(folder, topics[0].name) == [1]
 

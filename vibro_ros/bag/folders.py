@@ -117,7 +117,7 @@ def unsealed_bags(directory: Path, pattern: str = "*") -> list[Path]:
     except OSError:
         return []
     in_use = writers(folders) if folders else {}
-    return [folder for folder in folders if folder not in in_use and not _is_locked(folder)]
+    return [folder for folder in folders if folder not in in_use and _is_left(folder)]
 
 
 def _is_unsealed(folder: Path) -> bool:
@@ -130,9 +130,10 @@ def _is_unsealed(folder: Path) -> bool:
         return False
 
 
-def _is_locked(folder: Path) -> bool:
+def _is_left(folder: Path) -> bool:
+    """Whether nobody records the bag of an unsealed folder, and nobody has sealed it since it was found so."""
     try:
         with locked(folder):
-            return False
+            return _is_unsealed(folder)
     except OSError:
-        return True
+        return False

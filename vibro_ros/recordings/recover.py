@@ -39,6 +39,10 @@ class RecoveryError(Exception):
         super().__init__(one_line(message))
 
 
+class InUseError(RecoveryError):
+    """A bag is being recorded, or another process seals it."""
+
+
 @dataclass(frozen=True)
 class Recovery:
     """What was done to a bag, which has so many messages now, the last one at the time `last` [ns]; 0 without messages.
@@ -81,10 +85,10 @@ def recover(path: str | Path, keep_torn: bool = True) -> Recovery:
         with locked(folder):
             if found := writers([folder]):
                 processes = ", ".join(map(str, found[folder]))
-                raise RecoveryError(f"{folder}: the bag is in use, process {processes} writes to it; end the recorder")
+                raise InUseError(f"{folder}: the bag is in use, process {processes} writes to it; end the recorder")
             return _recovered(folder, paths, keep_torn)
     except BlockingIOError:
-        raise RecoveryError(f"{path}: the bag is in use, its recorder still runs; end the recorder") from None
+        raise InUseError(f"{path}: the bag is in use, its recorder still runs; end the recorder") from None
     except OSError as error:
         raise RecoveryError(f"{path}: cannot be sealed: {error.strerror or error}; nothing readable was lost, "
                             "make room or give write permission and try again") from error

@@ -15,7 +15,7 @@ from vibro_ros.bag.recorder import Recorder, Storage
 from vibro_ros.messages.topics import TOPICS
 from vibro_ros.model.parameters import Value
 from vibro_ros.process.files import one_line
-from vibro_ros.recordings.recover import RecoveryError, described, recover
+from vibro_ros.recordings.recover import InUseError, RecoveryError, described, recover
 from vibro_ros.ros.node.refusals import Throttle
 from vibro_ros.ros.topics.publishers import RobotPublishers
 
@@ -267,5 +267,7 @@ def offer_recovery(directory: Path, do_it: bool, log: RcutilsLogger) -> None:
     for folder in unsealed:
         try:
             log.warning("; ".join(described(recover(folder), str)))
+        except InUseError:  # of two robots that start at once, the other seals it
+            continue
         except RecoveryError as error:
             log.error(str(error))
