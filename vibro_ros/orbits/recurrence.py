@@ -40,6 +40,8 @@ SAME = 1e-5
 JITTER = 5e-3
 """The same of a dc motor with a controller, whose samples are in no step with the turns; `machine`, at 1000 samples a
 second, comes back within 2e-3, and motions of it without a period within 0.4."""
+LEAST_WATCHED = 2 * LONGEST_PERIOD
+"""Cuts at least of a motion without a period that `motion_of` tells."""
 CLOUD = 256
 """States that tell a motion which is not periodic; and turns of which its clouds are made, at least."""
 _ROUNDING = 1e-9  # in units of the machine: fifty times that with which a motion of many turns comes back by rounding
@@ -132,6 +134,24 @@ def settle(stroboscope: Stroboscope, first: int = FIRST_TURNS, most: int = MOST_
             return None
         ahead = stroboscope.turns(more)
         seen = Cuts(*map(np.concatenate, zip(seen, ahead, strict=True)))
+
+
+def motion_of(states: np.ndarray, mean_speed: float, scene: Scene) -> SettledMotion | None:
+    """The motion that a start has settled to which was watched for a fixed time; None if it still changes.
+
+    Parameters
+    ----------
+    states : ndarray, shape (cuts, n)
+        At successive cuts, in units of the machine; without a period from `LEAST_WATCHED` cuts on.
+    mean_speed : float
+        Of the body [m/s].
+    scene : Scene
+        Of the device.
+    """
+    turns = _period_within_jitter(states) if is_sampled(scene) else period_of(states)
+    if not turns and (len(states) < LEAST_WATCHED or not _is_stationary(states)):
+        return None
+    return SettledMotion(turns, states[-(turns or len(states)):], mean_speed, len(states), tolerance_of(scene))
 
 
 def tolerance_of(scene: Scene) -> float:

@@ -4,16 +4,18 @@ import difflib
 import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import trapezoid
 
+from vibro_ros.model.parameters import Value
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.chaos import exponent_of_pairs
-from vibro_ros.orbits.recurrence import JITTER
+from vibro_ros.orbits.recurrence import JITTER, LEAST_WATCHED, SettledMotion, motion_of
 from vibro_ros.orbits.starts import STARTING, drawn_start
-from vibro_ros.orbits.turn_map import is_sampled
+from vibro_ros.orbits.turn_map import TURN, TurnMap, is_sampled, share_of_turn
 from vibro_ros.simulation.samples import LATEST, Samples
 from vibro_ros.simulation.simulator import Simulator
 
@@ -140,7 +142,9 @@ def standing_and_airborne(device: Simulator, checkpoint: np.ndarray | None, befo
 
 
 #: What can be asked for beside displacement, turns and blows.
-WORK, REST, TURNS, LOAD = "work", "rest", "turns", "load"
+WORK, REST, TURNS, LOAD, MOTION = "work", "rest", "turns", "load", "motion"
+#: Most cuts that tell a motion, and crank angle [rad] at which they are: both sliders are far from the plates there.
+MOST_CUTS, PHASE = LEAST_WATCHED, math.pi
 #: Most turns whose states are kept for `Observation.strobe`.
 STROBED_TURNS = 64
 # Samples a turn of the motor's power, and of N; and turns whose samples are in memory at a time.
@@ -196,6 +200,9 @@ class Observation:
     strobe : ndarray, shape (n + 1, 7), or None
         Once a turn, at the last n turns: positions in crank radii, and velocities in crank radii times motor speed;
         None unless asked, and without a whole turn at the commanded speed.
+    cuts : ndarray, shape (m, coordinates), or None
+        States at the last cuts of the time, at most `MOST_CUTS`, in units of the machine as `TurnMap` has them; None
+        unless asked, and for a motor that is not steady or turns less than twice.
     """
 
     scene: Scene
@@ -212,6 +219,7 @@ class Observation:
     airborne: float
     loads: "Loads"
     strobe: np.ndarray | None
+    cuts: np.ndarray | None
 
 
 def device_at_start(scene: Scene, start: int | None) -> Simulator:
@@ -246,14 +254,20 @@ def observed(device: Simulator, wanted: Collection[str], measured: Window) -> Ob
     """
     device.take_events()
     scene, before = device.scene, device.state
-    checkpoint = device.checkpoint() if {REST, LOAD} & set(wanted) else None
+    checkpoint = device.checkpoint() if {REST, LOAD, MOTION} & set(wanted) else None
     accounts = WORK in wanted and scene["solver.accounts"] and scene["solver.method"] == "exact"
     booked, supplied, heated = _booked(device) if accounts else None, math.nan, math.nan
+    steady = bool(measured.ends) or before.motor_speed == scene["motor.speed"] != 0.0
+    sampled = TURNS in wanted or (WORK in wanted and not accounts)
+    cuts = _cuts(device, measured) if MOTION in wanted and steady and not sampled else None
     delivered, taken_back, strobe = _sampled(device, measured, WORK in wanted and not accounts, TURNS in wanted)
     device.advance_to(measured.end)
     after, events = device.state, device.take_events()
     if booked is not None:
         delivered, taken_back, supplied, heated = _booked(device) - booked
+    if MOTION in wanted and steady and sampled and checkpoint is not None:
+        device.restore(checkpoint)
+        cuts = _cuts(device, measured)
     standing, airborne = standing_and_airborne(device, checkpoint if REST in wanted else None, before, events,
                                                measured.end)
     loads = Loads(math.nan, math.nan)
@@ -263,9 +277,29 @@ def observed(device: Simulator, wanted: Collection[str], measured: Window) -> Ob
     return Observation(
         scene=scene, window=measured, displacement=after.body_position - before.body_position,
         turns=abs(after.crank_angle - before.crank_angle) / _TURN,
-        steady=bool(measured.ends) or before.motor_speed == after.motor_speed == scene["motor.speed"] != 0.0,
+        steady=steady and (bool(measured.ends) or after.motor_speed == scene["motor.speed"]),
         events=events, delivered=float(delivered), taken_back=float(taken_back), supplied=float(supplied),
-        heated=float(heated), standing=standing, airborne=airborne, loads=loads, strobe=strobe)
+        heated=float(heated), standing=standing, airborne=airborne, loads=loads, strobe=strobe, cuts=cuts)
+
+
+def _cuts(device: Simulator, measured: Window) -> np.ndarray | None:
+    """Run a device on, which is at the first instant of a measuring time, and give the states at the last cuts."""
+    turn_map, angle = _turn_map(device.scene.name, tuple(device.scene.parameters.items())), device.state.crank_angle
+    count = min(measured.turns - 1, MOST_CUTS)
+    if count < 1:
+        return None
+    skipped = measured.turns - 1 - count
+    if device.scene.has_rotor:
+        first = math.ceil((angle - PHASE) / TURN) + skipped
+        return turn_map.cuts_at_turns(device, range(first, first + count)).states
+    begin = device.time + (share_of_turn(device.scene, angle, PHASE) + skipped) * turn_map.period
+    return turn_map.cuts_at_times(device, begin + turn_map.period * np.arange(count)).states
+
+
+@lru_cache(maxsize=1)
+def _turn_map(name: str, parameters: tuple[tuple[str, Value], ...]) -> TurnMap:
+    """The turn map of a scene, that of the last one again if it is the same."""
+    return TurnMap(Scene(name, dict(parameters)), PHASE)
 
 
 def _booked(device: Simulator) -> np.ndarray:
@@ -519,11 +553,23 @@ def measure(scene: Scene, names: Collection[str], settling: float, duration: flo
     SimulationError
         If a run cannot go on.
     """
+    return _measured(scene, checked_names(tuple(names)), settling, duration, start, frozenset())[0]
+
+
+def measure_with_motion(scene: Scene, names: Collection[str], settling: float, duration: float,
+                        start: int | None) -> tuple[dict[str, float], SettledMotion | None]:
+    """As `measure`, and the motion that the start has settled to by the end of the time; None if it has not."""
     names = checked_names(tuple(names))
+    values, seen = _measured(scene, names, settling, duration, start, frozenset({MOTION}))
+    return values, None if seen.cuts is None or not seen.steady else motion_of(seen.cuts, _speed(seen), scene)
+
+
+def _measured(scene: Scene, names: tuple[str, ...], settling: float, duration: float, start: int | None,
+              needs: frozenset[str]) -> tuple[dict[str, float], Observation]:
     checked_times(settling, duration, start is not None)
-    seen = observe(scene, {need for name in names for need in MEASURES[name].needs}, settling, duration, start)
+    seen = observe(scene, needs.union(*(MEASURES[name].needs for name in names)), settling, duration, start)
     values = {name: MEASURES[name].value(seen) for name in names}
     if EXPONENT in names:
         values.update(zip(LYAPUNOV, exponent_of_pairs(
             device_at_start(scene, start), settling, seen.window.duration), strict=True))
-    return values
+    return values, seen

@@ -84,8 +84,8 @@ def test_rows_are_the_measures_of_their_scenes(tmp_path, capsys):
 def test_pandas_and_polars_read_the_same_and_the_files_tell_units_scene_and_design(tmp_path):
     assert main([*SHORT, "--output", str(tmp_path)]) == 0
     by_pandas, by_polars = pandas.read_parquet(tmp_path / "blocks"), polars.read_parquet(tmp_path / "blocks")
-    assert list(by_pandas.columns) == by_polars.columns == ["point", "start", "guide.angle", "mean_speed", "error",
-                                                            "warning"]
+    assert list(by_pandas.columns) == by_polars.columns == ["point", "start", "guide.angle", "mean_speed", "turns",
+                                                            "states", "error", "warning"]
     assert by_polars["mean_speed"].to_list() == by_pandas["mean_speed"].to_list()
     schema = pq.read_schema(tmp_path / "blocks" / "block_000000.parquet")
     assert schema.field("mean_speed").metadata[b"unit"] == b"m/s"
@@ -110,6 +110,18 @@ def test_an_exponent_has_its_interval_and_its_sign_is_known_or_said_not_to_be(tm
     assert (mean > half) == known and ("sign not known at 1 of 1 points" in said) != known
     assert f"{mean:.4g} ± {half:.2g} 1/s" in said and "lyapunov_spread" not in said
     assert (starts == "4" and len(rows) == 4) or rows["lyapunov_spread"][0] == half
+
+
+def test_two_motions_of_a_point_are_two_rows_without_a_mean(tmp_path, capsys):
+    """`device` at 160 rad/s: no robot runs at the mean of -79.8 and -53.6 mm/s."""
+    assert main(["--scene", "device", "--vary", "motor.speed=150,160", "--starts", "8", "--duration", "6",
+                 "--output", str(tmp_path)]) == 0
+    table = pandas.read_csv(tmp_path / "summary.csv").query("point == 1")
+    assert (table["mean_speed [m/s]"] * 1e3).round(1).tolist() == [-79.8, -53.6]
+    assert table["turns"].tolist() == [3, 3] and table["starts"].sum() == 8 and table["attractor"].tolist() == [1, 2]
+    assert (table["share low"] < table["share"]).all() and (table["share"] < table["share high"]).all()
+    said = capsys.readouterr().out
+    assert "1 of 2 points have several motions, a row each" in said and "motion 1 of 2, 6 of 8 starts" in said
 
 
 def test_starts_that_repeat_one_motion_have_no_interval(tmp_path, capsys):

@@ -26,8 +26,8 @@ from vibro_ros.orbits.starts import SETTLING
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import ToleranceWarning
 from vibro_ros.study.command import settings_of
-from vibro_ros.study.measures import MEASURES, checked_names, checked_times, measure
-from vibro_ros.study.table import Field, Study, are
+from vibro_ros.study.measures import MEASURES, checked_names, checked_times, measure_with_motion
+from vibro_ros.study.table import NUMBERS, Field, Study, are
 from vibro_ros.study.variation import (
     Axis,
     Range,
@@ -43,6 +43,8 @@ from vibro_ros.study.variation import (
 MOST_RUNS = 100_000_000
 #: Most drawn starts of a point.
 MOST_STARTS = 1_000_000
+KEPT_STATES = 32
+"""States that a row keeps of a motion without a period."""
 PART = 16
 """Most starts of a part of a point: runs of the same machine, whose equations are compiled once."""
 # Robot time [s] of the runs of a block, a second or two of work, and most of its rows: what an interruption can lose.
@@ -285,16 +287,18 @@ def study_of(design: Design) -> Study:
 
 
 def _are_own(design: Design, numbers: Sequence[int], rows: list[dict]) -> bool:
-    return are(rows, [{"point": point, "start": start, **design.changes(point)}
-                      for point, starts in map(design.runs, numbers) for start in starts])
+    own = [{"point": point, "start": start, **design.changes(point)}
+           for point, starts in map(design.runs, numbers) for start in starts]
+    return are(rows, own) and all(not row["states"] if row["turns"] is None else row["turns"] >= 0 and row["states"] and
+                                  len(row["states"]) % (row["turns"] or KEPT_STATES) == 0 for row in rows)
 
 
 def rows_of(design: Design, number: int) -> list[dict]:
     """Run a part; a row a start, with NaN and the reason where it cannot go on."""
     point, starts = design.runs(number)
     changes = design.changes(point)
-    rows = [{"point": point, "start": start, **changes, **dict.fromkeys(design.measures, math.nan), "error": None,
-             "warning": None} for start in starts]
+    rows = [{"point": point, "start": start, **changes, **dict.fromkeys(design.measures, math.nan), "turns": None,
+             "states": [], "error": None, "warning": None} for start in starts]
     try:
         scene = design.scene.with_parameters(changes)
     except ValueError as error:
@@ -304,7 +308,10 @@ def rows_of(design: Design, number: int) -> list[dict]:
         for row, start in zip(rows, starts, strict=True):
             row["warning"] = scene.broken_promise or None
             try:
-                row.update(measure(scene, design.measures, design.settling, design.duration, start))
+                values, motion = measure_with_motion(scene, design.measures, design.settling, design.duration, start)
+                row.update(values)
+                if motion is not None:
+                    row |= {"turns": motion.turns, "states": motion.states[-(motion.turns or KEPT_STATES):].ravel()}
             except SimulationError as error:
                 row["error"] = str(error)
     return rows
@@ -318,6 +325,10 @@ def fields_of(design: Design) -> list[Field]:
         *(Field(name, _TYPES[type(BY_NAME[name].default)], BY_NAME[name].unit or "1", BY_NAME[name].description)
           for name in design.names),
         *(Field(name, pa.float64(), MEASURES[name].unit, MEASURES[name].meaning) for name in design.measures),
+        Field("turns", pa.int64(), "1", "turns of the crank after which the motion repeats itself, by the end of the "
+              "run; 0: it does not; null: it has not settled", True),
+        Field("states", NUMBERS, "1", "states of this motion at the cut, one after the other, in crank radii and crank "
+              "radii times motor speed"),
         Field("error", pa.string(), "1", "why the row has no values; else null", True),
         Field("warning", pa.string(), "1", "what is to be known about the values; else null", True),
     ]

@@ -1,4 +1,4 @@
-"""What a sweep has found: means and intervals of every point, as CSV, sentences and a picture."""
+"""What a sweep has found: the motions of every point, their means and intervals, as CSV, sentences and a picture."""
 
 import csv
 import io
@@ -11,20 +11,22 @@ import numpy as np
 import pyarrow as pa
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy.stats import t as student
 
 from vibro_ros.accuracy.figures import new_figure, png, tidy, with_unit
-from vibro_ros.accuracy.starts import SAME
 from vibro_ros.model.parameters import BY_NAME
-from vibro_ros.orbits.chaos import sign_of
-from vibro_ros.study.measures import EXPONENT, MEASURES, SPREAD
-from vibro_ros.study.sweep.design import NO_SCENE, Design
+from vibro_ros.orbits.attractors import Attractor, Attractors, grouped
+from vibro_ros.orbits.chaos import half_interval, sign_of
+from vibro_ros.orbits.recurrence import SettledMotion, tolerance_of
+from vibro_ros.study.measures import EXPONENT, LYAPUNOV, MEASURES, SPREAD
+from vibro_ros.study.sweep.design import KEPT_STATES, NO_SCENE, Design
 from vibro_ros.study.variation import beyond_the_edge
+
+SPEED = "mean_speed"
 
 
 @dataclass(frozen=True)
 class Summary:
-    """A sweep, point by point.
+    """A sweep, a row a point and attractor: several motions of a point have no mean in common.
 
     Attributes
     ----------
@@ -32,11 +34,15 @@ class Summary:
         What was run.
     parameters : dict of str to list
         By varied parameter, its value at each point, in SI units.
-    mean, spread : dict of str to ndarray, shape (points,)
-        By measure, in its unit: the mean over the starts that have a value, and half of its 95 % interval by Student's
-        distribution; NaN where fewer than one, or two, have one. The exponent of a single start, or of starts of which
-        none parts, has the interval that was measured with it.
-    count : dict of str to ndarray, shape (points,)
+    attractors : list of Attractors
+        Of each point; empty where no run has values.
+    point, place : ndarray of int, shape (rows,)
+        Point of each row, and the number of its attractor there, from 0.
+    mean, spread : dict of str to ndarray, shape (rows,)
+        By measure, in its unit: the mean over the starts of the attractor that have a value, and half of its 95 %
+        interval by Student's distribution; NaN where fewer than one, or two, have one. The exponent of a single start,
+        or of starts of which none parts, has the interval that was measured with it.
+    count : dict of str to ndarray, shape (rows,)
         Starts that have a value.
     failed, refused : ndarray, shape (points,)
         Runs that could not go on, and runs of scenes that are refused.
@@ -46,6 +52,9 @@ class Summary:
 
     design: Design
     parameters: dict[str, list]
+    attractors: list[Attractors]
+    point: np.ndarray
+    place: np.ndarray
     mean: dict[str, np.ndarray]
     spread: dict[str, np.ndarray]
     count: dict[str, np.ndarray]
@@ -54,34 +63,52 @@ class Summary:
     errors: list[str]
     warnings: list[str]
 
+    def of_row(self, row: int) -> Attractor:
+        """The attractor of a row."""
+        return self.attractors[self.point[row]][self.place[row]]
+
+    def is_periodic(self, row: int) -> bool:
+        """Whether the starts of a row repeat one motion, of which an interval would describe the draw."""
+        return bool(self.of_row(row).turns)
+
 
 def summary(design: Design, table: pa.Table) -> Summary:
     """Sum up the rows of a design."""
-    shape = (design.points, -1)
+    errors, turns = table["error"].to_pylist(), table["turns"].to_pylist()
+    states, starts = table["states"].to_pylist(), max(design.starts, 1)
+    columns = {name: table[name].to_numpy() for name in design.measures}
+    first_rows = list(range(0, design.rows, starts))
+    parameters = {name: table[name].take(first_rows).to_pylist() for name in design.names}
+    found: list[Attractors] = []
+    groups: list[tuple[int, int, np.ndarray]] = []
+    for point, first in enumerate(first_rows):
+        rows = np.array([row for row in range(first, first + starts) if errors[row] is None], dtype=int)
+        if not len(rows):
+            found.append(Attractors())
+            continue
+        scene = design.scene.with_parameters(design.changes(point))
+        speeds = columns[SPEED][rows] if SPEED in columns else np.full(len(rows), np.nan)
+        motions = [None if turns[row] is None else SettledMotion(
+            turns[row], np.array(states[row]).reshape(turns[row] or KEPT_STATES, -1), float(speed), 0,
+            tolerance_of(scene)) for row, speed in zip(rows, speeds, strict=True)]
+        own, places = grouped(motions, speeds.tolist())
+        found.append(own)
+        groups += [(point, place, rows[places == place]) for place in range(len(own))]
     mean, spread, count = {}, {}, {}
-    for name in design.measures:
-        values = table[name].to_numpy().reshape(shape)
-        count[name] = np.sum(~np.isnan(values), axis=1)
-        mean[name], spread[name] = _mean_and_spread(values, count[name])
+    for name, column in columns.items():
+        values = [column[rows][~np.isnan(column[rows])] for _, _, rows in groups]
+        count[name] = np.array([len(one) for one in values], dtype=int)
+        mean[name] = np.array([one.mean() if len(one) else math.nan for one in values])
+        spread[name] = np.array([float(half_interval(one)) if len(one) > 1 else math.nan for one in values])
     if EXPONENT in mean:
-        own = (count[EXPONENT] == 1) | (spread[EXPONENT] == 0.0)
-        spread[EXPONENT] = np.where(own, mean[SPREAD], spread[EXPONENT])
-    errors = table["error"].to_pylist()
-    refused = np.array([error is not None and error.startswith(NO_SCENE) for error in errors]).reshape(shape)
-    has_error = np.array([error is not None for error in errors]).reshape(shape)
-    first_rows = range(0, design.rows, max(design.starts, 1))
-    parameters = {name: table[name].take(list(first_rows)).to_pylist() for name in design.names}
-    return Summary(design, parameters, mean, spread, count, (has_error & ~refused).sum(axis=1), refused.sum(axis=1),
-                   _each_once(errors), _each_once(table["warning"].to_pylist()))
-
-
-def _mean_and_spread(values: np.ndarray, count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    valid = np.where(np.isnan(values), 0.0, values)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean = np.where(count > 0, valid.sum(axis=1) / count, np.nan)
-        squares = np.where(np.isnan(values), 0.0, values - mean[:, None]) ** 2
-        error = np.sqrt(squares.sum(axis=1) / (count - 1) / count)
-        return mean, np.where(count > 1, student.ppf(0.975, np.maximum(count - 1, 1)) * error, np.nan)
+        own_interval = (count[EXPONENT] == 1) | (spread[EXPONENT] == 0.0)
+        spread[EXPONENT] = np.where(own_interval, mean[SPREAD], spread[EXPONENT])
+    refused = np.array([error is not None and error.startswith(NO_SCENE) for error in errors]).reshape(-1, starts)
+    has_error = np.array([error is not None for error in errors]).reshape(-1, starts)
+    return Summary(design, parameters, found, np.array([point for point, _, _ in groups], dtype=int),
+                   np.array([place for _, place, _ in groups], dtype=int), mean, spread, count,
+                   (has_error & ~refused).sum(axis=1), refused.sum(axis=1), _each_once(errors),
+                   _each_once(table["warning"].to_pylist()))
 
 
 def _each_once(texts: Sequence[str | None]) -> list[str]:
@@ -89,18 +116,26 @@ def _each_once(texts: Sequence[str | None]) -> list[str]:
 
 
 def as_csv(found: Summary) -> str:
-    """The summary as a table: a row a point, units in the heading."""
+    """The summary as a table: a row a point and attractor, units in the heading; a point without values has one row."""
     names, measures = found.design.names, found.design.measures
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     heads = [[f"{name} [{MEASURES[name].unit}]", f"{name} 95 % ± [{MEASURES[name].unit}]", f"{name} starts"]
              for name in measures]
-    writer.writerow(["point", *(f"{name} [{BY_NAME[name].unit or '1'}]" for name in names),
-                     *(head for group in heads for head in group), "failed", "refused"])
-    for point in range(found.design.points):
-        cells = [[found.mean[name][point], found.spread[name][point], found.count[name][point]] for name in measures]
-        writer.writerow([point, *(found.parameters[name][point] for name in names),
-                         *(cell for group in cells for cell in group), found.failed[point], found.refused[point]])
+    writer.writerow(["point", *(f"{name} [{BY_NAME[name].unit or '1'}]" for name in names), "attractor", "turns",
+                     "starts", "share", "share low", "share high", *(head for group in heads for head in group),
+                     "failed", "refused"])
+    row = 0
+    for point, attractors in enumerate(found.attractors):
+        place = [point, *(found.parameters[name][point] for name in names)]
+        counts = [found.failed[point], found.refused[point]]
+        for number, one in enumerate(attractors, 1):
+            cells = [[found.mean[name][row], found.spread[name][row], found.count[name][row]] for name in measures]
+            writer.writerow([*place, number, "" if one.turns is None else one.turns, one.starts, one.share, one.low,
+                             one.high, *(cell for group in cells for cell in group), *counts])
+            row += 1
+        if not attractors:
+            writer.writerow([*place, "", "", 0, "", "", "", *("nan", "nan", 0) * len(measures), *counts])
     return text.getvalue()
 
 
@@ -109,14 +144,16 @@ def in_words(found: Summary) -> list[str]:
     design = found.design
     lines = [f"{design.points} points from {design.starts} drawn starts each" if design.starts else
              f"{design.points} points, each from the scene's own start"]
+    if several := sum(len(own) > 1 for own in found.attractors):
+        lines.append(f"{several} of {design.points} points have several motions, a row each in the summary")
     for name in _shown(design):
         if np.isnan(found.mean[name]).all():
             lines.append(f"{name}: no run has a value")
             continue
         least, most = int(np.nanargmin(found.mean[name])), int(np.nanargmax(found.mean[name]))
         lines.append(f"{name}: from {_at(found, name, least)} to {_at(found, name, most)}")
-        for what, point in (("least", least), ("largest", most)):
-            if edge := beyond_the_edge(f"the {what} {name}", found.parameters, point):
+        for what, row in (("least", least), ("largest", most)):
+            if edge := beyond_the_edge(f"the {what} {name}", found.parameters, int(found.point[row])):
                 lines.append(edge)
         if name == EXPONENT and (unknown := _of_unknown_sign(found)):
             lines.append(f"{name}: sign not known at {unknown} of {design.points} points")
@@ -142,15 +179,19 @@ def _of_unknown_sign(found: Summary) -> int:
         found.mean[EXPONENT].tolist(), found.spread[EXPONENT].tolist(), strict=True))
 
 
-def _at(found: Summary, name: str, point: int) -> str:
+def _at(found: Summary, name: str, row: int) -> str:
+    point, own = int(found.point[row]), found.of_row(row)
     where = ", ".join(f"{parameter} = {value:.6g}" if isinstance(value, float) else f"{parameter} = {value}"
                       for parameter, value in ((one, found.parameters[one][point]) for one in found.design.names))
-    spread = found.spread[name][point]
-    # One motion repeated, whose interval would describe the draw.
-    same = found.count[name][point] > 1 and spread <= SAME * abs(found.mean[name][point])
+    spread = found.spread[name][row]
+    same = found.is_periodic(row) and found.count[name][row] > 1 and name not in LYAPUNOV
     interval = f" ± {spread:.2g}" if spread > 0.0 and not same else ""
     unit = "" if MEASURES[name].unit == "1" else f" {MEASURES[name].unit}"
-    return f"{found.mean[name][point]:.4g}{interval}{unit}{' from every start' * bool(same)} ({where})"
+    of = len(found.attractors[point])
+    starts = sum(one.starts for one in found.attractors[point])
+    motion = f"; motion {found.place[row] + 1} of {of}, {own.starts} of {starts} starts" if of > 1 else ""
+    return (f"{found.mean[name][row]:.4g}{interval}{unit}{' from every start' * bool(same and of == 1)} "
+            f"({where}{motion})")
 
 
 #: Most lines of a panel; further combinations are left to the table.
@@ -176,21 +217,25 @@ def draw_sweep(found: Summary) -> bytes:
             elif on_grid and len(columns) == 1:
                 _draw_lines(axis, found, measure, over[0], measure == measures[0])
             else:
-                axis.plot(found.parameters[over[0]], found.mean[measure], ".", color=_STYLES[0][0], ms=4, alpha=0.6)
+                axis.plot([found.parameters[over[0]][point] for point in found.point], found.mean[measure], ".",
+                          color=_STYLES[0][0], ms=4, alpha=0.6)
                 _label(axis, over[0], measure)
     intervals = ", 95 % intervals" if on_grid and not is_map and len(columns) == 1 else ""
-    starts = f"means of {found.design.starts} starts{intervals}" if found.design.starts > 1 else "one start"
+    several = ", of several motions the one of most starts" if is_map else ", a mark a motion"
+    starts = f"{found.design.starts} starts{several}{intervals}" if found.design.starts > 1 else "one start"
     figure.suptitle(f"{found.design.scene.name}: {starts}, {found.design.duration:g} s after "
                     f"{found.design.settling:g} s", fontsize=11)
     return png(figure)
 
 
 def _draw_lines(axes: Axes, found: Summary, measure: str, over: str, legend: bool) -> None:
+    """A mark a motion, joined by lines where every point has one motion."""
+    line = "-" if all(len(own) <= 1 for own in found.attractors) else "none"
     for (label, chosen), (colour, marker) in zip(_combinations(found, over), itertools.cycle(_STYLES), strict=False):
-        places = [found.parameters[over][point] for point in chosen]
-        spread = np.nan_to_num(found.spread[measure][chosen])
-        axes.errorbar(places, found.mean[measure][chosen], yerr=spread, color=colour, marker=marker, ms=4, lw=1.2,
-                      capsize=2, label=label)
+        rows = np.flatnonzero(np.isin(found.point, chosen))
+        places = [found.parameters[over][found.point[row]] for row in rows]
+        axes.errorbar(places, found.mean[measure][rows], yerr=np.nan_to_num(found.spread[measure][rows]), color=colour,
+                      marker=marker, ms=4, lw=1.2, linestyle=line, capsize=2, label=label)
     if legend and len(found.design.names) > 1:
         axes.legend(fontsize=8, frameon=False)
     _label(axes, over, measure)
@@ -208,10 +253,12 @@ def _combinations(found: Summary, over: str) -> Iterator[tuple[str, np.ndarray]]
 
 def _draw_map(figure: Figure, axes: Axes, found: Summary, measure: str, over: tuple[str, ...]) -> None:
     first, second = found.design.axes
-    values = found.mean[measure].reshape(len(first.values), len(second.values))
+    values = np.full(found.design.points, np.nan)
+    largest = found.place == 0
+    values[found.point[largest]] = found.mean[measure][largest]
     order = np.ix_(np.argsort(first.values), np.argsort(second.values))
-    mesh = axes.pcolormesh(np.sort(second.values), np.sort(first.values), values[order], shading="nearest",
-                           cmap="viridis")
+    cells = values.reshape(len(first.values), -1)[order]
+    mesh = axes.pcolormesh(np.sort(second.values), np.sort(first.values), cells, shading="nearest", cmap="viridis")
     figure.colorbar(mesh, ax=axes, label=with_unit(measure, MEASURES[measure].unit))
     axes.set(xlabel=with_unit(second.name, BY_NAME[second.name].unit),
              ylabel=with_unit(first.name, BY_NAME[first.name].unit))
