@@ -18,6 +18,13 @@ def test_own_arguments_are_those_outside_ros_args(words: list[str], own: list[st
     assert own_arguments(words) == own
 
 
+@pytest.mark.parametrize("option", ["-p", "-r", "--params-file"])
+def test_an_option_of_ros_outside_ros_args_is_named_with_its_remedy(option):
+    with pytest.raises(ValueError, match=f"^{option}: is an option of ROS; write --ros-args before it, such as "
+                                         f"--ros-args {option} "):
+        own_arguments([option, "scene:=paper", "--ros-args", "-p", "a:=1"])
+
+
 @pytest.mark.parametrize(("rule", "words"), {
     "odom:=joint_states": "odom and joint_states have one name, /lab/joint_states; remap one of them",
     "odom:=/diagnostics": "odom: has the name /diagnostics, which stands for something else; remap it",

@@ -186,7 +186,7 @@ entries:
     assert goes_on.end() == 0
     assert goes_on.lines[-1].endswith("script done; /motor_speed is at 30 rad/s, and command.timeout of /vibro_robot "
                                       "stops the motor in 0.5 s")
-    robot.wait_for("command.timeout: no /motor_speed for 0.5 s")
+    robot.wait_for("command.timeout: no command of the motor on /motor_speed or /joint_commands for 0.5 s")
     controller = start("controller", write(tmp_path, "entries: [{for: 2, motor_speed: 20}, {for: 1, motor_speed: 55}]"))
     controller.wait_for("entry 1, ")
     set_parameter(bench, "motor.max_speed", 40.0)

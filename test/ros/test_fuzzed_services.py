@@ -17,7 +17,8 @@ from rclpy.qos import QoSProfile
 from std_srvs.srv import SetBool
 from type_description_interfaces.srv import GetTypeDescription
 
-from vibro_ros.ros.node.node import LONGEST_NAME
+from vibro_ros.ros.node.node import LONGEST_NAME, SENTENCES
+from vibro_ros.ros.node.refusals import LONGEST_SENTENCE
 
 ROUNDS = 4000 if "VIBRO_ROS_HOSTILE" in os.environ else 40
 AT_ONCE = 25
@@ -66,8 +67,9 @@ def test_every_request_is_answered_every_refusal_counted_and_every_sample_finite
     for _ in range(ROUNDS):
         asked = [(client, random_request(client.srv_type, names, chance))
                  for client in chance.choices([*clients.values()], k=AT_ONCE)]
-        refusals += sum(refused(request, response)
-                        for (_, request), response in zip(asked, ask(bench, asked), strict=True))
+        for (_, request), response in zip(asked, ask(bench, asked), strict=True):
+            refusals += refused(request, response)
+            assert all(text.isprintable() and len(text) <= LONGEST_SENTENCE for text in sentences(response)), response
     assert refusals > ROUNDS
     ask(bench, [(clients["/vibro_robot/pause"], SetBool.Request(data=False))])
     status, values = listener.wait_for_status(
@@ -77,6 +79,15 @@ def test_every_request_is_answered_every_refusal_counted_and_every_sample_finite
     for topic in ("odom", "joint_states"):
         assert all(math.isfinite(number) for number in numbers_of(operator, topic))
     stop(robot)
+    assert "\x1b" not in robot.text and "\ny" not in robot.text  # nothing of a peer's text in the log as it came
+    assert max(map(len, robot.lines)) < LONGEST_SENTENCE + 200
+
+
+def sentences(response) -> list[str]:
+    """What an answer of any service says in words."""
+    parts = [response, getattr(response, "result", None), *getattr(response, "results", ())]
+    found = [getattr(part, field, "") for part in parts for field in SENTENCES]
+    return [text for text in found if isinstance(text, str)]
 
 
 def ask(bench, asked: list) -> list:

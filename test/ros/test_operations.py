@@ -184,7 +184,7 @@ def test_the_motor_stops_when_commands_stay_away_and_replay_knows_when(start, be
     for speed in (50.0, 60.0, 70.0):  # commands in time keep it running
         operator.command(motor_speed=speed)
         operator.spin_for_samples(5)
-    robot.wait_for("command.timeout: no /motor_speed for 0.1 s")
+    robot.wait_for("command.timeout: no command of the motor on /motor_speed or /joint_commands for 0.1 s")
     bench.spin_until(lambda: operator.joint("crank")[1] == 0.0, "the motor's stop")
     listener.wait_for_status("simulation", lambda status: value_of(status, "stops by command.timeout") >= 1.0)
     operator.command(motor_speed=30.0)

@@ -65,6 +65,8 @@ def test_a_full_disk_is_told_once_and_recording_resumes_when_there_is_room(start
     status, values = listener.wait_for_status("recorder", lambda status: status.level == DiagnosticStatus.ERROR)
     assert "File too large" in status.message and values["fault"] == status.message
     assert int(values["lost"]) > 0 and int(values["dropped"]) > 0
+    done, said = record(False)
+    assert done and said.startswith("not recording: recording to vibro_robot_") and "File too large" in said
     done, said = record(True)
     assert not done and "cannot record to" in said and "File too large" in said
     (first,) = bags(tmp_path)  # nothing is left of the attempt

@@ -89,7 +89,7 @@ def checked_state(scene: Scene, given: Mapping[str, object], now: Mapping[str, f
     """
     for name in given:
         if name not in STATE_UNITS:
-            raise ValueError(f"{name}: cannot be given; give any of {', '.join(STATE_UNITS)}")
+            raise ValueError(f"{quoted(name)}: cannot be given; give any of {', '.join(STATE_UNITS)}")
     numbers = {name: _number(scene, name, value) for name, value in given.items()}
     check_parts(scene, numbers)
     return outside_plates(scene, {name: now[name] for name in UNITS} | numbers)

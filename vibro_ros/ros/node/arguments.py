@@ -13,7 +13,10 @@ from rclpy.node import Node
 from vibro_ros.configuration import parameter_file
 
 OVERRIDE = ("--param", "-p")
+REMAP = ("--remap", "-r")
 FILE = "--params-file"
+EXAMPLES = {**dict.fromkeys(OVERRIDE, "scene:=paper"), **dict.fromkeys(REMAP, "odom:=body/odom"), FILE: "robot.yaml"}
+"""What may follow each option of ROS."""
 TOPIC_LENGTH = 247
 """Most characters of a topic's full name, in rcl and rmw."""
 TAKEN = ("/diagnostics", "/clock", "/rosout", "/parameter_events")
@@ -21,8 +24,18 @@ TAKEN = ("/diagnostics", "/clock", "/rosout", "/parameter_events")
 
 
 def own_arguments(words: Sequence[str]) -> list[str]:
-    """`words` without the parts that are for ROS: from each `--ros-args` to `--` or the end."""
-    return [word for word, for_ros in _marked(words) if not for_ros and word != "--"]
+    """`words` without the parts that are for ROS: from each `--ros-args` to `--` or the end.
+
+    Raises
+    ------
+    ValueError
+        For an option of ROS that stands outside of them.
+    """
+    own = [word for word, for_ros in _marked(words) if not for_ros and word != "--"]
+    if stray := next((word for word in own if word in (*OVERRIDE, *REMAP, FILE)), None):
+        raise ValueError(f"{stray}: is an option of ROS; write --ros-args before it, such as --ros-args {stray} "
+                         f"{EXAMPLES[stray]}")
+    return own
 
 
 def check_arguments(words: Sequence[str]) -> tuple[Path, ...]:

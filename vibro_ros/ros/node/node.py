@@ -28,9 +28,10 @@ from rosgraph_msgs.msg import Clock
 from type_description_interfaces.srv import GetTypeDescription
 
 from vibro_ros.configuration.parameter_file import FIXED_OF_RCLPY
+from vibro_ros.process.untrusted import one_line
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.parameters import change_of, set_refusal
-from vibro_ros.ros.node.refusals import Refusals, peer_text
+from vibro_ros.ros.node.refusals import LONGEST_SENTENCE, Refusals, peer_text
 
 LAST_SECOND = 2**31 - 1 - 10**7
 """Latest ROS time [s] at which a node starts: a stamp's seconds end at 2**31 - 1, and it is to run for some months."""
@@ -40,6 +41,8 @@ LONGEST_NAME = 1000
 """Characters of such a name."""
 RESULT_TIMEOUT = 60
 """How long [s] the result of a goal can be asked for; each goal that was ever sent takes memory meanwhile."""
+SENTENCES = ("message", "reason", "failure_reason", "error_message")
+"""Fields of answers that hold a sentence."""
 _HASH = re.compile(r"RIHS01_[0-9a-f]{64}")
 
 
@@ -96,15 +99,15 @@ class SteadyNode(Node):
                 self.refusals.refuse(name, reason)
                 return _refused(request, response, reason)
             if isinstance(request, SetParameters.Request | SetParametersAtomically.Request):
-                return self._set_parameters(name, request, response)
-            return self._counted(name, callback(request, response))
+                return _bounded(self._set_parameters(name, request, response))
+            return _bounded(self._counted(name, callback(request, response)))
         except Exception as error:  # whatever it is, the caller waits for an answer
             self.refusals.catch(name, error)
             return _refused(request, response, f"{type(error).__name__}; the node's log says more")
 
     async def _answer_later(self, name: str, callback: Callable, request: Any, response: Any) -> Any:
         try:
-            return self._counted(name, await callback(request, response))
+            return _bounded(self._counted(name, await callback(request, response)))
         except Exception as error:  # whatever it is, the caller waits for an answer
             self.refusals.catch(name, error)
             return _refused(request, response, f"{type(error).__name__}; the node's log says more")
@@ -219,6 +222,16 @@ def _reason_of(response: Any) -> str:
     if hasattr(response, "success"):  # of std_srvs and of the project's own
         return "" if response.success else response.message
     return getattr(getattr(response, "result", None), "error_message", "")  # of simulation_interfaces
+
+
+def _bounded(response: Any) -> Any:
+    """`response` with each of its sentences in one printable line: what a peer sent may be part of it."""
+    results = getattr(response, "results", ()) if isinstance(response, SetParameters.Response) else ()
+    for part in (response, getattr(response, "result", None), *results):
+        for field in SENTENCES:
+            if isinstance(text := getattr(part, field, None), str):
+                setattr(part, field, one_line(text, LONGEST_SENTENCE))
+    return response
 
 
 def _refused(request: Any, response: Any, reason: str) -> Any:

@@ -8,6 +8,8 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from vibro_ros.process.files import one_line
 
+LONGEST_SENTENCE = 1000
+"""Characters of a sentence that an answer or the log gives as a reason, whatever of a peer's is in it."""
 LONGEST_SHOWN = 60
 """Characters of a peer's text that are repeated to it or to the log."""
 
@@ -28,7 +30,7 @@ class Refusals:
     def refuse(self, name: str, reason: str) -> None:
         """Count what came under `name` (a topic's, a service's) and was refused, and say why."""
         self.count += 1
-        if text := self._admitted(name, f"{name}: refused: {reason}"):
+        if text := self._admitted(name, f"{name}: refused: {one_line(reason, LONGEST_SENTENCE)}"):
             self._log().warning(text)
 
     def catch(self, name: str, error: Exception) -> None:

@@ -25,6 +25,8 @@ from vibro_ros.ros.node.refusals import peer_text
 ROUNDS = 3
 PATIENCE = 2.0
 """Time [s] without an answer after which the robot says for whom it waits, and asks once more."""
+MOST_NODES = 20
+"""Nodes that a sample may wait for: each is called three times a sample."""
 _NAME = re.compile(r"(?:/[A-Za-z_][A-Za-z0-9_]*)+")
 
 
@@ -93,6 +95,8 @@ def checked_nodes(node: Node, names: Sequence[str]) -> tuple[str, ...]:
     if tuple(names) == NOBODY:
         return ()
     full = tuple(name if name.startswith("/") else f"{node.get_namespace().rstrip('/')}/{name}" for name in names)
+    if len(full) > MOST_NODES:
+        raise ValueError(f"clock.lock_step: {len(full)} nodes; name at most {MOST_NODES}")
     for name in full:
         if not _NAME.fullmatch(name):
             raise ValueError(f"clock.lock_step: {peer_text(name)} is no node's name; give one as /vibro_controller")

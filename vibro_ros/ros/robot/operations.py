@@ -220,7 +220,9 @@ class Operations:
 
     def _let(self, request: Request) -> None:
         self._done(request.operation)
-        request.set_result("done")
+        ends = request.operation.parameters.get("duration") == 0.0
+        request.set_result(f"duration 0: no {request.operation.name} begins, and one that lasted has ended" if ends
+                           else "done")
 
     def _fail(self, request: Request) -> None:
         self._let(request)

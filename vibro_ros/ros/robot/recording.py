@@ -198,16 +198,19 @@ class Recording:
                 self._log.error(text)
 
     def destination(self) -> str:
-        """Where the bag is, for people."""
-        return f"recording to {self._recorder.folder}" if self._recorder else "not recording"
+        """Where the bag is, or why there is none, for people."""
+        recorder = self._recorder
+        if recorder is None or not recorder.accepting:
+            return f"not recording: {recorder.fault}" if recorder and recorder.fault else "not recording"
+        return f"recording to {recorder.folder}"
 
     def summary(self) -> str:
         """Where the last bag is and what is in it, for people."""
         return f"bag {_contents(self.latest)}" if self.latest else "nothing recorded"
 
     def _start(self) -> tuple[bool, str]:
-        if self._recorder and not self._recorder.ended:
-            return True, f"already recording to {self._recorder.folder}"
+        if self._recorder and self._recorder.accepting:
+            return True, f"already {self.destination()}"
         if not self._begun.admit("a bag"):
             return False, _TOO_MANY
         self._recorder = self._new_bag()
@@ -215,9 +218,9 @@ class Recording:
         return True, self.destination()
 
     def _stop(self) -> tuple[bool, str]:
-        recorder, self._recorder = self._recorder, None
-        if recorder is None or recorder.fault:
-            return True, f"not recording: {recorder.fault}" if recorder else "not recording"
+        said, recorder, self._recorder = self.destination(), self._recorder, None
+        if recorder is None or not recorder.accepting:
+            return True, said
         if not recorder.close(SEALING):
             return False, f"{recorder.folder}: the disk does not answer; the bag will be sealed when it does"
         self.watch()

@@ -28,6 +28,7 @@ from vibro_ros.messages.topics import (
     CHECKPOINT,
     COMMANDS,
     EVENT,
+    JOINT_COMMANDS,
     ONCE,
     OPERATIONS,
     SAMPLE,
@@ -222,9 +223,15 @@ def _new_run(node: SteadyNode, settings: Mapping[str, Value], device: Simulator,
 
         clock = publish_clock
     return Run(device, robot_time, pacing, subscriptions, publishers, operations, recording, control,
-               timeout=CommandTimeout(settings["command.timeout"], subscriptions.topics[device.scene.motor_command])
+               timeout=CommandTimeout(settings["command.timeout"], _motor_topics(device.scene, subscriptions))
                if settings["command.timeout"] else None,
                clock=clock, lock_step=lock_step)
+
+
+def _motor_topics(scene: Scene, subscriptions: CommandSubscriptions) -> list[str]:
+    """Full names of the topics that command the motor: joints are commanded by speed, never by voltage."""
+    of_joints = [JOINT_COMMANDS] if scene.motor_command == "motor_speed" else []
+    return [subscriptions.topics[name] for name in (scene.motor_command, *of_joints)]
 
 
 def _now(node: Node, settings: Mapping[str, Value], run: Run | None = None) -> int:

@@ -5,7 +5,7 @@ import threading
 import time
 from array import array
 from collections import Counter, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,13 +39,15 @@ class CommandTimeout:
     """When more than `limit` [s] of robot time has passed since the last command of the motor's speed that took effect.
 
     Robot time, because then a replay finds the same instant, and a pause does not count; the start counts as a command.
-    `topic` is the command's full name, for the `words` that are said when the motor is stopped, `count` times so far.
+    `topics` are the full names of all topics that command it, for the `words` that are said when the motor is stopped,
+    `count` times so far.
     """
 
-    def __init__(self, limit: float, topic: str):
+    def __init__(self, limit: float, topics: Sequence[str]):
         self.count = 0
-        self.words = (f"command.timeout: no {topic} for {limit:g} s of robot time; the motor stops. Publish {topic} "
-                      "more often, or start the robot with a longer command.timeout")
+        names = " or ".join(topics)
+        self.words = (f"command.timeout: no command of the motor on {names} for {limit:g} s of robot time; the motor "
+                      f"stops. Publish {names} more often, or start the robot with a longer command.timeout")
         self._limit = limit
         self._last, self._accepted = 0.0, 0
 

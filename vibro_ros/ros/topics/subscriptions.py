@@ -7,7 +7,7 @@ its numbers to the device (`CommandSubscriptions.apply`).
 
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from heapq import heappop, heappush
 from itertools import chain, count
@@ -18,6 +18,7 @@ from typing import Any, Generic, TypeVar
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
@@ -77,7 +78,8 @@ class CommandSubscriptions:
         }
         gathering.subscriptions = self.subscriptions
         self.topics = {name: subscription.topic_name for name, subscription in self.subscriptions.items()}
-        _warn_of_other_types(node, {topic: ROBOT_TOPICS[name] for name, topic in self.topics.items()})
+        _warn_of_deaf_ears(node, {self.topics[name]: (ROBOT_TOPICS[name], subscription.qos_profile)
+                                  for name, subscription in self.subscriptions.items()})
 
     @property
     def refused(self) -> int:
@@ -240,12 +242,10 @@ class Gathering(Generic[Name]):
         self._last = time.monotonic()
 
 
-def _warn_of_other_types(node: Node, types: Mapping[str, str]) -> None:
-    """Let `node` warn of publishers whose type is not that of its topics (full names): DDS keeps them apart in silence.
-
-    Of a publisher with another quality of service rclpy itself says so.
-    """
-    known: set[tuple[str, str, str]] = set()
+def _warn_of_deaf_ears(node: Node, heard: Mapping[str, tuple[str, QoSProfile]]) -> None:
+    """Let `node` warn of publishers that its topics (full names) cannot hear, because DDS keeps them apart in silence:
+    those of another type, and best-effort ones where the subscription is reliable."""
+    known: set[str] = set()
     throttle = Throttle()
 
     def name_of(one: TopicEndpointInfo) -> str:
@@ -253,15 +253,26 @@ def _warn_of_other_types(node: Node, types: Mapping[str, str]) -> None:
             return "a program without ROS"
         return peer_text(f"{one.node_namespace.rstrip('/')}/{one.node_name}")
 
+    def faults() -> Iterator[str]:
+        for topic, (kind, profile) in heard.items():
+            for one in node.get_publishers_info_by_topic(topic):
+                if "_UNKNOWN_" in one.node_name:
+                    continue  # DDS learns the node's name later
+                if one.topic_type != kind:
+                    yield (f"{topic}: {name_of(one)} publishes {peer_text(one.topic_type)}, which cannot arrive; "
+                           f"publish {kind}")
+                elif (one.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+                      and profile.reliability == ReliabilityPolicy.RELIABLE):
+                    yield (f"{topic}: {name_of(one)} publishes best effort, which cannot arrive; let it publish "
+                           f"reliably, or start the robot with -p qos_overrides.{topic}.subscription.reliability:="
+                           "best_effort")
+
     def look() -> None:
         before = known.copy()
         known.clear()
-        known.update((topic, name_of(one), one.topic_type)
-                     for topic, kind in types.items() for one in node.get_publishers_info_by_topic(topic)
-                     if one.topic_type != kind and "_UNKNOWN_" not in one.node_name)  # DDS learns the node's name later
-        for topic, publisher, kind in sorted(known - before):
-            if text := throttle.admit(f"{topic}: {publisher} publishes {peer_text(kind)}, which cannot "
-                                      f"arrive; publish {types[topic]}"):
+        known.update(faults())
+        for fault in sorted(known - before):
+            if text := throttle.admit(fault):
                 node.get_logger().warning(text)
 
     node.create_timer(LOOKS, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
