@@ -1,12 +1,32 @@
 """A program that drives a robot by simulation_interfaces."""
 
+from enum import IntEnum
+
 from asking import wait_until_known
 from rclpy.action import ActionClient
 from rclpy.qos import QoSProfile
 
-from vibro_ros.ros.robot.services import MOST_STEPS, NAMES, Code
-
 STILL_ON_THE_WAY = 200  # samples, of a second, that may come although the robot has paused
+
+
+MOST_STEPS = 100_000
+PATHS = {"GetSimulatorFeatures": "get_simulator_features", "ResetSimulation": "reset_simulation",
+         "GetSimulationState": "get_simulation_state", "SetSimulationState": "set_simulation_state",
+         "StepSimulation": "step_simulation", "GetEntityState": "get_entity_state",
+         "SetEntityState": "set_entity_state"}
+
+
+class Code(IntEnum):
+    """Results, by the definitions of simulation_interfaces 2.1.0."""
+
+    FEATURE_UNSUPPORTED, OK, NOT_FOUND, INCORRECT_STATE, OPERATION_FAILED = range(5)
+    ALREADY_IN_TARGET_STATE, STATE_TRANSITION_ERROR, INCORRECT_TRANSITION = range(101, 104)
+
+
+class State(IntEnum):
+    """States, likewise."""
+
+    STOPPED, PLAYING, PAUSED, QUITTING, NO_WORLD, LOADING_WORLD = range(6)
 
 
 class Simulator:
@@ -14,8 +34,8 @@ class Simulator:
 
     def __init__(self, bench, types):
         self.bench, self.types, self.feedback = bench, types, []
-        self.clients = {name: bench.node.create_client(getattr(types.srv, name), path.replace("~", "vibro_robot"))
-                        for name, path in NAMES.items() if name != "SimulateSteps"}
+        self.clients = {name: bench.node.create_client(getattr(types.srv, name), f"vibro_robot/{path}")
+                        for name, path in PATHS.items()}
         self.action = ActionClient(bench.node, types.action.SimulateSteps, "vibro_robot/simulate_steps")
         # rclpy's client hears none that comes after the goal has ended, and one a turn before.
         bench.node.create_subscription(types.action.SimulateSteps.Impl.FeedbackMessage,

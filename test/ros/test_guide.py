@@ -17,10 +17,10 @@ from vibro_ros.configuration.parameter_file import own_parameters
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.messages.topics import OF_DC_MOTOR, SENSOR_TOPICS
 from vibro_ros.messages.urdf import robot_joints
-from vibro_ros.ros.robot.services import PACKAGE, installed_types
+from vibro_ros.ros.robot.services import installed_types
 from vibro_ros.simulation.kernels import compile_kernels
 
-NODE = "vibro_robot"
+NODE, PACKAGE = "vibro_robot", "simulation_interfaces"
 OF_RCLPY = {"parameter_events", "rosout"}
 OF_ACTIONS = "/_action/"  # in the names of the topics and services that make up an action
 SERVICES_OF_RCLPY = {"describe_parameters", "get_parameter_types", "get_parameters", "get_type_description",
@@ -50,10 +50,11 @@ def names_by_node(found) -> dict[str, str]:
 def documented_controls() -> dict[str, dict[str, str]]:
     """Type of each service and action of `simulation_interfaces` that can be offered here, by its kind and name."""
     rows = guide.table("name", "type", "does")
+    installed = installed_types(PACKAGE, [kind.partition("/")[2] for _, kind, _ in rows])
     named = {kind: {guide.names(name)[0].replace("~", NODE): f"{PACKAGE}/{of_package}" for name, of_package, _ in rows
-                    if of_package.startswith(f"{kind}/") and of_package.partition("/")[2] in installed_types()}
+                    if of_package.startswith(f"{kind}/") and of_package.partition("/")[2] in installed}
              for kind in ("srv", "action")}
-    assert sum(map(len, named.values())) == len(installed_types())
+    assert sum(map(len, named.values())) == len(installed)
     return named
 
 

@@ -5,11 +5,11 @@ import math
 import pytest
 from observation import value_of
 from operated_robot import Operator, stop
+from simulator_user import Code
 from std_srvs.srv import SetBool, Trigger
 from test_operations import assert_replays, operations_in
 
 from vibro_ros.recordings.summary import as_text, load_samples, summarise
-from vibro_ros.ros.robot.services import INVALID_POSE, Code
 
 own = pytest.importorskip("vibro_ros_interfaces.srv", reason="the project's own types are not built")
 entity_types = pytest.importorskip("simulation_interfaces.srv", reason="simulation_interfaces is not built")
@@ -105,7 +105,7 @@ def test_what_cannot_be_is_refused_in_the_device_s_words(start, let, listener):
     start(*RUNNING, "-p", "record.enabled:=false").wait_for("ready")
     for name, request, words in (
             ("set_state", {"names": ["body_velocity"], "values": []}, "1 names, 1 of them different, and 0 values"),
-            ("set_state", {"names": ["mass"], "values": [1.0]}, "mass: cannot be given; give any of"),
+            ("set_state", {"names": ["mass"], "values": [1.0]}, "'mass': cannot be given; give any of"),
             ("set_state", {"names": ["self"], "values": [1.0]}, "self: cannot be given"),
             ("set_state", {"names": ["body_velocity"], "values": [math.nan]}, "body_velocity: nan is not finite"),
             ("push", {"force_x": math.nan, "duration": 1.0}, "force_x: nan is not finite"),
@@ -145,7 +145,7 @@ def test_the_robot_is_an_entity_with_a_state(start, bench, call, tmp_path):
     assert found.state.pose.position.x == pytest.approx(5.0, abs=0.2) and math.isnan(found.state.acceleration.linear.x)
     for result, code, words in (
             (put(entity="other", pose=True), Code.NOT_FOUND, "entity: 'other' is not here; give vibro_robot"),
-            (put(pose=True, y=1.0), INVALID_POSE, "give y = 0"), (put(pose=True, w=math.nan), INVALID_POSE, "turn"),
+            (put(pose=True, y=1.0), 101, "give y = 0"), (put(pose=True, w=math.nan), 101, "turn"),
             (put(pose=True, x=math.inf), Code.OPERATION_FAILED, "body_position: inf is not finite"),
             (put(), Code.OPERATION_FAILED, "nothing to set"),
             (put(twist=True, frame="map"), Code.OPERATION_FAILED, "give r1/odom")):

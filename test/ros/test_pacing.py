@@ -6,8 +6,7 @@ import pytest
 
 import vibro_ros
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
-from vibro_ros.ros.robot.pacing import LONGEST_SLEEP, Pacing, RobotTime
-from vibro_ros.ros.robot.stepping import CommandTimeout
+from vibro_ros.ros.robot.pacing import LONGEST_SLEEP, CommandTimeout, Pacing, RobotTime
 
 TICK = 0.005  # [s]
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
+from std_msgs.msg import Float64MultiArray
 
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
 from vibro_ros.messages.codec import first_difference
@@ -122,6 +123,24 @@ def test_publisher_and_bag_get_the_same_bytes_of_a_sample_and_its_impacts(bench,
     assert {stamp for _, stamp, _ in recorded} == {sampled}
     expected = RobotMessages(scene, "r12/", NONE).of_sample(values, EVENTS, (), sampled, stamp_of)
     assert [(topic, data) for topic, _, data in recorded] == [(f"{namespace}/{name}", data) for name, data in expected]
+
+
+def test_whoever_listens_to_samples_gets_every_quantity_under_its_name(bench):
+    publishing, heard = RobotPublishers(bench.node, load_scene("machine")), []
+    bench.node.create_subscription(Float64MultiArray, "bench/samples", heard.append, 10)
+    ((values, _),) = random_cases(3, 1)
+
+    def published() -> bool:
+        publishing.publish(values, NO_EVENTS, 7, stamp_of, lambda *message: None)
+        return bool(heard)
+
+    bench.spin_until(published, "a sample")
+    message = heard[0]
+    names = message.layout.dim[0].label.split(",")
+    assert message.layout.dim[0].size == message.layout.dim[0].stride == len(names) == len(message.data)
+    found = dict(zip(names, message.data, strict=True))
+    assert (found.pop("start_seconds"), found.pop("start_nanoseconds")) == divmod(stamp_of(0.0), 10**9)
+    assert tuple(found) == FIELDS and bits(list(found.values())) == bits(values)
 
 
 def test_a_row_of_the_table_is_a_message_that_can_be_made():

@@ -8,19 +8,19 @@ import pytest
 from observation import bags, stamps_of, whole_bag
 from operated_robot import stop
 from rosbags.rosbag2 import Reader
+from simulator_user import MOST_STEPS, Code, State
 from std_srvs.srv import SetBool, Trigger
 
 from vibro_ros.messages.codec import deserialised
 from vibro_ros.recordings import replay
-from vibro_ros.ros.node.node import SteadyNode
-from vibro_ros.ros.robot.services import FEATURES, MOST_STEPS, NAMES, Code, State
+from vibro_ros.ros.node.node import GuardedNode
 
 STEPS = 12
 
 
 def test_features_states_and_resets_are_as_the_definitions_say(simulator, call, listener):
     features = simulator.answer(simulator.begin("GetSimulatorFeatures")).features
-    assert list(features.features) == sorted({feature for name in NAMES for feature in FEATURES[name]})
+    assert list(features.features) == [10, 11, 20, 22, 24, 25, 26, 31, 32, 33]
     assert list(features.spawn_formats) == []
     assert "publish period" in features.custom_info
     assert simulator.state == State.PLAYING
@@ -151,7 +151,7 @@ def test_without_the_package_one_line_says_so(start, tmp_path, monkeypatch):
     robot = start("robot")
     robot.wait_for("ready: ")
     lines = [line.split("]: ")[1] for line in robot.lines if "simulation_interfaces" in line]
-    assert lines == ["simulation_interfaces is not installed: without " + ", ".join(NAMES.values())]
+    assert lines == ["simulation_interfaces is not installed: without its services"]
     stop(robot)
     assert len(bags(tmp_path)) == 1
 
@@ -164,7 +164,7 @@ def test_a_callback_that_fails_is_answered_all_the_same(types):
     node = SimpleNamespace(refusals=SimpleNamespace(catch=lambda name, error: caught.append(name)),
                            _counted=lambda name, response: response)
     kind = types.srv.StepSimulation
-    answering = SteadyNode._answer_later(node, "/step", fail, kind.Request(), kind.Response())
+    answering = GuardedNode._answer_later(node, "/step", fail, kind.Request(), kind.Response())
     with pytest.raises(StopIteration) as end:
         answering.send(None)
     result = end.value.value.result

@@ -1,77 +1,45 @@
-"""Commands between two ticks: each taken once and in order, bounded, and the last one of each topic never lost."""
+"""Commands taken from DDS by the stepping thread: each once and in order, the last one of each topic never lost."""
 
-import threading
-from functools import partial
-
-from rclpy.qos import QoSProfile
-from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64
 
-from vibro_ros.ros.topics.subscriptions import MOST_WAITING, Gathering, Queue
+import vibro_ros
+from vibro_ros.messages.codec import blank, serialised
+from vibro_ros.ros.node.node import PollingSubscription
+from vibro_ros.ros.topics.subscriptions import CommandSubscriptions
 
-SENT = {"a": 300, "b": 200, "c": 1}
-"""How many messages go to each topic: 0.0, 1.0, …"""
-DEPTH = QoSProfile(depth=1000)
+
+def test_rclpy_hands_out_bytes_instant_and_number_of_a_message(bench):
+    """`take_message` is not documented: a rclpy that has it no more, or another one, fails here."""
+    subscription = PollingSubscription(bench.node, Float64, "numbers", 10)
+    publisher = bench.node.create_publisher(Float64, "numbers", 10)
+    bench.spin_until(publisher.get_subscription_count, "match")
+    for number in range(3):
+        publisher.publish(Float64(data=float(number)))
+    taken = []
+    bench.spin_until(lambda: taken.extend(subscription.take(2)) or len(taken) == 3, "messages")
+    message = blank("std_msgs/msg/Float64")
+    for number, (data, instant, count) in enumerate(taken):
+        message.data = float(number)
+        assert (data, count) == (serialised(message, "std_msgs/msg/Float64"), number + 1)
+        assert number == 0 or instant >= taken[number - 1][1] > 1.7e18
+    assert subscription.take(10) == []
 
 
-def test_each_message_is_handed_on_once_and_in_its_topics_order(bench):
-    heard: dict[str, list[float]] = {topic: [] for topic in SENT}
-
-    def hear(topic: str, data: bytes) -> None:
-        heard[topic].append(deserialize_message(data, Float64).data)
-
-    gathering = Gathering(hear)
-    gathering.subscriptions = {
-        topic: bench.node.create_subscription(Float64, topic, partial(gathering.take, topic), DEPTH, raw=True)
-        for topic in SENT}
-    publishers = {topic: bench.node.create_publisher(Float64, topic, DEPTH) for topic in SENT}
+def test_commands_are_recorded_in_the_order_of_arrival_and_of_a_flood_the_last_ones_stand(bench):
+    scene = vibro_ros.load_scene("device")
+    device, commands, recorded = vibro_ros.Simulator(scene), CommandSubscriptions(bench.node, scene), []
+    publishers = {name: bench.node.create_publisher(Float64, name, 1000) for name in ("motor_speed", "upper_gap")}
     bench.spin_until(lambda: all(one.get_subscription_count() for one in publishers.values()), "match")
-    for number in range(max(SENT.values())):
-        for topic in SENT:
-            if number < SENT[topic]:
-                publishers[topic].publish(Float64(data=float(number)))
-        bench.spin_once()
-    bench.spin_until(lambda: all(len(heard[topic]) >= SENT[topic] for topic in SENT), "all messages")
-    for _ in range(10):  # nothing comes twice
-        bench.spin_once()
-    assert heard == {topic: [*map(float, range(count))] for topic, count in SENT.items()}
 
+    def received(most: int) -> bool:
+        commands.apply(device, 7, lambda topic, stamp, data: recorded.append((topic, stamp)))
+        return len(recorded) >= most
 
-def test_it_hands_over_all_in_the_order_of_arrival_across_topics():
-    queue = Queue(("speed", "gap"))
-    arrived = [("gap", b"1"), ("speed", b"2"), ("speed", b"3"), ("gap", b"4")]
-    for name, data in arrived:
-        queue.add(name, data)
-    assert queue.take() == arrived
-    assert queue.take() == []
-    assert queue.dropped == 0
-
-
-def test_a_full_line_drops_its_oldest_and_leaves_the_others_alone():
-    queue = Queue(("speed", "gap"), most=3)
-    queue.add("gap", b"only")
-    for number in range(10):
-        queue.add("speed", b"%d" % number)
-    assert queue.take() == [("gap", b"only"), ("speed", b"7"), ("speed", b"8"), ("speed", b"9")]
-    assert queue.dropped == 7
-
-
-def test_every_message_is_taken_or_counted_when_two_threads_meet():
-    queue, count, taken, flooded = Queue(("speed",)), 50_000, [], threading.Event()
-
-    def flood() -> None:
-        for number in range(count):
-            queue.add("speed", b"%d" % number)
-        flooded.set()
-
-    thread = threading.Thread(target=flood)
-    thread.start()
-    while not flooded.is_set():
-        batch = queue.take()
-        assert len(batch) <= MOST_WAITING
-        taken += batch
-    thread.join()
-    taken += queue.take()
-    numbers = [int(data) for _, data in taken]
-    assert numbers == sorted(numbers) and numbers[-1] == count - 1
-    assert len(taken) + queue.dropped == count
+    for number in range(4):  # the order across topics is that of arrival
+        publishers[("motor_speed", "upper_gap")[number % 2]].publish(Float64(data=1e-4 * number))
+        bench.spin_until(lambda number=number: received(number + 1), "a command")
+    assert recorded == [("/motor_speed", 7), ("/upper_gap", 7)] * 2
+    for number in range(301):
+        publishers["motor_speed"].publish(Float64(data=0.25 * number))
+    bench.spin_until(lambda: received(len(recorded)) and device.commanded_motor_speed == 75.0, "the last of a flood")
+    assert commands.refused == 0 and commands.accepted["motor_speed"] == len(recorded) - 2

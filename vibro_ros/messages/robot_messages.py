@@ -15,13 +15,21 @@ import numpy as np
 
 from vibro_ros.messages.codec import blank, serialised
 from vibro_ros.messages.frames import ALL, JOINTS, NONE, Frames, fill_header, joints_of
-from vibro_ros.messages.topics import SAMPLE, SENSOR_TOPICS, TOPICS, TRANSFORM, published_by
+from vibro_ros.messages.topics import SAMPLE, SAMPLES, SENSOR_TOPICS, TOPICS, TRANSFORM, published_by
 from vibro_ros.messages.urdf import BASE, robot_description
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.samples import FIELDS, Samples
 
 PLATES = {"upper_contact": "upper_plate", "inclined_contact": "inclined_plate"}
 """Frame of the plate that an event of this kind strikes."""
+
+
+SAMPLE_LABELS = ("start_seconds", "start_nanoseconds", *FIELDS)
+"""What the numbers of a message on `~/samples` are, in their order; its `layout.dim[0].label` has them, after commas.
+
+The first two are the ROS time of the device's time 0, in whole seconds and nanoseconds, the others the quantities of
+`simulation.samples.Samples`. So a sample's stamp is `stamp_at(start, time)`, to the nanosecond.
+"""
 
 
 def stamp_at(start: int, time: float) -> int:
@@ -65,6 +73,11 @@ class RobotMessages:
         self._joints = [[FIELDS.index(JOINTS[joint][part]) for joint in joints] for part in range(3)]
         if self._frames:
             self._messages["tf"].transforms = [blank(TRANSFORM) for _ in range(1 + len(self._frames.moving))]
+
+        dimension = blank("std_msgs/msg/MultiArrayDimension")
+        dimension.label, dimension.size, dimension.stride = ",".join(SAMPLE_LABELS), *[len(SAMPLE_LABELS)] * 2
+        self._whole = blank(TOPICS[SAMPLES].type)
+        self._whole.layout.dim = [dimension]
 
     def once(self, stamp: int) -> Iterator[tuple[str, bytes]]:
         """What is published once, at ROS time `stamp` [ns]: the robot's own name of each topic, and the message."""
@@ -115,6 +128,11 @@ class RobotMessages:
             message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_of(time), 1_000_000_000)
             MEASUREMENTS[sensor](message, read.tolist())
             yield name, self._bytes(name)
+
+    def whole_sample(self, values: np.ndarray, start: int) -> bytes:
+        """All quantities of a sample as one message on `~/samples`; `start` is the ROS time [ns] of device time 0."""
+        self._whole.data = np.array([*divmod(start, 1_000_000_000), *values])
+        return serialised(self._whole, TOPICS[SAMPLES].type)
 
     def _blank(self, name: str) -> Any:
         message, topic = blank(TOPICS[name].type), TOPICS[name]

@@ -135,6 +135,11 @@ TOPICS: Mapping[str, Topic] = {
     "operations": Topic("std_msgs/msg/String", NODE, "each operation on the run: `reset`, `pause`, `resume`, `step 1`, "
                         '`set {"ground.friction": 0.1}`, `timeout`, `state {"body_velocity": 0.0}`, `push …`, '
                         "`fault …`", Quality(100), name="~/operations"),
+    "samples": Topic(NUMBERS, NODE, "every quantity of each sample, while somebody listens; never recorded. "
+                     "`layout.dim[0].label` names the numbers: `start_seconds` and `start_nanoseconds`, the ROS time of "
+                     "the device's time 0, then the fields of a [run](python.md) from `time` on, which counts from "
+                     "there. Another start is another run, two in turn are two robots", Quality(1000),
+                     name="~/samples"),
     "diagnostics": Topic("diagnostic_msgs/msg/DiagnosticArray", NODE, "the robot's health, once a second of wall time; "
                          "[below](#diagnostics)", name="/diagnostics"),
     "clock": Topic("rosgraph_msgs/msg/Clock", NODE, "robot time, with `clock.publish` only", name="/clock"),
@@ -146,7 +151,7 @@ TOPICS: Mapping[str, Topic] = {
 COMMAND_UNITS = {name: topic.unit for name, topic in TOPICS.items() if topic.unit}
 """Unit of each command that is a number; the names are arguments of `Simulator.command`, too."""
 
-JOINT_COMMANDS, OPERATIONS, CHECKPOINT = "joint_commands", "operations", "checkpoint"
+JOINT_COMMANDS, OPERATIONS, CHECKPOINT, SAMPLES = "joint_commands", "operations", "checkpoint", "samples"
 
 COMMANDS = tuple(name for name, topic in TOPICS.items() if topic.when == COMMAND)
 """Topics that the robot listens to."""

@@ -32,7 +32,7 @@ from vibro_ros.ros.controller.player import ACKNOWLEDGE_TIMEOUT, Player, ScriptS
 from vibro_ros.ros.controller.script import MOTOR, Script, read_script
 from vibro_ros.ros.node import process, qos
 from vibro_ros.ros.node.arguments import check_addressed, check_arguments, own_arguments
-from vibro_ros.ros.node.node import SteadyNode
+from vibro_ros.ros.node.node import GuardedNode
 from vibro_ros.ros.node.parameters import declare, parameter_lines, take_overrides
 
 NODE_NAME = "vibro_controller"
@@ -90,7 +90,7 @@ def _run(argv: Sequence[str] | None) -> int:
         return _play(script, (command_map, map_path), settings, node, executor, stop)
 
 
-def _play(script: Script, known: tuple[CommandMap, Path], settings: Mapping[str, Value], node: SteadyNode,
+def _play(script: Script, known: tuple[CommandMap, Path], settings: Mapping[str, Value], node: GuardedNode,
           executor: Executor, stop: StopRequest) -> int:
     publishers = {name: node.create_publisher(Float64, name, qos.profile(name)) for name in script.commands}
     robot = CommandedRobot(node, publishers[script.commands[0]])
@@ -127,7 +127,7 @@ def _play(script: Script, known: tuple[CommandMap, Path], settings: Mapping[str,
     return code
 
 
-def _serve(settings: Mapping[str, Value], node: SteadyNode, executor: Executor, stop: StopRequest) -> int:
+def _serve(settings: Mapping[str, Value], node: GuardedNode, executor: Executor, stop: StopRequest) -> int:
     """Pursue goals of other programs until a signal."""
     types = action_types()
     publisher = node.create_publisher(Float64, MOTOR, qos.profile(MOTOR))

@@ -18,7 +18,7 @@ from vibro_ros.ros.controller.commanded_robot import OWN_TYPES, CommandedRobot, 
 from vibro_ros.ros.controller.feedback import RATE, GoalTracking, check_reach
 from vibro_ros.ros.controller.player import Timeline, topics_without_subscribers
 from vibro_ros.ros.controller.script import MOTOR, read_goal
-from vibro_ros.ros.node.node import RESULT_TIMEOUT, NextTurn, SteadyNode, installed_type
+from vibro_ros.ros.node.node import RESULT_TIMEOUT, NextTurn, GuardedNode, installed_type
 
 NAMES = {"GoTo": "go_to", "HoldSpeed": "hold_speed"}
 """The actions, by their types."""
@@ -44,7 +44,7 @@ class GoalServer:
     direction. `busy` says whether a goal is being pursued, `ending` that none is to be any more.
     """
 
-    def __init__(self, node: SteadyNode, types: dict[str, Any], robot: CommandedRobot, publisher: Publisher,
+    def __init__(self, node: GuardedNode, types: dict[str, Any], robot: CommandedRobot, publisher: Publisher,
                  time: Timeline, reach: float):
         self.busy = self.ending = self._moved = False
         self._node, self._robot, self._publisher = node, robot, publisher

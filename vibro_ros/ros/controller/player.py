@@ -20,7 +20,7 @@ from vibro_ros.ros.controller.feedback import RATE, GoalError, GoalTracking
 from vibro_ros.ros.controller.map_adviser import STAY
 from vibro_ros.ros.controller.script import MOTOR, Script, Segment
 from vibro_ros.ros.node import process
-from vibro_ros.ros.node.node import SteadyNode
+from vibro_ros.ros.node.node import GuardedNode
 from vibro_ros.ros.node.process import CLOCK
 
 ACKNOWLEDGE_TIMEOUT = 0.5
@@ -60,7 +60,7 @@ class RosTime:
     clock that says 0 has begun. A clock that stands still is a paused simulation.
     """
 
-    def __init__(self, node: SteadyNode):
+    def __init__(self, node: GuardedNode):
         self._node = node
         self._first: int | None = None
         self._latest = 0
@@ -123,7 +123,7 @@ class RosTime:
 Timeline = WallTime | RosTime
 
 
-def timeline(node: SteadyNode) -> Timeline:
+def timeline(node: GuardedNode) -> Timeline:
     """The time in which `node` plays."""
     return RosTime(node) if node.get_clock().ros_time_is_active else WallTime()
 

@@ -15,8 +15,8 @@ from vibro_ros.messages.codec import deserialised
 from vibro_ros.messages.operations import RESET, TIMEOUT, Operation
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.model.scene import Scene
-from vibro_ros.ros.live.samples import QuietSubscription
 from vibro_ros.ros.node import qos
+from vibro_ros.ros.node.node import PollingSubscription
 from vibro_ros.view.protocol import Command
 
 SPEED = "motor_speed"
@@ -41,7 +41,7 @@ class Commands:
     def __init__(self, node: Node, now: Callable[[], float] = time.monotonic):
         self.in_force: dict[str, float] = {}
         self.of_page = False
-        self._topics = {name: QuietSubscription(node, Float64, name, qos.profile(name)) for name in COMMAND_UNITS}
+        self._topics = {name: PollingSubscription(node, Float64, name, qos.profile(name)) for name in COMMAND_UNITS}
         self._publishers = {name: node.create_publisher(Float64, name, qos.profile(name)) for name in COMMAND_UNITS}
         self._sent = deque[float](maxlen=MOST)  # speeds of pages that have not been heard yet
         self._now = now
@@ -62,7 +62,7 @@ class Commands:
         Without a `scene` there is no robot that obeys; the next one begins anew.
         """
         for name, topic in self._topics.items():
-            for data, _ in topic.take(MOST):
+            for data, *_ in topic.take(MOST):
                 if scene is None or (value := _valid(scene, name, data)) is None:
                     continue
                 self.in_force[name] = value

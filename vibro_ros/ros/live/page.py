@@ -23,7 +23,7 @@ from vibro_ros.ros.live.commands import RETURN, Commands
 from vibro_ros.ros.live.robot import LiveRobot
 from vibro_ros.ros.live.scene import Settings
 from vibro_ros.ros.live.words import Words
-from vibro_ros.ros.node.node import SteadyNode
+from vibro_ros.ros.node.node import GuardedNode
 from vibro_ros.view.drawing import drawing
 from vibro_ros.view.motion import Document
 from vibro_ros.view.protocol import (
@@ -78,7 +78,7 @@ class Standing(NamedTuple):
 class LivePage:
     """Stands between the robot, whose node has the full name `robot`, and the server of its pages."""
 
-    def __init__(self, node: SteadyNode, executor: Executor, robot: str):
+    def __init__(self, node: GuardedNode, executor: Executor, robot: str):
         self._node, self._executor, self._name = node, executor, robot
         self._commands, self._requests, self._words = Commands(node), Requests(node, robot), Words(node, robot)
         self._robot = LiveRobot(node, robot)  # last, so that a robot which has told its parameters knows all clients

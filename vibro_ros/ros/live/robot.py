@@ -13,9 +13,9 @@ from std_msgs.msg import Float64
 
 from vibro_ros.messages.topics import OPERATIONS, TOPICS
 from vibro_ros.model.parameters import BY_NAME
-from vibro_ros.ros.live.samples import NUMBERED, Decoder, Joining, QuietSubscription, Rows
+from vibro_ros.ros.live.samples import NUMBERED, Decoder, Joining, Rows
 from vibro_ros.ros.live.scene import SceneReader, Settings
-from vibro_ros.ros.node.node import SteadyNode
+from vibro_ros.ros.node.node import GuardedNode, PollingSubscription
 from vibro_ros.ros.node.refusals import peer_text
 from vibro_ros.simulation.samples import FIELDS, TIME
 from vibro_ros.view.drawing import voltage
@@ -50,12 +50,12 @@ class LiveRobot:
     perhaps as another robot.
     """
 
-    def __init__(self, node: SteadyNode, robot: str):
+    def __init__(self, node: GuardedNode, robot: str):
         self.settings: Settings | None = None
         self.origin: int | None = None
         self.silences = 0
         self._node, self._robot = node, robot
-        self._topics = {topic: QuietSubscription(node, kind, topic, SAMPLES) for topic, kind in _KINDS.items()}
+        self._topics = {topic: PollingSubscription(node, kind, topic, SAMPLES) for topic, kind in _KINDS.items()}
         self._runs, self._joining = Runs(), Joining()
         self._decoder: Decoder | None = None
         self._fault, self._publishers = "", frozenset[bytes]()
@@ -70,7 +70,7 @@ class LiveRobot:
         if self.settings is None and not (self._fault or self.reader.reading):
             self.reader.read()
         self.reader.tick()
-        taken = {topic: one.take(MOST) for topic, one in self._topics.items()}
+        taken = {topic: [(data, number) for data, _, number in one.take(MOST)] for topic, one in self._topics.items()}
         if self.settings is None or self._decoder is None:
             return np.empty((0, len(FIELDS)))
         readings = {}

@@ -12,10 +12,6 @@ from itertools import count
 from typing import Any, NamedTuple
 
 import numpy as np
-from rclpy.callback_groups import CallbackGroup
-from rclpy.node import Node
-from rclpy.qos import QoSProfile
-from rclpy.subscription import Subscription
 
 from vibro_ros.messages.codec import deserialised
 from vibro_ros.messages.frames import JOINTS, ODOM, joints_of
@@ -40,43 +36,6 @@ MOST_WAITING = 3000
 _BODY = ("body_position", "body_height", "body_velocity", "body_vertical_velocity")
 _GROUND = ("friction_force", "normal_force")
 _SPEED, _TORQUE, _POWER = (FIELDS.index(name) for name in ("motor_speed", "motor_torque", "motor_power"))
-
-
-class QuietSubscription:
-    """A topic whose messages are taken as bytes when the view looks; nothing wakes for them.
-
-    At most as many messages wait as the profile's depth says; `topic` is the topic's full name.
-    """
-
-    def __init__(self, node: Node, kind: type, topic: str, profile: QoSProfile):
-        self._subscription: Subscription = node.create_subscription(kind, topic, lambda message: None, profile,
-                                                                    callback_group=_Never(), raw=True)
-        self.topic: str = self._subscription.topic_name
-
-    def take(self, most: int) -> list[tuple[bytes, int | None]]:
-        """At most so many messages, in the order in which they came: bytes, and the number that their publisher gave.
-
-        A publisher counts its messages from 1. Where the middleware does not tell, the number is None.
-        """
-        found: list[tuple[bytes, int | None]] = []
-        handle, kind = self._subscription.handle, self._subscription.msg_type
-        with handle:
-            while len(found) < most and (taken := handle.take_message(kind, True)):
-                found.append((taken[0], taken[1].get("publication_sequence_number")))
-        return found
-
-
-class _Never(CallbackGroup):
-    """Lets the executor run nothing, so that it does not wait for it either."""
-
-    def can_execute(self, entity: object) -> bool:
-        return False
-
-    def beginning_execution(self, entity: object) -> bool:
-        return False
-
-    def ending_execution(self, entity: object) -> None:
-        pass
 
 
 class Reading(NamedTuple):

@@ -28,7 +28,7 @@ from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.ros.live.page import LivePage
 from vibro_ros.ros.node import process
 from vibro_ros.ros.node.arguments import check_addressed, check_arguments, check_names, own_arguments
-from vibro_ros.ros.node.node import SteadyNode
+from vibro_ros.ros.node.node import GuardedNode
 from vibro_ros.ros.node.parameters import declare, parameter_lines, take_overrides
 from vibro_ros.ros.node.refusals import peer_text
 from vibro_ros.view.gate import Gate, is_loopback
@@ -90,7 +90,7 @@ def _run(words: Sequence[str]) -> int:
     return 0
 
 
-def _robot(node: SteadyNode, given: str | None) -> str:
+def _robot(node: GuardedNode, given: str | None) -> str:
     """Full name of the robot's node."""
     settings = checked_parameters(take_overrides(node), PARAMETERS)
     name = given if given is not None else settings.get("robot", ROBOT)

@@ -20,8 +20,9 @@ from vibro_ros.messages.operations import PAUSE, RESUME, Operation, read_operati
 from vibro_ros.messages.robot_messages import PLATES
 from vibro_ros.messages.topics import OPERATIONS, TOPICS, full_name
 from vibro_ros.process.files import one_line
-from vibro_ros.ros.live.samples import SECOND, QuietSubscription
+from vibro_ros.ros.live.samples import SECOND
 from vibro_ros.ros.node import qos
+from vibro_ros.ros.node.node import PollingSubscription
 
 MOST = 200
 """Messages of one topic that are looked at in one batch; those of a flood wait, and DDS drops the oldest."""
@@ -49,11 +50,11 @@ class Words:
 
     def __init__(self, node: Node, robot: str):
         self._robot, self._logger = robot, robot.strip("/").replace("/", ".")
-        self._log = QuietSubscription(node, Log, "/rosout", _LOG)
-        self._impacts = QuietSubscription(node, WrenchStamped, "impacts", qos.profile("impacts"))
-        self._diagnostics = QuietSubscription(node, DiagnosticArray, full_name("diagnostics"),
+        self._log = PollingSubscription(node, Log, "/rosout", _LOG)
+        self._impacts = PollingSubscription(node, WrenchStamped, "impacts", qos.profile("impacts"))
+        self._diagnostics = PollingSubscription(node, DiagnosticArray, full_name("diagnostics"),
                                              qos.profile("diagnostics"))
-        self._operations = QuietSubscription(node, String, f"{robot}/{OPERATIONS}", qos.profile(OPERATIONS))
+        self._operations = PollingSubscription(node, String, f"{robot}/{OPERATIONS}", qos.profile(OPERATIONS))
         self._frames: dict[str, str] = {}
         self.status: dict[str, Any] = {}
 
@@ -119,10 +120,10 @@ class Words:
         self.status.setdefault("paused", self.status["real_time_factor"] == 0.0)
 
 
-def _read(subscription: QuietSubscription, type_name: str) -> list[Any]:
+def _read(subscription: PollingSubscription, type_name: str) -> list[Any]:
     """Messages that have come and are of their type."""
     found = []
-    for data, _ in subscription.take(MOST):
+    for data, *_ in subscription.take(MOST):
         if len(data) <= LONGEST:
             try:
                 found.append(deserialised(data, type_name))

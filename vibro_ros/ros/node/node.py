@@ -15,6 +15,7 @@ from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor, ParameterType, SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.callback_groups import CallbackGroup
 from rclpy.exceptions import InvalidParameterValueException
 from rclpy.executors import ShutdownException, SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
@@ -28,7 +29,7 @@ from rosgraph_msgs.msg import Clock
 from type_description_interfaces.srv import GetTypeDescription
 
 from vibro_ros.configuration.parameter_file import FIXED_OF_RCLPY
-from vibro_ros.process.untrusted import one_line
+from vibro_ros.process.files import one_line
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.parameters import change_of, set_refusal
 from vibro_ros.ros.node.refusals import LONGEST_SENTENCE, Refusals, peer_text
@@ -46,7 +47,7 @@ SENTENCES = ("message", "reason", "failure_reason", "error_message")
 _HASH = re.compile(r"RIHS01_[0-9a-f]{64}")
 
 
-class SteadyNode(Node):
+class GuardedNode(Node):
     """A node whose callbacks refuse what they cannot take; ROS arguments may change its name.
 
     `clock_heard` says whether a time came on /clock, which may be 0. ValueError when one of rclpy's own parameters was
@@ -167,6 +168,51 @@ class SteadyExecutor(SingleThreadedExecutor):
                 _release(entity)
             name = getattr(entity, "topic_name", None) or getattr(entity, "service_name", None)
             self._refusals.catch(name or (type(entity).__name__ if entity else "task"), error)
+
+
+class PollingSubscription:
+    """A topic whose messages are taken as bytes when its owner looks; nothing wakes for them.
+
+    At most as many messages wait as the quality of service says. `topic` is the topic's full name, `profile` the
+    quality with the user's `qos_overrides`. `take_message` of rclpy's handle is public and not documented:
+    test_subscriptions.py says so in words when it changes.
+    """
+
+    def __init__(self, node: Node, kind: type, topic: str, profile: QoSProfile):
+        self._subscription: Subscription = node.create_subscription(kind, topic, lambda message: None, profile,
+                                                                    callback_group=_Never(), raw=True)
+        self.topic: str = self._subscription.topic_name
+        self.profile: QoSProfile = self._subscription.qos_profile
+        self._handle, self._kind = self._subscription.handle, self._subscription.msg_type
+
+    def take(self, most: int) -> list[tuple[bytes, int, int | None]]:
+        """At most so many messages, in the order in which they came.
+
+        Returns
+        -------
+        list of (bytes, int, int or None)
+            The message; the wall time [ns] at which it came; the number that its publisher gave it, which counts from
+            1, or None where the middleware does not tell.
+        """
+        found: list[tuple[bytes, int, int | None]] = []
+        with self._handle:
+            while len(found) < most and (taken := self._handle.take_message(self._kind, True)):
+                data, about = taken
+                found.append((data, about["received_timestamp"], about.get("publication_sequence_number")))
+        return found
+
+
+class _Never(CallbackGroup):
+    """Lets the executor run nothing, so that it does not wait for it either."""
+
+    def can_execute(self, entity: object) -> bool:
+        return False
+
+    def beginning_execution(self, entity: object) -> bool:
+        return False
+
+    def ending_execution(self, entity: object) -> None:
+        pass
 
 
 def installed_type(package: str, kind: str, name: str) -> Any:

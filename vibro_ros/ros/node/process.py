@@ -19,7 +19,7 @@ from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from vibro_ros.ros.node.node import SteadyExecutor, SteadyNode
+from vibro_ros.ros.node.node import GuardedNode, SteadyExecutor
 
 REMEDIES = {
     "security libraries": "ROS 2 from apt has them, its wheels from PyPI do not; without them, unset "
@@ -38,7 +38,7 @@ REMINDER = 2.0
 
 
 @contextmanager
-def node_running(name: str, words: Sequence[str]) -> Iterator[tuple[SteadyNode, Executor]]:
+def node_running(name: str, words: Sequence[str]) -> Iterator[tuple[GuardedNode, Executor]]:
     """A node and its executor, from `rclpy.init` to the clean end.
 
     The node takes every parameter override that it is given, so that misspelt ones can be found. Neither of the two
@@ -56,7 +56,7 @@ def node_running(name: str, words: Sequence[str]) -> Iterator[tuple[SteadyNode, 
         rclpy.init(args=[*no_file, *words], signal_handler_options=SignalHandlerOptions.NO)
         with catch_warnings():
             simplefilter("ignore", RuntimeWarning)  # of rclpy about a node that it refuses
-            node = SteadyNode(name)
+            node = GuardedNode(name)
     except Exception as error:
         rclpy.try_shutdown()
         if not isinstance(error, RuntimeError | InvalidNodeNameException | InvalidNamespaceException):

@@ -11,8 +11,8 @@ from rclpy.duration import Duration
 
 from vibro_ros.messages.topics import full_name
 from vibro_ros.ros.node import qos
-from vibro_ros.ros.node.node import SteadyNode
-from vibro_ros.ros.robot.stepping import Run, Stepping
+from vibro_ros.ros.node.node import GuardedNode
+from vibro_ros.ros.robot.run import Run
 from vibro_ros.simulation.accuracy_in_force import accuracy_in_force, next_cheaper_choice
 from vibro_ros.simulation.samples import FIELDS
 from vibro_ros.simulation.validity import validity_of
@@ -23,7 +23,7 @@ LAST_WORD = 0.5  # s; Fast DDS asks for acknowledgements every 3 s only
 NOT_EVENTS = ("steps", "energy_residual", "energy_exchanged", "solver.method", "solver.step")
 """Keys of `Simulator.statistics` that do not count events."""
 
-REFUSED = {"refused": "commands refused", "displaced": "commands dropped", "requests": "requests refused",
+REFUSED = {"refused": "commands refused", "requests": "requests refused",
            "failures": "callbacks failed"}
 """What is said of counters that have grown within a period."""
 BEHIND = 1.0
@@ -34,8 +34,8 @@ class Diagnostics:
     """Publishes the state of simulation and recorder, in the executor's thread; `now` gives ROS time [ns], for stamps.
     """
 
-    def __init__(self, node: SteadyNode, run: Run, stepping: Stepping, now: Callable[[], int]):
-        self._node, self._run, self._stepping, self._now = node, run, stepping, now
+    def __init__(self, node: GuardedNode, run: Run, now: Callable[[], int]):
+        self._node, self._run, self._now = node, run, now
         self._publisher = node.create_publisher(DiagnosticArray, full_name("diagnostics"), qos.profile("diagnostics"))
         self._namesakes = 0
         self._before = self._counters()
@@ -63,11 +63,13 @@ class Diagnostics:
 
     def _counters(self) -> dict[str, float]:
         """What only grows; numbers that the stepping thread may change meanwhile, each of them whole."""
-        statistics = self._run.device.statistics
+        statistics, self._lasts = self._run.device_facts()
+        self._statistics = statistics
         return {"wall": time.monotonic(), "simulated": self._run.robot_time.time, "ticks": self._run.robot_time.ticks,
-                "busy": self._stepping.busy, "unloaded": self._stepping.unloaded, "dropped": self._run.pacing.dropped,
-                "missed": self._run.pacing.missed, "refused": self._run.subscriptions.refused,
-                "displaced": self._run.subscriptions.dropped, "requests": self._node.refusals.count,
+                "busy": self._run.busy, "unloaded": self._run.ticks_without_normal_force,
+                "dropped": self._run.pacing.dropped,
+                "missed": self._run.pacing.missed, "refused": self._run.commands.refused,
+                "requests": self._node.refusals.count,
                 "failures": self._node.refusals.failures,
                 "events": sum(count for kind, count in statistics.items() if kind not in NOT_EVENTS)}
 
@@ -78,17 +80,17 @@ class Diagnostics:
             complaints.append(f"{change['dropped']:.3f} s of simulated time dropped")
         complaints += [f"{change[name]:.0f} {what}" for name, what in REFUSED.items() if change[name]]
         behind = self._behind()
-        if behind > BEHIND and self._run.pacing.factor == 1.0 and not self._run.operations.paused:
+        if behind > BEHIND and self._run.pacing.factor == 1.0 and not self._run.paused:
             complaints.append(f"stamps are {behind:.2f} s behind the wall clock after pauses or stalls; start the "
                               "robot with clock.publish and its peers with use_sim_time, so that all have one time")
         if self._other_robots():
             complaints.append(self._doubled)
-        validity = validity_of(device.scene, dict(zip(FIELDS, self._stepping.take_samples().T, strict=True)))
+        validity = validity_of(device.scene, dict(zip(FIELDS, self._run.take_samples().T, strict=True)))
         complaints += validity.warnings()
         level, text = (DiagnosticStatus.WARN, ", ".join(complaints)) if complaints else (
-            DiagnosticStatus.OK, "paused" if self._run.operations.paused else "running")
-        if self._stepping.error:
-            level, text = DiagnosticStatus.ERROR, str(self._stepping.error)
+            DiagnosticStatus.OK, "paused" if self._run.paused else "running")
+        if self._run.error:
+            level, text = DiagnosticStatus.ERROR, str(self._run.error)
         late = self._run.pacing.take_lateness()  # nothing of a device that never waits
         of_ticks = zip(("median", "p99", "max"), np.quantile(late, (0.5, 0.99, 1.0)), strict=True) if late else ()
         values = {
@@ -106,15 +108,14 @@ class Diagnostics:
             "share of time with N<0": f"{min(1.0, change['unloaded'] / max(change['ticks'], 1)):.4f}",
             "stops by command.timeout": f"{self._run.timeout.count if self._run.timeout else 0}",
             "lasting": ", ".join(f"{name} until {until:.6g} s" for name, until in sorted(self._lasting().items())),
-            "lost commands": f"{self._run.subscriptions.lost}",
-            "rejected commands": f"{self._run.subscriptions.refused}",
-            "dropped commands": f"{self._run.subscriptions.dropped}",
+            "lost commands": f"{self._run.commands.lost}",
+            "rejected commands": f"{self._run.commands.refused}",
             "refused requests": f"{self._node.refusals.count}",
             "failed callbacks": f"{self._node.refusals.failures}",
             "solver method": device.scene["solver.method"],
             **self._accuracy,
         }
-        if "solver.step" in device.statistics:
+        if "solver.step" in self._statistics:
             values["solver step [s]"] = f"{device.scene['solver.step']:g}"
         if device.choice:
             values["solver accuracy asked for [m]"] = f"{device.scene['solver.accuracy']:g}"
@@ -123,7 +124,7 @@ class Diagnostics:
             values["pitch index"] = f"{validity.pitch_index:.3f}"
         if validity.current_share is not None:
             values["rms current over continuous"] = f"{validity.current_share:.3f}"
-        residual = device.statistics.get("energy_residual")
+        residual = self._statistics.get("energy_residual")
         if residual is not None:
             values["energy residual [J]"] = f"{residual:.3e}"
         return self._status("simulation", level, text, values)
@@ -131,8 +132,8 @@ class Diagnostics:
     def _lasting(self) -> dict[str, float]:
         """A push and faults that last, and the instants of robot time [s] at which they end."""
         run, time = self._run, self._run.robot_time
-        stamps = {name: time.stamp_of(until) for name, until in run.device.influences.items()}
-        stamps |= run.subscriptions.influences
+        stamps = {name: time.stamp_of(until) for name, until in self._lasts.items()}
+        stamps |= run.commands.influences
         return {name: (stamp - time.start) / SECOND for name, stamp in stamps.items() if stamp > time.stamp}
 
     def _behind(self) -> float:

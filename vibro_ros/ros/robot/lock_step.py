@@ -9,9 +9,8 @@ made due; and the third that what these set off has run. What a node publishes b
 
 import re
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from threading import Event
 
 from rcl_interfaces.srv import GetParameters
 from rclpy.clock import Clock
@@ -23,7 +22,7 @@ from vibro_ros.configuration.scene_file import NOBODY
 from vibro_ros.ros.node.refusals import peer_text
 
 ROUNDS = 3
-PATIENCE = 2.0
+ANSWER_TIMEOUT = 2.0
 """Time [s] without an answer after which the robot says for whom it waits, and asks once more."""
 MOST_NODES = 20
 """Nodes that a sample may wait for: each is called three times a sample."""
@@ -33,22 +32,23 @@ _NAME = re.compile(r"(?:/[A-Za-z_][A-Za-z0-9_]*)+")
 class LockStep:
     """Waits after each sample for the nodes with these full `names`; asks in the executor's thread.
 
-    `answered` is set when all have answered, `settled` says whether they have since the last `ask`.
+    `all_answered` says whether they have answered since the last `ask`; `when_answered` is called when they have.
     """
 
     def __init__(self, node: Node, names: Sequence[str]):
-        self.settled, self.answered = True, Event()
+        self.all_answered = True
+        self.when_answered: Callable[[], object] = lambda: None
         self._log = node.get_logger()
         self._clients = {name: node.create_client(GetParameters, f"{name}/get_parameters") for name in names}
         self._awaited: set[str] = set()
         self._tokens = dict.fromkeys(names, 0)  # of the last call of each node, for answers that come too late
         self._asked = self._reminded = time.monotonic()
-        node.create_timer(PATIENCE / 4.0, self._remind, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.create_timer(ANSWER_TIMEOUT / 4.0, self._remind, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def ask(self) -> None:
         """Let the next sample wait for all nodes; for the stepping thread."""
         self._asked = self._reminded = time.monotonic()
-        self._awaited, self.settled = set(self._clients), False
+        self._awaited, self.all_answered = set(self._clients), False
         for name in self._clients:
             self._call(name, ROUNDS)
 
@@ -68,13 +68,13 @@ class LockStep:
             return
         self._awaited.discard(name)
         if not self._awaited:
-            self.settled = True
-            self.answered.set()
+            self.all_answered = True
+            self.when_answered()
 
     def _remind(self) -> None:
         """Say for whom the robot waits, and ask once more: an answer may be lost where a node was restarted."""
         now = time.monotonic()
-        if self.settled or now - self._reminded < PATIENCE:
+        if self.all_answered or now - self._reminded < ANSWER_TIMEOUT:
             return
         self._reminded = now
         for name in sorted(self._awaited):

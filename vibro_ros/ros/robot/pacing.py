@@ -1,18 +1,26 @@
 """Simulated time against the wall clock: absolute deadlines, time dropped after a stall, and the times of samples."""
 
+import math
 import os
 import time
-from collections import deque
-from collections.abc import Callable
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 from vibro_ros.messages.robot_messages import stamp_at
+from vibro_ros.simulation.simulator import Simulator
 
 LONGEST_SLEEP = 0.05
 """Longest single sleep [s], so that a stop is noticed however far away the deadline is."""
 MOST_LATENESSES = 100_000
 """Latenesses that wait for somebody to take them, the last ones: ten seconds at the highest rate."""
+WATCHED = ("motor_speed", "motor_voltage")
+"""The commands without which `command.timeout` stops the motor."""
+SUMMARY_PERIOD = 60.0
+"""Least time [s] between two lines that tell of stalls."""
+FASTEST = 1e4
+"""Speed of the crank [rad/s] beyond which a stall is its doing: its turns cost more than real time from there on."""
 POLICY, PRIORITY = os.SCHED_RR, 1
 """Real time, in turn with others of that kind, and the lowest of its priorities. ros2_control asks for one likewise."""
 
@@ -140,7 +148,71 @@ class RobotTime:
         self._origin = self.ticks + 1
 
 
-def take_priority(factor: float, paused: bool) -> None:
+class CommandTimeout:
+    """When more than `limit` [s] of robot time has passed since the last command of the motor's speed that took effect.
+
+    Robot time, because then a replay finds the same instant, and a pause does not count; the start counts as a command.
+    `topics` are the full names of all topics that command it, for the `words` that are said when the motor is stopped,
+    `count` times so far.
+    """
+
+    def __init__(self, limit: float, topics: Sequence[str]):
+        self.count = 0
+        names = " or ".join(topics)
+        self.words = (f"command.timeout: no command of the motor on {names} for {limit:g} s of robot time; the motor "
+                      f"stops. Publish {names} more often, or start the robot with a longer command.timeout")
+        self._limit = limit
+        self._last, self._accepted = 0.0, 0
+
+    def is_over(self, time: float, accepted: Counter[str], device: Simulator) -> bool:
+        """Whether the motor is to stop at robot time `time` [s], where so many commands were `accepted`."""
+        if (count := sum(accepted[name] for name in WATCHED)) != self._accepted:
+            self._last, self._accepted = time, count
+        if time - self._last < self._limit or not device.commanded_motor_speed:
+            return False
+        self.count += 1
+        return True
+
+
+class StallReport:
+    """Says why simulated time was dropped: when stalls begin, then in a summary once a minute at most."""
+
+    def __init__(self, warn: Callable[[str], object], now: Callable[[], float] = time.monotonic):
+        self._warn, self._now = warn, now
+        self._said, self._began, self._busy, self._spins = -math.inf, now(), 0.0, False
+        self._count, self._dropped = 0, 0.0
+
+    def add(self, dropped: float, total: float, busy: float, ticks: int, speed: float) -> None:
+        """Take note of a stall that cost `dropped` [s] of simulated time; all stalls of the run have cost `total` [s].
+
+        The run's `ticks` steps have taken `busy` [s] of wall time, without publishing; the crank turns at `speed`
+        [rad/s].
+        """
+        now = self._now()
+        self._count, self._dropped = self._count + 1, self._dropped + dropped
+        spins = abs(speed) > FASTEST
+        if now < self._said + SUMMARY_PERIOD and spins <= self._spins:
+            return
+        if spins:
+            why = (f"because the crank spins at {speed:.3g} rad/s, and each of its turns costs as much as a slow one; "
+                   "call ~/reset, or set motor_speed by ~/set_state")
+        elif busy - self._busy > 0.8 * (now - self._began):
+            why = (f"because a step takes {1e3 * busy / max(ticks, 1):.2g} ms, longer than it lasts; lower "
+                   "rate.real_time_factor, or choose solver.method exact")
+        else:
+            why = ("because the computer did not let the robot run in time; leave it a core, or raise "
+                   "rate.max_catch_up")
+        if math.isinf(self._said):
+            self._warn(f"stalled: {dropped:.3f} s of simulated time dropped, {why}. Stamps stay behind the wall clock "
+                       "by what is dropped")
+        else:
+            self._warn(f"stalled {self._count} times in {now - self._said:.0f} s: {self._dropped:.3f} s of simulated "
+                       f"time dropped, {total:.3f} s since the start, {why}")
+        self._said, self._began, self._busy, self._spins = now, now, busy, spins
+        self._count, self._dropped = 0, 0.0
+
+
+def set_real_time_priority(factor: float, paused: bool) -> None:
     """Go before other programs while the robot keeps time at a real-time `factor` up to 1, and only then.
 
     A robot that is to be faster may take all the time of a processor, as does one that takes steps while it is paused.

@@ -32,6 +32,7 @@ from vibro_ros.messages.topics import (
     ONCE,
     OPERATIONS,
     SAMPLE,
+    SAMPLES,
     TOPICS,
     VARIANCES,
     commands_of,
@@ -43,13 +44,12 @@ from vibro_ros.process.entry_point import Parser, StopRequest, exit_code, say
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.ros.node import process, qos
 from vibro_ros.ros.node.arguments import check_addressed, check_arguments, check_names, folder_of, own_arguments
-from vibro_ros.ros.node.node import SteadyNode
+from vibro_ros.ros.node.node import GuardedNode, installed_type
 from vibro_ros.ros.node.parameters import declare, parameter_lines, take_overrides
 from vibro_ros.ros.node.process import CLOCK, wait_for_time
 from vibro_ros.ros.robot.diagnostics import SECOND, Diagnostics
 from vibro_ros.ros.robot.lock_step import LockStep, checked_nodes
-from vibro_ros.ros.robot.operations import Operations
-from vibro_ros.ros.robot.pacing import Pacing, RobotTime, take_priority
+from vibro_ros.ros.robot.pacing import CommandTimeout, Pacing, RobotTime, set_real_time_priority
 from vibro_ros.ros.robot.recording import (
     Plan,
     Recording,
@@ -59,15 +59,13 @@ from vibro_ros.ros.robot.recording import (
     plan_recording,
     recorded_topic,
 )
+from vibro_ros.ros.robot.run import Run
 from vibro_ros.ros.robot.services import (
-    SimulationControl,
     follow_parameters,
-    offer_incidents,
+    offer_disturbances,
     offer_run_services,
-    offer_simulation,
     refuse_while_starting,
 )
-from vibro_ros.ros.robot.stepping import CommandTimeout, Run, Stepping
 from vibro_ros.ros.topics.publishers import RobotPublishers
 from vibro_ros.ros.topics.subscriptions import CommandSubscriptions
 from vibro_ros.sensors.device import new_device
@@ -100,7 +98,7 @@ def _run(words: Sequence[str]) -> int:
         check_addressed(files, node.get_fully_qualified_name())
         check_names(node, (*COMMANDS, *PUBLISHED))
         settings, scene = _configure(node, words)
-        qos.check_overrides(node, (*PUBLISHED, *map(full_name, (OPERATIONS, "diagnostics")),
+        qos.check_overrides(node, (*PUBLISHED, *map(full_name, (OPERATIONS, SAMPLES, "diagnostics")),
                                    *[CLOCK] * settings["clock.publish"]), (*COMMANDS, CLOCK))
         publishers = RobotPublishers(node, scene, settings["frame_prefix"], settings["tf.publish"],
                                      [settings[name] for name in VARIANCES], settings["ros2_control"])
@@ -115,11 +113,11 @@ def _run(words: Sequence[str]) -> int:
             say("robot", "stopped while starting")
             return 0
         gc.freeze()  # all of this lasts: to go through it again and again would delay ticks, and the process's end
-        take_priority(settings["rate.real_time_factor"], settings["rate.start_paused"])
+        set_real_time_priority(settings["rate.real_time_factor"], settings["rate.start_paused"])
         return _operate(node, executor, settings, device, publishers, plan, stop)
 
 
-def _configure(node: SteadyNode, words: Sequence[str]) -> tuple[dict[str, Value], Scene]:
+def _configure(node: GuardedNode, words: Sequence[str]) -> tuple[dict[str, Value], Scene]:
     """The node's settings and scene, from its overrides in the command's `words`; each parameter declared on `node`."""
     overrides = checked_parameters(take_overrides(node), (*DEVICE_PARAMETERS, *SCENE_PARAMETERS))
     settings = {parameter.name: overrides.pop(parameter.name, parameter.default) for parameter in DEVICE_PARAMETERS}
@@ -134,7 +132,7 @@ def _configure(node: SteadyNode, words: Sequence[str]) -> tuple[dict[str, Value]
     return settings, scene
 
 
-def _plan(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, publishers: RobotPublishers) -> Plan:
+def _plan(node: GuardedNode, settings: Mapping[str, Value], scene: Scene, publishers: RobotPublishers) -> Plan:
     """How to record, as far as it is known before the start; whatever is wrong with it is found here."""
     checkpoint = recorded_topic(CHECKPOINT, node.resolve_topic_name(full_name(CHECKPOINT)))
     received = {**{name: node.resolve_topic_name(name) for name in commands_of(scene)},
@@ -147,7 +145,7 @@ def _plan(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, publish
     return replace(plan, checkpoint=checkpoint, namespace=node.get_namespace())
 
 
-def _prepare(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, plan: Plan) -> Simulator:
+def _prepare(node: GuardedNode, settings: Mapping[str, Value], scene: Scene, plan: Plan) -> Simulator:
     """The device, ready to be stepped; and whatever else takes long, so that a signal need not wait for it."""
     warnings.simplefilter("ignore", ToleranceWarning)  # said in the log's form
     compile_kernels(scene["solver.method"])
@@ -160,59 +158,50 @@ def _prepare(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, plan
     return device
 
 
-def _operate(node: SteadyNode, executor: Executor, settings: Mapping[str, Value], device: Simulator,
+def _operate(node: GuardedNode, executor: Executor, settings: Mapping[str, Value], device: Simulator,
              publishers: RobotPublishers, plan: Plan, stop: StopRequest) -> int:
     log, parameters = node.get_logger(), {**settings, **device.scene.parameters}
     plan = replace(plan, metadata={**plan.metadata, **provenance(parameters, _now(node, settings))})
     stop.hold()  # before the bag is opened, so that no signal can come between its opening and its sealing
     with open_recording(plan, settings["record.enabled"], log) as recording:
-        # not before: commands would wait and come in a burst
-        run = _new_run(node, settings, device, publishers, recording)
-        follow_parameters(node, run.operations)
+        run = _new_run(node, settings, device, publishers, recording, stop)  # listens to commands from now on
+        follow_parameters(node, run)
         # the clocks are read last, when all that takes time is done; the bag is open by then
         run.robot_time.start, begin = _now(node, settings, run), time.monotonic()
         recording.describe({"start": str(run.robot_time.start)})
         recording.begin_files_with(publishers.begin(run.robot_time.start))
-        with Stepping(run, log, begin) as stepping:
-            diagnostics = Diagnostics(node, run, stepping, partial(_now, node, settings, run))
-            offer_simulation(node, run.control, settings["frame_prefix"] + ODOM)
+        with run.start(begin):
+            diagnostics = Diagnostics(node, run, partial(_now, node, settings, run))
+            _offer_simulation(node, run, settings["frame_prefix"] + ODOM)
             pause = (f"; paused until ros2 service call {node.get_fully_qualified_name()}/pause std_srvs/srv/SetBool "
-                     "'{data: false}'" if run.operations.paused else "")
+                     "'{data: false}'" if run.paused else "")
             log.info(f"ready: {settings['rate.publish']:g} Hz, real-time factor "
                      f"{settings['rate.real_time_factor']:g}, {recording.destination()}{pause}")
 
             def over() -> bool:
                 recording.watch()
-                return bool(stop or stepping.error or run.control.quitting)
+                return bool(stop or run.error or run.quitting)
 
             process.spin_until(executor, over, WATCH)
-        run.control.quitting = True  # nothing is stepped any more: whoever still waits has an answer, and is to get it
-        process.spin_until(executor, lambda: not run.control.waiting)
-    if stepping.error or recording.faults:
+        run.quitting = True  # nothing is stepped any more: whoever still waits has an answer, and is to get it
+        process.spin_until(executor, lambda: not run.waiting)
+    if run.error or recording.faults:
         diagnostics.publish_last()
     log.info(f"{recording.summary()}; {run.robot_time.time:.3f} s simulated, {run.pacing.dropped:.3f} s dropped "
-             f"in {run.pacing.stalls} stalls, {run.subscriptions.refused} commands refused, "
-             f"{run.subscriptions.dropped} dropped")
-    if stepping.error:
-        raise stepping.error
+             f"in {run.pacing.stalls} stalls, {run.commands.refused} commands refused")
+    if run.error:
+        raise run.error
     if recording.faults:
         raise RuntimeError(recording.faults[0])
     return 0
 
 
-def _new_run(node: SteadyNode, settings: Mapping[str, Value], device: Simulator, publishers: RobotPublishers,
-             recording: Recording) -> Run:
-    """The run of a `device`, which listens to commands and requests from now on, and is stepped by `Stepping`."""
-    pacing = Pacing(settings["rate.real_time_factor"], settings["rate.max_catch_up"])
-    robot_time, subscriptions = RobotTime(settings["rate.publish"]), CommandSubscriptions(node, device.scene)
+def _new_run(node: GuardedNode, settings: Mapping[str, Value], device: Simulator, publishers: RobotPublishers,
+             recording: Recording, stop: StopRequest) -> Run:
+    """The run of a `device`, whose services are offered, and which is stepped once it is entered."""
+    robot_time, commands = RobotTime(settings["rate.publish"]), CommandSubscriptions(node, device.scene)
     nodes = checked_nodes(node, settings["clock.lock_step"])
-    lock_step = LockStep(node, nodes) if nodes else None
-    operations = Operations(node, device, pacing, robot_time, subscriptions, recording.record, lock_step,
-                            settings["rate.start_paused"])
-    offer_run_services(node, operations, recording)
-    offer_incidents(node, operations)
-    control = SimulationControl(node, operations, robot_time)
-    clock = None
+    publish_clock = None
     if settings["clock.publish"]:
         publisher = node.create_publisher(Clock, CLOCK, qos.profile("clock"))
 
@@ -221,17 +210,31 @@ def _new_run(node: SteadyNode, settings: Mapping[str, Value], device: Simulator,
             seconds, nanoseconds = divmod(robot_time.stamp, SECOND)
             publisher.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
 
-        clock = publish_clock
-    return Run(device, robot_time, pacing, subscriptions, publishers, operations, recording, control,
-               timeout=CommandTimeout(settings["command.timeout"], _motor_topics(device.scene, subscriptions))
-               if settings["command.timeout"] else None,
-               clock=clock, lock_step=lock_step)
+    run = Run(node, device, robot_time, Pacing(settings["rate.real_time_factor"], settings["rate.max_catch_up"]),
+              commands, publishers, recording, paused=settings["rate.start_paused"],
+              timeout=CommandTimeout(settings["command.timeout"], _motor_topics(device.scene, commands))
+              if settings["command.timeout"] else None,
+              lock_step=LockStep(node, nodes) if nodes else None, publish_clock=publish_clock,
+              stop_requested=lambda: bool(stop))
+    offer_run_services(node, run)
+    offer_disturbances(node, run)
+    return run
 
 
-def _motor_topics(scene: Scene, subscriptions: CommandSubscriptions) -> list[str]:
+def _offer_simulation(node: GuardedNode, run: Run, frame: str) -> None:
+    """Offer the services of `simulation_interfaces`, if that package is installed; else the log says so."""
+    if installed_type("simulation_interfaces", "msg", "Result"):
+        from vibro_ros.ros.robot.simulation_services import SimulationServices
+
+        SimulationServices(node, run, frame)
+    else:
+        node.get_logger().info("simulation_interfaces is not installed: without its services")
+
+
+def _motor_topics(scene: Scene, commands: CommandSubscriptions) -> list[str]:
     """Full names of the topics that command the motor: joints are commanded by speed, never by voltage."""
     of_joints = [JOINT_COMMANDS] if scene.motor_command == "motor_speed" else []
-    return [subscriptions.topics[name] for name in (scene.motor_command, *of_joints)]
+    return [commands.topics[name] for name in (scene.motor_command, *of_joints)]
 
 
 def _now(node: Node, settings: Mapping[str, Value], run: Run | None = None) -> int:

@@ -13,7 +13,7 @@ from rclpy.publisher import Publisher
 
 from vibro_ros.messages.frames import NONE
 from vibro_ros.messages.robot_messages import RobotMessages
-from vibro_ros.messages.topics import TOPICS, full_name
+from vibro_ros.messages.topics import SAMPLES, TOPICS, full_name
 from vibro_ros.model.scene import Scene
 from vibro_ros.ros.node import qos
 from vibro_ros.sensors.device import Measurement
@@ -43,6 +43,8 @@ class RobotPublishers:
         self.publishers: dict[str, Publisher] = {
             name: node.create_publisher(message_class(TOPICS[name].type), full_name(name), qos.profile(name))
             for name in self._messages.topics}
+        self._samples = node.create_publisher(message_class(TOPICS[SAMPLES].type), full_name(SAMPLES),
+                                              qos.profile(SAMPLES))
         self.topics = {name: publisher.topic_name for name, publisher in self.publishers.items()}
 
     def begin(self, stamp: int) -> list[tuple[str, bytes]]:
@@ -62,6 +64,8 @@ class RobotPublishers:
         for name, data in self._messages.of_sample(values, events, measurements, stamp, stamp_of):
             self.publishers[name].publish(data)
             record(self.topics[name], stamp, data)
+        if self._samples.get_subscription_count():
+            self._samples.publish(self._messages.whole_sample(values, stamp_of(0.0)))
 
 
 @cache

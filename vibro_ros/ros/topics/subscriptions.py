@@ -1,125 +1,77 @@
-"""The robot's subscriptions: commands, queued with what services ask for until the stepping thread takes them.
+"""The robot's subscriptions: commands, which the stepping thread takes from DDS itself.
 
-The executor's thread takes the bytes of `motor_speed`, `upper_gap`, `inclined_gap` and `joint_commands` (`Gathering`)
-and puts them into `Queue`; the stepping thread takes all of it before its next sample, records each message and gives
-its numbers to the device (`CommandSubscriptions.apply`).
+The executor is not woken for a command: its turn costs 0.15 ms of the interpreter's time, by which the ticks came late
+(p99 of lateness beside 1 kHz commands 0.3 ms without, 2 ms with a queue between the threads). DDS keeps the last ten
+messages of a topic; those that it displaces between two looks would have had no effect, because all commands that wait
+take effect at one instant, at which the last one of a topic stands.
 """
 
-import time
-from collections import Counter, deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import partial
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from heapq import heappop, heappush
-from itertools import chain, count
+from itertools import count
 from operator import itemgetter
-from threading import Lock
-from typing import Any, Generic, TypeVar
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from vibro_ros.messages.codec import deserialised
-from vibro_ros.messages.topics import (
-    COMMANDS,
-    INPUTS,
-    OPERATIONS,
-    ROBOT_TOPICS,
-    commands_in,
-    commands_of,
-)
+from vibro_ros.messages.topics import COMMANDS, TOPICS, commands_in, commands_of
 from vibro_ros.model.faults import Incident
 from vibro_ros.model.scene import Scene
 from vibro_ros.ros.node import qos
-from vibro_ros.ros.node.refusals import Refusals, Throttle, peer_text
+from vibro_ros.ros.node.node import PollingSubscription
+from vibro_ros.ros.node.refusals import Throttle, peer_text
 from vibro_ros.ros.topics.publishers import Record, message_class
 from vibro_ros.simulation.simulator import Simulator
 
 LONGEST = 1024
-"""Bytes of the longest message that is queued and recorded, because the queue is counted in messages; a command has 12,
-one for all joints some 200."""
-MOST_WAITING = 100
-"""Commands of one topic that wait. A command costs the device 30 to 70 us, so that those of all topics together
-delay a tick by 40 ms at most, less than half of what `rate.max_catch_up` makes good by default."""
+"""Bytes of the longest message that is recorded; a command has 12, one for all joints some 200."""
+MOST_TAKEN = 100
+"""Messages of a topic that are taken at one look: a flood must not hold up a tick."""
 MOST_LATE = 10_000
 """Commands that are kept while the fault `late_commands` lasts."""
-REST = 0.001
-"""Time [s] from one gathering to the next: DDS keeps the last ten messages of a topic, so none is lost up to 10 kHz."""
-LOOKS = 1.0
-"""Time [s] between two looks at the graph for publishers of another type."""
-
-Name = TypeVar("Name")
+GRAPH_PERIOD = 1.0
+"""Time [s] between two looks at the graph for publishers that cannot be heard."""
 
 
 class CommandSubscriptions:
-    """The robot's command subscriptions.
+    """The robot's command subscriptions; for one thread at a time.
 
-    `topics` has the resolved name of each command's topic. Other threads put their operations into the `queue`, too.
-    `accepted` counts the commands that took effect, by name, `lost` those that the fault `lost_commands` took;
+    `topics` has the resolved name of each command's topic. `accepted` counts the commands that took effect, by name,
+    `refused` those that the device refused, or that were no number, `lost` those that the fault `lost_commands` took;
     `influences` are faults of commands that last, and the instants at which they end, as stamps [ns].
     """
 
     def __init__(self, node: Node, scene: Scene):
-        self._log, self._too_long = node.get_logger(), Refusals(node.get_logger)
-        self._refused = self._reported = 0
-        self.queue, self.accepted = Queue(INPUTS), Counter[str]()
+        self._log = node.get_logger()
+        self.refused, self.accepted = 0, Counter[str]()
         self.lost, self.influences = 0, dict[str, int]()
         self._delay, self._arrivals = 0, count()
         self._late: list[tuple[int, int, str, bytes]] = []  # a heap by the instants of effect
-        self._throttles = {name: Throttle() for name in (*COMMANDS, "dropped")}
-        gathering = Gathering(self._receive)
-        self.subscriptions: dict[str, Subscription] = {
-            name: node.create_subscription(message_class(ROBOT_TOPICS[name]), name, partial(gathering.take, name),
-                                           qos.profile(name), raw=True)
-            for name in commands_of(scene)
-        }
-        gathering.subscriptions = self.subscriptions
-        self.topics = {name: subscription.topic_name for name, subscription in self.subscriptions.items()}
-        _warn_of_deaf_ears(node, {self.topics[name]: (ROBOT_TOPICS[name], subscription.qos_profile)
-                                  for name, subscription in self.subscriptions.items()})
+        self._throttles = {name: Throttle() for name in COMMANDS}
+        self._subscriptions = {
+            name: PollingSubscription(node, message_class(TOPICS[name].type), name, qos.profile(name))
+            for name in commands_of(scene)}
+        self.topics = {name: subscription.topic for name, subscription in self._subscriptions.items()}
+        _warn_of_unheard(node, {self.topics[name]: (TOPICS[name].type, subscription.profile)
+                                for name, subscription in self._subscriptions.items()})
 
-    @property
-    def refused(self) -> int:
-        """Commands that the device refused, or that were no number."""
-        return self._refused + self._too_long.count
-
-    @property
-    def dropped(self) -> int:
-        """Commands that newer ones displaced before the device took them, see `Queue`; they are not recorded."""
-        return self.queue.dropped
-
-    def apply(self, device: Simulator, stamp: int, record: Record,
-              perform: Callable[[Any], object] = lambda request: None) -> None:
-        """Give the device, at its present time, every command that has arrived; record each, the refused ones too.
-
-        Operations that were asked for between them are handed to `perform` in their turn. What stands behind something
-        that cannot be done waits on, because whoever asked for it is still to be answered.
-        """
+    def apply(self, device: Simulator, stamp: int, record: Record) -> None:
+        """Give the device, at its present time, every command that has come; record each, the refused ones too."""
         while self._late and self._late[0][0] <= stamp:
-            *_, name, item = heappop(self._late)
-            self._take(device, name, item, stamp, record)
-        taken = deque(self.queue.take())
-        try:
-            while taken:
-                name, item = taken.popleft()
-                if name == OPERATIONS:
-                    perform(item)
-                elif self.influences.get("lost_commands", 0) > stamp:
-                    self.lost += 1
-                elif self.influences.get("late_commands", 0) > stamp:
-                    self._keep(stamp + self._delay, name, item)
-                else:
-                    self._take(device, name, item, stamp, record)
-        finally:
-            for name, item in taken:
-                self.queue.add(name, item)
-        if self.dropped > self._reported:
-            self._reported = self.dropped
-            self._warn("dropped", f"{self.dropped} commands dropped: more than {MOST_WAITING} of a topic came within a "
-                                  "tick, of which the last ones count")
+            *_, name, data = heappop(self._late)
+            self._take(device, name, data, stamp, record)
+        for name, data in self._arrived():
+            if self.influences.get("lost_commands", 0) > stamp:
+                self.lost += 1
+            elif self.influences.get("late_commands", 0) > stamp:
+                self._keep(stamp + self._delay, name, data)
+            else:
+                self._take(device, name, data, stamp, record)
 
     def fail(self, incident: Incident, stamp: int) -> None:
         """Let commands be late or get lost from `stamp` [ns] on."""
@@ -134,26 +86,30 @@ class CommandSubscriptions:
 
     def _keep(self, due: int, name: str, data: bytes) -> None:
         if len(self._late) == MOST_LATE:
-            self.queue.dropped += 1
+            self.lost += 1
         else:
             heappush(self._late, (due, next(self._arrivals), name, data))
 
     def _take(self, device: Simulator, name: str, data: bytes, stamp: int, record: Record) -> None:
-        record(self.topics[name], stamp, data)
-        self._command(device, name, data)
-
-    def _receive(self, name: str, data: bytes) -> None:
         if len(data) > LONGEST:
-            self._too_long.refuse(self.topics[name], f"a message of {len(data)} bytes is no {ROBOT_TOPICS[name]}, and "
-                                  "too long to be recorded")
+            self._refuse(name, f"a message of {len(data)} bytes is no {TOPICS[name].type}, and too long to be recorded")
         else:
-            self.queue.add(name, data)
+            record(self.topics[name], stamp, data)
+            self._command(device, name, data)
+
+    def _arrived(self) -> list[tuple[str, bytes]]:
+        """What has come since the last look, with its topic, in the order of arrival across topics."""
+        taken = [(instant, name, data) for name, subscription in self._subscriptions.items()
+                 for data, instant, _ in subscription.take(MOST_TAKEN)]
+        if len(taken) > 1:
+            taken.sort(key=itemgetter(0))
+        return [(name, data) for _, name, data in taken]
 
     def _command(self, device: Simulator, name: str, data: bytes) -> None:
         try:
-            message = deserialised(data, ROBOT_TOPICS[name])  # as every reader of the bag reads it
+            message = deserialised(data, TOPICS[name].type)  # as every reader of the bag reads it
         except ValueError:
-            self._refuse(name, f"a message of {len(data)} bytes is no {ROBOT_TOPICS[name]}; publish that type")
+            self._refuse(name, f"a message of {len(data)} bytes is no {TOPICS[name].type}; publish that type")
             return
         given, faults = commands_in(name, message, device.scene)
         for fault in faults:
@@ -168,81 +124,12 @@ class CommandSubscriptions:
                 self.accepted[argument] += 1
 
     def _refuse(self, name: str, reason: str) -> None:
-        self._refused += 1
-        self._warn(name, f"command refused: {self.topics[name]}: {reason}")
-
-    def _warn(self, name: str, text: str) -> None:
-        if admitted := self._throttles[name].admit(text):
-            self._log.warning(admitted)
+        self.refused += 1
+        if text := self._throttles[name].admit(f"command refused: {self.topics[name]}: {reason}"):
+            self._log.warning(text)
 
 
-class Queue:
-    """A bounded line for each name, `most` long, in one order of arrival; one thread adds, another takes.
-
-    Where a line is full the new command displaces its oldest, and `dropped` counts it. All that wait take effect at the
-    same instant, one after the other, and of one topic the last one stands: so it is the last that must not be lost,
-    neither to older ones nor to a flood on another topic.
-    """
-
-    def __init__(self, names: Iterable[str], most: int = MOST_WAITING):
-        self.dropped = 0
-        self._most = most
-        self._arrivals = count()
-        self._lock = Lock()
-        self._lines: dict[str, deque[tuple[int, str, Any]]] = {name: deque() for name in names}
-
-    def is_full(self, name: str) -> bool:
-        """Whether the next one would displace the oldest of its line."""
-        return len(self._lines[name]) >= self._most
-
-    def add(self, name: str, data: Any) -> None:
-        """Put a message, or an operation that was asked for, at the end of its line."""
-        line = self._lines[name]
-        with self._lock:
-            if len(line) == self._most:
-                line.popleft()
-                self.dropped += 1
-            line.append((next(self._arrivals), name, data))
-
-    def take(self) -> list[tuple[str, Any]]:
-        """Everything that waits, with its line's name, in the order of arrival."""
-        if not any(self._lines.values()):  # as before most ticks; what comes at this moment waits for the next one
-            return []
-        with self._lock:
-            taken = sorted(chain.from_iterable(self._lines.values()), key=itemgetter(0))
-            for line in self._lines.values():
-                line.clear()
-        return [(name, data) for _, name, data in taken]
-
-
-class Gathering(Generic[Name]):
-    """A callback of raw subscriptions that takes what waits in all of them; for one executor's thread.
-
-    `receive` takes a subscription's name and the bytes of a message; `subscriptions` is to be set before the first.
-
-    An executor's turn costs 0.15 ms and a message taken beside it 0.01 ms. By turns alone, a flood of commands at
-    5 kHz took three quarters of the interpreter's time from the thread that steps the device.
-    """
-
-    def __init__(self, receive: Callable[[Name, bytes], None]):
-        self._receive = receive
-        self._last = float("-inf")
-        self.subscriptions: Mapping[Name, Subscription] = {}
-
-    def take(self, name: Name, data: bytes) -> None:
-        """Hand on a message that has come to the subscription `name`, and all that wait behind it and beside it."""
-        if (rest := self._last + REST - time.monotonic()) > 0.0:
-            time.sleep(rest)
-        self._receive(name, data)
-        for other, subscription in self.subscriptions.items():
-            with subscription.handle:  # as rclpy's executor does; without `take_message` each message takes a turn
-                take = getattr(subscription.handle, "take_message", None)
-                while take and (taken := take(subscription.msg_type, subscription.raw)):
-                    self._receive(other, taken[0])
-        self._last = time.monotonic()
-
-
-def _warn_of_deaf_ears(node: Node, heard: Mapping[str, tuple[str, QoSProfile]]) -> None:
+def _warn_of_unheard(node: Node, heard: Mapping[str, tuple[str, QoSProfile]]) -> None:
     """Let `node` warn of publishers that its topics (full names) cannot hear, because DDS keeps them apart in silence:
     those of another type, and best-effort ones where the subscription is reliable."""
     known: set[str] = set()
@@ -275,4 +162,4 @@ def _warn_of_deaf_ears(node: Node, heard: Mapping[str, tuple[str, QoSProfile]]) 
             if text := throttle.admit(fault):
                 node.get_logger().warning(text)
 
-    node.create_timer(LOOKS, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+    node.create_timer(GRAPH_PERIOD, look, clock=Clock(clock_type=ClockType.STEADY_TIME))

@@ -1,0 +1,142 @@
+"""The run behind its lock: what acts on it at any instant replays, and whoever waits is answered when it ends."""
+
+import random
+import signal
+import time
+from types import SimpleNamespace
+
+import pytest
+from asking import known_client
+from observation import bags
+from random_run import FASTER, RANGES
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from std_msgs.msg import Float64
+from std_srvs.srv import SetBool, Trigger
+
+import vibro_ros
+from vibro_ros.messages.operations import RESET, Operation
+from vibro_ros.recordings import replay
+from vibro_ros.ros.robot.pacing import SUMMARY_PERIOD, Pacing, RobotTime, StallReport
+from vibro_ros.ros.robot.run import ENDED, Run
+from vibro_ros.ros.topics.publishers import RobotPublishers
+from vibro_ros.ros.topics.subscriptions import CommandSubscriptions
+
+
+def run_of(bench, record, **more) -> Run:
+    scene = vibro_ros.load_scene("device")
+    recording = SimpleNamespace(record=record, checkpoint=lambda *_: None, crowded=False)
+    return Run(bench.node, vibro_ros.Simulator(scene), RobotTime(rate=200.0, start=1_000),
+               Pacing(factor=0.0, max_catch_up=0.1), CommandSubscriptions(bench.node, scene),
+               RobotPublishers(bench.node, scene), recording, **more)
+
+
+def test_an_error_ends_the_thread_and_is_kept_for_the_main_thread(bench):
+    stamps = []
+
+    def record(topic: str, stamp: int, data: bytes) -> None:
+        stamps.append(stamp)
+        if stamp == 1_000 + 10_000_000:
+            raise RuntimeError("third sample")
+
+    run = run_of(bench, record)
+    with run:
+        bench.spin_until(lambda: run.error is not None, "the error")
+    assert str(run.error) == "third sample"
+    assert sorted(set(stamps)) == [1_000, 1_000 + 5_000_000, 1_000 + 10_000_000]
+    assert run.device.time == 0.01
+    assert len(run.device.take_events()) == 0  # each tick took what had come, so that a long run keeps none
+
+
+def test_whoever_asked_is_answered_when_the_run_cannot_go_on(bench, monkeypatch):
+    """Else a robot that waits for its answers before it seals the bag would wait without end."""
+    run = run_of(bench, lambda *_: None, paused=True)
+
+    def fail() -> None:
+        raise vibro_ros.SimulationError("no start")
+
+    monkeypatch.setattr(run.device, "reset", fail)
+    with run:
+        run.recording.crowded = True  # so that no step is taken
+        waiting = run.begin_steps(3)
+        with pytest.raises(ValueError, match="3 steps are being taken, 0 so far"):
+            run.begin_steps(1)
+        with pytest.raises(RuntimeError, match="no start"):
+            run.perform(Operation(RESET))
+        bench.spin_until(waiting.done, "the answer of the steps")
+    assert str(waiting.exception()) == ENDED and str(run.error) == "no start"
+    for ask in (lambda: run.perform(Operation(RESET)), lambda: run.begin_steps(1), run.look):
+        with pytest.raises(RuntimeError, match=ENDED):
+            ask()
+
+
+def test_commands_and_operations_at_any_instant_replay_to_the_last_bit(start, bench, tmp_path, capsys):
+    """Nobody waits for an answer before the next is asked, so that they come at every phase of a tick."""
+    robot = start("robot", "--ros-args", "-p", f"rate.real_time_factor:={FASTER}")
+    robot.wait_for("ready")
+    chance = random.Random(11)
+    pause, reset, step = (known_client(bench, kind, name) for kind, name in (
+        (SetBool, "pause"), (Trigger, "reset"), (Trigger, "step")))
+    parameters = known_client(bench, SetParameters, "set_parameters")
+    clients = [pause, reset, step, parameters]
+    own = pytest.importorskip("vibro_ros_interfaces.srv", reason="types are not built: no compiler")
+    state, push = (known_client(bench, kind, name) for kind, name in ((own.SetState, "set_state"), (own.Push, "push")))
+    publishers = {name: bench.node.create_publisher(Float64, name, 10) for name in RANGES}
+    bench.spin_until(lambda: all(one.get_subscription_count() for one in publishers.values()), "robot listens")
+    acts = [
+        lambda: reset.call_async(Trigger.Request()), lambda: step.call_async(Trigger.Request()),
+        lambda: pause.call_async(SetBool.Request(data=True)), lambda: pause.call_async(SetBool.Request(data=False)),
+        lambda: pause.call_async(SetBool.Request(data=False)),
+        lambda: state.call_async(own.SetState.Request(names=["body_velocity"], values=[chance.uniform(-0.1, 0.1)])),
+        lambda: push.call_async(own.Push.Request(duration=0.01, force_x=chance.uniform(-3.0, 3.0))),
+        lambda: parameters.call_async(SetParameters.Request(parameters=[
+            Parameter("ground.friction", value=chance.uniform(0.1, 0.4)).to_parameter_msg()]))]
+    answers, begun = [], time.monotonic()
+    while time.monotonic() < begun + 3.0:
+        if chance.random() < 0.4:
+            answers.append(chance.choice(acts)())
+        name = chance.choice(list(RANGES))
+        publishers[name].publish(Float64(data=chance.uniform(*RANGES[name])))
+        due = time.monotonic() + chance.uniform(0.0, 0.02)
+        bench.spin_until(lambda due=due: time.monotonic() >= due, "the next", patience=10.0)
+    bench.spin_until(lambda: all(future.done() for future in answers), "answers")
+    for client in clients:
+        bench.node.destroy_client(client)
+    robot.send(signal.SIGINT)
+    assert robot.end() == 0, robot.text
+    (bag,) = bags(tmp_path)
+    assert replay.main([str(bag)]) == 0
+    assert int(capsys.readouterr().out.split()[-2]) > 20  # commands
+
+
+def test_a_crank_that_spins_too_fast_is_named_and_the_robot_hears_signals(start, bench):
+    own = pytest.importorskip("vibro_ros_interfaces.srv", reason="types are not built: no compiler")
+    words = ("scene:=machine", "motor.winding_inductance:=0.001", "motor.crank_inertia:=0.00005",
+             "record.enabled:=false")
+    robot = start("robot", "--ros-args", *(word for parameter in words for word in ("-p", parameter)))
+    robot.wait_for("ready")
+    client = known_client(bench, own.SetState, "set_state")
+    client.call_async(own.SetState.Request(names=["motor_current"], values=[1e6]))
+    robot.wait_for("because the crank spins at ")
+    begun = time.monotonic()
+    robot.send(signal.SIGINT)
+    assert robot.end() == 0, robot.text
+    assert time.monotonic() - begun < 5.0  # a second on an idle machine; one tick alone would take longer
+    bench.node.destroy_client(client)
+
+
+def test_stalls_are_told_when_they_begin_and_then_once_a_minute_with_their_cause():
+    clock, lines = [100.0], []
+    report = StallReport(lines.append, lambda: clock[0])
+    clock[0] += 10.0
+    report.add(0.2, 0.2, busy=0.1, ticks=2000, speed=100.0)
+    for _ in range(60):
+        clock[0] += 1.01
+        report.add(0.5, 30.2, busy=0.1 + 58.0, ticks=3000, speed=100.0)
+    report.add(0.5, 30.7, busy=59.0, ticks=3000, speed=-2e6)  # another cause is said at once
+    report.add(0.5, 31.2, busy=60.0, ticks=3000, speed=-2e6)
+    first, second, third = lines
+    assert first.startswith("stalled: 0.200 s of simulated time dropped, because the computer did not let the robot")
+    assert second.startswith(f"stalled 60 times in {SUMMARY_PERIOD * 1.01:.0f} s: 30.000 s of simulated time dropped, "
+                             "30.200 s since the start, because a step takes 19 ms, longer than it lasts; lower rate.")
+    assert "because the crank spins at -2e+06 rad/s" in third

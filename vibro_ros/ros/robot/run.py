@@ -1,0 +1,451 @@
+"""One run of the robot: the device behind one lock, which a thread of its own steps in real time.
+
+Between two ticks the device's time is the last sample's instant. So whatever takes the lock acts at that instant, and
+is published and recorded with that stamp, after all commands that had come before: services act at once, in the
+executor's thread, and a replay finds the same instants. Only steps are waited for.
+"""
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from rclpy.node import Node
+from rclpy.task import Future
+from std_msgs.msg import String
+
+from vibro_ros.messages.codec import blank, serialised
+from vibro_ros.messages.operations import (
+    FAULT,
+    PAUSE,
+    PUSH,
+    RESET,
+    RESUME,
+    SET,
+    STATE,
+    STEP,
+    TIMEOUT,
+    Operation,
+    perform,
+)
+from vibro_ros.messages.topics import CHECKPOINT, OPERATIONS, TOPICS, full_name
+from vibro_ros.model.faults import COMMANDS, FAULTS, checked_incident
+from vibro_ros.model.parameters import Value
+from vibro_ros.ros.node import qos
+from vibro_ros.ros.robot.lock_step import LockStep
+from vibro_ros.ros.robot.pacing import (
+    LONGEST_SLEEP,
+    CommandTimeout,
+    Pacing,
+    RobotTime,
+    StallReport,
+    set_real_time_priority,
+)
+from vibro_ros.ros.robot.recording import Recording
+from vibro_ros.ros.topics.publishers import RobotPublishers
+from vibro_ros.ros.topics.subscriptions import CommandSubscriptions
+from vibro_ros.sensors.device import SensedSimulator
+from vibro_ros.simulation.samples import FIELDS, MOTOR_SPEED, NORMAL_FORCE, Samples
+from vibro_ros.simulation.simulator import Simulator
+
+FACTOR = "rate.real_time_factor"
+"""The one parameter of the node that may change while it runs."""
+ENDED = "the simulation has ended"
+BUSY = "the simulation has not answered in time; nothing was changed"
+LOCK_TIMEOUT = 0.5
+"""Longest time [s] that a service waits for the device, so that the main thread goes on hearing signals."""
+MOST_KEPT = 10_000
+"""Samples that are kept for diagnostics: a second's at the highest `rate.publish`."""
+BAG_PERIOD = 0.001
+"""Wait [s] of samples that are faster than the disk, until they look again."""
+MOST_TURNS = 100.0
+"""Turns of the crank between two looks whether the run is to end; they cost some milliseconds."""
+
+
+class Steps(Future):
+    """Samples that were asked for while robot time stands still: a future of the words that answer.
+
+    `counted` is given the number of samples so far after each one, by the thread that takes them. `completed` are
+    those of `asked` that were taken so far.
+    """
+
+    def __init__(self, asked: int, counted: Callable[[int], object] | None):
+        super().__init__()
+        self.asked, self.completed, self.counted = asked, 0, counted
+
+
+class Run:
+    """One run of the robot; a context manager within which a thread steps the device.
+
+    Parameters
+    ----------
+    node : Node
+    device : Simulator
+        Touched with `lock` held only.
+    robot_time : RobotTime
+    pacing : Pacing
+    commands : CommandSubscriptions
+    publishers : RobotPublishers
+    recording : Recording
+    paused : bool
+        Whether robot time stands still at first.
+    timeout : CommandTimeout, optional
+    lock_step : LockStep, optional
+        Nodes that must be ready before robot time goes on.
+    publish_clock : callable, optional
+        Publishes robot time; None where the robot publishes no /clock.
+    stop_requested : callable
+        Whether a signal has come; looked at within a tick that lasts long.
+
+    Attributes
+    ----------
+    lock : threading.Condition
+        Notified when something has changed for a thread that has nothing to do.
+    paused : bool
+        Whether robot time stands still.
+    changed : dict of str to value
+        Parameters that were changed since the start.
+    error : Exception or None
+        What ended the run before it was asked to.
+    quitting : bool
+        Whether somebody asked that the robot ends.
+    waiting : int
+        Requests whose answer is awaited.
+    busy : float
+        Wall time [s] that ticks took, without publishing.
+    ticks_without_normal_force : int
+        Ticks after which the ground carried nothing: N by eq. (6) was not above 0, or the body was in the air.
+    """
+
+    def __init__(self, node: Node, device: Simulator, robot_time: RobotTime, pacing: Pacing,
+                 commands: CommandSubscriptions, publishers: RobotPublishers, recording: Recording,
+                 paused: bool = False, timeout: CommandTimeout | None = None, lock_step: LockStep | None = None,
+                 publish_clock: Callable[[], None] | None = None, stop_requested: Callable[[], bool] = lambda: False):
+        self.device, self.robot_time, self.pacing, self.commands = device, robot_time, pacing, commands
+        self.publishers, self.recording, self.timeout, self.paused = publishers, recording, timeout, paused
+        self.lock = threading.Condition()
+        self.changed: dict[str, Value] = {}
+        self.error: Exception | None = None
+        self.quitting, self.waiting = False, 0
+        self.busy, self.ticks_without_normal_force = 0.0, 0
+        self._node, self._lock_step, self._publish_clock, self._stop_requested = (
+            node, lock_step, publish_clock, stop_requested)
+        self._publisher = node.create_publisher(String, full_name(OPERATIONS), qos.profile(OPERATIONS))
+        self.topic = self._publisher.topic_name
+        self._steps: Steps | None = None
+        self._resumes = False  # as soon as the nodes of the lock-step have answered
+        self._samples: deque[np.ndarray] = deque(maxlen=MOST_KEPT)
+        self._keeps_samples = device.scene.body_hops or device.scene.has_rotor  # for `validity_of`
+        self._facts = device.statistics, device.influences
+        self._speed = 0.0  # of the crank at the last sample [rad/s]
+        self._stalls = StallReport(node.get_logger().warning)
+        self._stopped = threading.Event()
+        self._begin: float | None = None
+        self._thread = threading.Thread(target=self._step_until_stopped, name="stepping")
+        if lock_step:
+            lock_step.when_answered = self._notify
+        self._does = {RESET: self._reset, PAUSE: self._pause, RESUME: self._resume, SET: self._set, STATE: self._let,
+                      PUSH: self._let, FAULT: self._fail}
+
+    def start(self, begin: float) -> "Run":
+        """Let robot time 0 be the instant `begin` [s] of the pacing's clock, when the thread starts."""
+        self._begin = begin
+        return self
+
+    def __enter__(self) -> "Run":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stopped.set()
+        self._notify()
+        self._thread.join()
+
+    # What services ask for, in the executor's thread.
+
+    def perform(self, operation: Operation) -> str:
+        """Do what was asked for, now, after what was commanded before; the words that answer.
+
+        Raises
+        ------
+        ValueError
+            When the device refuses it; nothing is changed then.
+        RuntimeError
+            When the run has ended, or ends by it, or does not answer within `LOCK_TIMEOUT`.
+        """
+        with self._held():
+            words = self._does[operation.name](operation)
+            self.lock.notify()
+            return words
+
+    def begin_steps(self, steps: int, counted: Callable[[int], object] | None = None) -> Steps:
+        """Let so many samples be taken while robot time stands still, as fast as the computer and the recording allow.
+
+        ValueError when the robot is not paused, or takes steps already; RuntimeError as `perform`.
+        """
+        with self._held():
+            if not self.paused:
+                raise ValueError("the robot is not paused; call ~/pause with true first")
+            if self._steps:
+                raise ValueError(f"{self._steps.asked} steps are being taken, {self._steps.completed} so far; wait "
+                                 "for their end, or cancel them")
+            self._done(Operation(STEP, steps=steps))
+            self._steps = Steps(steps, counted)
+            self.lock.notify()
+            return self._steps
+
+    def end_steps(self) -> None:
+        """Take no more of the samples that were asked for; the answer says how many there were."""
+        with self.lock:
+            if steps := self._steps:
+                self._steps = None
+                self._answer(steps)
+
+    @property
+    def steps(self) -> Steps | None:
+        """The samples that are being taken."""
+        return self._steps
+
+    def look(self) -> tuple[Samples, int]:
+        """The device's state, and its stamp [ns] (RuntimeError as `perform`)."""
+        with self._held():
+            return self.device.state, self.robot_time.stamp
+
+    def device_facts(self) -> tuple[dict[str, Any], dict[str, float]]:
+        """The device's statistics and what lasts now; those of the last call while a tick takes long."""
+        if self.lock.acquire(timeout=LOCK_TIMEOUT):
+            self._facts = self.device.statistics, self.device.influences
+            self.lock.release()
+        return self._facts
+
+    def take_samples(self) -> np.ndarray:
+        """The samples since the last call, the latest `MOST_KEPT`, shape (n, fields); for one other thread."""
+        taken, self._samples = self._samples, deque(maxlen=MOST_KEPT)
+        return np.array(list(taken)).reshape(-1, len(FIELDS))
+
+    @contextmanager
+    def _held(self) -> Iterator[None]:
+        """Hold the lock, after what was commanded so far; an error that the device did not foresee ends the run."""
+        if not self.lock.acquire(timeout=LOCK_TIMEOUT):
+            raise RuntimeError(BUSY)
+        try:
+            if self._stopped.is_set():
+                raise RuntimeError(ENDED)
+            try:
+                self._take_commands()
+                yield
+            except ValueError:
+                raise
+            except Exception as error:
+                self._fail_with(error)
+                raise RuntimeError(str(error)) from error
+        finally:
+            self.lock.release()
+
+    # What the stepping thread does.
+
+    def _step_until_stopped(self) -> None:
+        try:
+            self.pacing.start(self._begin)
+            with self.lock:
+                self._publish()
+            while self._wait():
+                with self.lock:
+                    self._take_commands()
+                    if not self._is_held():
+                        self._tick()
+        except Exception as error:  # the main thread says it, after it has sealed the bag
+            self._fail_with(error)
+        finally:
+            with self.lock:
+                self._stopped.set()
+                if steps := self._steps:
+                    self._steps = None
+                    steps.set_exception(RuntimeError(ENDED))
+                    self._wake()
+
+    def _fail_with(self, error: Exception) -> None:
+        self.error = self.error or error
+        self._stopped.set()
+
+    def _wait(self) -> bool:
+        """Wait until the next sample is due, while commands are given to the device; False at the end."""
+        while not self._stopped.is_set():
+            with self.lock:
+                self._take_commands()
+                if self._resumes and self._lock_step and self._lock_step.all_answered:
+                    self._go_on()
+                if self._is_held():
+                    if not self.lock.wait(LONGEST_SLEEP) and self._publish_clock:
+                        self._publish_clock()  # again, for nodes that have just begun to listen
+                    continue
+            if (self.paused or not self.pacing.factor) and self.recording.crowded:  # the disk comes first
+                self._stopped.wait(BAG_PERIOD)
+            elif self.paused:
+                return True
+            else:
+                if dropped := self.pacing.wait_until(self.robot_time.due, self._interrupted):
+                    self._stalls.add(dropped, self.pacing.dropped, self.busy, self.robot_time.ticks, self._speed)
+                return not self._stopped.is_set()
+        return False
+
+    def _interrupted(self) -> bool:
+        """Give the device what has come; whether the wait for the next sample is over."""
+        with self.lock:
+            self._take_commands()
+            return self._stopped.is_set() or self._is_held()
+
+    def _is_held(self) -> bool:
+        """Whether no sample may be taken now."""
+        return (self.paused and not self._steps) or bool(self._lock_step and not self._lock_step.all_answered)
+
+    def _tick(self) -> None:
+        """Take the next sample."""
+        begun = time.perf_counter()
+        if not self._advance(self.robot_time.due_of_device):
+            return
+        self.robot_time.ticks += 1
+        self.busy += time.perf_counter() - begun
+        values = self._publish()
+        self.ticks_without_normal_force += values.item(NORMAL_FORCE) <= 0.0
+        if self._keeps_samples:
+            self._samples.append(values.copy())
+        if steps := self._steps:
+            steps.completed += 1
+            if steps.counted:
+                steps.counted(steps.completed)
+            if steps.completed == steps.asked:
+                self.end_steps()
+
+    def _advance(self, until: float) -> bool:
+        """Bring the device to a time [s], in parts while its crank spins so fast that one tick would take seconds.
+
+        False when a signal has come before the end.
+        """
+        while (part := 2.0 * math.pi * MOST_TURNS / max(abs(self._speed), 1.0)) < until - self.device.time:
+            if self._stopped.is_set() or self._stop_requested():
+                self._stopped.set()
+                return False
+            self.device.advance_to(self.device.time + part)
+            self._speed = self.device.values.item(MOTOR_SPEED)
+        self.device.advance_to(until)
+        return True
+
+    def _publish(self) -> np.ndarray:
+        device, values, stamp = self.device, self.device.values, self.robot_time.stamp
+        self._speed = values.item(MOTOR_SPEED)
+        measurements = device.take_measurements() if isinstance(device, SensedSimulator) else ()
+        self.publishers.publish(values, device.take_events(), stamp, self.robot_time.stamp_of, self.recording.record,
+                                measurements)
+        self.recording.checkpoint(stamp, self._checkpoint)
+        if self._publish_clock:
+            self._publish_clock()
+        if self._lock_step:
+            self._lock_step.ask()
+        return values
+
+    def _checkpoint(self) -> Iterator[tuple[str, bytes]]:
+        """The device's whole state, and before it the parameters that changed; the bag seldom asks for them."""
+        if self.changed:
+            yield self.topic, _operation_message(Operation(SET, parameters=self.changed))
+        state = blank(TOPICS[CHECKPOINT].type)
+        state.data = np.array(self.device.checkpoint())
+        yield self.recording.checkpoint_topic, serialised(state, TOPICS[CHECKPOINT].type)
+
+    def _take_commands(self) -> None:
+        """Give the device what has been commanded, and look after a motor that nobody commands."""
+        self.commands.apply(self.device, self.robot_time.stamp, self.recording.record)
+        if self.timeout and self.timeout.is_over(self.robot_time.time, self.commands.accepted, self.device):
+            self._done(Operation(TIMEOUT))
+            self._node.get_logger().warning(self.timeout.words)
+
+    # Operations, with the lock held.
+
+    def _done(self, operation: Operation) -> None:
+        """Perform an operation (ValueError: refused), publish and record it."""
+        perform(operation, self.device)
+        data = _operation_message(operation)
+        self._publisher.publish(data)
+        self.recording.record(self.topic, self.robot_time.stamp, data)
+
+    def _reset(self, operation: Operation) -> str:
+        self._done(operation)
+        self.commands.recover()
+        self.robot_time.restart()
+        words = f"reset: the sample at {self.robot_time.due:.9g} s of robot time is the start"
+        if self.paused and not self._steps:  # a sample takes a period of robot time, and the start is to be seen
+            self._tick()
+        return words
+
+    def _pause(self, operation: Operation) -> str:
+        self._resumes = False
+        if not self.paused:
+            self._done(operation)
+            self.paused = True
+            set_real_time_priority(self.pacing.factor, self.paused)
+        return (f"paused at {self.robot_time.time:.9g} s of robot time; meanwhile stamps fall behind the wall clock, "
+                "unless clock.publish gives all nodes robot time")
+
+    def _resume(self, operation: Operation) -> str:
+        if self.paused and self._lock_step:
+            self._lock_step.ask()
+            self._resumes = True
+            return "running, as soon as the nodes of clock.lock_step are ready"
+        if self.paused:
+            self._go_on()
+        return "running"
+
+    def _go_on(self) -> None:
+        """Let robot time go on."""
+        self._resumes = False
+        self.end_steps()
+        self._done(Operation(RESUME))
+        self.paused = False
+        set_real_time_priority(self.pacing.factor, self.paused)
+        self.pacing.follow(self.robot_time.time)
+
+    def _set(self, operation: Operation) -> str:
+        self._done(operation)
+        self.changed |= operation.parameters
+        if FACTOR in operation.parameters:
+            self.pacing.change_factor(operation.parameters[FACTOR], self.robot_time.time)
+            set_real_time_priority(self.pacing.factor, self.paused)
+        return "set"
+
+    def _let(self, operation: Operation) -> str:
+        self._done(operation)
+        if operation.parameters.get("duration") == 0.0:
+            return f"duration 0: no {operation.name} begins, and one that lasted has ended"
+        return "done"
+
+    def _fail(self, operation: Operation) -> str:
+        words, incident = self._let(operation), checked_incident(**operation.parameters)
+        if FAULTS[incident.fault].befalls == COMMANDS:
+            self.commands.fail(incident, self.robot_time.stamp)
+        return words
+
+    def _answer(self, steps: Steps) -> None:
+        steps.set_result(f"stepped {steps.completed} of {steps.asked} periods, to {self.robot_time.time:.9g} s of "
+                         "robot time")
+        self._wake()
+
+    def _wake(self) -> None:
+        """Let the executor see that a future is done; it would look half a second later."""
+        if self._node.executor:
+            self._node.executor.wake()
+
+    def _notify(self) -> None:
+        """Wake the stepping thread, if it has nothing to do."""
+        if self.lock.acquire(timeout=LOCK_TIMEOUT):
+            self.lock.notify()
+            self.lock.release()
+
+
+def _operation_message(operation: Operation) -> bytes:
+    message = blank(TOPICS[OPERATIONS].type)
+    message.data = str(operation)
+    return serialised(message, TOPICS[OPERATIONS].type)
