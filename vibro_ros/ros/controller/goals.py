@@ -18,7 +18,7 @@ from vibro_ros.ros.controller.commanded_robot import OWN_TYPES, CommandedRobot, 
 from vibro_ros.ros.controller.feedback import RATE, GoalTracking, check_reach
 from vibro_ros.ros.controller.player import Timeline, topics_without_subscribers
 from vibro_ros.ros.controller.script import MOTOR, read_goal
-from vibro_ros.ros.node.node import RESULT_TIMEOUT, NextTurn, GuardedNode, installed_type
+from vibro_ros.ros.node.node import RESULT_TIMEOUT, GuardedNode, NextTurn, installed_type
 
 NAMES = {"GoTo": "go_to", "HoldSpeed": "hold_speed"}
 """The actions, by their types."""

@@ -139,7 +139,7 @@ class Player:
     another: a simulator that waits for this node's answer in lock-step relies on it.
     """
 
-    def __init__(self, node: SteadyNode, executor: Executor, publishers: Mapping[str, Publisher],
+    def __init__(self, node: GuardedNode, executor: Executor, publishers: Mapping[str, Publisher],
                  meanwhile: Callable[[float], None] = lambda elapsed: None,
                  prepare: Callable[[], None] = lambda: None, period: float = process.POLL):
         self._node, self._executor, self._publishers = node, executor, publishers
