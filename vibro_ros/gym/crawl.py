@@ -138,6 +138,7 @@ class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
         axes.axvline(truth["target_position"], color="tab:red")
         axes.axhline(0.0, color="black")
         axes.set(xlim=(place - 0.6, place + 0.6), ylim=(-0.02, 0.3), yticks=[])
+        axes.text(0.01, 0.85, "x [m]", transform=axes.transAxes)
         canvas.draw()
         return np.asarray(canvas.buffer_rgba())[..., :3].copy()
 
