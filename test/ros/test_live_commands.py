@@ -6,7 +6,6 @@ from std_msgs.msg import Float64
 import vibro_ros
 from vibro_ros.messages.operations import RESET, TIMEOUT, Operation
 from vibro_ros.ros.live.commands import RETURN, Commands
-from vibro_ros.view.protocol import Command
 
 SCENE = vibro_ros.load_scene("device")
 
@@ -26,7 +25,7 @@ class Both:
         """Send commands of a page, and wait until the last one is in force."""
         answers: list[bool] = []
         for speed in speeds:
-            self.commands.send(Command(1, "motor_speed", speed), lambda done, words: answers.append(done))
+            self.commands.send("motor_speed", speed, lambda done, words: answers.append(done))
         assert answers == [True] * len(speeds)
         self.wait_for(speeds[-1])
 
@@ -36,7 +35,7 @@ class Both:
 
     def wait_for(self, speed: float) -> None:
         def heard() -> bool:
-            self.commands.hear(SCENE, [])
+            self.commands.take(SCENE, [])
             return self.heard[-1:] == [speed] and self.commands.in_force.get("motor_speed") == speed
         self._bench.spin_until(heard, f"{speed} rad/s")
 
@@ -49,22 +48,22 @@ def both(bench):
 def test_a_motor_that_a_page_commanded_stops_when_the_pages_have_gone_and_no_other_one(both):
     device = both.commands
     both.page(50.0)
-    assert device.of_page and not device.watch(1, 0.0)
+    assert device.of_page and not device.stop_if_alone(1, 0.0)
     both.page(1e6, 55.0)
     assert device.of_page and device.in_force == {"motor_speed": 55.0}
     both.now += 0.9 * RETURN
-    assert not device.watch(0, 0.0)  # a page that is loaded again comes back in time
+    assert not device.stop_if_alone(0, 0.0)  # a page that is loaded again comes back in time
     both.now += 0.2 * RETURN
-    assert device.watch(0, 0.0) and not device.watch(0, 0.0)
+    assert device.stop_if_alone(0, 0.0) and not device.stop_if_alone(0, 0.0)
     both.wait_for(0.0)
     both.page(60.0)
     both.other(80.0)
     assert device.in_force == {"motor_speed": 80.0} and not device.of_page
     both.now += 2.0 * RETURN
-    assert not device.watch(0, 0.0) and not device.end()
+    assert not device.stop_if_alone(0, 0.0) and not device.end()
     for operation in (TIMEOUT, RESET):
         both.page(70.0)
-        device.hear(SCENE, [Operation(operation)])
+        device.take(SCENE, [Operation(operation)])
         assert not device.of_page and device.in_force == {}
     both.page(90.0)
     assert device.end() == "sent motor_speed 0"
@@ -75,5 +74,5 @@ def test_a_robot_with_a_timeout_hears_the_page_s_command_again_and_again(both, b
     both.page(50.0)
     for number in range(3):
         both.now += 0.2
-        assert not both.commands.watch(1, 0.5)
+        assert not both.commands.stop_if_alone(1, 0.5)
         bench.spin_until(lambda number=number: len(both.heard) == number + 2, "the command again")

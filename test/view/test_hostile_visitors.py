@@ -1,7 +1,6 @@
 """Who is not the page of the view gets nothing of it; who is rude changes nothing for the others."""
 
 import socket
-import threading
 import time
 
 from std_msgs.msg import Float64
@@ -61,7 +60,6 @@ def test_one_view_and_all_its_rude_visitors(view, tmp_path):
     bytes_that_are_no_request_are_refused(view)
     requests_that_are_none_are_answered_in_one_line(view)
     frames_beyond_the_limits_end_their_own_connection_only(view)
-    a_flood_of_requests_ends_itself(view)
     one_page_too_many_is_told_so_and_the_next_one_has_room(view)
     connections_that_say_nothing_keep_nobody_out(view)
 
@@ -92,17 +90,18 @@ def the_page_tells_the_browser_to_trust_nobody_else(view) -> None:
 def another_name_for_this_machine_gets_nothing(view) -> None:
     """DNS rebinding: the browser of a victim asks 127.0.0.1 under the name of the attacker's site."""
     port = view.address.port
-    for host in (f"evil.example:{port}", f"192.168.1.7:{port}"):  # `test_gate` has more
-        assert view.address.ask(host=host).status in (400, 403), host
+    for host in (f"evil.example:{port}", f"192.168.1.7:{port}"):  # `test_server` has more
+        assert view.address.ask(host=host).status in (400, 404), host
         visit = view.address.visit(host=host, origin=f"http://{host}")
-        assert not isinstance(visit, Visit) and visit.status in (400, 403), host
-    assert view.address.ask(host="").status in (400, 403)
+        assert not isinstance(visit, Visit) and visit.status in (400, 404), host
+    assert view.address.ask(host="").status == 400
     assert view.address.ask(host=f"localhost:{port}").status == 200
 
 
 def commands_are_taken_from_its_own_page_only(view) -> None:
     port = view.address.port
-    for origin in ("", "null", f"http://evil.example:{port}", f"http://127.0.0.1:{port + 1}"):  # `test_gate` has more
+    for origin in ("null", f"http://evil.example:{port}", f"http://127.0.0.1:{port + 1}", f"http://localhost:{port}",
+                   f"http://x@127.0.0.1:{port}", "file://", "http://[::1"):
         visit = view.address.visit(origin=origin)
         assert not isinstance(visit, Visit) and visit.status == 403, origin
     for target in ("/live", "/live?token=wrong", "/live?token="):
@@ -169,23 +168,6 @@ def frames_beyond_the_limits_end_their_own_connection_only(view) -> None:
             assert other.wait_for("answer", id=7)["done"] is False, name
         assert is_served(view), name
     assert view.memory - before < 30.0  # MB
-
-
-def a_flood_of_requests_ends_itself(view) -> None:
-    with view.address.visit() as other, view.address.visit() as visit:
-        reader = threading.Thread(target=visit.wait_for_end)
-        reader.start()
-        try:
-            for _ in range(20_000):
-                visit.send({"id": 1, "call": "nothing"})
-        except OSError:
-            pass
-        reader.join(60.0)
-        assert not reader.is_alive() and visit.closed_with is not None
-        other.send({"id": 7, "call": "nothing"})
-        assert other.wait_for("answer", id=7)["done"] is False
-    assert is_served(view)
-    assert len(view.executable.lines) < 100  # a flood does not fill the log
 
 
 def one_page_too_many_is_told_so_and_the_next_one_has_room(view) -> None:

@@ -1,4 +1,4 @@
-"""What page and server say to each other: requests, the frames that answer them, and the frames that wait.
+"""What page and server say to each other: requests, and the frames that answer them.
 
 A page sends a text of JSON for each request, `read_request`. The server sends texts of JSON, and binary frames of
 samples and of motions. A binary frame is two little-endian numbers of 32 bits, then data. Frames of `SAMPLES` have the
@@ -9,7 +9,7 @@ then the motion's payload.
 import json
 import math
 import struct
-from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +20,7 @@ from vibro_ros.simulation.samples import FIELDS
 COLUMNS = FIELDS
 """Quantities of a row, SI units; `time` is counted from the robot's `origin` [s]."""
 SAMPLES, MOTION = 1, 2
+"""Kinds of binary frames."""
 _HEAD = struct.Struct("<II")
 
 LONGEST = 4096
@@ -31,50 +32,31 @@ SWITCHES = ("pause", "record")
 PARAMETERS = ("ground.friction",)
 """Parameters of the scene that a page may set; each may change while the robot runs."""
 _MOST_IDS = 2**32  # a binary frame has so much room for one
-MOST_BYTES = 2_000_000
-"""Of samples that wait for one page: 10 s at 1 kHz."""
-MOST_TEXTS = 200
-"""Texts that wait; a page that reads has none."""
-AT_ONCE = 250_000
-"""Bytes of samples in one frame."""
+
+COMMAND, PARAMETER, CALL, SLOW_MOTION = "command", "parameter", "call", "slow_motion"
+"""What a page may ask for: to publish a command, to set a parameter, to call a service, to compute slow motion."""
+#: Names that each kind of request may have, by the keys of its JSON object beside `id`.
+_NAMES: Mapping[frozenset[str], tuple[str, tuple[str, ...]]] = {
+    frozenset({COMMAND, "value"}): (COMMAND, tuple(COMMAND_UNITS)),
+    frozenset({PARAMETER, "value"}): (PARAMETER, PARAMETERS),
+    frozenset({CALL}): (CALL, PLAIN_CALLS),
+    frozenset({CALL, "on"}): (CALL, SWITCHES),
+    frozenset({SLOW_MOTION}): (SLOW_MOTION, ()),
+}
 
 
 @dataclass(frozen=True)
-class Command:
-    """A command to publish: `value` under the topic's `name`, in the topic's unit."""
+class Request:
+    """What a page asks for, by its `id`: a `kind`, and the `name` of a command, a parameter or a service.
+
+    `value` is that of a command or parameter in its unit, whether a service switches on, or the seconds of slow motion;
+    None for a service that switches nothing.
+    """
 
     id: int
+    kind: str
     name: str
-    value: float
-
-
-@dataclass(frozen=True)
-class Change:
-    """A parameter of the robot to set, by its name and in its unit."""
-
-    id: int
-    name: str
-    value: float
-
-
-@dataclass(frozen=True)
-class Call:
-    """A service of the robot to call; `on` for those that switch something."""
-
-    id: int
-    name: str
-    on: bool | None = None
-
-
-@dataclass(frozen=True)
-class SlowMotion:
-    """The motion of the last `seconds` [s] to compute."""
-
-    id: int
-    seconds: float
-
-
-Request = Command | Change | Call | SlowMotion
+    value: float | bool | None
 
 
 class RefusedError(ValueError):
@@ -98,50 +80,39 @@ def read_request(text: str | bytes) -> Request:
     try:
         asked = json.loads(text)
     except (ValueError, RecursionError):
-        raise RefusedError("no JSON; send an object such as {\"id\": 1, \"call\": \"reset\"}") from None
+        asked = None
     if not isinstance(asked, dict):
         raise RefusedError("no JSON object; send one such as {\"id\": 1, \"call\": \"reset\"}")
     id = asked.pop("id", None)
     if type(id) is not int or not 0 <= id < _MOST_IDS:
         raise RefusedError(f"id: give an integer from 0 to {_MOST_IDS - 1}, which the answer repeats")
-    names = set(asked)
     try:
-        if names == {"command", "value"}:
-            return Command(id, _one_of(asked, "command", tuple(COMMAND_UNITS)), _number(asked, "value"))
-        if names == {"parameter", "value"}:
-            return Change(id, _one_of(asked, "parameter", PARAMETERS), _number(asked, "value"))
-        if names == {"call"}:
-            return Call(id, _one_of(asked, "call", PLAIN_CALLS))
-        if names == {"call", "on"}:
-            name = _one_of(asked, "call", SWITCHES)
-            if type(asked["on"]) is not bool:
-                raise ValueError(f"on: {_shown(asked['on'])} is not true or false; give one of them")
-            return Call(id, name, asked["on"])
-        if names == {"slow_motion"}:
-            seconds = _number(asked, "slow_motion")
-            if not 0.0 < seconds <= MOST_SECONDS:
-                raise ValueError(f"slow_motion: {seconds:g} s is out of range; give above 0 to {MOST_SECONDS:g} s")
-            return SlowMotion(id, seconds)
-        raise ValueError(f"{_shown(sorted(names))} is no request; send command and value, parameter and value, "
-                         "call, call and on, or slow_motion")
+        kind, names = _NAMES.get(frozenset(asked), ("", ()))
+        if not kind:
+            raise ValueError(f"{_shown(sorted(asked))} is no request; send command and value, parameter and value, "
+                             "call, call and on, or slow_motion")
+        if names and asked[kind] not in names:
+            raise ValueError(f"{kind}: {_shown(asked[kind])} is unknown; choose one of {', '.join(names)}")
+        return Request(id, kind, asked[kind] if names else "", _value(kind, asked))
     except ValueError as error:
         raise RefusedError(str(error), id) from None
 
 
-def _one_of(asked: dict[str, Any], name: str, choices: tuple[str, ...]) -> str:
-    if asked[name] not in choices:
-        raise ValueError(f"{name}: {_shown(asked[name])} is unknown; choose one of {', '.join(choices)}")
-    return asked[name]
-
-
-def _number(asked: dict[str, Any], name: str) -> float:
-    value = asked[name]
+def _value(kind: str, asked: dict[str, Any]) -> float | bool | None:
+    if kind == CALL:
+        if type(asked.get("on", True)) is not bool:
+            raise ValueError(f"on: {_shown(asked['on'])} is not true or false; give one of them")
+        return asked.get("on")
+    key = SLOW_MOTION if kind == SLOW_MOTION else "value"
+    given = asked[key]
     try:
-        number = float(value) if type(value) in (int, float) else math.nan
+        number = float(given) if type(given) in (int, float) else math.nan
     except OverflowError:
         number = math.nan
     if not math.isfinite(number):
-        raise ValueError(f"{name}: {_shown(value)} is not a finite number; give one")
+        raise ValueError(f"{key}: {_shown(given)} is not a finite number; give one")
+    if kind == SLOW_MOTION and not 0.0 < number <= MOST_SECONDS:
+        raise ValueError(f"slow_motion: {number:g} s is out of range; give above 0 to {MOST_SECONDS:g} s")
     return number
 
 
@@ -160,63 +131,11 @@ def text_frame(kind: str, **fields: object) -> str:
     return json.dumps({"kind": kind, **fields}, allow_nan=False, separators=(",", ":"))
 
 
+def samples_frame(rows: bytes) -> bytes:
+    """The frame of some rows of samples."""
+    return _HEAD.pack(SAMPLES, len(rows) // (8 * len(COLUMNS))) + rows
+
+
 def motion_frame(id: int, payload: bytes) -> bytes:
     """The frame of a motion's payload, for the request `id`."""
     return _HEAD.pack(MOTION, id) + payload
-
-
-class Outbox:
-    """Frames that wait to be sent to one page: bounded, so that a page that reads slowly costs no memory.
-
-    Where there is no room, samples are dropped, the oldest first: a page that comes late is to show what is now.
-    """
-
-    def __init__(self):
-        self._line: deque[tuple[str, str | bytes]] = deque()  # kind and data
-        self._bytes = 0
-
-    def __len__(self) -> int:
-        return len(self._line)
-
-    def add_samples(self, rows: bytes) -> None:
-        """Rows of samples, without a frame's head."""
-        self._line.append(("samples", rows))
-        self._bytes += len(rows)
-        if self._bytes > MOST_BYTES:
-            self._drop_oldest("samples")
-
-    def add_text(self, kind: str, text: str) -> None:
-        """A text; one of a kind that says how things stand replaces the one that waits, and what it makes void."""
-        if kind in ("robot", "absent"):  # what waits is of the time before
-            self._line = deque(one for one in self._line if one[0] not in ("robot", "absent", "samples", "impacts"))
-            self._bytes = 0
-        elif kind in ("status", "commands"):
-            self._line = deque(one for one in self._line if one[0] != kind)
-        self._line.append((kind, text))
-        if len(self._line) > MOST_TEXTS and sum(type(data) is str for _, data in self._line) > MOST_TEXTS:
-            self._drop_oldest("impacts", "log", "answer", "status")
-
-    def add_motion(self, text: str, payload: bytes) -> None:
-        """A motion: its header's text and its payload's frame; one that waits is dropped."""
-        self._line = deque(one for one in self._line if one[0] != "motion")
-        self._line += [("motion", text), ("motion", payload)]
-
-    def take(self) -> str | bytes:
-        """The next frame; rows that follow one another make one frame."""
-        kind, data = self._line.popleft()
-        if isinstance(data, str) or kind != "samples":
-            return data
-        self._bytes -= len(data)
-        while len(data) < AT_ONCE and self._line and self._line[0][0] == "samples":
-            _, more = self._line.popleft()
-            assert isinstance(more, bytes)
-            self._bytes -= len(more)
-            data += more
-        return _HEAD.pack(SAMPLES, len(data) // (8 * len(COLUMNS))) + data
-
-    def _drop_oldest(self, *kinds: str) -> None:
-        for item in self._line:
-            if item[0] in kinds:
-                self._line.remove(item)
-                self._bytes -= len(item[1]) if item[0] == "samples" else 0
-                return

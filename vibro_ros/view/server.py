@@ -1,16 +1,28 @@
 """The server of the live page: HTTP and web sockets by Tornado, in a thread of its own.
 
-Of the machine it serves one page and one web socket, to visitors with the token; every other request gets a line of
-plain text. `Gate` says who is let in, `Allowance` and the numbers here limit what a page may ask, and each page has a
-sender that waits until the socket has taken what was sent before, so that a page that does not read costs the others
-nothing. Nothing that a page or a stranger sends ends the server.
+The server listens on this machine's loopback address unless it is told otherwise, but every page that the user's
+browser has open can send requests there. Three checks keep them out:
+
+- The token is a secret in the page's address. A page of another site does not know it.
+- The name in the `Host` header must be this machine's (`host_pattern`). A site that lets its own name point to
+  127.0.0.1 (DNS rebinding) would otherwise pass for the same origin in the browser.
+- A web socket that a page opens must come from the page that this server has sent: Tornado compares `Origin` with
+  `Host`.
+
+It serves one page and one web socket; every other request gets a line of plain text. The numbers here limit what is
+kept for one visitor, and each page has a sender that waits until the socket has taken what was sent before, so that a
+page that does not read costs the others nothing. Nothing that a page or a stranger sends ends the server.
 """
 
 import asyncio
+import hmac
+import ipaddress
 import logging
+import re
 import secrets
 import threading
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from errno import EADDRINUSE
 from itertools import count
@@ -24,10 +36,17 @@ from tornado.web import Application, Finish, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from vibro_ros.process.entry_point import say
-from vibro_ros.view.gate import MOST_STRIKES, RATE, Allowance, Gate
 from vibro_ros.view.motion import Document
 from vibro_ros.view.page import policy
-from vibro_ros.view.protocol import LONGEST, Outbox, RefusedError, Request, motion_frame, read_request, text_frame
+from vibro_ros.view.protocol import (
+    LONGEST,
+    RefusedError,
+    Request,
+    motion_frame,
+    read_request,
+    samples_frame,
+    text_frame,
+)
 
 MOST_PAGES = 8
 """Pages that may be open at once."""
@@ -43,24 +62,31 @@ FAREWELL = 0.3
 """Time [s] that pages are given to take leave when the server ends."""
 SOCKET_BUFFER = 131_072
 """Bytes that the system keeps for one socket, so that a slow page is not shown what is long past."""
+MOST_BYTES = 2_000_000
+"""Of samples that wait for one page: 10 s at 1 kHz."""
+MOST_TEXTS = 200
+"""Texts that wait; a page that reads has none."""
+AT_ONCE = 250_000
+"""Bytes of samples in one frame."""
 _TOKEN = "this page opens with the whole address that `view` has printed, its token included"
-_HOST = "the address names another host; open the address that `view` has printed"
-_ORIGIN = "only the page of this server may connect"
+_NOTHING = "nothing is here; open the whole address that `view` has printed"
 
 
 class Server:
     """Serves one live page to several browsers; a context manager, inside which the thread runs.
 
-    The sockets listen already, see `listening`. `page` makes the page's text, for a nonce by which its scripts are
-    known. The others are called in the server's thread: `asked` with a page's number and its request, to be answered
-    by `answer` or `send_motion`; `greeting` for texts that say how things stand, for a page that has just opened.
-    `error` is what ended the thread before it was asked to.
+    The sockets listen already on `address`, see `listening`; `names` are those by which others reach this machine if it
+    is not a loopback one. `token` is what an address must have, new for each server. `page` makes the page's text, for
+    a nonce by which its scripts are known. The others are called in the server's thread: `asked` with a page's number
+    and its request, to be answered by `answer` or `send_motion`; `greeting` for texts that say how things stand, for a
+    page that has just opened. `error` is what ended the thread before it was asked to.
     """
 
-    def __init__(self, sockets: Sequence[socket], gate: Gate, page: Callable[[str], str],
+    def __init__(self, sockets: Sequence[socket], address: str, names: Collection[str], page: Callable[[str], str],
                  asked: Callable[[int, Request], object], greeting: Callable[[], Sequence[tuple[str, str]]]):
         self.error: Exception | None = None
-        self.gate, self.page, self.asked, self.greeting = gate, page, asked, greeting
+        self.token, self._hosts = secrets.token_urlsafe(16), host_pattern(address, names)
+        self.page, self.asked, self.greeting = page, asked, greeting
         self._sockets, self.pages = sockets, dict[int, "_Live"]()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stop = asyncio.Event()
@@ -123,9 +149,9 @@ class Server:
     async def _serve(self) -> None:
         self._loop = asyncio.get_running_loop()
         application = Application(
-            [("/", _Page, {"server": self}), ("/live", _Live, {"server": self})], default_handler_class=_Nothing,
-            default_handler_args={"server": self}, log_function=lambda handler: None, websocket_ping_interval=PINGS,
-            websocket_ping_timeout=PINGS, websocket_max_message_size=LONGEST)
+            default_handler_class=_Nothing, default_handler_args={"server": self}, log_function=lambda handler: None,
+            websocket_ping_interval=PINGS, websocket_ping_timeout=PINGS, websocket_max_message_size=LONGEST)
+        application.add_handlers(self._hosts, [("/", _Page, {"server": self}), ("/live", _Live, {"server": self})])
         http = _Http(application, max_header_size=16_384, max_body_size=LONGEST, idle_connection_timeout=IDLE,
                      body_timeout=IDLE)
         http.of_pages = lambda: [page.ws_connection.stream for page in self.pages.values() if page.ws_connection]
@@ -161,12 +187,33 @@ def listening(address: str, port: int) -> list[socket]:
                          "this machine") from None
 
 
+def is_loopback(address: str) -> bool:
+    """Whether only this machine reaches what listens on `address`."""
+    try:
+        return ipaddress.ip_address(address).is_loopback
+    except ValueError:
+        return address.lower() == "localhost"
+
+
+def host_pattern(address: str, names: Collection[str]) -> str:
+    """Regular expression of the names of this machine, without a port, for a server that listens on `address`.
+
+    A number cannot be rebound: a page whose address has one comes from there. So numbers are taken, beyond the loopback
+    ones only if the server listens there; names are taken only if they are known. The parentheses are needed: Tornado
+    puts a `$` behind the pattern, which would else end its last name alone.
+    """
+    known = [r"localhost", r"127\.\d+\.\d+\.\d+", r"\[::1\]"]
+    if not is_loopback(address):
+        known += [r"(?!0\.0\.0\.0)\d+\.\d+\.\d+\.\d+", r"\[(?!::\])[0-9a-f:.]+\]"]
+        known += [re.escape(name.lower()) for name in (address, *names) if name and name not in ("0.0.0.0", "::")]
+    return f"({'|'.join(known)})"
+
+
 class _Visitor(RequestHandler):
-    """A request whose host is checked before anything else, and whose errors are one line of plain text."""
+    """A request whose headers tell the browser to trust nobody else, and whose errors are one line of plain text."""
 
     def initialize(self, server: Server) -> None:
         self._server = server
-        self._stream: Any = self.request.connection.stream  # type: ignore[union-attr]
 
     def set_default_headers(self) -> None:  # browsers keep, guess, frame and pass on nothing
         self.clear_header("Server")
@@ -177,25 +224,17 @@ class _Visitor(RequestHandler):
             self.set_header(name, value)
 
     def prepare(self) -> None:
-        if not self._server.gate.knows_host(self._header("Host")):
-            self._refuse(403, _HOST)
-
-    def check_token(self) -> None:
         given = self.get_query_arguments("token")
-        if len(given) != 1 or not self._server.gate.knows_token(given[0]):
-            self._refuse(403, _TOKEN)
+        if len(given) != 1 or not hmac.compare_digest(given[0].encode(errors="replace"), self._server.token.encode()):
+            self.refuse(403, _TOKEN)
+
+    def refuse(self, code: int, words: str) -> None:
+        """Answer in one line, and do nothing more."""
+        self._tell(code, words)
+        raise Finish
 
     def write_error(self, status_code: int, **_: Any) -> None:
         self._tell(status_code, self._reason)
-
-    def _header(self, name: str) -> str:
-        """A header that comes exactly once; else nothing."""
-        given = self.request.headers.get_list(name)
-        return given[0] if len(given) == 1 else ""
-
-    def _refuse(self, code: int, words: str) -> None:
-        self._tell(code, words)
-        raise Finish
 
     def _tell(self, code: int, words: str) -> None:
         self.set_status(code)
@@ -204,20 +243,18 @@ class _Visitor(RequestHandler):
 
 
 class _Nothing(_Visitor):
-    """Every other path."""
+    """Every other path, and every path under another host's name."""
 
     def prepare(self) -> None:
-        super().prepare()
-        self._refuse(404, "nothing is here")
+        self.refuse(404, _NOTHING)
 
 
 class _Page(_Visitor):
     """The page: only its own scripts, known by a nonce, can run in it, and it can talk to nobody else."""
 
     def get(self) -> None:
-        self.check_token()
         nonce = secrets.token_urlsafe(16)
-        rules = policy(nonce, connect="ws://{0} wss://{0}".format(self._header("Host")))
+        rules = policy(nonce, connect=f"ws://{self.request.host} wss://{self.request.host}")
         self.set_header("Content-Security-Policy", f"{rules}; frame-ancestors 'none'")
         self.set_header("Content-Type", "text/html; charset=utf-8")
         self.finish(self._server.page(nonce))
@@ -226,17 +263,18 @@ class _Page(_Visitor):
 class _Live(_Visitor, WebSocketHandler):
     """The web socket of one open page."""
 
-    def prepare(self) -> None:
-        super().prepare()
-        if not self._server.gate.knows_origin(self._header("Origin"), self._header("Host")):
-            self._refuse(403, _ORIGIN)
-        self.check_token()
+    def initialize(self, server: Server) -> None:
+        super().initialize(server)
+        self._stream: Any = self.request.connection.stream  # type: ignore[union-attr]
 
     def check_origin(self, origin: str) -> bool:
-        return True  # `prepare` has checked it
+        try:
+            return super().check_origin(origin)
+        except ValueError:  # no address, such as http://[::1
+            return False
 
     def open(self, *_: str, **__: str) -> None:
-        self._outbox, self._news, self._allowance = Outbox(), asyncio.Event(), Allowance()
+        self._outbox, self._news = Outbox(), asyncio.Event()
         self._number: int | None = None
         if len(self._server.pages) >= MOST_PAGES:
             self.close(1013, "too many pages are open already; close one")
@@ -257,22 +295,10 @@ class _Live(_Visitor, WebSocketHandler):
     def on_message(self, message: str | bytes) -> None:
         if self._number is None:
             return
-        is_admitted = self._allowance.admits()
         try:
-            request = read_request(message)
-            if not is_admitted:
-                raise RefusedError(f"more than {RATE:g} requests a second; ask again later", request.id)
-            self._server.asked(self._number, request)
+            self._server.asked(self._number, read_request(message))
         except RefusedError as error:
-            if is_admitted:
-                self._allowance.strikes += 1.0
             self.put(Outbox.add_text, "answer", text_frame("answer", id=error.id, done=False, words=str(error)))
-        self._watch()
-
-    def on_ping(self, data: bytes) -> None:
-        if self._number is not None:
-            self._allowance.admits()  # each makes an answer that waits while the page does not read
-            self._watch()
 
     def on_close(self) -> None:
         number, self._number = getattr(self, "_number", None), None
@@ -280,10 +306,6 @@ class _Live(_Visitor, WebSocketHandler):
             self._server.pages.pop(number, None)
             self._sender.cancel()
             self._outbox = Outbox()  # what waited may be megabytes, and Python may find that this object is gone late
-
-    def _watch(self) -> None:
-        if self._allowance.strikes > MOST_STRIKES:
-            self.close(1008, "too many requests that are none")
 
     async def _send(self) -> None:
         """Send what is in the outbox, one frame after the other, each when the socket has taken the one before."""
@@ -295,6 +317,63 @@ class _Live(_Visitor, WebSocketHandler):
                     frame = self._outbox.take()
                     await self.write_message(frame, binary=isinstance(frame, bytes))
         self.close()
+
+
+class Outbox:
+    """Frames that wait to be sent to one page: bounded, so that a page that reads slowly costs no memory.
+
+    Where there is no room, samples are dropped, the oldest first: a page that comes late is to show what is now.
+    """
+
+    def __init__(self):
+        self._line: deque[tuple[str, str | bytes]] = deque()  # kind and data
+        self._bytes = 0
+
+    def __len__(self) -> int:
+        return len(self._line)
+
+    def add_samples(self, rows: bytes) -> None:
+        """Rows of samples, without a frame's head."""
+        self._line.append(("samples", rows))
+        self._bytes += len(rows)
+        if self._bytes > MOST_BYTES:
+            self._drop_oldest("samples")
+
+    def add_text(self, kind: str, text: str) -> None:
+        """A text; one of a kind that says how things stand replaces the one that waits, and what it makes void."""
+        if kind in ("robot", "absent"):  # what waits is of the time before
+            self._line = deque(one for one in self._line if one[0] not in ("robot", "absent", "samples", "impacts"))
+            self._bytes = 0
+        elif kind in ("status", "commands"):
+            self._line = deque(one for one in self._line if one[0] != kind)
+        self._line.append((kind, text))
+        if len(self._line) > MOST_TEXTS and sum(type(data) is str for _, data in self._line) > MOST_TEXTS:
+            self._drop_oldest("impacts", "log", "answer", "status")
+
+    def add_motion(self, text: str, payload: bytes) -> None:
+        """A motion: its header's text and its payload's frame; one that waits is dropped."""
+        self._line = deque(one for one in self._line if one[0] != "motion")
+        self._line += [("motion", text), ("motion", payload)]
+
+    def take(self) -> str | bytes:
+        """The next frame; rows that follow one another make one frame."""
+        kind, data = self._line.popleft()
+        if isinstance(data, str) or kind != "samples":
+            return data
+        self._bytes -= len(data)
+        while len(data) < AT_ONCE and self._line and self._line[0][0] == "samples":
+            _, more = self._line.popleft()
+            assert isinstance(more, bytes)
+            self._bytes -= len(more)
+            data += more
+        return samples_frame(data)
+
+    def _drop_oldest(self, *kinds: str) -> None:
+        for item in self._line:
+            if item[0] in kinds:
+                self._line.remove(item)
+                self._bytes -= len(item[1]) if item[0] == "samples" else 0
+                return
 
 
 class _Http(HTTPServer):

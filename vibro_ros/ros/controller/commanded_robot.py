@@ -26,9 +26,9 @@ from vibro_ros.model.faults import Incident
 from vibro_ros.process.entry_point import StopRequest
 from vibro_ros.ros.controller.feedback import MeanPosition
 from vibro_ros.ros.controller.script import MOTOR
-from vibro_ros.ros.live.scene import SceneReader, Settings
 from vibro_ros.ros.node import process
 from vibro_ros.ros.node.node import installed_type
+from vibro_ros.ros.node.robot_parameters import SceneReader, Settings
 
 PARAMETERS_TIMEOUT = 5.0
 """Longest wait [s] for the robot's parameters before the first command."""

@@ -17,7 +17,6 @@ from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.model.scene import Scene
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.node import PollingSubscription
-from vibro_ros.view.protocol import Command
 
 SPEED = "motor_speed"
 MOST = 200
@@ -47,16 +46,16 @@ class Commands:
         self._now = now
         self._seen = self._repeated = now()
 
-    def send(self, command: Command, answer: Callable[[bool, str], object]) -> None:
+    def send(self, name: str, value: float, answer: Callable[[bool, str], object]) -> None:
         """Publish a command, as it is: the robot knows its limits, and says when it refuses."""
-        publisher = self._publishers[command.name]
+        publisher = self._publishers[name]
         if not publisher.get_subscription_count() > 1:  # the view hears it, too
             answer(False, f"nobody listens to {publisher.topic_name}; is the robot running?")
             return
-        self._publish(command.name, command.value)
-        answer(True, f"{command.name} {command.value:g} {COMMAND_UNITS[command.name]} sent")
+        self._publish(name, value)
+        answer(True, f"{name} {value:g} {COMMAND_UNITS[name]} sent")
 
-    def hear(self, scene: Scene | None, operations: Sequence[Operation]) -> None:
+    def take(self, scene: Scene | None, operations: Sequence[Operation]) -> None:
         """Take what was commanded since the last call, and what operations have made of it.
 
         Without a `scene` there is no robot that obeys; the next one begins anew.
@@ -78,7 +77,7 @@ class Commands:
             self.in_force.pop(SPEED, None)
             self.of_page = False
 
-    def watch(self, pages: int, timeout: float) -> bool:
+    def stop_if_alone(self, pages: int, timeout: float) -> bool:
         """Keep the motor turning while pages are open, and stop it when they have gone; whether it was stopped now.
 
         `timeout` [s] is the robot's `command.timeout`, 0 if it has none.

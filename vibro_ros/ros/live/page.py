@@ -8,7 +8,6 @@ from time import monotonic
 from typing import Any, NamedTuple
 
 from rcl_interfaces.srv import SetParameters
-from rclpy.client import Client
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.executors import Executor
@@ -21,22 +20,12 @@ from vibro_ros.messages.operations import SET
 from vibro_ros.process.files import one_line
 from vibro_ros.ros.live.commands import RETURN, Commands
 from vibro_ros.ros.live.robot import LiveRobot
-from vibro_ros.ros.live.scene import Settings
-from vibro_ros.ros.live.words import Words
+from vibro_ros.ros.live.status import RobotStatus
 from vibro_ros.ros.node.node import GuardedNode
+from vibro_ros.ros.node.robot_parameters import Settings
 from vibro_ros.view.drawing import drawing
 from vibro_ros.view.motion import Document
-from vibro_ros.view.protocol import (
-    COLUMNS,
-    PLAIN_CALLS,
-    SWITCHES,
-    Call,
-    Change,
-    Command,
-    Request,
-    SlowMotion,
-    text_frame,
-)
+from vibro_ros.view.protocol import CALL, COLUMNS, COMMAND, PLAIN_CALLS, SLOW_MOTION, SWITCHES, Request, text_frame
 from vibro_ros.view.server import Server
 from vibro_ros.view.slow_motion import History, SlowMotions
 
@@ -52,11 +41,6 @@ AROUND = 1.0
 """Time [s] by which an impact may lie outside of the samples that were seen."""
 PATIENCE = 5.0
 """Longest time [s] that an answer of the robot is waited for."""
-AGAIN = 1.0
-"""Time [s] after which a request of `REPEATABLE` is sent once more."""
-REPEATABLE = ("pause",)
-"""What may be asked twice: a robot that is paused already does nothing. A second `step` would be another one, a second
-`reset` too, a second `record` would begin another bag, and a parameter may have been set anew meanwhile."""
 MOST_WAITING = 50
 """Calls that wait for an answer at once."""
 STATUS = {"real_time_factor": 0.0, "dropped_share": 0.0, "refused": 0, "paused": False, "recording": ""}
@@ -66,7 +50,7 @@ Answer = Callable[[bool, str], object]
 """Is given whether the request was done, and the words."""
 
 
-class Standing(NamedTuple):
+class Presence(NamedTuple):
     """How things stand: why there is no robot, or which one, since when, and the services that it offers."""
 
     absence: str
@@ -80,11 +64,11 @@ class LivePage:
 
     def __init__(self, node: GuardedNode, executor: Executor, robot: str):
         self._node, self._executor, self._name = node, executor, robot
-        self._commands, self._requests, self._words = Commands(node), Requests(node, robot), Words(node, robot)
+        self._commands, self._requests, self._words = Commands(node), Requests(node, robot), RobotStatus(node, robot)
         self._robot = LiveRobot(node, robot)  # last, so that a robot which has told its parameters knows all clients
         self._slow_motions = SlowMotions(node.get_logger().info)
         self._history, self._orders = History(), deque[tuple[int, Request]](maxlen=MOST_ORDERS)
-        self._standing = Standing("the view is starting", None, None, {})
+        self._presence = Presence("the view is starting", None, None, {})
         self._in_force = text_frame("commands", values={})
         self._run: tuple[int | None, int] = None, 0
         self._looked = float("-inf")
@@ -103,7 +87,7 @@ class LivePage:
 
     def greeting(self) -> list[tuple[str, str]]:
         """What a page that has just opened is told; for the server's thread."""
-        frames = [self._frame(self._standing), ("commands", self._in_force)]
+        frames = [self._frame(self._presence), ("commands", self._in_force)]
         return [*frames, ("status", self._status())] if self._words.status else frames
 
     def end(self) -> None:
@@ -134,8 +118,8 @@ class LivePage:
 
     def _say_absence(self, now: float) -> None:
         """Say in the terminal, once, why there is nothing to show, if that lasts."""
-        if self._standing.absence != self._absence:
-            self._absence, self._since = self._standing.absence, now
+        if self._presence.absence != self._absence:
+            self._absence, self._since = self._presence.absence, now
         elif self._absence and now > self._since + LASTING:
             self._since = float("inf")
             self._node.get_logger().warning(self._absence)
@@ -144,27 +128,27 @@ class LivePage:
         """Tell the pages how things stand, if that has changed."""
         robot = self._robot
         absence = robot.absence
-        standing = (Standing(absence, None, None, {}) if absence
-                    else Standing("", robot.settings, robot.origin, self._requests.offers))
-        before, self._standing = self._standing, standing
-        if standing == before:
+        presence = (Presence(absence, None, None, {}) if absence
+                    else Presence("", robot.settings, robot.origin, self._requests.offers))
+        before, self._presence = self._presence, presence
+        if presence == before:
             return
-        if standing.settings and standing.settings != before.settings:
-            self._words.begin(standing.settings.prefix)
-            self._slow_motions.prepare(standing.settings.scene["solver.method"])
-        server.send(*self._frame(standing))
+        if presence.settings and presence.settings != before.settings:
+            self._words.begin(presence.settings.prefix)
+            self._slow_motions.prepare(presence.settings.scene["solver.method"])
+        server.send(*self._frame(presence))
 
     def _tell(self, server: Server) -> None:
         """Hand on what the robot says beside its samples."""
         robot, operations = self._robot, self._words.operations()
         run = robot.origin, robot.silences
         goes_on, self._run = run == self._run, run  # else what was commanded before holds no more
-        self._commands.hear(robot.settings.scene if robot.settings and goes_on else None, operations)
+        self._commands.take(robot.settings.scene if robot.settings and goes_on else None, operations)
         if any(one.name == SET for one in operations):
             self._robot.reader.read()
         if operations and self._words.status:
             server.send("status", self._status())
-        last, origin = self._history.last(), self._standing.origin
+        last, origin = self._history.last(), self._presence.origin
         impacts = [((one.stamp - origin) * 1e-9, one) for one in self._words.impacts() if origin is not None]
         if last is not None and (near := [{"time": time, "side": one.side, "peak_force": one.peak_force}
                                           for time, one in impacts if -AROUND < time < last[_TIME] + AROUND]):
@@ -179,7 +163,7 @@ class LivePage:
             self._in_force = in_force
             server.send("commands", in_force)
         settings = self._robot.settings
-        if self._commands.watch(len(server.pages), settings.command_timeout if settings else 0.0):
+        if self._commands.stop_if_alone(len(server.pages), settings.command_timeout if settings else 0.0):
             self._node.get_logger().warning(f"no page has been open for {RETURN:g} s, and the motor was commanded from "
                                             "one; sent motor_speed 0")
 
@@ -187,53 +171,52 @@ class LivePage:
         while self._orders and self._server:
             page, request = self._orders.popleft()
             answer = partial(self._server.answer, page, request.id)
-            if isinstance(request, Command):
-                self._commands.send(request, answer)
-            elif isinstance(request, Call | Change):
-                self._requests.ask(request, answer)
-            else:
+            if request.kind == COMMAND:
+                self._commands.send(request.name, float(request.value or 0.0), answer)
+            elif request.kind == SLOW_MOTION:
                 self._slow_motion(page, request, self._server)
+            else:
+                self._requests.ask(request, answer)
 
-    def _slow_motion(self, page: int, request: SlowMotion, server: Server) -> None:
+    def _slow_motion(self, page: int, request: Request, server: Server) -> None:
         def done(found: Document | str) -> None:
             if isinstance(found, str):
                 server.answer(page, request.id, False, found)
             else:
                 server.send_motion(page, request.id, found)
 
-        if self._standing.settings is None:
-            done(f"there is no robot: {self._standing.absence}")
+        if self._presence.settings is None:
+            done(f"there is no robot: {self._presence.absence}")
         else:
-            self._slow_motions.ask(self._standing.settings.scene, self._history.samples(request.seconds), done)
+            samples = self._history.samples(float(request.value or 0.0))
+            self._slow_motions.ask(self._presence.settings.scene, samples, done)
 
     def _status(self) -> str:
         return text_frame("status", **{**STATUS, **self._words.status})
 
-    def _frame(self, standing: Standing) -> tuple[str, str]:
+    def _frame(self, presence: Presence) -> tuple[str, str]:
         """Kind and text of the frame that says how things stand."""
-        if standing.settings is None:
-            return "absent", text_frame("absent", words=standing.absence)
-        return "robot", text_frame("robot", name=self._name, machine=drawing(standing.settings.scene),
-                                   columns=list(COLUMNS), origin=str(standing.origin or 0),
-                                   offers=dict(standing.offers))
+        if presence.settings is None:
+            return "absent", text_frame("absent", words=presence.absence)
+        return "robot", text_frame("robot", name=self._name, machine=drawing(presence.settings.scene),
+                                   columns=list(COLUMNS), origin=str(presence.origin or 0),
+                                   offers=dict(presence.offers))
 
 
 @dataclass(eq=False)
 class _Waiting:
-    """What waits for its answer, and each request that was sent for it."""
+    """A request that was sent and waits for its answer."""
 
-    asked: Call | Change
+    service: str
     answer: Answer
-    client: Client
     begun: float
-    sent: list[Future]
+    sent: Future
 
 
 class Requests:
     """The clients of one robot's services; all that follows is for the executor's thread."""
 
     def __init__(self, node: Node, robot: str):
-        self._robot = robot
         kinds = {**dict.fromkeys(PLAIN_CALLS, Trigger), **dict.fromkeys(SWITCHES, SetBool)}
         self._clients = {name: node.create_client(kind, f"{robot}/{name}") for name, kind in kinds.items()}
         self._setting = node.create_client(SetParameters, f"{robot}/set_parameters")
@@ -244,53 +227,40 @@ class Requests:
         """Which services the robot offers."""
         return {name: client.service_is_ready() for name, client in self._clients.items()}
 
-    def ask(self, asked: Call | Change, answer: Answer) -> None:
+    def ask(self, asked: Request, answer: Answer) -> None:
         """Call a service, or set a parameter."""
-        client = self._clients[asked.name] if isinstance(asked, Call) else self._setting
+        client = self._clients[asked.name] if asked.kind == CALL else self._setting
         if not client.service_is_ready():
             answer(False, f"nobody offers {client.srv_name}; is the robot running?")
         elif len(self._waiting) >= MOST_WAITING:
             answer(False, f"{MOST_WAITING} requests wait for the robot's answer already; ask again later")
         else:
-            waiting = _Waiting(asked, answer, client, monotonic(), [])
-            self._waiting.append(waiting)
-            self._send(waiting)
+            one = _Waiting(client.srv_name, answer, monotonic(), client.call_async(_message(asked)))
+            self._waiting.append(one)
+            one.sent.add_done_callback(lambda done: self._take(one))
 
     def tick(self) -> None:
-        """Send once more what may be, and give up what has waited too long; to be called often."""
-        now = monotonic()
-        for one in list(self._waiting):
-            if now > one.begun + PATIENCE:
-                self._end(one, False, f"{one.client.srv_name} has not answered for {PATIENCE:g} s; it may still do "
-                                      "what was asked")
-            elif one.asked.name in REPEATABLE and now > one.begun + AGAIN * len(one.sent):
-                self._send(one)
+        """Give up what has waited too long; to be called often."""
+        for one in [one for one in self._waiting if monotonic() > one.begun + PATIENCE]:
+            self._waiting.remove(one)
+            one.sent.cancel()  # the client then forgets it
+            one.answer(False, f"{one.service} has not answered for {PATIENCE:g} s; it may still do what was asked")
 
-    def _send(self, one: _Waiting) -> None:
-        future = one.client.call_async(_message(one.asked))
-        one.sent.append(future)
-        future.add_done_callback(lambda done: self._take(one, done))
-
-    def _take(self, one: _Waiting, future: Future) -> None:
-        if one not in self._waiting or future.cancelled():
+    def _take(self, one: _Waiting) -> None:
+        if one not in self._waiting or one.sent.cancelled():
             return
-        response: Any = future.result()
-        if isinstance(one.asked, Call):
-            done, words = response.success, response.message
-        else:
-            done, words = all(result.successful for result in response.results), " ".join(
-                result.reason for result in response.results)
-        self._end(one, bool(done), one_line(words, 500))
-
-    def _end(self, one: _Waiting, done: bool, words: str) -> None:
         self._waiting.remove(one)
-        for future in one.sent:
-            one.client.remove_pending_request(future)
-        one.answer(done, words)
+        response: Any = one.sent.result()
+        if hasattr(response, "results"):
+            done = all(result.successful for result in response.results)
+            words = " ".join(result.reason for result in response.results)
+        else:
+            done, words = response.success, response.message
+        one.answer(bool(done), one_line(words, 500))
 
 
-def _message(asked: Call | Change) -> Any:
+def _message(asked: Request) -> Any:
     """The request of a service."""
-    if isinstance(asked, Change):
+    if asked.kind != CALL:
         return SetParameters.Request(parameters=[Parameter(asked.name, value=asked.value).to_parameter_msg()])
-    return Trigger.Request() if asked.on is None else SetBool.Request(data=asked.on)
+    return Trigger.Request() if asked.value is None else SetBool.Request(data=asked.value)

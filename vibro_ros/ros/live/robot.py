@@ -14,9 +14,9 @@ from std_msgs.msg import Float64
 from vibro_ros.messages.topics import OPERATIONS, TOPICS
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.ros.live.samples import NUMBERED, Decoder, Joining, Rows
-from vibro_ros.ros.live.scene import SceneReader, Settings
 from vibro_ros.ros.node.node import GuardedNode, PollingSubscription
 from vibro_ros.ros.node.refusals import peer_text
+from vibro_ros.ros.node.robot_parameters import SceneReader, Settings
 from vibro_ros.simulation.samples import FIELDS, TIME
 from vibro_ros.view.drawing import voltage
 

@@ -31,9 +31,8 @@ from vibro_ros.ros.node.arguments import check_addressed, check_arguments, check
 from vibro_ros.ros.node.node import GuardedNode
 from vibro_ros.ros.node.parameters import declare, parameter_lines, take_overrides
 from vibro_ros.ros.node.refusals import peer_text
-from vibro_ros.view.gate import Gate, is_loopback
 from vibro_ros.view.page import page_text
-from vibro_ros.view.server import Server, listening
+from vibro_ros.view.server import Server, is_loopback, listening
 
 NODE_NAME = "vibro_view"
 PORT = 8742
@@ -66,7 +65,7 @@ def _run(words: Sequence[str]) -> int:
         setting: dict[str, Any] = {"mode": "live", "title": f"{robot} live", "robot": robot,
                                    "version": metadata.version("vibro_ros")}
         page = LivePage(node, executor, robot)
-        server = Server(sockets, Gate(options.address, [socket.gethostname()]),
+        server = Server(sockets, options.address, [socket.gethostname()],
                         lambda nonce: page_text(setting, None, nonce), page.ask, page.greeting)
         with server:
             stop.hold()
@@ -74,7 +73,7 @@ def _run(words: Sequence[str]) -> int:
             gc.freeze()  # all of this lasts: what comes and goes, such as pages, is then found sooner when it has gone
             name = "127.0.0.1" if options.address in ("", "0.0.0.0", "::") else options.address
             port = sockets[0].getsockname()[1]
-            address = f"http://{f'[{name}]' if ':' in name else name}:{port}/?token={server.gate.token}"
+            address = f"http://{f'[{name}]' if ':' in name else name}:{port}/?token={server.token}"
             print(f"view: {address}", flush=True)
             if not is_loopback(options.address):
                 node.get_logger().warning("other machines reach this page, and who has its whole address commands the "

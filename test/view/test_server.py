@@ -1,9 +1,12 @@
-"""What waits for a page is bounded, and what is late is dropped first."""
+"""Who is let in by the live page's server, and what waits for a page: bounded, and what is late is dropped first."""
 
 import numpy as np
 import pytest
+from tornado.httputil import HTTPHeaders, HTTPServerRequest
+from tornado.routing import HostMatches
 
-from vibro_ros.view.protocol import COLUMNS, MOST_BYTES, MOST_TEXTS, Outbox
+from vibro_ros.view.protocol import COLUMNS
+from vibro_ros.view.server import MOST_BYTES, MOST_TEXTS, Outbox, host_pattern
 
 ROW = 8 * len(COLUMNS)
 
@@ -61,3 +64,29 @@ def test_a_motion_replaces_the_one_that_waits():
     outbox.add_motion("first", b"1")
     outbox.add_motion("second", b"2")
     assert taken(outbox) == ["second", b"2"]
+
+
+def is_taken(host: str, address: str, names: list[str]) -> bool:
+    """Whether Tornado serves a request for this host."""
+    request = HTTPServerRequest("GET", "/", "HTTP/1.1", HTTPHeaders({"Host": host}))
+    return HostMatches(host_pattern(address, names)).match(request) is not None
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.1:8742", "localhost:9", "LocalHost:8742", "[::1]:8742",
+                                  "127.8.9.10:1"])
+def test_this_machine_is_known_by_its_names(host):
+    assert is_taken(host, "127.0.0.1", [])
+
+
+@pytest.mark.parametrize("host", [
+    "evil.example", "127.0.0.1.evil.example:8742", "localhost.evil", "evil.localhost", "192.168.1.2:8742",
+    "0.0.0.0:8742", "[::]:8742", "127.0.0.1:8742:1", "robot-pc:8742", "::1", "127.1", "2130706433", "127.0.0.1x"])
+def test_all_else_is_another_host(host):
+    assert not is_taken(host, "127.0.0.1", ["robot-pc"])
+
+
+def test_beyond_this_machine_numbers_and_known_names_are_taken():
+    for host in ("192.168.1.2:8742", "robot-pc:8742", "127.0.0.1", "[fe80::1]:8742"):
+        assert is_taken(host, "0.0.0.0", ["Robot-PC"]), host
+    for host in ("evil.example:8742", "0.0.0.0:8742", "robot-pc.evil:8742", "192.168.1.2.evil:1"):
+        assert not is_taken(host, "0.0.0.0", ["Robot-PC"]), host

@@ -5,10 +5,10 @@ from rcl_interfaces.msg import ParameterValue
 from rclpy.parameter import Parameter
 
 import vibro_ros
-from vibro_ros.ros.live import scene as live_scene
-from vibro_ros.ros.live.scene import check_names, settings_of
+from vibro_ros.ros.node import robot_parameters
+from vibro_ros.ros.node.robot_parameters import check_names, settings_of
 
-NAMES = live_scene._NAMES
+NAMES = robot_parameters._NAMES
 DEVICE = vibro_ros.load_scene("device")
 
 

@@ -1,4 +1,4 @@
-"""The scene of a live robot, from its parameters; and the questions that bring them."""
+"""A robot's parameters, asked for over ROS by the live view and the controller: its scene, and what else peers need."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -8,7 +8,6 @@ from typing import Any
 
 from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import GetParameters, ListParameters
-from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.task import Future
@@ -80,7 +79,7 @@ class SceneReader:
         self._found = found
         self._list = node.create_client(ListParameters, f"{robot}/list_parameters")
         self._get = node.create_client(GetParameters, f"{robot}/get_parameters")
-        self._asked: tuple[Client, Future] | None = None
+        self._asked: Future | None = None
         self._due, self._listed = 0.0, False
         self.reading = True
 
@@ -96,21 +95,17 @@ class SceneReader:
 
     def tick(self) -> None:
         """Ask, if that is due; to be called often."""
-        now = time.monotonic()
-        if not self.reading or now < self._due:
-            return
-        client, request = (self._get, GetParameters.Request(names=list(_NAMES))) if self._listed else (
-            self._list, ListParameters.Request())
-        if not client.service_is_ready():
+        client = self._get if self._listed else self._list
+        if not self.reading or time.monotonic() < self._due or not client.service_is_ready():
             return
         self._forget()
-        self._due = now + AGAIN
-        future = client.call_async(request)
-        self._asked = client, future
-        future.add_done_callback(self._take)
+        self._due = time.monotonic() + AGAIN
+        self._asked = client.call_async(
+            GetParameters.Request(names=list(_NAMES)) if self._listed else ListParameters.Request())
+        self._asked.add_done_callback(self._take)
 
     def _take(self, future: Future) -> None:
-        if not self._asked or self._asked[1] is not future or future.cancelled():
+        if future.cancelled() or future != self._asked:
             return
         self._asked, self._due = None, 0.0
         try:
@@ -125,7 +120,7 @@ class SceneReader:
         self._found(found)
 
     def _forget(self) -> None:
-        if self._asked:
-            client, future = self._asked
-            client.remove_pending_request(future)
-            self._asked = None
+        """Wait no longer for an answer; the client then forgets the question, too."""
+        asked, self._asked = self._asked, None
+        if asked:
+            asked.cancel()

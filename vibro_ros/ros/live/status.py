@@ -45,7 +45,7 @@ class Impact(NamedTuple):
     peak_force: float
 
 
-class Words:
+class RobotStatus:
     """Listens to the robot whose node has the full name `robot`; `status` has the fields of the frame of that name."""
 
     def __init__(self, node: Node, robot: str):
