@@ -1,5 +1,6 @@
 """The live view with real robots: what it shows of them, and what it hands to them."""
 
+import re
 import signal
 import time
 
@@ -93,8 +94,10 @@ def test_commands_services_and_refusals_in_the_robot_s_words(start, view, visit,
               "the refusal")
     assert page.ask(call="step") | {"id": 0} == {"kind": "answer", "id": 0, "done": False,
                                                  "words": "the robot is not paused; call ~/pause with true first"}
-    assert page.ask(call="pause", on=True)["done"]
+    paused = page.ask(call="pause", on=True)
     page.wait(lambda: page.last("status").get("paused"), "the pause")
+    at = float(re.search(r"paused at (\S+) s", paused["words"])[1])
+    page.wait(lambda: column(page.rows[-1], "time")[-1] == pytest.approx(at, rel=1e-8), "the robot's own time")
     assert page.ask(call="step")["words"].startswith("stepped 1 of 1 periods")
     assert page.ask(call="pause", on=False)["done"]
     assert page.ask(command="upper_gap", value=0.0005)["done"]

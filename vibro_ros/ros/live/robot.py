@@ -28,6 +28,8 @@ SILENCE = 3.0
 """Time [s] without a sample and without diagnostics, which come each second, after which a robot is not heard."""
 READ_AGAIN = 2.0
 """Time [s] after which the parameters are asked for once more where they do not explain what is published."""
+LONGEST_RUN = 10**17
+"""Nanoseconds that a robot may have run, three years: of later times a float does not hold the nanoseconds."""
 FIRST = 1.5
 """Time [s] that the first sample may take; of a robot that has said something by then and sent none, time stands still.
 """
@@ -46,13 +48,14 @@ class LiveRobot:
     """Follows one robot, whose node has the full name `robot`, through its starts and ends.
 
     The node counts and says what it refuses. `settings` is what is known of the robot that publishes now, `origin` the
-    stamp [ns] of its first sample that was seen, and `silences` counts how often it was heard again after a silence,
-    perhaps as another robot.
+    stamp [ns] of robot time 0, or of the first sample that was seen if the robot does not say it, and `silences` counts
+    how often it was heard again after a silence, perhaps as another robot.
     """
 
     def __init__(self, node: GuardedNode, robot: str):
         self.settings: Settings | None = None
         self.origin: int | None = None
+        self._start: int | None = None  # what the robot has said of robot time 0
         self.silences = 0
         self._node, self._robot = node, robot
         self._topics = {topic: PollingSubscription(node, kind, topic, SAMPLES) for topic, kind in _KINDS.items()}
@@ -87,15 +90,18 @@ class LiveRobot:
             rows.values[:, _VOLTAGE] = voltage(self.settings.scene, *rows.values[:, _OF_VOLTAGE].T)
         return self._taken(rows)
 
-    def hear(self) -> None:
-        """Take note that the robot has said something; after a silence it may be another one, and is shown when it has
-        told who it is."""
+    def hear(self, start: int | None) -> None:
+        """Take note that the robot has said something, and the stamp [ns] of its time 0 if that was among it.
+
+        After a silence it may be another robot, and is shown when it has told who it is.
+        """
         now = time.monotonic()
         if float("-inf") < self._heard < now - SILENCE:
             self._doubtful = True
             self.silences += 1
             self.reader.read()
         self._heard = now
+        self._start = start if start is not None else self._start
 
     def look(self) -> None:
         """Look who publishes, and ask again where that has changed or is not explained; to be called now and then."""
@@ -106,7 +112,7 @@ class LiveRobot:
         if found - self._publishers or (unexplained and not self.reader.reading):
             self.reader.read()
         if self._publishers and not found:  # it has gone, and who comes next is to be asked what it is
-            self.settings, self.origin, self._fault = None, None, ""
+            self.settings, self.origin, self._start, self._fault = None, None, None, ""
         self._publishers, self._unread = found, False
         self._others = [] if self.settings else self._robots_seen()
 
@@ -158,17 +164,21 @@ class LiveRobot:
         nothing, rivals = rows.values[:0], self._runs.rivals
         restarted = self._runs.restarted(rows.counts)
         if restarted:
-            self.origin = None
+            self.origin = self._start = None
         if not self._runs.rivals and (restarted or rivals):  # who is heard from now on is to be asked what it is
             self.settings = None
         if not len(rows.stamps) or self._runs.rivals or self.settings is None:
             return nothing
-        self.hear()
+        self.hear(None)
         if self._doubtful:
             return nothing
         self._row_heard = time.monotonic()
         if self.origin is None:
-            self.origin, self._last = int(rows.stamps[0]), -1
+            if self._start is None and self._row_heard < self._read_at + FIRST:  # it says it each second
+                return nothing
+            first = int(rows.stamps[0])
+            is_start = self._start is not None and 0 <= first - self._start < LONGEST_RUN
+            self.origin, self._last = self._start if is_start else first, -1
         later = rows.stamps > np.maximum.accumulate(np.concatenate([[self._last], rows.stamps[:-1]]))
         if not later.all():
             self._node.refusals.refuse(self._topics["odom"].topic, f"{(~later).sum()} samples with stamps that go back")

@@ -57,6 +57,7 @@ class RobotStatus:
         self._operations = PollingSubscription(node, String, f"{robot}/{OPERATIONS}", qos.profile(OPERATIONS))
         self._frames: dict[str, str] = {}
         self.status: dict[str, Any] = {}
+        self.start: int | None = None  # stamp [ns] of robot time 0, as it was said last
 
     def begin(self, prefix: str) -> None:
         """Listen to a robot whose frames' names begin so."""
@@ -118,6 +119,8 @@ class RobotStatus:
         if status.message in ("paused", "running"):
             self.status["paused"] = status.message == "paused"
         self.status.setdefault("paused", self.status["real_time_factor"] == 0.0)
+        start = values.get("stamp of time 0 [ns]", "")
+        self.start = int(start) if start.isdecimal() and len(start) < 20 else None
 
 
 def _read(subscription: PollingSubscription, type_name: str) -> list[Any]:

@@ -218,17 +218,16 @@ class Picture {
     this.#stage.drawGround(context);
     drawMechanism(context, this.#stage, this.values, lights);
     this.#stage.drawHeight(context, this.values);
-    if (this.names) {
+    if (this.names) { // in place of forces, whose numbers would lie on the names
       drawNames(context, this.#stage, this.values);
-    }
-    if (this.forces) {
+    } else if (this.forces) {
       drawForces(context, this.#stage, this.values);
     }
     drawPush(context, this.#stage, this.source.pushAt?.(this.values.time));
     context.restore();
     const {slope} = this.#stage.machine;
     const words = [bodyState(this.values), slope && `slope of ${fixed(slope * 180 / Math.PI, 1)}°`,
-      this.forces && "arrows: logarithm of the force"];
+      this.forces && !this.names && "arrows: logarithm of the force"];
     context.font = font(12);
     context.fillStyle = theme.soft;
     context.textAlign = "left";
