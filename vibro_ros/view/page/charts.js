@@ -6,6 +6,7 @@
  */
 
 import {line} from "vibro/mechanism.js";
+import {countUpTo} from "vibro/samples.js";
 import {fixed, font, theme, ticks, axisRange, tickText} from "vibro/text.js";
 
 const MILLI = 1e3;
@@ -400,10 +401,11 @@ function roundedStep(step) {
   return 2 ** Math.ceil(Math.log2(1.5 * step));
 }
 
-function extent(lines) {
+/** Least and greatest of every other number of some lists, from their number `first` on. */
+export function extent(lists, first = 1) {
   let [low, high] = [Infinity, -Infinity];
-  for (const points of lines) {
-    for (let k = 1; k < points.length; k += 2) {
+  for (const points of lists) {
+    for (let k = first; k < points.length; k += 2) {
       if (points[k] < low) {
         low = points[k];
       }
@@ -416,7 +418,7 @@ function extent(lines) {
 }
 
 function drawLine(context, place, points, y, ahead) {
-  const split = ahead ? firstAfter(points, place.time) : points.length;
+  const split = ahead ? 2 * countUpTo(points.length / 2, (k) => points[2 * k], place.time) : points.length;
   context.lineJoin = "bevel"; // cheap, where a curve is dense
   stroke(context, place, points, y, 0, split);
   if (ahead) {
@@ -424,20 +426,6 @@ function drawLine(context, place, points, y, ahead) {
     stroke(context, place, points, y, Math.max(0, split - 2), points.length);
     context.globalAlpha = 1;
   }
-}
-
-// Place of the first point that is later than a time.
-function firstAfter(points, time) {
-  let [low, high] = [0, points.length / 2];
-  while (low < high) {
-    const middle = (low + high) >> 1;
-    if (points[2 * middle] <= time) {
-      low = middle + 1;
-    } else {
-      high = middle;
-    }
-  }
-  return 2 * low;
 }
 
 function drawImpacts(context, place, impacts) {

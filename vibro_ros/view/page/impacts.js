@@ -1,5 +1,7 @@
 /** The contacts of masses and plates, in the order of their times; the newest so many of them. */
 
+import {countUpTo} from "vibro/samples.js";
+
 export class Impacts {
   /**
    * @param {number} capacity how many are kept
@@ -30,16 +32,7 @@ export class Impacts {
 
   /** @returns {number} number of the first impact later than that */
   after(time) {
-    let [low, high] = [0, this.list.length];
-    while (low < high) {
-      const middle = (low + high) >> 1;
-      if (this.list[middle].time <= time) {
-        low = middle + 1;
-      } else {
-        high = middle;
-      }
-    }
-    return low;
+    return countUpTo(this.list.length, (number) => this.list[number].time, time);
   }
 
   /** @returns {object | undefined} the next impact */

@@ -3,7 +3,7 @@
  * `vibro_ros/view/motion.py` says how a document holds them.
  */
 
-import {Extremes} from "vibro/samples.js";
+import {countUpTo, Extremes} from "vibro/samples.js";
 
 /** Degree of a quantity about which nothing is known. */
 const UNKNOWN = 255;
@@ -59,16 +59,7 @@ export class Motion {
     if (borders[2 * guess] <= time && time < borders[2 * guess + 1]) {
       return guess;
     }
-    let [low, high] = [0, this.header.pieces];
-    while (low < high) {
-      const middle = (low + high) >> 1;
-      if (borders[2 * middle] <= time) {
-        low = middle + 1;
-      } else {
-        high = middle;
-      }
-    }
-    this.#piece = Math.max(0, low - 1);
+    this.#piece = Math.max(0, countUpTo(this.header.pieces, (piece) => borders[2 * piece], time) - 1);
     return this.#piece;
   }
 

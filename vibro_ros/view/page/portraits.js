@@ -1,8 +1,10 @@
 /** Phase portraits: speed over place of each mass, and of the body's hops. */
 
-import {GAP, RIGHT, TIME_TICK, TITLE, stroke, upright, drawAxis, drawGrid, drawTitle, roomBeside} from "vibro/charts.js";
+import {
+  GAP, RIGHT, TIME_TICK, TITLE, drawAxis, drawGrid, drawTitle, extent, roomBeside, stroke, upright,
+} from "vibro/charts.js";
 import {line} from "vibro/mechanism.js";
-import {theme, ticks, axisRange} from "vibro/text.js";
+import {axisRange, theme, ticks} from "vibro/text.js";
 
 const MILLI = 1e3;
 const AXIS = 20; // px, for the numbers below
@@ -52,7 +54,7 @@ export class Portraits {
       this.#source.path([portrait.x, portrait.y], time - window, time, step, (_, [x, y]) => {
         points.push(x * MILLI, y);
       });
-      const ranges = this.#ranges[number].map((range, part) => axisRange(range, ...extent(points, part), LEAST[part]));
+      const ranges = this.#ranges[number].map((range, part) => axisRange(range, ...extent([points], part), LEAST[part]));
       this.#ranges[number] = ranges;
       return {portrait, points, ranges, marks: upright(ranges[1], height)};
     });
@@ -94,14 +96,4 @@ export class Portraits {
     context.arc(place.x(values[portrait.x] * MILLI), place.y(values[portrait.y]), 4, 0, 2 * Math.PI);
     context.fill();
   }
-}
-
-// Least and greatest of every other number.
-function extent(points, first) {
-  let [low, high] = [Infinity, -Infinity];
-  for (let k = first; k < points.length; k += 2) {
-    low = Math.min(low, points[k]);
-    high = Math.max(high, points[k]);
-  }
-  return [low, high];
 }

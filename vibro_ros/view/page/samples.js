@@ -1,5 +1,22 @@
 /** Rows of numbers, the newest so many of them: the samples of a live robot; and curves of more points than pixels. */
 
+/**
+ * How many of `count` ascending numbers are no greater than a limit.
+ * @param {function(number): number} at gives a number by its place
+ */
+export function countUpTo(count, at, limit) {
+  let [low, high] = [0, count];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (at(middle) <= limit) {
+      low = middle + 1;
+    } else {
+      high = middle;
+    }
+  }
+  return low;
+}
+
 /** What of a step of time is drawn: the least and the greatest value, in their order. */
 export class Extremes {
   /** @param {number} number which step of time it is */
@@ -115,16 +132,7 @@ export class SampleBuffer {
 
   /** @returns {number} number of the last row that is no later; -1 if all are */
   row(time) {
-    let [low, high] = [0, this.count];
-    while (low < high) {
-      const middle = (low + high) >> 1;
-      if (this.at("time", middle) <= time) {
-        low = middle + 1;
-      } else {
-        high = middle;
-      }
-    }
-    return low - 1;
+    return countUpTo(this.count, (row) => this.at("time", row), time) - 1;
   }
 
   /**
