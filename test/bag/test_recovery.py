@@ -339,7 +339,7 @@ def test_a_bag_that_is_sealed_while_it_is_looked_at_is_not_called_unsealed(tmp_p
     """Of robots that start at once in one folder, one said of another's bag that its robot was killed."""
     recorder = Recorder(tmp_path / "run", POWER, {})
     recorder.write("/motor_power", 1, published["/motor_power"](1))
-    monkeypatch.setattr("vibro_ros.bag.folders.writers", lambda _: recorder.close() and {})
+    monkeypatch.setattr("vibro_ros.bag.folders.writing_processes", lambda _: recorder.close() and {})
     assert unsealed_bags(tmp_path) == []
 
 

@@ -111,19 +111,6 @@ def test_every_blow_has_its_peak_force(shown, bag):
         np.testing.assert_array_equal(force, 1000.0)
 
 
-def test_the_share_of_samples_that_the_ground_does_not_carry(bag):
-    force = bag["ground_contact"]["force"].copy()
-    force[bag["ground_contact"]["time"] >= 2.0, 2] = 0.0
-    figure = plot_run(changed(bag, "ground_contact", force=force))
-    [percent] = [axes for axes in figure.axes if axes.get_ylabel().endswith("[%]")]
-    time, share = percent.get_lines()[0].get_data()
-    kept = np.isfinite(share)
-    assert set(share[kept & (time < 1.9)]) == {0.0} and set(share[kept & (time > 2.1)]) == {100.0}
-    left, right = panels(figure)["ground force N [N]"]
-    part = np.mean(force[:, 2] <= 0.0)
-    assert f"share of the samples with {plots._NONE}, {part:.0%} in all" in lines(left)
-
-
 def test_a_force_far_beyond_the_others_hides_none_of_them(bag):
     force = bag["ground_contact"]["force"].copy()
     force[100, 2] = -1e4

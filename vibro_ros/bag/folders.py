@@ -87,7 +87,7 @@ def locked(folder: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
-def writers(folders: Iterable[Path]) -> dict[Path, list[int]]:
+def writing_processes(folders: Iterable[Path]) -> dict[Path, list[int]]:
     """Of those folders in which MCAP files are open for writing, the ids of the processes that this user may see.
 
     Finds recorders that do not lock, such as ``ros2 bag record``.
@@ -116,7 +116,7 @@ def unsealed_bags(directory: Path, pattern: str = "*") -> list[Path]:
         folders = sorted(folder for folder in directory.glob(pattern) if _is_unsealed(folder))
     except OSError:
         return []
-    in_use = writers(folders) if folders else {}
+    in_use = writing_processes(folders) if folders else {}
     return [folder for folder in folders if folder not in in_use and _is_left(folder)]
 
 

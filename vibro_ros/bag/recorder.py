@@ -106,7 +106,7 @@ class Recorder:
 
     Once open, nothing that happens to the disk reaches the caller: the recording stops, `fault`
     says why, what was written is sealed where the disk allows it, and further messages are dropped and
-    counted. After `close`, the number of `write` calls, and of `lasting` messages in each file, is `written` +
+    counted. After `close`, the number of `write` calls, and of `latched` messages in each file, is `written` +
     `dropped` + `lost`; the bag's custom data say these three as well.
 
     Parameters
@@ -121,7 +121,7 @@ class Recorder:
         Largest number of messages waiting for the disk; beyond it, messages are dropped.
     storage : Storage
         How the bag lies on the disk.
-    lasting : sequence of (str, bytes)
+    latched : sequence of (str, bytes)
         Topics and messages with which each file of the bag begins, under the stamp of its first message.
 
     Raises
@@ -136,7 +136,7 @@ class Recorder:
 
     def __init__(self, folder: Path, topics: Sequence[Topic], metadata: Mapping[str, str],
                  backlog: int = BACKLOG, storage: Storage = _PLAIN,
-                 lasting: Sequence[tuple[str, bytes]] = ()) -> None:
+                 latched: Sequence[tuple[str, bytes]] = ()) -> None:
         self.folder = Path(folder)
         self.fault: str | None = None
         self.sealed = False
@@ -162,7 +162,7 @@ class Recorder:
         except OSError as error:
             raise OSError(f"cannot record to {folder}: {error.strerror}; "
                           "give a folder that can be written") from error
-        self.begin_files_with(lasting)
+        self.begin_files_with(latched)
         self._thread = Thread(target=self._run, name="bag writer", daemon=True)
         self._thread.start()
 
@@ -181,9 +181,9 @@ class Recorder:
             self._refused += 1
         return False
 
-    def begin_files_with(self, lasting: Sequence[tuple[str, bytes]]) -> None:
-        """Say what `lasting` is, before the first `write`."""
-        self._writer.begin_files_with([(self._topics[topic], data) for topic, data in lasting])
+    def begin_files_with(self, latched: Sequence[tuple[str, bytes]]) -> None:
+        """Say what `latched` is, before the first `write`."""
+        self._writer.begin_files_with([(self._topics[topic], data) for topic, data in latched])
 
     def describe(self, custom: Mapping[str, str]) -> None:
         """Add to the bag's custom data what is known now, before the messages that are written from now on."""

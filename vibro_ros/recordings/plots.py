@@ -206,18 +206,7 @@ def _draw_ground(axes: Axes, bag: Bag, span: Span) -> None:
         powers = 10.0 ** np.arange(np.ceil(np.log10(usual)), 1 + np.ceil(np.log10(np.abs(force).max())))
         axes.set_yticks([*-powers[::-1], 0.0, *powers])
         axes.minorticks_off()
-    if _is_short(span):
-        _shade_air(axes, bag, span)
-    else:
-        beside = axes.twinx()
-        middle, part = share(time, force <= 0.0, _edges(bag, span))
-        beside.plot(middle, 100.0 * part, color=_BODY, lw=0.9)
-        beside.set_ylim(0.0, 105.0)
-        beside.set_ylabel(f"{_NONE} [%]", color=_TEXT)
-        beside.tick_params(color=_FRAME, labelcolor=_TEXT)
-        beside.spines[:].set_visible(False)
-        axes.plot([], [], color=_BODY, lw=0.9,
-                  label=f"share of the samples with {_NONE}, {np.mean(force <= 0.0):.0%} in all")
+    _shade_air(axes, bag, span)
     axes.set_ylabel("ground force N [N]")
 
 
@@ -372,14 +361,6 @@ def extremes(time: np.ndarray, values: np.ndarray, edges: np.ndarray) -> tuple[n
     broken = gaps(middle, 1.5)
     middle, low, high = (np.insert(column, broken, np.nan) for column in (middle, low, high))
     return middle, low, high
-
-
-def share(time: np.ndarray, true: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Middle [s] of each bin, and the share of its samples that are `true`, with NaN at gaps in the stream."""
-    firsts, middle = _bins(time, edges)
-    part = np.add.reduceat(true.astype(float), firsts) / np.diff(firsts, append=len(time))
-    broken = gaps(middle, 1.5)
-    return np.insert(middle, broken, np.nan), np.insert(part, broken, np.nan)
 
 
 def mean_over_turns(time: np.ndarray, values: np.ndarray, angle_time: np.ndarray,

@@ -21,7 +21,7 @@ from datetime import UTC, datetime
 from itertools import chain, count
 from pathlib import Path
 
-from vibro_ros.bag.folders import SUFFIX, bag_files, locked, writers
+from vibro_ros.bag.folders import SUFFIX, bag_files, locked, writing_processes
 from vibro_ros.bag.mcap_file import McapFile, named_once
 from vibro_ros.bag.metadata import FILE_NAME, as_text, bag_information, write_metadata
 from vibro_ros.bag.stream import BagContents, BagError, BagStream, not_read
@@ -83,7 +83,7 @@ def recover(path: str | Path, keep_torn: bool = True) -> Recovery:
             reason = flaws[0] if flaws else "not a bag, it holds no .mcap file"
             raise RecoveryError(f"{folder}: {reason}; give the folder of a recording")
         with locked(folder):
-            if found := writers([folder]):
+            if found := writing_processes([folder]):
                 processes = ", ".join(map(str, found[folder]))
                 raise InUseError(f"{folder}: the bag is in use, process {processes} writes to it; end the recorder")
             return _recovered(folder, paths, keep_torn)

@@ -233,7 +233,7 @@ class Recording:
         for folder in bag_folders(self._plan.directory, datetime.now(), self._plan.namespace):
             with suppress(FileExistsError):  # another bag of this second, or another robot's
                 recorder = Recorder(folder, (*self._plan.topics, *checkpoint), self._plan.metadata,
-                                    storage=self._plan.storage, lasting=self._lasting)
+                                    storage=self._plan.storage, latched=self._lasting)
                 break
         self.latest, self._dropped = recorder, 0
         self._watched.append(recorder)
