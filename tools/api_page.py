@@ -8,14 +8,13 @@ from textwrap import indent
 import vibro_ros
 from vibro_ros.bag.reader import Bag
 from vibro_ros.orbits.attractors import Attractor, Attractors
-from vibro_ros.orbits.branch import Branch
+from vibro_ros.orbits.branch import Branch, Special
 from vibro_ros.orbits.chaos import LyapunovSpectrum
-from vibro_ros.orbits.curve import Curve
 from vibro_ros.orbits.orbit import Orbit
 from vibro_ros.orbits.recurrence import SettledMotion
 from vibro_ros.simulation.samples import Run
 
-RETURNED = (Run, Bag, Orbit, Branch, Curve, SettledMotion, Attractors, Attractor, LyapunovSpectrum)
+RETURNED = (Run, Bag, Orbit, Branch, Special, SettledMotion, Attractors, Attractor, LyapunovSpectrum)
 #: Methods for users, of a class that has others for the physics, or others that are `Simulator`'s.
 USED = {"Scene": ["with_parameters", "describe"], "SensedSimulator": ["take_measurements", "fail"]}
 _SECTION = re.compile(r"^(\w[\w ]*)\n-{3,}$", re.MULTILINE)

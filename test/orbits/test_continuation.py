@@ -8,7 +8,7 @@ from closed_form import ImpactOscillator
 
 import vibro_ros
 from vibro_ros.orbits.continuation import CORNER, DOUBLING, FOLD, GRAZING, TORUS, follow, special_points
-from vibro_ros.orbits.family import Family, Place, corrected
+from vibro_ros.orbits.family import Family, corrected
 from vibro_ros.orbits.orbit import close
 from vibro_ros.orbits.turn_map import TurnMap
 
@@ -25,8 +25,8 @@ def branch(scene: vibro_ros.Scene, name: str, low: float, high: float, direction
     """Neighbours on the branch through the scene's own orbit."""
     orbit = vibro_ros.find_orbit(scene)
     turn_map = TurnMap(scene, orbit.state.crank_angle)
-    family = Family(scene, name, low, high, 1, turn_map.phase)
-    return follow(family, turn_map.read(orbit.state), family.share(scene[name]), direction)
+    family = Family(scene, {name: (low, high)}, 1, turn_map.phase)
+    return follow(family, np.append(turn_map.read(orbit.state), family.shares(scene[name])), direction)
 
 
 @pytest.mark.parametrize(("speed", "restitution", "gap", "direction", "kind"), [
@@ -68,17 +68,17 @@ def test_a_branch_is_the_same_from_either_end(scene, name, low, high, direction,
         if kinds == special:
             break
     (_, start), (_, last) = forwards[0], forwards[-1]
-    backwards = follow(last.family, last.place.state, last.place.share, -float(np.sign(last.tangent[-1])))
+    backwards = follow(last.family, last.vector, -float(np.sign(last.tangent[-1])))
     _ = next(backwards)
     before, after = next((before, after) for before, after in backwards
                          if (after.value - start.value) * (before.value - start.value) < 0.0 and
-                         np.linalg.norm(after.place.vector - start.place.vector) < 1.0)
+                         np.linalg.norm(after.vector - start.vector) < 1.0)
     part = (start.value - before.value) / (after.value - before.value)
-    guess = before.place.vector + part * (after.place.vector - before.place.vector)
-    across = np.append(np.zeros(len(start.place.state)), 1.0)
+    guess = before.vector + part * (after.vector - before.vector)
+    across = np.eye(len(start.vector))[-1]
     found, _ = corrected(before.family, guess, across)
-    _, (there,) = before.family.recut(start.family.phase, iter([Place.of(found)]))
-    assert there.vector == pytest.approx(start.place.vector, abs=1e-9)
+    _, (there,) = before.family.recut(start.family.phase, [found])
+    assert there == pytest.approx(start.vector, abs=1e-9)
 
 
 def test_a_compliant_plate_is_grazed_and_passed():
@@ -91,7 +91,7 @@ def test_a_compliant_plate_is_grazed_and_passed():
     assert [kind for kind, _ in kinds] == [FOLD, FOLD, GRAZING, CORNER]
     assert kinds[0][1] == pytest.approx(107.9599109, abs=1e-6)
     assert kinds[2][1] == pytest.approx(104.8526521, abs=1e-6) and passed
-    settled = vibro_ros.find_orbit(after.family.scene_at(after.place.share))  # which a long run comes to
+    settled = vibro_ros.find_orbit(scene.with_parameters({"motor.speed": after.value}))  # which a long run comes to
     assert after.stable and after.mean_speed == pytest.approx(settled.mean_speed, abs=1e-9)
 
 
@@ -124,12 +124,12 @@ def test_a_machine_has_a_neimark_sacker_point_beyond_which_a_circle_appears():
     scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 62.64})
     special = next(one for pair in branch(scene, "motor.speed", 62.0, 63.0, -1.0) for one in special_points(*pair)
                    if one.kind == TORUS)
-    phase, place = special.point.family.phase, special.point.place
+    phase, state = special.point.family.phase, special.point.state
 
     def settled(beside):
         """States once a turn, less the orbit, of a run that begins 1e-4 beside the orbit."""
         turn_map = TurnMap(scene.with_parameters({"motor.speed": special.point.value + beside}), phase)
-        orbit = close(turn_map, place.state, 1).state
+        orbit = close(turn_map, state, 1).state
         turn_map.put(turn_map.device, orbit + 1e-4 * (np.arange(len(orbit)) == 0))
         return turn_map.cuts(turn_map.device, 4000).states[2000:] - orbit
 
@@ -149,4 +149,4 @@ def test_a_machine_has_a_neimark_sacker_point_beyond_which_a_circle_appears():
 def test_a_range_that_is_none_is_refused():
     scene = oscillator(170.0, 0.5, 0.0)
     with pytest.raises(ValueError, match="upper.gap: from 0.1 to 0 is no range; give the smaller value first"):
-        Family(scene, "upper.gap", 0.1, 0.0, 1, 0.0)
+        Family(scene, {"upper.gap": (0.1, 0.0)}, 1, 0.0)

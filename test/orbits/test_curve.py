@@ -62,7 +62,7 @@ def test_a_curve_comes_back_and_lies_where_one_parameter_has_its_special_point(k
     gap = there.values[-1, 1]
     moved = branch.scene.with_parameters({"inclined.gap": gap})
     last = Special(kind, there.mean_speeds[-1], there.multipliers[-1], special.change, there.phases[-1],
-                   there.states[-1], 0, there.values[-1, 0], 0.0)
+                   there.states[-1], 0, there.values[-1])
     back = vibro_ros.follow_bifurcation(replace(branch, scene=moved), last, ranges, upwards=False)
     assert gap > 1e-5 and back.end == "inclined.gap leaves its range at 0 m"
     assert back.values[-1, 0] == pytest.approx(special.value, abs=1e-7)  # to which one parameter locates it
@@ -116,7 +116,7 @@ def test_two_folds_meet_in_the_cusp_of_the_closed_form():
     orbit = vibro_ros.find_orbit(scene.with_parameters({"upper.gap": 0.0222}))
     branch = replace(vibro_ros.follow_orbit(orbit, "upper.gap", 0.022, 0.023, points=2), scene=scene)
     special = Special(FOLD, 0.0, own.multipliers(first_fold), "", phase % (2.0 * np.pi), state / turn_map.units, 0,
-                      blow.gap, 0.0)
+                      np.array([blow.gap]))
     curve = vibro_ros.follow_bifurcation(branch, special, {"upper.gap": (0.015, 0.03), "motor.speed": (56.0, 62.0)})
     turns_back = np.argmax(curve.values[:, 1])
     assert 56.0 < curve.values[turns_back, 1] <= at_cusp + 1e-9 and 0 < turns_back < len(curve) - 1

@@ -3,15 +3,15 @@
 A branch ends where it leaves the range of the parameter, closes, joins another branch, or is lost.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from vibro_ros.model.parameters import BY_NAME, parameter_named
+from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.continuation import EdgeError, SpecialPoint, follow_on, special_points
-from vibro_ros.orbits.family import BranchPoint, Family, LostError, Place, corrected, point_at
+from vibro_ros.orbits.family import BranchPoint, Family, LostError, corrected, point_at
 from vibro_ros.orbits.orbit import Orbit, Seed, is_same
 from vibro_ros.orbits.passage import same_order
 from vibro_ros.orbits.turn_map import TurnMap
@@ -28,18 +28,18 @@ Notice = Callable[[int, float], object]
 
 
 @dataclass(frozen=True)
-class SpecialOrbit:
-    """An orbit at which a branch, or a curve of special points, changes its nature.
+class Special:
+    """An orbit at which a branch changes its nature.
 
     Attributes
     ----------
     kind : str
-        Of a branch ``fold``, ``period doubling``, ``Neimark-Sacker``, ``grazing`` or ``corner``; of a curve ``change of
-        events``.
+        Over one parameter ``fold``, ``period doubling``, ``Neimark-Sacker``, ``grazing`` or ``corner``; over two
+        ``change of events``.
     mean_speed : float
         Of the body [m/s].
     multipliers : ndarray of complex, shape (n,)
-        Floquet multipliers; of a grazing, corner or change of events those on this side of it.
+        Floquet multipliers; where the order of events changes those on this side.
     change : str
         What becomes of the events, and whether the branch turns back, where their order changes; else empty.
     phase : float
@@ -48,6 +48,10 @@ class SpecialOrbit:
         At the cut, in units of the machine.
     at : int
         How many orbits lie before it.
+    values : ndarray, shape (1,) or (2,)
+        The parameters there, in their units.
+    width : float
+        Width of the interval of the parameter [its unit] in which it was found; over two parameters 0.
     """
 
     kind: str
@@ -57,28 +61,27 @@ class SpecialOrbit:
     phase: float
     state: np.ndarray
     at: int
+    values: np.ndarray
+    width: float = 0.0
+
+    @property
+    def value(self) -> float:
+        """The only parameter, in its unit."""
+        return float(self.values[0])
 
 
 @dataclass(frozen=True)
-class Special(SpecialOrbit):
-    """A special point of a branch, a `SpecialOrbit`.
+class Branch:
+    """Orbits that follow each other as one or two parameters change; along a branch a parameter may turn back.
 
     Attributes
     ----------
-    value, width : float
-        The parameter there, and the width of the interval in which it was found, in its unit.
-    """
-
-    value: float
-    width: float
-
-
-@dataclass(frozen=True)
-class OrbitSequence:
-    """Orbits that follow each other as parameters change.
-
-    Attributes
-    ----------
+    scene : Scene
+        What moves so, apart from the values of the parameters.
+    names : tuple of str
+        The parameters.
+    kind : str
+        Over two parameters what all orbits are: ``fold``, ``period doubling`` or ``grazing``; else empty.
     turns : int
         Turns of the crank after which the orbits repeat themselves.
     values : ndarray
@@ -86,48 +89,41 @@ class OrbitSequence:
     mean_speeds : ndarray, shape (points,)
         Of the body [m/s].
     multipliers : ndarray of complex, shape (points, n)
-        Floquet multipliers, the largest first; along a curve of grazings those without the contact.
+        Floquet multipliers, the largest first; of grazings over two parameters those without the contact.
     phases : ndarray, shape (points,)
         Crank angle of the cut [rad].
     states : ndarray, shape (points, n)
-        At the cut, in units of the machine, `turn_map.units_of` the scene that the branch began with.
+        At the cut, in units of the machine, `turn_map.units_of` the scene.
+    strobe : dict of str to ndarray, shape (points, turns)
+        Over one parameter the state [m, m/s, rad/s, A] each time the crank passes the angle 0, by the names of
+        `Samples`; else empty.
+    special_points : tuple of Special
+        In the order of the branch.
     end : str
         Why they were not followed further.
     """
 
+    scene: Scene
+    names: tuple[str, ...]
+    kind: str
     turns: int
     values: np.ndarray
     mean_speeds: np.ndarray
     multipliers: np.ndarray
     phases: np.ndarray
     states: np.ndarray
+    strobe: dict[str, np.ndarray]
+    special_points: tuple[Special, ...]
     end: str
 
     def __len__(self) -> int:
         """Number of orbits."""
         return len(self.values)
 
-
-@dataclass(frozen=True)
-class Branch(OrbitSequence):
-    """The orbits over one parameter, an `OrbitSequence`; the parameter turns back at folds.
-
-    Attributes
-    ----------
-    scene : Scene
-        What moves so, apart from the value of the parameter.
-    name : str
-        The parameter.
-    strobe : dict of str to ndarray, shape (points, turns)
-        The state [m, m/s, rad/s, A] each time the crank passes the angle 0, by the names of `Samples`.
-    special_points : tuple of Special
-        In the order of the branch.
-    """
-
-    scene: Scene
-    name: str
-    strobe: dict[str, np.ndarray]
-    special_points: tuple[Special, ...]
+    @property
+    def name(self) -> str:
+        """The first parameter."""
+        return self.names[0]
 
     @property
     def stable(self) -> np.ndarray:
@@ -175,78 +171,64 @@ def follow_orbit(orbit: Orbit, name: str, low: float, high: float, upwards: bool
     """
     if isinstance(points, bool) or not isinstance(points, int | np.integer) or not 2 <= points <= MOST_POINTS:
         raise ValueError(f"points: {points!r} is out of range; give a whole number from 2 to {MOST_POINTS}")
-    family, here = family_of(orbit.scene, name, low, high, orbit.turns, orbit.state.crank_angle), orbit.scene[name]
+    family, here = Family(orbit.scene, {name: (low, high)}, orbit.turns, orbit.state.crank_angle), orbit.scene[name]
     if not low <= here <= high:
         raise ValueError(f"{name}: the orbit's {here:g} is not from {low:g} to {high:g}; give a range that holds it")
     turn_map = TurnMap(orbit.scene, orbit.state.crank_angle)
     state = turn_map.read(orbit.state) * turn_map.units / family.units
-    return branch_from(family, state, family.share(here), 1.0 if upwards else -1.0, points)
+    return branch_from(family, np.append(state, family.shares(here)), 1.0 if upwards else -1.0, points)
 
 
-def family_of(scene: Scene, name: str, low: float, high: float, turns: int, phase: float) -> Family:
-    """The orbits of a scene over a range of a parameter, both of whose ends are checked (ValueError)."""
-    parameter = parameter_named(name, BY_NAME)
-    if not isinstance(parameter.default, float):
-        raise ValueError(f"{name}: is {parameter.type_name}, along which no branch can be followed; choose a number")
-    family = Family(scene, name, parameter.checked(low), parameter.checked(high), turns, phase)
-    for end in (0.0, 1.0):
-        family.scene_at(end)
-    return family
-
-
-def branch_from(family: Family, state: np.ndarray, share: float, direction: float, points: int,
+def branch_from(family: Family, vector: np.ndarray, direction: float, points: int,
                 notice: Notice | None = None) -> Branch:
     """The branch through a known orbit, towards larger values of the parameter with `direction` 1.0, else -1.0."""
-    along = np.append(np.zeros_like(state), direction)
+    along = direction * np.eye(len(vector))[-1]
     try:
-        vector, _ = corrected(family, np.append(state, share), along)
+        vector, _ = corrected(family, vector, along)
         start = point_at(family, vector, along)
     except (LostError, SimulationError, ValueError) as error:
         return gathered(family, [], [], str(error))
     return whole_branch(start, points, notice)
 
 
-def doubled_branch_from(family: Family, state: np.ndarray, share: float, points: int,
+def doubled_branch_from(family: Family, begin: np.ndarray, points: int,
                         notice: Notice | None = None) -> Branch:
     """The branch of orbits of twice the period that begins at a period doubling of `family`.
 
     Its orbits leave along the eigenvector of the multiplier -1. The other side of the eigenvector holds the same
     orbits, half a period later.
     """
-    place, twice = Place(state, share), family.with_turns(2 * family.turns)
-    matrix = family.jacobian(place, family.held(place))[:, :-1] + np.eye(len(state))
-    values, vectors = np.linalg.eig(matrix)
+    twice, matrix = family.with_turns(2 * family.turns), family.jacobian(begin)[:, :-1]
+    values, vectors = np.linalg.eig(matrix + np.eye(len(matrix)))
     away = np.append(np.real(vectors[:, np.argmin(np.abs(values + 1.0))]), 0.0)
     away /= np.linalg.norm(away)
     for amplitude in _AMPLITUDES:
         try:
-            vector, _ = corrected(twice, place.vector + amplitude * away, away, amplitude)
-            start = point_at(twice, vector, vector - place.vector, amplitude)
+            vector, _ = corrected(twice, begin + amplitude * away, away, amplitude)
+            start = point_at(twice, vector, vector - begin, amplitude)
         except (LostError, SimulationError, ValueError):
             continue
         return whole_branch(start, points, notice)
     return gathered(twice, [], [], "no orbit of doubled period was found beside the period doubling")
 
 
-def lies_on(family: Family, seed: Seed, share: float, branch: Branch) -> bool:
-    """Whether a branch of the same family passes through a seed at `share` of the parameter's range."""
+def lies_on(family: Family, seed: Seed, value: float, branch: Branch) -> bool:
+    """Whether a branch of the same family passes through a seed at a value of the parameter."""
     if branch.turns != seed.turns:
         return False
-    shares = np.array([family.share(value) for value in branch.values])
-    across = np.append(np.zeros(len(seed.state)), 1.0)
-    for k in np.flatnonzero((shares[1:] - share) * (shares[:-1] - share) <= 0.0):
-        if branch.phases[k] != branch.phases[k + 1] or shares[k] == shares[k + 1]:
+    beside = branch.values - value
+    for k in np.flatnonzero(beside[1:] * beside[:-1] <= 0.0):
+        if branch.phases[k] != branch.phases[k + 1] or beside[k] == beside[k + 1]:
             continue
-        part = (share - shares[k]) / (shares[k + 1] - shares[k])
+        part = beside[k] / (beside[k] - beside[k + 1])
         guess = branch.states[k] + part * (branch.states[k + 1] - branch.states[k])
         own = family.with_turns(branch.turns).with_phase(float(branch.phases[k]))
         try:
-            vector, _ = corrected(own, np.append(guess, share), across)
-            _, (place,) = own.recut(seed.phase, iter([Place.of(vector)]))
+            vector, _ = corrected(own, np.append(guess, own.shares(value)), np.eye(len(guess) + 1)[-1])
+            there, (vector,) = own.recut(seed.phase, [vector])
         except (LostError, SimulationError, ValueError):
             continue
-        turn_map = own.with_phase(seed.phase).map_at(share)
-        if is_same(turn_map, place.state, seed.state, seed.turns):
+        if is_same(there.map_at(vector), there.state(vector), seed.state, seed.turns):
             return True
     return False
 
@@ -256,14 +238,12 @@ def whole_branch(start: BranchPoint, points: int, notice: Notice | None = None) 
     found: list[BranchPoint] = []
     special: list[tuple[int, SpecialPoint]] = []
     family, end = start.family, f"{points} orbits, the most that were asked for"
-    closing = _Closing(start)
+    closing = Closing(start)
     try:
         for before, after in follow_on(start):
-            if not 0.0 <= after.place.share <= 1.0:
-                unit = BY_NAME[family.name].unit.replace("1", "")
-                value = family.high if after.place.share > 1.0 else family.low
-                end = f"{family.name} leaves its range at {value:g} {unit}".rstrip()
-                last = _at_end(before, after)
+            if left := range_left(after.family, after.vector):
+                end, normal = left
+                last = _at_end(before, after, normal)
                 special += [(len(found), one) for one in special_points(before, last)]
                 found.append(last)
                 break
@@ -284,34 +264,44 @@ def whole_branch(start: BranchPoint, points: int, notice: Notice | None = None) 
     return gathered(family, found, special, end)
 
 
-def _at_end(before: BranchPoint, after: BranchPoint) -> BranchPoint:
+def range_left(family: Family, vector: np.ndarray) -> tuple[str, np.ndarray] | None:
+    """In words, which range a vector has left, and the outward normal of this bound; None inside."""
+    shares = vector[len(family.units):]
+    out = np.maximum(-shares, shares - 1.0)
+    which = int(np.argmax(out))
+    if out[which] <= 0.0:
+        return None
+    name, high, normal = family.names[which], bool(shares[which] > 1.0), np.zeros(len(vector))
+    normal[len(family.units) + which] = 1.0 if high else -1.0
+    value = family.ranges[name][high]
+    return f"{name} leaves its range at {value:g} {BY_NAME[name].unit.replace('1', '')}".rstrip(), normal
+
+
+def _at_end(before: BranchPoint, after: BranchPoint, normal: np.ndarray) -> BranchPoint:
     """The point between two neighbours at which the branch leaves the range of the parameter."""
-    share = 1.0 if after.place.share > 1.0 else 0.0
-    part = (share - before.place.share) / (after.place.share - before.place.share)
-    guess = before.place.vector + part * (after.place.vector - before.place.vector)
+    share = max(0.0, normal[-1])
+    part = (share - before.vector[-1]) / (after.vector[-1] - before.vector[-1])
+    guess = before.vector + part * (after.vector - before.vector)
     guess[-1] = share
-    across = np.append(np.zeros(len(guess) - 1), 1.0)
-    vector, _ = corrected(before.family, guess, across)
+    vector, _ = corrected(before.family, guess, abs(normal))
     vector[-1] = share
     return point_at(before.family, vector, before.tangent)
 
 
-class _Closing:
+class Closing:
     """Whether a branch has come back to its begin, or joins the orbits of half its period."""
 
     def __init__(self, start: BranchPoint):
-        self._start, self._family = start, start.family
-        self._begins = [start.place.vector]
-        self._left = False
+        self._start, self._family, self._begins, self._left = start, start.family, [start.vector], False
 
     def reason(self, before: BranchPoint, after: BranchPoint) -> str:
         """Why the branch ends between two neighbours; empty where it does not."""
         half = after.family.turns // 2
-        if 2 * half == after.family.turns and self._apart(before, half) @ self._apart(after, half) < 0.0:
+        joins = 2 * half == after.family.turns and len(after.family.names) == 1
+        if joins and self._apart(before, half) @ self._apart(after, half) < 0.0:
             return f"joins the branch of {half} turn{'s' if half > 1 else ''} at a period doubling"
-        step = float(np.linalg.norm(after.place.vector - before.place.vector))
-        near = any(np.linalg.norm(after.place.vector - begin) < _CLOSES * step
-                   for begin in self._begins_at(after.family))
+        step = float(np.linalg.norm(after.vector - before.vector))
+        near = any(np.linalg.norm(after.vector - begin) < _CLOSES * step for begin in self._begins_at(after.family))
         self._left = self._left or not near
         closes = near and self._left and same_order(after.passage.order, self._start.passage.order)
         return "closes on itself" if closes else ""
@@ -324,40 +314,45 @@ class _Closing:
         return ""
 
     def _apart(self, point: BranchPoint, half: int) -> np.ndarray:
-        turn_map = point.family.map_at(point.place.share)
-        return turn_map(point.place.state, half).state - point.place.state
+        return point.family.map_at(point.vector)(point.state, half).state - point.state
 
     def _begins_at(self, family: Family) -> list[np.ndarray]:
         """The begin at the cut of a family, on each of its turns."""
         if family is not self._family:
-            _, (place,) = self._start.family.recut(family.phase, iter([self._start.place]))
-            self._family, turn_map = family, family.map_at(place.share)
-            self._begins = [Place(turn_map(place.state, turns).state, place.share).vector
-                            for turns in range(1, family.turns + 1)]
+            there, (vector,) = self._start.family.recut(family.phase, [self._start.vector])
+            self._family, self._begins = family, there.starts_along(vector)
         return self._begins
 
 
 def gathered(family: Family, points: list[BranchPoint], special: list[tuple[int, SpecialPoint]], end: str) -> Branch:
-    """The branch of some points, with the number of points before each special point."""
+    """The branch of some points over one parameter, with the number of points before each special point."""
     names = TurnMap(family.scene, family.phase).names
-    n = len(names)
     strobe = [_strobe(point) for point in points]  # shapes (turns, n)
+    return sequence_of(family, points, end, strobe={
+        name: np.array([one[:, k] for one in strobe]).reshape(-1, family.turns) for k, name in enumerate(names)},
+        special_points=tuple(
+            Special(one.kind, one.point.mean_speed, one.point.multipliers, one.change, one.point.family.phase,
+                    one.point.state, at, one.point.values, one.width) for at, one in special))
+
+
+def sequence_of(family: Family, points: Sequence[BranchPoint], end: str, strobe: dict[str, np.ndarray],
+                special_points: tuple[Special, ...], kind: str = "") -> Branch:
+    """The branch of some points."""
+    n = len(family.units)
+    values = np.array([point.values for point in points]).reshape(-1, len(family.names))
     return Branch(
-        scene=family.scene, name=family.name, turns=family.turns, values=np.array([point.value for point in points]),
+        scene=family.scene, names=family.names, kind=kind, turns=family.turns,
+        values=values if len(family.names) > 1 else values[:, 0],
         mean_speeds=np.array([point.mean_speed for point in points]),
         multipliers=np.array([point.multipliers for point in points], dtype=complex).reshape(-1, n),
         phases=np.array([point.family.phase for point in points]),
-        states=np.array([point.place.state for point in points]).reshape(-1, n),
-        strobe={name: np.array([one[:, k] for one in strobe]).reshape(-1, family.turns) for k, name in
-                enumerate(names)},
-        special_points=tuple(
-            Special(one.kind, one.point.mean_speed, one.point.multipliers, one.change, one.point.family.phase,
-                    one.point.place.state, at, one.point.value, one.width) for at, one in special), end=end)
+        states=np.array([point.state for point in points]).reshape(-1, n),
+        strobe=strobe, special_points=special_points, end=end)
 
 
 def _strobe(point: BranchPoint) -> np.ndarray:
     """The state, SI units, each time the crank passes the angle 0 within a passage, shape (turns, n)."""
-    here = point.family.map_at(point.place.share)
+    here = point.family.map_at(point.vector)
     device, there = Simulator(here.scene), TurnMap(here.scene, 0.0)
-    here.put(device, point.place.state)
+    here.put(device, point.state)
     return there.cuts(device, point.family.turns).states * there.units

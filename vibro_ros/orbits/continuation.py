@@ -35,16 +35,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vibro_ros.orbits.family import (
-    LONGEST_STEP,
-    BranchPoint,
-    Family,
-    LostError,
-    Place,
-    corrected,
-    orbit_of,
-    point_at,
-)
+from vibro_ros.orbits.family import LONGEST_STEP, BranchPoint, Family, LostError, corrected, point_at
 from vibro_ros.orbits.orbit import CLOSED
 from vibro_ros.orbits.passage import change_in_words, contacts_of, same_order
 from vibro_ros.simulation.motion import SimulationError
@@ -85,18 +76,15 @@ class EdgeError(LostError):
         self.grazing = grazing
 
 
-def follow(family: Family, state: np.ndarray, share: float,
-           direction: float) -> Iterator[tuple[BranchPoint, BranchPoint]]:
+def follow(family: Family, vector: np.ndarray, direction: float) -> Iterator[tuple[BranchPoint, BranchPoint]]:
     """Neighbours on the branch through a known orbit, until it leaves the parameter's range.
 
     Parameters
     ----------
     family : Family
         The equations.
-    state : ndarray, shape (n,)
-        An orbit at `share`.
-    share : float
-        Where to begin, dimensionless.
+    vector : ndarray, shape (n + 1,)
+        A known orbit.
     direction : float
         1.0 towards larger values of the parameter, -1.0 towards smaller; dimensionless.
 
@@ -110,8 +98,8 @@ def follow(family: Family, state: np.ndarray, share: float,
     LostError
         Where the branch cannot be followed.
     """
-    along = np.append(np.zeros_like(state), direction)
-    vector, _ = corrected(family, np.append(state, share), along)
+    along = direction * np.eye(len(vector))[-1]
+    vector, _ = corrected(family, vector, along)
     yield from follow_on(point_at(family, vector, along))
 
 
@@ -119,7 +107,7 @@ def follow_on(point: BranchPoint) -> Iterator[tuple[BranchPoint, BranchPoint]]:
     """Neighbours on the branch from a point on, along its tangent; as `follow`, which see."""
     point, step = _well_cut(point), FIRST_STEP
     yield point, point
-    while 0.0 <= point.place.share <= 1.0:
+    while 0.0 <= point.vector[-1] <= 1.0:
         neighbours, step = _next(point, step)
         for after in neighbours:
             yield point, after
@@ -131,7 +119,7 @@ def _next(point: BranchPoint, step: float) -> tuple[list[BranchPoint], float]:
     """The next point, or an edge and the first point beyond it; and the step after it."""
     family, reason = point.family, ""
     while step >= SHORTEST_STEP:
-        guess = point.place.vector + step * point.tangent
+        guess = point.vector + step * point.tangent
         crosses = False
         try:
             vector, derivatives = corrected(family, guess, point.tangent, step)
@@ -140,19 +128,19 @@ def _next(point: BranchPoint, step: float) -> tuple[list[BranchPoint], float]:
             if not crosses and after.tangent @ point.tangent >= STRAIGHT:
                 longer = 1.5 if derivatives <= _FEW else 1.0
                 return [after], min(LONGEST_STEP, step * longer)
-            reason = f"the branch bends too sharply near {family.name} = {after.value:.9g}"
+            reason = f"the branch bends too sharply near {family.where(after.vector)}"
         except LostError as error:
             reason = str(error)
             try:
-                crosses = not same_order(family.order(Place.of(guess)), point.passage.order)
+                crosses = not same_order(family.order(guess), point.passage.order)
             except (SimulationError, ValueError):
                 crosses = False
         if (crosses or step < _SHORT) and (last := edge(point, step)):
             return [last, beyond(last)], FIRST_STEP
         step *= 0.5
         if step < _CREEP and abs(point.multipliers[0]) > _WILD:
-            raise LostError(f"too unstable to be followed beyond {family.name} = {point.value:.9g}: a disturbance "
-                            f"grows {abs(point.multipliers[0]):.4g}-fold until the motion repeats itself")
+            raise LostError(f"too unstable to be followed beyond {family.where(point.vector)}: a disturbance grows "
+                            f" {abs(point.multipliers[0]):.4g}-fold until the motion repeats itself")
     raise LostError(reason)
 
 
@@ -160,11 +148,11 @@ def _well_cut(point: BranchPoint) -> BranchPoint:
     """The same orbit, cut far from all events."""
     if point.passage.clear >= NEAREST_EVENT:
         return point
-    beyond = Place.of(point.place.vector + _AHEAD * point.tangent)
-    family, (place, beyond) = point.family.recut(point.passage.best, iter([point.place, beyond]))
-    along = (beyond.vector - place.vector) / np.linalg.norm(beyond.vector - place.vector)
+    family, (here, ahead) = point.family.recut(point.passage.best, [
+        point.vector, point.vector + _AHEAD * point.tangent])
+    along = (ahead - here) / np.linalg.norm(ahead - here)
     try:
-        vector, _ = corrected(family, place.vector, along)
+        vector, _ = corrected(family, here, along)
     except LostError:
         return point
     return point_at(family, vector, along)
@@ -188,7 +176,7 @@ def located(before: BranchPoint, after: BranchPoint, test: Callable[[BranchPoint
     BranchPoint, float
         The point, and the width of the interval of the parameter [its unit] that holds the change.
     """
-    family, start, end = before.family, before.place.vector, after.place.vector
+    family, start, end = before.family, before.vector, after.vector
     span = end - start
     length = float(np.linalg.norm(span))
     normal = span / length
@@ -204,17 +192,17 @@ def located(before: BranchPoint, after: BranchPoint, test: Callable[[BranchPoint
             low, at_low, at_high, low_point = middle, at, 0.5 * at_high, point
         else:
             high, at_high, at_low, high_point = middle, at, 0.5 * at_low, point
-        if at == 0.0 or abs(low_point.place.share - high_point.place.share) < 1e-15:
+        if at == 0.0 or abs(low_point.vector[-1] - high_point.vector[-1]) < 1e-15:
             break
     best = low_point if abs(test(low_point)) < abs(test(high_point)) else high_point
     width = _width(low_point, high_point, (high - low) * length)
-    return best, width * (family.high - family.low)
+    return best, family.span(width)
 
 
 def _width(low: BranchPoint, high: BranchPoint, arc: float) -> float:
     """How much of the parameter's range lies between two points; at a fold the tangents tell, not the difference."""
     within = max(abs(low.tangent[-1]), abs(high.tangent[-1])) * arc
-    return float(max(within, abs(low.place.share - high.place.share), 0.0 if arc < _ARC else arc))
+    return float(max(within, abs(low.vector[-1] - high.vector[-1]), 0.0 if arc < _ARC else arc))
 
 
 def edge(point: BranchPoint, step: float) -> BranchPoint | None:
@@ -229,13 +217,12 @@ def edge(point: BranchPoint, step: float) -> BranchPoint | None:
     try:
         for _ in range(_MOST_ROUNDS):
             vector, width = _last_of_side(low, far)
-            ahead = Place.of(vector + max(_CLEAR, 10.0 * width) * low.tangent)
-            apart = float(np.linalg.norm(vector - low.place.vector))
+            ahead = vector + max(_CLEAR, 10.0 * width) * low.tangent
+            apart = float(np.linalg.norm(vector - low.vector))
             if not same_order(family.order(ahead), low.passage.order):
                 side = point_at(family, vector - min(_BACK, 0.5 * apart) * low.tangent, low.tangent, _BACK)
-                width = abs(width * low.tangent[-1]) * (family.high - family.low)
-                here = orbit_of(family, Place.of(vector))
-                return replace(side, place=here.place, passage=here.passage, mean_speed=here.mean_speed, width=width)
+                return replace(side, vector=vector, passage=family.passage(vector),
+                               mean_speed=family.mean_speed(vector), width=family.span(abs(width * low.tangent[-1])))
             if apart == 0.0:
                 return None
             low, far = point_at(family, vector, low.tangent, far), far - apart  # the derivative had changed too much
@@ -250,22 +237,22 @@ def _last_of_side(low: BranchPoint, far: float) -> tuple[np.ndarray, float]:
     By bisection, with the derivative at `low` for Newton's method: near the edge, differences would reach across.
     """
     family = low.family
-    held = family.held(low.place)
-    inverse = np.linalg.pinv(np.vstack([family.jacobian(low.place, held, far), low.tangent]))
+    held = ~family.free(low.vector)[:-1]
+    inverse = np.linalg.pinv(np.vstack([family.jacobian(low.vector, far), low.tangent]))
 
     def ahead(guess: np.ndarray) -> np.ndarray | None:
         at, before = guess.copy(), np.inf
         for _ in range(_MOST_CHORDS):
-            residual = family.residual(Place.of(at))
+            residual = family.residual(at)
             residual[held] = 0.0
             size = float(np.abs(residual).max())
             if size <= 0.1 * CLOSED or size >= 0.7 * before:
                 break
             at, before = at - inverse @ np.append(residual, low.tangent @ (at - guess)), size
-        closes = size <= CLOSED and same_order(family.order(Place.of(at)), low.passage.order)
+        closes = size <= CLOSED and same_order(family.order(at), low.passage.order)
         return at if closes else None
 
-    near, last = 0.0, low.place.vector
+    near, last = 0.0, low.vector
     while far - near > _SHARP:
         middle = 0.5 * (near + far)
         try:
@@ -302,23 +289,23 @@ def beyond(before: BranchPoint) -> BranchPoint:
                     return found
     change, grazes = "which ones was not found", False
     for probe in (_CLEAR, *_PROBES):
-        order = family.order(Place.of(before.place.vector + probe * before.tangent))
+        order = family.order(before.vector + probe * before.tangent)
         if not same_order(order, before.passage.order):
             change = change_in_words(before.passage.order, order)
             grazes = contacts_of(order) != contacts_of(before.passage.order)
             break
-    raise EdgeError(f"the branch ends at {family.name} = {before.value:.9g}, where its events change ({change}); no "
+    raise EdgeError(f"the branch ends at {family.where(before.vector)}, where its events change ({change}); no "
                     "orbit was found beyond", SpecialPoint(GRAZING, before, before.width, change) if grazes else None)
 
 
 def _direction(family: Family, before: BranchPoint, probe: float) -> np.ndarray | None:
     """Of the branch on the other side, towards that side if this can be told; None where it is not reached."""
-    place = Place.of(before.place.vector + probe * before.tangent)
-    if same_order(family.order(place), before.passage.order):
+    there = before.vector + probe * before.tangent
+    if same_order(family.order(there), before.passage.order):
         return None
-    *_, rows = np.linalg.svd(family.jacobian(place, family.held(place), probe))
+    *_, rows = np.linalg.svd(family.jacobian(there, probe))
     along: np.ndarray = rows[-1] if rows[-1] @ before.tangent >= 0.0 else -rows[-1]
-    sides = [same_order(family.order(Place.of(before.place.vector + sign * probe * along)), before.passage.order)
+    sides = [same_order(family.order(before.vector + sign * probe * along), before.passage.order)
              for sign in (1.0, -1.0)]
     return -along if sides == [True, False] else along
 
@@ -330,9 +317,9 @@ def _entered(before: BranchPoint, direction: np.ndarray, arc: float, depth: floa
     square of the arc only. So Newton's method begins deeper there, by `depth` times this square.
     """
     family = before.family
-    guess = before.place.vector + arc * direction + depth * arc**2 * before.tangent
+    guess = before.vector + arc * direction + depth * arc**2 * before.tangent
     try:
-        if same_order(family.order(Place.of(guess)), before.passage.order):
+        if same_order(family.order(guess), before.passage.order):
             return None
         vector, _ = corrected(family, guess, direction, arc)
         if np.linalg.norm(vector - guess) > arc:
@@ -402,8 +389,8 @@ def special_points(before: BranchPoint, after: BranchPoint) -> Iterator[SpecialP
 
 def _is_smooth(before: BranchPoint, after: BranchPoint) -> bool:
     """Whether a branch goes straight on across an edge, and its multipliers with it."""
-    family, start = before.family, before.place.vector
-    direction = (after.place.vector - start) / np.linalg.norm(after.place.vector - start)
+    family, start = before.family, before.vector
+    direction = (after.vector - start) / np.linalg.norm(after.vector - start)
     try:
         vector, _ = corrected(family, start + _BEHIND * direction, direction, _BEHIND)
         near = point_at(family, vector, direction, _BEHIND)

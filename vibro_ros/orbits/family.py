@@ -1,65 +1,41 @@
-"""Orbits of one machine with one parameter that changes: the equations that a branch follows, and its points."""
+"""Orbits of one machine with one or two parameters that change: the equations that branches follow, and their points.
 
-from collections.abc import Callable, Iterator
+The unknowns are a *vector*: the state at the cut, in units of the machine, and behind it the shares of the parameters'
+ranges, each from 0 at the one end to 1 at the other.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 
+from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.orbit import CLOSED, STEP
 from vibro_ros.orbits.passage import EventOrder, Passage, ordered, passage
-from vibro_ros.orbits.turn_map import TurnMap, check_closes, units_of
+from vibro_ros.orbits.turn_map import TurnEnd, TurnMap, check_closes, units_of
 from vibro_ros.simulation.motion import SimulationError
-from vibro_ros.simulation.simulator import Simulator
 
 LONGEST_STEP = 0.05
-"""Longest step along a branch: in units of the machine and shares of the parameter's range."""
+"""Longest step along a branch: in units of the machine and shares of the parameters' ranges."""
 _MOST_ITERATIONS = 24
 _SLOW = 0.1  # a step that leaves a larger part of the residual has an old derivative
-_MAPS = 8  # that are kept: those of a derivative by the parameter, and of a step
+_MAPS = 16  # that are kept: those of a derivative by two parameters, and of a step
 _LEAST_STEP = 1e-9  # of the differences, which rounding then leaves five digits
 _PART = 0.1  # of the reach, and of the nearest miss
 _SHARE = 0.005  # of the square of the softest contact's speed
 
 
-class Place(NamedTuple):
-    """A state at the cut together with the parameter: where a branch is.
-
-    Attributes
-    ----------
-    state : ndarray, shape (n,)
-        In units of the machine.
-    share : float
-        The parameter's place between the ends of its range: 0 at the one, 1 at the other; dimensionless.
-    """
-
-    state: np.ndarray
-    share: float
-
-    @property
-    def vector(self) -> np.ndarray:
-        """State and share, shape (n + 1,)."""
-        return np.append(self.state, self.share)
-
-    @classmethod
-    def of(cls, vector: np.ndarray) -> "Place":
-        """The place of a vector, shape (n + 1,)."""
-        return cls(vector[:-1], float(vector[-1]))
-
-
 class Family:
-    """What comes back after `turns` turns, for each value of a parameter.
+    """What comes back after `turns` turns, for each value of one parameter, or each pair of values of two.
 
     Parameters
     ----------
     scene : Scene
         The machine.
-    name : str
-        A number among its parameters.
-    low, high : float
-        Range of the parameter, in its unit.
+    ranges : mapping of str to (float, float)
+        One or two numbers among its parameters, and their ranges, in their units.
     turns : int
         Turns of the crank after which orbits repeat themselves.
     phase : float
@@ -67,153 +43,159 @@ class Family:
 
     Attributes
     ----------
-    scene, name, low, high, turns, phase
+    scene, ranges, turns, phase
         The parameters.
+    names : tuple of str
+        The parameters that change.
     units : ndarray, shape (n,)
-        What 1 is of each coordinate [m, m/s, rad/s or A], all along the branch.
+        What 1 is of each coordinate [m, m/s, rad/s or A], the same for all values.
 
     Raises
     ------
     ValueError
-        For a range that is none, or a value that the scene refuses.
+        For a parameter that is no number, a range that is none, or a value that the scene refuses.
     """
 
-    def __init__(self, scene: Scene, name: str, low: float, high: float, turns: int, phase: float):
-        if not low < high:
-            raise ValueError(f"{name}: from {low:g} to {high:g} is no range; give the smaller value first")
-        if name == "motor.speed" and low < 0.0 < high:
-            raise ValueError(f"{name}: from {low:g} to {high:g} rad/s holds 0, which turns no crank; give a range "
-                             "on one side of it")
-        self.scene, self.name, self.low, self.high, self.turns, self.phase = scene, name, low, high, turns, phase
+    def __init__(self, scene: Scene, ranges: Mapping[str, tuple[float, float]], turns: int, phase: float):
+        for name, (low, high) in ranges.items():
+            _check_range(scene, name, low, high)
+        self.scene, self.ranges, self.turns, self.phase = scene, dict(ranges), turns, phase
+        self.names = tuple(ranges)
         check_closes(scene)
         self.units = units_of(scene)
-        self.map_at = lru_cache(_MAPS)(self._map_at)
+        self._low, self._high = np.array(list(ranges.values()), dtype=float).T
+        self._map_of = lru_cache(_MAPS)(self._made)
 
-    def value(self, share: float) -> float:
-        """The parameter at a share of its range, in its unit."""
-        return self.low + share * (self.high - self.low)
+    def values(self, vector: np.ndarray) -> np.ndarray:
+        """The parameters at a vector, in their units, shape (1,) or (2,)."""
+        return self._low + vector[len(self.units):] * (self._high - self._low)
 
-    def share(self, value: float) -> float:
-        """The share of the range at a value of the parameter."""
-        return (value - self.low) / (self.high - self.low)
+    def shares(self, *values: float) -> np.ndarray:
+        """The shares of the ranges at values of the parameters, shape (1,) or (2,)."""
+        return (np.array(values) - self._low) / (self._high - self._low)
 
-    def scene_at(self, share: float) -> Scene:
-        """The machine there (ValueError where the scene refuses the value)."""
-        return self.scene.with_parameters({self.name: self.value(share)})
+    def span(self, share: float) -> float:
+        """A part of the last parameter's range, in its unit."""
+        return share * float(self._high[-1] - self._low[-1])
 
-    def _map_at(self, share: float) -> TurnMap:
-        turn_map = TurnMap(self.scene_at(share), self.phase)
-        turn_map.units = self.units  # the same all along the branch
+    def where(self, vector: np.ndarray) -> str:
+        """The parameters in words."""
+        return ", ".join(f"{name} = {value:.9g}" for name, value in
+                         zip(self.names, self.values(vector).tolist(), strict=True))
+
+    def map_at(self, vector: np.ndarray) -> TurnMap:
+        """The turn map at the parameters of a vector (ValueError where the scene refuses the values)."""
+        return self._map_of(*vector[len(self.units):].tolist())
+
+    def _made(self, *shares: float) -> TurnMap:
+        values = (self._low + np.array(shares) * (self._high - self._low)).tolist()
+        turn_map = TurnMap(self.scene.with_parameters(dict(zip(self.names, values, strict=True))), self.phase)
+        turn_map.units = self.units
         return turn_map
 
-    def residual(self, place: Place) -> np.ndarray:
+    def state(self, vector: np.ndarray) -> np.ndarray:
+        """The state of a vector, shape (n,)."""
+        return vector[:len(self.units)]
+
+    def end(self, vector: np.ndarray) -> TurnEnd:
+        """Where `turns` turns lead."""
+        return self.map_at(vector)(self.state(vector), self.turns)
+
+    def residual(self, vector: np.ndarray) -> np.ndarray:
         """By how much the state does not come back, shape (n,)."""
-        return self.map_at(place.share)(place.state, self.turns).state - place.state
+        return self.end(vector).state - self.state(vector)
 
-    def held(self, place: Place) -> np.ndarray:
-        """Coordinates that something holds at the cut, shape (n,) of bool."""
-        return self.map_at(place.share).held(place.state)
+    def mean_speed(self, vector: np.ndarray) -> float:
+        """Of the body [m/s]."""
+        end = self.end(vector)
+        return end.advance / end.duration
 
-    def order(self, place: Place) -> EventOrder:
+    def free(self, vector: np.ndarray) -> np.ndarray:
+        """Which unknowns nothing holds at the cut, shape (n + parameters,) of bool."""
+        return np.append(~self.map_at(vector).held(self.state(vector)), np.ones(len(self.names), bool))
+
+    def order(self, vector: np.ndarray) -> EventOrder:
         """The order of the events between the cut and `turns` turns later."""
-        return ordered(self.map_at(place.share), place.state, self.turns)[1]
+        return ordered(self.map_at(vector), self.state(vector), self.turns)[1]
 
-    def jacobian(self, place: Place, held: np.ndarray, reach: float = 1.0,
-                 fine: bool = False) -> np.ndarray:
-        """Derivative of the residual by state and share, shape (n, n + 1), as `derivative` has it."""
-        return derivative(lambda shares: self.map_at(float(shares[0])), place.vector, self.turns, held, reach, fine)
+    def passage(self, vector: np.ndarray) -> Passage:
+        """What happens from the cut over `turns` turns."""
+        return passage(self.map_at(vector), self.state(vector), self.turns)
+
+    def jacobian(self, vector: np.ndarray, reach: float = 1.0, fine: bool = False,
+                 longest: float = STEP) -> np.ndarray:
+        """Derivative of the residual by all unknowns, shape (n, n + parameters). What is held stays.
+
+        A mass that arrives at its plate with the speed v would miss the plate from v² / 2 farther back, in units of the
+        machine. Central differences stay far within that, because the map has the root of this distance there; they let
+        no mass touch that misses its plate; they stay within `reach`, over which the branch is straight; and they are
+        shortened, down to 1e-9, until all their ends have the same events in the same order, because elsewhere the map
+        has other derivatives. With `fine`, differences over half the step cancel the leading error of the step (L. F.
+        Richardson's extrapolation). `longest` is the longest step.
+        """
+        free, seen = self.free(vector), self.passage(vector)
+        step = max(_LEAST_STEP, min(longest, _SHARE * seen.softest**2, _PART * seen.miss, _PART * reach))
+        while True:
+            matrix, same = self._differences(vector, free, seen.order, step)
+            if same or step <= _LEAST_STEP:
+                break
+            step = max(_LEAST_STEP, 0.1 * step)
+        return (4.0 * self._differences(vector, free, seen.order, 0.5 * step)[0] - matrix) / 3.0 if fine else matrix
+
+    def _differences(self, vector: np.ndarray, free: np.ndarray, order: EventOrder,
+                     step: float) -> tuple[np.ndarray, bool]:
+        """The derivative by central differences, and whether all their ends have the events of `order`."""
+        n = len(self.units)
+        matrix, same = np.zeros((n, len(vector))), True
+        for i in np.flatnonzero(free):
+            ends = []
+            for sign in (step, -step):
+                moved = vector.copy()
+                moved[i] += sign
+                end, along = ordered(self.map_at(moved), self.state(moved), self.turns)
+                ends.append(end.state)
+                same = same and along == order
+            matrix[free[:n], i] = (ends[0] - ends[1])[free[:n]] / (2.0 * step)
+        matrix[:, :n] -= np.eye(n)
+        return matrix, same
 
     def with_turns(self, turns: int) -> "Family":
         """The same family for orbits that repeat themselves after another number of turns."""
-        return Family(self.scene, self.name, self.low, self.high, turns, self.phase)
+        return Family(self.scene, self.ranges, turns, self.phase)
 
     def with_phase(self, phase: float) -> "Family":
         """The same family cut at another crank angle [rad]."""
-        return Family(self.scene, self.name, self.low, self.high, self.turns, phase)
+        return Family(self.scene, self.ranges, self.turns, phase)
 
-    def recut(self, phase: float, places: Iterator[Place]) -> tuple["Family", list[Place]]:
+    def recut(self, phase: float, vectors: Sequence[np.ndarray]) -> tuple["Family", list[np.ndarray]]:
         """The same family cut at another phase, and there the states to which the given ones lead."""
-        other = self.with_phase(phase)
-        found = []
-        for place in places:
-            here, there = self.map_at(place.share), other.map_at(place.share)
-            device = Simulator(here.scene)
-            here.put(device, place.state)
-            here.advance(device, 0, phase)
-            found.append(Place(there.read(device.state), place.share))
+        other, found = self.with_phase(phase), []
+        for vector in vectors:
+            here, there = self.map_at(vector), other.map_at(vector)
+            here.put(here.device, self.state(vector))
+            here.advance(here.device, 0, phase)
+            found.append(np.append(there.read(here.device.state), vector[len(self.units):]))
         return other, found
 
-
-def derivative(map_at: Callable[[np.ndarray], TurnMap], vector: np.ndarray, turns: int, held: np.ndarray,
-               reach: float = 1.0, fine: bool = False, longest: float = STEP) -> np.ndarray:
-    """Derivative of what does not come back after `turns` turns, by the state and by the shares of parameters.
-
-    What is held stays, whatever else moves.
-
-    A mass that arrives at its plate with the speed v would miss the plate from v² / 2 farther back, in units of the
-    machine. Central differences stay far within that, because the map has the root of this distance there; they let no
-    mass touch that misses its plate; they stay within `reach`, over which the branch is straight; and they are
-    shortened, down to 1e-9, until all their ends have the same events in the same order, because elsewhere the map has
-    other derivatives. With `fine`, differences over half the step cancel the leading error of the step (L. F.
-    Richardson's extrapolation).
-
-    Parameters
-    ----------
-    map_at : callable
-        Gives the turn map for some shares, shape (parameters,).
-    vector : ndarray, shape (n + parameters,)
-        State, in units of the machine, and shares.
-    turns : int
-        Of a passage.
-    held : ndarray, shape (n,) of bool
-        Coordinates that something holds.
-    reach, longest : float
-        As far as the branch is straight, and the longest step; dimensionless.
-    fine : bool
-        Whether to extrapolate.
-
-    Returns
-    -------
-    ndarray, shape (n, n + parameters)
-        The derivative.
-    """
-    n = len(held)
-    seen = passage(map_at(vector[n:]), vector[:n], turns)
-    step = max(_LEAST_STEP, min(longest, _SHARE * seen.softest**2, _PART * seen.miss, _PART * reach))
-    while True:
-        matrix, same = _differences(map_at, vector, turns, ~held, seen.order, step)
-        if same or step <= _LEAST_STEP:
-            break
-        step = max(_LEAST_STEP, 0.1 * step)
-    if not fine:
-        return matrix
-    return (4.0 * _differences(map_at, vector, turns, ~held, seen.order, 0.5 * step)[0] - matrix) / 3.0
+    def starts_along(self, vector: np.ndarray) -> list[np.ndarray]:
+        """The same orbit at the cut of each of its turns."""
+        turn_map, shares = self.map_at(vector), vector[len(self.units):]
+        return [np.append(turn_map(self.state(vector), turns).state, shares) for turns in range(1, self.turns + 1)]
 
 
-def _differences(map_at: Callable[[np.ndarray], TurnMap], vector: np.ndarray, turns: int, free: np.ndarray,
-                 order: EventOrder, step: float) -> tuple[np.ndarray, bool]:
-    """The derivative by central differences, and whether all their ends have the events of `order`."""
-    n = len(free)
-    matrix, same = np.zeros((n, len(vector))), True
-    for i in np.flatnonzero(np.append(free, np.ones(len(vector) - n, bool))):
-        ends = []
-        for sign in (step, -step):
-            moved = vector.copy()
-            moved[i] += sign
-            end, along = ordered(map_at(moved[n:]), moved[:n], turns)
-            ends.append(end.state)
-            same = same and along == order
-        matrix[free, i] = (ends[0] - ends[1])[free] / (2.0 * step)
-    matrix[:, :n] -= np.eye(n)
-    return matrix, same
-
-
-class PlacedOrbit(NamedTuple):
-    """An orbit of a family: its place, the mean speed of the body [m/s], and its contacts."""
-
-    place: Place
-    mean_speed: float
-    passage: Passage
+def _check_range(scene: Scene, name: str, low: float, high: float) -> None:
+    """Refuse a parameter that is no number, a range that is none, and ends that the scene refuses (ValueError)."""
+    parameter = parameter_named(name, BY_NAME)
+    if not isinstance(parameter.default, float):
+        raise ValueError(f"{name}: is {parameter.type_name}, along which no branch can be followed; choose a number")
+    low, high = parameter.checked(low), parameter.checked(high)
+    if not low < high:
+        raise ValueError(f"{name}: from {low:g} to {high:g} is no range; give the smaller value first")
+    if name == "motor.speed" and low < 0.0 < high:
+        raise ValueError(f"{name}: from {low:g} to {high:g} rad/s holds 0, which turns no crank; give a range on one "
+                         "side of it")
+    for end in (low, high):
+        scene.with_parameters({name: end})
 
 
 @dataclass(frozen=True)
@@ -224,23 +206,23 @@ class BranchPoint:
     ----------
     family : Family
         The equations, with the cut that was used.
-    place : Place
-        State and parameter.
-    tangent : ndarray, shape (n + 1,)
+    vector : ndarray, shape (n + parameters,)
+        State and shares of the parameters.
+    tangent : ndarray, shape (n + parameters,)
         Unit vector along the branch.
     multipliers : ndarray of complex, shape (n,)
         Floquet multipliers, the largest first.
     mean_speed : float
         Of the body [m/s].
     passage : Passage
-        Its contacts.
+        Its events.
     width : float
         Where the order of events changes just behind this point: width of the interval of the parameter [its unit] in
         which it changes; else 0.
     """
 
     family: Family
-    place: Place
+    vector: np.ndarray
     tangent: np.ndarray
     multipliers: np.ndarray
     mean_speed: float
@@ -248,9 +230,19 @@ class BranchPoint:
     width: float = 0.0
 
     @property
+    def state(self) -> np.ndarray:
+        """At the cut, in units of the machine, shape (n,)."""
+        return self.family.state(self.vector)
+
+    @property
+    def values(self) -> np.ndarray:
+        """The parameters, in their units, shape (1,) or (2,)."""
+        return self.family.values(self.vector)
+
+    @property
     def value(self) -> float:
-        """The parameter, in its unit."""
-        return self.family.value(self.place.share)
+        """The only parameter, in its unit."""
+        return float(self.values[0])
 
     @property
     def stable(self) -> bool:
@@ -269,7 +261,7 @@ def corrected(family: Family, guess: np.ndarray, normal: np.ndarray,
     Parameters
     ----------
     family : Family
-        The equations.
+        The equations, over one parameter.
     guess, normal : ndarray, shape (n + 1,)
         State and share; the plane's normal.
     reach : float
@@ -283,16 +275,15 @@ def corrected(family: Family, guess: np.ndarray, normal: np.ndarray,
     at, best, closest, matrix, derivatives = guess.copy(), np.inf, guess, None, 0
     for _ in range(_MOST_ITERATIONS):
         try:
-            place = Place.of(at)
-            held, residual = family.held(place), family.residual(place)
+            free, residual = family.free(at), family.residual(at)
             size = float(np.abs(residual).max())
             if size <= CLOSED and size >= 0.25 * best:  # as good as rounding lets it become
                 return closest if best < size else at, derivatives
             if matrix is None or size > _SLOW * best:
-                matrix, derivatives = np.vstack([family.jacobian(place, held, reach), normal]), derivatives + 1
+                matrix, derivatives = np.vstack([family.jacobian(at, reach), normal]), derivatives + 1
             if size < best:
                 best, closest = size, at
-            residual[held] = 0.0
+            residual[~free[:-1]] = 0.0
             at = at - np.linalg.solve(matrix, np.append(residual, normal @ (at - guess)))
         except (np.linalg.LinAlgError, SimulationError, ValueError) as error:
             raise LostError(str(error)) from error
@@ -300,23 +291,20 @@ def corrected(family: Family, guess: np.ndarray, normal: np.ndarray,
             break
     if best <= CLOSED:
         return closest, derivatives
-    raise LostError(f"Newton's method does not close an orbit near {family.name} = {family.value(guess[-1]):.9g}")
+    raise LostError(f"Newton's method does not close an orbit near {family.where(guess)}")
 
 
 def point_at(family: Family, vector: np.ndarray, along: np.ndarray,
              reach: float = LONGEST_STEP, fine: bool = False) -> BranchPoint:
     """The branch's point at a solution, shape (n + 1,); `reach` and `fine` as for `Family.jacobian`."""
-    here, n = orbit_of(family, Place.of(vector)), len(vector) - 1
-    matrix = family.jacobian(here.place, family.held(here.place), reach, fine)
+    matrix, n = family.jacobian(vector, reach, fine), len(vector) - 1
     *_, rows = np.linalg.svd(matrix)
     tangent = rows[-1] if rows[-1] @ along >= 0.0 else -rows[-1]
-    found = np.linalg.eigvals(matrix[:, :n] + np.eye(n))
-    return BranchPoint(family, here.place, tangent, found[np.argsort(-np.abs(found), kind="stable")], here.mean_speed,
-                       here.passage)
+    return BranchPoint(family, vector, tangent, multipliers_of(matrix[:, :n]), family.mean_speed(vector),
+                       family.passage(vector))
 
 
-def orbit_of(family: Family, place: Place) -> PlacedOrbit:
-    """What the orbit at a place does, without derivatives."""
-    turn_map = family.map_at(place.share)
-    end = turn_map(place.state, family.turns)
-    return PlacedOrbit(place, end.advance / end.duration, passage(turn_map, place.state, family.turns))
+def multipliers_of(matrix: np.ndarray) -> np.ndarray:
+    """Floquet multipliers, the largest first, from the derivative of the residual by the state, shape (n, n)."""
+    found = np.linalg.eigvals(matrix + np.eye(len(matrix)))
+    return found[np.argsort(-np.abs(found), kind="stable")]

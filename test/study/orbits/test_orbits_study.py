@@ -9,7 +9,6 @@ import pytest
 
 import vibro_ros
 from vibro_ros.orbits.branch import Branch, Special
-from vibro_ros.orbits.curve import Curve, CurveSpecial
 from vibro_ros.study import progress
 from vibro_ros.study.orbits import curves
 from vibro_ros.study.orbits.command import main, parser, plan_of
@@ -93,12 +92,13 @@ def test_a_branch_is_read_as_it_was_written():
     random = np.random.default_rng(7)
     names = ("upper_position", "upper_velocity", "inclined_position", "inclined_velocity", "body_velocity")
     multipliers = random.normal(size=(4, 5)) + 1j * random.normal(size=(4, 5))
-    special = tuple(Special(kind, 0.1 * at, multipliers[0], change, 0.5, random.normal(size=5), at, 100.0 + at, 1e-9)
+    special = tuple(Special(kind, 0.1 * at, multipliers[0], change, 0.5, random.normal(size=5), at,
+                            np.array([100.0 + at]), 1e-9)
                     for kind, change, at in (("fold", "", 0), ("grazing", "landing appears", 2), ("fold", "", 2),
                                              ("corner", "stick vanishes", 4)))
-    branch = Branch(2, random.normal(size=4), random.normal(size=4), multipliers, random.normal(size=4),
-                    random.normal(size=(4, 5)), "an end", plan.scene, "motor.speed",
-                    {name: random.normal(size=(4, 2)) for name in names}, special)
+    branch = Branch(plan.scene, ("motor.speed",), "", 2, random.normal(size=4), random.normal(size=4), multipliers,
+                    random.normal(size=4), random.normal(size=(4, 5)),
+                    {name: random.normal(size=(4, 2)) for name in names}, special, "an end")
     table = table_of(rows_of(branch), fields_of(plan))
     assert study_of(plan, {}).are_own([3], table.to_pylist())
     found = branch_of(plan, table)
@@ -132,12 +132,13 @@ def test_a_curve_is_read_as_it_was_written():
     plan = plan_of(parser().parse_args(["--quick", "--scene", "damped"]))
     asked, random = curves.CurvePlan(plan, "upper.gap", 0.0, 0.002), np.random.default_rng(7)
     multipliers = random.normal(size=(4, 5)) + 1j * random.normal(size=(4, 5))
-    special = tuple(CurveSpecial(kind, 0.1 * at, multipliers[0], change, 0.5, random.normal(size=5), at,
-                                 random.normal(size=2))
+    special = tuple(Special(kind, 0.1 * at, multipliers[0], change, 0.5, random.normal(size=5), at,
+                            random.normal(size=2))
                     for kind, change, at in (("change of events", "stick", 0), ("change of events", "stick", 2),
                                      ("change of events", "", 4)))
-    curve = Curve(2, random.normal(size=(4, 2)), random.normal(size=4), multipliers, random.normal(size=4),
-                  random.normal(size=(4, 5)), "an end", "fold", ("motor.speed", "upper.gap"), special)
+    curve = Branch(plan.scene, ("motor.speed", "upper.gap"), "fold", 2, random.normal(size=(4, 2)),
+                   random.normal(size=4), multipliers, random.normal(size=4), random.normal(size=(4, 5)), {}, special,
+                   "an end")
     table = table_of(curves.rows_of(curve), curves.fields_of(asked))
     assert curves.study_of(asked, {}).are_own([3], table.to_pylist())
     found = curves.curve_of(asked, table)

@@ -178,8 +178,8 @@ def end_point(design: MapDesign, end: End) -> Point:
     here = float(design.speeds.values[end.speed_index])
     low, high = (here, here + span) if end.direction > 0 else (max(here - span, 0.1 * here), here)
     try:
-        family = Family(design.scene_at(end.speed_index, end.gap_index), "motor.speed", low, high, end.turns, PHASE)
-        branch = follow(family, np.array(end.state), family.share(here), float(end.direction))
+        family = Family(design.scene_at(end.speed_index, end.gap_index), {"motor.speed": (low, high)}, end.turns, PHASE)
+        branch = follow(family, np.append(end.state, family.shares(here)), float(end.direction))
         for _, (before, after) in zip(range(_MOST_STEPS), branch, strict=False):
             for special in special_points(before, after):
                 if special.kind == CORNER:  # the motion goes on

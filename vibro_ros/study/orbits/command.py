@@ -11,8 +11,8 @@ import pyarrow.compute as pc
 from vibro_ros.accuracy.harness import running
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.parameters import BY_NAME
-from vibro_ros.orbits.branch import family_of
-from vibro_ros.orbits.curve import Curve
+from vibro_ros.orbits.branch import Branch
+from vibro_ros.orbits.family import Family
 from vibro_ros.orbits.turn_map import TurnMap
 from vibro_ros.process.entry_point import Parser
 from vibro_ros.study.command import (
@@ -70,7 +70,7 @@ def curves_of(options: argparse.Namespace, plan: Plan) -> curves.CurvePlan:
         raise ValueError(f"--curves {options.curves}: is no range; give NAME=LOW:HIGH, such as upper.gap=0:0.002")
     if name == plan.name:
         raise ValueError(f"--curves {options.curves}: {name} is the parameter of --vary; give another one")
-    family_of(plan.scene, name, over.low, over.high, 1, 0.0)
+    Family(plan.scene, {name: (over.low, over.high)}, 1, 0.0)  # refuses what is no range of a number
     if not over.low <= plan.scene[name] <= over.high:
         raise ValueError(f"--curves {options.curves}: does not hold the machine's {plan.scene[name]:g}; give a range "
                          "that holds it, or another --set")
@@ -126,7 +126,7 @@ def _files(plan: Plan, run: OrbitsRun) -> dict[str, bytes]:
 
 
 def _curve_files(asked: curves.CurvePlan, run: OrbitsRun,
-                 found: Sequence[tuple[curves.CurveTask, Curve]]) -> dict[str, bytes]:
+                 found: Sequence[tuple[curves.CurveTask, Branch]]) -> dict[str, bytes]:
     """Table, text and picture of the curves by the names of their files; the text holds that of the branches, too."""
     files, rows = {}, list[dict]()
     for task, curve in found:

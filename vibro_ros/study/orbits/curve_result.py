@@ -8,7 +8,7 @@ from vibro_ros.accuracy.figures import new_figure, png, tidy, with_unit
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.orbits.branch import Branch
 from vibro_ros.orbits.continuation import DOUBLING, FOLD, GRAZING
-from vibro_ros.orbits.curve import Curve, has_curve
+from vibro_ros.orbits.curve import has_curve
 from vibro_ros.study.orbits.curves import CurvePlan, CurveTask
 from vibro_ros.study.orbits.result import MARKS, names_of
 from vibro_ros.study.orbits.run import Task
@@ -18,7 +18,7 @@ _CELLS = 50.0  # of the first parameter's range: names of one cell stand togethe
 _STYLES = {FOLD: "-", DOUBLING: "--", GRAZING: ":"}
 
 
-def curve_document(asked: CurvePlan, found: Sequence[tuple[CurveTask, Curve]]) -> str:
+def curve_document(asked: CurvePlan, found: Sequence[tuple[CurveTask, Branch]]) -> str:
     """The tables as the last part of a page."""
     heads = [with_unit(name, BY_NAME[name].unit) for name in asked.ranges]
     lines = ["", f"## Curves over {' and '.join(asked.ranges)}", "", "![Curves](curves.png)", "",
@@ -34,14 +34,14 @@ def curve_document(asked: CurvePlan, found: Sequence[tuple[CurveTask, Curve]]) -
     return "\n".join(lines) + "\n"
 
 
-def curves_in_words(found: Sequence[tuple[CurveTask, Curve]]) -> Iterator[str]:
+def curves_in_words(found: Sequence[tuple[CurveTask, Branch]]) -> Iterator[str]:
     """One line a curve and direction."""
     for task, curve in found:
         yield f"{task.special.kind} curve through {task.name}, {task.way}: {len(curve)} orbits; {curve.end}"
 
 
 def draw_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]],
-                found: Sequence[tuple[CurveTask, Curve]]) -> bytes:
+                found: Sequence[tuple[CurveTask, Branch]]) -> bytes:
     """Draw all curves, and the special points of the branches that they begin with; returns a PNG file."""
     figure = new_figure(8.0, 5.4)
     axes = figure.subplots()

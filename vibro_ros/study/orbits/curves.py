@@ -12,7 +12,7 @@ import pyarrow as pa
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.orbits.branch import Branch, Special
 from vibro_ros.orbits.continuation import KINDS
-from vibro_ros.orbits.curve import Curve, CurveSpecial, has_curve, passes, whole_curve
+from vibro_ros.orbits.curve import has_curve, passes, whole_curve
 from vibro_ros.orbits.turn_map import coordinates
 from vibro_ros.process.entry_point import say
 from vibro_ros.study.execution import Execution, Results
@@ -106,7 +106,7 @@ def study_of(asked: CurvePlan, tasks: dict[int, CurveTask]) -> Study:
                  (asked.plan.scene["solver.method"],), MOST_CURVES)
 
 
-def rows_of(curve: Curve) -> list[dict]:
+def rows_of(curve: Branch) -> list[dict]:
     """The rows of a curve."""
     rows = rows_of_sequence(
         curve, [dict(zip(curve.names, values, strict=True)) for values in curve.values],
@@ -114,14 +114,14 @@ def rows_of(curve: Curve) -> list[dict]:
     return [{"kind": curve.kind, **row} for row in rows]
 
 
-def curve_of(asked: CurvePlan, table: pa.Table) -> Curve:
+def curve_of(asked: CurvePlan, table: pa.Table) -> Branch:
     """The curve of at least one row that a file of a plan holds."""
     orbits, special, common = read_sequence(table, "point")
     first, second = asked.ranges
-    return Curve(
-        kind=table["kind"][0].as_py(), names=(first, second),
+    return Branch(
+        scene=asked.plan.scene, kind=table["kind"][0].as_py(), names=(first, second), strobe={},
         values=np.column_stack([array_of(orbits, first), array_of(orbits, second)]),
-        special_points=tuple(CurveSpecial(values=np.array([row[first], row[second]]), **own) for row, own in special),
+        special_points=tuple(Special(values=np.array([row[first], row[second]]), **own) for row, own in special),
         **common)
 
 
@@ -134,7 +134,7 @@ def rows_of_task(asked: CurvePlan, tasks: dict[int, CurveTask], number: int) -> 
 
 
 def follow_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]], names: Sequence[Sequence[str]], folder: Path,
-                  execution: Execution) -> list[tuple[CurveTask, Curve]]:
+                  execution: Execution) -> list[tuple[CurveTask, Branch]]:
     """The curves through all special points of branches that have one, in both directions of the second parameter.
 
     A special point that lies on a curve which is known already has none of its own. `names` are those of the special
@@ -147,7 +147,7 @@ def follow_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]], names: 
     RuntimeError
         When the disk is full or refuses, or a run cannot go on; finished curves are kept.
     """
-    found: list[tuple[CurveTask, Curve]] = []
+    found: list[tuple[CurveTask, Branch]] = []
     for (_, branch), own in zip(done, names, strict=True):
         for name, special in zip(own, branch.special_points, strict=True):
             if not has_curve(special):
@@ -164,7 +164,7 @@ def follow_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]], names: 
 
 
 def _followed(asked: CurvePlan, tasks: dict[int, CurveTask], folder: Path,
-              execution: Execution) -> list[tuple[CurveTask, Curve]]:
+              execution: Execution) -> list[tuple[CurveTask, Branch]]:
     study = study_of(asked, tasks)
 
     def follow(numbers: Iterable[int]) -> Results:

@@ -13,9 +13,8 @@ import pyarrow as pa
 
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.branch import Branch, Special, branch_from, doubled_branch_from, family_of, lies_on
+from vibro_ros.orbits.branch import Branch, Special, branch_from, doubled_branch_from, lies_on
 from vibro_ros.orbits.continuation import DOUBLING, KINDS
-from vibro_ros.orbits.curve import Curve
 from vibro_ros.orbits.family import Family
 from vibro_ros.orbits.orbit import Seed, seeds_of
 from vibro_ros.orbits.turn_map import coordinates, units_of
@@ -95,7 +94,7 @@ class Plan:
 
     def family(self, turns: int, phase: float) -> Family:
         """The orbits over the range; ValueError for a range that the scene refuses."""
-        return family_of(self.scene, self.name, self.low, self.high, turns, phase)
+        return Family(self.scene, {self.name: (self.low, self.high)}, turns, phase)
 
 
 def seeds_at(plan: Plan, number: int) -> list[Seed]:
@@ -114,16 +113,16 @@ def rows_of_task(plan: Plan, tasks: dict[int, Task], number: int) -> list[dict]:
     """The rows of the branch of a number; lines say how far it is."""
     task = tasks[number]
     family = plan.family(task.turns, task.phase)
-    share = family.share(task.value)
+    begin = np.append(task.state, family.shares(task.value))
     with Followed(f"branch {number}", [plan.name]) as notice:
         if task.way == DOUBLED:
-            branch = doubled_branch_from(family, task.state, share, plan.points, notice)
+            branch = doubled_branch_from(family, begin, plan.points, notice)
         else:
-            branch = branch_from(family, task.state, share, 1.0 if task.way == UP else -1.0, plan.points, notice)
+            branch = branch_from(family, begin, 1.0 if task.way == UP else -1.0, plan.points, notice)
     return rows_of(branch) or [{plan.name: task.value, **nothing(branch)}]
 
 
-def nothing(sequence: Branch | Curve) -> dict:
+def nothing(sequence: Branch) -> dict:
     """The row of a branch or curve without an orbit: why there is none."""
     return {"turns": sequence.turns, "mean_speed": math.nan, "phase": math.nan, "state": [], "multipliers_real": [],
             "multipliers_imag": [], "end": sequence.end}
@@ -204,7 +203,7 @@ def rows_of(branch: Branch) -> list[dict]:
         [{"kind": one.kind, branch.name: one.value, "width": one.width} for one in branch.special_points])
 
 
-def rows_of_sequence(sequence: Branch | Curve, orbits: list[dict], special: list[dict]) -> list[dict]:
+def rows_of_sequence(sequence: Branch, orbits: list[dict], special: list[dict]) -> list[dict]:
     """The rows of a branch or curve, given what rows of its orbits and of its special points have besides
     `ORBIT_FIELDS`; each special point stands between the orbits that it lies between."""
     rows = [{**own, "mean_speed": sequence.mean_speeds[k], "phase": sequence.phases[k], "state": sequence.states[k],
@@ -229,9 +228,10 @@ def branch_of(plan: Plan, table: pa.Table) -> Branch:
     orbits, special, common = read_sequence(table, "kind")
     name, names = plan.name, coordinates(plan.scene)
     return Branch(
-        scene=plan.scene, name=name, values=array_of(orbits, name),
+        scene=plan.scene, names=(name,), kind="", values=array_of(orbits, name),
         strobe={one: array_of(orbits, one).reshape(-1, common["turns"]) for one in names},
-        special_points=tuple(Special(value=row[name], width=row["width"], **own) for row, own in special), **common)
+        special_points=tuple(Special(values=np.array([row[name]]), width=row["width"], **own) for row, own in special),
+        **common)
 
 
 def read_sequence(table: pa.Table, kind: str) -> tuple[list[dict], list[tuple[dict, dict]], dict[str, Any]]:
@@ -242,9 +242,9 @@ def read_sequence(table: pa.Table, kind: str) -> tuple[list[dict], list[tuple[di
     list of dict
         The rows of the orbits.
     list of (dict, dict)
-        Each row of a special point, and the attributes of its `SpecialOrbit`.
+        Each row of a special point, and the attributes of its `Special`.
     dict
-        The attributes of their `OrbitSequence`, without `values`.
+        The attributes of their `Branch`, without what depends on the parameters.
     """
     rows = table.to_pylist()
     turns, end = int(rows[0]["turns"]), rows[-1]["end"]
@@ -323,7 +323,7 @@ class OrbitsRun:
             for seed in seeds:
                 family = plan.family(seed.turns, seed.phase)
                 with SignsOfLife(f"an orbit at {plan.name} = {value:g} compared with branches"):
-                    known = any(lies_on(family, seed, family.share(value), branch) for _, branch in self.done)
+                    known = any(lies_on(family, seed, value, branch) for _, branch in self.done)
                 if not known:
                     self._follow([Task(way, seed.turns, seed.phase, seed.state, value, None) for way in (UP, DOWN)])
         while tasks := self._doublings():

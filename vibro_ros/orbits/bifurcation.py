@@ -1,0 +1,234 @@
+"""Special points over two parameters: the equations that a curve of them solves, and Newton's method for these.
+
+The unknowns are the state and both parameters. The equations are those of an orbit, which comes back, and one more that
+says what is special (Yu. A. Kuznetsov, Elements of Applied Bifurcation Theory, section 10.3; W. Govaerts, Numerical
+Methods for Bifurcations of Dynamical Equilibria, SIAM 2000). With the derivative A of the turn map this is
+
+- at a fold or a period doubling: g = 0 of the bordered system [A -+ 1, b; c, 0] [v; g] = [0; 1], which is regular
+  there, with b and c from a neighbour's null vectors w and v;
+- at a grazing: the mass turns back at its plate. From the side without the contact, where the map is smooth, its
+  distance from the plate is made 1e-6 crank radii, and the point is carried on to 0 by the derivative, which leaves an
+  error of the square.
+
+The first needs derivatives of A, which are second differences of the map: they decide how fast Newton's method
+converges, not where to.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from vibro_ros.orbits.continuation import DOUBLING, FOLD, GRAZING
+from vibro_ros.orbits.family import LONGEST_STEP, BranchPoint, Family, LostError, multipliers_of
+from vibro_ros.orbits.orbit import CLOSED
+from vibro_ros.orbits.passage import Miss, Passage, least_gap
+from vibro_ros.orbits.turn_map import TURN, direction
+from vibro_ros.simulation.motion import SimulationError
+
+FOLLOWED = (FOLD, DOUBLING, GRAZING)
+"""Kinds of special points that have curves."""
+_CRITICAL = {FOLD: 1.0, DOUBLING: -1.0}
+_MISS = 1e-6  # crank radii, at which grazing orbits are computed
+_MET = 1e-7  # largest defect of the second equation; rounding of the derivative makes 1e-10 to 1e-8
+_STEP = 1e-4  # of differences, in units of the machine: with `fine`, rounding / step is the larger error, 1e-10
+_MOST_ITERATIONS, _SLOW = 16, 0.1
+_APART = 0.3  # rad, farthest that a step moves the instant of a grazing
+_DEPTHS = (1e-5, 1e-4, 1e-3, 1e-2)  # crank radii, from which a grazing is approached where the prediction touches
+
+
+class Frame(NamedTuple):
+    """What the second equation refers to: null vectors of a fold or doubling; plate and instant of a grazing."""
+
+    left: np.ndarray
+    right: np.ndarray
+    side: str = ""
+    angle: float = 0.0  # rad of the crank, counted over all turns
+
+
+class _Second(NamedTuple):
+    """The second equation at a point: its defect, its derivative by all unknowns, and its frame there."""
+
+    defect: float
+    slope: Callable[[], np.ndarray]
+    frame: Frame
+
+
+@dataclass(frozen=True)
+class Bifurcation(BranchPoint):
+    """A special point over two parameters, a `BranchPoint`.
+
+    Attributes
+    ----------
+    kind : str
+        Of `FOLLOWED`.
+    near : ndarray, shape (n + 2,)
+        What was solved for: the same as `vector`, but of a grazing at the distance `_MISS` from its plate.
+    matrix : ndarray, shape (n + 1, n + 2)
+        Derivative of the equations there.
+    frame : Frame
+        What the second equation refers to.
+    """
+
+    kind: str = ""
+    near: np.ndarray = field(default_factory=lambda: np.empty(0))
+    matrix: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    frame: Frame = Frame(np.zeros(0), np.zeros(0))
+
+
+def _second(family: Family, kind: str, vector: np.ndarray, matrix: np.ndarray, frame: Frame | None) -> _Second:
+    """The second equation, where the first one has the derivative `matrix`."""
+    if kind == GRAZING:
+        miss = _miss(family, vector, frame)
+        angle = _angle(family, vector, miss) % (TURN * family.turns)
+        return _Second(_distance(family, vector, miss) - _MISS, lambda: _distance_slope(family, vector, miss),
+                       Frame(np.zeros(0), np.zeros(0), miss.side, angle))
+    n = len(vector) - 2
+    turn = matrix[:, :n] + np.eye(n)
+    singular = turn - _CRITICAL[kind] * np.eye(n)
+    if frame is None:
+        u, _, v = np.linalg.svd(singular)
+        frame = Frame(u[:, -1], v[-1])
+    bordered = np.block([[singular, frame.left[:, None]], [frame.right[None, :], np.zeros((1, 1))]])
+    last = np.append(np.zeros(n), 1.0)
+    right, left = np.linalg.solve(bordered, last), np.linalg.solve(bordered.T, last)
+    own = Frame(left[:n] / np.linalg.norm(left[:n]), right[:n] / np.linalg.norm(right[:n]))
+    return _Second(float(right[n]), lambda: _derivative_slope(family, vector, -left[:n], right[:n]), own)
+
+
+def _reach(seen: Passage, longest: float) -> float:
+    """A step of differences of higher order, which stays on one side of all grazings."""
+    return max(1e-6, min(longest, 0.005 * seen.softest**2, 0.1 * seen.miss))
+
+
+def _derivative_slope(family: Family, vector: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """l' (dA/dz) r for each unknown z, shape (n + 2,), by second differences; A is the map's derivative."""
+    step, n = _reach(family.passage(vector), _STEP), len(vector) - 2
+    free, size, row = family.free(vector), float(np.linalg.norm(right)), np.zeros(n + 2)
+    along = np.append(right / size, [0.0, 0.0]) * free
+    for i in np.flatnonzero(free):
+        unit = np.eye(n + 2)[i]
+        ends = [family.residual(vector + step * (a * unit + b * along)) for a in (1, -1) for b in (1, -1)]
+        row[i] = (left * free[:n]) @ (ends[0] - ends[1] - ends[2] + ends[3]) * size / (4.0 * step**2)
+    return row
+
+
+def _miss(family: Family, vector: np.ndarray, frame: Frame | None) -> Miss:
+    """Where the mass turns back that grazes its plate (LostError if it touches the plate)."""
+    found, around = family.passage(vector).misses, TURN * family.turns
+
+    def apart(miss: Miss) -> float:
+        if frame is None:
+            return miss.gap
+        return abs((_angle(family, vector, miss) - frame.angle + 0.5 * around) % around - 0.5 * around)
+
+    near = min((miss for miss in found if frame is None or miss.side == frame.side), key=apart, default=None)
+    if near is None or apart(near) > _APART:
+        raise LostError("the mass touches its plate, or does not turn back before it")
+    return near
+
+
+def _angle(family: Family, vector: np.ndarray, miss: Miss) -> float:
+    """Crank angle [rad], counted on from the cut's, at which a mass turns back."""
+    turn_map = family.map_at(vector)
+    (turns,), _ = turn_map.shares(family.state(vector), np.array([0.5 * (miss.first + miss.last)]), np.zeros(1))
+    return family.phase + direction(turn_map.scene) * float(turns) * TURN
+
+
+def _distance(family: Family, vector: np.ndarray, miss: Miss) -> float:
+    """From the plate where a mass turns back, in crank radii."""
+    turn_map = family.map_at(vector)
+    return least_gap(turn_map, family.state(vector), miss) / turn_map.length
+
+
+def _distance_slope(family: Family, vector: np.ndarray, miss: Miss) -> np.ndarray:
+    """Derivative of a distance, shape (n + 2,)."""
+    free = family.free(vector)
+    step, row = max(1e-9, 0.1 * min(_STEP, _distance(family, vector, miss))), np.zeros(len(vector))
+    for i in np.flatnonzero(free):
+        moved = np.zeros(len(vector))
+        moved[i] = step
+        row[i] = (_distance(family, vector + moved, miss) - _distance(family, vector - moved, miss)) / (2.0 * step)
+    return row
+
+
+def found_near(family: Family, kind: str, guess: np.ndarray, normal: np.ndarray, frame: Frame | None,
+               away: np.ndarray | None = None) -> tuple[Bifurcation, int]:
+    """The special point on the plane through `guess` that is perpendicular to `normal`, and Newton's iterations.
+
+    Parameters
+    ----------
+    family : Family
+        The equations, over two parameters.
+    kind : str
+        Of `FOLLOWED`.
+    guess, normal : ndarray, shape (n + 2,)
+        State and shares; the plane's normal, and about the direction of the tangent.
+    frame : Frame or None
+        Of a neighbour.
+    away : ndarray, shape (n + 2,), optional
+        Where to, in this plane, a grazing has the distance 1 from its plate.
+
+    Raises
+    ------
+    LostError
+        Where Newton's method does not converge.
+    """
+    at, row, best, last, step = guess, None, np.inf, None, np.zeros_like(guess)
+    sideways = np.zeros_like(guess) if away is None else away
+    depths = iter(_DEPTHS if kind == GRAZING and away is not None else ())
+    found: tuple[np.ndarray, np.ndarray, _Second] | None = None
+    try:
+        for iteration in range(_MOST_ITERATIONS):  # noqa: B007  (its last value is returned)
+            try:
+                matrix = family.jacobian(at, fine=True, longest=_STEP)
+                second = _second(family, kind, at, matrix, frame)
+            except LostError:
+                if last is not None:
+                    step = 0.5 * step
+                    at = last - step
+                    continue
+                depth = next(depths, None)
+                if depth is None:
+                    raise
+                at = guess + depth * sideways
+                continue
+            defects = np.where(family.free(at)[:-2], family.residual(at), 0.0)
+            size = max(float(np.abs(defects).max()) / CLOSED, abs(second.defect) / _MET)
+            if best <= 1.0 and size >= 0.25 * best:  # as good as rounding lets it become
+                break
+            if row is None or size > _SLOW * best:
+                row = second.slope()
+            if size < best:
+                best, found = size, (at, np.vstack([matrix, row]), second)
+            last, step = at, family.free(at) * np.linalg.solve(np.vstack([matrix, row, normal]), np.append(
+                defects, [second.defect, normal @ (at - guess)]))
+            at = last - step
+            if not np.all(np.isfinite(at)) or np.abs(at - guess).max() > 10.0 * LONGEST_STEP:
+                break
+        if found is not None and best <= 1.0:
+            return _point(family, kind, *found, normal), iteration
+    except (np.linalg.LinAlgError, SimulationError, ValueError) as error:
+        raise LostError(str(error)) from error
+    raise LostError(f"Newton's method does not find a {kind} near {family.where(guess)}")
+
+
+def _point(family: Family, kind: str, near: np.ndarray, matrix: np.ndarray, second: _Second,
+           along: np.ndarray) -> Bifurcation:
+    """The special point at a solution of the equations."""
+    n, free = len(near) - 2, family.free(near)
+    *_, rows = np.linalg.svd(matrix)
+    # Rounding must not move what is held: a body at a height of -6e-27 m is refused.
+    tangent, vector = free * (rows[-1] if rows[-1] @ along >= 0.0 else -rows[-1]), near
+    if kind == GRAZING:
+        vector = near - (_MISS + second.defect) * free * np.linalg.solve(np.vstack([matrix, along]), np.eye(n + 2)[n])
+    speed = 2.0 * family.mean_speed(near) - family.mean_speed(2.0 * near - vector)  # carried on as `vector` is
+    return Bifurcation(family, vector, tangent, multipliers_of(matrix[:n, :n]), speed, family.passage(near), kind=kind,
+                       near=near, matrix=matrix, frame=second.frame)
+
+
+def away(point: Bifurcation, normal: np.ndarray) -> np.ndarray:
+    """Where to, across `normal`, the second equation grows by 1; what something holds stays."""
+    found = np.linalg.solve(np.vstack([point.matrix, normal]), np.eye(len(normal))[-2])
+    return np.where(point.family.free(point.near), found, 0.0)
