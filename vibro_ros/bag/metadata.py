@@ -20,7 +20,6 @@ LABEL_LIMITS = Limits(size=50_000, values=2000, depth=8)
 LAST_STAMP = 2**63 - 2
 """Greatest recorded stamp [ns]: rosbag2 keeps signed 64-bit stamps, and rosbags reserves the last one."""
 
-_COUNTED = ("message_count", "starting_time", "duration")
 _MOST_DEPTH = 2**31 - 1
 _LASTING = "transient_local"
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}  # how ROS writes "no deadline"
@@ -136,19 +135,6 @@ def bag_information(files: Sequence[FileInformation], topics: Iterable[TopicInfo
         "custom_data": dict(custom) or None,
         "ros_distro": "jazzy",
     }
-
-
-def agrees(information: Mapping, expected: Mapping) -> bool:
-    """Whether metadata.yaml's `information` is what `bag_information` would say, as far as readers of ROS use it."""
-    try:
-        topics, others = ({one["topic_metadata"]["name"]: (one["message_count"], one["topic_metadata"]["type"],
-                                                           one["topic_metadata"]["serialization_format"])
-                           for one in of["topics_with_message_count"]} for of in (information, expected))
-        return (sorted(information["relative_file_paths"]) == sorted(expected["relative_file_paths"])
-                and (not expected["message_count"] or all(information[key] == expected[key] for key in _COUNTED))
-                and all(topics[name] == other for name, other in others.items() if other[0]))
-    except (KeyError, TypeError):
-        return False
 
 
 def as_text(information: object) -> str:

@@ -144,7 +144,7 @@ def read_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = Non
     Parameters
     ----------
     path : str or Path
-        The bag folder, sealed; of one MCAP file or several, with or without compressed chunks. `ros2 bag convert`
+        The bag folder, sealed or not; of one MCAP file or several, compressed chunks or not. `ros2 bag convert`
         makes such a bag of one in the storage sqlite3.
     columns : mapping of str to sequence of str, optional
         What to read when the bag is large: by the last part of a topic's name, names of its arrays, with ``*`` for any
@@ -189,7 +189,7 @@ def read_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = Non
     Raises
     ------
     BagError
-        When the folder is missing, no bag, or not sealed, or when nothing in it can be read; the message names path,
+        When the folder is missing or no bag, or when nothing in it can be read; the message names path,
         reason and remedy.
 
     Warns

@@ -177,7 +177,7 @@ def _parser() -> Parser:
         "Exit code 0: identical (with --set: written); 1: different, the first difference is named (with --set: the\n"
         "simulation could not go on); 2: no bag of the robot, or a bad parameter; 129, 130, 143: stopped by SIGHUP,\n"
         "SIGINT, SIGTERM.")
-    parser.add_argument("bag", type=Path, metavar="BAG_FOLDER", help="folder of a recording, sealed")
+    parser.add_argument("bag", type=Path, metavar="BAG_FOLDER", help="folder of a recording")
     parser.add_argument("--set", action="append", metavar="NAME=VALUE",
                         help="change a parameter of the scene, such as guide.angle=1.2, and write what the robot would "
                         "have done to a new bag beside the recording; repeatable")

@@ -12,6 +12,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Collection, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -133,14 +134,13 @@ class Rerun:
     `scene` has the method that `solver.method` auto has picked. `tick` is the number of the last sample taken, -1
     before the first, `origin` that of the sample at which the device's own time is 0. `latched` is what the robot
     publishes once: its own name of each topic, and the message. `commands` counts the messages that commanded the
-    device, `refused` commands and operations that the device refused, `resets` how often it was put back to its start.
-    While `through` goes on, `stamp` [ns] and `recorded` are what it has reached, or could not reach, and `seen` counts
-    the messages before it by topic.
+    device, `resets` how often it was put back to its start. While `through` goes on, `stamp` [ns] and `recorded` are
+    what it has reached, or could not reach, and `seen` counts the messages before it by topic.
     """
 
     def __init__(self, facts: RecordedRun, scene: Scene):
         self.tick = -1
-        self.origin = self.commands = self.refused = self.resets = self.stamp = 0
+        self.origin = self.commands = self.resets = self.stamp = 0
         self.recorded: Recorded = []
         self.seen: Counter[str] = Counter()
         self._facts = facts
@@ -259,16 +259,12 @@ class Rerun:
             message = deserialised(data, TOPICS[OPERATIONS].type if name == OPERATIONS else ROBOT_TOPICS[name])
             operation = read_operation(message.data) if name == OPERATIONS else None
         except ValueError as error:
-            self.refused += 1
             return str(error)
         if operation is None:
             self._command(name, message)
             return ""
-        try:
+        with suppress(ValueError):  # another robot refuses what the recorded one did
             perform(operation, self.device)
-        except ValueError:  # of an operation, in a variation only
-            self.refused += 1
-        else:
             if operation.name == RESET:
                 self.origin = self.tick + 1
                 self.resets += 1
@@ -325,13 +321,10 @@ class Rerun:
             self.seen[name] += 1
 
     def _command(self, name: str, message: Any) -> None:
-        given, faults = commands_in(name, message, self.device.scene)
-        self.refused += len(faults)
+        given, _ = commands_in(name, message, self.device.scene)
         for argument, value in given.items():
-            try:
+            with suppress(ValueError):  # the robot refused it as well
                 self.device.command(**{argument: value})
-            except ValueError:
-                self.refused += 1
 
     def _advance(self) -> None:
         """Go to the sample `tick`; a device that was reset after it stands at its start already."""
