@@ -7,7 +7,7 @@
 
 import {line} from "vibro/mechanism.js";
 import {countUpTo} from "vibro/samples.js";
-import {fixed, font, theme, ticks, axisRange, tickText} from "vibro/text.js";
+import {axisRange, fixed, font, theme, tickText, ticks} from "vibro/text.js";
 
 const MILLI = 1e3;
 

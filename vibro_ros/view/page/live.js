@@ -4,7 +4,7 @@ import {Impacts} from "vibro/impacts.js";
 import {Knobs} from "vibro/knobs.js";
 import {Motion} from "vibro/motion.js";
 import {Page} from "vibro/page.js";
-import {csv, SampleBuffer} from "vibro/samples.js";
+import {SampleBuffer, csv} from "vibro/samples.js";
 import {fixed, note, pressed, say, sayAbsent} from "vibro/text.js";
 
 const MOST_SAMPLES = 60_000; // that are kept: a minute of a robot that publishes 1000 a second
@@ -139,9 +139,9 @@ class Live {
     document.querySelector("#real-time-factor").textContent = number(factor, 1, 2, "×");
     document.querySelector("#dropped").textContent = number(dropped, 100, 1, " %");
     this.#paused = Boolean(paused);
-    name(this.#buttons.pause, this.#paused, "Pause", "Resume");
+    label(this.#buttons.pause, this.#paused, "Pause", "Resume");
     this.#buttons.step.disabled = !(this.#offers?.step && this.#paused);
-    name(this.#buttons.record, Boolean(recording), "Record", "Stop recording");
+    label(this.#buttons.record, Boolean(recording), "Record", "Stop recording");
     document.querySelector("#recording").textContent = recording ?? "";
   }
 
@@ -194,7 +194,7 @@ function sayFailure({done, words}) {
 }
 
 // Name a button by what a click does.
-function name(button, on, begin, end) {
+function label(button, on, begin, end) {
   button.dataset.on = String(on);
   button.textContent = on ? end : begin;
 }
@@ -301,12 +301,12 @@ export function decode(buffer, columns) {
     return null;
   }
   const view = new DataView(buffer);
-  const [type, number] = [view.getUint32(0, true), view.getUint32(4, true)];
+  const [type, count] = [view.getUint32(0, true), view.getUint32(4, true)];
   if (type === MOTION) {
-    return {type, number, payload: buffer.slice(HEADER)};
+    return {type, number: count, payload: buffer.slice(HEADER)};
   }
-  if (type === SAMPLES && columns > 0 && buffer.byteLength === HEADER + 8 * columns * number) {
-    return {type, number, rows: new Float64Array(buffer, HEADER)};
+  if (type === SAMPLES && columns > 0 && buffer.byteLength === HEADER + 8 * columns * count) {
+    return {type, number: count, rows: new Float64Array(buffer, HEADER)};
   }
   return null;
 }

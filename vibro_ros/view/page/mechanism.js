@@ -6,7 +6,7 @@
  * quantities of an instant by name.
  */
 
-import {fixed, font, theme, forceText} from "vibro/text.js";
+import {fixed, font, forceText, theme} from "vibro/text.js";
 
 /** Half the width of a guide [m]; like the outlines below, a size that only pictures have. */
 export const RAIL = 0.014;

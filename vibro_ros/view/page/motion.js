@@ -3,7 +3,7 @@
  * `vibro_ros/view/motion.py` says how a document holds them.
  */
 
-import {countUpTo, Extremes} from "vibro/samples.js";
+import {Extremes, countUpTo} from "vibro/samples.js";
 
 /** Degree of a quantity about which nothing is known. */
 const UNKNOWN = 255;

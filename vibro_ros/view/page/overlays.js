@@ -1,7 +1,7 @@
 /** What is drawn over the mechanism on demand: forces, the names of the parts. */
 
 import {PLATE, RAIL, SLED, arrowLength, massPlace, plateFace, sliderPosition} from "vibro/mechanism.js";
-import {font, theme, forceText} from "vibro/text.js";
+import {font, forceText, theme} from "vibro/text.js";
 
 const LEAST = 0.05; // N, of a force that is drawn
 const HEAD = 7; // px, of an arrow

@@ -2,11 +2,11 @@
 
 import {Charts, Readings} from "vibro/charts.js";
 import {Impacts} from "vibro/impacts.js";
-import {drawMechanism, Stage} from "vibro/mechanism.js";
+import {Stage, drawMechanism} from "vibro/mechanism.js";
 import {drawForces, drawNames, drawPush} from "vibro/overlays.js";
 import {Portraits} from "vibro/portraits.js";
-import {bodyState, clockDecimals, explain, fixed, followTheme, font, MeanSpeed, sayExactness, Surface, theme} from "vibro/text.js";
-import {Marks, Player, scrub, Transport} from "vibro/transport.js";
+import {MeanSpeed, Surface, bodyState, clockDecimals, explain, fixed, followTheme, font, sayExactness, theme} from "vibro/text.js";
+import {Marks, Player, Transport, scrub} from "vibro/transport.js";
 
 const LONGEST = 0.1; // s between two pictures; a page that was hidden goes on where it was
 const LIVE = {speed: 1, window: 6, charts: 100}; // pace of a live robot, whose page takes little from the robot
@@ -16,7 +16,7 @@ const FAST = 0.5; // robot time over time on the wall, from which on peak forces
 
 /** What is drawn, and when. */
 export class Page {
-  picture = new Picture();
+  picture;
   player = new Player();
   marks = new Marks();
   transport = new Transport(this.player, () => this.picture.change());
@@ -30,6 +30,7 @@ export class Page {
   #text;
 
   constructor() {
+    this.picture = new Picture();
     document.querySelector("#forces").addEventListener("change", (event) => {
       this.picture.forces = event.target.checked;
       this.picture.change();

@@ -1,6 +1,6 @@
 /** Slow motion: its clock, and the controls by mouse and by keyboard. */
 
-import {Surface, fixed, theme, clockDecimals} from "vibro/text.js";
+import {Surface, clockDecimals, fixed, theme} from "vibro/text.js";
 
 const FRAME = 1 / 60; // s, of time on the wall
 
