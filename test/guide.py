@@ -18,7 +18,7 @@ def table(*heads: str) -> list[list[str]]:
     pages = [text for text in PAGES.values() for _ in range(text.count(head))]
     assert len(pages) == 1, f"{len(pages)} tables in docs/guide begin with {head}"
     rows = pages[0].partition(head)[2].partition("\n\n")[0].splitlines()[1:]
-    return [[cell.strip() for cell in row.strip("|").split(" | ")] for row in rows]
+    return [[cell.strip() for cell in row.strip("|").split(" | ")] for row in rows if row.startswith("|")]
 
 
 def first_column(*heads: str) -> list[str]:

@@ -106,7 +106,7 @@ def test_what_cannot_be_is_refused_in_the_device_s_words(start, let, listener):
     for name, request, words in (
             ("set_state", {"names": ["body_velocity"], "values": []}, "1 names, 1 of them different, and 0 values"),
             ("set_state", {"names": ["mass"], "values": [1.0]}, "'mass': cannot be given; give any of"),
-            ("set_state", {"names": ["self"], "values": [1.0]}, "self: cannot be given"),
+            ("set_state", {"names": ["self"], "values": [1.0]}, "'self': cannot be given"),
             ("set_state", {"names": ["body_velocity"], "values": [math.nan]}, "body_velocity: nan is not finite"),
             ("push", {"force_x": math.nan, "duration": 1.0}, "force_x: nan is not finite"),
             ("push", {"force_x": 1.0, "duration": math.inf}, "duration: inf is not finite"),
