@@ -1,26 +1,44 @@
-"""A body that leaves stick leaves it once: no state comes back at one instant."""
+"""A body that leaves stick leaves it once, under every force of the ground, and under one that a row adds."""
 
 import numpy as np
 import pytest
+from test_thousand_random_scenes import check_instants
 
 import vibro_ros
-from vibro_ros.model import tables
-from vibro_ros.model.ground import Ground
+from vibro_ros.model import parameter_values
+from vibro_ros.model.parameter_values import GROUND_FORCES, GroundForce
 
-STATES = ("stick", "slip_forward", "slip_backward")
+#: A spring between body and world, in place of the drag.
+SPRING = GroundForce("F_k", "ground.drag", lambda values: (0.0, 0.0, values["ground.drag"]))
+# Numbers that no other test has: compiled scenes are kept by their parameters.
+NUMBERS = {"ground.slope": (0.05123,), "ground.viscous_friction": (1.0123e-9, 2.0123), "ground.drag": (0.5123,)}
+CASES = [(force, number) for force in GROUND_FORCES for number in NUMBERS[force.parameter]] + [
+    (SPRING, number) for number in (0.5124, 50.123, 5012.3)]
 
 
-@pytest.mark.parametrize("stiffness", [0.5, 50.0, 5e3])
-@pytest.mark.parametrize("name", ["damped", "unilateral"])
-def test_a_spring_between_body_and_world_makes_no_chatter(monkeypatch, name, stiffness):
-    """Where stick ends the body is at rest but for rounding, although its equation has a spring of its own."""
-    viscous = Ground.viscous_force
-    monkeypatch.setattr(Ground, "viscous_force", lambda ground, *forms: viscous(ground, *forms) + stiffness
-                        * ground._forms.position(ground._forms.body))
-    tables._compile_machine.cache_clear()
-    scene = vibro_ros.load_scene(name).with_parameters({"ground.viscous_friction": 1e-9})
-    events = vibro_ros.simulate(scene, duration=2.0, rate=100.0).events
-    tables._compile_machine.cache_clear()
-    changes = events[np.isin(events["kind"], STATES)]
-    assert len(changes) > 50
-    assert np.diff(changes["time"]).min() > 1e-9
+@pytest.mark.parametrize("name", ["damped", "unilateral", "device"])
+@pytest.mark.parametrize(("force", "number"), CASES, ids=[f"{force.symbol} {number}" for force, number in CASES])
+def test_no_state_begins_twice_at_one_instant_and_energy_balances(monkeypatch, name, force, number):
+    """Where stick ends the body is at rest but for rounding, whatever holds it."""
+    monkeypatch.setattr(parameter_values, "GROUND_FORCES", (*(one for one in GROUND_FORCES if (
+        one.parameter != force.parameter)), force))
+    scene = vibro_ros.load_scene(name).with_parameters({
+        "motor.speed": 100.0, "solver.accounts": True, force.parameter: number})
+    assert f"{force.symbol} = " in scene.describe()
+    run = vibro_ros.simulate(scene, duration=2.0, rate=100.0)
+    check_instants(run.events)
+    changes = run.events["time"][np.isin(run.events["kind"], ("stick", "slip_forward", "slip_backward"))]
+    assert len(changes) > 20
+    accounts = run.statistics["energy_accounts"]
+    assert abs(accounts["residual"]) <= 1e-11 * sum(map(abs, accounts.values()))
+
+
+def test_a_spring_of_the_ground_swings_the_body(monkeypatch):
+    """x'' = -k/M x without friction: x(t) = cos(omega t), to 1e-13."""
+    monkeypatch.setattr(parameter_values, "GROUND_FORCES", (SPRING,))
+    scene = vibro_ros.load_scene("damped").with_parameters({
+        "effects.upper_mass": False, "effects.inclined_mass": False, "effects.friction": "none",
+        "ground.drag": 40.124, "start.state": "given", "start.body_position": 1.0})
+    run = vibro_ros.simulate(scene, duration=3.0, rate=100.0)
+    expected = np.cos(np.sqrt(40.124 / scene.total_mass) * run.time)
+    np.testing.assert_allclose(run.body_position, expected, rtol=0, atol=1e-13)

@@ -8,8 +8,9 @@ import pytest
 
 import vibro_ros.model.modes
 from vibro_ros.model.energy import ACCOUNTS
-from vibro_ros.model.ground import GROUND_FORCES, GROUND_STATES, Ground
+from vibro_ros.model.ground import GROUND_STATES
 from vibro_ros.model.modes import MODE_EVENTS
+from vibro_ros.model.parameter_values import GROUND_FORCES
 from vibro_ros.model.parameters import BY_NAME, SCENE_PARAMETERS
 from vibro_ros.model.support import ANY, SIMULATORS, SUPPORT, unsupported
 
@@ -32,7 +33,7 @@ def test_the_places_exist():
 def test_every_force_of_the_ground_has_its_law_its_parameter_and_its_place_in_the_documents():
     text = (ROOT / "docs/robot.md").read_text(encoding="utf-8")
     for force in GROUND_FORCES:
-        assert callable(getattr(Ground, force.name)) and force.parameter in SUPPORT
+        assert callable(force.law) and force.parameter in SUPPORT
         assert force.symbol in text and force.parameter in text and force.account in ("", *ACCOUNTS)
 
 

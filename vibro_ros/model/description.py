@@ -152,15 +152,14 @@ class _Description:
         """Lines for x'', F_in and each force of the ground whose law is a form."""
         total, body = self._scene.total_mass, self._model.forms.body
         inertial = total * self._model.system.acceleration[:, body]
-        for force in self._ground.along:
-            inertial = inertial - force.sign * self._builder.ground_force(force.name)
+        inertial = inertial + sum(self._ground.forces.values())
+        if self._has_dry_friction:
+            inertial = inertial + self._builder.ground_force("friction_force")
         first = self._ground.states[0]
-        forces = [(1.0, "F_in"), *((force.sign, force.symbol) for force in self._ground.along)]
-        yield f"{total:g} x'' = {_sum(forces)}"
+        yield f"{total:g} x'' = {self._ground.driving_symbol}{' - F_fr' if self._has_dry_friction else ''}"
         yield from self._with_remark("F_in = ", self._texts(inertial, first), "eq. (7)")
-        for force in self._ground.along:
-            if not force.set_valued:
-                yield from self._cases(f"{force.symbol} = ", self._texts(self._builder.ground_force(force.name)))
+        for force, form in self._ground.forces.items():
+            yield f"{force.symbol} = {self._symbols.text(form)}"
 
     def _output(self, name: str) -> np.ndarray:
         """Forms of an output, shape (modes, channels); from mode to mode the state of the friction changes first."""

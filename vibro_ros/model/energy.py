@@ -65,6 +65,7 @@ def audit_tables(builder: ModeBuilder, scene: Scene) -> dict[str, np.ndarray]:
     stored += [*_motor_energies(builder)] if audited else []
     if audited and with_body:
         stored += [(rate, _moved_mass(scene)) for rate in forms.body_velocity()]
+        stored += [(forms.position(forms.body), stiffness) for *_, stiffness in scene.ground_laws.values() if stiffness]
     potential = _height(forms, scene) if audited and with_body else forms.zero
     powers = list(_audited_powers(builder, scene, with_body)) if audited else []
     force = np.empty((len(builder.modes), len(powers), forms.channels.count))
@@ -131,11 +132,11 @@ def _distance_from_rod(forms: Forms, scene: Scene, side: str) -> Form:
 def _height(forms: Forms, scene: Scene) -> Form:
     """Energy [J] of the height of a body that hops or is on a slope, with its masses."""
     energy: Form = forms.zero
-    downhill, down = scene.gravity
     if forms.body_hops:
-        energy = energy + scene.total_mass * down * forms.position(forms.height)
-    if downhill != 0.0:
-        energy = energy + scene.total_mass * downhill * forms.position(forms.body)
+        energy = energy + scene.total_mass * scene.gravity[1] * forms.position(forms.height)
+    for force, (constant, _, _) in scene.ground_laws.items():
+        if not force.account:
+            energy = energy + constant * forms.position(forms.body)
     return energy
 
 
@@ -156,8 +157,12 @@ def _audited_powers(builder: ModeBuilder, scene: Scene, with_body: bool) -> Iter
     yield from _pushes(forms) if with_body else ()
     if builder.motor:
         yield from _motor_powers(builder, builder.motor)
-    for force in builder.ground.works if with_body else ():
-        yield force.sign * builder.ground_force(force.name), forms.channels.velocity(forms.body)
+    for force, (constant, damping, _) in scene.ground_laws.items() if with_body else ():
+        if force.account:
+            drag = constant * forms.one + damping * forms.velocity(forms.body)
+            yield -drag, forms.channels.velocity(forms.body)
+    if with_body and builder.ground.has_dry_friction:
+        yield -builder.ground_force("friction_force"), forms.channels.velocity(forms.body)
 
 
 def _motor_powers(builder: ModeBuilder, motor: Motor) -> Iterator[tuple[ModeForms, int]]:
@@ -200,8 +205,11 @@ def _powers(builder: ModeBuilder, scene: Scene) -> Iterator[Power]:
     paid = scene["effects.reaction"]  # else the forces that drive and lift the body do work that nobody gives
     if forms.body_moves:
         speed = channels.velocity(forms.body)
-        for law in builder.ground.works:
-            yield ACCOUNTS.index(law.account), law.sign * builder.ground_force(law.name), speed
+        for force, (constant, damping, _) in scene.ground_laws.items():
+            if force.account:
+                yield ACCOUNTS.index(force.account), -constant * forms.one - damping * forms.velocity(forms.body), speed
+        if builder.ground.has_dry_friction:
+            yield _FRICTION, -builder.ground_force("friction_force"), speed
         if not paid:
             yield _UNPAID, builder.at_contact(forms.inertial_force), speed
     yield from ((_UNPAID, push, rate) for push, rate in _pushes(forms) if paid)
@@ -241,6 +249,9 @@ def _stored(builder: ModeBuilder, scene: Scene) -> Iterator[Stored]:
     yield from ((form, weight, _BLOWS) for form, weight in _motor_energies(builder))
     for side in forms.guides:
         yield forms.stretch(side)[0], scene[f"{side}.spring.stiffness"], _BLOWS
+    for _, _, stiffness in scene.ground_laws.values():
+        if stiffness:
+            yield forms.position(forms.body), stiffness, _BLOWS
     for side in filter(builder.has_compliant_plate, forms.plates):
         weight = np.where(builder.mode_set.pressing[side], scene[f"{side}.plate.stiffness"], 0.0)
         yield forms.penetration(side)[0], weight, _BLOWS

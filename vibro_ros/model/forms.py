@@ -97,7 +97,7 @@ class Forms:
     body_moves : bool
         Whether x is a coordinate, the one after the masses: a force other than dry friction acts along the ground.
     body_is_dynamic : bool
-        Whether x enters its own equation: with viscous friction.
+        Whether x enters its own equation: with viscous friction of the ground.
     body_hops : bool
         Whether y, the body's height, is a coordinate, the last one: by the rule `hop` a mass can lift the body.
     body, height : int
@@ -140,8 +140,7 @@ class Forms:
         self.friction_decays = (
             self.body_moves and scene.has_dry_friction and scene["effects.friction"] == "stribeck"
             and scene["ground.static_friction"] > scene["ground.friction"])
-        # A viscous force makes x enter its own equation, so that x is a dynamic coordinate as the masses are.
-        self.body_is_dynamic, self.has_rotor = scene["ground.viscous_friction"] != 0.0, scene.has_rotor
+        self.body_is_dynamic, self.has_rotor = scene.body_is_dynamic, scene.has_rotor
         dynamic = len(self.guides) + self.body_is_dynamic + 2 * self.has_rotor
         self.phase, self.charge = dynamic - 2, dynamic - 1
         self.body = len(self.guides) if self.body_is_dynamic else dynamic

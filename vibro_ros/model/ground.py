@@ -1,7 +1,7 @@
 """The ground: its forces on the body, and the states of the body on it and above it.
 
-Every force of the ground is a row of `GROUND_FORCES`, and every state a row of `GROUND_STATES`. The equations, the
-energy, Moreau's laws and the description of a scene read both.
+Dry friction and the normal force depend on the state of the body, a row of `GROUND_STATES`. Every other force of the
+ground is a row of `parameter_values.GROUND_FORCES`, F = F0 + c x' + k x against forward motion.
 
 Coulomb's law is eq. (5). The law `static` holds a body at rest with the coefficient mu_s instead of mu. By Stribeck's
 law the coefficient falls from mu_s to mu as the speed rises,
@@ -19,50 +19,6 @@ from typing import NamedTuple
 from vibro_ros.model.forms import NO_EDGES, Form, Forms, Guard, ModeForms, Target, without_jump
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.shock import REST_SPEED, Landing, Shock
-
-ALONG, UPWARDS = 0, 1
-
-
-class GroundForce(NamedTuple):
-    """A force of the ground on the body.
-
-    Attributes
-    ----------
-    name : str
-        Name of the method of `Ground` that gives the force in a state, and of the output if it is published.
-    symbol : str
-        Symbol in `Scene.describe()`.
-    row : int
-        The body's equation in which the force stands: `ALONG` (x) or `UPWARDS` (y).
-    sign : float
-        Sign of the force in that equation.
-    account : str
-        The energy account of the force's work; empty for N, which does no work, and for the weight, whose work is
-        the change of a stored energy.
-    parameter : str
-        The choice or the number that decides the force.
-    set_valued : bool
-        Whether states and guards decide the force, as those of dry friction and of N. A force whose law is a linear
-        form, such as -c x', makes no state, and is absent where its parameter is 0.
-    """
-
-    name: str
-    symbol: str
-    row: int
-    sign: float
-    account: str
-    parameter: str
-    set_valued: bool
-
-
-#: Every force of the ground on the body.
-GROUND_FORCES = (
-    GroundForce("normal_force", "N", UPWARDS, 1.0, "", "effects.normal_force", set_valued=True),
-    GroundForce("downhill_force", "F_g", ALONG, -1.0, "", "ground.slope", set_valued=False),
-    GroundForce("viscous_force", "F_v", ALONG, -1.0, "friction", "ground.viscous_friction", set_valued=False),
-    GroundForce("drag_force", "F_0", ALONG, -1.0, "friction", "ground.drag", set_valued=False),
-    GroundForce("friction_force", "F_fr", ALONG, -1.0, "friction", "effects.friction", set_valued=True),
-)
 
 
 class GroundState(NamedTuple):
@@ -122,12 +78,10 @@ class Ground:
         Whether friction can hold the body.
     states : tuple of str
         The names of `GROUND_STATES` that the scene can be in.
-    along : tuple of GroundForce
-        The forces along the ground that the scene has.
-    works : tuple of GroundForce
-        Those whose work is booked on an account.
+    forces : dict of GroundForce to form
+        The forces along the ground but dry friction that the scene has, F0 + c x' + k x [N].
     driving_symbol : str
-        Symbol of F_in and the forces along the ground but dry friction.
+        Symbol of F_in and these forces.
     """
 
     def __init__(self, scene: Scene, forms: Forms, edges: tuple[float, float] = NO_EDGES):
@@ -136,12 +90,10 @@ class Ground:
         self._kinetic, self._static = scene.kinetic_frictions, scene.resting_frictions
         self._rule, self._restitution = scene["effects.normal_force"], scene["ground.restitution"]
         self.has_dry_friction = scene.has_dry_friction and forms.body_moves
-        self.along = tuple(force for force in GROUND_FORCES if force.row == ALONG and forms.body_moves and (
-            self.has_dry_friction if force.set_valued else scene[force.parameter] != 0.0))
-        self.works = tuple(force for force in self.along if force.account)
-        self._others = tuple(force for force in self.along if not force.set_valued)
-        self.driving_symbol = "F_in" + "".join(f" {'+' if force.sign > 0.0 else '-'} {force.symbol}"
-                                               for force in self._others)
+        self.forces = {force: constant * forms.one + damping * forms.velocity(forms.body)
+                       + stiffness * forms.position(forms.body)
+                       for force, (constant, damping, stiffness) in scene.ground_laws.items()}
+        self.driving_symbol = " - ".join(["F_in", *(force.symbol for force in self.forces)])
         without_load = WITHOUT_LOAD[self._rule] if self._rule != "hop" or forms.body_hops else ()
         if self.has_dry_friction:
             self.states = ("stick", "slip_forward", "slip_backward", *without_load)
@@ -163,24 +115,9 @@ class Ground:
             force = force + (static - kinetic) * self._forms.decayed_normal_force()
         return multiple * force
 
-    def downhill_force(self, state: str, normal: ModeForms, inertial: ModeForms) -> Form:
-        """M g sin(alpha) [N]: the weight of body and masses down a slope on which x points uphill."""
-        return self._scene.total_mass * self._scene.gravity[0] * self._forms.one
-
-    def viscous_force(self, state: str, normal: ModeForms, inertial: ModeForms) -> Form:
-        """c_v x' [N]."""
-        return self._scene["ground.viscous_friction"] * self._forms.velocity(self._forms.body)
-
-    def drag_force(self, state: str, normal: ModeForms, inertial: ModeForms) -> Form:
-        """F_0 [N]."""
-        return self._scene["ground.drag"] * self._forms.one
-
     def driving_force(self, state: str, normal: ModeForms, inertial: ModeForms) -> ModeForms:
         """F_in and every force along the ground but dry friction [N] in `state`."""
-        driving = inertial
-        for force in self._others:
-            driving = driving + force.sign * getattr(self, force.name)(state, normal, inertial)
-        return driving
+        return inertial - sum(self.forces.values())
 
     def decay_rate(self, state: str) -> float:
         """Rate [s/m] at which ln(exp(-abs(x') / v_s)) changes with x' in `state`; 0 where no friction decays."""
@@ -213,7 +150,7 @@ class Ground:
     def _force_guards(self, state: str, normal: Form, inertial: Form, resting: frozenset[str]) -> list[Guard]:
         """Guards of `state` but for the ground's edges."""
         driving = self.driving_force(state, normal, inertial)
-        symbol = f"({self.driving_symbol})" if self._others else self.driving_symbol
+        symbol = f"({self.driving_symbol})" if self.forces else self.driving_symbol
         if state == "airborne":
             height = self._forms.position(self._forms.height)
             return [Guard(height, tuple(self._landings(resting)), "y >= 0", entries_decide=True,

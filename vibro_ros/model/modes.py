@@ -14,9 +14,9 @@ Every effect needs places 1 to 3, 10 and 11. The others are for the effects that
 3. `model/support.py`: a row of `SUPPORT` says whether Moreau's time stepping, the peer and the baseline have the
    parameter. They refuse what has no row. Their equations: `fixed_steps.py`, `benchmark/heyoka_robot/equations.py`,
    `benchmark/rk4_by_hand.py`.
-4. `model/ground.py`, for a force of the ground: a row of `GROUND_FORCES`, and the method of `Ground` that gives the
-   force as a form. Equations, stick, energy, Moreau's laws and `Scene.describe()` read that row. A force with states
-   of its own adds them to `GROUND_STATES`, and their guards to `Ground.guards`; a shock is a matter of `shock.py`.
+4. `model/parameter_values.py`, for a force of the ground: a row of `GROUND_FORCES`, with its law F = F0 + c x' + k x.
+   Equations, stick, energy and `Scene.describe()` follow from the row. In `model/ground.py`, a force with states of its
+   own adds them to `GROUND_STATES`, and their guards to `Ground.guards`; a shock is a matter of `shock.py`.
 5. `model/contact.py`, for a contact: a class as `RigidContact`, with the states of the plate, and with guards whose
    targets bring the jumps on the way.
 6. `model/forms.py`, for a force along a guide (`Forms.drive_force`, `Forms.weight`) and for a coordinate, ramp or other
@@ -44,7 +44,7 @@ import numpy as np
 
 from vibro_ros.model.contact import CompliantContact, RigidContact, make_contact
 from vibro_ros.model.forms import NO_EDGES, NO_PUSH, Form, Forms, Guard, LinkageMass, ModeForms, Target, cached
-from vibro_ros.model.ground import GROUND_FORCES, GROUND_STATES, Ground
+from vibro_ros.model.ground import GROUND_STATES, Ground
 from vibro_ros.model.motor import BEARING, LIMITS, Bearing, CurrentLoop, Motor
 from vibro_ros.model.scene import Scene
 from vibro_ros.solver.system import NOTHING
@@ -206,9 +206,9 @@ class ModeBuilder:
         forms, total = self.forms, self._scene.total_mass
         along_x, upwards = np.zeros(self._shape), np.zeros(self._shape)
         if forms.body_moves:
-            along_x += self.at_contact(forms.inertial_force)
-            for force in self.ground.along:
-                along_x += force.sign * self.ground_force(force.name)
+            along_x += self.at_contact(forms.inertial_force) - sum(self.ground.forces.values())
+            if self.ground.has_dry_friction:
+                along_x -= self.ground_force("friction_force")
             along_x /= total
         airborne = self.mode_set.airborne
         upwards[airborne] = -self.at_contact(forms.normal_force)[airborne] / total
@@ -254,7 +254,7 @@ class ModeBuilder:
 
     @cached
     def ground_force(self, name: str) -> ModeForms:
-        """A force of `ground.GROUND_FORCES` [N], by its name."""
+        """The `normal_force` or the `friction_force` [N]."""
         normal, inertial = self.at_contact(self.forms.normal_force), self.at_contact(self.forms.inertial_force)
         by_state, law = np.empty((len(self.ground.states), *self._shape)), getattr(self.ground, name)
         for s, state in enumerate(self.ground.states):
@@ -308,7 +308,9 @@ class ModeBuilder:
         for side in forms.plates:
             rows[f"{side}_plate_position"], rows[f"{side}_plate_velocity"] = forms.plate(side)
             rows[f"{side}_plate_force"] = self.while_pressing(side, self.contact_force(side))
-        rows |= {force.name: self.ground_force(force.name) for force in GROUND_FORCES if force.name in _OUTPUT_ROWS}
+        rows["normal_force"] = self.ground_force("normal_force")
+        if forms.body_moves:
+            rows["friction_force"] = self.ground_force("friction_force")
         if motor := self.motor:
             rows |= {"motor_voltage": self.by_motor_state(lambda bearing, loop: motor.voltage(loop)),
                      "motor_current": motor.current}

@@ -15,8 +15,9 @@ error.
 
 import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -143,12 +144,22 @@ class ParameterValues:
         along_x, upwards = (0.0 if abs(part) < _ANGLE_ROUNDING else part for part in parts)
         return along_x, upwards
 
+    @functools.cached_property
+    def ground_laws(self) -> dict["GroundForce", tuple[float, float, float]]:
+        """The forces of `GROUND_FORCES` that the scene has, each with its F0 [N], c [N s/m] and k [N/m]."""
+        laws = {force: force.law(self) for force in GROUND_FORCES}
+        return {force: law for force, law in laws.items() if any(law)}
+
     @property
     def body_moves(self) -> bool:
         """Whether a force other than dry friction acts along the ground: none of a mass on an upright guide does."""
-        pushed = any(self[f"ground.{name}"] != 0.0 for name in ("slope", "viscous_friction", "drag"))
         leans = "inclined" in self.guides and self.direction("inclined")[0] != 0.0
-        return pushed or leans or "crank_pin" in self.linkage
+        return bool(self.ground_laws) or leans or "crank_pin" in self.linkage
+
+    @property
+    def body_is_dynamic(self) -> bool:
+        """Whether the body's own position or speed enters its equation, by a force of the ground."""
+        return any(damping or stiffness for _, damping, stiffness in self.ground_laws.values())
 
     @property
     def body_hops(self) -> bool:
@@ -183,6 +194,41 @@ class ParameterValues:
             return ""
         return (f"solver.tolerance: {tolerance:g} m is below what rounding allows with these rods and plates; give at "
                 f"least {rounded_up(attainable):g} m, or softer plates")
+
+
+class GroundForce(NamedTuple):
+    """A force of the ground on the body, F = F0 + c x' + k x against forward motion, on the ground and above it.
+
+    F0, c and k decide all else: whether x is a coordinate and dynamic, the equation of x, the guards of a body that
+    sticks, the energy, and what `Scene.describe()` says. To add a force, add a row here and its parameter.
+
+    Attributes
+    ----------
+    symbol : str
+        Symbol in `Scene.describe()`.
+    parameter : str
+        The number that decides the force; without it the force is absent.
+    law : callable
+        Returns F0 [N], c [N s/m] and k [N/m] of the values of a scene's parameters.
+    account : str
+        The energy account of the work of F0 and c x'. Empty for a constant force that stores energy, as a weight does.
+        The energy k x²/2 of a spring is always stored.
+    """
+
+    symbol: str
+    parameter: str
+    law: Callable[[ParameterValues], tuple[float, float, float]]
+    account: str = ""
+
+
+#: Every force of the ground along x but dry friction, which states and guards decide.
+GROUND_FORCES = (
+    # The weight of body and masses down a slope on which x points uphill.
+    GroundForce("F_g", "ground.slope", lambda values: (values.total_mass * values.gravity[0], 0.0, 0.0)),
+    GroundForce("F_v", "ground.viscous_friction", lambda values: (0.0, values["ground.viscous_friction"], 0.0),
+                "friction"),
+    GroundForce("F_0", "ground.drag", lambda values: (values["ground.drag"], 0.0, 0.0), "friction"),
+)
 
 
 def rounded_up(number: float) -> float:
