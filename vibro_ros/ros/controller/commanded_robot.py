@@ -22,12 +22,13 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, qos_profile_parameter_events
 from rclpy.task import Future
 
+from vibro_ros.messages.codec import deserialised
 from vibro_ros.model.faults import Incident
 from vibro_ros.process.entry_point import StopRequest
 from vibro_ros.ros.controller.feedback import MeanPosition
 from vibro_ros.ros.controller.script import MOTOR
 from vibro_ros.ros.node import process
-from vibro_ros.ros.node.node import installed_type
+from vibro_ros.ros.node.node import PollingSubscription, installed_type
 from vibro_ros.ros.node.robot_parameters import SceneReader, Settings
 
 PARAMETERS_TIMEOUT = 5.0
@@ -177,7 +178,9 @@ class CommandedRobot:
 
 
 class OdometrySubscription:
-    """Hears `odom`, and hands its samples to a `MeanPosition`.
+    """Takes `odom` from DDS at each step of feedback, and hands its samples to a `MeanPosition`.
+
+    An executor that ran a callback for each sample fell behind on a busy machine, and positions were old.
 
     With `use_sim_time` only samples older than ROS time are handed over. In lock-step these are there for certain,
     while of the sample and the clock of one instant either may come first: what is commanded would depend on that.
@@ -187,20 +190,22 @@ class OdometrySubscription:
         self.mean = MeanPosition()
         self._clock = node.get_clock()
         self._waiting: deque[tuple[int, float]] = deque(maxlen=ODOMETRY_DEPTH)
-        node.create_subscription(Odometry, ODOM, self._hear, QoSProfile(depth=ODOMETRY_DEPTH))
+        self._samples = PollingSubscription(node, Odometry, ODOM, QoSProfile(depth=ODOMETRY_DEPTH))
 
     def restart(self) -> None:
         """Begin another mean, of what is heard from now on."""
         self.mean = MeanPosition()
+        self._samples.take(ODOMETRY_DEPTH)
         self._waiting.clear()
-
-    def _hear(self, message: Odometry) -> None:
-        stamp = message.header.stamp
-        self._waiting.append((stamp.sec * 1_000_000_000 + stamp.nanosec, message.pose.pose.position.x))
 
     def read(self, time: float) -> MeanPosition:
         """The mean of all samples that count at `time` [s] of the script."""
         limit = self._clock.now().nanoseconds if self._clock.ros_time_is_active else math.inf
+        for data, *_ in self._samples.take(ODOMETRY_DEPTH):
+            with suppress(ValueError):  # of a peer that sends other bytes
+                message = deserialised(data, "nav_msgs/msg/Odometry")
+                stamp = message.header.stamp
+                self._waiting.append((stamp.sec * 1_000_000_000 + stamp.nanosec, message.pose.pose.position.x))
         while self._waiting and self._waiting[0][0] < limit:
             self.mean.add(*self._waiting.popleft(), time)
         return self.mean
