@@ -26,6 +26,7 @@ class Published:
         self._bench = bench
         self._bodies: dict[int, dict[str, float]] = {}
         self._joints: dict[int, dict[str, float]] = {}
+        self._newest = 0  # stamp of which both messages have come
         bench.node.create_subscription(Odometry, "odom", self._hear_body, QOS)
         bench.node.create_subscription(JointState, "joint_states", self._hear_joints, QOS)
 
@@ -36,17 +37,23 @@ class Published:
 
     def hear_until(self, stamp: int) -> None:
         """Listen until a sample has come that is later [ns]."""
-        self._bench.spin_until(lambda: max(self._bodies.keys() & self._joints.keys(), default=0) > stamp, "samples")
+        self._bench.spin_until(lambda: self._newest > stamp, "samples")
 
     def _hear_body(self, message: Odometry) -> None:
         position, velocity = message.pose.pose.position, message.twist.twist.linear
         self._bodies[_stamp(message)] = {"body_position": position.x, "body_height": position.z,
                                          "body_velocity": velocity.x, "body_vertical_velocity": velocity.z}
+        self._take(_stamp(message))
 
     def _hear_joints(self, message: JointState) -> None:
         found = self._joints.setdefault(_stamp(message), {})
         for name, *values in zip(message.name, message.position, message.velocity, message.effort, strict=True):
             found |= dict(zip(JOINTS[name], values, strict=True))
+        self._take(_stamp(message))
+
+    def _take(self, stamp: int) -> None:
+        if stamp in self._bodies and stamp in self._joints:
+            self._newest = max(self._newest, stamp)
 
 
 def _stamp(message) -> int:
