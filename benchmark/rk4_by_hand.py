@@ -180,6 +180,7 @@ def _blow(position, velocity, acceleration, h, guide):
     return guide.plate, 0.0 if resting else -guide.restitution * velocity
 
 
+@_stored
 def _integrate(start, upper, inclined, machine, flight, h, per_sample, samples):
     """Fixed steps from t = 0; the body stops where x' changes sign while |F_in| <= mu N.
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmark import rk4_by_hand
 from benchmark.costs import SCENES
 from benchmark.rk4_by_hand import PROGRAM
 from vibro_ros import load_scene
@@ -31,6 +32,13 @@ def test_it_tends_to_the_exact_solution(name):
     usual, shorter, shortest = errors(name, (1e-5, 5e-7, 2.5e-8 if name == "no_impact" else 1e-7))
     assert 1e-12 < shorter < usual / 5 < 1e-3 / 5
     assert shortest < usual / 25
+
+
+def test_it_is_compiled():
+    """In Python it costs 200 times as much, and every headline would flatter the others as much."""
+    scene = load_scene("unilateral")
+    positions(scene, np.arange(3) / 200.0, 1e-5)
+    assert rk4_by_hand._integrate.signatures
 
 
 def test_without_events_it_is_of_fourth_order():
