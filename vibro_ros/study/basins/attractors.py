@@ -7,26 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
-from scipy.stats import binomtest
 
-from vibro_ros.orbits.chaos import exponent_of_pairs
-from vibro_ros.orbits.orbit import close, orbit_at
+from vibro_ros.orbits.attractors import Attractor, measured, share_of
 from vibro_ros.orbits.recurrence import Cloud, SettledMotion, number_among, settle, tolerance_of
-from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, free_phase, is_sampled
-from vibro_ros.simulation.motion import SimulationError
-from vibro_ros.simulation.simulator import Simulator
+from vibro_ros.orbits.turn_map import Stroboscope
 from vibro_ros.study.progress import Progress
 
 #: Starts along a side of a box of `basin_entropy`, as its authors have it.
 BOX = 5
-
-
-class Fraction(NamedTuple):
-    """A share of starts and its 95 % interval; dimensionless."""
-
-    share: float
-    low: float
-    high: float
 
 
 class BasinEntropy(NamedTuple):
@@ -47,18 +35,6 @@ class BasinEntropy(NamedTuple):
     boundary: float
     boxes: int
     mixed: int
-
-
-def fraction(found: int, of: int) -> Fraction:
-    """A share with its interval by E. B. Wilson, J. Am. Stat. Assoc. 22 (1927) 209.
-
-    Parameters
-    ----------
-    found, of : int
-        Starts that are counted, among how many drawn ones; `of` is above 0.
-    """
-    interval = binomtest(found, of).proportion_ci(method="wilson")
-    return Fraction(found / of, float(interval.low), float(interval.high))
 
 
 def basin_entropy(numbers: np.ndarray, outside: int, side: int = BOX) -> BasinEntropy | None:
@@ -97,37 +73,6 @@ UNSETTLED, NOWHERE, UNTOLD = 0, -1, -2
 #: Most motions that get a number. Without losses every start has one of its own.
 MOST_MOTIONS = 64
 _CLOUD = 4096  # states that tell a motion which does not repeat itself, and turns before them
-_MEASURED = 2000  # turns over which its Lyapunov exponent is measured
-_SPEED = 1e-6  # relative: a motion and its orbit have the same mean speed
-
-
-@dataclass(frozen=True)
-class Attractor:
-    """A motion and the starts that lead to it.
-
-    Attributes
-    ----------
-    motion : SettledMotion
-        The motion, with all states of its period, or a cloud of them.
-    count : int
-        Starts that lead to it.
-    fraction : Fraction
-        Their share of all starts that can be.
-    multipliers : ndarray of complex, shape (n,)
-        Floquet multipliers of its orbit, the largest first; none of a motion that does not repeat itself, or whose
-        orbit Newton's method does not close.
-    lyapunov : float
-        Largest Lyapunov exponent [1/s]: of the multipliers, or else measured.
-    spread : float
-        Half the width of its 95 % confidence interval [1/s]; 0 of the multipliers.
-    """
-
-    motion: SettledMotion
-    count: int
-    fraction: Fraction
-    multipliers: np.ndarray
-    lyapunov: float
-    spread: float
 
 
 @dataclass(frozen=True)
@@ -158,7 +103,9 @@ def found_in(table: pa.Table, stroboscope: Stroboscope) -> Found:
     with Progress("motions measured", "motion", len(motions)) as progress:
         for place, old in enumerate(order, 1):
             renumbered[numbers == old + 1] = place
-            attractors.append(_attractor(motions[old], int(count[old]), possible, stroboscope.turn_map))
+            motion, starts = motions[old], int(count[old])
+            attractors.append(measured(Attractor(motion.turns, motion.mean_speed, 0.0, starts, *share_of(
+                starts, possible), states=motion.states), stroboscope.turn_map))
             progress.add(1)
     return Found(attractors, renumbered)
 
@@ -231,37 +178,3 @@ def _wandering(state: np.ndarray, stroboscope: Stroboscope) -> SettledMotion | N
     seen = stroboscope.turns(_CLOUD)
     gone, lasted = (float(one[-1] - one[0]) for one in (seen.positions, seen.times))
     return SettledMotion(0, seen.states, gone / lasted, _CLOUD, motion.tolerance)
-
-
-def _attractor(motion: SettledMotion, count: int, possible: int, turn_map: TurnMap) -> Attractor:
-    device, share = Simulator(turn_map.scene), fraction(count, possible)
-    turn_map.put(device, motion.states[-1])
-    none = np.empty(0, dtype=complex)
-    if not motion.turns:
-        return Attractor(motion, count, share, none, *exponent_of_pairs(
-            device, device.time, _MEASURED * turn_map.period))
-    multipliers = _multipliers(motion, device, turn_map)
-    largest = float(np.abs(multipliers).max(initial=0.0))
-    duration = motion.turns * turn_map.turn_time(motion.states[-1], motion.turns)
-    rate = math.log(largest) / duration if largest > 0.0 else math.nan
-    return Attractor(motion, count, share, multipliers, rate, 0.0)
-
-
-def _multipliers(motion: SettledMotion, device: Simulator, turn_map: TurnMap) -> np.ndarray:
-    """Floquet multipliers of a motion, cut where it is free; none where Newton's method leads elsewhere, and of one
-    that a controller keeps from closing."""
-    if is_sampled(turn_map.scene):
-        return np.empty(0, dtype=complex)
-    phase, _ = free_phase(turn_map.scene, device)
-    own = TurnMap(turn_map.scene, phase)
-    stroboscope = Stroboscope(own)
-    start = dict(zip(turn_map.names, (motion.states[-1] * turn_map.units).tolist(), strict=True))
-    state = stroboscope.begin_as(crank_angle=turn_map.phase, **start).states[-1]
-    try:
-        closed = close(own, state, motion.turns)
-        orbit = closed and orbit_at(own, closed, motion.turns)
-    except (SimulationError, ValueError):
-        orbit = None
-    if orbit and abs(orbit.mean_speed - motion.mean_speed) <= _SPEED * abs(motion.mean_speed) + 1e-9:
-        return orbit.multipliers
-    return np.empty(0, dtype=complex)

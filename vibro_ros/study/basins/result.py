@@ -9,6 +9,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.patches import Patch
 
 from vibro_ros.accuracy.figures import new_figure, png, tidy
+from vibro_ros.orbits.attractors import Attractor
 from vibro_ros.orbits.chaos import sign_of
 from vibro_ros.orbits.recurrence import LONGEST_PERIOD, command_in_words
 from vibro_ros.orbits.turn_map import is_sampled
@@ -17,7 +18,6 @@ from vibro_ros.study.basins.attractors import (
     NOWHERE,
     UNSETTLED,
     UNTOLD,
-    Attractor,
     BasinEntropy,
     Found,
 )
@@ -51,10 +51,11 @@ def attractors_table(found: Found) -> bytes:
         Field("states", NUMBERS, "1", "at successive cuts, one after the other, in crank radii and crank radii times "
               "motor speed")]
     return file_of(table_of([
-        {"attractor": number, "turns": one.motion.turns, "mean_speed": one.motion.mean_speed, "starts": one.count,
-         "fraction": one.fraction.share, "fraction_low": one.fraction.low, "fraction_high": one.fraction.high,
-         "lyapunov_exponent": one.lyapunov, "lyapunov_spread": one.spread, "multipliers_real": one.multipliers.real,
-         "multipliers_imaginary": one.multipliers.imag, "states": one.motion.states.ravel()}
+        {"attractor": number, "turns": one.turns, "mean_speed": one.mean_speed, "starts": one.starts,
+         "fraction": one.share, "fraction_low": one.low, "fraction_high": one.high,
+         "lyapunov_exponent": one.exponent, "lyapunov_spread": one.exponent_spread,
+         "multipliers_real": one.multipliers.real,
+         "multipliers_imaginary": one.multipliers.imag, "states": one.states.ravel()}
         for number, one in enumerate(found.attractors, 1)], fields))
 
 
@@ -68,18 +69,17 @@ def in_words(design: Design, table: pa.Table, found: Found, entropy: BasinEntrop
     lines = [f"{design.starts.count} starts over {over}; watched for {watched:.1f} turns on average, cut at "
              f"{design.phase:.4f} rad"]
     for number, attractor in enumerate(found.attractors[:_SHOWN], 1):
-        share = attractor.fraction
-        if not attractor.motion.turns:
-            stability = f"largest Lyapunov exponent {attractor.lyapunov:.3g} ± {attractor.spread:.2g} 1/s" + (
-                "" if sign_of(attractor.lyapunov, attractor.spread) else ", its sign not known")
+        if not attractor.turns:
+            stability = f"largest Lyapunov exponent {attractor.exponent:.3g} ± {attractor.exponent_spread:.2g} 1/s" + (
+                "" if sign_of(attractor.exponent, attractor.exponent_spread) else ", its sign not known")
         elif len(attractor.multipliers):
             stability = f"largest Floquet multiplier {abs(attractor.multipliers[0]):.4f}"
         else:
             stability = ("no multipliers, because the controller takes samples" if is_sampled(design.scene) else
                          "no orbit closes by Newton's method")
-        lines.append(f"motion {number}: {_motion_in_words(attractor)}; {attractor.count} "
-                     f"start{'s' * (attractor.count > 1)}, {100.0 * share.share:.2f} % (95 % interval "
-                     f"{100.0 * share.low:.2f} to {100.0 * share.high:.2f} %); {stability}")
+        lines.append(f"motion {number}: {_motion_in_words(attractor)}; {attractor.starts} "
+                     f"start{'s' * (attractor.starts > 1)}, {100.0 * attractor.share:.2f} % (95 % interval "
+                     f"{100.0 * attractor.low:.2f} to {100.0 * attractor.high:.2f} %); {stability}")
     if len(found.attractors) > _SHOWN:
         lines.append(f"{len(found.attractors) - _SHOWN} more motions; without losses every start has one of its own")
     if entropy:
@@ -98,9 +98,9 @@ def in_words(design: Design, table: pa.Table, found: Found, entropy: BasinEntrop
 
 
 def _motion_in_words(attractor: Attractor) -> str:
-    turns = attractor.motion.turns
+    turns = attractor.turns
     again = f"again after {turns} turn{'s' * (turns > 1)}" if turns else f"not again within {LONGEST_PERIOD} turns"
-    return f"{attractor.motion.mean_speed * 1e3:.4g} mm/s, {again}"
+    return f"{attractor.mean_speed * 1e3:.4g} mm/s, {again}"
 
 
 # Okabe and Ito's colours, which the colour-blind can tell apart; further motions share the last one.
@@ -157,9 +157,9 @@ def _draw_dots(axes: Axes, table: pa.Table, over: tuple[Over, ...], numbers: np.
 
 def _draw_shares(axes: Axes, found: Found) -> None:
     shown = found.attractors[:len(_COLOURS)]
-    places, shares = np.arange(1, len(shown) + 1), [one.fraction for one in shown]
-    spread = [[100.0 * (one.share - one.low) for one in shares], [100.0 * (one.high - one.share) for one in shares]]
-    axes.bar(places, [100.0 * one.share for one in shares], yerr=spread, capsize=4,
+    places = np.arange(1, len(shown) + 1)
+    spread = [[100.0 * (one.share - one.low) for one in shown], [100.0 * (one.high - one.share) for one in shown]]
+    axes.bar(places, [100.0 * one.share for one in shown], yerr=spread, capsize=4,
              color=_COLOURS[:len(shown)])
     axes.set(xlabel="motion", ylabel="share of the starts, with 95 % interval [%]", xticks=places)
     tidy(axes)
@@ -167,7 +167,7 @@ def _draw_shares(axes: Axes, found: Found) -> None:
 
 def _legend(found: Found) -> list[Patch]:
     shown = [Patch(color=_colour(number), label=f"{number}: {_motion_in_words(one)}, "
-                   f"{100.0 * one.fraction.share:.3g} % of the starts")
+                   f"{100.0 * one.share:.3g} % of the starts")
              for number, one in enumerate(found.attractors[:len(_COLOURS)], 1)]
     if np.any((found.numbers < 1) & (found.numbers != NOWHERE)):
         shown.append(Patch(color=_UNSETTLED, label="not settled, or another motion"))
