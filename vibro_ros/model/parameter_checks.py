@@ -139,13 +139,13 @@ def _check_blows(values: ParameterValues) -> None:
 def _check_rates(values: ParameterValues) -> None:
     """Refuse a mass that is so light for its springs and dampers that a simulation would take too long."""
     body = values["mass.body"]
-    for force, (_, damping, stiffness) in values.ground_laws.items():
-        if damping > FASTEST_RATE * body or stiffness > FASTEST_RATE**2 * body:
-            parameter, number = BY_NAME[force.parameter], damping or stiffness
-            most = FASTEST_RATE * body if damping else FASTEST_RATE**2 * body
-            raise ValueError(f"{parameter.name}: {number:g} {parameter.unit} moves mass.body, {body:g} kg, faster than "
-                             f"{FASTEST_RATE:g} 1/s, which takes too long to simulate; give at most {most:g} "
-                             f"{parameter.unit}")
+    for force, (_, damper, spring) in values.ground_laws.items():
+        for number, most in ((damper, FASTEST_RATE * body), (spring, FASTEST_RATE**2 * body)):
+            if number > most:
+                parameter = BY_NAME[force.parameter]
+                raise ValueError(f"{parameter.name}: {number:g} {parameter.unit} moves mass.body, {body:g} kg, faster "
+                                 f"than {FASTEST_RATE:g} 1/s, which takes too long to simulate; give at most {most:g} "
+                                 f"{parameter.unit}")
     for side in values.guides:
         parts = ("spring", "plate") if values[f"effects.{side}_contact"] == "compliant" else ("spring",)
         stiffness = {f"{side}.{part}.stiffness": values[f"{side}.{part}.stiffness"] for part in parts}
