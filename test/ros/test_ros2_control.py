@@ -82,7 +82,7 @@ def test_hardware_by_topics_drives_the_robot_and_its_run_replays(start, bench, l
     bench.spin_until(lambda: commanded() or system.states["crank", "velocity"] == 0.0, "the motor's stop")
     status, values = listener.wait_for_status("simulation", lambda status: value_of(
         status, "stops by command.timeout") == 1.0)
-    assert (values["rejected commands"], values["dropped commands"]) == ("0", "0")
+    assert values["rejected commands"] == "0"
     folder = tmp_path / stop(robot)
     assert_replays(folder, 50, commands=3)  # each sent in one message with the others
     assert "time" in read_bag(folder)["joint_commands"]

@@ -107,7 +107,7 @@ def test_energy_stays_balanced(name):
 
 
 REFUSED = [
-    ({"time": 1.0}, "time: cannot be given; give any of body_position"),
+    ({"time": 1.0}, "'time': cannot be given; give any of body_position"),
     ({"upper_position": math.nan}, "upper_position: nan is not finite; give a number"),
     ({"upper_position": "0.05"}, "upper_position: '0.05' is not a number; give a number from -1e+06 to 1e+06 m"),
     ({"body_velocity": 1e7}, "give a number from -1e+06 to 1e+06 m/s"),

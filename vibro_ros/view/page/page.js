@@ -16,7 +16,8 @@ const FAST = 0.5; // robot time over time on the wall, from which on peak forces
 
 /** What is drawn, and when. */
 export class Page {
-  picture;
+  // oxlint-disable-next-line no-use-before-define -- a field is made with the first Page, when all classes are there
+  picture = new Picture();
   player = new Player();
   marks = new Marks();
   transport = new Transport(this.player, () => this.picture.change());
@@ -30,7 +31,6 @@ export class Page {
   #text;
 
   constructor() {
-    this.picture = new Picture();
     document.querySelector("#forces").addEventListener("change", (event) => {
       this.picture.forces = event.target.checked;
       this.picture.change();
