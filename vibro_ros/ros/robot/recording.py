@@ -1,5 +1,6 @@
 """The robot's bags: what is recorded by the parameters `record.*`, when bags begin and end, and failures."""
 
+import math
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -22,7 +23,9 @@ from vibro_ros.ros.topics.publishers import RobotPublishers
 SEALING = 5.0
 """Longest time [s] that the answer of `~/record` waits for the disk; commands wait with it."""
 CHECKPOINT_PERIOD = 500_000_000
-"""Robot time [ns] between two checkpoints, about 6 kB each."""
+"""Longest robot time [ns] between two checkpoints, about 6 kB each."""
+CHECKPOINTS_A_FILE = 4
+"""Checkpoints in a file of limited size at least: a robot faster than real time fills several in that time."""
 MOST_BAGS = 5
 """Bags that `~/record` begins one right after the other; from then on it begins at most one a second."""
 MOST_UNSEALED = 10
@@ -106,6 +109,8 @@ class Recording:
         self._whole: Recorder | None = None  # the one that holds the run's beginning, whatever comes
         self._checkpointed: Recorder | None = None  # where the last checkpoint is
         self._checkpoint_due = 0
+        self._since_checkpoint = 0  # bytes of messages
+        self._checkpoint_bytes = plan.storage.file_size / CHECKPOINTS_A_FILE or math.inf
         self._recorder: Recorder | None = None  # the one that messages go to
         self.latest: Recorder | None = None
         self._watched: list[Recorder] = []
@@ -153,6 +158,7 @@ class Recording:
         """Queue one message for the bag: resolved topic name, ROS time [ns], serialised message. Never blocks."""
         recorder = self._recorder
         if recorder is not None and topic in self._names:
+            self._since_checkpoint += len(data)
             recorder.write(topic, stamp, data)
 
     def checkpoint(self, stamp: int, messages: Callable[[], Iterable[tuple[str, bytes]]]) -> None:
@@ -163,8 +169,10 @@ class Recording:
         target = self._recorder
         if self._plan.checkpoint is None or target is None or target is self._whole:
             return
-        if target is not self._checkpointed or stamp >= self._checkpoint_due:
+        if (target is not self._checkpointed or stamp >= self._checkpoint_due
+                or self._since_checkpoint >= self._checkpoint_bytes):
             self._checkpointed, self._checkpoint_due = target, stamp + CHECKPOINT_PERIOD
+            self._since_checkpoint = 0
             for topic, data in messages():
                 self.record(topic, stamp, data)
 
