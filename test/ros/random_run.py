@@ -9,20 +9,23 @@ from types import MappingProxyType
 from std_msgs.msg import Float64
 
 SECONDS = 2.0
+COMMANDS = 150  # at least, however busy the machine
 FASTER = 2.5  # than the clock, so that a recording of 5 s takes 2 s
 RANGES = {"motor_speed": (-520.0, 200.0), "upper_gap": (-1e-3, 2e-3), "inclined_gap": (-1e-3, 2e-3)}
 
 
 def command_at_random(bench, seconds: float, seed: int, topics: dict[str, str]) -> None:
-    """Send commands at random instants, some of them within one sample, some refused."""
+    """Send commands at random instants for so long, and `COMMANDS` at least, some within one sample, some refused."""
     chance = random.Random(seed)
     publishers = {name: bench.node.create_publisher(Float64, topics.get(name, name), 10) for name in RANGES}
     bench.spin_until(lambda: all(one.get_subscription_count() for one in publishers.values()), "robot listens")
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        for _ in range(chance.choice((1, 1, 3))):
+    end, sent = time.monotonic() + seconds, 0
+    while time.monotonic() < end or sent < COMMANDS:
+        together = chance.choice((1, 1, 3))
+        for _ in range(together):
             name = chance.choice(list(RANGES))
             publishers[name].publish(Float64(data=chance.uniform(*RANGES[name])))
+        sent += together
         due = time.monotonic() + chance.expovariate(50.0)
         bench.spin_until(lambda due=due: time.monotonic() >= due, "the next command", patience=10.0)
 
