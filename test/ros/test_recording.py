@@ -15,8 +15,8 @@ from vibro_ros.bag.reader import read_bag
 from vibro_ros.bag.recorder import BagWriter, Storage
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.messages.topics import COMMAND_UNITS
+from vibro_ros.ros.robot.publishers import RobotPublishers
 from vibro_ros.ros.robot.recording import Plan, offer_recovery, open_recording, plan_recording
-from vibro_ros.ros.topics.publishers import RobotPublishers
 
 RECEIVED = {name: f"/{name}" for name in COMMAND_UNITS}
 SETTINGS = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS}

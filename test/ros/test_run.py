@@ -18,9 +18,9 @@ import vibro_ros
 from vibro_ros.messages.operations import RESET, Operation
 from vibro_ros.recordings import replay
 from vibro_ros.ros.robot.pacing import SUMMARY_PERIOD, Pacing, RobotTime, StallReport
+from vibro_ros.ros.robot.publishers import RobotPublishers
 from vibro_ros.ros.robot.run import ENDED, Run
-from vibro_ros.ros.topics.publishers import RobotPublishers
-from vibro_ros.ros.topics.subscriptions import CommandSubscriptions
+from vibro_ros.ros.robot.subscriptions import CommandSubscriptions
 
 
 def run_of(bench, record, **more) -> Run:

@@ -16,7 +16,7 @@ from vibro_ros.messages.robot_messages import RobotMessages
 from vibro_ros.messages.topics import SENSOR_TOPICS, TOPICS
 from vibro_ros.messages.urdf import robot_description
 from vibro_ros.recordings import replay
-from vibro_ros.ros.topics.publishers import message_class
+from vibro_ros.ros.robot.publishers import message_class
 from vibro_ros.sensors.device import Measurement
 from vibro_ros.simulation.samples import EVENT_DTYPE, FIELDS
 

@@ -5,7 +5,7 @@ from std_msgs.msg import Float64
 import vibro_ros
 from vibro_ros.messages.codec import blank, serialised
 from vibro_ros.ros.node.node import PollingSubscription
-from vibro_ros.ros.topics.subscriptions import CommandSubscriptions
+from vibro_ros.ros.robot.subscriptions import CommandSubscriptions
 
 
 def test_rclpy_hands_out_bytes_instant_and_number_of_a_message(bench):

@@ -18,7 +18,7 @@ from vibro_ros.model.parameters import Value
 from vibro_ros.process.files import one_line
 from vibro_ros.recordings.recover import InUseError, RecoveryError, described, recover
 from vibro_ros.ros.node.refusals import Throttle
-from vibro_ros.ros.topics.publishers import RobotPublishers
+from vibro_ros.ros.robot.publishers import RobotPublishers
 
 SEALING = 5.0
 """Longest time [s] that the answer of `~/record` waits for the disk; commands wait with it."""

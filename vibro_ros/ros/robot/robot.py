@@ -50,6 +50,7 @@ from vibro_ros.ros.node.process import CLOCK, wait_for_time
 from vibro_ros.ros.robot.diagnostics import SECOND, Diagnostics
 from vibro_ros.ros.robot.lock_step import LockStep, checked_nodes
 from vibro_ros.ros.robot.pacing import CommandTimeout, Pacing, RobotTime, set_real_time_priority
+from vibro_ros.ros.robot.publishers import RobotPublishers
 from vibro_ros.ros.robot.recording import (
     Plan,
     Recording,
@@ -66,8 +67,7 @@ from vibro_ros.ros.robot.services import (
     offer_run_services,
     refuse_while_starting,
 )
-from vibro_ros.ros.topics.publishers import RobotPublishers
-from vibro_ros.ros.topics.subscriptions import CommandSubscriptions
+from vibro_ros.ros.robot.subscriptions import CommandSubscriptions
 from vibro_ros.sensors.device import new_device
 from vibro_ros.simulation.kernels import compile_kernels
 from vibro_ros.simulation.preparation import Preparation

@@ -45,9 +45,9 @@ from vibro_ros.ros.robot.pacing import (
     StallReport,
     set_real_time_priority,
 )
+from vibro_ros.ros.robot.publishers import RobotPublishers
 from vibro_ros.ros.robot.recording import Recording
-from vibro_ros.ros.topics.publishers import RobotPublishers
-from vibro_ros.ros.topics.subscriptions import CommandSubscriptions
+from vibro_ros.ros.robot.subscriptions import CommandSubscriptions
 from vibro_ros.sensors.device import SensedSimulator
 from vibro_ros.simulation.samples import FIELDS, MOTOR_SPEED, NORMAL_FORCE, Samples
 from vibro_ros.simulation.simulator import Simulator
