@@ -6,29 +6,26 @@ import struct
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import WrenchStamped
-from nav_msgs.msg import Odometry
 from observation import stop
 from page_visitor import PageVisitor
 from rcl_interfaces.msg import Log
 from rclpy.serialization import serialize_message
 from real_processes import CRAWL
-from sensor_msgs.msg import JointState
-from std_msgs.msg import String
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension, String
 from visitor import address_of
 
+from vibro_ros.messages.robot_messages import SAMPLE_LABELS
 from vibro_ros.view.protocol import COLUMNS
 
-KINDS = {"odom": Odometry, "joint_states": JointState, "ground_contact": WrenchStamped, "impacts": WrenchStamped,
-         "/diagnostics": DiagnosticArray, "/rosout": Log, "/vibro_robot/operations": String}
+KINDS = {"/vibro_robot/samples": Float64MultiArray, "impacts": WrenchStamped, "/diagnostics": DiagnosticArray,
+         "/rosout": Log, "/vibro_robot/operations": String}
 ROUNDS = 150
 
 
 def strange_messages(chance: random.Random) -> list[tuple[str, bytes]]:
     """Bytes of any kind, and messages that are well formed and say what no robot says."""
-    odom = Odometry()
-    odom.header.stamp.sec, odom.header.frame_id, odom.child_frame_id = chance.choice((-5, 0, 2**31 - 1)), "odom", "x"
-    odom.pose.pose.position.x = chance.choice((float("nan"), float("inf"), 1e300))
-    joints = JointState(name=["crank", "elbow"], position=[1.0, 2.0], velocity=[float("nan")], effort=[])
+    sample = Float64MultiArray(data=[chance.choice((float("nan"), float("inf"), -5.0, 1e300)) for _ in SAMPLE_LABELS])
+    sample.layout.dim = [MultiArrayDimension(label=chance.choice((",".join(SAMPLE_LABELS), "x", "\n" * 900)))]
     impact = WrenchStamped()
     impact.header.frame_id, impact.wrench.force.z = chance.choice(("upper_plate", "x" * 3000)), chance.choice(
         (float("nan"), 1e9))
@@ -37,8 +34,8 @@ def strange_messages(chance: random.Random) -> list[tuple[str, bytes]]:
         values=[KeyValue(key="real-time factor", value=chance.choice(("nan", "9" * 400, "")))])])
     said = Log(level=50, name="somebody.else", msg="\x1b[31mhaha\n" * 30)
     asked = String(data=chance.choice(("set {", "reset reset", "step x", "set " + "[" * 2000, "fly")))
-    whole = {"odom": odom, "joint_states": joints, "ground_contact": WrenchStamped(), "impacts": impact,
-             "/diagnostics": boast, "/rosout": said, "/vibro_robot/operations": asked}
+    whole = {"/vibro_robot/samples": sample, "impacts": impact, "/diagnostics": boast, "/rosout": said,
+             "/vibro_robot/operations": asked}
     found = [(topic, bytes(serialize_message(message))) for topic, message in whole.items()]
     found += [(topic, chance.randbytes(chance.randrange(1, 1200))) for topic in KINDS]
     found += [(topic, b"\0\1\0\0" + struct.pack("<iI", 2**31 - 1, 999_999_999) + b"\xff" * 50) for topic in KINDS]
@@ -68,7 +65,7 @@ def test_strangers_change_nothing(start, bench):
     logs = [one["words"] for one in page.texts if one["kind"] == "log"]
     assert not any("haha" in words or "\n" in words for words in logs)
     assert all(one["peak_force"] < 1e8 for text in page.texts if text["kind"] == "impacts" for one in text["list"])
-    view.wait_for("/odom: refused: ")
+    view.wait_for("/vibro_robot/samples: refused: ")
     page.wait_for_robot()
     stop(view)
     page.close()
@@ -80,7 +77,7 @@ def test_a_node_of_the_robot_s_name_that_is_none_is_not_shown(start, bench):
     """Its list of parameters says that it is none; in words, not with a picture."""
     view = start("live_view", "--port", "0", "--robot", "bench")
     page = PageVisitor(address_of(view))
-    bench.node.create_publisher(Odometry, "odom", 10)
+    bench.node.create_publisher(Float64MultiArray, "bench/samples", 10)
     bench.spin_until(lambda: page.last("absent").get("words", "").startswith("/bench cannot be shown: it has no "
                                                                               "parameter"), "the words")
     stop(view)

@@ -13,6 +13,7 @@ from vibro_ros.messages.codec import first_difference
 from vibro_ros.messages.frames import ALL, JOINTS, NONE, joints_of
 from vibro_ros.messages.robot_messages import RobotMessages
 from vibro_ros.messages.topics import TOPICS
+from vibro_ros.ros.robot.pacing import RobotTime
 from vibro_ros.ros.robot.publishers import RobotPublishers, message_class
 from vibro_ros.sensors.device import Measurement
 from vibro_ros.simulation.samples import EVENT_DTYPE, FIELDS, TIME, Samples
@@ -115,8 +116,9 @@ def test_publisher_and_bag_get_the_same_bytes_of_a_sample_and_its_impacts(bench,
             lambda data, topic=topic: heard.append((f"{namespace}/{topic}", data)), 10, raw=True)
     bench.spin_until(lambda: all(one.get_subscription_count() for one in publishing.publishers.values()), "discovery")
     ((values, _),) = random_cases(5, 1)
-    sampled = stamp_of(values[TIME])
-    publishing.publish(values, EVENTS, sampled, stamp_of, lambda *message: recorded.append(message))
+    robot_time = RobotTime(200.0, stamp_of(0.0))
+    robot_time.ticks, sampled = 70, stamp_of(0.35)
+    publishing.publish(values, EVENTS, robot_time, lambda *message: recorded.append(message))
     bench.spin_until(lambda: len(heard) == len(recorded), "messages")
     node.destroy_node()
     assert sorted(heard) == sorted((topic, data) for topic, _, data in recorded)
@@ -129,9 +131,12 @@ def test_whoever_listens_to_samples_gets_every_quantity_under_its_name(bench):
     publishing, heard = RobotPublishers(bench.node, load_scene("machine")), []
     bench.node.create_subscription(Float64MultiArray, "bench/samples", heard.append, 10)
     ((values, _),) = random_cases(3, 1)
+    robot_time = RobotTime(200.0, stamp_of(0.0))
+    robot_time.ticks = 70
+    robot_time.restart()  # which turns only the device's own time back
 
     def published() -> bool:
-        publishing.publish(values, NO_EVENTS, 7, stamp_of, lambda *message: None)
+        publishing.publish(values, NO_EVENTS, robot_time, lambda *message: None)
         return bool(heard)
 
     bench.spin_until(published, "a sample")
@@ -140,7 +145,8 @@ def test_whoever_listens_to_samples_gets_every_quantity_under_its_name(bench):
     assert message.layout.dim[0].size == message.layout.dim[0].stride == len(names) == len(message.data)
     found = dict(zip(names, message.data, strict=True))
     assert (found.pop("start_seconds"), found.pop("start_nanoseconds")) == divmod(stamp_of(0.0), 10**9)
-    assert tuple(found) == FIELDS and bits(list(found.values())) == bits(values)
+    assert tuple(found) == FIELDS and found.pop("time") == 0.35 and TIME == 0
+    assert bits(list(found.values())) == bits(values[1:])
 
 
 def test_a_row_of_the_table_is_a_message_that_can_be_made():

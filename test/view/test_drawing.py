@@ -2,12 +2,11 @@
 
 import json
 
-import numpy as np
 import pytest
 
 import vibro_ros
 from vibro_ros.configuration.scene_file import shipped_scenes
-from vibro_ros.view.drawing import drawing, quantities, voltage
+from vibro_ros.view.drawing import drawing, quantities
 
 
 @pytest.mark.parametrize("name", shipped_scenes())
@@ -42,18 +41,6 @@ def test_a_robot_without_a_mass_or_a_plate_has_no_quantities_of_them():
     assert not any("upper" in name or "plate" in name for name in robot["quantities"])
     assert robot["quantities"]["inclined_position"] == "m" and robot["quantities"]["inclined_drive_force"] == "N"
     assert robot["quantities"]["crank_angle"] == "rad" and robot["quantities"]["motor_speed"] == "rad/s"
-
-
-def test_the_voltage_is_what_the_simulator_says_with_a_current_and_without():
-    scene = vibro_ros.load_scene("machine")
-    for changes in ({}, {"motor.control": "voltage", "motor.winding_inductance": 3e-4, "motor.voltage": 12.0}):
-        of_changes = scene.with_parameters(changes)
-        run = vibro_ros.simulate(of_changes, duration=1.0, rate=200.0, commands=[] if changes else [
-            (0.1, {"motor_speed": 100.0})])
-        found = voltage(of_changes, run.motor_current, run.electrical_power, run.motor_speed)
-        known = slice(1, None) if changes else slice(None)  # at the instant of a jump no current flows yet
-        assert (run.motor_current == 0.0).any()
-        np.testing.assert_allclose(found[known], run.motor_voltage[known], rtol=4e-16, atol=0.0)
 
 
 def test_a_slope_and_the_weight_on_it():

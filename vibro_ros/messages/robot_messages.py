@@ -18,7 +18,7 @@ from vibro_ros.messages.frames import ALL, JOINTS, NONE, Frames, fill_header, jo
 from vibro_ros.messages.topics import SAMPLE, SAMPLES, SENSOR_TOPICS, TOPICS, TRANSFORM, published_by
 from vibro_ros.messages.urdf import BASE, robot_description
 from vibro_ros.model.scene import Scene
-from vibro_ros.simulation.samples import FIELDS, Samples
+from vibro_ros.simulation.samples import FIELDS, TIME, Samples
 
 PLATES = {"upper_contact": "upper_plate", "inclined_contact": "inclined_plate"}
 """Frame of the plate that an event of this kind strikes."""
@@ -27,8 +27,9 @@ PLATES = {"upper_contact": "upper_plate", "inclined_contact": "inclined_plate"}
 SAMPLE_LABELS = ("start_seconds", "start_nanoseconds", *FIELDS)
 """What the numbers of a message on `~/samples` are, in their order; its `layout.dim[0].label` has them, after commas.
 
-The first two are the ROS time of the device's time 0, in whole seconds and nanoseconds, the others the quantities of
-`simulation.samples.Samples`. So a sample's stamp is `stamp_at(start, time)`, to the nanosecond.
+The first two are the ROS time of robot time 0, in whole seconds and nanoseconds, the others the quantities of
+`simulation.samples.Samples`, with `time` as robot time. So a sample's stamp is `stamp_at(start, time)`, to the
+nanosecond.
 """
 
 
@@ -129,9 +130,14 @@ class RobotMessages:
             MEASUREMENTS[sensor](message, read.tolist())
             yield name, self._bytes(name)
 
-    def whole_sample(self, values: np.ndarray, start: int) -> bytes:
-        """All quantities of a sample as one message on `~/samples`; `start` is the ROS time [ns] of device time 0."""
+    def whole_sample(self, values: np.ndarray, start: int, time: float) -> bytes:
+        """All quantities of a sample as one message on `~/samples`.
+
+        `start` is the ROS time [ns] of robot time 0, `time` [s] the robot time of the sample, which stands in place of
+        the device's own time because a reset does not turn it back.
+        """
         self._whole.data = np.array([*divmod(start, 1_000_000_000), *values])
+        self._whole.data[len(SAMPLE_LABELS) - len(FIELDS) + TIME] = time
         return serialised(self._whole, TOPICS[SAMPLES].type)
 
     def _blank(self, name: str) -> Any:

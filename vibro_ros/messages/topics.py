@@ -137,8 +137,8 @@ TOPICS: Mapping[str, Topic] = {
                         "`fault …`", Quality(100), name="~/operations"),
     "samples": Topic(NUMBERS, NODE, "every quantity of each sample, while somebody listens; never recorded. "
                      "`layout.dim[0].label` names the numbers: `start_seconds` and `start_nanoseconds`, the ROS time "
-                     "of the device's time 0, then the fields of a [run](python.md) from `time` on, which counts from "
-                     "there. Another start is another run, two in turn are two robots", Quality(1000),
+                     "of robot time 0, then the fields of a [run](python.md) from `time` on, which is robot time: no "
+                     "reset turns it back. Another start is another run, two in turn are two robots", Quality(1000),
                      name="~/samples"),
     "diagnostics": Topic("diagnostic_msgs/msg/DiagnosticArray", NODE, "the robot's health, once a second of wall time; "
                          "[below](#diagnostics)", name="/diagnostics"),

@@ -22,7 +22,7 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.recordings.comparison import notes
 from vibro_ros.recordings.rerun import RecordedRun, Rerun, recorded_run
 from vibro_ros.simulation.preparation import prepare_kernels
-from vibro_ros.view.drawing import drawing, shown, voltage
+from vibro_ros.view.drawing import drawing, shown
 from vibro_ros.view.exact import ExactMotion, common_samples, regular, spans, state_of
 from vibro_ros.view.motion import (
     ExactInterval,
@@ -195,11 +195,16 @@ class _Making:
         return ExactMotion(rerun.device, samples, ticks / facts.rate, rerun, ticks, inputs, is_known)
 
     def _add_voltage(self, scene: Scene) -> None:
-        """Add what is not recorded of a dc motor, at the instants of what is."""
+        """Add the voltage of a dc motor, which is not recorded, at the instants at which its power is.
+
+        Where no current flows, the voltage is what the turning rotor induces.
+        """
         names = ("motor_current", "electrical_power", "motor_speed")
         if scene.has_rotor and set(names) <= set(self._signals):
             samples, times = common_samples(self._signals, names)
-            self._signals["motor_voltage"] = Signal(times, voltage(scene, *(samples[name] for name in names)), None)
+            current, power, speed = (samples[name] for name in names)
+            voltage = np.divide(power, current, out=scene.motor_constant * speed, where=current != 0.0)
+            self._signals["motor_voltage"] = Signal(times, voltage, None)
 
     @property
     def _ends(self) -> Span:

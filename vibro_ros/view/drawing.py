@@ -2,8 +2,6 @@
 
 from typing import Any
 
-import numpy as np
-
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.messages.urdf import CLEARANCE, FREE_LENGTH, HEADROOM, MASS_HEIGHT, guide_end, hub_height
 from vibro_ros.model.parameters import BY_NAME
@@ -82,13 +80,3 @@ def shown(scene: Scene) -> tuple[str, ...]:
     """Those of its `quantities` whose motion is shown: not the torque, power over speed, of which nothing but rounding
     is left where the crank hardly turns; nor what a dc motor takes from its supply, voltage times current."""
     return tuple(name for name in quantities(scene) if name not in ("motor_torque", "electrical_power"))
-
-
-@np.errstate(over="ignore", invalid="ignore")  # anybody may publish any number
-def voltage(scene: Scene, current: np.ndarray, power: np.ndarray, speed: np.ndarray) -> np.ndarray:
-    """Voltage [V] of a dc motor, which is not published, from its current [A], electrical power [W] and speed [rad/s].
-
-    Where no current flows, the voltage is what the turning rotor induces.
-    """
-    induced = scene.motor_constant * speed
-    return np.divide(power, current, out=induced, where=current != 0.0)

@@ -201,7 +201,7 @@ class OdometrySubscription:
     def read(self, time: float) -> MeanPosition:
         """The mean of all samples that count at `time` [s] of the script."""
         limit = self._clock.now().nanoseconds if self._clock.ros_time_is_active else math.inf
-        for data, *_ in self._samples.take(ODOMETRY_DEPTH):
+        for data, _ in self._samples.take(ODOMETRY_DEPTH):
             with suppress(ValueError):  # of a peer that sends other bytes
                 message = deserialised(data, "nav_msgs/msg/Odometry")
                 stamp = message.header.stamp

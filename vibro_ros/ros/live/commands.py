@@ -61,7 +61,7 @@ class Commands:
         Without a `scene` there is no robot that obeys; the next one begins anew.
         """
         for name, topic in self._topics.items():
-            for data, *_ in topic.take(MOST):
+            for data, _ in topic.take(MOST):
                 if scene is None or (value := _valid(scene, name, data)) is None:
                     continue
                 self.in_force[name] = value

@@ -101,7 +101,7 @@ class LivePage:
         if self._robot.origin != origin:
             self._history.clear()
         if self._words.diagnostics():
-            self._robot.hear(self._words.start)
+            self._robot.hear()
             server.send("status", self._status())
         if (now := monotonic()) > self._looked + LOOKS:
             self._looked = now

@@ -1,119 +1,104 @@
-"""One live robot as the view sees it: its scene, its samples since it began, and in words why there are none."""
+"""One live robot as the view sees it: its scene, its samples since it began, and in words why there are none.
+
+Samples wait in DDS until the view looks: an executor's turn costs 0.15 to 0.5 ms, and a node that shows 30 pictures a
+second has no use for a turn for each of 1000 messages a second; taken together, a message costs some 30 us. Anybody may
+publish anything on their topic, so each one is read strictly.
+"""
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
-from geometry_msgs.msg import WrenchStamped
-from nav_msgs.msg import Odometry
-from rclpy.qos import QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64
+from std_msgs.msg import Float64MultiArray
 
-from vibro_ros.messages.topics import OPERATIONS, TOPICS
-from vibro_ros.model.parameters import BY_NAME
-from vibro_ros.ros.live.samples import NUMBERED, Decoder, Joining, Rows
+from vibro_ros.messages.codec import deserialised
+from vibro_ros.messages.robot_messages import SAMPLE_LABELS
+from vibro_ros.messages.topics import OPERATIONS, SAMPLES, TOPICS
+from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.node import GuardedNode, PollingSubscription
 from vibro_ros.ros.node.refusals import peer_text
 from vibro_ros.ros.node.robot_parameters import SceneReader, Settings
 from vibro_ros.simulation.samples import FIELDS, TIME
-from vibro_ros.view.drawing import voltage
 
-SAMPLES = QoSProfile(depth=2000, reliability=ReliabilityPolicy.RELIABLE)
-"""Deep, so that none is lost between two looks, or while something else takes long: 2 s at 1 kHz."""
+SECOND = 1_000_000_000
+"""Nanoseconds of a stamp's second."""
 MOST = 500
-"""Messages of one topic that are taken at once, 15,000 a second; those of a flood wait, and DDS drops the oldest."""
+"""Samples that are taken at once, 15,000 a second; those of a flood wait, and DDS drops the oldest."""
+LONGEST = 10_000
+"""Bytes of the longest message that is read; a robot's have a thousand."""
+LONGEST_RUN = 1e8
+"""Time [s] that a robot may have run, three years: of later times a float does not hold the nanoseconds."""
 SILENCE = 3.0
 """Time [s] without a sample and without diagnostics, which come each second, after which a robot is not heard."""
 READ_AGAIN = 2.0
-"""Time [s] after which the parameters are asked for once more where they do not explain what is published."""
-LONGEST_RUN = 10**17
-"""Nanoseconds that a robot may have run, three years: of later times a float does not hold the nanoseconds."""
+"""Time [s] after which a robot whose parameters cannot be its own is asked for them once more."""
 FIRST = 1.5
 """Time [s] that the first sample may take; of a robot that has said something by then and sent none, time stands still.
 """
 RIVALRY = 2.0
-"""Time [s] within which a publisher begins to count from 1 again once at most; a robot needs about a second to start.
-"""
+"""Time [s] within which a run is followed by another one once at most; a robot needs about a second to start."""
 MOST_NAMED = 5
 """Other robots that are named."""
-_KINDS = {"odom": Odometry, "joint_states": JointState, "ground_contact": WrenchStamped,
-          **dict.fromkeys(NUMBERED, Float64)}
-_VOLTAGE, *_OF_VOLTAGE = (FIELDS.index(name) for name in (
-    "motor_voltage", "motor_current", "electrical_power", "motor_speed"))
+_LABEL = ",".join(SAMPLE_LABELS)
+_NONE = np.empty((0, len(FIELDS)))
 
 
 class LiveRobot:
     """Follows one robot, whose node has the full name `robot`, through its starts and ends.
 
     The node counts and says what it refuses. `settings` is what is known of the robot that publishes now, `origin` the
-    stamp [ns] of robot time 0, or of the first sample that was seen if the robot does not say it, and `silences` counts
-    how often it was heard again after a silence, perhaps as another robot.
+    stamp [ns] of its robot time 0, and `silences` counts how often it was heard again after a silence, perhaps as
+    another robot.
     """
 
     def __init__(self, node: GuardedNode, robot: str):
         self.settings: Settings | None = None
         self.origin: int | None = None
-        self._start: int | None = None  # what the robot has said of robot time 0
         self.silences = 0
-        self._node, self._robot = node, robot
-        self._topics = {topic: PollingSubscription(node, kind, topic, SAMPLES) for topic, kind in _KINDS.items()}
-        self._runs, self._joining = Runs(), Joining()
-        self._decoder: Decoder | None = None
+        self._node, self._robot, self._runs = node, robot, Runs()
+        self._samples = PollingSubscription(node, Float64MultiArray, f"{robot}/{SAMPLES}", qos.profile(SAMPLES))
         self._fault, self._publishers = "", frozenset[bytes]()
         self._others: list[str] = []
-        self._heard = self._row_heard = self._read_at = float("-inf")
-        self._unread = self._doubtful = False
-        self._last = -1
+        self._heard = self._read_at = float("-inf")
         self.reader = SceneReader(node, robot, self._take_settings)  # last: then the robot knows the other clients
 
     def poll(self) -> np.ndarray:
-        """Rows of `FIELDS` that have come since the last call, `time` counted from `origin` [s]; shape (n, fields)."""
+        """Rows of `FIELDS` that have come since the last call, `time` as robot time [s]; shape (n, len(FIELDS))."""
         if self.settings is None and not (self._fault or self.reader.reading):
             self.reader.read()
         self.reader.tick()
-        taken = {topic: [(data, number) for data, _, number in one.take(MOST)] for topic, one in self._topics.items()}
-        if self.settings is None or self._decoder is None:
-            return np.empty((0, len(FIELDS)))
-        readings = {}
-        for topic in self._decoder.columns:
-            messages = taken[topic]
-            found = [self._decoder.read(topic, *message) for message in messages]
-            readings[topic] = [reading for reading in found if reading]
-            if left := len(messages) - len(readings[topic]):
-                self._unread = True
-                self._node.refusals.refuse(self._topics[topic].topic, f"{left} messages that are no samples of "
-                                           f"{self._robot}: torn, not finite, or of other frames or joints")
-        rows = self._joining.join(readings, self._decoder.columns)
-        if self.settings.scene.has_rotor:
-            rows.values[:, _VOLTAGE] = voltage(self.settings.scene, *rows.values[:, _OF_VOLTAGE].T)
-        return self._taken(rows)
+        messages = self._samples.take(MOST)
+        if self.settings is None:
+            return _NONE
+        found = [read for data, _ in messages if (read := read_sample(data))]
+        if refused := len(messages) - len(found):
+            self._node.refusals.refuse(self._samples.topic, f"{refused} messages that are no samples of a robot of "
+                                       "this version")
+        return self._of_this_run([start for start, _ in found], np.array([row for _, row in found]))
 
-    def hear(self, start: int | None) -> None:
-        """Take note that the robot has said something, and the stamp [ns] of its time 0 if that was among it.
+    def hear(self) -> None:
+        """Take note that the robot has said something.
 
         After a silence it may be another robot, and is shown when it has told who it is.
         """
         now = time.monotonic()
         if float("-inf") < self._heard < now - SILENCE:
-            self._doubtful = True
             self.silences += 1
+            self.settings = self.origin = None
             self.reader.read()
         self._heard = now
-        self._start = start if start is not None else self._start
 
     def look(self) -> None:
         """Look who publishes, and ask again where that has changed or is not explained; to be called now and then."""
         found = frozenset(bytes(one.endpoint_gid)
-                          for one in self._node.get_publishers_info_by_topic(self._topics["odom"].topic))
-        now = time.monotonic()
-        unexplained = (self._fault or self._unread) and now > max(self._read_at, self._row_heard) + READ_AGAIN
-        if found - self._publishers or (unexplained and not self.reader.reading):
+                          for one in self._node.get_publishers_info_by_topic(self._samples.topic))
+        ask_again = self._fault and not self.reader.reading and time.monotonic() > self._read_at + READ_AGAIN
+        if found - self._publishers or ask_again:
             self.reader.read()
         if self._publishers and not found:  # it has gone, and who comes next is to be asked what it is
-            self.settings, self.origin, self._start, self._fault = None, None, None, ""
-        self._publishers, self._unread = found, False
+            self.settings, self.origin, self._fault = None, None, ""
+        self._publishers = found
         self._others = [] if self.settings else self._robots_seen()
 
     @property
@@ -121,7 +106,7 @@ class LiveRobot:
         """Why there is nothing to show, in words; empty if there is."""
         now = time.monotonic()
         if self._runs.rivals:
-            return (f"two robots publish on {self._topics['odom'].topic}; give one of them a namespace, such as "
+            return (f"two robots publish on {self._samples.topic}; give one of them a namespace, such as "
                     "--ros-args -r __ns:=/r1")
         if self._fault:
             return f"{self._robot} cannot be shown: {self._fault}"
@@ -129,7 +114,7 @@ class LiveRobot:
         if not self._publishers and (is_missing or self.settings) or (is_missing and self._others):
             return self._nobody()
         silent = now > self._heard + SILENCE
-        if self.settings is None or (self._doubtful and not silent):
+        if self.settings is None:
             return f"{self._robot} is there; waiting for its parameters"
         if self.origin is None and silent:
             return f"{self._robot} is starting; the first start compiles for half a minute"
@@ -159,71 +144,65 @@ class LiveRobot:
         return (f"no robot {self._robot} {domain}, but {', '.join(self._others[:MOST_NAMED])}{more}; to show the "
                 f"first: view --robot {first}{remap}")
 
-    def _taken(self, rows: Rows) -> np.ndarray:
-        """The rows of the present run, by its own clock."""
-        nothing, rivals = rows.values[:0], self._runs.rivals
-        restarted = self._runs.restarted(rows.counts)
-        if restarted:
-            self.origin = self._start = None
+    def _of_this_run(self, starts: list[int], rows: np.ndarray) -> np.ndarray:
+        """The rows of the present run; none until it is known who sends them."""
+        rivals = self._runs.rivals
+        restarted = self._runs.restarted(starts, [row[TIME] for row in rows])
         if not self._runs.rivals and (restarted or rivals):  # who is heard from now on is to be asked what it is
-            self.settings = None
-        if not len(rows.stamps) or self._runs.rivals or self.settings is None:
-            return nothing
-        self.hear(None)
-        if self._doubtful:
-            return nothing
-        self._row_heard = time.monotonic()
-        if self.origin is None:
-            if self._start is None and self._row_heard < self._read_at + FIRST:  # it says it each second
-                return nothing
-            first = int(rows.stamps[0])
-            is_start = self._start is not None and 0 <= first - self._start < LONGEST_RUN
-            self.origin, self._last = self._start if is_start else first, -1
-        later = rows.stamps > np.maximum.accumulate(np.concatenate([[self._last], rows.stamps[:-1]]))
-        if not later.all():
-            self._node.refusals.refuse(self._topics["odom"].topic, f"{(~later).sum()} samples with stamps that go back")
-        if not later.any():
-            return nothing
-        values = rows.values[later]
-        values[:, TIME] = (rows.stamps[later] - self.origin) * 1e-9
-        self._last = int(rows.stamps[later][-1])
-        return values
+            self.settings = self.origin = None
+        if starts and not self._runs.rivals:
+            self.hear()
+            if self.settings is not None:
+                self.origin = starts[-1]
+                return rows
+        return _NONE
 
     def _take_settings(self, found: Settings | str) -> None:
-        """Take what was read; samples of another machine than before are those of another run."""
-        self._read_at, self._doubtful = time.monotonic(), False
+        """Take what was read."""
+        self._read_at = time.monotonic()
         self._fault = found if isinstance(found, str) else ""
-        settings = None if isinstance(found, str) else found
-        if self.settings is None or settings is None or self.settings.prefix != settings.prefix or any(
-                value != settings.scene[name] and not BY_NAME[name].while_running
-                for name, value in self.settings.scene.parameters.items()):
-            self.origin, self._joining, self._last = None, Joining(), -1
-        self.settings = settings
-        self._decoder = Decoder(settings.scene, settings.prefix) if settings else None
+        self.settings = None if isinstance(found, str) else found
+
+
+def read_sample(data: bytes) -> tuple[int, np.ndarray] | None:
+    """ROS time [ns] of robot time 0, and the quantities of `FIELDS`; None if `data` is no sample of this version."""
+    try:
+        message = deserialised(data if len(data) <= LONGEST else b"", TOPICS[SAMPLES].type)
+    except ValueError:
+        return None
+    if [one.label for one in message.layout.dim] != [_LABEL] or len(message.data) != len(SAMPLE_LABELS):
+        return None
+    (seconds, nanoseconds), values = message.data[:2], message.data[2:]
+    if not (np.isfinite(values).all() and 0.0 <= values[TIME] < LONGEST_RUN
+            and 0.0 <= seconds < 2**31 and 0.0 <= nanoseconds < SECOND):
+        return None
+    return int(seconds) * SECOND + int(nanoseconds), values
 
 
 class Runs:
     """Tells the samples of one run from those of the next, and one robot from two, by the clock `now` [s].
 
-    A robot that is restarted counts its messages from 1. Two robots that publish on the same topics make the count
-    go back again and again.
+    Robot time never goes back, so another start, or an earlier time, is another run. Of two robots that publish on the
+    same topic one follows the other again and again.
     """
 
     def __init__(self, now: Callable[[], float] = time.monotonic):
-        self._now, self._last = now, -1
-        self._setbacks: deque[float] = deque(maxlen=2)
+        self._now = now
+        self._last: tuple[int, float] | None = None
+        self._changes: deque[float] = deque(maxlen=2)
 
     @property
     def rivals(self) -> bool:
         """Whether two robots have been heard lately."""
-        return len(self._setbacks) == 2 and (self._setbacks[1] - self._setbacks[0] < RIVALRY
-                                             and self._now() - self._setbacks[1] < RIVALRY)
+        return len(self._changes) == 2 and (self._changes[1] - self._changes[0] < RIVALRY
+                                            and self._now() - self._changes[1] < RIVALRY)
 
-    def restarted(self, counts: np.ndarray) -> bool:
-        """Take note of what came; whether another run has begun with it."""
-        if not len(counts):
-            return False
-        setbacks = np.flatnonzero(np.diff(np.concatenate([[self._last], counts])) <= 0)
-        self._last = int(counts[-1])
-        self._setbacks.extend([self._now()] * min(len(setbacks), 2))
-        return len(setbacks) > 0
+    def restarted(self, starts: Sequence[int], times: Sequence[float]) -> bool:
+        """Take note of samples, by their starts [ns] and times [s]; whether another run has begun with one of them."""
+        found = False
+        for start, time_of_sample in zip(starts, times, strict=True):
+            before, self._last = self._last, (start, time_of_sample)
+            if before and not (start == before[0] and time_of_sample > before[1]):
+                self._changes.append(self._now())
+                found = True
+        return found

@@ -20,7 +20,7 @@ from vibro_ros.messages.operations import PAUSE, RESUME, Operation, read_operati
 from vibro_ros.messages.robot_messages import PLATES
 from vibro_ros.messages.topics import OPERATIONS, TOPICS, full_name
 from vibro_ros.process.files import one_line
-from vibro_ros.ros.live.samples import SECOND
+from vibro_ros.ros.live.robot import SECOND
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.node import PollingSubscription
 
@@ -57,7 +57,6 @@ class RobotStatus:
         self._operations = PollingSubscription(node, String, f"{robot}/{OPERATIONS}", qos.profile(OPERATIONS))
         self._frames: dict[str, str] = {}
         self.status: dict[str, Any] = {}
-        self.start: int | None = None  # stamp [ns] of robot time 0, as it was said last
 
     def begin(self, prefix: str) -> None:
         """Listen to a robot whose frames' names begin so."""
@@ -119,14 +118,12 @@ class RobotStatus:
         if status.message in ("paused", "running"):
             self.status["paused"] = status.message == "paused"
         self.status.setdefault("paused", self.status["real_time_factor"] == 0.0)
-        start = values.get("stamp of time 0 [ns]", "")
-        self.start = int(start) if start.isdecimal() and len(start) < 20 else None
 
 
 def _read(subscription: PollingSubscription, type_name: str) -> list[Any]:
     """Messages that have come and are of their type."""
     found = []
-    for data, *_ in subscription.take(MOST):
+    for data, _ in subscription.take(MOST):
         if len(data) <= LONGEST:
             try:
                 found.append(deserialised(data, type_name))

@@ -185,20 +185,13 @@ class PollingSubscription:
         self.profile: QoSProfile = self._subscription.qos_profile
         self._handle, self._kind = self._subscription.handle, self._subscription.msg_type
 
-    def take(self, most: int) -> list[tuple[bytes, int, int | None]]:
-        """At most so many messages, in the order in which they came.
-
-        Returns
-        -------
-        list of (bytes, int, int or None)
-            The message; the wall time [ns] at which it came; the number that its publisher gave it, which counts from
-            1, or None where the middleware does not tell.
-        """
-        found: list[tuple[bytes, int, int | None]] = []
+    def take(self, most: int) -> list[tuple[bytes, int]]:
+        """At most so many messages, in the order in which they came, each with the wall time [ns] at which it came."""
+        found: list[tuple[bytes, int]] = []
         with self._handle:
             while len(found) < most and (taken := self._handle.take_message(self._kind, True)):
                 data, about = taken
-                found.append((data, about["received_timestamp"], about.get("publication_sequence_number")))
+                found.append((data, about["received_timestamp"]))
         return found
 
 

@@ -95,7 +95,6 @@ class Diagnostics:
         of_ticks = zip(("median", "p99", "max"), np.quantile(late, (0.5, 0.99, 1.0)), strict=True) if late else ()
         values = {
             "simulated time [s]": f"{self._run.robot_time.time:.6f}",
-            "stamp of time 0 [ns]": f"{self._run.robot_time.start}",
             "real-time factor": f"{change['simulated'] / wall:.4f}",
             "missed deadlines": f"{self._run.pacing.missed}",
             **{f"lateness {name} [us]": f"{1e6 * value:.1f}" for name, value in of_ticks},

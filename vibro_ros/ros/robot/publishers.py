@@ -16,6 +16,7 @@ from vibro_ros.messages.robot_messages import RobotMessages
 from vibro_ros.messages.topics import SAMPLES, TOPICS, full_name
 from vibro_ros.model.scene import Scene
 from vibro_ros.ros.node import qos
+from vibro_ros.ros.robot.pacing import RobotTime
 from vibro_ros.sensors.device import Measurement
 
 Record = Callable[[str, int, bytes], None]
@@ -54,18 +55,19 @@ class RobotPublishers:
             self.publishers[name].publish(data)
         return [(self.topics[name], data) for name, data in once]
 
-    def publish(self, values: np.ndarray, events: np.ndarray, stamp: int, stamp_of: Callable[[float], int],
-                record: Record, measurements: Sequence[Measurement] = ()) -> None:
+    def publish(self, values: np.ndarray, events: np.ndarray, robot_time: RobotTime, record: Record,
+                measurements: Sequence[Measurement] = ()) -> None:
         """Publish and record a sample, the contacts that ended since the one before it, and the measurements.
 
-        The parameters are those of `RobotMessages.of_sample`. Everything is recorded at the sample's instant, so that
-        the bag is in time order; an impact's and a measurement's own instant stands in its header.
+        The other parameters are those of `RobotMessages.of_sample`. Everything is recorded at the sample's instant, so
+        that the bag is in time order; an impact's and a measurement's own instant stands in its header.
         """
-        for name, data in self._messages.of_sample(values, events, measurements, stamp, stamp_of):
+        stamp = robot_time.stamp
+        for name, data in self._messages.of_sample(values, events, measurements, stamp, robot_time.stamp_of):
             self.publishers[name].publish(data)
             record(self.topics[name], stamp, data)
         if self._samples.get_subscription_count():
-            self._samples.publish(self._messages.whole_sample(values, stamp_of(0.0)))
+            self._samples.publish(self._messages.whole_sample(values, robot_time.start, robot_time.time))
 
 
 @cache

@@ -336,12 +336,11 @@ class Run:
         return True
 
     def _publish(self) -> np.ndarray:
-        device, values, stamp = self.device, self.device.values, self.robot_time.stamp
+        device, values = self.device, self.device.values
         self._speed = values.item(MOTOR_SPEED)
         measurements = device.take_measurements() if isinstance(device, SensedSimulator) else ()
-        self.publishers.publish(values, device.take_events(), stamp, self.robot_time.stamp_of, self.recording.record,
-                                measurements)
-        self.recording.checkpoint(stamp, self._checkpoint)
+        self.publishers.publish(values, device.take_events(), self.robot_time, self.recording.record, measurements)
+        self.recording.checkpoint(self.robot_time.stamp, self._checkpoint)
         if self._publish_clock:
             self._publish_clock()
         if self._lock_step:

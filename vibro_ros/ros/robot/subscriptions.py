@@ -100,7 +100,7 @@ class CommandSubscriptions:
     def _arrived(self) -> list[tuple[str, bytes]]:
         """What has come since the last look, with its topic, in the order of arrival across topics."""
         taken = [(instant, name, data) for name, subscription in self._subscriptions.items()
-                 for data, instant, _ in subscription.take(MOST_TAKEN)]
+                 for data, instant in subscription.take(MOST_TAKEN)]
         if len(taken) > 1:
             taken.sort(key=itemgetter(0))
         return [(name, data) for _, name, data in taken]
