@@ -21,7 +21,6 @@ from benchmark.costs import RATE as COSTS_RATE
 from benchmark.costs import SCENES
 from vibro_ros.accuracy.accuracy import TABLE, TEXT, draw, how_measured, machine, measure
 from vibro_ros.accuracy.chart import style
-from vibro_ros.accuracy.figures import new_figure, tidy
 from vibro_ros.accuracy.harness import REQUIRED, Effort, Row, read_rows, row_writer
 from vibro_ros.accuracy.programs import DEVICE, Program, Setting
 from vibro_ros.accuracy.report import (
@@ -44,6 +43,7 @@ from vibro_ros.accuracy.scene_rows import OWN_CHECK, growth_in
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.starts import STARTING, started_at_share
+from vibro_ros.study.figures import new_figure, tidy
 
 FOLDER, PATHS = "accuracy", "ways.png"
 COSTS = "## What a run costs"

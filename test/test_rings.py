@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from vibro_ros.study.command import STUDIES
+
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = "vibro_ros"
 PURE = ("solver", "model")  # physics: no file, no clock, no screen
@@ -147,13 +149,12 @@ def test_arrows_within_ros_are_those_that_are_drawn(sources):
 
 
 def test_no_study_imports_another_one(sources):
-    studies = {file.parent.name for file in (ROOT / PACKAGE / "study").glob("*/__init__.py")}
-    assert len(studies) > 3
-    for module, source in sources.items():
-        words = module.split(".")
-        if words[1] == "study" and words[2] in studies:
-            others = {name.split(".")[2] for name in imported(module, source) if name.startswith("vibro_ros.study.")}
-            assert not others & studies - {words[2]}, module
+    assert len(STUDIES) > 3
+    for study in STUDIES:
+        module = f"{PACKAGE}.study.{study}"
+        others = {name.split(".")[2] for name in imported(module, sources[module])
+                  if name.startswith(f"{PACKAGE}.study.")}
+        assert not others & STUDIES.keys() - {study}, module
 
 
 @pytest.mark.parametrize("page", ["architecture.md", "solver.md"])

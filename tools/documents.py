@@ -69,10 +69,10 @@ DOCUMENTS = {
         "docs/literature.md", ("research.literature",), 4.0, (*_PHYSICS, "research/literature")),
     "map": Document(
         "docs/guide/command_map.md", (
-            "vibro_ros.study.study map --output out/study/map",
-            "vibro_ros.study.study map --scene machine --motor-speed 90:165:16 --gap 0:0.006:4 "
+            "vibro_ros.study.command map --output out/study/map",
+            "vibro_ros.study.command map --scene machine --motor-speed 90:165:16 --gap 0:0.006:4 "
             "--output out/study/map_machine"), 18.0,
-        (*_PHYSICS, "vibro_ros/orbits", "vibro_ros/study/map"),
+        (*_PHYSICS, "vibro_ros/orbits", "vibro_ros/study/map.py"),
         {"out/study/map/device.json": "config/maps/device.json", "out/study/map/map.png": "docs/map.png",
          "out/study/map/costs.png": "docs/map_costs.png",
          "out/study/map_machine/machine.json": "config/maps/machine.json",
@@ -87,7 +87,7 @@ DOCUMENTS = {
     "paper": Document(
         "docs/paper.md", ("research.paper",), 15.0, (*_PHYSICS, "research/paper")),
     "optimum": Document(
-        "docs/optimum.md", ("research.optimum",), 30.0, (*_PHYSICS, "vibro_ros/study/optimise", "research/optimum")),
+        "docs/optimum.md", ("research.optimum",), 30.0, (*_PHYSICS, "vibro_ros/study/optimise.py", "research/optimum")),
 }
 """Every generated document by its name, the quick ones first."""
 

@@ -72,7 +72,7 @@ def main(words: Sequence[str]) -> int:
     folder = options.output / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     for name, search in SEARCHES.items():
-        command = [sys.executable, "-m", "vibro_ros.study.study", "optimise", *search.words.split(), "--output",
+        command = [sys.executable, "-m", "vibro_ros.study.command", "optimise", *search.words.split(), "--output",
                    str(options.work / name)]
         if code := subprocess.run(command, check=False).returncode:
             return code

@@ -9,10 +9,11 @@ import pytest
 import vibro_ros
 from benchmark import scenes
 from tools import documents
-from vibro_ros.accuracy.harness import AVERAGE, REQUIRED, errors, read_rows, running
+from vibro_ros.accuracy.harness import AVERAGE, REQUIRED, errors, read_rows
 from vibro_ros.accuracy.programs import by_device
 from vibro_ros.accuracy.report import BY_HAND, REQUIREMENTS, cheapest, finding
 from vibro_ros.accuracy.scene_rows import SHORT
+from vibro_ros.orbits.starts import running
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 TEXT = documents.without_marks((DOCS / "accuracy.md").read_text(encoding="utf-8"))

@@ -18,11 +18,12 @@ from vibro_ros.accuracy.harness import (
     SceneProblem,
     read_rows,
     row_writer,
-    running,
 )
 from vibro_ros.accuracy.programs import COLUMNS, DEVICE, UnableError, by_device
 from vibro_ros.accuracy.report import BELOW, table
 from vibro_ros.accuracy.scene_rows import LONG, SHORT, growth
+from vibro_ros.orbits import starts
+from vibro_ros.orbits.starts import running
 
 TIMES = np.linspace(0.0, 0.1, 101)
 
@@ -86,7 +87,7 @@ def test_errors_are_looked_for_off_every_grid():
 def test_a_standing_scene_is_studied_running():
     """Its masses meet their plates from the start: nothing of it is the rest before a command."""
     scene = running(vibro_ros.load_scene("device"))
-    assert scene["motor.speed"] == harness.RUNNING_SPEED
+    assert scene["motor.speed"] == starts.RUNNING_SPEED
     assert len(by_device("exact", scene, TIMES, 1e-12).events) > 5
     slow = vibro_ros.load_scene("device").with_parameters({"motor.max_speed": 20.0})
     assert running(slow)["motor.speed"] == 20.0

@@ -5,11 +5,11 @@ import pyarrow.parquet as pq
 import pytest
 
 from vibro_ros.study import table as tables
-from vibro_ros.study.basins.command import main as basins
-from vibro_ros.study.diagram.command import main as diagram
-from vibro_ros.study.map.command import main as command_map
-from vibro_ros.study.orbits.command import main as orbits
-from vibro_ros.study.sweep.command import main as sweep
+from vibro_ros.study.basins import main as basins
+from vibro_ros.study.diagram import main as diagram
+from vibro_ros.study.map import main as command_map
+from vibro_ros.study.orbits import main as orbits
+from vibro_ros.study.sweep import main as sweep
 
 #: Of each study one of its blocks, its `main`, and words that make it short.
 STUDIES = {

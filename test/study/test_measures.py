@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import vibro_ros
-from vibro_ros.accuracy.starts import speed_of_start
 from vibro_ros.study.measures import MEASURES, device_at_start, measure, window
+from vibro_ros.study.starts import speed_of_start
 
 SETTLING, DURATION = 1.5, 2.0
 

@@ -26,7 +26,7 @@ from vibro_ros.ros.controller.script import read_script
 from vibro_ros.simulation.motion import EventLog
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.study.measures import MEASURES
-from vibro_ros.study.sweep.design import design_of, read_sweep
+from vibro_ros.study.sweep import design_of, read_sweep
 
 INSTALLED = {name for name, one in EXECUTABLES.items() if one.installed}
 OTHER_STATISTICS = ("steps", "solver.method", "solver.step", "energy_residual", "energy_exchanged")

@@ -26,7 +26,6 @@ from vibro_ros.accuracy.harness import (
     LEAST_TIME,
     RATE,
     REFERENCE,
-    RUNNING_SPEED,
     Effort,
     Row,
     row_writer,
@@ -43,7 +42,7 @@ from vibro_ros.accuracy.report import (
 )
 from vibro_ros.accuracy.scene_rows import AVERAGED, OWN_CHECK, growth_in, rows_of_scene
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
-from vibro_ros.orbits.starts import SETTLING
+from vibro_ros.orbits.starts import RUNNING_SPEED, SETTLING
 from vibro_ros.process.entry_point import FAILURE, Parser, exit_code, interrupted_code, say
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.simulation.motion import SimulationError

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vibro_ros.accuracy.figures import new_figure, tidy
 from vibro_ros.accuracy.harness import AVERAGE, RATE, REFERENCE, TRAJECTORY, Row
 from vibro_ros.accuracy.report import WITHIN
+from vibro_ros.study.figures import new_figure, tidy
 
 # Okabe and Ito's colours, which the colour-blind can tell apart, and markers for everybody else who cannot.
 _STYLES = {"exact": ("#000000", "*"), "rk4": ("#0072b2", "o"), "rk4_located": ("#882255", "P"),

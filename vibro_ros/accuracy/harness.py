@@ -43,8 +43,6 @@ RATE = 1000.0
 LEAST_TIME = 0.1
 #: Instants at which errors are looked for, in each horizon; they lie off all grids of samples and steps.
 INSTANTS = 50_000
-#: Motor speed [rad/s] of a study of a scene whose motor stands still, if it may turn so fast.
-RUNNING_SPEED = 100.0
 #: What a row compares: trajectories within a horizon, the same within the horizon of a requirement, mean speeds over
 #: starts, the reference with an independent program, and how fast motions part.
 TRAJECTORY, REQUIRED, AVERAGE, REFERENCE, EXPONENT = "trajectory", "requirement", "mean speed", "reference", "exponent"
@@ -237,13 +235,6 @@ def read_rows(path: Path) -> list[Row]:
              for field in fields(Row)}
     with path.open(encoding="utf-8") as lines:
         return [Row(**{name: types[name](cell) for name, cell in line.items()}) for line in csv.DictReader(lines)]
-
-
-def running(scene: "Scene") -> "Scene":
-    """`scene`, its motor turning from the start at `RUNNING_SPEED` if it stands still there."""
-    if scene["motor.speed"]:
-        return scene
-    return scene.with_parameters({"motor.speed": min(RUNNING_SPEED, scene["motor.max_speed"])})
 
 
 def off_every_grid(horizon: float, count: int) -> np.ndarray:

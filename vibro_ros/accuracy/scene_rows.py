@@ -26,14 +26,13 @@ from vibro_ros.accuracy.harness import (
     off_every_grid,
     row_of,
     rows,
-    running,
 )
 from vibro_ros.accuracy.programs import DEVICE, PLAIN, Program, Setting, UnableError
-from vibro_ros.accuracy.starts import average, speeds_of_starts
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.chaos import exponent_of_pairs
-from vibro_ros.orbits.starts import STARTING, motor_command, started_at_share
+from vibro_ros.orbits.starts import STARTING, motor_command, running, started_at_share
 from vibro_ros.simulation.motion import SimulationError
+from vibro_ros.study.starts import average, speeds_of_starts
 
 #: Horizons [s] of requirements: a short one, which chaos allows everywhere, and a long one.
 SHORT, LONG = 0.2, 10.0

@@ -14,6 +14,8 @@ STARTING = 1.0
 """Time [s] at other motor speeds and gaps."""
 SETTLING = 4.0
 """Time [s] that a start is given before its mean speed counts."""
+RUNNING_SPEED = 100.0
+"""Motor speed [rad/s] of a scene whose motor stands still, where it has to turn and may turn so fast."""
 # Stretches of a start; the first instant at which one may end [s]; least speed or voltage in parts of the scene's;
 # largest change of a gap in parts of the crank's radius.
 _STRETCHES, _FIRST_END, _SLOWEST, _GAPS = 3, 0.1, 0.5, 0.1
@@ -56,3 +58,10 @@ def started_at_share(scene: Scene, share: float, command: float) -> Simulator:
 def motor_command(scene: Scene) -> tuple[str, float]:
     """What commands the motor of `scene`, and its value there: a speed [rad/s], or a voltage [V]."""
     return scene.motor_command, scene[scene.motor_command.replace("_", ".")]
+
+
+def running(scene: Scene) -> Scene:
+    """`scene`, its motor turning from the start at `RUNNING_SPEED` if it stands still there."""
+    if scene["motor.speed"]:
+        return scene
+    return scene.with_parameters({"motor.speed": min(RUNNING_SPEED, scene["motor.max_speed"])})

@@ -41,7 +41,7 @@ EXECUTABLES = {
         "vibro_ros.accuracy.accuracy", True,
         "Measure error over cost for every method, as a table and a diagram for each scene."),
     "study": Executable(
-        "vibro_ros.study.study", True,
+        "vibro_ros.study.command", True,
         "Study the machine: sweeps, the optimum, orbits, diagrams, basins, command maps."),
     "live_view": Executable(
         "vibro_ros.ros.live.view", False,

@@ -1,22 +1,77 @@
-"""What the command lines of all studies share: the machine, who computes, the locked folder, stops, and files."""
+"""Executable ``study``: its first word names the study, whose own module takes the others.
+
+Beside it what all command lines share: the machine, who computes, the locked folder, stops, how far a study is, and
+files.
+"""
+
+if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
+    import sys
+
+    from vibro_ros.process.entry_point import enter
+
+    sys.exit(enter("study"))
 
 import argparse
 import contextlib
 import fcntl
+import math
 import os
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
+from typing import Self
+
+from tqdm import tqdm
 
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.parameters import BY_NAME, Value, parameter_named
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.entry_point import Parser, exit_code, interrupted_code, say
+from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.files import replace_file
 from vibro_ros.simulation.processes import core_count
 from vibro_ros.study.execution import Execution
 from vibro_ros.study.variation import whole_number
+
+STUDIES = {
+    "sweep": "Vary parameters and tabulate what the robot does.",
+    "optimise": "Search for the fastest or thriftiest robot.",
+    "orbits": "Follow branches of periodic orbits over a parameter, and locate where they change.",
+    "diagram": "Sweep a parameter up and down: states once a turn, hysteresis, exponents, chaos.",
+    "basins": "Tell which start leads to which motion.",
+    "map": "Find every motion over motor speed and gap: the command map that `controller` reads.",
+}
+"""What each study does, by its name, which is that of its module: `main` there takes the words that follow
+the study's name, and returns the exit code."""
+
+
+def main(words: Sequence[str]) -> int:
+    """Run the executable; returns its exit code."""
+    return exit_code("study", lambda: _run(words))
+
+
+def _run(words: Sequence[str]) -> int:
+    options = _front_parser().parse_args(words[:1])
+    try:
+        study = import_module(f"vibro_ros.study.{options.study}")
+    except ModuleNotFoundError as error:
+        raise ValueError(f"{error.name}: not installed; `make study` installs what the studies need, as does "
+                         '`pip install ".[study]"`') from error
+    return study.main(words[1:])
+
+
+def _front_parser() -> Parser:
+    listed = "; ".join(f"{name}: {does}" for name, does in STUDIES.items())
+    parser = Parser(
+        prog="study", description=f"{EXECUTABLES['study'].does} {listed}",
+        epilog="Exit code 0: done; 1: a run failed; 2: bad input, or something is not installed; 129, 130, 143: "
+        "stopped by SIGHUP, SIGINT, SIGTERM, finished work is kept. `study NAME --help` shows its options.")
+    parser.add_argument("study", choices=STUDIES, metavar="NAME", help=f"of {', '.join(STUDIES)}")
+    return parser
+
 
 MOST_WORKERS = 4096
 """Processes that may be asked for."""
@@ -135,3 +190,82 @@ def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
     for name, data in files.items():
         replace_file(folder / name, data)
         print(folder / name)
+
+
+_LINES = 10.0  # s between lines that say how far it is, where no bar can be drawn
+_DELAY = 2.0  # s before a bar is drawn
+_ALIVE = 1.5  # s between signs of life
+
+
+class Progress:
+    """A bar with the time that is left or, where standard error is no terminal, a line now and then; a context.
+
+    Parameters
+    ----------
+    what : str
+        What is done.
+    unit : str
+        What is counted, such as ``run``.
+    total, done : int
+        How many there are, and how many were done before [-].
+    """
+
+    def __init__(self, what: str, unit: str, total: int, done: int = 0):
+        self._bar = tqdm(desc=what, total=total, initial=done, unit=unit, disable=None, delay=_DELAY, smoothing=0.1)
+        self._what, self._unit, self._total, self._first, self._done = what, unit, total, done, done
+        self._begun = self._said = time.monotonic()
+
+    def __enter__(self) -> "Progress":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.close()
+
+    def add(self, count: int) -> None:
+        """Note that `count` more are done."""
+        self._done += count
+        self._bar.update(count)
+        now = time.monotonic()
+        if self._bar.disable and now - self._said > _LINES:
+            left = (now - self._begun) / (self._done - self._first) * (self._total - self._done)
+            say("study", f"{self._what}: {self._done} of {self._total} {self._unit}s, "
+                         f"{tqdm.format_interval(left)} left")
+            self._said = now
+
+
+class SignsOfLife:
+    """A line on standard error every other second, however long or short the steps of the work are; a context.
+
+    Parameters
+    ----------
+    what : str
+        What is done.
+
+    Attributes
+    ----------
+    where : str
+        How far it is; empty while nothing is done.
+    """
+
+    _said = -math.inf  # s, when a line came last, of whichever step of this process
+
+    def __init__(self, what: str):
+        self._what, self.where = what, ""
+        self._over = threading.Event()
+        # A daemon: a stop signal that comes while the context is entered leaves nobody to end the thread.
+        self._thread = threading.Thread(target=self._speak, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._begun = time.monotonic()
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def _speak(self) -> None:
+        while not self._over.wait(max(0.0, SignsOfLife._said + _ALIVE - time.monotonic())):
+            SignsOfLife._said = time.monotonic()
+            so_far = f"{time.monotonic() - self._begun:.0f} s so far"
+            say("study", f"{self._what}: {', '.join(filter(None, [self.where, so_far]))}")

@@ -27,8 +27,8 @@ import pyarrow.parquet as pq
 
 from vibro_ros.process.entry_point import say
 from vibro_ros.process.files import content, is_temporary, replace_file
+from vibro_ros.study.command import Progress
 from vibro_ros.study.execution import Execution, Results, fingerprint
-from vibro_ros.study.progress import Progress
 
 KEY, _DIGEST = b"vibro_ros", b"digest"
 NUMBERS = pa.list_(pa.field("element", pa.float64(), nullable=False))

@@ -1,0 +1,192 @@
+"""The optimum is verified, perturbed and written by what it really is."""
+
+import contextlib
+import io
+import json
+import math
+
+import numpy as np
+import pytest
+
+from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.study import optimise as command
+from vibro_ros.study.execution import Execution
+from vibro_ros.study.optimise import (
+    MEASURED,
+    OPTIMUM,
+    PAPER,
+    PERTURBATION,
+    VERIFYING,
+    Reading,
+    Trials,
+    neighbourhood,
+    one_at_a_time,
+    perturbed,
+    readings,
+    robot_count,
+    values_of,
+    values_of_many,
+    verified,
+)
+from vibro_ros.study.space import VARIABLES, Space
+from vibro_ros.study.starts import average
+
+SCENE = command.sought(load_scene("device"))
+SPACE = Space(SCENE)
+SHORT = Trials(starts=3, settling=1.5, duration=1.0)
+
+
+class Counting:
+    """Counts what it is told."""
+
+    count = 0
+
+    def add(self, count):
+        """Add `count`."""
+        self.count += count
+
+
+def of_scene(space=SPACE):
+    """Return the scene's own values of the varied parameters."""
+    return {variable.name: space.scene[variable.name] for variable in space.variables}
+
+
+def test_values_do_not_depend_on_workers():
+    robots = [SPACE.robot(point) for point in np.random.default_rng(0).random((4, 17))]
+    one, two = (list(values_of_many(robots, SHORT, Execution(workers))) for workers in (1, 2))
+    np.testing.assert_array_equal(one, two)
+    assert one[0].shape == (3, len(MEASURED))
+
+
+def test_the_robots_are_compared_from_the_same_fresh_starts():
+    progress = Counting()
+    rows = verified(SPACE, of_scene(), Reading(), SHORT, Execution(1), progress)
+    own = [row for row in rows if row.reading == "as sought (`device`)"]
+    fresh = values_of(SCENE, Trials(3, 1.5, 1.0, VERIFYING))
+    assert own[0].robot == OPTIMUM and own[0].margin is None
+    assert own[0].speed == average(fresh[:, 0]) and own[0].speed.mean < 0.0  # it goes backwards
+    assert own[0].air == pytest.approx(fresh[:, 3].mean()) and own[0].load == pytest.approx(1.0, abs=0.1)
+    assert sum(starts for _, _, starts in own[0].motions) == 3
+    forced = next(row for row in rows if "by decree" in row.reading)
+    assert forced.load > 1.5 and forced.air == 0.0
+    assert own[2].margin.mean == own[2].margin.spread == 0.0  # the scene's parameters are this optimum
+    papers = values_of(SCENE.with_parameters({"guide.angle": math.radians(80.0), "mass.inclined": 0.02,
+                                              "crank.radius": 0.06}), Trials(3, 1.5, 1.0, VERIFYING))
+    assert own[1].robot == PAPER
+    assert own[1].margin.mean == pytest.approx(np.mean(np.abs(fresh[:, 0]) - np.abs(papers[:, 0])))
+    weight = SCENE.total_mass * SCENE["gravity"]
+    assert own[0].cost == pytest.approx(fresh[:, 1].mean() / weight / np.abs(fresh[:, 0]).mean())
+    assert progress.count == len(rows) == 3 * len(readings(SCENE))
+
+
+def test_readings_differ():
+    for name in ("device", "paper", "unilateral"):
+        scenes = list(readings(load_scene(name)).values())
+        assert all(one != other for number, one in enumerate(scenes) for other in scenes[:number])
+    assert any(scene["effects.reaction"] for scene in readings(load_scene("paper")).values())
+
+
+def test_no_cost_of_transport_where_energy_does_not_balance():
+    space = Space(load_scene("damped"), VARIABLES[:1])
+    rows = verified(space, {"mass.upper": 0.1}, Reading(), SHORT, Execution(1), Counting())
+    assert math.isnan(rows[0].cost)
+    assert math.isfinite(next(row.cost for row in rows if "`device`" in row.reading))
+
+
+def test_perturbed_robots_can_be_built_even_beyond_the_bounds():
+    corners = np.random.default_rng(3).integers(0, 2, (40, 17))
+    for corner in corners:
+        parameters = SPACE.parameters(corner)
+        for _, _, robot in one_at_a_time(SPACE, parameters):
+            assert robot["crank.radius"] <= min(robot["crank.upper_rod"], robot["crank.inclined_rod"])
+    lowest = SPACE.parameters([0.0] * 17)
+    assert perturbed(SPACE, lowest, {"mass.upper": -1.0})["mass.upper"] == lowest["mass.upper"] * (1.0 - PERTURBATION)
+    assert perturbed(SPACE, lowest, {}).parameters == SPACE.scene.with_parameters(lowest).parameters
+
+
+def test_robots_that_cannot_be_built_are_passed_over():
+    """Much friction jams some guide angles (Painlevé's paradox), which no bounds of the space know."""
+    space = Space(SCENE.with_parameters({"ground.friction": 12.0, "ground.static_friction": 12.0}))
+    points = np.random.default_rng(0).random((12, 17))
+    points[0] = space.point(of_scene(space) | {"guide.angle": 0.8, "mass.inclined": 0.25, "mass.upper": 0.02})
+    assert space.buildable(points[0]) is None
+    built = [space.buildable(point) for point in points]
+    assert 0 < sum(robot is not None for robot in built) < 12
+    for robot in built:
+        assert np.isfinite(values_of(robot, SHORT)).all() == (robot is not None)
+    assert perturbed(space, space.parameters(points[0]), {}) is None
+
+
+def test_without_weight_there_is_no_cost_of_transport():
+    space = Space(SCENE.with_parameters({"gravity": 0.0}), VARIABLES[:1])
+    rows = verified(space, {"mass.upper": 0.1}, Reading(), SHORT, Execution(1), Counting())
+    assert all(math.isnan(row.cost) for row in rows)
+
+
+def test_sobols_indices_find_what_matters(monkeypatch):
+    """Of a score that is linear in two parameters, known shares: 0.9 and 0.1."""
+    space, shares = Space(SCENE, VARIABLES[:3]), {"mass.upper": 3.0, "mass.inclined": 1.0}
+    optimum = of_scene(space)
+
+    def values_of_many(robots, trials, _):
+        for robot in robots:
+            shift = sum(share * (robot[name] / optimum[name] - 1.0) for name, share in shares.items())
+            yield np.full((1, 1), 10.0 + shift)
+
+    monkeypatch.setattr("vibro_ros.study.optimise.values_of_many", values_of_many)
+    progress = Counting()
+    around = neighbourhood(space, optimum, lambda values: float(values.mean()), SHORT, 256, 0, Execution(1), progress)
+    upper, inclined, rod = around.sensitivities
+    assert (upper.first, inclined.first, rod.first) == pytest.approx((0.9, 0.1, 0.0), abs=0.03)
+    assert (upper.total, inclined.total, rod.total) == pytest.approx((0.9, 0.1, 0.0), abs=0.03)
+    assert (upper.lower, upper.upper) == pytest.approx((0.985, 1.015))
+    assert around.median == pytest.approx(1.0, abs=1e-3)
+    assert progress.count == robot_count(space, 256) == 1 + 6 + around.robots
+
+
+OPTIONS = "--quick --budget 24 --starts 2 --workers 1 --seed 1 --vary crank.radius=0.005:0.02 --fix upper.gap=0.001"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Return the output of a search that is too short to find anything."""
+    found, said = tmp_path_factory.mktemp("optimise"), io.StringIO()
+    with contextlib.redirect_stdout(said):
+        assert command.main([*OPTIONS.split(), "--output", str(found)]) == 0
+    bounds = said.getvalue().splitlines()[-1]
+    assert bounds in (found / "optimum.md").read_text() and ("on a bound" in bounds)
+    return found
+
+
+def test_everything_is_written_and_of_one_robot(folder):
+    assert {path.name for path in folder.iterdir()} == {
+        "optimum.md", "optimum.yaml", "optimum.json", "convergence.png", "sensitivity.png", "front.png",
+        "candidates"}
+    robot, numbers = load_scene(folder / "optimum.yaml"), json.loads((folder / "optimum.json").read_text())
+    assert all(robot[name] == value for name, value in numbers["optimum"].items())
+    assert 0.005 <= robot["crank.radius"] <= 0.02 and robot["upper.gap"] == 0.001
+    text = (folder / "optimum.md").read_text()
+    assert f"{numbers['robots']} robots" in text and all(f"`{name}`" in text for name in numbers["optimum"])
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    ("--scene paper", "--scene paper: has effects.reaction false"),
+    ("--scene paper --objective front", "the cost of transport has no bound"),
+    ("--budget 0", "--budget 0: give a number from 1"),
+    ("--most-air 1.1", "--most-air 1.1: give a share from 0 to 1"),
+    ("--least-speed nan", "--least-speed nan: give a number from 0"),
+    ("--vary crank.radius=a:b", "'a' is not a number"),
+    ("--fix guide.angle=7", "guide.angle: 7 is out of range"),
+    ("--fix guide.angle=x", "--fix guide.angle=x: 'x' is not a number"),
+])
+def test_bad_words_are_one_line(capsys, words, said):
+    assert command.main(words.split()) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1 and error.startswith("study: ")
+
+
+def test_a_record_knows_how_its_values_were_measured(monkeypatch):
+    plan = command.plan_of(command.parser().parse_args(OPTIONS.split()))
+    before = plan.identity()
+    monkeypatch.setattr("vibro_ros.study.optimise.computes_with", lambda: {"sources": "others"})
+    assert {name for name in before if before[name] != plan.identity()[name]} == {"computed_with"}

@@ -1,0 +1,838 @@
+"""What a machine does in a cell of the map, when it comes there from the cell before."""
+
+import argparse
+import hashlib
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import closing, suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pyarrow as pa
+from matplotlib.axes import Axes
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from vibro_ros.configuration.command_choice import Choice, CommandChoice, has_choice
+from vibro_ros.configuration.command_map import (
+    LARGEST,
+    MOST_ROWS,
+    PATCHWORK,
+    SIDES,
+    Axis,
+    CommandMap,
+    Curve,
+    Found,
+    parameters_that_count,
+    written,
+)
+from vibro_ros.configuration.strict_yaml import read_scalar
+from vibro_ros.model.scene import Scene
+from vibro_ros.orbits.continuation import CORNER, KINDS, follow, special_points
+from vibro_ros.orbits.family import Family, LostError
+from vibro_ros.orbits.recurrence import SettledMotion, settle
+from vibro_ros.orbits.starts import drawn_start
+from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, check_closes, coordinates, is_sampled
+from vibro_ros.process.entry_point import Parser
+from vibro_ros.simulation.motion import SimulationError
+from vibro_ros.simulation.preparation import provide_kernels
+from vibro_ros.simulation.processes import core_count, in_processes
+from vibro_ros.simulation.provenance import software
+from vibro_ros.simulation.simulator import Simulator
+from vibro_ros.study.command import (
+    Progress,
+    add_execution,
+    add_machine,
+    execution_of,
+    locked,
+    machine_of,
+    run_study,
+    study_parser,
+    write_files,
+)
+from vibro_ros.study.execution import Execution
+from vibro_ros.study.figures import new_figure, png
+from vibro_ros.study.measures import MEASURES, REST, WORK, Window, observed
+from vibro_ros.study.table import Field, Study, are, computed, file_of
+from vibro_ros.study.variation import whole_number
+
+SPEED, GAP = "motor_speed", "gap"
+
+
+@dataclass(frozen=True)
+class Line:
+    """A row or a column of the grid, swept from one end to the other.
+
+    Attributes
+    ----------
+    along : str
+        `SPEED` or `GAP`: what changes.
+    place : int
+        Index of what stays.
+    upwards : bool
+        Whether the smallest value comes first.
+    """
+
+    along: str
+    place: int
+    upwards: bool
+
+
+@dataclass(frozen=True)
+class MapDesign:
+    """A map to be made.
+
+    Attributes
+    ----------
+    scene : Scene
+        The machine; its own motor speed, gaps of `sides` and start do not count.
+    sides : tuple of str
+        Sides whose gaps are varied, both alike if there are two.
+    speeds, gaps : Axis
+        Motor speeds [rad/s] and gaps [m].
+    """
+
+    scene: Scene
+    sides: tuple[str, ...]
+    speeds: Axis
+    gaps: Axis
+
+    def scene_at(self, speed_index: int, gap_index: int) -> Scene:
+        """The machine in a cell (ValueError where the scene refuses the values)."""
+        return self.scene_with(float(self.speeds.values[speed_index]), float(self.gaps.values[gap_index]))
+
+    def scene_with(self, motor_speed: float, gap: float) -> Scene:
+        """The machine at a motor speed [rad/s] and a gap [m] (ValueError where the scene refuses the values)."""
+        return self.scene.with_parameters({"motor.speed": motor_speed, **{f"{side}.gap": gap for side in self.sides}})
+
+    def lines(self) -> list[Line]:
+        """All rows and columns, each in both directions."""
+        return [Line(along, place, upwards) for along, other in ((SPEED, self.gaps), (GAP, self.speeds))
+                for place in range(other.count) for upwards in (True, False)]
+
+    def cells(self, line: Line) -> Iterator[tuple[int, int]]:
+        """Speed and gap index of each cell of a line, in its direction."""
+        axis = self.speeds if line.along == SPEED else self.gaps
+        for index in range(axis.count) if line.upwards else reversed(range(axis.count)):
+            yield (index, line.place) if line.along == SPEED else (line.place, index)
+
+    def document(self) -> dict[str, object]:
+        """All that the motions depend on, for the record."""
+        solver = {name: value for name, value in self.scene.parameters.items() if name.startswith("solver.")}
+        return {"parameters": parameters_that_count(self.scene, self.sides), "solver": solver, "gaps": list(self.sides),
+                **{name: [axis.low, axis.high, axis.count]
+                   for name, axis in ((SPEED, self.speeds), (GAP, self.gaps))}}
+
+
+BOTH = "both"
+MOTOR_SPEEDS, GAPS = "50:250:101", "-0.002:0.008:41"
+QUICK = "60:180:13", "0:0.006:4"
+"""Grids of a full and of a quick map."""
+
+
+def add_grid(parser: Parser) -> None:
+    """The options that name machine and grid."""
+    add_machine(parser, "device")
+    parser.add_argument("--motor-speed", metavar="LOW:HIGH:COUNT",
+                        help=f"motor speeds [rad/s] (default: {MOTOR_SPEEDS})")
+    parser.add_argument("--gap", metavar="LOW:HIGH:COUNT", help=f"gaps [m] (default: {GAPS})")
+    parser.add_argument("--quick", action="store_true", help=f"a coarse grid, {QUICK[0]} rad/s and {QUICK[1]} m, with "
+                        "few trials: a look within a minute")
+
+
+def design_of(options: argparse.Namespace) -> MapDesign:
+    """The map that is asked for.
+
+    Raises
+    ------
+    ValueError
+        For what is no grid or no scene; the message names value, limit and remedy.
+    """
+    scene = machine_of(options)
+    if scene["solver.method"] != "exact":
+        raise ValueError(f"solver.method: {scene['solver.method']} has no map; take exact, whose states repeat to "
+                         "rounding")
+    if scene.motor_command != "motor_speed":
+        raise ValueError("motor.control: voltage commands no motor speed, which a map has on its axis; choose "
+                         "speed_by_voltage or speed_by_current")
+    sides = SIDES if options.gaps == BOTH else (options.gaps,)
+    for side in sides:
+        if side not in scene.plates:
+            raise ValueError(f"--gaps {options.gaps}: {scene.name} has no {side} plate; give another scene or side")
+    speeds, gaps = QUICK if options.quick else (MOTOR_SPEEDS, GAPS)
+    design = MapDesign(scene, sides, _axis("--motor-speed", options.motor_speed or speeds),
+                       _axis("--gap", options.gap or gaps))
+    if design.speeds.low <= 0.0:
+        raise ValueError(f"--motor-speed: from {design.speeds.low:g} rad/s; a crank that stands has no motion: give "
+                         "speeds above 0")
+    if 4 * design.speeds.count * design.gaps.count > MOST_ROWS:
+        raise ValueError(f"--motor-speed, --gap: {design.speeds.count} x {design.gaps.count} cells; give at most "
+                         f"{MOST_ROWS // 4}")
+    for index in range(design.speeds.count):
+        design.scene_at(index, 0)  # refuses values that the scene refuses
+    for index in range(design.gaps.count):
+        design.scene_at(0, index)
+    return design
+
+
+def _axis(option: str, text: str) -> Axis:
+    parts = [read_scalar(part) for part in text.split(":")]
+    if len(parts) != 3 or not all(isinstance(part, (int, float)) and not isinstance(part, bool) for part in parts[:2]):
+        raise ValueError(f"{option} {text}: give LOW:HIGH:COUNT")
+    low, high = float(parts[0]), float(parts[1])  # type: ignore[arg-type]
+    if not (-1e9 < low < high < 1e9):
+        raise ValueError(f"{option} {text}: is no range; give the smaller number first")
+    return Axis(low, high, whole_number(f"{option}: count", parts[2], 2, 10_000))
+
+
+PHASE = math.pi
+"""Crank angle [rad] at which states are looked at: both sliders are far from the plates there."""
+MOST_TURNS = 2048
+"""Turns of the crank after which a start is given up that has not settled."""
+UNSETTLED = -1
+"""In place of the period of a start that has not settled."""
+_LEAST_TURNS, _WITHOUT_PERIOD = 16, 256  # that are measured
+_NOTHING = (math.nan, math.nan, math.nan, math.nan)
+
+
+class Visit(NamedTuple):
+    """One motion that was found.
+
+    Attributes
+    ----------
+    speed_index, gap_index : int
+        Cell of the grid.
+    turns : int
+        Turns of the crank after which it repeats itself; 0 where it does not, `UNSETTLED` where none was found.
+    landings : int
+        Landings within these turns; 0 without a period.
+    mean_speed : float
+        Of the body [m/s], forwards positive.
+    cost_of_transport, stick_share, air_share : float
+        As `study.measures` has them, dimensionless.
+    state : tuple of float
+        One state at the cut, in units of the machine; empty where none was found.
+    """
+
+    speed_index: int
+    gap_index: int
+    turns: int
+    landings: int
+    mean_speed: float
+    cost_of_transport: float
+    stick_share: float
+    air_share: float
+    state: tuple[float, ...]
+
+
+def visits(design: MapDesign, line: Line) -> list[Visit]:
+    """Sweep a line: each cell begins with the state that the cell before has led to, the first with the scene's own."""
+    found, before = [], None
+    for speed_index, gap_index in design.cells(line):
+        turn_map = TurnMap(design.scene_at(speed_index, gap_index), PHASE)
+        stroboscope = Stroboscope(turn_map)
+        try:
+            try:
+                if before is None:
+                    stroboscope.begin_as()
+                else:
+                    stroboscope.begin(before / turn_map.units)
+            except ValueError:  # the state before cannot be in this cell
+                stroboscope.begin_as()
+            motion = settle(stroboscope, most=MOST_TURNS)
+            seen = motion and _measured(turn_map, motion)
+        except SimulationError:
+            motion = seen = None
+        if motion and seen:
+            before = motion.states[-1] * turn_map.units
+            found.append(Visit(speed_index, gap_index, motion.turns, *seen, tuple(motion.states[-1].tolist())))
+        else:
+            before = None
+            found.append(Visit(speed_index, gap_index, UNSETTLED, 0, *_NOTHING, ()))
+    return found
+
+
+def _measured(turn_map: TurnMap, motion: SettledMotion) -> tuple[int, float, float, float, float]:
+    """Landings, mean speed, cost of transport, and shares of the time in which the body stands and flies."""
+    turns = motion.turns * math.ceil(_LEAST_TURNS / motion.turns) if motion.turns else _WITHOUT_PERIOD
+    device = Simulator(turn_map.scene.with_parameters({"solver.accounts": True}))
+    device.set_state(crank_angle=turn_map.phase, **dict(zip(turn_map.names, motion.states[-1] * turn_map.units,
+                                                             strict=True)))
+    period = turn_map.turn_time(motion.states[-1], turns)
+    seen = observed(device, (WORK, REST), Window(0.0, period, turns, turns * period))
+    landings = round(float(np.sum(seen.events["kind"] == "landing")) * motion.turns / turns)
+    speed, cost, standing, airborne = (MEASURES[name].value(seen) for name in (
+        "mean_speed", "cost_of_transport", "stick_share", "air_share"))
+    return landings, speed if motion.turns else motion.mean_speed, cost, standing, airborne
+
+
+LONG = 8
+"""Turns beyond which a period tells nothing: a longer one counts as none, because a small change of the commands ends
+it, and visits that settle slowly do not find it alike."""
+LEAST_CELLS = 8
+"""Cells of a motion that gets a number; smaller ones are `PATCHWORK`."""
+_STEADY, _NOISY = (1e-5, 1e-4), (2e-3, 0.1)  # m/s, and share: differences of mean speeds of one motion in a cell
+_FROM_CELL_TO_CELL = (3e-3, 0.25)  # the same of neighbouring cells
+
+
+def motions(visits: Iterable[Visit]) -> tuple[Found, list[Visit]]:
+    """The motions of each cell, with their numbers; and for each a visit that has found it."""
+    in_cell: dict[tuple[int, int], list[Visit]] = defaultdict(list)
+    for visit in visits:
+        cell = in_cell[visit.speed_index, visit.gap_index]
+        if visit.turns != UNSETTLED and not any(_same(visit, other) for other in cell):
+            cell.append(visit)
+    for cell in in_cell.values():
+        cell.sort(key=lambda visit: visit.mean_speed)
+    rows = [visit for _, cell in sorted(in_cell.items()) for visit in cell]
+    numbers = _numbers(rows)
+    columns = {name: np.array([getattr(visit, name) for visit in rows]) for name in Found.__dataclass_fields__
+               if name not in ("motion", "sure")}
+    short = columns["turns"] <= LONG
+    columns |= {name: np.where(short, columns[name], 0) for name in ("turns", "landings")}
+    alone = np.array([len(in_cell[visit.speed_index, visit.gap_index]) == 1 for visit in rows])
+    sure = alone & (columns["turns"] > 0) & (numbers > PATCHWORK)
+    return Found(motion=numbers, sure=sure.astype(int), **columns), rows
+
+
+def _close(one: Visit, other: Visit, tolerance: tuple[float, float]) -> bool:
+    most = max(abs(one.mean_speed), abs(other.mean_speed))
+    return abs(one.mean_speed - other.mean_speed) <= tolerance[0] + tolerance[1] * most
+
+
+def _kind(visit: Visit) -> tuple[int, int]:
+    return (visit.turns, visit.landings) if 0 < visit.turns <= LONG else (0, 0)
+
+
+def _same(one: Visit, other: Visit) -> bool:
+    return _kind(one) == _kind(other) and _close(one, other, _STEADY if _kind(one)[0] else _NOISY)
+
+
+def _numbers(rows: Sequence[Visit]) -> np.ndarray:
+    """Number of each row's motion, 0 for that of the most cells.
+
+    Rows of neighbouring cells are joined to groups, the most alike first, but never two rows of one cell to one group.
+    """
+    at: dict[tuple[int, int], list[int]] = defaultdict(list)
+    for row, visit in enumerate(rows):
+        at[visit.speed_index, visit.gap_index].append(row)
+    links = [(first, last) for (i, j), here in list(at.items())
+             for beside in (at.get((i + 1, j), ()), at.get((i, j + 1), ())) for first in here for last in beside
+             if _kind(rows[first]) == _kind(rows[last]) and _close(rows[first], rows[last], _FROM_CELL_TO_CELL)]
+    group_of = list(range(len(rows)))
+    members = {row: [row] for row in range(len(rows))}
+    cells = {row: {(visit.speed_index, visit.gap_index)} for row, visit in enumerate(rows)}
+    for first, last in sorted(links, key=lambda pair: abs(rows[pair[0]].mean_speed - rows[pair[1]].mean_speed)):
+        small, large = sorted((group_of[first], group_of[last]), key=lambda group: len(members[group]))
+        if small == large or cells[small] & cells[large]:
+            continue
+        for row in members[small]:
+            group_of[row] = large
+        members[large] += members.pop(small)
+        cells[large] |= cells.pop(small)
+    numbers = np.full(len(rows), PATCHWORK)
+    numbered = [group for group in members.values() if len(group) >= LEAST_CELLS]
+    for number, group in enumerate(sorted(numbered, key=len, reverse=True)):
+        numbers[group] = number
+    return numbers
+
+
+LONGEST = 4
+"""Period [turns] of motions that are followed, at most."""
+BEYOND = 3.0
+"""Cells over which a motion is followed beyond its last cell."""
+_MOST_STEPS = 60  # along a branch
+_LEAST_RUN = 3  # cells
+_TILT = 8.0  # rad/s a mm of gap: as far as a curve may lean between two gaps
+
+
+class End(NamedTuple):
+    """A motion, and a way along the motor speed on which it ends.
+
+    Attributes
+    ----------
+    gap_index, turns : int
+        Row of the grid, and period [turns].
+    motion : int
+        Its number.
+    speed_index : int
+        Last cell.
+    direction : int
+        1 upwards, -1 downwards.
+    state : tuple of float
+        State in the last cell, at the cut, in units of the machine.
+    """
+
+    gap_index: int
+    turns: int
+    motion: int
+    speed_index: int
+    direction: int
+    state: tuple[float, ...]
+
+
+class Point(NamedTuple):
+    """What was found beyond the end of a motion.
+
+    Attributes
+    ----------
+    kind : str or None
+        The special point, as `orbits.special_points` names it; None where the branch goes on, or is lost.
+    turns, motion, direction : int
+        Of the `End`.
+    gap_index : int
+        Row of the grid.
+    motor_speed : float
+        [rad/s]
+    """
+
+    kind: str | None
+    turns: int
+    motion: int
+    direction: int
+    gap_index: int
+    motor_speed: float
+
+
+def ends(found: Found, rows: list[Visit], speeds: Axis, gap_indices: range) -> list[End]:
+    """Where the motions of some rows of the grid end within it, in both directions of the motor speed."""
+    listed = []
+    for gap_index in gap_indices:
+        for motion in np.unique(found.motion[(found.gap_index == gap_index) & (found.motion > PATCHWORK)]).tolist():
+            own = np.flatnonzero((found.gap_index == gap_index) & (found.motion == motion))
+            turns = int(found.turns[own[0]])
+            if not 0 < turns <= LONGEST:
+                continue
+            for run in np.split(own, np.flatnonzero(np.diff(found.speed_index[own]) > 1) + 1):
+                if len(run) >= _LEAST_RUN:
+                    listed += [End(gap_index, turns, motion, int(found.speed_index[row]), direction, rows[row].state)
+                               for row, direction, border in ((run[0], -1, 0), (run[-1], 1, speeds.count - 1))
+                               if found.speed_index[row] != border]
+    return listed
+
+
+def end_point(design: MapDesign, end: End) -> Point:
+    """The special point at which a motion ends, if its branch leads to one within `BEYOND`."""
+    span = BEYOND * design.speeds.step
+    here = float(design.speeds.values[end.speed_index])
+    low, high = (here, here + span) if end.direction > 0 else (max(here - span, 0.1 * here), here)
+    try:
+        family = Family(design.scene_at(end.speed_index, end.gap_index), {"motor.speed": (low, high)}, end.turns, PHASE)
+        branch = follow(family, np.append(end.state, family.shares(here)), float(end.direction))
+        for _, (before, after) in zip(range(_MOST_STEPS), branch, strict=False):
+            for special in special_points(before, after):
+                if special.kind == CORNER:  # the motion goes on
+                    continue
+                return Point(special.kind, end.turns, end.motion, end.direction, end.gap_index, special.point.value)
+    except (LostError, SimulationError, ValueError):
+        pass
+    return Point(None, end.turns, end.motion, end.direction, end.gap_index, here)
+
+
+def curves(design: MapDesign, points: list[Point], gap_indices: range) -> tuple[Curve, ...]:
+    """Points joined to curves, each of at least two points."""
+    lines: list[list[Point]] = []
+    open_lines: list[list[Point]] = []
+    reach = _TILT * 1e3 * gap_indices.step * design.gaps.step + design.speeds.step
+    for gap_index in gap_indices:
+        left = [point for point in points if point.gap_index == gap_index]
+        still_open = []
+        near = [(abs(line[-1].motor_speed - point.motor_speed), line, point) for line in open_lines for point in left
+                if (line[-1].kind, line[-1].motion, line[-1].direction) == (point.kind, point.motion, point.direction)]
+        for distance, line, point in sorted(near, key=lambda one: one[0]):
+            if distance <= reach and point in left and line not in still_open:
+                left.remove(point)
+                line.append(point)
+                still_open.append(line)
+        fresh = [[point] for point in left]
+        lines += fresh
+        open_lines = still_open + fresh
+    values = design.gaps.values
+    return tuple(Curve(str(line[0].kind), line[0].turns, tuple(float(f"{point.motor_speed:.9g}") for point in line),
+                       tuple(float(f"{values[point.gap_index]:.9g}") for point in line))
+                 for line in lines if len(line) > 1)
+
+
+PROOFS, QUICK_PROOFS = 185, 16
+"""Mean speeds that are tried, equally spaced over what a map offers, or a quick one."""
+STARTS = 8
+"""Drawn starts of each, `orbits.starts`: a first second at other motor speeds and gaps."""
+SETTLING, MEASURING = 10.0, 10.0
+"""Time [s] that does not count, and time that does, cut to whole turns."""
+MET = 0.05
+"""Deviation, as a share of what was asked, within which a trial leads where it should."""
+
+
+class Trial(NamedTuple):
+    """One mean speed asked for.
+
+    Attributes
+    ----------
+    asked, got : float
+        Mean speeds [m/s]; `got` is that of the start which is farthest off.
+    choice : Choice
+        The commands.
+    """
+
+    asked: float
+    got: float
+    choice: Choice
+
+    @property
+    def error(self) -> float:
+        """Deviation as a share of what was asked, dimensionless."""
+        return abs(self.got / self.asked - 1.0)
+
+
+def proved(command_map: CommandMap, design: MapDesign, count: int) -> tuple[CommandMap, list[Trial]]:
+    """The map without cells that are not sure after all, and the trials of its commands, by mean speed.
+
+    Parameters
+    ----------
+    command_map : CommandMap
+        With the cells that sweeps have found to be sure.
+    design : MapDesign
+        The machine and the grid.
+    count : int
+        Mean speeds to try.
+    """
+    if not has_choice(command_map):
+        return command_map, []
+    offered = CommandChoice(command_map)
+    asked = np.linspace(offered.slowest, offered.fastest, count).tolist()
+    done: dict[tuple[float, ...], Trial] = {}
+    provide_kernels("exact")  # once for all that are forked
+    while True:
+        choices = {}
+        if has_choice(command_map):
+            choice = CommandChoice(command_map)
+            for speed in asked:
+                with suppress(ValueError):  # a speed for which there are no sure commands
+                    chosen = choice.commands_for(speed)
+                    choices[(speed, *chosen.commands.values())] = (speed, chosen)
+        new = [key for key in choices if key not in done]
+        with Progress("commands tried", "job", len(new)) as progress:
+            tried = [choices[key] for key in new]
+            with closing(in_processes(partial(_trial, design), tried, min(core_count(), len(new)) or 1)) as trials:
+                for key, (_, future) in zip(new, trials, strict=True):
+                    done[key] = future.result()
+                    progress.add(1)
+        failed = [trial for trial in done.values()
+                  if trial.error > MET and command_map.found.sure[list(trial.choice.rows)].all()]
+        if not failed:
+            return command_map, [done[key] for key in choices]
+        sure = command_map.found.sure.copy()
+        sure[[row for trial in failed for row in trial.choice.rows]] = 0
+        command_map = replace(command_map, found=replace(command_map.found, sure=sure))
+
+
+def _trial(design: MapDesign, one: tuple[float, Choice]) -> Trial:
+    """Give the commands, all at once, to a device after each of the drawn starts."""
+    asked, choice = one
+    motor, gap = list(choice.commands.values())[:2]
+    turn, speeds = TURN / motor, []
+    duration = turn * round(MEASURING / turn)
+    for start in range(STARTS):
+        device = drawn_start(design.scene_with(motor, gap), start)
+        device.advance_to(SETTLING)
+        begin = device.state.body_position
+        device.advance_to(SETTLING + duration)
+        speeds.append((device.state.body_position - begin) / duration)
+    return Trial(asked, max(speeds, key=lambda speed: abs(speed - asked)), choice)
+
+
+SHOWN = 22
+"""Rows of the table of trials, about."""
+
+
+def map_in_words(command_map: CommandMap, visits: list[Visit]) -> list[str]:
+    """How many motions there are, where, and how fast they go."""
+    found = command_map.found
+    cells, counts = np.unique(np.column_stack([found.speed_index, found.gap_index]), axis=0, return_counts=True)
+    unsettled = sum(visit.turns == UNSETTLED for visit in visits)
+    numbered = np.unique(found.motion[found.motion > PATCHWORK])
+    periodic = float(np.mean(found.turns > 0))
+    fastest, slowest = int(np.argmax(np.abs(found.mean_speed))), int(np.argmin(np.abs(found.mean_speed)))
+    forwards = int(np.sum(found.mean_speed > 0.0))
+    place = (f"{command_map.speeds.values[found.speed_index[fastest]]:g} rad/s, gap "
+                  f"{command_map.gaps.values[found.gap_index[fastest]] * 1e3:g} mm")
+    kinds = [curve.kind for curve in command_map.curves]
+    curves = ", ".join(f"{kinds.count(kind)} of {kind}" for kind in dict.fromkeys(kinds))
+    sure = "no sure commands for any mean speed"
+    if has_choice(command_map):
+        choice = CommandChoice(command_map)
+        sure = (f"sure commands for {choice.covered:.0%} of the mean speeds from {choice.slowest * 1e3:.1f} to "
+                f"{choice.fastest * 1e3:.1f} mm/s")
+    return [
+        f"{len(cells)} of {command_map.speeds.count * command_map.gaps.count} cells have a motion, "
+        f"{np.sum(counts > 1)} have more than one; {unsettled} of {len(visits)} visits did not settle",
+        f"{len(numbered)} motions of neighbouring cells; {periodic:.0%} of what was found repeats itself within 8 "
+        "turns",
+        f"mean speeds from {found.mean_speed[slowest] * 1e3:.1f} to {found.mean_speed[fastest] * 1e3:.1f} mm/s "
+        f"({place}); {forwards} go forwards",
+        f"curves: {curves or 'none'}",
+        sure,
+    ]
+
+
+def trials_in_words(trials: list[Trial]) -> list[str]:
+    """A table of mean speeds asked for, with the start that is farthest off, and the largest deviation of all."""
+    if not trials:
+        return []
+    lines = ["asked [mm/s]  motor speed [rad/s]  gap [mm]  got [mm/s]  off [%]"]
+    for trial in trials[::max(1, len(trials) // SHOWN)]:
+        motor, gap = list(trial.choice.commands.values())[:2]
+        lines.append(f"{trial.asked * 1e3:12.1f}  {motor:19.2f}  {gap * 1e3:8.2f}  {trial.got * 1e3:10.1f}  "
+                     f"{trial.error * 100.0:7.1f}")
+    worst = max(trials, key=lambda trial: trial.error)
+    median = np.median([trial.error for trial in trials])
+    return [*lines, f"{len(trials)} mean speeds from {STARTS} starts each: asked and got differ by {worst.error:.1%} "
+            f"at most, and by {median:.1%} in the median"]
+
+
+WIDTH, HEIGHT = 9.6, 8.4  # in
+#: Colours of periods (Okabe and Ito's, which the colour-blind tell apart) and what they say.
+_PERIODS = (("#dddddd", "none up to 8"), ("#0072b2", "1"), ("#56b4e9", "2"), ("#009e73", "3"),
+            ("#f0e442", "4"), ("#e69f00", "5 to 8"))
+_STYLES = {"fold": ("black", "-"), "period doubling": ("black", "--"), "Neimark-Sacker": ("black", ":"),
+           "grazing": ("#d55e00", "-")}
+
+
+def draw_map(command_map: CommandMap) -> bytes:
+    """Mean speed, and period, over motor speed and gap: a PNG."""
+    figure = new_figure(WIDTH, HEIGHT)
+    upper, lower = figure.subplots(2, 1, sharex=True, sharey=True)
+    _draw_quantity(figure, upper, command_map, command_map.found.mean_speed * 1e3, "mean speed [mm/s]", "viridis")
+    _draw_periods(figure, lower, command_map)
+    for axes in (upper, lower):
+        _draw_curves(axes, command_map)
+    found = command_map.found
+    cells, counts = np.unique(np.column_stack([found.speed_index, found.gap_index]), axis=0, return_counts=True)
+    several = cells[counts > 1]  # each gets a dot
+    upper.plot(command_map.speeds.values[several[:, 0]], command_map.gaps.values[several[:, 1]] * 1e3, ".",
+               color="white", markersize=2.5, markeredgewidth=0.0)
+    handles = [Line2D([], [], color=colour, linestyle=style, label=kind) for kind, (colour, style) in _STYLES.items()
+               if any(curve.kind == kind for curve in command_map.curves)]
+    handles.append(Line2D([], [], color="white", markeredgecolor="grey", marker="o", markersize=5, linestyle="",
+                          label="more than one motion"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False)
+    sides = "both plates" if len(command_map.sides) > 1 else f"the {command_map.sides[0]} plate"
+    upper.set_title(f"{command_map.scene}: motions over motor speed and gap of {sides}")
+    lower.set_xlabel("motor speed [rad/s]")
+    return png(figure)
+
+
+def draw_costs(command_map: CommandMap) -> bytes:
+    """Cost of transport, and shares of standing and flight, over motor speed and gap: a PNG."""
+    figure, found = new_figure(WIDTH, 1.3 * HEIGHT), command_map.found
+    rows = figure.subplots(3, 1, sharex=True)
+    _draw_quantity(figure, rows[0], command_map, np.log10(found.cost_of_transport), "cost of transport [log10]",
+                   "viridis_r")
+    _draw_quantity(figure, rows[1], command_map, found.stick_share * 100.0, "standing on the ground [% of time]",
+                   "cividis")
+    _draw_quantity(figure, rows[2], command_map, found.air_share * 100.0, "in the air [% of time]", "cividis")
+    rows[0].set_title(f"{command_map.scene}: what the motions cost, and how they go; where two exist, the faster one")
+    rows[2].set_xlabel("motor speed [rad/s]")
+    return png(figure)
+
+
+def _fastest(command_map: CommandMap, values: np.ndarray) -> np.ndarray:
+    """Of each cell the value of its fastest motion, whichever way it goes."""
+    order = np.argsort(np.abs(command_map.found.mean_speed), kind="stable")
+    cells = np.full((command_map.gaps.count, command_map.speeds.count), np.nan)
+    cells[command_map.found.gap_index[order], command_map.found.speed_index[order]] = values[order]
+    return cells
+
+
+def _edges(axis: Axis, factor: float = 1.0) -> np.ndarray:
+    return factor * np.linspace(axis.low - axis.step / 2.0, axis.high + axis.step / 2.0, axis.count + 1)
+
+
+def _draw_quantity(figure: Figure, axes: Axes, command_map: CommandMap, values: np.ndarray, name: str,
+                   colours: str) -> None:
+    mesh = axes.pcolormesh(_edges(command_map.speeds), _edges(command_map.gaps, 1e3), _fastest(command_map, values),
+                           cmap=colours, rasterized=True)
+    figure.colorbar(mesh, ax=axes, label=name, pad=0.01)
+    axes.set_ylabel("gap [mm]")
+    axes.set_facecolor("white")
+
+
+def _draw_periods(figure: Figure, axes: Axes, command_map: CommandMap) -> None:
+    turns = command_map.found.turns
+    classes = _fastest(command_map, np.where(turns > 4, 5, turns).astype(float))
+    colours = ListedColormap([colour for colour, _ in _PERIODS])
+    mesh = axes.pcolormesh(_edges(command_map.speeds), _edges(command_map.gaps, 1e3), classes, cmap=colours,
+                           norm=BoundaryNorm(np.arange(-0.5, len(_PERIODS)), len(_PERIODS)), rasterized=True)
+    axes.set_ylabel("gap [mm]")
+    bar = figure.colorbar(mesh, ax=axes, pad=0.01, ticks=range(len(_PERIODS)), label="period [turns]")
+    bar.ax.set_yticklabels([words for _, words in _PERIODS])
+
+
+def _draw_curves(axes: Axes, command_map: CommandMap) -> None:
+    for curve in command_map.curves:
+        colour, style = _STYLES[curve.kind]
+        axes.plot(curve.motor_speed, np.array(curve.gap) * 1e3, color=colour, linestyle=style, linewidth=1.1)
+    axes.set_xlim(*_edges(command_map.speeds)[[0, -1]])
+    axes.set_ylim(*_edges(command_map.gaps, 1e3)[[0, -1]])
+
+
+TABLE, PICTURE, COSTS = "motions.parquet", "map.png", "costs.png"
+CURVES = 11
+"""Gaps at which motions are followed to their ends, unless another number is given."""
+
+
+def main(words: Sequence[str]) -> int:
+    """Run the study; returns its exit code."""
+    return run_study(_map, _parser(), words)
+
+
+def _map(options: argparse.Namespace) -> int:
+    execution = execution_of(options)
+    design = design_of(options)
+    gap_indices = _rows_of_curves(design, options.curves)
+    with locked(options.output):
+        for folder in (LINES, ENDS):
+            (options.output / folder).mkdir(exist_ok=True)
+        visits = visits_of(design, options.output / LINES, execution)
+        found, rows = motions(visits)
+        if not rows:
+            raise RuntimeError("no visit has settled, so that there is no map; give another scene or other speeds")
+        parameters = parameters_that_count(design.scene, design.sides)
+        command_map = CommandMap(design.scene.name, parameters, design.sides, design.speeds, design.gaps, found, ())
+        if gap_indices:
+            all_ends = tuple(ends(command_map.found, rows, design.speeds, gap_indices))
+            points = points_of(design, all_ends, options.output / ENDS, execution)
+            command_map = replace(command_map, curves=curves(design, points, gap_indices))
+        command_map, trials = proved(command_map, design, QUICK_PROOFS if options.quick else PROOFS)
+        write_files(options.output, _files(command_map, rows))
+    print("\n".join([*map_in_words(command_map, visits), *trials_in_words(trials)]))
+    return 0
+
+
+def _rows_of_curves(design: MapDesign, asked: int | None) -> range:
+    """Gaps, equally spaced and about as many as `asked`, at which motions are followed to their ends."""
+    count = (0 if is_sampled(design.scene) else min(CURVES, design.gaps.count)) if asked is None else asked
+    if count:
+        check_closes(design.scene)
+    if not 0 <= count <= design.gaps.count:
+        raise ValueError(f"--curves: {count} is out of range; give a number from 0 to {design.gaps.count}, the gaps")
+    return range(0, design.gaps.count, max(1, (design.gaps.count - 1) // max(1, count - 1))) if count else range(0)
+
+
+def _files(command_map: CommandMap, rows: list[Visit]) -> dict[str, bytes]:
+    """Command map, table and pictures by the names of their files."""
+    name, text = f"{command_map.scene}.json", written(command_map, f"vibro_ros {software()['version']}").encode()
+    if len(text) > LARGEST:
+        raise RuntimeError(f"{name}: {len(text)} bytes are more than the {LARGEST} that a controller reads; give a "
+                           "coarser grid")
+    return {name: text, TABLE: _table(command_map, rows), PICTURE: draw_map(command_map),
+            COSTS: draw_costs(command_map)}
+
+
+def _table(command_map: CommandMap, rows: list[Visit]) -> bytes:
+    """All motions, with the values of the commands in place of indices."""
+    found, speeds, gaps = command_map.found, command_map.speeds, command_map.gaps
+    columns = {"motor_speed": (speeds.values[found.speed_index], "rad/s"), "gap": (gaps.values[found.gap_index], "m"),
+               "motion": (found.motion, "1"), "turns": ([visit.turns for visit in rows], "1"),
+               "landings": ([visit.landings for visit in rows], "1"), "mean_speed": (found.mean_speed, "m/s"),
+               "cost_of_transport": (found.cost_of_transport, "1"), "stick_share": (found.stick_share, "1"),
+               "air_share": (found.air_share, "1")}
+    arrays = [pa.array(values) for values, _ in columns.values()]
+    fields = [pa.field(name, array.type, metadata={"unit": unit})
+              for (name, (_, unit)), array in zip(columns.items(), arrays, strict=True)]
+    return file_of(pa.Table.from_arrays(arrays, schema=pa.schema(fields)))
+
+
+def _parser() -> Parser:
+    parser = study_parser(
+        "map", "Find the motions of a machine at each motor speed and gap: rows and columns of a grid are swept up and "
+        "down, each cell beginning with the state of the one before, so that motions that exist together are found. "
+        "Writes the motions as Parquet, two pictures, and a command map for `controller`.",
+        "the disk is full, or nothing settles")
+    add_grid(parser)
+    parser.add_argument("--gaps", choices=(BOTH, *SIDES), default=BOTH, help="gaps that are varied: of both plates "
+                        f"alike, or of one (default: {BOTH})")
+    parser.add_argument("--curves", type=int, metavar="N", help="gaps at which folds, doublings, Neimark-Sacker points "
+                        "and grazings are located, which takes the longest; 0: none, as with a dc motor, whose orbits "
+                        "do not close (default: 11, or all if fewer)")
+    add_execution(parser)
+    return parser
+
+
+#: Folders of the two records.
+LINES, ENDS = "lines", "ends"
+_STATE = "state."  # begins the names of coordinates
+_RUN_TIME = 20.0  # robot time [s] of a visit, and of an end, about
+_VISIT = [
+    Field("speed_index", pa.int64(), "1", "index of the motor speed in the grid"),
+    Field("gap_index", pa.int64(), "1", "index of the gap in the grid"),
+    Field("turns", pa.int64(), "1", "turns after which the motion repeats itself; 0: it does not; -1: it did not "
+          "settle"),
+    Field("landings", pa.int64(), "1", "landings of the body within these turns"),
+    Field("mean_speed", pa.float64(), "m/s", "of the body, forwards positive"),
+    Field("cost_of_transport", pa.float64(), "1", "mean power / (weight x speed)"),
+    Field("stick_share", pa.float64(), "1", "share of the time in which the body stands on the ground"),
+    Field("air_share", pa.float64(), "1", "share of the time in which the body is in the air"),
+]
+_POINT = [
+    Field("kind", pa.string(), "1", "what becomes of the motion; null where its branch goes on or is lost",
+          True),
+    Field("turns", pa.int64(), "1", "turns after which the motion repeats itself"),
+    Field("motion", pa.int64(), "1", "number of the motion"),
+    Field("direction", pa.int64(), "1", "1 towards larger motor speeds, -1 towards smaller"),
+    Field("gap_index", pa.int64(), "1", "index of the gap in the grid"),
+    Field("motor_speed", pa.float64(), "rad/s", "where that is"),
+]
+
+
+def visits_of(design: MapDesign, lines: Path, execution: Execution) -> list[Visit]:
+    """All visits of a map; lines that are missing in the folder `lines` are swept (see `computed`)."""
+    every = design.lines()
+    names = [f"{_STATE}{name}" for name in coordinates(design.scene)]
+    fields = [*_VISIT, *(Field(name, pa.float64(), f"crank.radius{' x motor.speed' * name.endswith('velocity')}",
+                               f"{name.removeprefix(_STATE)} at the cut, crank angle {PHASE:.6g} rad", True)
+                         for name in names)]
+
+    def are_own(numbers: Sequence[int], rows: list[dict]) -> bool:
+        cells = [cell for number in numbers for cell in design.cells(every[number])]
+        return are(rows, [{"speed_index": i, "gap_index": j} for i, j in cells]) and all(
+            row["turns"] >= UNSETTLED and all((row[name] is None) == (row["turns"] == UNSETTLED) for name in names)
+            for row in rows)
+
+    run_time = _RUN_TIME * max(design.speeds.count, design.gaps.count)
+    rows = computed(Study("lines visited", design.document(), fields, partial(rows_of_line, design), are_own, run_time,
+                          ("exact",), len(every)), lines, execution).to_pylist()
+    return [Visit(**{one.name: row[one.name] for one in _VISIT}, state=tuple(
+        value for name, value in row.items() if name.startswith(_STATE) and value is not None))
+        for row in rows]
+
+
+def rows_of_line(design: MapDesign, number: int) -> list[dict]:
+    """Sweep the line of a number; a row a visit."""
+    names = [f"{_STATE}{name}" for name in coordinates(design.scene)]
+    return [{**one._asdict(), **dict(zip(names, one.state, strict=False))}
+            for one in visits(design, design.lines()[number])]
+
+
+def points_of(design: MapDesign, ends: tuple[End, ...], folder: Path, execution: Execution) -> list[Point]:
+    """The special point of each end that has one; points that are missing in the folder are looked for."""
+    if not ends:
+        return []
+    document = {**design.document(), "ends": hashlib.sha256(repr(list(ends)).encode()).hexdigest()}
+
+    def are_own(numbers: Sequence[int], rows: list[dict]) -> bool:
+        return are(rows, [{name: getattr(ends[number], name) for name in ("turns", "motion", "direction", "gap_index")}
+                          for number in numbers]) and all(row["kind"] in (None, *KINDS) for row in rows)
+
+    rows = computed(Study("ends of motions followed", document, _POINT, partial(_row_of_end, design, ends), are_own,
+                          20.0 * _RUN_TIME, ("exact",), len(ends)), folder, execution).to_pylist()
+    return [Point(**row) for row in rows if row["kind"] is not None]
+
+
+def _row_of_end(design: MapDesign, ends: tuple[End, ...], number: int) -> list[dict]:
+    return [end_point(design, ends[number])._asdict()]

@@ -1,0 +1,1353 @@
+"""What a search is asked for: objective, effort and runs of a robot; and the values that come of these runs."""
+
+import argparse
+import itertools
+import json
+import math
+import re
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import cma
+import numpy as np
+import pyarrow as pa
+import yaml
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy.stats import qmc, sobol_indices
+
+from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.model.parameters import BY_NAME, parameter_named
+from vibro_ros.model.scene import Scene
+from vibro_ros.orbits.starts import running
+from vibro_ros.process.entry_point import Parser, say
+from vibro_ros.simulation.motion import SimulationError
+from vibro_ros.study.command import (
+    Progress,
+    add_execution,
+    execution_of,
+    locked,
+    run_study,
+    settings_of,
+    study_parser,
+    write_files,
+)
+from vibro_ros.study.execution import Execution, computes_with
+from vibro_ros.study.figures import GRID, new_figure, png
+from vibro_ros.study.measures import device_at_start, measure
+from vibro_ros.study.space import Space, Variable, chosen_variables
+from vibro_ros.study.starts import Average, average, motions_of
+from vibro_ros.study.table import NUMBERS, Field, Study, are, stored
+
+#: Measures that every score is made of, the columns of the values of a robot.
+MEASURED = ("mean_speed", "mean_power", "delivered_power", "air_share")
+#: Quantile of the starts that counts.
+QUANTILE = 0.25
+#: Score of a robot that cannot be simulated: below every other.
+FAILED = -1e3
+#: Column of `MEASURED` that each reading of P takes.
+POWERS = {"net": 1, "delivered": 2}
+#: Column of `MEASURED` that has the share of the time in the air.
+AIR = 3
+#: Sign of the mean speed that counts; 0 for either.
+DIRECTIONS = {"either": 0.0, "forward": 1.0, "backward": -1.0}
+
+
+class Reading(NamedTuple):
+    """How speeds and powers are read.
+
+    Attributes
+    ----------
+    power : str
+        Of `POWERS`.
+    direction : str
+        Of `DIRECTIONS`.
+    """
+
+    power: str = "net"
+    direction: str = "either"
+
+
+def directed(speeds: np.ndarray, direction: str) -> np.ndarray:
+    """Speeds [m/s], shape (starts,), counted positive in the direction asked for, or in that of their mean."""
+    sign = DIRECTIONS[direction] or float(np.sign(np.mean(speeds))) or 1.0
+    return sign * speeds
+
+
+def speed(values: np.ndarray, reading: Reading) -> float:
+    """Lower quartile [m/s] of the speeds of a robot; `values` of shape (starts, measures), columns `MEASURED`."""
+    if not np.isfinite(values).all():
+        return FAILED
+    speeds = directed(values[:, 0], reading.direction)
+    return float(speeds.min() if speeds.min() <= 0.0 else np.quantile(speeds, QUANTILE))
+
+
+def speed_per_power(values: np.ndarray, reading: Reading) -> float:
+    """Lower quartile of V/P [m/J]; not above 0 where starts disagree or a power is not above 0."""
+    pace = speed(values, reading)
+    if pace <= 0.0:
+        return pace
+    power = values[:, POWERS[reading.power]]
+    if power.min() <= 0.0:
+        return 0.0  # springs returned stored energy: the time was too short to tell a mean
+    return float(np.quantile(directed(values[:, 0], reading.direction) / power, QUANTILE))
+
+
+def cost_of_transport(values: np.ndarray, reading: Reading, weight: float) -> float:
+    """P / (M g V) [-] with means over the starts, and M g = `weight` [N]; inf where there is no such cost."""
+    if speed(values, reading) <= 0.0 or values[:, POWERS[reading.power]].mean() <= 0.0 or weight <= 0.0:
+        return np.inf
+    return float(values[:, POWERS[reading.power]].mean() / (weight * abs(values[:, 0].mean())))
+
+
+class Objective(NamedTuple):
+    """What a search maximises.
+
+    Attributes
+    ----------
+    unit : str
+        Of the score.
+    does : str
+        In words, for users.
+    score : callable
+        Score from values and reading.
+    needs_reaction : bool
+        Whether it has a meaning only where energy balances.
+    """
+
+    unit: str
+    does: str
+    score: Callable[[np.ndarray, Reading], float]
+    needs_reaction: bool
+
+
+OBJECTIVES = {
+    "speed": Objective("m/s", "mean speed", speed, False),
+    "speed_per_power": Objective("m/J", "mean speed over mean power, the paper's F_opt = V/P", speed_per_power, True),
+}
+"""Every objective of one number by its name."""
+
+
+def check_reaction(scene: Scene, what: str) -> None:
+    """Refuse a scene in which the masses do not pay for the body's friction, so that power measures nothing.
+
+    Raises
+    ------
+    ValueError
+        Naming the remedy.
+    """
+    if not scene["effects.reaction"]:
+        raise ValueError(f"--scene {scene.name}: has effects.reaction false, by which the masses do not pay for the "
+                         f"body's friction, so that the mean power can be 0 and {what} has no bound; give a scene "
+                         "with effects.reaction true such as device, or --objective speed")
+
+
+#: First of the starts that choose among the best candidates, and of those that verify: no search has seen them.
+CHOOSING, VERIFYING = 10_000, 20_000
+
+
+@dataclass(frozen=True)
+class Trials:
+    """The runs of a robot.
+
+    Attributes
+    ----------
+    starts : int
+        Number of drawn starts.
+    settling, duration : float
+        Time of a run that does not count, and time that does [s].
+    first : int
+        Number of the first start; those of a search begin at 0.
+    """
+
+    starts: int = 4
+    settling: float = 2.0
+    duration: float = 4.0
+    first: int = 0
+
+    @property
+    def run_time(self) -> float:
+        """Robot time of all starts [s]."""
+        return self.starts * (self.settling + self.duration)
+
+
+def values_of(scene: Scene | None, trials: Trials, measures: Sequence[str] = MEASURED) -> np.ndarray:
+    """Measures of a robot from each start, shape (starts, measures).
+
+    NaN if a run cannot go on, and for a robot that cannot be built (None).
+    """
+    nothing = np.full((trials.starts, len(measures)), np.nan)
+    if scene is None:
+        return nothing
+    try:
+        rows = [measure(scene, measures, trials.settling, trials.duration, trials.first + number)
+                for number in range(trials.starts)]
+    except SimulationError:
+        return nothing
+    return np.array([[row[name] for name in measures] for row in rows])
+
+
+def values_of_many(scenes: Sequence[Scene | None], trials: Trials, execution: Execution,
+                   measures: Sequence[str] = MEASURED) -> Generator[np.ndarray, None, None]:
+    """Yield `values_of` of each of `scenes`, in their order."""
+    methods = {scene["solver.method"]: None for scene in scenes if scene is not None}
+    return execution.rows(partial(_values_at, tuple(scenes), trials, measures), range(len(scenes)), trials.run_time,
+                          tuple(methods))
+
+
+def _values_at(scenes: tuple[Scene | None, ...], trials: Trials, measures: Sequence[str], number: int) -> np.ndarray:
+    return values_of(scenes[number], trials, measures)
+
+
+#: The objective of two numbers, beside those of `OBJECTIVES`.
+FRONT = "front"
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is simulated.
+
+    Attributes
+    ----------
+    budget : int
+        Candidates of the search.
+    trials : Trials
+        The runs of a candidate.
+    finalists : int
+        Candidates among which fresh starts choose.
+    choosing, verifying, perturbing : Trials
+        The runs of a finalist, of the optimum and those it is compared with, and of a perturbed optimum.
+    samples : int
+        Points of the Sobol sequence around the optimum, a power of two.
+    """
+
+    budget: int = 3000
+    trials: Trials = Trials()
+    finalists: int = 12
+    choosing: Trials = Trials(starts=8, settling=4.0, duration=8.0)
+    verifying: Trials = Trials(starts=16, settling=4.0, duration=10.0)
+    perturbing: Trials = Trials(starts=4)
+    samples: int = 32
+
+
+QUICK = Effort(budget=120, trials=Trials(starts=3, settling=1.5, duration=2.0), finalists=3,
+               choosing=Trials(starts=4, settling=2.0, duration=4.0),
+               verifying=Trials(starts=6, settling=2.0, duration=6.0),
+               perturbing=Trials(starts=2, settling=1.5, duration=2.0), samples=4)
+"""For a look at everything within a minute or two; the optimum is not found."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is searched for.
+
+    Attributes
+    ----------
+    space : Space
+        The robots.
+    objective : str
+        Of `OBJECTIVES`, or `FRONT`.
+    reading : Reading
+        How speed and power are read.
+    least_speed : float
+        Speed [m/s] below which a robot does not count.
+    most_air : float
+        Share of the time in the air above which a robot does not count; dimensionless.
+    effort : Effort
+        How much is simulated.
+    seed : int
+        Of the search.
+    """
+
+    space: Space
+    objective: str
+    reading: Reading
+    least_speed: float
+    most_air: float
+    effort: Effort
+    seed: int
+
+    def __post_init__(self) -> None:
+        if self.objective == FRONT:
+            check_reaction(self.space.scene, "the cost of transport")
+        elif OBJECTIVES[self.objective].needs_reaction:
+            check_reaction(self.space.scene, "V/P")
+
+    @property
+    def unit(self) -> str:
+        """Of `score`."""
+        return OBJECTIVES[self.scored].unit
+
+    @property
+    def scored(self) -> str:
+        """The objective of one number that a robot is judged by; of a front, V/P."""
+        return "speed_per_power" if self.objective == FRONT else self.objective
+
+    @property
+    def run_time(self) -> float:
+        """Robot time of a candidate [s]."""
+        return self.effort.trials.run_time
+
+    def score(self, values: np.ndarray) -> float:
+        """Score of a robot from its values; a robot that is too slow, or flies too long, is judged by how much so."""
+        pace = speed(values, self.reading)
+        missing = self._flies(values) + (max(self.least_speed - pace, 0.0) if self.least_speed > 0.0 else 0.0)
+        if missing > 0.0:
+            return max(-missing, FAILED)
+        return OBJECTIVES[self.scored].score(values, self.reading)
+
+    def _flies(self, values: np.ndarray) -> float:
+        """Share of the time that a robot flies beyond what counts, from the start with most of it."""
+        return max(float(values[:, AIR].max()) - self.most_air, 0.0) if self.most_air < 1.0 else 0.0
+
+    def speed_and_cost(self, point: np.ndarray, values: np.ndarray) -> tuple[float, float]:
+        """Speed [m/s] and cost of transport [-] of the robot at a point; infinite for one that does not count."""
+        if not np.isfinite(values).all():
+            return FAILED, np.inf
+        if excess := self._flies(values):
+            return -excess, np.inf
+        robot = self.space.robot(point)
+        weight = robot.total_mass * robot["gravity"]
+        return speed(values, self.reading), cost_of_transport(values, self.reading, weight)
+
+    def identity(self) -> dict[str, object]:
+        """All that the candidates and their values depend on, in numbers and texts; the budget is not among it."""
+        return {"objective": self.objective, "reading": dict(self.reading._asdict()),
+                "least_speed": self.least_speed, "most_air": self.most_air, "seed": self.seed,
+                "trials": asdict(self.effort.trials),
+                "variables": [[one.name, one.low, one.high, one.logarithmic] for one in self.space.variables],
+                "scene": dict(self.space.scene.parameters), "cma": cma.__version__,
+                "computed_with": computes_with()}
+
+
+#: Most groups of candidates of a search, a file each.
+MOST_GROUPS = 1_000_000
+FIELDS = [
+    Field("point", NUMBERS, "1", "coordinates in the unit cube of the varied parameters"),
+    Field("values", NUMBERS, "1", f"{', '.join(MEASURED)} of each start, one after the other, in SI units; NaN where a "
+          "run cannot go on")]
+#: First standard deviation of CMA-ES in parts of the cube's edge.
+SIGMA = 0.3
+# A run of CMA-ES ends when its steps are shorter than this part of the edge, or the scores of a group differ by less
+# than this part of the first group's: the noise is larger.
+_FINE = 1e-3
+
+
+class Candidates(NamedTuple):
+    """Robots that were evaluated.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n, dimension)
+        In the unit cube.
+    values : ndarray, shape (n, starts, measures)
+        Columns as `plan.MEASURED`.
+    """
+
+    points: np.ndarray
+    values: np.ndarray
+
+
+def proposals(dimension: int, seed: int) -> Generator[np.ndarray, np.ndarray, None]:
+    """Groups of points of the unit cube, shape (n, dimension), by CMA-ES; takes their scores, the larger the better.
+
+    A run begins in the middle of the cube. When it has ended, the next begins at a drawn point with twice as many
+    points a group (A. Auger and N. Hansen, CEC 2005, 1769).
+    """
+    draw, begin, options = np.random.default_rng(seed), np.full(dimension, 0.5), {
+        "bounds": [0.0, 1.0], "verbose": -9, "verb_log": 0, "tolx": _FINE, "tolfunrel": _FINE}
+    for number in itertools.count(seed + 1):  # cma takes 0 for a seed of the clock
+        strategy = cma.CMAEvolutionStrategy(begin, SIGMA, {**options, "seed": number})
+        while not strategy.stop():
+            points = strategy.ask()
+            strategy.tell(points, list(-(yield np.clip(points, 0.0, 1.0))))
+        begin, options = draw.random(dimension), {**options, "popsize": 2 * strategy.popsize}
+
+
+def searched(plan: Plan, folder: Path, execution: Execution, progress: Progress) -> Candidates:
+    """Search until the budget is spent; the last group is not cut.
+
+    The front takes one of `WEIGHTS` after the other, a group each, so that each gets a fifth of any budget.
+
+    Raises
+    ------
+    ForeignBlockError
+        For files of another search.
+    OSError, RuntimeError
+        As `table.computed`.
+    """
+    weights: Sequence[float | None] = WEIGHTS if plan.objective == FRONT else (None,)
+    searches = [proposals(plan.space.dimension, plan.seed + 1000 * k) for k in range(len(weights))]
+    points, found, count = [next(one) for one in searches], list[Candidates](), 0
+    for group in itertools.count():
+        if count >= plan.effort.budget:
+            return Candidates(*map(np.concatenate, zip(*found, strict=True)))
+        which = group % len(weights)
+        own = points[which]
+        values = evaluated(plan, group, own, folder, execution)
+        found.append(Candidates(own, values))
+        count += len(own)
+        progress.add(len(own))
+        points[which] = searches[which].send(_scores(plan, weights[which], own, values))
+    raise AssertionError  # no group is the last
+
+
+def evaluated(plan: Plan, group: int, points: np.ndarray, folder: Path, execution: Execution) -> np.ndarray:
+    """Values of a group of candidates, shape (n, starts, measures), read or computed and kept."""
+    width = plan.effort.trials.starts * len(MEASURED)
+
+    def are_own(_: Sequence[int], rows: list[dict]) -> bool:
+        return are(rows, [{"point": point} for point in points.tolist()]) and {
+            len(row["values"]) for row in rows} == {width}
+
+    study = Study("robots", plan.identity(), FIELDS, partial(_row_of, plan, points), are_own, plan.run_time,
+                  (plan.space.scene["solver.method"],), MOST_GROUPS)
+    table: pa.Table = stored(study, folder, {group: range(len(points))}, lambda numbers: execution.rows(
+        study.rows, numbers, study.run_time, study.methods))[group]
+    return np.array(table["values"].to_pylist()).reshape(len(points), plan.effort.trials.starts, -1)
+
+
+def _row_of(plan: Plan, points: np.ndarray, number: int) -> list[dict]:
+    values = values_of(plan.space.buildable(points[number]), plan.effort.trials)
+    return [{"point": points[number], "values": values.ravel()}]
+
+
+def _scores(plan: Plan, weight: float | None, points: np.ndarray, values: np.ndarray) -> np.ndarray:
+    if weight is None:
+        return np.array([plan.score(one) for one in values])
+    return _weighted(plan, weight, points, values)
+
+
+#: Most robots of a front that are shown.
+SHOWN = 24
+#: Weights of the logarithm of the speed against that of the cost.
+WEIGHTS = (0.5, 0.0, 1.0, 0.25, 0.75)
+
+
+@dataclass(frozen=True)
+class FrontRobot:
+    """A robot of the front, from starts that the search has not seen.
+
+    Attributes
+    ----------
+    speed : float
+        Lower quartile of the mean speeds [m/s].
+    cost : float
+        Cost of transport [-].
+    power : float
+        Mean power that is read [W].
+    robot : Scene
+        The robot.
+    """
+
+    speed: float
+    cost: float
+    power: float
+    robot: Scene
+
+
+def _weighted(plan: Plan, weight: float, points: np.ndarray, values: np.ndarray) -> np.ndarray:
+    scores = []
+    for point, one in zip(points, values, strict=True):
+        pace, cost = plan.speed_and_cost(point, one)
+        counts = pace > 0.0 and np.isfinite(cost)
+        scores.append(float(weight * np.log(pace) - (1.0 - weight) * np.log(cost)) if counts else
+                      FAILED + max(pace, FAILED))
+    return np.array(scores)
+
+
+def front_of(plan: Plan, candidates: Candidates, execution: Execution, progress: Progress) -> list[FrontRobot]:
+    """The front of a search's candidates, the slowest first, verified from other starts.
+
+    Parameters
+    ----------
+    plan : Plan
+        Of the search.
+    candidates : Candidates
+        All that it has evaluated.
+    execution : Execution
+        Who computes.
+    progress : Progress
+        Counts every robot.
+    """
+    pairs = [plan.speed_and_cost(*one) for one in zip(candidates.points, candidates.values, strict=True)]
+    points = candidates.points[_spread(non_dominated(np.array(pairs)), pairs)]
+    robots, found = [plan.space.robot(point) for point in points], []
+    fresh = values_of_many(robots, replace(plan.effort.choosing, first=CHOOSING), execution)
+    for point, robot, values in zip(points, robots, fresh, strict=True):
+        power = float(values[:, POWERS[plan.reading.power]].mean())
+        found.append(FrontRobot(*plan.speed_and_cost(point, values), power, robot))
+        progress.add(1)
+    still = non_dominated(np.array([(one.speed, one.cost) for one in found]).reshape(-1, 2))
+    return [found[number] for number in still]
+
+
+def non_dominated(pairs: np.ndarray) -> list[int]:
+    """Numbers of the rows (speed, cost) that no other row beats in both, the slowest first.
+
+    Parameters
+    ----------
+    pairs : ndarray, shape (n, 2)
+        Speeds that are not positive, and costs that are not finite, do not count.
+    """
+    counted = [number for number, (pace, cost) in enumerate(pairs) if pace > 0.0 and np.isfinite(cost)]
+    found, cheapest = [], np.inf
+    for number in sorted(counted, key=lambda one: (-pairs[one][0], pairs[one][1])):
+        if pairs[number][1] < cheapest:
+            found.append(number)
+            cheapest = pairs[number][1]
+    return found[::-1]
+
+
+def _spread(numbers: list[int], pairs: list[tuple[float, float]]) -> list[int]:
+    """At most `SHOWN` of `numbers`, spread evenly over the logarithm of their speeds."""
+    if len(numbers) <= SHOWN:
+        return numbers
+    logs = np.log([pairs[number][0] for number in numbers])
+    nearest = {int(np.argmin(np.abs(logs - wanted))) for wanted in np.linspace(logs[0], logs[-1], SHOWN)}
+    return [numbers[place] for place in sorted(nearest)]
+
+
+_LOADS = ("mean_load", "unloaded_share")
+OPTIMUM, PAPER, SHIPPED = "optimum", "paper's optimum", "paper's parameters"
+"""The robots that are compared."""
+
+PAPERS_OPTIMUM: Mapping[str, float] = {
+    "guide.angle": math.radians(80.0), "mass.inclined": 0.02, "crank.radius": 0.06}
+"""What the paper's conclusions name; everything else as its parameters."""
+
+#: Parts of a value, or of half a linear interval, by which a parameter is perturbed.
+PERTURBATION = 0.05
+
+
+@dataclass(frozen=True)
+class Verified:
+    """A robot under a reading, over starts.
+
+    Attributes
+    ----------
+    reading, robot : str
+        Which forces act, and which of `OPTIMUM`, `PAPER`, `SHIPPED`.
+    speed : Average
+        Mean speed [m/s], forward positive.
+    motions : tuple of (float, float or None, int)
+        Of each motion that the starts have: mean speed [m/s], half its interval, None for a single start, and starts.
+    agree : bool
+        Whether the robot goes the same way from all starts.
+    power, delivered : Average
+        Net and delivered mean power [W].
+    ratio : Average
+        Speed over the power that is read [m/J].
+    cost : float
+        Cost of transport [-] with the power that is read; NaN where energy does not balance.
+    margin, ratio_margin : Average or None
+        Speed and V/P of the optimum less those of this robot, each counted positive in its own direction, start by
+        start; None for the optimum itself.
+    load, unloaded, air : float
+        Means over the starts of `mean_load`, `unloaded_share` and `air_share` of `study.measures`; dimensionless.
+    """
+
+    reading: str
+    robot: str
+    speed: Average
+    motions: tuple[tuple[float, float | None, int], ...]
+    agree: bool
+    power: Average
+    delivered: Average
+    ratio: Average
+    cost: float
+    margin: Average | None
+    ratio_margin: Average | None
+    load: float
+    unloaded: float
+    air: float
+
+
+def readings(scene: Scene) -> dict[str, Scene]:
+    """The scene, and what of other forces differs from it, each by what is different."""
+    of_device = load_scene("device").parameters
+    others: dict[str, dict[str, object]] = {
+        "the body is held on the ground by decree (`unilateral`)": {"effects.normal_force": "unilateral"},
+        f"drawn starts that begin from `{'zero' if scene['start.state'] == 'rest' else 'rest'}`":
+            {"start.state": "zero" if scene["start.state"] == "rest" else "rest"},
+        "every effect of `device`": {name: value for name, value in of_device.items() if name.startswith("effects.")},
+    }
+    found = {f"as sought (`{scene.name}`)": scene}
+    for words, changes in others.items():
+        other = scene.with_parameters(changes)
+        if other not in found.values():
+            found[words] = other
+    return found
+
+
+def verified(space: Space, optimum: Mapping[str, float], reading: Reading, trials: Trials, execution: Execution,
+             progress: Progress) -> list[Verified]:
+    """The optimum, the paper's optimum and the paper's parameters under every one of `readings`.
+
+    Parameters
+    ----------
+    space : Space
+        Its scene gives what is not varied.
+    optimum : mapping
+        Values of the varied parameters.
+    reading : Reading
+        How powers are read.
+    trials : Trials
+        Its starts are counted from `VERIFYING` on.
+    execution : Execution
+        Who computes.
+    progress : Progress
+        Counts every robot.
+    """
+    fresh = replace(trials, first=VERIFYING)
+    robots = {OPTIMUM: dict(optimum), PAPER: dict(PAPERS_OPTIMUM), SHIPPED: {}}
+    cases = [(words, robot, scene.with_parameters(changes)) for words, scene in readings(space.scene).items()
+             for robot, changes in robots.items()]
+    rows: list[Verified] = []
+    best = np.empty(0)
+    for (words, robot, scene), values in zip(cases, values_of_many([case[2] for case in cases], fresh, execution,
+                                                                   (*MEASURED, *_LOADS)), strict=True):
+        best = values if robot == OPTIMUM else best
+        rows.append(_verified(words, robot, scene, values, best, reading))
+        progress.add(1)
+    return rows
+
+
+def case_count(scene: Scene) -> int:
+    """Number of robots that `verified` simulates."""
+    return 3 * len(readings(scene))
+
+
+def _verified(words: str, robot: str, scene: Scene, values: np.ndarray, best: np.ndarray,
+              reading: Reading) -> Verified:
+    speeds, column = directed(values[:, 0], reading.direction), POWERS[reading.power]
+    ratios, is_best = _ratios(values, reading), values is best
+    weight, mean_power = scene.total_mass * scene["gravity"], float(np.mean(values[:, column]))
+    load, unloaded = (float(np.mean(one)) for one in values[:, len(MEASURED):].T)
+    pays = scene["effects.reaction"] and mean_power > 0.0 and np.mean(speeds) > 0.0 and weight > 0.0
+    return Verified(
+        reading=words, robot=robot, speed=average(values[:, 0]), motions=tuple(
+            (float(group.mean()), average(group).spread if len(group) > 1 else None, len(group))
+            for group in motions_of(values[:, 0])), agree=bool((speeds > 0.0).all()),
+        power=average(values[:, 1]), delivered=average(values[:, 2]), ratio=average(ratios),
+        cost=mean_power / (weight * float(np.mean(speeds))) if pays else math.nan,
+        margin=None if is_best else average(directed(best[:, 0], reading.direction) - speeds),
+        ratio_margin=None if is_best else average(_ratios(best, reading) - ratios),
+        load=load, unloaded=unloaded, air=float(np.mean(values[:, AIR])))
+
+
+def _ratios(values: np.ndarray, reading: Reading) -> np.ndarray:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return directed(values[:, 0], reading.direction) / values[:, POWERS[reading.power]]
+
+
+def perturbed(space: Space, parameters: Mapping[str, float], shifts: Mapping[str, float]) -> Scene | None:
+    """The robot with some parameters perturbed, also beyond their bounds; None where limits that join them refuse it.
+
+    Parameters
+    ----------
+    space : Space
+        Of the robot.
+    parameters : mapping
+        Its varied parameters.
+    shifts : mapping
+        Name to the shift, -1 to 1, in `PERTURBATION`s.
+    """
+    by_name = {variable.name: variable for variable in space.variables}
+    values = {name: _shifted(space, by_name[name], value, shifts.get(name, 0.0), parameters)
+              for name, value in parameters.items()}
+    values = {name: min(max(value, BY_NAME[name].minimum), BY_NAME[name].maximum) for name, value in values.items()}
+    full = {**space.scene.parameters, **values}
+    upper, inclined = full["crank.upper_rod"], full["crank.inclined_rod"]
+    lengths = {"crank.radius": min(full["crank.radius"], upper, inclined),
+               "upper.gap": min(max(full["upper.gap"], -upper), upper),
+               "inclined.gap": min(max(full["inclined.gap"], -inclined), inclined)}
+    try:
+        return space.scene.with_parameters({**values, **lengths})
+    except ValueError:
+        return None
+
+
+def _shifted(space: Space, variable: Variable, value: float, shift: float, parameters: Mapping[str, float]) -> float:
+    if variable.logarithmic:
+        return value * (1.0 + PERTURBATION * shift)
+    low, high = space.interval(variable, parameters)
+    return value + PERTURBATION * shift * (high - low) / 2.0
+
+
+def one_at_a_time(space: Space, parameters: Mapping[str, float]) -> Sequence[tuple[str, float, Scene | None]]:
+    """Each varied parameter perturbed downwards and upwards: its name, the shift, the robot."""
+    return [(variable.name, shift, perturbed(space, parameters, {variable.name: shift}))
+            for variable in space.variables for shift in (-1.0, 1.0)]
+
+
+_QUANTILES = (0.05, 0.5)
+_RESAMPLES, _NORMAL = 100, 1.959963984540054  # of the bootstrap, and 95 % of the normal distribution
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """What a parameter of the optimum does to the score.
+
+    Attributes
+    ----------
+    name : str
+        Of the parameter.
+    lower, upper : float
+        Score with this parameter alone perturbed downwards and upwards, over that of the optimum; dimensionless.
+    first, first_spread : float
+        First-order index, and half the width of its 95 % interval; dimensionless.
+    total, total_spread : float
+        Total index, and half the width of its 95 % interval; dimensionless.
+    """
+
+    name: str
+    lower: float
+    upper: float
+    first: float
+    first_spread: float
+    total: float
+    total_spread: float
+
+
+@dataclass(frozen=True)
+class Neighbourhood:
+    """The robots around an optimum.
+
+    Attributes
+    ----------
+    score : float
+        Of the optimum from the same starts, in the objective's unit.
+    sensitivities : tuple of Sensitivity
+        One a varied parameter.
+    robots : int
+        Number of robots that were drawn.
+    poorest, median : float
+        Score that 95 %, and half, of the robots around exceed, over that of the optimum; dimensionless.
+    """
+
+    score: float
+    sensitivities: tuple[Sensitivity, ...]
+    robots: int
+    poorest: float
+    median: float
+
+
+def robot_count(space: Space, samples: int) -> int:
+    """Number of robots that `neighbourhood` simulates."""
+    return 1 + 2 * space.dimension + samples * (space.dimension + 2)
+
+
+def neighbourhood(space: Space, optimum: Mapping[str, float], score: Callable[[np.ndarray], float], trials: Trials,
+                  samples: int, seed: int, execution: Execution, progress: Progress) -> Neighbourhood:
+    """Perturb an optimum.
+
+    Parameters
+    ----------
+    space : Space
+        What is varied.
+    optimum : mapping
+        Values of the varied parameters.
+    score : callable
+        Of a robot's values; a robot that cannot be built, or whose score is below 0, counts as 0.
+    trials : Trials
+        Its starts are counted from `VERIFYING` on.
+    samples : int
+        Points of a Sobol sequence, a power of two; each makes dimension + 2 robots.
+    seed : int
+        Of the sequence's scrambling.
+    execution : Execution
+        Who computes.
+    progress : Progress
+        Counts every robot.
+    """
+    names, dimension = [variable.name for variable in space.variables], space.dimension
+    shifts = _saltelli_sample(dimension, samples, seed)
+    robots = [perturbed(space, optimum, {}), *(robot for _, _, robot in one_at_a_time(space, optimum)),
+              *(perturbed(space, optimum, dict(zip(names, shift, strict=True)))
+                for shift in shifts.reshape(-1, dimension))]
+    scores = []
+    for values in values_of_many(robots, replace(trials, first=VERIFYING), execution):
+        scores.append(max(score(values), 0.0))
+        progress.add(1)
+    alone, together = np.array(scores[1:1 + 2 * dimension]), np.array(scores[1 + 2 * dimension:])
+    rows = zip(names, alone.reshape(-1, 2) / scores[0], _indices(together.reshape(dimension + 2, samples), seed),
+               strict=True)
+    poorest, median = np.quantile(together, _QUANTILES) / scores[0]
+    return Neighbourhood(
+        float(scores[0]), tuple(Sensitivity(name, *map(float, (*pair, *index))) for name, pair, index in rows),
+        len(together), float(poorest), float(median))
+
+
+def _saltelli_sample(dimension: int, samples: int, seed: int) -> np.ndarray:
+    """Points from -1 to 1 for `_indices`, shape (dimension + 2, samples, dimension): two independent sets, then the
+    first one with each column in turn that of the second."""
+    first, second = np.split(2.0 * qmc.Sobol(2 * dimension, seed=seed).random(samples) - 1.0, 2, axis=1)
+    mixed = np.repeat(first[None], dimension, axis=0)
+    for column in range(dimension):
+        mixed[column, :, column] = second[:, column]
+    return np.concatenate([first[None], second[None], mixed])
+
+
+def _indices(scores: np.ndarray, seed: int) -> np.ndarray:
+    """First-order and total indices of the scores at the points of `_saltelli_sample`, and half their 95 % intervals by
+    a seeded bootstrap: shape (dimension, 4), in the order first, its half, total, its half; all 0 of equal scores."""
+    def indices(of: np.ndarray) -> np.ndarray:
+        found = sobol_indices(func={"f_A": of[:1], "f_B": of[1:2], "f_AB": of[2:, None]}, n=of.shape[1])
+        return np.nan_to_num(np.stack([np.ravel(found.first_order), np.ravel(found.total_order)]))
+
+    draw, count = np.random.default_rng(seed), scores.shape[1]
+    with np.errstate(all="ignore"):
+        found = indices(scores)
+        again = np.array([indices(scores[:, draw.integers(0, count, count)]) for _ in range(_RESAMPLES)])
+    halves = _NORMAL * again.std(axis=0)
+    return np.column_stack([found[0], halves[0], found[1], halves[1]])
+
+
+_MEASURES = ("upper_impacts", "inclined_impacts", "upper_peak_force", "inclined_peak_force", "stick_share", "air_share")
+#: The accounts of energy that are shown, in the words of the tables.
+ACCOUNTS = {"motor_delivered": "motor delivers", "motor_taken_back": "springs return to the motor",
+            "unpaid": "unpaid (artefact without reaction)", "drive_dampers": "lost in drive dampers",
+            "plate_dampers": "lost in plate dampers", "friction": "lost by ground friction", "blows": "lost in blows",
+            "landings": "lost in landings", "stored": "stored"}
+
+
+@dataclass(frozen=True)
+class Behaviour:
+    """A robot from one start.
+
+    Attributes
+    ----------
+    measures : mapping
+        Values of `study.measures` by name.
+    powers : mapping
+        Mean power [W] of each of `ACCOUNTS`; empty where the scene's method keeps no accounts.
+    """
+
+    measures: Mapping[str, float]
+    powers: Mapping[str, float]
+
+
+def behaviour_of(scene: Scene, trials: Trials) -> Behaviour:
+    """Behaviour of a robot from the first start of `VERIFYING`; times as in `trials`.
+
+    Raises
+    ------
+    SimulationError
+        If a run cannot go on.
+    """
+    measures = measure(scene, _MEASURES, trials.settling, trials.duration, VERIFYING)
+    if scene["solver.method"] != "exact":
+        return Behaviour(measures, {})
+    device = device_at_start(scene.with_parameters({"solver.accounts": True}), VERIFYING)
+    booked = []
+    for time in (trials.settling, trials.settling + trials.duration):
+        device.advance_to(time)
+        booked.append(device.statistics["energy_accounts"])
+    return Behaviour(measures, {name: (booked[1][name] - booked[0][name]) / trials.duration for name in ACCOUNTS})
+
+
+#: Parts of a search after which its best score is noted.
+MILESTONES = (0.25, 0.5, 0.75, 1.0)
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a study has found.
+
+    Attributes
+    ----------
+    plan : Plan
+        What was asked for.
+    robots : int
+        Number of candidates.
+    best_scores : tuple of float
+        Best score after each of `MILESTONES` parts of the candidates.
+    optimum : mapping
+        Varied parameters of the best.
+    robot : Scene
+        The best.
+    on_bound : tuple of str
+        For each variable `low`, `high` or an empty text.
+    behaviour : Behaviour
+        How the best moves, and where its energy goes.
+    verified : tuple of Verified
+        The best beside the paper's robots, from fresh starts.
+    around : Neighbourhood
+        The best, perturbed.
+    front : tuple of FrontRobot
+        Robots of which none is both faster and cheaper than another, from fresh starts; empty where energy does not
+        balance.
+    """
+
+    plan: Plan
+    robots: int
+    best_scores: tuple[float, ...]
+    optimum: Mapping[str, float]
+    robot: Scene
+    on_bound: tuple[str, ...]
+    behaviour: Behaviour
+    verified: tuple[Verified, ...]
+    around: Neighbourhood
+    front: tuple[FrontRobot, ...]
+
+
+def studied(plan: Plan, folder: Path, execution: Execution) -> tuple[Result, Candidates]:
+    """Search and verify; returns all candidates of the search as well.
+
+    Parameters
+    ----------
+    plan : Plan
+        What is asked for.
+    folder : Path
+        Of the files of the search, which goes on from them; it exists, and nobody else writes into it.
+    execution : Execution
+        Who computes.
+
+    Raises
+    ------
+    ValueError
+        If the files are another search's, or no candidate moves.
+    OSError, RuntimeError
+        If files cannot be read, or written.
+    """
+    with stage("search", plan.effort.budget) as progress:
+        candidates = searched(plan, folder, execution, progress)
+    scores = np.array([plan.score(values) for values in candidates.values])
+    point = _chosen(plan, candidates, scores, execution)
+    optimum, effort, space = plan.space.parameters(point), plan.effort, plan.space
+    with stage("verification", case_count(space.scene)) as progress:
+        rows = verified(space, optimum, plan.reading, effort.verifying, execution, progress)
+    with stage("perturbation", robot_count(space, effort.samples)) as progress:
+        around = neighbourhood(space, optimum, plan.score, effort.perturbing, effort.samples, plan.seed, execution,
+                               progress)
+    front: list[FrontRobot] = []
+    if space.scene["effects.reaction"]:
+        with stage("front", SHOWN) as progress:
+            front = front_of(plan, candidates, execution, progress)
+    ends = [max(1, round(part * len(scores))) for part in MILESTONES]
+    return Result(plan, len(scores), tuple(float(scores[:end].max()) for end in ends), optimum, space.robot(point),
+                  tuple(space.on_bound(point)), behaviour_of(space.robot(point), effort.verifying), tuple(rows), around,
+                  tuple(front)), candidates
+
+
+def _chosen(plan: Plan, candidates: Candidates, scores: np.ndarray, execution: Execution) -> np.ndarray:
+    """The point that is best from fresh starts, of those that were best in the search: luck does not repeat."""
+    scores = np.where(np.isfinite(candidates.values).all(axis=(1, 2)), scores, -np.inf)
+    finalists = _apart(candidates.points, scores, plan.effort.finalists)
+    trials = replace(plan.effort.choosing, first=CHOOSING)
+    robots, fresh = [plan.space.robot(point) for point in finalists], []
+    with stage("choice", len(robots)) as progress:
+        for values in values_of_many(robots, trials, execution):
+            fresh.append(plan.score(values))
+            progress.add(1)
+    best = int(np.argmax(fresh)) if fresh else 0
+    if not fresh or fresh[best] <= 0.0:
+        raise ValueError(f"--budget {plan.effort.budget}: no robot was found that goes the same way from all starts"
+                         f"{' at the least speed' if plan.least_speed else ''}"
+                         f"{' with so little time in the air' if plan.most_air < 1.0 else ''}; give a larger budget or "
+                         "other bounds")
+    return finalists[best]
+
+
+def _apart(points: np.ndarray, scores: np.ndarray, count: int, distance: float = 0.05) -> list[np.ndarray]:
+    """The best points of which no two are nearer than `distance` in every coordinate."""
+    found: list[np.ndarray] = []
+    for number in np.argsort(-scores, kind="stable"):
+        if scores[number] == -np.inf:
+            break
+        if all(np.abs(points[number] - other).max() >= distance for other in found):
+            found.append(points[number])
+        if len(found) == count:
+            break
+    return found
+
+
+@contextmanager
+def stage(name: str, robots: int) -> Iterator[Progress]:
+    """Show on stderr how many robots of a stage are done, and the time that is left."""
+    say("study", f"{name}: {robots} robots ...")
+    with Progress(name, "robot", robots) as progress:
+        yield progress
+
+
+def result_file(result: Result) -> bytes:
+    """A result as JSON: what its tables and sentences are made of, without its plan."""
+    front = [{"speed": one.speed, "cost": one.cost, "power": one.power,
+              "parameters": {variable.name: one.robot[variable.name] for variable in result.plan.space.variables}}
+             for one in result.front]
+    whole = {"robots": result.robots, "best_scores": list(result.best_scores), "optimum": dict(result.optimum),
+             "behaviour": asdict(result.behaviour), "verified": [asdict(row) for row in result.verified],
+             "around": asdict(result.around), "front": front}
+    return (json.dumps(_finite(whole), indent=1, allow_nan=False) + "\n").encode()
+
+
+def _finite(value: Any) -> Any:
+    """`value` with None for numbers that are not finite, which JSON does not know."""
+    if isinstance(value, dict):
+        return {name: _finite(one) for name, one in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def scene_file(scene: Scene, comment: str) -> bytes:
+    """A scene file with every parameter of `scene`, which depends on no other scene; `comment` is its first line."""
+    text = yaml.safe_dump({"/**": {"ros__parameters": {"scene": "paper", **scene.parameters}}}, sort_keys=False)
+    return f"# {comment}\n{text}".encode()
+
+
+POWER = {"net": "the work of the motor less what the springs return to it, over time",
+         "delivered": "the work that the motor delivers, over time; what the springs return to it is lost"}
+"""What P is, by the reading."""
+_DIRECTIONS = {"either": "in either direction", "forward": "forwards only", "backward": "backwards only"}
+_ENDS = {"low": "lower", "high": "upper", "": ""}
+
+
+def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)])
+
+
+def _number(value: float) -> str:
+    """`value` to three digits; a dash for what is no number."""
+    if not math.isfinite(value):
+        return "-"
+    text = f"{value:.3g}"
+    return f"{float(text):.0f}" if 1e3 <= abs(float(text)) < 1e6 else text
+
+
+def _with_spread(found: Average | None, factor: float = 1.0) -> str:
+    """Mean ± half the 95 % interval, times `factor`; of starts that repeat one motion there is no interval."""
+    if found is None or not math.isfinite(found.mean):
+        return "-"
+    if found.is_one_motion and found.mean:
+        return f"{_number(factor * found.mean)} (same motion)"
+    return f"{_number(factor * found.mean)} ± {factor * found.spread:.2g}"
+
+
+def _speeds(row: Verified) -> str:
+    """Signed mean speed [mm/s]; of starts with several motions, each with its share of the starts."""
+    if len(row.motions) < 2:
+        return _with_spread(row.speed, 1e3)
+    return "; ".join(
+        f"{_with_spread(Average(mean, spread, 0), 1e3) if spread is not None else _number(1e3 * mean)} "
+        f"({starts} of {sum(one[2] for one in row.motions)} starts)" for mean, spread, starts in row.motions)
+
+
+def document(result: Result) -> str:
+    """The summary of a search."""
+    parts = [f"# {title(result.plan)}", *_question_and_verdict(result), "## Parameters", *_parameters(result),
+             "## Verification", *_verification(result), "## Motion and energy", *_motion_and_energy(result.behaviour),
+             "## Neighbourhood", *_neighbourhood(result.around)]
+    if result.front:
+        parts += ["## Speed against cost of transport", *_front(result.front, result.verified[:3])]
+    return "\n\n".join(parts) + "\n"
+
+
+def title(plan: Plan) -> str:
+    """What is sought."""
+    what = "the front of speed and cost of transport" if plan.objective == FRONT else OBJECTIVES[plan.objective].does
+    return f"Optimum: {what}, scene {plan.space.scene.name}"
+
+
+def _question_and_verdict(result: Result) -> list[str]:
+    """How was searched; and the optimum against the paper's under the same reading, a sentence a quantity."""
+    plan, trials = result.plan, result.plan.effort.trials
+    floor = f" A robot slower than {_number(plan.least_speed * 1e3)} mm/s does not count." if plan.least_speed else ""
+    if plan.most_air < 1.0:
+        floor += f" A robot that is in the air for more than {100 * plan.most_air:g} % of the time does not count."
+    how = "CMA-ES, one weight of speed and cost after the other," if plan.objective == FRONT else (
+        "CMA-ES with BIPOP restarts")
+    asked = (f"P is mean mechanical power: {POWER[plan.reading.power]}. {how} tried {result.robots} robots, each "
+            f"from the same {trials.starts} drawn starts over {trials.duration:g} s after {trials.settling:g} s. The "
+            f"score is the lower quartile of these starts. Speed counts {_DIRECTIONS[plan.reading.direction]}, and all "
+            f"starts must agree.{floor}")
+    best, paper = (next(row for row in result.verified if row.robot == robot) for robot in (OPTIMUM, PAPER))
+    speeds = (f"The optimum goes at {_speeds(best)} mm/s, the paper's optimum (φ = 80°, m3 = 0.02 kg, "
+              f"l = 0.06 m) at {_speeds(paper)} mm/s, forward positive: {_beats(paper.margin, 1e3, 'mm/s')}.")
+    if not math.isfinite(best.cost):
+        return [asked, speeds]
+    return [asked, f"{speeds} Its V/P is {_with_spread(best.ratio)} m/J against {_with_spread(paper.ratio)} m/J: "
+            f"{_beats(paper.ratio_margin, 1.0, 'm/J')}."]
+
+
+def _beats(margin: Average | None, factor: float, unit: str) -> str:
+    if margin is None or not abs(margin.mean) > margin.spread:
+        return f"no difference beyond noise ({_with_spread(margin, factor)} {unit})"
+    more = "more" if margin.mean > 0.0 else "LESS"
+    return f"{_number(factor * abs(margin.mean))} ± {factor * margin.spread:.2g} {unit} {more}"
+
+
+def on_bounds(result: Result) -> str:
+    """Which parameters of the optimum lie on a bound, and what the score would gain beyond it."""
+    ends = {variable.name: end for variable, end in zip(result.plan.space.variables, result.on_bound, strict=True)
+            if end}
+    if not ends:
+        return "No parameter lies on a bound."
+    alone = {one.name: one for one in result.around.sensitivities}
+    gain, where = max((alone[name].lower if end == "low" else alone[name].upper, name) for name, end in ends.items())
+    listed = ", ".join(f"`{name}` ({_ENDS[end]})" for name, end in ends.items())
+    beyond = f"`{where}` gains most, {100 * (gain - 1.0):.1f} % of the score" if gain > 1.0 else "none gains"
+    return (f"{len(ends)} of {len(result.on_bound)} parameters lie on a bound, and are the bounds' choice as much as "
+            f"the robot's: {listed}. {100 * PERTURBATION:g} % beyond, {beyond}.")
+
+
+def _parameters(result: Result) -> list[str]:
+    """What `on_bounds` says, and a table of all parameters."""
+    rows = []
+    for variable, end in zip(result.plan.space.variables, result.on_bound, strict=True):
+        parameter = BY_NAME[variable.name]
+        rows.append([f"`{variable.name}`", variable.symbol, _number(result.optimum[variable.name]),
+                     _number(parameter.default), parameter.unit,
+                     f"{_number(variable.low)} to {_number(variable.high)}{', log' if variable.logarithmic else ''}",
+                     _ENDS[end], variable.reason])
+    heads = ["parameter", "symbol", "optimum", "paper", "unit", "bounds", "on bound", "why these bounds"]
+    return [on_bounds(result), _table(heads, rows)]
+
+
+def _verification(result: Result) -> list[str]:
+    trials = result.plan.effort.verifying
+    said = (f"{trials.starts} drawn starts that the search has not seen, {trials.duration:g} s each after "
+            f"{trials.settling:g} s; mean ± half the 95 % interval. A margin is the optimum less the robot of the row, "
+            "start by start, each counted positive in its own direction. Mean N over the weight must be 1 on a real "
+            "ground; a robot with more is held down by the rule of its row, and would not do this.")
+    return [said, _table(
+        ["reading", "robot", "speed, forward positive [mm/s]", "same way from all starts", "mean N over weight",
+         "time with N <= 0 [%]", "in the air [%]", "P net [W]", "P delivered [W]", "V/P [m/J]",
+         "cost of transport", "margin of speed [mm/s]", "margin of V/P [m/J]"],
+        ([row.reading, row.robot, _speeds(row), "yes" if row.agree else "no", _number(row.load),
+          f"{100 * row.unloaded:.0f}", f"{100 * row.air:.0f}", _with_spread(row.power),
+          _with_spread(row.delivered), _with_spread(row.ratio) if math.isfinite(row.cost) else "-", _number(row.cost),
+          _with_spread(row.margin, 1e3), _with_spread(row.ratio_margin) if math.isfinite(row.cost) else "-"]
+         for row in result.verified))]
+
+
+def _motion_and_energy(found: Behaviour) -> list[str]:
+    seen = found.measures
+    sides = " and ".join(f"the {side} mass {_number(seen[f'{side}_impacts'])} times a turn with up to "
+                         f"{_number(seen[f'{side}_peak_force'])} N" for side in ("upper", "inclined"))
+    said = (f"From one start {sides} strike their plates; the body is in the air for {100 * seen['air_share']:.0f} % "
+            f"of the time and stands still for {100 * seen['stick_share']:.0f} %.")
+    return [said, _table(["energy from one start", "mean power [W]"], (
+        [words, _number(found.powers[name])] for name, words in ACCOUNTS.items() if name in found.powers))]
+
+
+def _neighbourhood(around: Neighbourhood) -> list[str]:
+    worst = min((min(one.lower, one.upper), one.name) for one in around.sensitivities)
+    said = (f"Of {around.robots} robots within {100 * PERTURBATION:g} % in every parameter at once, half keep at least "
+            f"{100 * around.median:.0f} % of the optimum's score and 95 % keep {100 * around.poorest:.0f} %. Alone, "
+            f"`{worst[1]}` costs most: {100 * worst[0]:.0f} % are left.")
+    shift = f"{100 * PERTURBATION:g} %"
+    return [said, _table(
+        ["parameter", f"score at -{shift}", f"score at +{shift}", "first-order index", "total index"],
+        ([f"`{one.name}`", _number(one.lower), _number(one.upper), f"{one.first:.2f} ± {one.first_spread:.2f}",
+          f"{one.total:.2f} ± {one.total_spread:.2f}"]
+         for one in sorted(around.sensitivities, key=lambda one: -one.total)))]
+
+
+def _front(front: Sequence[FrontRobot], rows: Sequence[Verified]) -> list[str]:
+    """From where to where a front reaches, and what of it is faster and cheaper than the paper's robots."""
+    text = (f"The front reaches from {_number(1e3 * front[0].speed)} mm/s at a cost of transport of "
+            f"{_number(front[0].cost)} to {_number(1e3 * front[-1].speed)} mm/s at {_number(front[-1].cost)}.")
+    for row in rows:
+        better = [one for one in front if one.speed > abs(row.speed.mean) + row.speed.spread and one.cost < row.cost]
+        if row.robot != OPTIMUM and better:
+            text += (f" Against the {row.robot}, {_number(1e3 * abs(row.speed.mean))} mm/s at {_number(row.cost)}, it "
+                     f"has {_number(1e3 * better[0].speed)} mm/s at {_number(better[0].cost)}.")
+    heads = ["speed [mm/s]", "cost of transport", "P [W]", "V/P [m/J]", "motor speed [rad/s]", "crank [mm]",
+             "guide angle [°]", "inclined mass [kg]"]
+    return [text, _table(
+        heads, ([_number(1e3 * one.speed), _number(one.cost), _number(one.power), _number(one.speed / one.power),
+                   _number(one.robot["motor.speed"]), _number(1e3 * one.robot["crank.radius"]),
+                   _number(math.degrees(one.robot["guide.angle"])), _number(one.robot["mass.inclined"])]
+                  for one in front))]
+
+
+# Speed [m/s] below which a robot stands still for all that can be seen.
+_SLOWEST = 1e-4
+_COST = "cost of transport P / (M g V) [-]"
+# Okabe and Ito's colours, which the colour-blind can tell apart
+_ALL, _BEST, _OTHER, _THIRD = "#56b4e9", "#000000", "#d55e00", "#009e73"
+
+
+def _figure(width: float, height: float) -> tuple[Figure, Axes]:
+    figure = new_figure(width, height)
+    axes = figure.subplots()
+    axes.grid(color=GRID)
+    axes.set_axisbelow(True)
+    return figure, axes
+
+
+def draw_convergence(plan: Plan, candidates: Candidates, title: str) -> Figure:
+    """Score of every candidate in turn, and the best so far."""
+    figure, axes = _figure(8.0, 4.5)
+    scores = np.array([plan.score(values) for values in candidates.values])
+    scores, turns = np.where(scores > 0.0, scores, np.nan), np.arange(1, len(scores) + 1)
+    axes.plot(turns, scores, ".", ms=2.0, color=_ALL, label="a robot", rasterized=True)
+    axes.plot(turns, np.fmax.accumulate(scores), color=_BEST, label="best so far")
+    axes.set(xlabel="robots tried", ylabel=f"score [{plan.unit}]", title=title)
+    axes.legend(frameon=False)
+    return figure
+
+
+def draw_front(result: Result, candidates: Candidates, title: str) -> Figure:
+    """Cost of transport over speed: all candidates, the front from fresh starts, and the robots that were verified."""
+    figure, axes = _figure(8.0, 5.5)
+    plan = result.plan
+    every = np.array([plan.speed_and_cost(point, values)
+                      for point, values in zip(candidates.points, candidates.values, strict=True)])
+    every = every[np.isfinite(every[:, 1]) & (every[:, 0] > _SLOWEST)]
+    axes.plot(1e3 * every[:, 0], every[:, 1], ".", ms=2.0, color=_ALL, label="a robot of the search", rasterized=True)
+    front = result.front
+    axes.plot([1e3 * one.speed for one in front], [one.cost for one in front], "-o", ms=3.0, color=_BEST,
+              label="front, from fresh starts")
+    for row, mark in zip(result.verified, "*sD", strict=False):
+        if row.cost > 0.0:
+            axes.errorbar(1e3 * abs(row.speed.mean), row.cost, xerr=1e3 * row.speed.spread, fmt=mark, ms=8.0,
+                          color=_OTHER if row.robot == OPTIMUM else _THIRD, label=row.robot)
+    axes.set(xscale="log", yscale="log", xlabel="mean speed [mm/s]", ylabel=_COST, title=title)
+    axes.legend(frameon=False)
+    return figure
+
+
+def draw_sensitivity(around: Neighbourhood, title: str) -> Figure:
+    """Sobol's indices of every parameter, the largest on top."""
+    rows = sorted(around.sensitivities, key=lambda one: one.total)
+    figure, axes = _figure(8.0, 1.5 + 0.3 * len(rows))
+    places = np.arange(len(rows))
+    axes.barh(places + 0.2, [one.total for one in rows], 0.4, xerr=[one.total_spread for one in rows], color=_OTHER,
+              label="total")
+    axes.barh(places - 0.2, [one.first for one in rows], 0.4, xerr=[one.first_spread for one in rows], color=_ALL,
+              label="first order")
+    axes.set_yticks(places, [one.name for one in rows])
+    axes.set(xlabel=f"Sobol index within {100 * PERTURBATION:g} % of the optimum, 95 % intervals", title=title)
+    axes.legend(frameon=False, loc="lower right")
+    return figure
+
+
+FOLDER, TEXT, SCENE, NUMBERS = "candidates", "optimum.md", "optimum.yaml", "optimum.json"
+_MOST = {"budget": 10**6, "starts": 1000, "seed": 2**31 - 2}
+_LEAST = {"budget": 1, "starts": 2, "seed": 0}
+_VARIED = re.compile(r"([^=]+)=([^:]+):([^:]+)")
+
+
+def main(words: Sequence[str]) -> int:
+    """Run the study; returns the exit code."""
+    return run_study(_optimise, parser(), words)
+
+
+def _optimise(options: argparse.Namespace) -> int:
+    plan, execution, folder = plan_of(options), execution_of(options), options.output
+    with locked(folder):
+        (folder / FOLDER).mkdir(exist_ok=True)
+        result, candidates = studied(plan, folder / FOLDER, execution)
+        write_files(folder, files_of(result, candidates))
+    print(folder / FOLDER)
+    print(on_bounds(result))
+    return 0
+
+
+def plan_of(options: argparse.Namespace) -> Plan:
+    """What the command line asks for.
+
+    Raises
+    ------
+    ValueError
+        For an option that makes no sense.
+    """
+    for name in _MOST:
+        value = getattr(options, name)
+        if value is not None and not _LEAST[name] <= value <= _MOST[name]:
+            raise ValueError(f"--{name} {value}: give a number from {_LEAST[name]} to {_MOST[name]}")
+    if not 0.0 <= options.least_speed <= 100.0:
+        raise ValueError(f"--least-speed {options.least_speed:g}: give a number from 0 to 100 m/s")
+    if not 0.0 <= options.most_air <= 1.0:
+        raise ValueError(f"--most-air {options.most_air:g}: give a share from 0 to 1")
+    fixed, varied = _asked_fixed(options.fix), _asked_varied(options.vary)
+    scene = sought(load_scene(options.scene).with_parameters(settings_of(options.set) | {
+        name: value for name, value in fixed.items() if value is not None}))
+    effort = QUICK if options.quick else Effort()
+    starts = options.starts or effort.trials.starts
+    effort = replace(effort, budget=options.budget or effort.budget, trials=replace(effort.trials, starts=starts))
+    return Plan(Space(scene, chosen_variables(tuple(fixed), varied)), options.objective,
+                Reading(options.power, options.direction), options.least_speed, options.most_air, effort, options.seed)
+
+
+def sought(scene: Scene) -> Scene:
+    """`scene` with its motor turning from the start, and without what costs time and changes nothing."""
+    return running(scene).with_parameters({"solver.audit": False})
+
+
+def files_of(result: Result, candidates: Candidates) -> dict[str, bytes]:
+    """Text, scene, numbers and pictures of a result, by the names of their files."""
+    head = title(result.plan)
+    pictures = {"convergence.png": draw_convergence(result.plan, candidates, head),
+                "sensitivity.png": draw_sensitivity(result.around, head)}
+    if result.front:
+        pictures["front.png"] = draw_front(result, candidates, head)
+    return {TEXT: document(result).encode(), SCENE: scene_file(result.robot, f"{head}; found by `study optimise`."),
+            NUMBERS: result_file(result), **{name: png(figure) for name, figure in pictures.items()}}
+
+
+def _asked_fixed(words: Sequence[str]) -> dict[str, float | None]:
+    """Names that are fixed, and the values that they are fixed at; None for the scene's."""
+    found: dict[str, float | None] = {}
+    for word in words:
+        name, equals, value = word.partition("=")
+        parameter = parameter_named(name, BY_NAME)
+        found[name] = parameter.checked(_asked_number("--fix", word, value)) if equals else None
+    return found
+
+
+def _asked_varied(words: Sequence[str]) -> dict[str, tuple[float, float]]:
+    found = {}
+    for word in words:
+        if not (parts := _VARIED.fullmatch(word)):
+            raise ValueError(f"--vary {word}: give NAME=LOW:HIGH, such as crank.radius=0.01:0.03")
+        found[parts[1]] = _asked_number("--vary", word, parts[2]), _asked_number("--vary", word, parts[3])
+    return found
+
+
+def _asked_number(option: str, word: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"{option} {word}: {text!r} is not a number") from None
+
+
+def parser() -> Parser:
+    """The command line of the study."""
+    default = Effort()
+    own = study_parser(
+        "optimise", "Search for the fastest or thriftiest robot, verify the optimum from fresh starts and beside the "
+        "paper's, perturb it, and write text, pictures and a scene file.", "a run failed")
+    own.add_argument("--scene", default="device", metavar="NAME", help="shipped scene or scene file that gives "
+                        "everything that is not varied (default: %(default)s)")
+    objectives = "; ".join(f"{name}: {one.does}" for name, one in OBJECTIVES.items())
+    own.add_argument("--objective", choices=[*OBJECTIVES, FRONT], default="speed_per_power", help=f"{objectives}; "
+                        f"{FRONT}: speed and cost of transport (default: %(default)s)")
+    own.add_argument("--power", choices=POWERS, default="net", help="what P is; net: less what springs return to "
+                        "the motor; delivered: without that (default: %(default)s)")
+    own.add_argument("--direction", choices=DIRECTIONS, default="either", help="which way counts; all starts must "
+                        "agree (default: %(default)s)")
+    own.add_argument("--least-speed", type=float, default=0.0, metavar="V", help="slower robots do not count [m/s] "
+                        "(default: %(default)s)")
+    own.add_argument("--most-air", type=float, default=1.0, metavar="SHARE", help="robots that are in the air for "
+                        "a larger share of the time do not count (default: %(default)s)")
+    own.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="another value of the scene, "
+                        "such as start.state=zero")
+    own.add_argument("--fix", action="append", default=[], metavar="NAME[=VALUE]", help="do not vary this parameter")
+    own.add_argument("--vary", action="append", default=[], metavar="NAME=LOW:HIGH", help="vary it between these "
+                        "bounds, in its unit")
+    own.add_argument("--budget", type=int, metavar="N", help=f"robots that are tried (default: {default.budget})")
+    own.add_argument("--starts", type=int, metavar="N", help="drawn starts of each robot (default: "
+                        f"{default.trials.starts})")
+    own.add_argument("--seed", type=int, default=0, metavar="N", help="of the search (default: %(default)s)")
+    add_execution(own)
+    own.add_argument("--quick", action="store_true", help="a look at everything within two minutes, not an optimum")
+    return own

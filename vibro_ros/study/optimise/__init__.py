@@ -1,1 +1,0 @@
-"""Study `optimise`: the fastest robot, the thriftiest one, and the front between them."""

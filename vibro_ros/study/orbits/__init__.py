@@ -1,1 +1,0 @@
-"""Study `orbits`: branches of periodic orbits over a parameter, and where they change their nature."""
