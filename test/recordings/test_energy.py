@@ -77,8 +77,12 @@ def test_a_checkpoint_that_no_robot_made_is_unknown(recorded, tmp_path):
     assert "no state that this device can be in" in energy_of(load_bag(late))["unknown"]
 
 
-def test_a_late_recording_without_a_checkpoint_is_unknown(recorded, tmp_path):
-    assert "without a checkpoint" in energy_of(load_bag(rewritten(recorded, tmp_path / "late", since(1.0))))["unknown"]
+def test_a_late_recording_without_a_checkpoint_is_unknown(recorded, tmp_path, capsys):
+    late = rewritten(recorded, tmp_path / "late", since(1.0))
+    assert "without a checkpoint" in energy_of(load_bag(late))["unknown"]
+    assert replay.main([str(late)]) == 2  # and not 1, different: that cannot be known
+    assert "cannot be replayed: it begins 1.000 s after the robot's start and holds no checkpoint" in (
+        capsys.readouterr().err)
 
 
 def test_another_run_than_the_commands_give_is_unknown(recorded, tmp_path):

@@ -152,16 +152,3 @@ def test_what_a_recording_lacks_is_left_out(known_run, options, rows):
     figure = plot_run(read_bag(known_run(**options)))
     figure.canvas.draw()
     assert list(panels(figure)) == rows
-
-
-def test_a_long_line_keeps_its_ends_and_extremes():
-    values = np.random.default_rng(0).normal(size=100_003)
-    samples = np.arange(3, len(values))
-    seen = plots.visible(samples, values)
-    assert len(seen) < 5 * plots.POINTS
-    assert (np.diff(seen) > 0).all()
-    assert (seen[0], seen[-1]) == (3, len(values) - 1)
-    size = len(samples) // plots.POINTS
-    for first in range(3, 3 + size * plots.POINTS, size):
-        block, kept = values[first:first + size], values[seen[(seen >= first) & (seen < first + size)]]
-        assert (kept.min(), kept.max()) == (block.min(), block.max())

@@ -61,7 +61,7 @@ def test_two_recordings_are_compared_in_one_table_and_one_picture(record_run, tm
     first = rewritten(shorter, tmp_path / "first", parameters='{"guide.angle": 1.0, "gravity": 9.81}')
     second = rewritten(run, tmp_path / "second", parameters='{"guide.angle": 1.2, "gravity": 9.81}')
     assert report.main([str(first), str(second)]) == 0
-    rows = {line[:25].strip(): line[25:].split() for line in capsys.readouterr().out.splitlines()}
+    rows = {line[:26].strip(): line[26:].split() for line in capsys.readouterr().out.splitlines()}
     assert rows["guide.angle"] == ["1.0", "1.2"] and "gravity" not in rows
     assert rows["duration [s]"] == ["2", "4", "+2"]
     assert rows["displacement [m]"] == ["-0.5", "-1", "-0.5"]

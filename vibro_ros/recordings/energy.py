@@ -8,7 +8,7 @@ from tqdm import tqdm
 from vibro_ros.bag.reader import Arrays, Bag
 from vibro_ros.bag.stream import BagError, BagStream
 from vibro_ros.messages.topics import CHECKPOINT, INPUTS, OPERATIONS
-from vibro_ros.recordings.rerun import RecordedRun, Rerun, begins_at_checkpoint, most_ticks, recorded_run
+from vibro_ros.recordings.rerun import RecordedRun, Rerun, lacks_beginning, most_ticks, recorded_run
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.simulation.samples import resets
@@ -54,7 +54,7 @@ def _energy(bag: Bag, stream: BagStream, facts: RecordedRun) -> dict[str, Any]:
     first, last = (facts.tick(bag.start_ns + round(float(time) * 1e9)) for time in times[[0, -1]])
     if first is None or last is None:
         raise _UnknownError("the stamps of its odometry are not those of the robot's samples")
-    if stream.start > facts.start and not begins_at_checkpoint(stream, facts):
+    if lacks_beginning(stream, facts):
         raise _UnknownError("the recording begins after the robot's start, without a checkpoint")
     prepare_kernels("report", method)
     rerun = Rerun(facts, facts.scene.with_parameters({"solver.accounts": True}))

@@ -19,14 +19,13 @@ from vibro_ros.bag.reader import Arrays, Bag
 from vibro_ros.recordings.summary import GAP, impacts_of
 
 MOMENT = 0.3  # s, the close-up; about five crank turns at 100 rad/s
-FEW = 3000  # impacts that can be seen as separate dots over the whole run
+FEW = 3000  # impacts that can be told apart over the whole run; of more, each is a pixel
 FAR = 10.0  # m, from there on in metres
 STRONG = 8.0  # times what 95 % of the samples stay below: from there on a linear scale would hide these
 MM = 1e3  # mm/m
 _BAR = 1.75  # in, height of the bars of energy
 LEAST_BINS, MOST_BINS = 24, 240  # of a band over the whole run
 TURNS = 3.0  # of the crank in a bin: the motion may repeat itself after several
-POINTS = 2000  # blocks of a line of many samples; more than the picture has pixels across
 TINT = 0.3  # of a band's colour in white; opaque, so that nothing mixes with what lies below
 
 # Okabe and Ito's palette, which the colour-blind tell apart
@@ -184,15 +183,11 @@ def _draw_blows(axes: Axes, bag: Bag, span: Span) -> None:
     for guide, colour in _GUIDE_COLOURS.items():
         own = shown & impacts_of(bag, guide)
         time, force = impacts["stamp"][own], impacts["force"][own, 2]
-        if not len(time):
-            continue
-        if len(time) > FEW:
-            order = np.argsort(time, kind="stable")
-            outline(axes, time[order], force[order], _edges(bag, span), colour,
-                    f"{guide} impacts, strongest and weakest (dots)")
-        else:
-            axes.plot(time, force, _GUIDE_MARKS[guide], color=colour, ms=7 if _is_moment(span) else 3, mec="white",
-                      mew=0.7 if _is_moment(span) else 0.0, label=f"{guide} impacts", zorder=3)
+        if len(time):
+            few = len(time) <= FEW  # else a mark of each hides those of the other guide
+            axes.plot(time, force, _GUIDE_MARKS[guide] if few else ",", color=colour, ms=7 if _is_moment(span) else 3,
+                      mec="white" if few else colour, mew=0.7 if _is_moment(span) else 0.0, label=f"{guide} impacts",
+                      zorder=3)
     axes.set_ylim(0.0, 1.12 * max(1.0, impacts["force"][:, 2].max()))
     axes.set_ylabel("peak force [N]")
 
@@ -316,23 +311,11 @@ def parts_of(accounts: dict[str, float]) -> tuple[dict[str, float], dict[str, fl
 
 
 def line(axes: Axes, time: np.ndarray, values: np.ndarray, span: Span, **style: object) -> None:
-    """The samples of `span` [s], broken at gaps in the stream; of many, those that a line can show."""
-    shown = np.flatnonzero((time >= span[0]) & (time <= span[1]))
-    drawn = [visible(piece, values) for piece in np.split(shown, gaps(time[shown]))]
-    broken = [np.concatenate([column for piece in drawn for column in (of[piece], [np.nan])])[:-1]
-              for of in (time, values)]
-    axes.plot(*broken, **{"lw": 1.3} | style)
-
-
-def visible(samples: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Of the indices `samples`, those that a line can show: of each of `POINTS` blocks its ends and its extremes."""
-    size = len(samples) // POINTS
-    if size < 8:
-        return samples
-    blocks = samples[:len(samples) // size * size].reshape(-1, size)
-    rows = np.arange(len(blocks))
-    extremes = [blocks[rows, pick(values[blocks], axis=1)] for pick in (np.argmin, np.argmax)]
-    return np.unique(np.concatenate([blocks[:, 0], blocks[:, -1], *extremes, samples[blocks.size:]]))
+    """The samples of `span` [s], broken at gaps in the stream; matplotlib leaves out points that cannot be seen."""
+    shown = (time >= span[0]) & (time <= span[1])
+    broken = gaps(time[shown])
+    axes.plot(*(np.insert(column[shown].astype(float), broken, np.nan) for column in (time, values)),
+              **{"lw": 1.3} | style)
 
 
 def band(axes: Axes, time: np.ndarray, values: np.ndarray, edges: np.ndarray, colour: str, label: str) -> None:
@@ -342,13 +325,6 @@ def band(axes: Axes, time: np.ndarray, values: np.ndarray, edges: np.ndarray, co
     axes.fill_between(middle, low, high, color=tinted, lw=0, label=label, zorder=1.5)
     for edge in (low, high):
         axes.plot(middle, edge, color=colour, lw=0.7, zorder=1.6)
-
-
-def outline(axes: Axes, time: np.ndarray, values: np.ndarray, edges: np.ndarray, colour: str, label: str) -> None:
-    """The outline alone of such a range, where several would hide each other."""
-    middle, low, high = extremes(time, values, edges)
-    axes.plot(middle, high, color=colour, lw=1.4, label=label)
-    axes.plot(middle, low, color=colour, lw=1.4, ls=(0, (1, 1)))
 
 
 def extremes(time: np.ndarray, values: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

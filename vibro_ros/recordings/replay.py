@@ -26,7 +26,7 @@ from vibro_ros.process.entry_point import Parser, exit_code, say
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.files import one_line
 from vibro_ros.recordings.comparison import Comparison, compare
-from vibro_ros.recordings.rerun import SAMPLED, RecordedRun, Rerun, recorded_run
+from vibro_ros.recordings.rerun import SAMPLED, RecordedRun, Rerun, lacks_beginning, recorded_run
 from vibro_ros.recordings.summary import as_text, load_samples, summarise
 from vibro_ros.sensors.device import sensors_on
 from vibro_ros.simulation.motion import SimulationError
@@ -57,6 +57,11 @@ def _compare(bag: Path) -> int:
     with BagStream(bag) as stream:
         found = compare(stream)
         flaws = stream.flaws
+        if found.difference and lacks_beginning(stream, found.facts):
+            late = (stream.start - found.facts.start) * 1e-9
+            raise BagError(f"{bag}: cannot be replayed: it begins {late:.3f} s after the robot's start and holds no "
+                           "checkpoint, so that what the robot received before is unknown; give a bag of the run's "
+                           "beginning, or one with ~/checkpoint")
     if not found.compared and not found.difference:
         raise BagError(f"{bag}: holds no state to compare with; give a bag with odom or joint_states")
     print("\n".join([*map(one_line, described(found)), *not_read(flaws)]))
@@ -175,8 +180,8 @@ def _parser() -> Parser:
         epilog="With --set, the recorded commands drive a robot with other parameters, whose bag is written.\n"
         "`ros2 bag play` plays a bag to ROS.\n\n"
         "Exit code 0: identical (with --set: written); 1: different, the first difference is named (with --set: the\n"
-        "simulation could not go on); 2: no bag of the robot, or a bad parameter; 129, 130, 143: stopped by SIGHUP,\n"
-        "SIGINT, SIGTERM.")
+        "simulation could not go on); 2: no bag that can be replayed, or a bad parameter; 129, 130, 143: stopped by\n"
+        "SIGHUP, SIGINT, SIGTERM.")
     parser.add_argument("bag", type=Path, metavar="BAG_FOLDER", help="folder of a recording")
     parser.add_argument("--set", action="append", metavar="NAME=VALUE",
                         help="change a parameter of the scene, such as guide.angle=1.2, and write what the robot would "

@@ -158,7 +158,6 @@ class Rerun:
         """Samples per simulated second [Hz]."""
         return self._facts.rate
 
-
     def through(self, stream: BagStream, names: Collection[str] | None = None,
                 until: int = -1) -> Iterator[tuple[int | None, Recorded]]:
         """Compute the run of a bag again; the device gets what the robot received after each sample.
@@ -340,6 +339,10 @@ class Rerun:
                                       "that recorded this bag cannot have taken them")
         self.device.advance_to(until)
 
+
+def lacks_beginning(stream: BagStream, facts: RecordedRun) -> bool:
+    """Whether a bag has neither its run's beginning nor a checkpoint, so that the run cannot be computed."""
+    return stream.start > facts.start and not begins_at_checkpoint(stream, facts)
 
 
 def begins_at_checkpoint(stream: BagStream, facts: RecordedRun) -> bool:

@@ -2,9 +2,11 @@
 
 import json
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from operator import itemgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -152,40 +154,57 @@ def impacts_of(bag: Bag, guide: str) -> np.ndarray:
     return np.char.endswith(bag["impacts"]["frame"], f"{guide}_plate")  # before it, the robot's frame_prefix
 
 
+class Number(NamedTuple):
+    """A number of a summary: where it stands in it, and how people read it; None where it is not defined."""
+
+    value: Callable[[dict[str, Any]], float | None]
+    form: str
+    unit: str = ""
+    scale: float = 1.0
+
+    def of(self, summary: dict[str, Any]) -> float | None:
+        """The number in its unit."""
+        value = self.value(summary)
+        return None if value is None else value * self.scale
+
+    def text(self, summary: dict[str, Any]) -> str:
+        """The number in its form, with its unit."""
+        value = self.of(summary)
+        return "-" if value is None else f"{value:{self.form}} {self.unit}".rstrip()
+
+
+NUMBERS: Mapping[str, Number] = {
+    "duration": Number(itemgetter("duration"), ".3f", "s"),
+    "resets": Number(itemgetter("resets"), ".0f"),  # their jumps do not count in what follows
+    "displacement": Number(itemgetter("displacement"), "+.4f", "m"),
+    "path": Number(itemgetter("path_length"), ".4f", "m"),
+    "mean speed": Number(itemgetter("mean_speed"), "+.2f", "mm/s", 1e3),
+    "crank turns": Number(itemgetter("crank_turns"), ".1f"),
+    **{f"{guide} impacts": Number(lambda one, guide=guide: one["impacts"][guide], ".0f") for guide in GUIDES},
+    **{f"{guide} impacts per turn": Number(lambda one, guide=guide: one["impacts_per_turn"][guide], ".2f")
+       for guide in GUIDES},
+    "mean power": Number(itemgetter("mean_power"), ".3f", "W"),
+    "mean N / weight": Number(lambda one: one["load"]["mean"], ".3f"),  # the shocks of landings lie between samples
+    "samples with N <= 0": Number(lambda one: one["load"]["unloaded"], ".1f", "%", 1e2),
+    "pitch index": Number(lambda one: one["validity"]["pitch_index"], ".3f"),
+    "rms / continuous current": Number(lambda one: one["validity"]["current_share"], ".3f"),
+}
+"""What the text of one recording, the table of two and the caption print, by label."""
+CAPTION = ("duration", "displacement", "mean speed", *(f"{guide} impacts per turn" for guide in GUIDES), "mean power")
+
+
 def as_text(summary: dict[str, Any]) -> str:
     """The summary as lines for people, with units; with ``energy``, what `energy_of` tells, if it is there."""
-    impacts, per_turn, validity = summary["impacts"], summary["impacts_per_turn"], Validity(**summary["validity"])
-    lines = [
-        ("bag", summary["bag"]),
-        *((one_line(key), one_line(value)) for key, value in summary["recorder"].items() if len(value) < 80),
-        ("duration", f"{summary['duration']:.3f} s"),
-        *([("resets", f"{summary['resets']}, whose jumps do not count below")] if summary["resets"] else []),
-        ("displacement", f"{summary['displacement']:+.4f} m (path {summary['path_length']:.4f} m)"),
-        ("mean speed", _number(summary["mean_speed"], "+.2f", "mm/s", 1e3)),
-        ("crank", f"{summary['crank_turns']:.1f} turns"),
-        *((f"{guide} impacts", f"{impacts[guide]} ({_number(per_turn[guide], '.2f', 'per crank turn')})")
-          for guide in GUIDES),
-        ("mean power", _number(summary["mean_power"], ".3f", "W")),
-        ("normal force", _load_in_words(summary["load"])),
-        *(("pitch index", f"{index:.3f}") for index in (validity.pitch_index,) if index is not None),
-        *(("rms current", f"{share:.3f} of the continuous one") for share in (validity.current_share,)
-          if share is not None),
-        *(("warning", warning) for warning in validity.warnings()),
-    ]
+    lines = [("bag", summary["bag"]),
+             *((one_line(key), one_line(value)) for key, value in summary["recorder"].items() if len(value) < 80),
+             *((label, number.text(summary)) for label, number in NUMBERS.items()),
+             *(("warning", warning) for warning in Validity(**summary["validity"]).warnings())]
     width = max(len(label) for label, _ in lines) + 2
     energy = ["", *energy_as_lines(summary["energy"])] if "energy" in summary else []
     done = [f"{time:>10.3f} s  {one_line(text)}" for time, text in summary["operations"]]
     return "\n".join([*(f"{label:<{width}}{value}" for label, value in lines), *energy,
                       *(["", "what was done to the run", *done] if done else []), "", *_table(summary["topics"]),
                       *not_read(summary["not_read"])]) + "\n"
-
-
-def _load_in_words(load: dict[str, float | None]) -> str:
-    """How the ground carries the robot. The shocks of landings and blows lie between the samples."""
-    if load["unloaded"] is None:
-        return "-"
-    mean = "" if load["mean"] is None else f"mean {load['mean']:.3f} of the weight, without shocks of landings; "
-    return f"{mean}not above 0 at {100 * load['unloaded']:.1f} % of the samples"
 
 
 def pair_as_text(first: dict[str, Any], second: dict[str, Any]) -> str:
@@ -211,19 +230,12 @@ def pair_as_text(first: dict[str, Any], second: dict[str, Any]) -> str:
 
 
 def _numbers(summary: dict[str, Any]) -> dict[str, float | None]:
-    """The numbers of a summary that can be compared, by their names with units."""
-    speed, energy = summary["mean_speed"], summary["energy"]
-    return {
-        "duration [s]": summary["duration"], "displacement [m]": summary["displacement"],
-        "path [m]": summary["path_length"], "mean speed [mm/s]": None if speed is None else speed * 1e3,
-        "crank turns": summary["crank_turns"],
-        **{f"{guide} impacts": number for guide, number in summary["impacts"].items()},
-        **{f"{guide} impacts per turn": number for guide, number in summary["impacts_per_turn"].items()},
-        "mean power [W]": summary["mean_power"], "cost of transport": energy.get("cost_of_transport"),
-        "mean N / weight": summary["load"]["mean"], "share of N <= 0": summary["load"]["unloaded"],
-        "pitch index": summary["validity"]["pitch_index"],
-        "rms / continuous current": summary["validity"]["current_share"],
-        **{f"{name.replace('_', ' ')} [J]": amount for name, amount in energy.get("accounts", {}).items() if amount}}
+    """The numbers of a summary and of its energy, by their labels with units."""
+    energy = summary["energy"]
+    return {**{f"{label} [{one.unit}]" if one.unit else label: one.of(summary) for label, one in NUMBERS.items()},
+            "cost of transport": energy.get("cost_of_transport"),
+            **{f"{name.replace('_', ' ')} [J]": amount for name, amount in energy.get("accounts", {}).items()
+               if amount}}
 
 
 def _parameters(recorder: dict[str, str]) -> dict[str, Any]:
@@ -241,21 +253,18 @@ def _shown(value: object) -> str:
 
 def as_caption(summary: dict[str, Any]) -> str:
     """The summary in one line for a picture."""
-    per_turn = summary["impacts_per_turn"]
-    return "  ·  ".join((
-        f"{summary['duration']:.1f} s", f"{summary['displacement']:+.3f} m",
-        f"mean speed {_number(summary['mean_speed'], '+.1f', 'mm/s', 1e3)}",
-        f"impacts per crank turn {' + '.join(_number(per_turn[guide], '.2f') for guide in GUIDES)} (upper + inclined)",
-        f"mean power {_number(summary['mean_power'], '.2f', 'W')}")).replace("-", "\N{MINUS SIGN}")
+    return "  ·  ".join(f"{label} {NUMBERS[label].text(summary)}" for label in CAPTION).replace(
+        " -", " \N{MINUS SIGN}")
 
 
 def _table(topics: dict[str, dict[str, Any]]) -> list[str]:
     topics = {one_line(name): one for name, one in topics.items()}
     width = max(len("topic"), *map(len, topics)) + 2
+    columns = (Number(itemgetter("messages"), ".0f"), Number(lambda one: one.get("period"), ".2f", "ms", 1e3),
+               Number(lambda one: one.get("largest_gap"), ".2f", "ms", 1e3), Number(lambda one: one.get("gaps"), ".0f"))
     return [f"{'topic':<{width}}{'messages':>9}{'period':>11}{'largest gap':>14}{'gaps':>6}",
-            *(f"{name:<{width}}{one['messages']:>9}{_number(one.get('period'), '.2f', 'ms', 1e3):>11}"
-              f"{_number(one.get('largest_gap'), '.2f', 'ms', 1e3):>14}{_number(one.get('gaps'), 'd'):>6}"
-              for name, one in topics.items())]
+            *(f"{name:<{width}}" + "".join(f"{column.text(one):>{size}}" for column, size in
+                                           zip(columns, (9, 11, 14, 6), strict=True)) for name, one in topics.items())]
 
 
 def _topic_summary(bag: Bag, topic: str) -> dict[str, Any]:
@@ -280,7 +289,3 @@ def _samples(bag: Bag, name: str) -> Arrays:
 
 def _ratio(numerator: float, denominator: float) -> float | None:
     return numerator / denominator if denominator else None
-
-
-def _number(value: float | None, form: str, unit: str = "", scale: float = 1) -> str:
-    return "-" if value is None else f"{value * scale:{form}} {unit}".rstrip()
