@@ -58,7 +58,7 @@ test-slow: $(READY) $(TYPES) $(NEEDED)  ## run the tests of installation, docume
 	@$(BIN)/python -m pytest --numprocesses 2 --dist loadfile -m slow $(TESTS)
 
 # The kernels once, before the workers and their robots would compile the same ones beside each other.
-COMPILED = $(BIN)/python -c "from vibro_ros.simulation.preparation import provide_kernels; provide_kernels('auto')"
+COMPILED = $(BIN)/python -c "from vibro_ros.simulation.preparation import provide_kernels as provide; provide('exact'); provide('rk4')"
 
 # What needs no process of its own, of the rooms in which most changes are made.
 QUICK := $(addprefix test/,test_rings.py solver model configuration simulation orbits messages bag ros)

@@ -12,14 +12,14 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
+from benchmark.support import unsupported
 from vibro_ros.accuracy.harness import Problem
 from vibro_ros.accuracy.programs import Answer, Program, Setting, UnableError, drive_speed, steps
 from vibro_ros.model.scene import Scene
-from vibro_ros.model.support import unsupported
 from vibro_ros.simulation.runs import simulate
 
 _RULES = {"weight": 0, "unilateral": 1, "printed": 2, "hop": 1}  # hop: on the ground, where N cannot pull
-#: Values that it has with rigid plates, beside `model.support`.
+#: Values that it has with rigid plates, beside `benchmark.support`.
 _KNOWN_WHERE_RIGID = {"effects.reaction": (False,), "effects.normal_force": ("weight", "unilateral", "printed")}
 _inlined = numba.njit(error_model="numpy", inline="always")
 _stored = numba.njit(error_model="numpy", cache=True)
@@ -245,8 +245,8 @@ def prepare(problem: Problem, setting: Setting) -> Callable[[], Answer]:
     Raises
     ------
     UnableError
-        For a parameter that it does not have (`model.support`), and for rigid plates together with the reaction on the
-        masses or a body that hops.
+        For a parameter that it does not have (`benchmark.support`), and for rigid plates together with the reaction on
+        the masses or a body that hops.
     """
     scene = problem.scene
     if fault := unsupported(scene, "baseline"):

@@ -44,7 +44,7 @@ REPEATED = {
 #: Files whose tests start processes or take seconds each; so does every test with a ROS domain. `make check` leaves
 #: them out by the mark `process`.
 PROCESS = {f"test_{name}.py" for name in (
-    "auto", "continuation", "damaged_bags", "feedback", "hostile_bags", "kernel_cache", "kernels", "kills",
+    "continuation", "damaged_bags", "feedback", "hostile_bags", "kernel_cache", "kernels", "kills",
     "published_bifurcations", "recorder_faults", "recovery", "recurrence", "replay")}
 
 #: Files that install the package, or run documents, notebooks and the demonstration as a reader would. Only

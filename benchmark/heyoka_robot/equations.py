@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import heyoka as hy
 
+from benchmark.support import unsupported
 from vibro_ros.model.scene import Scene
-from vibro_ros.model.support import unsupported
 
 #: Speed, in multiples of v_s, above which exp(-abs(x')/v_s) is less than 4e-18 and shows in no Taylor coefficient. A
 #: step must end at this speed, because heyoka would otherwise step over the stop of the body that follows.
@@ -123,7 +123,7 @@ class Equations:
     Raises
     ------
     ValueError
-        For a parameter that the robot does not have (`model.support`).
+        For a parameter that the robot does not have (`benchmark.support`).
     """
 
     def __init__(self, scene: Scene):

@@ -75,7 +75,7 @@ class HeyokaRobot:
     Raises
     ------
     ValueError
-        For a parameter that the robot does not have (`model.support`).
+        For a parameter that the robot does not have (`benchmark.support`).
     """
 
     def __init__(self, scene: Scene, tolerance: float = 1e-15):

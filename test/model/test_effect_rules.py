@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 import vibro_ros.model.modes
+from benchmark.support import ANY, SIMULATORS, SUPPORT, unsupported
 from vibro_ros.model.energy import ACCOUNTS
 from vibro_ros.model.ground import GROUND_STATES
 from vibro_ros.model.modes import MODE_EVENTS
 from vibro_ros.model.parameter_values import GROUND_FORCES
 from vibro_ros.model.parameters import BY_NAME, SCENE_PARAMETERS
-from vibro_ros.model.support import ANY, SIMULATORS, SUPPORT, unsupported
 
 ROOT = Path(__file__).resolve().parents[2]
 PLACES = vibro_ros.model.modes.__doc__.partition("Places of a new effect")[2]
@@ -43,7 +43,7 @@ def test_every_event_of_a_state_is_a_kind_of_event():
 
 
 def test_every_parameter_of_the_equations_has_a_row():
-    """Who adds a parameter says here whether moreau, peer and baseline have it."""
+    """Who adds a parameter says there whether peer and baseline have it."""
     assert set(SUPPORT) == {one.name for one in SCENE_PARAMETERS if not one.name.startswith(("solver.", "sensors."))}
     for name, known in SUPPORT.items():
         assert len(known) == len(SIMULATORS) and all(ANY in (values,) or BY_NAME[name].default in values

@@ -161,8 +161,6 @@ def test_energy_balances_on_every_ground(changes):
     ({"ground.friction_backward": 1e4}, "choose weight for effects.normal_force, or give at most 1000"),
     ({"ground.viscous_friction": 1e5, "mass.body": 1e-3}, "give at most 10000 N·s/m"),
     ({"ground.slope": 1.6}, "ground.slope: 1.6 is out of range; give a number from -1.5 to 1.5 rad"),
-    ({"ground.restitution": 0.5, "solver.method": "moreau", "effects.normal_force": "hop"},
-     "ground.restitution: 0.5 is not simulated by moreau; give 0.0, or choose exact"),
 ])
 def test_what_no_ground_can_be_is_refused(changes, refusal):
     with pytest.raises(ValueError, match=refusal):

@@ -291,7 +291,6 @@ def test_a_crank_that_runs_back_counts_its_turns_downwards():
     ({"motor.rotor_inertia": 0.0, "motor.crank_inertia": 0.0}, "motor.crank_inertia: 0 kg·m² leaves .*at least 1e-09"),
     ({"crank.radius": 0.06}, "crank.upper_rod: 0.06 m is as long as the crank.*give at least 0.06006 m"),
     ({"motor.control": "voltage", "motor.voltage": 40.0}, "motor.voltage: 40 is out of range.*motor.supply_voltage"),
-    ({"solver.method": "moreau"}, "effects.motor: 'dc' is not simulated by moreau"),
 ])
 def test_what_has_no_law_is_refused(changes, message):
     with pytest.raises(ValueError, match=message):
@@ -309,12 +308,6 @@ def test_another_motors_command_is_refused_and_changes_nothing():
             (by_speed, {"motor_speed": -501.0}, "motor.speed: -501 is out of range")):
         with refused(device, message):
             device.command(**command)
-
-
-def test_auto_takes_exact():
-    device = vibro_ros.Simulator(dc("damped", {"solver.method": "auto", "solver.audit": False,
-                                               "solver.accounts": False}))
-    assert device.choice.method == "exact"
 
 
 @pytest.mark.parametrize("law", [CONSTANT, BY_VOLTAGE, BY_CURRENT], ids=["voltage", "by voltage", "by current"])

@@ -1,9 +1,11 @@
-"""`solver.tolerance` may promise what rounding leaves: the shift of positions by one unit in the last place."""
+"""`solver.tolerance` is kept, and may promise what rounding leaves: how one unit in the last place shifts positions."""
 
 import numpy as np
 import pytest
 
 import vibro_ros
+from vibro_ros.accuracy.harness import SceneProblem
+from vibro_ros.accuracy.programs import Setting, UnableError, by_device
 from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.simulation.simulator import ToleranceWarning
 
@@ -61,3 +63,17 @@ def test_the_default_is_warned_of_where_rounding_does_not_let_it_be_kept():
     with pytest.warns(ToleranceWarning, match="solver.tolerance: 1e-09 m is below what rounding allows with these rods "
                                               "and plates; give at least 3.7e-09 m, or softer plates"):
         vibro_ros.Simulator(scene)
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_every_tolerance_is_kept(name):
+    """Against heyoka at its strictest, whose own error within 0.2 s is below 1e-13 m (test_heyoka_robot)."""
+    scene, heyoka = vibro_ros.load_scene(name), pytest.importorskip("benchmark.programs.heyoka")
+    try:
+        peer = heyoka.prepare(SceneProblem(scene, TIMES), Setting(1e-15, ""))().samples
+    except UnableError as reason:
+        pytest.skip(str(reason))
+    for tolerance in (1e-3, 1e-6, 1e-9, 1e-12):
+        samples = by_device("exact", scene, TIMES, tolerance).samples
+        error = np.abs(samples - peer)[:, ::2].max()
+        assert error < tolerance, f"{error:.1e} m"

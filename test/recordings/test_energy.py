@@ -12,6 +12,7 @@ from vibro_ros.bag.reader import load_bag
 from vibro_ros.bag.stream import BagError, BagStream
 from vibro_ros.messages.codec import deserialised, serialised
 from vibro_ros.messages.topics import CHECKPOINT, ROBOT_TOPICS, TOPICS
+from vibro_ros.model.parameters import GONE
 from vibro_ros.recordings import replay
 from vibro_ros.recordings.energy import energy_as_lines, energy_of
 from vibro_ros.recordings.plots import parts_of, plot_run
@@ -154,6 +155,14 @@ def test_bags_from_before_the_storage_was_chosen_for_good_are_understood(recorde
         parameters = json.loads(stream.metadata["parameters"]) | {"record.storage": "mcap"}
     older = rewritten(recorded, tmp_path / "older", parameters=json.dumps(parameters))
     assert "accounts" in energy_of(load_bag(older))
+
+
+def test_bags_of_0_2_that_name_parameters_which_are_gone_are_read_without_them(recorded, tmp_path):
+    with BagStream(recorded) as stream:
+        parameters = json.loads(stream.metadata["parameters"]) | dict.fromkeys(GONE, 1e-6)
+    older = rewritten(recorded, tmp_path / "older", parameters=json.dumps(parameters))
+    assert energy_of(load_bag(older)) == energy_of(load_bag(recorded))
+    assert replay.main([str(older)]) == 0
 
 
 def test_a_bag_of_another_program_is_unknown(record_run):

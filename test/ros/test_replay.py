@@ -16,7 +16,6 @@ from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.messages.urdf import robot_description
 from vibro_ros.recordings import replay
 from vibro_ros.recordings.recover import recover
-from vibro_ros.solver.methods import SCHEMES
 
 
 def test_a_recording_is_simulated_again_to_the_last_bit(recorded, capsys):
@@ -97,14 +96,6 @@ def test_other_parameters_are_written_to_a_new_bag(recorded, capsys):
     assert json.loads(first.metadata["parameters"])["guide.angle"] == 1.2
     assert json.loads(first.metadata["changes"]) == {"guide.angle": 1.2, "effects.adhesion": True}
     assert replay.main([str(folders[0])]) == 0  # a whole bag, which can be replayed itself
-
-
-def test_what_auto_has_picked_is_recorded(recorded):
-    """It measures, and might pick another method the next time."""
-    assert replay.main([str(recorded), "--set", "solver.method=auto", "--set", "solver.tolerance=1e-3"]) == 0
-    folder = recorded.with_name(f"{recorded.name}_replay")
-    assert json.loads(read_bag(folder).metadata["parameters"])["solver.method"] in ("exact", *SCHEMES)
-    assert replay.main([str(folder)]) == 0
 
 
 @pytest.mark.parametrize(("words", "reason"), [

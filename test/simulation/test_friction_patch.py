@@ -273,7 +273,6 @@ def test_what_cannot_be_is_refused_and_changes_nothing(asked: dict, words: str):
 
 @pytest.mark.parametrize(("changes", "words"), [
     ({"solver__method": "rk4"}, "solver.method rk4 does not find; choose exact"),
-    ({"solver__method": "moreau"}, "solver.method moreau does not find; choose exact"),
     ({"effects__friction": "none"}, "needs friction on a body that moves"),
     ({"effects__inclined_mass": False}, "needs friction on a body that moves")])
 def test_a_device_without_such_ground_refuses_a_patch(changes: dict, words: str):

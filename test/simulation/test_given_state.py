@@ -42,9 +42,8 @@ def test_the_state_that_a_device_has_leads_where_the_device_goes(name):
             assert getattr(other.state, field) == pytest.approx(getattr(there.state, field), abs=scale), (time, field)
 
 
-@pytest.mark.parametrize("method", ["rk4", "moreau"])
-def test_a_method_of_fixed_step_goes_on_from_it(method):
-    device = running("damped", **{"solver.method": method, "solver.step": 1e-6})
+def test_a_method_of_fixed_step_goes_on_from_it():
+    device = running("damped", **{"solver.method": "rk4", "solver.step": 1e-6})
     device.advance_to(0.2)
     device.set_state(upper_position=0.05, crank_angle=7.0, body_velocity=0.1)
     state = device.state

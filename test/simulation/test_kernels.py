@@ -63,7 +63,7 @@ def test_every_scene_takes_the_same_kernels():
         assert array_types(compile_scene(load_scene(name).with_parameters({"solver.audit": audit})).system) == expected
 
 
-@pytest.mark.parametrize("method", ["moreau", "auto"])  # auto: exact and rk4
+@pytest.mark.parametrize("method", ["exact", "rk4"])
 def test_nothing_is_left_to_be_compiled(method):
     assert said(RUN.format(method=method)).startswith("0")
 

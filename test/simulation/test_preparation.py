@@ -63,7 +63,7 @@ def test_a_python_program_is_told_what_it_waits_for_on_stderr(progress, monkeypa
     told = threading.Event()
 
     def compile_for_a_while(method):
-        assert method == "moreau"
+        assert method == "rk4"
         progress.under_way.append("advance")
         assert told.wait(PATIENCE)
 
@@ -75,7 +75,7 @@ def test_a_python_program_is_told_what_it_waits_for_on_stderr(progress, monkeypa
     monkeypatch.setattr(preparation, "compiled_methods", set())
     monkeypatch.setattr(preparation, "compile_kernels", compile_for_a_while)
     monkeypatch.setattr(preparation, "say", say)
-    preparation.provide_kernels("moreau")
+    preparation.provide_kernels("rk4")
     first, second, *_ = capsys.readouterr().err.splitlines()
     assert first.startswith("vibro_ros: compiling: the first start after an update takes")
     assert second == "vibro_ros: compiling advance, 0 s so far"

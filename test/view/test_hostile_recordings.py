@@ -86,7 +86,7 @@ def test_hardly_any_samples(tmp_path, ticks):
     assert motion.header["exact"] and bool(motion.header["pieces"]) == (ticks == 2)
 
 
-@pytest.mark.parametrize("method, is_exact", [("auto", True), ("semi_implicit_euler", False), ("moreau", False)])
+@pytest.mark.parametrize("method, is_exact", [("exact", True), ("rk4", False), ("rk4_located", False)])
 def test_a_method_whose_steps_are_too_many_is_said_to_be_drawn_less_finely(tmp_path, method, is_exact):
     scene = vibro_ros.load_scene("device").with_parameters({"solver.method": method})
     motion, _ = read(robot_bag(tmp_path / "bag", scene, 101, {0: {"motor_speed": 100.0}}, RATE))

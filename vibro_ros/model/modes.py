@@ -11,9 +11,8 @@ Every effect needs places 1 to 3, 10 and 11. The others are for the effects that
    robot as it is. A number that enters no equation is listed in `_OPERATION` of `model/scene.py` as well.
 2. `model/parameter_checks.py`: a check refuses what has no meaning together with another choice, by a ValueError
    "parameter: value ...; give ...". `ParameterValues` says which parts the robot has.
-3. `model/support.py`: a row of `SUPPORT` says whether Moreau's time stepping, the peer and the baseline have the
-   parameter. They refuse what has no row. Their equations: `fixed_steps.py`, `benchmark/heyoka_robot/equations.py`,
-   `benchmark/rk4_by_hand.py`.
+3. `benchmark/support.py`: a row of `SUPPORT` says whether the peer and the baseline have the parameter. They refuse
+   what has no row. Their equations: `benchmark/heyoka_robot/equations.py`, `benchmark/rk4_by_hand.py`.
 4. `model/parameter_values.py`, for a force of the ground: a row of `GROUND_FORCES`, with its law F = F0 + c x' + k x.
    Equations, stick, energy and `Scene.describe()` follow from the row. In `model/ground.py`, a force with states of its
    own adds them to `GROUND_STATES`, and their guards to `Ground.guards`; a shock is a matter of `shock.py`.
@@ -24,10 +23,11 @@ Every effect needs places 1 to 3, 10 and 11. The others are for the effects that
    counts it, and `ModeBuilder.equations` eliminates the masses' accelerations from its row. A force that is no linear
    form, such as Stribeck's friction, has a channel of its own, and a flow by Taylor series (`solver/taylor.py`).
 7. `model/energy.py`, for what stores energy, and for the power of a force along a guide.
-8. `model/fixed_steps.py`, for a contact or a friction law: the law as numbers, and the limits of what a step publishes.
+8. `simulation/readout.py`, for a contact or a friction law: the limits of what a step of fixed length publishes
+   (`cut_to_laws`).
 9. `simulation/motion.py` and `solver/drive.py`, for a motor law that is known in time: the speed of the crank's clock;
-   `description.py` describes it. A law that makes segments more expensive has a weight in `simulation/auto.py`. A motor
-   that the masses slow down: `model/motor.py` has its forms and states, `solver/rotor.py` its signals and controller.
+   `description.py` describes it. A motor that the masses slow down: `model/motor.py` has its forms and states,
+   `solver/rotor.py` its signals and controller.
 10. `tools/effects.py` and the tables of docs/robot.md: a row of `EFFECTS`. A new kind of event belongs into
     `MODE_EVENTS` and docs/guide/python.md.
 11. Tests: the known answer (docs/known_answers.md), a scene of `EFFECTS` in `test_peer.py`, `VARIANTS` of

@@ -6,9 +6,8 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from vibro_ros.model.parameter_values import LEAST_SHARE, ParameterValues
+from vibro_ros.model.parameter_values import ParameterValues
 from vibro_ros.model.parameters import AS_FORWARD, AS_PRESET, BY_NAME
-from vibro_ros.model.support import unsupported
 
 #: Fastest rate [1/s] of a mass on its springs and dampers that is simulated. A step lasts two of the mass's time
 #: constants, so at this rate a simulated second takes 5e6 steps, some ten seconds. 1 g on 1e9 N/m reaches 1e6 1/s.
@@ -202,17 +201,11 @@ def _check_misprint(values: ParameterValues) -> None:
 
 
 def _check_solver(values: ParameterValues) -> None:
-    """Refuse a promise that rounding does not let `exact` keep (`Simulator` warns of the default promise), a scene
-    that the method does not simulate, and accounts of a method whose errors no account would hold.
+    """Refuse a promise that rounding does not let `exact` keep (`Simulator` warns of the default promise), and accounts
+    of a method whose errors no account would hold.
     """
     if values["solver.tolerance"] != BY_NAME["solver.tolerance"].default and (fault := values.broken_promise):
         raise ValueError(fault)
-    least = LEAST_SHARE * values.longest_rod
-    if values["solver.accuracy"] < least:
-        raise ValueError(f"solver.accuracy: {values['solver.accuracy']:g} m is below what rounding allows with rods "
-                         f"of {values.longest_rod:g} m; give at least {least:g} m")
-    if values["solver.method"] == "moreau" and (fault := unsupported(values, "moreau")):
-        raise ValueError(f"{fault}, or choose exact, auto, rk4 or semi_implicit_euler for solver.method")
     if values["solver.accounts"] and values["solver.method"] != "exact":
         raise ValueError(f"solver.accounts: true needs solver.method exact, not {values['solver.method']}, whose "
                          "errors no account would hold; give false, or choose exact")

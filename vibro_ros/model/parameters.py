@@ -358,13 +358,10 @@ _TABLE: tuple[Parameter, ...] = (
     Parameter("solver.tolerance", 1e-9, "m", "error of a position over 0.2 s that may not be exceeded; refused where "
               "rods and plates do not let rounding keep it, or, if it is the default, warned of; changes no bit",
               minimum=1e-12, maximum=1e-3),
-    Parameter("solver.method", "exact", "", "exact: event by event, to rounding; auto: the cheapest that keeps "
-              "solver.accuracy; rk4_located: steps of fixed length that end at events; the others: steps of fixed "
-              "length, blind to events within a step",
-              choices=("exact", "auto", "rk4", "rk4_located", "semi_implicit_euler", "moreau")),
+    Parameter("solver.method", "exact", "", "exact: event by event, to rounding; rk4: steps of fixed length, blind to "
+              "events within a step; rk4_located: steps of fixed length that end at events",
+              choices=("exact", "rk4", "rk4_located")),
     Parameter("solver.step", 1e-5, "s", "step of a method of fixed step", minimum=1e-8, maximum=0.01),
-    Parameter("solver.accuracy", 1e-6, "m", "error of a position that the method auto may leave in the first 0.2 s",
-              minimum=1e-12, maximum=0.01),
 )
 
 #: Every parameter of a scene.
@@ -373,6 +370,12 @@ SCENE_PARAMETERS: tuple[Parameter, ...] = tuple(replace(parameter, negligible=NE
 
 BY_NAME: Mapping[str, Parameter] = {parameter.name: parameter for parameter in SCENE_PARAMETERS}
 """Each parameter of a scene by its name."""
+
+GONE: Mapping[str, str] = {
+    "solver.accuracy": "leave it out: solver.method exact is accurate to rounding and the cheapest as well",
+}
+"""Parameters of a scene that versions up to 0.2 had, with the remedy. None of them moved the robot, so that a bag that
+names them is read without them."""
 
 
 def checked_parameters(changes: Mapping[str, object], table: Iterable[Parameter]) -> dict[str, Value]:
@@ -391,6 +394,8 @@ def parameter_named(name: str, by_name: Mapping[str, Parameter]) -> Parameter:
     """The parameter called `name`, or a ValueError that suggests the nearest name."""
     if name in by_name:
         return by_name[name]
+    if name in GONE:
+        raise ValueError(f"{name}: is gone; {GONE[name]}")
     near = difflib.get_close_matches(name, by_name, n=1)
     remedy = f"did you mean {near[0]}?" if near else "`robot --help` lists the parameters"
     shown = name if name.isprintable() and len(name) <= LONGEST_QUOTE else quoted(name)

@@ -19,8 +19,7 @@ _OPERATION = frozenset({
     *(parameter.name for parameter in SCENE_PARAMETERS if parameter.name.startswith(("start.", "sensors."))),
     "effects.motor", "motor.speed", "motor.max_speed", "motor.acceleration", "motor.time_constant",
     "motor.voltage", "motor.continuous_current", "body.inertia", "body.wheelbase", "body.crank_offset", "upper.gap",
-    "inclined.gap", "gap_actuator.speed", "solver.method", "solver.step", "solver.tolerance",
-    "solver.accuracy"})
+    "inclined.gap", "gap_actuator.speed", "solver.method", "solver.step", "solver.tolerance"})
 
 _DEFAULTS = {parameter.name: parameter.default for parameter in SCENE_PARAMETERS}
 

@@ -37,7 +37,7 @@ from vibro_ros.messages.topics import (
     VARIANCES,
     commands_in,
 )
-from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
+from vibro_ros.model.parameters import GONE, SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.files import one_line
 from vibro_ros.sensors.device import SensedSimulator, new_device
@@ -109,14 +109,14 @@ def recorded_run(stream: BagStream) -> RecordedRun:
         raise BagError(f"{stream.folder}: says nothing of {', '.join(missing)}; give a bag that the robot recorded "
                        "itself")
     try:
-        parameters = json.loads(known["parameters"])
+        parameters = {name: value for name, value in json.loads(known["parameters"]).items() if name not in GONE}
         of_scene = {one.name for one in SCENE_PARAMETERS}
         settings = checked_parameters({name: value for name, value in parameters.items()  # how it was recorded is over
                                        if name not in of_scene and not name.startswith("record.")}, DEVICE_PARAMETERS)
         scene = Scene(known["scene"], {name: value for name, value in parameters.items() if name in of_scene})
         defaults = {one.name: one.default for one in DEVICE_PARAMETERS}
         steps = 1.0 / ({**defaults, **settings}["rate.publish"] * scene["solver.step"])
-        if scene["solver.method"] not in ("exact", "auto") and steps > MOST_STEPS:
+        if scene["solver.method"] != "exact" and steps > MOST_STEPS:
             raise ValueError(f"solver.step takes {steps:.3g} steps a sample, more than {MOST_STEPS}")
         start = int(known["start"])
         if not 0 <= start <= LAST_STAMP:
@@ -131,11 +131,11 @@ def recorded_run(stream: BagStream) -> RecordedRun:
 class Rerun:
     """The device, stepped and commanded as the robot does it.
 
-    `scene` has the method that `solver.method` auto has picked. `tick` is the number of the last sample taken, -1
-    before the first, `origin` that of the sample at which the device's own time is 0. `latched` is what the robot
-    publishes once: its own name of each topic, and the message. `commands` counts the messages that commanded the
-    device, `resets` how often it was put back to its start. While `through` goes on, `stamp` [ns] and `recorded` are
-    what it has reached, or could not reach, and `seen` counts the messages before it by topic.
+    `tick` is the number of the last sample taken, -1 before the first, `origin` that of the sample at which the
+    device's own time is 0. `latched` is what the robot publishes once: its own name of each topic, and the message.
+    `commands` counts the messages that commanded the device, `resets` how often it was put back to its start. While
+    `through` goes on, `stamp` [ns] and `recorded` are what it has reached, or could not reach, and `seen` counts the
+    messages before it by topic.
     """
 
     def __init__(self, facts: RecordedRun, scene: Scene):

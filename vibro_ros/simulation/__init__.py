@@ -1,1 +1,1 @@
-"""The stateful device, one run, many runs, what they return, and how `auto` chooses a method."""
+"""The stateful device, one run, many runs, and what they return."""

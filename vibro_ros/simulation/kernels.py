@@ -52,12 +52,8 @@ def compile_kernels(method: str = "exact") -> None:
 
 
 def kernel_calls(method: str) -> list[tuple[Callable, tuple]]:
-    """Every kernel of a `solver.method` with its `entry_types`, the longest to compile first.
-
-    The method auto needs two families, because all steps of fixed length are one kernel.
-    """
-    families = ("exact", "rk4") if method == "auto" else (method,)
-    return list({kernel: (kernel, kinds) for family in families for kernel, kinds in _calls(family)}.values())
+    """Every kernel of a `solver.method` with its `entry_types`, the longest to compile first."""
+    return list(_calls(method))
 
 
 def _calls(method: str) -> Iterator[tuple[Callable, tuple]]:

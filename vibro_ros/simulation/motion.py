@@ -1,7 +1,7 @@
 """A scene in motion: the state of its solver, advanced in time and changed by commands, with its events and energy.
 
-Arguments are not checked here, and `solver.method` is a method, not auto: `Simulator` sees to both. Every call that
-lets time pass or a segment begin raises a SimulationError if the motion cannot go on.
+Arguments are not checked here: `Simulator` sees to that. Every call that lets time pass or a segment begin raises a
+SimulationError if the motion cannot go on.
 """
 
 import itertools
@@ -13,13 +13,12 @@ import numpy as np
 from scipy.optimize import brentq
 
 from vibro_ros.model.energy import ACCOUNTS, LOSSES, OF_DC_MOTOR
-from vibro_ros.model.fixed_steps import contact_laws, cut_to_laws
 from vibro_ros.model.modes import MODE_EVENTS
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model, compile_scene
 from vibro_ros.simulation.given_state import book, checked_state, place, started
 from vibro_ros.simulation.influences import PATCH, PUSH, SAG, STALL, STUCK, Influences
-from vibro_ros.simulation.readout import Readout
+from vibro_ros.simulation.readout import Readout, cut_to_laws
 from vibro_ros.simulation.samples import CRANK_ANGLE, EVENT_DTYPE, FIELDS, MOTOR_SPEED, Trace
 from vibro_ros.simulation.written_state import WrittenState
 from vibro_ros.solver import event_loop
@@ -71,8 +70,7 @@ def new_stepper(scene: Scene, model: Model) -> Stepper:
     name, step = scene["solver.method"], scene["solver.step"]
     if name == "exact":
         return Exact(model.laid)
-    laws = contact_laws(scene, model.forms, model.modes, step) if name == "moreau" else None
-    return FixedStep(model.system, SCHEMES[name], step, laws)
+    return FixedStep(model.system, SCHEMES[name], step)
 
 
 class Motion:
@@ -81,7 +79,7 @@ class Motion:
     Parameters
     ----------
     scene : Scene
-        What moves; its `solver.method` is not auto.
+        What moves.
     bandwidth : float
         Of the filter of the body's acceleration [Hz], see `Simulator`; 0 for none.
 
@@ -331,7 +329,7 @@ class Motion:
     def is_possible(self) -> bool:
         """Whether what was written into the arrays of `lasting` can be the state of a device: `written_state`."""
         return WrittenState(self.scene, self.model, self.time, self.state, self.point, self.influences, self._filter,
-                            self._stepper.modes, self._cuts_forces, self.lasting()).is_possible()
+                            self._cuts_forces, self.lasting()).is_possible()
 
     def _begin_segment(self, state: State) -> None:
         status = self._stepper.begin(state, self.point)
@@ -528,7 +526,7 @@ class Motion:
         """Return the fields of `Samples` at `times` [s] from the trace that `advance` has filled."""
         quantities = self._readout.quantities(times, trace)
         if self._cuts_forces:
-            cut_to_laws(self.scene, quantities)
+            cut_to_laws(self.scene, self.model.forms.pressed_only, quantities)
         return quantities
 
 

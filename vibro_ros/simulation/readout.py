@@ -5,11 +5,12 @@ slider's speed, torque = power / the crank's speed, and where the crank stands o
 ds/dtheta.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, MutableMapping
 
 import numpy as np
 
 from vibro_ros.model.modes import OUTPUTS
+from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model
 from vibro_ros.simulation.samples import FIELDS, Trace
 from vibro_ros.solver.compilation import entry_kernel, rounding_kernel
@@ -24,6 +25,8 @@ _LEAST_VALUE = 1e-290
 # A crank that turns more slowly [rad/s] is passing 0, to rounding of the fastest; power over speed says nothing then.
 _STANDING = 1e-11
 _AT_ONCE = 4096  # instants; their values are small enough for the processor's cache
+# Height [m] that rounding may give to a body that stands on the ground.
+_STANDING_HEIGHT = 1e-15
 
 
 class Readout:
@@ -99,6 +102,24 @@ class Readout:
             for k, slider in enumerate(self._model.sliders):
                 slopes[k, stands] = slider.slope(phases[stands, 1])
         return slopes
+
+
+def cut_to_laws(scene: Scene, pressed_only: bool, quantities: MutableMapping[str, np.ndarray]) -> None:
+    """Cut the forces among `quantities`, fields of `Samples` by name, to what the laws of `scene` allow.
+
+    A step of fixed length that has not seen an event yet goes on in the old mode, whose forces may break the laws: a
+    plate that cannot pull would pull, and ground that the body has left would push. `pressed_only` says that the ground
+    of the scene never pulls.
+    """
+    if pressed_only:
+        normal = np.maximum(quantities["normal_force"], 0.0)
+        quantities["normal_force"] = np.where(quantities["body_height"] > _STANDING_HEIGHT, 0.0, normal)
+    bound = max(scene.resting_frictions) * np.abs(quantities["normal_force"])
+    quantities["friction_force"] = np.clip(quantities["friction_force"], -bound, bound) + 0.0  # no -0.0
+    for side in scene.plates:
+        if scene[f"effects.{side}_contact"] == "restitution" or not (
+                scene["effects.adhesion"] and scene[f"{side}.plate.damping"]):
+            quantities[f"{side}_plate_force"] = np.maximum(quantities[f"{side}_plate_force"], 0.0)
 
 
 @rounding_kernel

@@ -10,7 +10,6 @@ import numpy as np
 from vibro_ros.model.faults import DEVICE, DURATION, FAULTS, FORCE, checked_incident
 from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.model.scene import Scene, check_scene
-from vibro_ros.simulation.auto import Choice, choose_method, chosen
 from vibro_ros.simulation.influences import PATCH, PUSH, SAG, STALL, patched
 from vibro_ros.simulation.motion import Motion
 from vibro_ros.simulation.preparation import provide_kernels
@@ -37,9 +36,7 @@ class Simulator:
     Attributes
     ----------
     scene : Scene
-        What is simulated; with `solver.method` auto, by the method and step that were picked.
-    choice : Choice or None
-        What auto has picked, and why.
+        What is simulated.
 
     Examples
     --------
@@ -57,8 +54,7 @@ class Simulator:
         if fault := scene.broken_promise:
             warnings.warn(fault, ToleranceWarning, stacklevel=2)
         provide_kernels(scene["solver.method"])
-        self.choice: Choice | None = choose_method(scene) if scene["solver.method"] == "auto" else None
-        self.scene = chosen(scene, self.choice) if self.choice else scene
+        self.scene = scene
         self._bandwidth = acceleration_bandwidth
         self._motion = Motion(self.scene, acceleration_bandwidth)
 

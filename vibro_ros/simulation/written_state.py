@@ -40,8 +40,6 @@ class WrittenState:
         The device's.
     filters : (ndarray, ndarray)
         Channels and rates [1/s] that the low-pass filters must have.
-    modes : ndarray of int
-        What else of the device is the number of a mode.
     by_steps : bool
         Whether the device takes steps of fixed length.
     arrays : sequence of ndarray
@@ -55,7 +53,6 @@ class WrittenState:
     point: np.ndarray
     influences: Influences
     filters: tuple[np.ndarray, np.ndarray]
-    modes: np.ndarray
     by_steps: bool
     arrays: Sequence[np.ndarray]
 
@@ -67,7 +64,7 @@ class WrittenState:
         segment, drive, automaton = now["segment"], now["drive"], now["automaton"]
         places = ((automaton["guard"], NOTHING, system.guard.shape[1]), (drive["cell"], 0, len(system.signals.reach)),
                   (segment["slot"], 0, len(system.signals.start) + 1),
-                  *((mode, 0, len(self.model.modes)) for mode in (automaton["mode"], *self.modes)))
+                  (automaton["mode"], 0, len(self.model.modes)))
         if not all(low <= place < high for place, low, high in places):
             return False
         cut = not self.by_steps or self.scene["solver.method"] == "rk4_located"  # other steps are never cut

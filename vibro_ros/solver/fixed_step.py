@@ -3,9 +3,8 @@
 The grid starts at time 0 and again at every command, so that the trajectory does not depend on where it is sampled.
 A step is taken in the mode that its start is in. At its end the guards are evaluated, and the mode changes there, by
 the same candidates and jumps as in the event loop: an event is up to a step late, and a pair of crossings within
-one step goes unseen. `RK4_LOCATED` shortens such a step to the event, and a new grid starts there. Moreau's scheme
-finds the mode together with the step instead. Between a step's ends samples are interpolated, by cubic Hermite
-polynomials of the positions and of the velocities (first-order schemes: linearly).
+one step goes unseen. `RK4_LOCATED` shortens such a step to the event, and a new grid starts there. Between a step's
+ends samples are interpolated, by cubic Hermite polynomials of the positions and of the velocities.
 """
 
 from typing import NamedTuple
@@ -16,7 +15,6 @@ from vibro_ros.solver.compilation import entry_kernel, kernel
 from vibro_ros.solver.event_loop import DIVERGED, EVENTS_FULL, REACHED, is_finite
 from vibro_ros.solver.events import choose_candidate, jump, record_mode_change, record_reached
 from vibro_ros.solver.guards import guard_value
-from vibro_ros.solver.moreau import Laws, enter_found_mode, no_laws, step_velocities
 from vibro_ros.solver.right_hand_side import accelerate, advance_values, fill_forcing_at, phase_after
 from vibro_ros.solver.rotor import enter_rotor, read_phase
 from vibro_ros.solver.segment import advance_clock, local_time
@@ -95,8 +93,6 @@ def _pass_step(system, state, step, events, count):
     reached = advance_values(system, state, duration)
     advance_clock(state, duration)
     count = record_reached(system, state, reached, step.start, events, count)
-    if step.scheme == MOREAU:
-        count = enter_found_mode(system, state, step, events, count)
     for channel in range(len(step.start)):
         step.start[channel] = step.end[channel]
     if state.now[0].automaton.mode == mode:
@@ -112,8 +108,7 @@ def _pass_step(system, state, step, events, count):
         enter_rotor(system, state, step.start)
         fill_forcing_at(system, state, 0.0, step.start)
         accelerate(system, state, mode, step.start, step.start_acceleration)
-    if step.scheme != MOREAU:
-        count = _change_modes(system, state, step, events, count)
+    count = _change_modes(system, state, step, events, count)
     _finish_step(system, state, step)
     return count
 
@@ -131,11 +126,11 @@ def _finish_step(system, state, step):
 @kernel
 def _end_at_event(system, state, step):
     """Shorten the step to the first instant, by bisection, at which a guard of its mode is broken."""
-    in_row = step.found[0].located
+    in_row = step.located[0]
     if _broken_guard(system, state, step.end) == NOTHING or not 0 <= in_row < _MOST_LOCATED:
-        step.found[0].located = 0
+        step.located[0] = 0
         return
-    step.found[0].located = in_row + 1
+    step.located[0] = in_row + 1
     segment, before, after = state.now[0].segment, 0.0, 0.5 * step.length
     for _ in range(_HALVINGS):
         segment.half = 0.5 * (before + after)
@@ -166,16 +161,14 @@ def begin(system, state, step, point):
 def _interpolate(step, length, coordinates, s, z):
     """Positions and velocities at the part s of the step of `length` [s], 0 to 1."""
     start, end, h = step.start, step.end, length
-    cubic = step.scheme == RK4 or step.scheme == RK4_LOCATED
-    rise = s * s * (3.0 - 2.0 * s) if cubic else s
+    rise = s * s * (3.0 - 2.0 * s)
     first, last = s * (1.0 - s) * (1.0 - s) * h, s * s * (s - 1.0) * h
     for i in range(coordinates):
         v = coordinates + i
         z[i] = start[i] + rise * (end[i] - start[i])
         z[v] = start[v] + rise * (end[v] - start[v])
-        if cubic:
-            z[i] += first * start[v] + last * end[v]
-            z[v] += first * step.start_acceleration[i] + last * step.end_acceleration[i]
+        z[i] += first * start[v] + last * end[v]
+        z[v] += first * step.start_acceleration[i] + last * step.end_acceleration[i]
 
 
 @kernel
@@ -227,17 +220,7 @@ def interrupt(system, state, step, time, point):
 
 #: Schemes.
 RK4 = 0
-SEMI_IMPLICIT_EULER = 1
-MOREAU = 2
-RK4_LOCATED = 3
-
-
-#: What `Step.found` holds.
-FOUND = np.dtype([
-    ("outcome", np.int64),  # of the friction law
-    ("mode", np.int64),  # at the step's end
-    ("located", np.int64),  # steps in a row that have ended at events
-], align=True)
+RK4_LOCATED = 1
 
 
 class Step(NamedTuple):
@@ -259,15 +242,8 @@ class Step(NamedTuple):
         Room for the accelerations between.
     velocity_sum, acceleration_sum : ndarray, shape (coordinates,)
         Weighted sums over the stages.
-    laws : Laws
-        The laws of Moreau's scheme.
-    gap, drift, approach, least_rate : ndarray, shape (m,)
-        Gap of each contact at the start, the part of the gap's rate that the ramps make, its rate at the start, and the
-        least rate at the end should the gap close.
-    impulse : ndarray, shape (m + 1,)
-        Impulses of the contacts and of friction during the step.
-    found : ndarray of FOUND, shape (1,)
-        What Moreau's scheme and the location of events have found.
+    located : ndarray of int, shape (1,)
+        Steps in a row that have ended at events.
     """
 
     scheme: int
@@ -280,54 +256,23 @@ class Step(NamedTuple):
     stage_acceleration: np.ndarray
     velocity_sum: np.ndarray
     acceleration_sum: np.ndarray
-    laws: Laws
-    gap: np.ndarray
-    drift: np.ndarray
-    approach: np.ndarray
-    least_rate: np.ndarray
-    impulse: np.ndarray
-    found: np.ndarray
+    located: np.ndarray
 
 
-def new_step(system: System, scheme: int, length: float, laws: Laws | None = None) -> Step:
-    """Room for steps of `length` [s] by `scheme`; `laws` for `MOREAU`."""
+def new_step(system: System, scheme: int, length: float) -> Step:
+    """Room for steps of `length` [s] by `scheme`."""
     channels = channels_of(system.size)
     count, coordinates = channels.count, channels.coordinates
-    laws = laws or no_laws(coordinates, count)
     start, end, stage = np.zeros((3, count))
     start_acceleration, end_acceleration, stage_acceleration, velocity_sum, acceleration_sum = np.zeros((
         5, coordinates))
-    gap, drift, approach, least_rate = np.zeros((4, len(laws.gap)))
     return Step(scheme, length, start, end, start_acceleration, end_acceleration, stage, stage_acceleration,
-                velocity_sum, acceleration_sum, laws, gap, drift, approach, least_rate, np.zeros(len(gap) + 1),
-                np.zeros(1, FOUND))
+                velocity_sum, acceleration_sum, np.zeros(1, np.int64))
 
 
 @kernel
 def take_step(system, state, step):
-    """Fill `Step.end`, by the step's scheme."""
-    if step.scheme == RK4 or step.scheme == RK4_LOCATED:
-        _runge_kutta(system, state, step)
-    elif step.scheme == MOREAU:
-        step_velocities(system, state, step)
-    else:
-        _semi_implicit_euler(system, state, step)
-
-
-@kernel
-def _semi_implicit_euler(system, state, step):
-    """v+ = v + h a(q, v, t) and then q+ = q + h v+, as game engines do; first order."""
-    coordinates, h = system.size[0].coordinates, 2.0 * state.now[0].segment.half
-    start, end = step.start, step.end
-    for i in range(coordinates):
-        end[coordinates + i] = start[coordinates + i] + h * step.start_acceleration[i]
-        end[i] = start[i] + h * end[coordinates + i]
-    fill_forcing_at(system, state, h, end)
-
-
-@kernel
-def _runge_kutta(system, state, step):
-    """The classical method of fourth order, for q' = v and v' = a at once."""
+    """Fill `Step.end` by the classical Runge-Kutta method of fourth order, for q' = v and v' = a at once."""
     coordinates, mode = system.size[0].coordinates, state.now[0].automaton.mode
     h = 2.0 * state.now[0].segment.half
     start, end, stage, rate = step.start, step.end, step.stage, step.stage_acceleration

@@ -10,23 +10,18 @@ A method of fixed step:
 2. The kernel reads the system's tables alone: `right_hand_side.accelerate` gives accelerations in a mode,
    `fill_forcing_at` sliders and plates at an instant. It never reads the guards; `_change_modes` changes the mode at
    the step's end, by the candidates and jumps that the method exact has.
-3. A scheme that finds the mode itself, as `moreau.py` does, writes the mode into `Step.found`; `fixed_step._pass_step`
-   must then know it beside `MOREAU`. Laws between velocities and impulses are `Laws`, which `model/fixed_steps.py`
-   makes of a scene.
-4. `fixed_step._interpolate` reads samples between the ends of a step: say there whether the scheme has earned cubic
-   interpolation.
-5. Steps are a grid from the last command on, whatever is sampled, so that every cut of time gives the same bits. A
+3. `fixed_step._interpolate` reads samples between the ends of a step by cubic polynomials: a scheme of lower order
+   needs another interpolation there.
+4. Steps are a grid from the last command on, whatever is sampled, so that every cut of time gives the same bits. A
    scheme with a memory of earlier steps starts the memory again in `fixed_step.begin`.
-6. `SCHEMES` gives the scheme its name, and the choices of `solver.method` in `model/parameters.py` the same name.
-7. For `solver.method` auto, in `simulation/auto.py`: a weight in `STEP_WEIGHTS`, which `tools/work_weights.py`
-   measures, and the growth of a step, or the reason why any step is stable.
-8. For the accuracy study: a ladder of steps in `METHODS` (`accuracy/methods.py`), and a colour in `_STYLES`
-   (`accuracy/diagram.py`).
-9. Tests: order of convergence, cut time, checkpoints and every effect in `test_fixed_steps.py`, published forces in
+5. `SCHEMES` gives the scheme its name, and the choices of `solver.method` in `model/parameters.py` the same name.
+6. For the accuracy study: a ladder of steps in `DEVICE` (`accuracy/programs.py`), and a colour in `_STYLES`
+   (`accuracy/chart.py`).
+7. Tests: order of convergence, cut time, checkpoints and every effect in `test_fixed_steps.py`, published forces in
    `test_published_forces.py`. Documents: the table of docs/solver.md, and `make documents`.
 
 A method without fixed steps is a class with the functions of `Stepper`, and `new_stepper`
-(`simulation/motion.py`) makes it. Rules 5 to 9 hold for it, too.
+(`simulation/motion.py`) makes it. Rules 4 to 7 hold for it, too.
 """
 
 from collections.abc import Callable
@@ -36,13 +31,12 @@ import numpy as np
 
 from vibro_ros.solver import event_loop, fixed_step
 from vibro_ros.solver.compilation import Laid
-from vibro_ros.solver.fixed_step import MOREAU, RK4, RK4_LOCATED, SEMI_IMPLICIT_EULER, new_step
-from vibro_ros.solver.moreau import Laws
+from vibro_ros.solver.fixed_step import RK4, RK4_LOCATED, new_step
 from vibro_ros.solver.state import State, numbers_of
 from vibro_ros.solver.system import System
 
 #: Methods of fixed step, by name.
-SCHEMES = {"rk4": RK4, "rk4_located": RK4_LOCATED, "semi_implicit_euler": SEMI_IMPLICIT_EULER, "moreau": MOREAU}
+SCHEMES = {"rk4": RK4, "rk4_located": RK4_LOCATED}
 
 
 class Stepper(Protocol):
@@ -61,10 +55,6 @@ class Stepper(Protocol):
     @property
     def memory(self) -> list[np.ndarray]:
         """Arrays of numbers, as views, that the future depends on beside the state."""
-
-    @property
-    def modes(self) -> np.ndarray:
-        """Numbers of modes in the memory, shape (n,)."""
 
     def calls(self, state: State, arguments: tuple) -> list[tuple[Callable, tuple]]:
         """The method's own kernels, the longest to compile first, with arguments of the types that they are called
@@ -100,11 +90,6 @@ class Exact:
         """See `Stepper`."""
         return []
 
-    @property
-    def modes(self):
-        """See `Stepper`."""
-        return np.empty(0, dtype=np.int64)
-
     def calls(self, state, arguments):
         """See `Stepper`."""
         _, point, *_ = arguments
@@ -118,11 +103,11 @@ class Exact:
 
 
 class FixedStep:
-    """Steps of `step` [s] by one of `SCHEMES`; `laws` for `MOREAU`."""
+    """Steps of `step` [s] by one of `SCHEMES`."""
 
-    def __init__(self, system: System, scheme: int, step: float, laws: Laws | None = None):
+    def __init__(self, system: System, scheme: int, step: float):
         self._system = system
-        self._step = new_step(system, scheme, step, laws)
+        self._step = new_step(system, scheme, step)
 
     def begin(self, state, point):
         """See `Stepper`."""
@@ -141,11 +126,6 @@ class FixedStep:
     def memory(self):
         """See `Stepper`."""
         return numbers_of(values for values in self._step if isinstance(values, np.ndarray))
-
-    @property
-    def modes(self):
-        """See `Stepper`."""
-        return self._step.found["mode"]
 
     def calls(self, state, arguments):
         """See `Stepper`."""

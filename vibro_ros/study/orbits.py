@@ -806,7 +806,7 @@ def plan_of(options: argparse.Namespace) -> Plan:
     if not isinstance(over, Range) or over.log:
         raise ValueError(f"--vary {vary}: is no range; give NAME=LOW:HIGH, such as motor.speed=60:130")
     scene = running(machine_of(options))
-    if scene["solver.method"] not in ("exact", "auto"):
+    if scene["solver.method"] != "exact":
         raise ValueError(f"solver.method: {scene['solver.method']!r} is not exact to rounding, which derivatives of "
                          "orbits need; leave it at 'exact'")
     given = tuple(cast(float, BY_NAME[name].checked(read_scalar(word))) for word in options.begin)

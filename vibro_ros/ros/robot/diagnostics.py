@@ -10,10 +10,10 @@ from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 
 from vibro_ros.messages.topics import full_name
+from vibro_ros.model.scene import Scene
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.node import GuardedNode
 from vibro_ros.ros.robot.run import Run
-from vibro_ros.simulation.accuracy_in_force import accuracy_in_force, next_cheaper_choice
 from vibro_ros.simulation.samples import FIELDS
 from vibro_ros.simulation.validity import validity_of
 
@@ -39,9 +39,6 @@ class Diagnostics:
         self._publisher = node.create_publisher(DiagnosticArray, full_name("diagnostics"), qos.profile("diagnostics"))
         self._namesakes = 0
         self._before = self._counters()
-        scene, choice = run.device.scene, run.device.choice
-        self._accuracy = {"accuracy in force": accuracy_in_force(scene, choice),
-                          "next cheaper choice": next_cheaper_choice(scene, choice)}
         # a clock that runs whatever drives the stamps
         node.create_timer(PERIOD, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -113,13 +110,10 @@ class Diagnostics:
             "refused requests": f"{self._node.refusals.count}",
             "failed callbacks": f"{self._node.refusals.failures}",
             "solver method": device.scene["solver.method"],
-            **self._accuracy,
+            "accuracy in force": _accuracy_of(device.scene),
         }
         if "solver.step" in self._statistics:
             values["solver step [s]"] = f"{device.scene['solver.step']:g}"
-        if device.choice:
-            values["solver accuracy asked for [m]"] = f"{device.scene['solver.accuracy']:g}"
-            values["solver choice"] = str(device.choice)
         if validity.pitch_index is not None:
             values["pitch index"] = f"{validity.pitch_index:.3f}"
         if validity.current_share is not None:
@@ -171,3 +165,10 @@ class Diagnostics:
         robot = self._node.get_fully_qualified_name()
         return DiagnosticStatus(level=level, name=f"{robot.lstrip('/')}: {part}", message=text, hardware_id=robot,
                                 values=[KeyValue(key=key, value=value) for key, value in values.items()])
+
+
+def _accuracy_of(scene: Scene) -> str:
+    """What a scene is simulated to, in words."""
+    if scene["solver.method"] == "exact":
+        return f"rounding: {scene.attainable_accuracy:.2g} m for 0.2 s"
+    return "not known: a step of fixed length promises nothing, and the executable accuracy measures its error"

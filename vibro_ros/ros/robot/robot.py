@@ -152,8 +152,6 @@ def _prepare(node: GuardedNode, settings: Mapping[str, Value], scene: Scene, pla
     if fault := scene.broken_promise:
         node.get_logger().warning(fault)
     device = new_device(scene)
-    if device.choice:
-        node.get_logger().info(f"solver.method auto: {device.choice}")
     offer_recovery(plan.directory, settings["record.recover"], node.get_logger())
     return device
 

@@ -1,10 +1,10 @@
 """Which simulators have which parameters.
 
-The methods `exact`, `auto`, `rk4` and `semi_implicit_euler` integrate the compiled equations, so that they have every
-parameter. Three simulators hold equations of their own: Moreau's time stepping (`model.fixed_steps`) and, beside the
-package, the baseline (`benchmark/rk4_by_hand.py`) and the peer (`benchmark/heyoka_robot`). `SUPPORT` says of every
-parameter which values each of the three has. Of a parameter that the table lacks they have only the default, with which
-a new parameter has no effect, so that a new choice or number is refused until its equations are written.
+The device's own methods integrate the compiled equations, so that they have every parameter. Two simulators hold
+equations of their own: the peer (`benchmark/heyoka_robot`) and the baseline (`benchmark/rk4_by_hand.py`). `SUPPORT`
+says of every parameter which values each of the two has. Of a parameter that the table lacks they have only the
+default, with which a new parameter has no effect, so that a new choice or number is refused until its equations are
+written.
 """
 
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from vibro_ros.model.parameter_values import ParameterValues
 from vibro_ros.model.parameters import AS_FORWARD, BY_NAME, Value
 
-SIMULATORS = ("moreau", "peer", "baseline")
+SIMULATORS = ("peer", "baseline")
 ANY = None
 _SWITCH = (True, False)
 _CONTACTS = ("none", "restitution", "compliant")
@@ -32,29 +32,28 @@ SUPPORT: Mapping[str, tuple[tuple[Value, ...] | None, ...]] = {
         "motor.max_speed", "motor.acceleration", "motor.time_constant", "gap_actuator.speed", "start.body_position",
         "start.body_velocity", "start.body_height", "start.body_vertical_velocity", "start.upper_position",
         "start.upper_velocity", "start.inclined_position", "start.inclined_velocity", "start.crank_angle"),
-        (ANY, ANY, ANY)),
-    **dict.fromkeys(("ground.slope", "ground.viscous_friction", "ground.drag"), (ANY, ANY, (0.0,))),
-    **dict.fromkeys(("ground.restitution", "mass.upper_slider", "mass.inclined_slider", "mass.crank_pin"),
-                    ((0.0,), ANY, (0.0,))),
-    "ground.friction_backward": ((AS_FORWARD,), ANY, (AS_FORWARD,)),
-    **dict.fromkeys((  # of a dc motor, which all but the peer refuse
+        (ANY, ANY)),
+    **dict.fromkeys(("ground.slope", "ground.viscous_friction", "ground.drag", "ground.restitution",
+                     "mass.upper_slider", "mass.inclined_slider", "mass.crank_pin"), (ANY, (0.0,))),
+    "ground.friction_backward": (ANY, (AS_FORWARD,)),
+    **dict.fromkeys((  # of a dc motor, which the baseline refuses
         "motor.control", "motor.voltage", "motor.supply_voltage", "motor.winding_resistance",
         "motor.winding_inductance", "motor.torque_constant", "motor.gear_ratio", "motor.rotor_inertia",
         "motor.crank_inertia", "motor.damping", "motor.friction", "motor.static_friction", "motor.current_limit",
         "motor.continuous_current", "motor.control_rate", "motor.proportional_gain", "motor.integral_gain",
-        "motor.feed_forward", "motor.current_time_constant"), (ANY, ANY, ANY)),
-    "start.state": (("rest", "zero", "given"), ("rest", "zero", "given"), ("rest", "zero")),
-    "effects.upper_mass": (_SWITCH, _SWITCH, (True,)),
-    "effects.inclined_mass": (_SWITCH, _SWITCH, (True,)),
-    "effects.upper_contact": (_CONTACTS, _CONTACTS, _CONTACTS),
-    "effects.inclined_contact": (_CONTACTS, _CONTACTS, _CONTACTS),
-    "effects.adhesion": (_SWITCH, _SWITCH, _SWITCH),
-    "effects.friction": (_FRICTIONS, _FRICTIONS, ("none", "coulomb")),
-    "effects.normal_force": (_RULES, _RULES, _RULES),
-    "effects.reaction": (_SWITCH, _SWITCH, _SWITCH),
-    "effects.misprint": ((False,), _SWITCH, (False,)),
-    "effects.mass_weight": (_SWITCH, _SWITCH, _SWITCH),
-    "effects.motor": (("ideal", "ramp", "lag"), ("ideal", "ramp", "lag", "dc"), ("ideal", "ramp")),
+        "motor.feed_forward", "motor.current_time_constant"), (ANY, ANY)),
+    "start.state": (("rest", "zero", "given"), ("rest", "zero")),
+    "effects.upper_mass": (_SWITCH, (True,)),
+    "effects.inclined_mass": (_SWITCH, (True,)),
+    "effects.upper_contact": (_CONTACTS, _CONTACTS),
+    "effects.inclined_contact": (_CONTACTS, _CONTACTS),
+    "effects.adhesion": (_SWITCH, _SWITCH),
+    "effects.friction": (_FRICTIONS, ("none", "coulomb")),
+    "effects.normal_force": (_RULES, _RULES),
+    "effects.reaction": (_SWITCH, _SWITCH),
+    "effects.misprint": (_SWITCH, (False,)),
+    "effects.mass_weight": (_SWITCH, _SWITCH),
+    "effects.motor": (("ideal", "ramp", "lag", "dc"), ("ideal", "ramp")),
 }
 
 
