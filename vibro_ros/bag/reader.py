@@ -4,11 +4,12 @@ import warnings
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
-from itertools import accumulate, chain
+from itertools import chain
+from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -24,6 +25,7 @@ __all__ = ["Arrays", "Bag", "BagError", "BagWarning", "MissingTopicError", "Reco
 
 Arrays = dict[str, np.ndarray]
 
+JOINT_STATE, TRANSFORMS = "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
 LONGEST_FRAME = 1000
 """Characters of a frame's name; the array of all names takes as much for each message as the longest one."""
 
@@ -216,7 +218,7 @@ def load_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = Non
     with BagStream(path) as stream:
         series = {topic: Series(one.type_name, stream.start, ("*",) if columns is None else columns[_last(topic)])
                   for topic, one in stream.topics.items()
-                  if one.type_name in _LAYOUTS and (columns is None or _last(topic) in columns)}
+                  if one.type_name in COLUMNS and (columns is None or _last(topic) in columns)}
         seen: Counter[str] = Counter()
         for topic, stamp, data in stream.messages(frozenset(series)):
             try:
@@ -229,33 +231,23 @@ def load_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = Non
                    arrays, tuple(stream.flaws))
 
 
-@dataclass(frozen=True)
-class _Layout:
-    """Columns of a message type: widths of the numbers, the numbers in that order, and texts, of each row."""
-
-    widths: Callable[[Any], dict[str, int]]
-    numbers: Callable[[Any], tuple[float, ...]]
-    stamped: bool = True
-    texts: Mapping[str, Callable[[Any], str]] = field(default_factory=dict)
-    rows: Callable[[Any], Sequence[Any]] = lambda message: (message,)
-
-
 class Series:
     """Chosen columns of one topic, growing message by message in compact arrays; their times are 0 at `start_ns` [ns].
 
-    `columns` are patterns of the columns' names, as `fnmatch` reads them; without any, only times are kept, unread.
+    `patterns` of the columns' names are as `fnmatch` reads them; without any, only times are kept, unread. `columns`
+    are what messages of the type `type_name` have, by default those of `COLUMNS`.
     """
 
-    def __init__(self, type_name: str, start_ns: int, columns: Sequence[str] = ("*",)) -> None:
-        self._type, self._patterns = type_name, columns
-        self._layout = _LAYOUTS[self._type]
-        self._start_ns = start_ns
-        self._times, self._stamps, self._rows = array("d"), array("d"), array("d")
-        self._ascending = True
-        self._texts: dict[str, dict[str, int]] = {name: {} for name in self._layout.texts if self._wants(name)}
-        self._text_numbers = {name: array("L") for name in self._texts}
-        self._stamped = self._layout.stamped and self._wants("stamp")
-        self._choose(None)
+    def __init__(self, type_name: str, start_ns: int, patterns: Sequence[str] = ("*",),
+                 columns: Mapping[str, "Column"] | None = None) -> None:
+        self._type, self._start_ns, self._patterns = type_name, start_ns, patterns
+        known = COLUMNS[type_name] if columns is None else columns
+        self._columns = {name: column for name, column in known.items() if self._wants(name)}
+        self._joints: tuple[list[str], list[str]] = [], []  # names and quantities of the message before
+        self._of_joints: list[str] = []  # its columns
+        self._times = array("d")
+        self._found = {name: array("L" if column.is_text else "d") for name, column in self._columns.items()}
+        self._texts: dict[str, dict[str, int]] = {name: {} for name, one in self._columns.items() if one.is_text}
 
     def append(self, time_ns: int, data: bytes) -> None:
         """Add one serialised message recorded at `time_ns`.
@@ -265,60 +257,64 @@ class Series:
         ValueError
             When it cannot be read, or does not fit to the columns; nothing is added then.
         """
-        rows = self._read(data) if self._patterns else 1
-        time = (time_ns - self._start_ns) * 1e-9
-        self._ascending &= not self._times or time >= self._times[-1]
-        self._times.extend([time] * rows)
+        rows = [self._read(row) for row in self._rows(data)]
+        for row in rows:
+            self._times.append((time_ns - self._start_ns) * 1e-9)
+            for name, value in row.items():
+                if name == "stamp":
+                    value = (value - self._start_ns) * 1e-9
+                elif name in self._texts:
+                    known = self._texts[name]
+                    value = known.setdefault(value, len(known))
+                if isinstance(value, (tuple, list)):
+                    self._found[name].extend(value)
+                else:
+                    self._found[name].append(value)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The columns by name, as `vibro_ros.read_bag` lists them; nothing can be appended any more."""
         arrays = {"time": _as_array(self._times)}
-        if self._stamped:
-            arrays["stamp"] = _as_array(self._stamps)
-        for name, texts in self._texts.items():  # as objects a long text takes memory once, not in every row
-            kind = object if self._type == "std_msgs/msg/String" else str
-            arrays[name] = np.array(list(texts), dtype=kind)[_as_array(self._text_numbers[name])]
-        rows = _as_array(self._rows).reshape(len(self._times), len(self._chosen))
-        end = 0
-        for name, width in self._columns.items():
-            end += width
-            arrays[name] = rows[:, end - 1] if width == 1 else rows[:, end - width:end]
-        if self._ascending:
+        for name, found in self._found.items():
+            arrays[name] = _as_array(found)
+            if name in self._texts:  # as objects a long text takes memory once, not in every row
+                kind = object if self._type == "std_msgs/msg/String" else str
+                arrays[name] = np.array(list(self._texts[name]), dtype=kind)[arrays[name]]
+            elif name in self._columns and self._columns[name].width > 1:
+                arrays[name] = arrays[name].reshape(len(self._times), self._columns[name].width)
+        if (np.diff(arrays["time"]) >= 0.0).all():
             return arrays
         order = np.argsort(arrays["time"], kind="stable")
         return {name: column[order] for name, column in arrays.items()}
 
-    def _read(self, data: bytes) -> int:
-        rows = self._layout.rows(deserialised(data, self._type))
-        found = [self._checked(row) for row in rows]
-        for row, (numbers, texts) in zip(rows, found, strict=True):
-            self._rows.extend(numbers if len(self._chosen) == len(numbers) else [numbers[i] for i in self._chosen])
-            if self._stamped:
-                stamp = row.header.stamp
-                self._stamps.append((stamp.sec * 1_000_000_000 + stamp.nanosec - self._start_ns) * 1e-9)
-            for name, text in texts.items():
-                known = self._texts[name]
-                self._text_numbers[name].append(known.setdefault(text, len(known)))
-        return len(rows)
+    def _rows(self, data: bytes) -> Sequence[Any]:
+        if not self._patterns:
+            return (None,)
+        message = deserialised(data, self._type)
+        return message.transforms if self._type == TRANSFORMS else (message,)
 
-    def _checked(self, row: Any) -> tuple[tuple[float, ...], dict[str, str]]:
-        """The numbers and texts of a row (ValueError when they do not fit to the columns)."""
-        texts = {name: self._layout.texts[name](row) for name in self._texts}
-        widths, numbers = self._layout.widths(row), self._layout.numbers(row)
-        if len(numbers) != sum(widths.values()):
-            raise ValueError("it names a joint twice")
-        if not self._times:
-            self._choose(row)
-        elif widths != self._widths:
-            raise ValueError("its joints are others than those of the first message")
-        return numbers, texts
+    def _read(self, row: Any) -> dict[str, Any]:
+        """What a row says, by column (ValueError when that does not fit to the columns)."""
+        if row is None:
+            return {}
+        found = {name: column.read(row) for name, column in self._columns.items()}
+        return found | self._read_joints(row) if self._type == JOINT_STATE else found
 
-    def _choose(self, message: Any) -> None:
-        """Fix the columns from the first message; without one, from the type."""
-        self._widths = self._layout.widths(message)
-        self._columns = {name: width for name, width in self._widths.items() if self._wants(name)}
-        starts = dict(zip(self._widths, accumulate(self._widths.values(), initial=0), strict=False))
-        self._chosen = [starts[name] + i for name, width in self._columns.items() for i in range(width)]
+    def _read_joints(self, message: Any) -> dict[str, float]:
+        """A joint's quantities, as far as there is a number for each joint of the message.
+
+        Other numbers may belong to any of the joints (`messages.commands`).
+        """
+        told = [quantity for quantity in JOINT_QUANTITIES if len(getattr(message, quantity)) == len(message.name)]
+        if (message.name, told) != self._joints:
+            names = [f"{joint}.{quantity}" for quantity in told for joint in message.name]
+            if len(set(names)) < len(names):
+                raise ValueError("it names a joint twice")
+            if self._times and set(names) != set(self._of_joints):
+                raise ValueError("its joints are others than those of the first message")
+            self._joints, self._of_joints = (message.name, told), names
+            self._found |= {name: array("d") for name in names if self._wants(name) and name not in self._found}
+        values = chain(*(getattr(message, quantity).tolist() for quantity in told))
+        return {name: value for name, value in zip(self._of_joints, values, strict=True) if name in self._found}
 
     def _wants(self, name: str) -> bool:
         return any(fnmatchcase(name, pattern) for pattern in self._patterns)
@@ -329,69 +325,67 @@ def _as_array(numbers: array) -> np.ndarray:
     return np.frombuffer(numbers, dtype=numbers.typecode) if numbers else np.empty(0, dtype=numbers.typecode)
 
 
-def _xyz(vector: Any) -> tuple[float, float, float]:
-    return vector.x, vector.y, vector.z
+class Column(NamedTuple):
+    """How a column is read from a message: numbers, `width` of them, or a text."""
+
+    read: Callable[[Any], Any]
+    width: int = 1
+    is_text: bool = False
 
 
-def _xyzw(turn: Any) -> tuple[float, float, float, float]:
-    return turn.x, turn.y, turn.z, turn.w
+def at(*paths: str) -> Column:
+    """The numbers at some paths in a message, such as ``twist.twist.linear.x``."""
+    return Column(attrgetter(*paths), len(paths))
 
 
-def _odometry(message: Any) -> tuple[float, ...]:
-    pose, twist = message.pose.pose, message.twist.twist
-    return *_xyz(pose.position), *_xyzw(pose.orientation), *_xyz(twist.linear), *_xyz(twist.angular)
+def _axes(path: str, axes: str = "xyz") -> Column:
+    return at(*(f"{path}.{axis}" for axis in axes))
 
 
-def _wrench(message: Any) -> tuple[float, ...]:
-    return *_xyz(message.wrench.force), *_xyz(message.wrench.torque)
+def _variances(path: str, of_diagonal: slice = slice(None, None, 4)) -> Column:
+    """Three variances of the covariance at a path."""
+    read = attrgetter(path)
+    return Column(lambda message: read(message)[of_diagonal].tolist(), 3)
 
 
-def _frame(name: str) -> str:
-    if len(name) > LONGEST_FRAME:
-        raise ValueError(f"its frame has more than {LONGEST_FRAME} characters")
-    return name
+def _stamp(message: Any) -> int:
+    return message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
 
 
-_JOINT_QUANTITIES = ("position", "velocity", "effort")
+def _frame(path: str) -> Column:
+    read = attrgetter(path)
+
+    def checked(message: Any) -> str:
+        if len(name := read(message)) > LONGEST_FRAME:
+            raise ValueError(f"its frame has more than {LONGEST_FRAME} characters")
+        return name
+
+    return Column(checked, is_text=True)
 
 
-def _joints(message: Any) -> tuple[float, ...]:
-    return tuple(chain(*(getattr(message, quantity).tolist() for quantity in _told(message))))
-
-
-def _joint_widths(message: Any) -> dict[str, int]:
-    if message is None:
-        return {}
-    return {f"{name}.{quantity}": 1 for quantity in _told(message) for name in message.name}
-
-
-def _told(message: Any) -> list[str]:
-    """Quantities with a number for each joint; others may belong to any of them (`messages.joint_commands`)."""
-    return [quantity for quantity in _JOINT_QUANTITIES if len(getattr(message, quantity)) == len(message.name)]
-
-
-_ODOMETRY = {"position": 3, "orientation": 4, "linear_velocity": 3, "angular_velocity": 3}
-_LAYOUTS = {
-    "std_msgs/msg/Float64": _Layout(lambda message: {"value": 1}, lambda message: (message.data,), stamped=False),
-    "nav_msgs/msg/Odometry": _Layout(lambda message: _ODOMETRY, _odometry),
-    "std_msgs/msg/String": _Layout(lambda message: {}, lambda message: (), stamped=False,
-                                   texts={"text": lambda message: message.data}),
-    "geometry_msgs/msg/WrenchStamped": _Layout(lambda message: {"force": 3, "torque": 3}, _wrench,
-                                               texts={"frame": lambda message: _frame(message.header.frame_id)}),
-    "sensor_msgs/msg/Imu": _Layout(
-        lambda message: {"acceleration": 3, "angular_velocity": 3, "acceleration_variance": 3,
-                         "angular_velocity_variance": 3},
-        lambda message: (*_xyz(message.linear_acceleration), *_xyz(message.angular_velocity),
-                         *message.linear_acceleration_covariance[::4], *message.angular_velocity_covariance[::4])),
-    "sensor_msgs/msg/BatteryState": _Layout(
-        lambda message: {"voltage": 1, "current": 1}, lambda message: (message.voltage, message.current)),
-    "geometry_msgs/msg/PoseWithCovarianceStamped": _Layout(
-        lambda message: {"position": 3, "variance": 3},
-        lambda message: (*_xyz(message.pose.pose.position), *message.pose.covariance[:15:7])),
-    "sensor_msgs/msg/JointState": _Layout(_joint_widths, _joints),
-    "tf2_msgs/msg/TFMessage": _Layout(
-        lambda row: {"translation": 3, "rotation": 4},
-        lambda row: (*_xyz(row.transform.translation), *_xyzw(row.transform.rotation)),
-        texts={"frame": lambda row: _frame(row.header.frame_id), "child": lambda row: _frame(row.child_frame_id)},
-        rows=lambda message: message.transforms),
+STAMP = Column(_stamp)
+"""The header's stamp [ns], which becomes seconds on the scale of ``time``."""
+JOINT_QUANTITIES = ("position", "velocity", "effort")
+COLUMNS: Mapping[str, Mapping[str, Column]] = {
+    "std_msgs/msg/Float64": {"value": at("data")},
+    "std_msgs/msg/String": {"text": Column(attrgetter("data"), is_text=True)},
+    "nav_msgs/msg/Odometry": {
+        "stamp": STAMP, "position": _axes("pose.pose.position"), "orientation": _axes("pose.pose.orientation", "xyzw"),
+        "linear_velocity": _axes("twist.twist.linear"), "angular_velocity": _axes("twist.twist.angular")},
+    "geometry_msgs/msg/WrenchStamped": {
+        "stamp": STAMP, "frame": _frame("header.frame_id"), "force": _axes("wrench.force"),
+        "torque": _axes("wrench.torque")},
+    "sensor_msgs/msg/Imu": {
+        "stamp": STAMP, "acceleration": _axes("linear_acceleration"), "angular_velocity": _axes("angular_velocity"),
+        "acceleration_variance": _variances("linear_acceleration_covariance"),
+        "angular_velocity_variance": _variances("angular_velocity_covariance")},
+    "sensor_msgs/msg/BatteryState": {"stamp": STAMP, "voltage": at("voltage"), "current": at("current")},
+    "geometry_msgs/msg/PoseWithCovarianceStamped": {
+        "stamp": STAMP, "position": _axes("pose.pose.position"), "variance": _variances("pose.covariance",
+                                                                                        slice(0, 15, 7))},
+    JOINT_STATE: {"stamp": STAMP},  # and what its joints are called
+    TRANSFORMS: {
+        "stamp": STAMP, "frame": _frame("header.frame_id"), "child": _frame("child_frame_id"),
+        "translation": _axes("transform.translation"), "rotation": _axes("transform.rotation", "xyzw")},
 }
+"""What the messages of a type say, by the names of the arrays; of each transform in a message of transforms."""

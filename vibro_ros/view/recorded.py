@@ -5,12 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibro_ros.bag.reader import Arrays, Series
+from vibro_ros.bag.reader import COLUMNS, JOINT_QUANTITIES, STAMP, Arrays, Column, Series, at
 from vibro_ros.bag.stream import BagStream, robot_topics
 from vibro_ros.messages.frames import JOINTS
 from vibro_ros.messages.robot_messages import PLATES
-from vibro_ros.messages.topics import CHECKPOINT, INPUTS, ROBOT_TOPICS
-from vibro_ros.simulation.samples import resets
+from vibro_ros.messages.topics import CHECKPOINT, INPUTS, ROBOT_TOPICS, TOPICS
+from vibro_ros.simulation.samples import FIELDS, resets
 from vibro_ros.view.motion import Interpolated, Progress, Span, polynomials_through
 
 MOST_SAMPLES = 1_000_000
@@ -20,21 +20,13 @@ MOST_INPUTS = 200_000
 
 _FASTEST = 1e100  # rad/s
 
-UNSTAMPED = ("motor_power", "motor_current", "electrical_power")
+UNSTAMPED = tuple(name for name, topic in TOPICS.items() if topic.numbers and not topic.frame)
 """Topics that are quantities, without a stamp in their messages."""
 
-#: Where a quantity stands: name of the column, part of it, sign.
-Columns = dict[str, tuple[str, int | None, float]]
-#: What a message says of quantities, by topic: name of the quantity, column of the topic, part of the column and sign.
-#: A position's velocity stands beside it: with it, what was between the samples is known better.
-_BODY: dict[str, Columns] = {
-    "odom": {"body_position": ("position", 0, 1.0), "body_height": ("position", 2, 1.0),
-             "body_velocity": ("linear_velocity", 0, 1.0), "body_vertical_velocity": ("linear_velocity", 2, 1.0)},
-    "ground_contact": {"normal_force": ("force", 2, 1.0), "friction_force": ("force", 0, -1.0)},
-    **{name: {name: ("value", None, 1.0)} for name in UNSTAMPED}}
-_COLUMNS = {"odom": ("position", "linear_velocity", "stamp"), "joint_states": ("*",),
-            "ground_contact": ("force", "stamp"), **dict.fromkeys(UNSTAMPED, ("value",)),
-            "impacts": ("stamp", "frame", "force")}
+QUANTITIES = frozenset(FIELDS) - {"time"}
+#: Quantity of each array of `joint_states`.
+_OF_JOINTS = {f"{joint}.{part}": quantity for joint, quantities in JOINTS.items()
+              for quantity, part in zip(quantities, JOINT_QUANTITIES, strict=True)}
 STATE = ("odom", "joint_states")
 """Topics that say where everything is."""
 
@@ -80,7 +72,7 @@ class Recorded:
         names = {self.topics[name]: name for name in wanted if name in self.topics}
         inputs = {self.topics[name]: name for name in (*INPUTS, CHECKPOINT)
                   if name in self.topics and wanted == STATE}
-        series = {topic: Series(ROBOT_TOPICS[name], self._stream.start, _COLUMNS[name])
+        series = {topic: Series(ROBOT_TOPICS[name], self._stream.start, columns=columns_of(name))
                   for topic, name in names.items()}
         read = dict.fromkeys([*names, *inputs], 0)
         total = max(1, sum(self._stream.topics[topic].messages for topic in read if topic in self._stream.topics))
@@ -107,17 +99,13 @@ class Recorded:
     def signals(self, times_of: Callable[[Arrays], np.ndarray]) -> dict[str, Signal]:
         """Every recorded quantity; `times_of` gives the instants [s] of a topic's samples."""
         found: dict[str, Signal] = {}
-        columns_of: dict[str, Columns] = {topic: columns for topic, columns in _BODY.items() if topic in self.arrays}
-        if joints := self.arrays.get("joint_states"):
-            columns_of["joint_states"] = {
-                quantity: (f"{joint}.{part}", None, 1.0) for joint, quantities in JOINTS.items()
-                for quantity, part in zip(quantities, ("position", "velocity", "effort"), strict=True)
-                if f"{joint}.{part}" in joints}
-        for topic, columns in columns_of.items():
-            arrays = self.arrays[topic]
+        for topic, arrays in self.arrays.items():
+            if topic == "impacts":
+                continue
             times, first = np.unique(times_of(arrays), return_index=True)
-            values = {name: sign * (arrays[column] if part is None else arrays[column][:, part])[first]
-                      for name, (column, part, sign) in columns.items()}
+            negated = {field[1:] for field in TOPICS[topic].numbers.values() if field.startswith("-")}
+            values = {name: (-column if name in negated else column)[first] for name, column in (
+                (_OF_JOINTS.get(array, array), column) for array, column in arrays.items()) if name in QUANTITIES}
             for name, of_name in values.items():
                 finite = np.isfinite(of_name)
                 rates = values.get(RATES.get(name, ""))
@@ -135,6 +123,14 @@ class Recorded:
                 for side, plate in zip(("upper", "inclined"), PLATES.values(), strict=True)
                 for stamp, frame, force in zip(arrays["stamp"], arrays["frame"], arrays["force"][:, 2], strict=True)
                 if frame.endswith(plate)]  # a prefix may stand before it
+
+
+def columns_of(topic: str) -> dict[str, Column]:
+    """What is read of one of the robot's topics: the fields of a sample that `TOPICS` names there, unsigned."""
+    numbers = {field.lstrip("-"): at(path) for path, field in TOPICS[topic].numbers.items()}
+    if not numbers:
+        return dict(COLUMNS[TOPICS[topic].type])
+    return {**numbers, "stamp": STAMP} if TOPICS[topic].frame else numbers
 
 
 RATES = {"body_position": "body_velocity", "body_height": "body_vertical_velocity",
