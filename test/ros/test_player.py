@@ -131,7 +131,7 @@ def test_what_is_due_is_done_before_the_next_request_is_answered(domain_id, monk
     rclpy.init(context=context, domain_id=domain_id)
     peer = Node("peer", context=context)
     clock = peer.create_publisher(Clock, "/clock", 10)
-    with StopRequest() as stop, process.node_running("player", SIMULATED) as (node, executor):
+    with StopRequest() as stop, process.node_running("player", SIMULATED) as node:
         client = peer.create_client(GetParameters, "asked")
         steps = iter([(tick, call) for tick in range(200) for call in range(BARRIER)])
 
@@ -152,10 +152,10 @@ def test_what_is_due_is_done_before_the_next_request_is_answered(domain_id, monk
             return response
 
         node.create_service(GetParameters, "asked", answer)
-        process.spin_until(executor, lambda: client.service_is_ready() and (publish(0) or node.clock_heard))
+        process.spin_until(node, lambda: client.service_is_ready() and (publish(0) or node.clock_heard))
         schedule = [(tick * 1e-3, partial(done.append, tick)) for tick in range(200)]
         ask_next()
-        assert Player(node, executor, {}).run(schedule, 0.0, stop) == 0
+        assert Player(node, {}).run(schedule, 0.0, stop) == 0
     rclpy.shutdown(context=context)
     for tick in range(199):  # the last one's answers are no longer waited for
         assert done.index(tick) < done.index(f"{tick} {BARRIER - 1}"), tick
@@ -170,7 +170,7 @@ def test_time_between_two_instants_is_never_beyond_the_second(domain_id: int):
     executor.add_node(node)
     told: list[float] = []
     try:
-        player = Player(node, executor, {}, meanwhile=told.append, period=1e-6)
+        player = Player(node, {}, meanwhile=told.append, period=1e-6)
         schedule = [(5e-4 * k, partial(told.append, 5e-4 * k)) for k in range(3000)]
         with StopRequest() as stop:
             assert player.run(schedule, 0.0, stop) == 0

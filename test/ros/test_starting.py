@@ -160,7 +160,7 @@ def test_who_waits_for_a_robot_is_told_again_and_again_what_for(bench, monkeypat
     monkeypatch.setattr(player, "REPORT_PERIOD", 0.05)
     publisher = bench.node.create_publisher(Float64, "motor_speed", 10)
     with StopRequest() as request, pytest.raises(RuntimeError) as error:
-        player.wait_for_listeners(bench.node, bench._executor, [publisher], 0.5, request)
+        player.wait_for_listeners(bench.node, [publisher], 0.5, request)
     assert str(error.value) == ("no robot listens to /motor_speed after 0.5 s; start one (ros2 run vibro_ros robot), "
                                 "in the same ROS domain and namespace")
     said = capfd.readouterr().err
@@ -174,7 +174,7 @@ def test_who_waits_is_told_of_a_robot_that_is_there_and_does_not_listen(bench, d
         publisher = bench.node.create_publisher(Float64, "motor_speed", 10)
         bench.spin_until(lambda: NODE_NAME in bench.node.get_node_names(), "robot in the graph")
         with StopRequest() as request, pytest.raises(RuntimeError, match="; /vibro_robot is there and does not: it"):
-            player.wait_for_listeners(bench.node, bench._executor, [publisher], 0.1, request)
+            player.wait_for_listeners(bench.node, [publisher], 0.1, request)
     finally:
         robot.destroy_node()
 
@@ -187,7 +187,7 @@ def test_a_node_without_a_place_for_its_log_runs_all_the_same(domain_id, monkeyp
     monkeypatch.delenv("ROS_LOG_DIR", raising=False)
     monkeypatch.delenv("ROS_HOME", raising=False)
     monkeypatch.setenv(variable, value) if value else monkeypatch.delenv(variable)
-    with process.node_running("robot", ()) as (_, executor):
-        executor.spin_once(0.1)
+    with process.node_running("robot", ()) as node:
+        process.spin_once(node, 0.1)
     said = capfd.readouterr().err
     assert f"ROS writes no log file: {reason}; set ROS_LOG_DIR to a folder that can be written" in said

@@ -246,7 +246,8 @@ class Series:
         self._joints: tuple[list[str], list[str]] = [], []  # names and quantities of the message before
         self._of_joints: list[str] = []  # its columns
         self._times = array("d")
-        self._found = {name: array("L" if column.is_text else "d") for name, column in self._columns.items()}
+        self._found: dict[str, array] = {name: array("L" if column.is_text else "d")
+                                         for name, column in self._columns.items()}
         self._texts: dict[str, dict[str, int]] = {name: {} for name, one in self._columns.items() if one.is_text}
 
     def append(self, time_ns: int, data: bytes) -> None:

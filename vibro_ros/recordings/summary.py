@@ -173,6 +173,10 @@ class Number(NamedTuple):
         return "-" if value is None else f"{value:{self.form}} {self.unit}".rstrip()
 
 
+def _within(part: str, name: str) -> Callable[[dict[str, Any]], float | None]:
+    return lambda summary: summary[part][name]
+
+
 NUMBERS: Mapping[str, Number] = {
     "duration": Number(itemgetter("duration"), ".3f", "s"),
     "resets": Number(itemgetter("resets"), ".0f"),  # their jumps do not count in what follows
@@ -180,14 +184,14 @@ NUMBERS: Mapping[str, Number] = {
     "path": Number(itemgetter("path_length"), ".4f", "m"),
     "mean speed": Number(itemgetter("mean_speed"), "+.2f", "mm/s", 1e3),
     "crank turns": Number(itemgetter("crank_turns"), ".1f"),
-    **{f"{guide} impacts": Number(lambda one, guide=guide: one["impacts"][guide], ".0f") for guide in GUIDES},
-    **{f"{guide} impacts per turn": Number(lambda one, guide=guide: one["impacts_per_turn"][guide], ".2f")
+    **{f"{guide} impacts": Number(_within("impacts", guide), ".0f") for guide in GUIDES},
+    **{f"{guide} impacts per turn": Number(_within("impacts_per_turn", guide), ".2f")
        for guide in GUIDES},
     "mean power": Number(itemgetter("mean_power"), ".3f", "W"),
-    "mean N / weight": Number(lambda one: one["load"]["mean"], ".3f"),  # the shocks of landings lie between samples
-    "samples with N <= 0": Number(lambda one: one["load"]["unloaded"], ".1f", "%", 1e2),
-    "pitch index": Number(lambda one: one["validity"]["pitch_index"], ".3f"),
-    "rms / continuous current": Number(lambda one: one["validity"]["current_share"], ".3f"),
+    "mean N / weight": Number(_within("load", "mean"), ".3f"),  # the shocks of landings lie between samples
+    "samples with N <= 0": Number(_within("load", "unloaded"), ".1f", "%", 1e2),
+    "pitch index": Number(_within("validity", "pitch_index"), ".3f"),
+    "rms / continuous current": Number(_within("validity", "current_share"), ".3f"),
 }
 """What the text of one recording, the table of two and the caption print, by label."""
 CAPTION = ("duration", "displacement", "mean speed", *(f"{guide} impacts per turn" for guide in GUIDES), "mean power")

@@ -15,7 +15,6 @@ from functools import partial
 
 from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import ParameterEvent
-from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.publisher import Publisher
@@ -94,7 +93,7 @@ class CommandedRobot:
         for reader in self._readers.values():
             reader.tick()
 
-    def wait(self, executor: Executor, stop: StopRequest) -> None:
+    def wait(self, stop: StopRequest) -> None:
         """Return when the robot is known, when there is none of this package to be known, or on `stop`."""
         self.ask_again()
 
@@ -102,7 +101,7 @@ class CommandedRobot:
             self.tick()
             return bool(stop or self.answered)
 
-        process.spin_until(executor, over)
+        process.spin_until(self._node, over)
         if not (stop or self.settings):
             self._node.get_logger().info(f"{self} does not say its limits: what it refuses shows in its log only")
 
@@ -222,11 +221,11 @@ class FaultService:
         self._node, self._robot = node, robot
         self._asked: list[tuple[str, Future]] = []
 
-    def wait(self, executor: Executor, stop: StopRequest) -> None:
+    def wait(self, stop: StopRequest) -> None:
         """Return when the robot offers the service, or on `stop` (RuntimeError: it does not)."""
         name, begun = f"{self._robot.name}/inject_fault", time.monotonic()
         self._client = self._node.create_client(self._kind, name)
-        process.spin_until(executor, lambda: bool(stop or self._client.service_is_ready()
+        process.spin_until(self._node, lambda: bool(stop or self._client.service_is_ready()
                                                   or time.monotonic() > begun + PARAMETERS_TIMEOUT))
         if not (stop or self._client.service_is_ready()):
             raise RuntimeError(f"{self._robot} offers no {name}; a robot with the types of {OWN_TYPES} does")

@@ -14,7 +14,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rclpy.duration import Duration
-from rclpy.executors import Executor
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
@@ -65,7 +64,7 @@ def _run(argv: Sequence[str] | None) -> int:
     if arguments.serve and arguments.script:
         raise ValueError("--serve: takes goals from other programs, not from a script; leave one of the two out")
     files = check_arguments(words)
-    with StopRequest() as stop, process.node_running(NODE_NAME, words) as (node, executor):
+    with StopRequest() as stop, process.node_running(NODE_NAME, words) as node:
         check_addressed(files, node.get_fully_qualified_name())
         settings = {parameter.name: parameter.default for parameter in PARAMETERS}
         settings |= checked_parameters(take_overrides(node), PARAMETERS)
@@ -76,7 +75,7 @@ def _run(argv: Sequence[str] | None) -> int:
             raise ValueError("reach: 0 is out of range; give a mean speed other than 0 m/s, "
                              "negative if the robot goes backwards")
         if arguments.serve:
-            return _serve(settings, node, executor, stop)
+            return _serve(settings, node, stop)
         path = find_file("script", settings["script"])
         map_path = find_file("map", settings["map"])
         command_map = read_map(map_path)
@@ -87,25 +86,25 @@ def _run(argv: Sequence[str] | None) -> int:
             raise ValueError(f"{path}: {error}") from None
         longest = " at most" if script.goals else ""
         node.get_logger().info(f"script {path}: {script.duration:g} s{longest}, {', '.join(script.commands)}")
-        return _play(script, (command_map, map_path), settings, node, executor, stop)
+        return _play(script, (command_map, map_path), settings, node, stop)
 
 
 def _play(script: Script, known: tuple[CommandMap, Path], settings: Mapping[str, Value], node: GuardedNode,
-          executor: Executor, stop: StopRequest) -> int:
+          stop: StopRequest) -> int:
     publishers = {name: node.create_publisher(Float64, name, qos.profile(name)) for name in script.commands}
     robot = CommandedRobot(node, publishers[script.commands[0]])
     adviser = MapAdviser(node, *known, robot)
     faults = FaultService(node, robot) if script.needs_faults else None
 
     def prepare() -> None:
-        robot.wait(executor, stop)
+        robot.wait(stop)
         if stop:
             return
         check_limits(script, str(settings["script"]), robot)
         if script.needs_map:
             adviser.require()
         if faults:
-            faults.wait(executor, stop)
+            faults.wait(stop)
 
     def meanwhile(_: float) -> None:
         robot.tick()
@@ -117,7 +116,7 @@ def _play(script: Script, known: tuple[CommandMap, Path], settings: Mapping[str,
         robot.note(name, value)
         player.send(name, value)
 
-    player = Player(node, executor, publishers, meanwhile, prepare)
+    player = Player(node, publishers, meanwhile, prepare)
     odometer = OdometrySubscription(node) if script.goals else None
     schedule = ScriptSchedule(script, settings["reach"], odometer, send, node.get_logger().info, adviser.advise, robot,
                               faults)
@@ -127,17 +126,17 @@ def _play(script: Script, known: tuple[CommandMap, Path], settings: Mapping[str,
     return code
 
 
-def _serve(settings: Mapping[str, Value], node: GuardedNode, executor: Executor, stop: StopRequest) -> int:
+def _serve(settings: Mapping[str, Value], node: GuardedNode, stop: StopRequest) -> int:
     """Pursue goals of other programs until a signal."""
     types = action_types()
     publisher = node.create_publisher(Float64, MOTOR, qos.profile(MOTOR))
     stop.hold()  # the motor must be told to stop
     server = GoalServer(node, types, CommandedRobot(node, publisher), publisher, timeline(node), settings["reach"])
     node.get_logger().info("ready: actions " + ", ".join(map(node.resolve_service_name, NAMES.values())))
-    process.spin_until(executor, lambda: bool(stop))
+    process.spin_until(node, lambda: bool(stop))
     server.ending = True
     over = time.monotonic() + ACKNOWLEDGE_TIMEOUT * server.busy  # the goal's sender is to have its result
-    process.spin_until(executor, lambda: time.monotonic() >= over)
+    process.spin_until(node, lambda: time.monotonic() >= over)
     publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGE_TIMEOUT))
     return 0
 

@@ -8,7 +8,6 @@ from heapq import merge
 from itertools import count
 
 from rclpy.duration import Duration
-from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from std_msgs.msg import Float64
@@ -139,10 +138,10 @@ class Player:
     another: a simulator that waits for this node's answer in lock-step relies on it.
     """
 
-    def __init__(self, node: GuardedNode, executor: Executor, publishers: Mapping[str, Publisher],
+    def __init__(self, node: GuardedNode, publishers: Mapping[str, Publisher],
                  meanwhile: Callable[[float], None] = lambda elapsed: None,
                  prepare: Callable[[], None] = lambda: None, period: float = process.POLL):
-        self._node, self._executor, self._publishers = node, executor, publishers
+        self._node, self._publishers = node, publishers
         self._moved, self._meanwhile, self._prepare, self._period = False, meanwhile, prepare, period
         self._timeline = timeline(node)
 
@@ -161,7 +160,7 @@ class Player:
             time jumps back.
         """
         if self._publishers:
-            wait_for_listeners(self._node, self._executor, [*self._publishers.values()], patience, stop)
+            wait_for_listeners(self._node, [*self._publishers.values()], patience, stop)
         if not stop:
             self._prepare()
         stop.hold()  # the motor must be told to stop
@@ -192,7 +191,7 @@ class Player:
         """Return at `instant` or on `stop`; `meanwhile` gets no time beyond it, so that time never goes back."""
         while not stop and (elapsed := self._timeline.elapsed()) < instant - ROUNDING:
             self._meanwhile(elapsed)
-            self._executor.spin_once(timeout_sec=self._timeline.longest_wait(instant - elapsed, self._period))
+            process.spin_once(self._node, self._timeline.longest_wait(instant - elapsed, self._period))
             if gone := topics_without_subscribers([*self._publishers.values()]):
                 raise RuntimeError(f"the robot is gone: nobody listens to {', '.join(gone)} any more")
 
@@ -202,8 +201,7 @@ def topics_without_subscribers(publishers: Sequence[Publisher]) -> list[str]:
     return [publisher.topic_name for publisher in publishers if publisher.get_subscription_count() == 0]
 
 
-def wait_for_listeners(node: Node, executor: Executor, publishers: Sequence[Publisher], patience: float,
-                       stop: StopRequest) -> None:
+def wait_for_listeners(node: GuardedNode, publishers: Sequence[Publisher], patience: float, stop: StopRequest) -> None:
     """Return when somebody subscribes to every one of `publishers`, or on `stop`.
 
     A robot subscribes when it can obey, not before: what is sent to one that compiles would be applied in a burst.
@@ -222,7 +220,7 @@ def wait_for_listeners(node: Node, executor: Executor, publishers: Sequence[Publ
             log.info(f"waiting for {waited:.0f} s: nobody listens to {', '.join(topics)}; {_remedy(node)}")
         return bool(stop or not topics or (patience and waited > patience))
 
-    process.spin_until(executor, over)
+    process.spin_until(node, over)
     if (topics := topics_without_subscribers(publishers)) and not stop:
         raise RuntimeError(f"no robot listens to {', '.join(topics)} after {patience:g} s; {_remedy(node)}")
 

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 from rcl_interfaces.srv import SetParameters
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
@@ -62,8 +61,8 @@ class Presence(NamedTuple):
 class LivePage:
     """Stands between the robot, whose node has the full name `robot`, and the server of its pages."""
 
-    def __init__(self, node: GuardedNode, executor: Executor, robot: str):
-        self._node, self._executor, self._name = node, executor, robot
+    def __init__(self, node: GuardedNode, robot: str):
+        self._node, self._name = node, robot
         self._commands, self._requests, self._words = Commands(node), Requests(node, robot), RobotStatus(node, robot)
         self._robot = LiveRobot(node, robot)  # last, so that a robot which has told its parameters knows all clients
         self._slow_motions = SlowMotions(node.get_logger().info)
@@ -83,7 +82,7 @@ class LivePage:
     def ask(self, page: int, request: Request) -> None:
         """Take a page's request; for the server's thread."""
         self._orders.append((page, request))
-        self._executor.create_task(self._obey)
+        self._node.executor.create_task(self._obey)
 
     def greeting(self) -> list[tuple[str, str]]:
         """What a page that has just opened is told; for the server's thread."""

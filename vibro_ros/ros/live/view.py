@@ -59,12 +59,12 @@ def _run(words: Sequence[str]) -> int:
     files = check_arguments(words)
     sockets = listening(options.address, options.port)
     os.nice(NICENESS)
-    with StopRequest() as stop, process.node_running(NODE_NAME, words) as (node, executor):
+    with StopRequest() as stop, process.node_running(NODE_NAME, words) as node:
         check_addressed(files, node.get_fully_qualified_name())
         robot = _robot(node, options.robot)
         setting: dict[str, Any] = {"mode": "live", "title": f"{robot} live", "robot": robot,
                                    "version": metadata.version("vibro_ros")}
-        page = LivePage(node, executor, robot)
+        page = LivePage(node, robot)
         server = Server(sockets, options.address, [socket.gethostname()],
                         lambda nonce: page_text(setting, None, nonce), page.ask, page.greeting)
         with server:
@@ -82,7 +82,7 @@ def _run(words: Sequence[str]) -> int:
             with _redirect(address) if options.open else nullcontext() as url:
                 if url and not webbrowser.open(url):
                     node.get_logger().warning("no browser could be opened; open the address above")
-                process.spin_until(executor, lambda: bool(stop or server.error))
+                process.spin_until(node, lambda: bool(stop or server.error))
                 page.end()
     if server.error:
         raise RuntimeError(f"the server ended: {server.error}")

@@ -1,4 +1,4 @@
-"""A node and an executor that go on, whatever their peers send.
+"""A node that goes on, whatever its peers send.
 
 rclpy raises out of a callback whatever a request makes it meet: an unknown type number in `set_parameters`, a negative
 second on `/clock`. Here such a request is answered with words, because a caller without an answer waits for ever, and
@@ -17,7 +17,6 @@ from rcl_interfaces.msg import ParameterDescriptor, ParameterType, SetParameters
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.callback_groups import CallbackGroup
 from rclpy.exceptions import InvalidParameterValueException
-from rclpy.executors import ShutdownException, SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSPolicyKind, QoSProfile
@@ -145,31 +144,6 @@ class GuardedNode(Node):
                                        "below 1000000000 ns")
 
 
-class SteadyExecutor(SingleThreadedExecutor):
-    """Runs callbacks in the caller's thread, and counts and says what they raise instead of raising it.
-
-    KeyboardInterrupt, and the end of ROS while waiting, are raised as ever. One guard here stands for one around each
-    callback: an error may also come before a callback, while rclpy takes a message or a request of another process.
-    """
-
-    def __init__(self, refusals: Refusals):
-        super().__init__()
-        self._refusals = refusals
-
-    def spin_once(self, timeout_sec: float | None = None) -> None:
-        """Wait up to `timeout_sec` [s] for one callback, and run it."""
-        try:
-            task, entity, _ = self.wait_for_ready_callbacks(timeout_sec=timeout_sec)
-        except (ShutdownException, TimeoutException):
-            return
-        task()
-        if error := task.exception():
-            if entity:
-                _release(entity)
-            name = getattr(entity, "topic_name", None) or getattr(entity, "service_name", None)
-            self._refusals.catch(name or (type(entity).__name__ if entity else "task"), error)
-
-
 class PollingSubscription:
     """A topic whose messages are taken as bytes when its owner looks; nothing wakes for them.
 
@@ -286,12 +260,3 @@ def _refused(request: Any, response: Any, reason: str) -> Any:
     elif hasattr(getattr(response, "result", None), "error_message"):  # of simulation_interfaces
         response.result.result, response.result.error_message = response.result.RESULT_OPERATION_FAILED, reason
     return response
-
-
-def _release(entity: Any) -> None:
-    """Let `entity` and its callback group run again: an error while a message is taken leaves both marked as busy, and
-    the entity deaf for ever. The first mark is private to rclpy 7; `test_node.py` fails where another rclpy differs.
-    """
-    entity._executor_event = False
-    if not entity.callback_group.can_execute(entity):
-        entity.callback_group.ending_execution(entity)

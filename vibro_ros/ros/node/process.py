@@ -14,12 +14,11 @@ from warnings import catch_warnings, simplefilter
 
 import rclpy
 from rclpy.exceptions import InvalidNamespaceException, InvalidNodeNameException
-from rclpy.executors import Executor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.logging import LoggingSeverity, set_logger_level
-from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from vibro_ros.ros.node.node import GuardedNode, SteadyExecutor
+from vibro_ros.ros.node.node import GuardedNode
 
 REMEDIES = {
     "security libraries": "ROS 2 from apt has them, its wheels from PyPI do not; without them, unset "
@@ -38,11 +37,10 @@ REMINDER = 2.0
 
 
 @contextmanager
-def node_running(name: str, words: Sequence[str]) -> Iterator[tuple[GuardedNode, Executor]]:
-    """A node and its executor, from `rclpy.init` to the clean end.
+def node_running(name: str, words: Sequence[str]) -> Iterator[GuardedNode]:
+    """A node with an executor, from `rclpy.init` to the clean end.
 
-    The node takes every parameter override that it is given, so that misspelt ones can be found. Neither of the two
-    ends by what peers send.
+    The node takes every parameter override that it is given, so that misspelt ones can be found.
 
     Raises
     ------
@@ -69,27 +67,35 @@ def node_running(name: str, words: Sequence[str]) -> Iterator[tuple[GuardedNode,
         set_logger_level("rcl", LoggingSeverity.UNSET)
     if fault:
         node.get_logger().warning(f"ROS writes no log file: {fault}; set ROS_LOG_DIR to a folder that can be written")
-    executor = SteadyExecutor(node.refusals)
+    executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
-        yield node, executor
+        yield node
     finally:
         executor.shutdown()
         node.destroy_node()
         rclpy.try_shutdown()
 
 
-def spin_until(executor: Executor, done: Callable[[], bool], poll: float = POLL) -> None:
+def spin_once(node: GuardedNode, timeout: float) -> None:
+    """Wait up to `timeout` [s] for one callback, and run it; what it raises is counted and said."""
+    try:
+        node.executor.spin_once(timeout_sec=timeout)
+    except Exception as error:  # of the callback, or of rclpy while it takes a message or a request
+        node.refusals.catch("a callback", error)
+
+
+def spin_until(node: GuardedNode, done: Callable[[], bool], poll: float = POLL) -> None:
     """Run callbacks until `done`, which is looked at after each one, and at least every `poll` [s].
 
     A signal is noticed at the next look. Each look costs half a millisecond, in which rclpy collects all that it waits
     for.
     """
     while not done():
-        executor.spin_once(timeout_sec=poll)
+        spin_once(node, poll)
 
 
-def wait_for_time(node: Node, executor: Executor, stopped: Callable[[], bool]) -> None:
+def wait_for_time(node: GuardedNode, stopped: Callable[[], bool]) -> None:
     """Return once `node` has ROS time, or when `stopped`; say what is waited for.
 
     Without `use_sim_time` that is at once. With it time begins when a message on /clock says one above 0, which
@@ -107,7 +113,7 @@ def wait_for_time(node: Node, executor: Executor, stopped: Callable[[], bool]) -
             f"use_sim_time: waiting for the first time on {topic} ({waited:.0f} s; {lack}); start a simulator that "
             "publishes it, or start this node without use_sim_time")
         due = began + waited + REMINDER
-        spin_until(executor, lambda: over() or time.monotonic() > due)  # noqa: B023 (called within this turn)
+        spin_until(node, lambda: over() or time.monotonic() > due)  # noqa: B023 (called within this turn)
 
 
 def _log_folder_fault() -> str:

@@ -18,7 +18,6 @@ from dataclasses import replace
 from functools import partial
 
 from builtin_interfaces.msg import Time
-from rclpy.executors import Executor
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 
@@ -94,7 +93,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(words: Sequence[str]) -> int:
     _parser().parse_args(own_arguments(words))
     files = check_arguments(words)
-    with StopRequest() as stop, process.node_running(NODE_NAME, words) as (node, executor):
+    with StopRequest() as stop, process.node_running(NODE_NAME, words) as node:
         check_addressed(files, node.get_fully_qualified_name())
         check_names(node, (*COMMANDS, *PUBLISHED))
         settings, scene = _configure(node, words)
@@ -105,16 +104,16 @@ def _run(words: Sequence[str]) -> int:
         plan = _plan(node, settings, scene, publishers)
         node.get_logger().info(f"scene {settings['scene']}")
         preparation = Preparation(partial(_prepare, node, settings, scene, plan), node.get_logger().info)
-        process.spin_until(executor, lambda: bool(stop) or preparation.done())
+        process.spin_until(node, lambda: bool(stop) or preparation.done())
         device = None if stop else preparation.result()
         if not settings["clock.publish"]:  # else the robot itself says what time it is
-            wait_for_time(node, executor, lambda: bool(stop))
+            wait_for_time(node, lambda: bool(stop))
         if stop or device is None:
             say("robot", "stopped while starting")
             return 0
         gc.freeze()  # all of this lasts: to go through it again and again would delay ticks, and the process's end
         set_real_time_priority(settings["rate.real_time_factor"], settings["rate.start_paused"])
-        return _operate(node, executor, settings, device, publishers, plan, stop)
+        return _operate(node, settings, device, publishers, plan, stop)
 
 
 def _configure(node: GuardedNode, words: Sequence[str]) -> tuple[dict[str, Value], Scene]:
@@ -156,7 +155,7 @@ def _prepare(node: GuardedNode, settings: Mapping[str, Value], scene: Scene, pla
     return device
 
 
-def _operate(node: GuardedNode, executor: Executor, settings: Mapping[str, Value], device: Simulator,
+def _operate(node: GuardedNode, settings: Mapping[str, Value], device: Simulator,
              publishers: RobotPublishers, plan: Plan, stop: StopRequest) -> int:
     log, parameters = node.get_logger(), {**settings, **device.scene.parameters}
     plan = replace(plan, metadata={**plan.metadata, **provenance(parameters, _now(node, settings))})
@@ -180,9 +179,9 @@ def _operate(node: GuardedNode, executor: Executor, settings: Mapping[str, Value
                 recording.watch()
                 return bool(stop or run.error or run.quitting)
 
-            process.spin_until(executor, over, WATCH)
+            process.spin_until(node, over, WATCH)
         run.quitting = True  # nothing is stepped any more: whoever still waits has an answer, and is to get it
-        process.spin_until(executor, lambda: not run.waiting)
+        process.spin_until(node, lambda: not run.waiting)
     if run.error or recording.faults:
         diagnostics.publish_last()
     log.info(f"{recording.summary()}; {run.robot_time.time:.3f} s simulated, {run.pacing.dropped:.3f} s dropped "
