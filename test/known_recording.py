@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vibro_ros.bag.recorder import Recorder, Topic
-from vibro_ros.messages.codec import blank, serialised
+from vibro_ros.messages.codec import new_message, serialised
 
 START = 1_763_700_000_000_000_000  # ns
 PERIOD = 5_000_000  # ns
@@ -25,7 +25,7 @@ UPPER_IMPACTS, INCLINED_IMPACTS = 60, 30
 
 def _message(topic: str, stamp: int, frame: str = "", **fields) -> bytes:
     """A message of a stamped topic; `fields` by their paths, with `__` between the parts."""
-    message = blank(TYPES[topic])
+    message = new_message(TYPES[topic])
     message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
     message.header.frame_id = frame
     for path, value in fields.items():
@@ -38,7 +38,7 @@ def _message(topic: str, stamp: int, frame: str = "", **fields) -> bytes:
 
 
 def _number(value: float) -> bytes:
-    message = blank(TYPES["motor_power"])
+    message = new_message(TYPES["motor_power"])
     message.data = value
     return serialised(message, TYPES["motor_power"])
 

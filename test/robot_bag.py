@@ -11,7 +11,7 @@ from vibro_ros.bag.metadata import Topic, defined
 from vibro_ros.bag.recorder import BagWriter, Storage
 from vibro_ros.bag.stream import BagStream
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
-from vibro_ros.messages.codec import blank, deserialised, serialised
+from vibro_ros.messages.codec import deserialised, new_message, serialised
 from vibro_ros.messages.topics import CHECKPOINT, OPERATIONS, ROBOT_TOPICS, TOPICS
 from vibro_ros.model.scene import Scene
 from vibro_ros.recordings.rerun import RecordedRun, Rerun
@@ -56,7 +56,7 @@ def _inputs(told: Mapping[str, float | bytes] | str) -> list[tuple[str, bytes]]:
 
 def holding(kind: str, data: float | str | np.ndarray) -> bytes:
     """A serialised message of a type that holds `data`."""
-    message = blank(kind)
+    message = new_message(kind)
     message.data = data
     return serialised(message, kind)
 

@@ -9,7 +9,7 @@ from forward_kinematics import Kinematics
 from tree_of_frames import Tree
 
 from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.messages.codec import blank
+from vibro_ros.messages.codec import new_message
 from vibro_ros.messages.frames import ONLY_BASE, Frames
 from vibro_ros.messages.urdf import robot_description
 from vibro_ros.model.slider import Slider
@@ -32,8 +32,8 @@ def scene(request):
 
 def transforms(frames: Frames, state: SimpleNamespace) -> tuple[list, list]:
     """Moving and fixed ones, in messages of rosbags."""
-    moving = [blank("geometry_msgs/msg/TransformStamped") for _ in range(1 + len(frames.moving))]
-    fixed = [blank("geometry_msgs/msg/TransformStamped") for _ in frames.fixed]
+    moving = [new_message("geometry_msgs/msg/TransformStamped") for _ in range(1 + len(frames.moving))]
+    fixed = [new_message("geometry_msgs/msg/TransformStamped") for _ in frames.fixed]
     frames.fill(moving, state, STAMP)
     frames.fill_fixed(fixed, STAMP)
     return moving, fixed

@@ -61,5 +61,5 @@ def test_every_file_of_every_bag_begins_with_it(start, listener, record, tmp_pat
         with BagStream(folder) as stream:
             counted = sum(topic.messages for topic in stream.topics.values())
             assert (stream.metadata["written"], stream.metadata["lost"]) == (str(counted), "0")
-            assert stream.topics[TOPIC].lasting and not stream.topics["/odom"].lasting
+            assert stream.topics[TOPIC].transient_local and not stream.topics["/odom"].transient_local
         assert replay.main([str(folder)]) == 0

@@ -25,7 +25,7 @@ from vibro_ros.ros.robot.subscriptions import CommandSubscriptions
 
 def run_of(bench, record, **more) -> Run:
     scene = vibro_ros.load_scene("device")
-    recording = SimpleNamespace(record=record, checkpoint=lambda *_: None, crowded=False)
+    recording = SimpleNamespace(record=record, checkpoint=lambda *_: None, is_backlogged=False)
     return Run(bench.node, vibro_ros.Simulator(scene), RobotTime(rate=200.0, start=1_000),
                Pacing(factor=0.0, max_catch_up=0.1), CommandSubscriptions(bench.node, scene),
                RobotPublishers(bench.node, scene), recording, **more)
@@ -57,7 +57,7 @@ def test_whoever_asked_is_answered_when_the_run_cannot_go_on(bench, monkeypatch)
 
     monkeypatch.setattr(run.device, "reset", fail)
     with run:
-        run.recording.crowded = True  # so that no step is taken
+        run.recording.is_backlogged = True  # so that no step is taken
         waiting = run.begin_steps(3)
         with pytest.raises(ValueError, match="3 steps are being taken, 0 so far"):
             run.begin_steps(1)

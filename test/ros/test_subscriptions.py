@@ -3,7 +3,7 @@
 from std_msgs.msg import Float64
 
 import vibro_ros
-from vibro_ros.messages.codec import blank, serialised
+from vibro_ros.messages.codec import new_message, serialised
 from vibro_ros.ros.node.node import PollingSubscription
 from vibro_ros.ros.robot.subscriptions import CommandSubscriptions
 
@@ -17,7 +17,7 @@ def test_rclpy_hands_out_bytes_and_instant_of_a_message(bench):
         publisher.publish(Float64(data=float(number)))
     taken = []
     bench.spin_until(lambda: taken.extend(subscription.take(2)) or len(taken) == 3, "messages")
-    message = blank("std_msgs/msg/Float64")
+    message = new_message("std_msgs/msg/Float64")
     for number, (data, instant) in enumerate(taken):
         message.data = float(number)
         assert data == serialised(message, "std_msgs/msg/Float64")

@@ -86,7 +86,7 @@ def test_names_can_be_remapped_and_recorded_alone(start, bench, listener, tmp_pa
     assert set(read_bag(folder).topics) == {"/lab/tf", "/lab/tf_static"}
     with BagStream(folder) as stream:
         assert compare(stream).difference is None
-        assert stream.topics["/lab/tf_static"].lasting and not stream.topics["/lab/tf"].lasting
+        assert stream.topics["/lab/tf_static"].transient_local and not stream.topics["/lab/tf"].transient_local
 
 
 def check_places(bag: dict[str, list]) -> None:

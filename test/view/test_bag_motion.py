@@ -12,7 +12,7 @@ from robot_bag import START, changed, each, offset_times, rewritten, robot_bag, 
 import vibro_ros
 from vibro_ros.bag.stream import BagError
 from vibro_ros.configuration.scene_file import shipped_scenes
-from vibro_ros.messages.codec import blank, serialised
+from vibro_ros.messages.codec import new_message, serialised
 from vibro_ros.messages.topics import ROBOT_TOPICS
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.view.bag_motion import bag_motion
@@ -114,7 +114,7 @@ def test_other_parameters_while_it_runs_a_stop_for_want_of_commands_and_refused_
 
 def test_commands_of_all_joints_in_one_message_are_part_of_the_motion(tmp_path):
     """As ros2_control sends them; what is wrong with one joint's is refused, and the others count."""
-    scene, message = vibro_ros.load_scene("device"), blank(ROBOT_TOPICS["joint_commands"])
+    scene, message = vibro_ros.load_scene("device"), new_message(ROBOT_TOPICS["joint_commands"])
     message.name = ["crank", "upper_plate", "inclined_plate"]
     message.velocity = np.array([90.0])
     message.position = np.array([scene["crank.upper_rod"] + 0.0005, scene["crank.inclined_rod"] + 1e3])

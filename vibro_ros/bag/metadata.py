@@ -21,7 +21,7 @@ LAST_STAMP = 2**63 - 2
 """Greatest recorded stamp [ns]: rosbag2 keeps signed 64-bit stamps, and rosbags reserves the last one."""
 
 _MOST_DEPTH = 2**31 - 1
-_LASTING = "transient_local"
+_TRANSIENT_LOCAL = "transient_local"
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}  # how ROS writes "no deadline"
 
 
@@ -37,14 +37,14 @@ class Topic:
         ROS type, such as ``nav_msgs/msg/Odometry``; any type of ROS 2 Jazzy's common interfaces.
     qos_depth : int
         History depth that the publisher offers.
-    lasting : bool
+    transient_local : bool
         Whether late subscribers get what was published before (transient local).
     """
 
     name: str
     type_name: str
     qos_depth: int
-    lasting: bool = False
+    transient_local: bool = False
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def defined(topics: Sequence[Topic]) -> list[Definition]:
     for topic in topics:
         text, _ = jazzy_types().generate_msgdef(topic.type_name, ros_version=2)
         qos = {"history": "keep_last", "depth": topic.qos_depth, "reliability": "reliable",
-               "durability": _LASTING if topic.lasting else "volatile",
+               "durability": _TRANSIENT_LOCAL if topic.transient_local else "volatile",
                "deadline": dict(_FOREVER), "lifespan": dict(_FOREVER), "liveliness": "automatic",
                "liveliness_lease_duration": dict(_FOREVER), "avoid_ros_namespace_conventions": False}
         digest = jazzy_types().hash_rihs01(topic.type_name)
@@ -183,9 +183,9 @@ def qos_profiles(text: str) -> list[dict]:
     return [one for one in found if isinstance(one, dict)] if isinstance(found, list) else []
 
 
-def is_lasting(profiles: Sequence[Mapping]) -> bool:
+def is_transient_local(profiles: Sequence[Mapping]) -> bool:
     """Whether the first of QoS profiles has late subscribers get what was published before (transient local)."""
-    return bool(profiles) and profiles[0].get("durability") in (_LASTING, 1)  # a number in bags before Jazzy
+    return bool(profiles) and profiles[0].get("durability") in (_TRANSIENT_LOCAL, 1)  # a number in bags before Jazzy
 
 
 def depth_of(profiles: Sequence[Mapping], otherwise: int) -> int:

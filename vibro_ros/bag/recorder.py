@@ -41,7 +41,7 @@ from vibro_ros.bag.metadata import (
 )
 
 FLUSH_PERIOD = 0.05  # s, that a message stays in memory only; 0.1 is promised, and a busy machine is late
-PATIENCE = 0.01  # s, after a flush was due, until the thread wakes by itself
+WAKE_DELAY = 0.01  # s, after a flush was due, until the thread wakes by itself
 WAKING = 1000  # messages that wait and wake the thread before: a robot faster than real time must not fill the queue
 BATCH = 15  # messages between two offers of the interpreter lock; about 60 us
 BACKLOG = 20_000  # messages waiting for the disk; about 4 s of a robot that publishes at 1 kHz
@@ -162,7 +162,7 @@ class Recorder:
         except OSError as error:
             raise OSError(f"cannot record to {folder}: {error.strerror}; "
                           "give a folder that can be written") from error
-        self.begin_files_with(latched)
+        self.latch(latched)
         self._thread = Thread(target=self._run, name="bag writer", daemon=True)
         self._thread.start()
 
@@ -181,9 +181,9 @@ class Recorder:
             self._refused += 1
         return False
 
-    def begin_files_with(self, latched: Sequence[tuple[str, bytes]]) -> None:
+    def latch(self, latched: Sequence[tuple[str, bytes]]) -> None:
         """Say what `latched` is, before the first `write`."""
-        self._writer.begin_files_with([(self._topics[topic], data) for topic, data in latched])
+        self._writer.latch([(self._topics[topic], data) for topic, data in latched])
 
     def describe(self, custom: Mapping[str, str]) -> None:
         """Add to the bag's custom data what is known now, before the messages that are written from now on."""
@@ -216,7 +216,7 @@ class Recorder:
         return len(self._queue)
 
     @property
-    def crowded(self) -> bool:
+    def is_backlogged(self) -> bool:
         """Whether half of the room for waiting messages is taken, so that a caller who can wait should."""
         return self._accepting and 2 * len(self._queue) > self._backlog
 
@@ -265,7 +265,7 @@ class Recorder:
         while not closing:
             self._waking = self._due
             with contextlib.suppress(Empty):
-                self._bell.get(timeout=max(0.0, self._due + PATIENCE - time.monotonic()))
+                self._bell.get(timeout=max(0.0, self._due + WAKE_DELAY - time.monotonic()))
             self._waking = math.inf
             closing = self._closing  # asked before the queue is emptied for the last time
             self._write_batch()
@@ -349,7 +349,7 @@ class BagWriter:
         finished = sum(file.messages for file, _ in list(self._finished))  # other threads ask, too
         return finished + self._discarded_messages + (self._flushed if self._is_open else 0)
 
-    def begin_files_with(self, latched: Sequence[tuple[int, bytes]]) -> None:
+    def latch(self, latched: Sequence[tuple[int, bytes]]) -> None:
         """Let each file begin with these, topic and message, under its first message's stamp; before that is written.
 
         So whoever has one file, or plays the bag from there on, has what was published once and for all.

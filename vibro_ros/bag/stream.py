@@ -12,7 +12,7 @@ from pathlib import Path
 
 from vibro_ros.bag.folders import bag_files
 from vibro_ros.bag.mcap_file import ForeignFileError, McapFile, Message
-from vibro_ros.bag.metadata import FILE_NAME, custom_of, depth_of, is_lasting, read_metadata
+from vibro_ros.bag.metadata import FILE_NAME, custom_of, depth_of, is_transient_local, read_metadata
 from vibro_ros.messages.topics import ROBOT_TOPICS, TOPICS
 from vibro_ros.process.files import one_line
 
@@ -49,14 +49,14 @@ class RecordedTopic:
         Number of messages.
     qos_depth : int
         History depth that the publisher offered.
-    lasting : bool
+    transient_local : bool
         Whether late subscribers got what was published before (transient local).
     """
 
     type_name: str
     messages: int
     qos_depth: int = QOS_DEPTH
-    lasting: bool = False
+    transient_local: bool = False
 
 
 class BagStream:
@@ -137,7 +137,7 @@ class BagStream:
                 number = file.information.counts[topic.name]
                 if before is None:
                     found[topic.name] = RecordedTopic(topic.type_name, number, depth_of(topic.qos, QOS_DEPTH),
-                                                      is_lasting(topic.qos))
+                                                      is_transient_local(topic.qos))
                 elif before.type_name == topic.type_name:
                     found[topic.name] = replace(before, messages=before.messages + number)
                 else:

@@ -1,4 +1,4 @@
-"""Messages without ROS: their types, blank ones to fill, their bytes, and where two of them differ."""
+"""Messages without ROS: their types, new ones to fill, their bytes, and where two of them differ."""
 
 import struct
 from collections.abc import Iterator
@@ -19,11 +19,11 @@ def jazzy_types() -> Typestore:
     return get_typestore(Stores.ROS2_JAZZY)
 
 
-def blank(type_name: str) -> Any:
+def new_message(type_name: str) -> Any:
     """A message with zeros, empty texts and empty lists, as every ROS library makes it."""
     store = jazzy_types()
     _, fields = store.fielddefs[type_name]
-    return store.types[type_name](**{name: _blank(kind, what) for name, (kind, what) in fields})
+    return store.types[type_name](**{name: _new_field(kind, what) for name, (kind, what) in fields})
 
 
 def serialised(message: Any, type_name: str) -> bytes:
@@ -78,15 +78,15 @@ def first_difference(one: bytes, other: bytes, type_name: str) -> tuple[str, obj
         return "bytes", len(one), len(other)
 
 
-def _blank(kind: Nodetype, what: Any) -> Any:
+def _new_field(kind: Nodetype, what: Any) -> Any:
     if kind is Nodetype.NAME:
-        return blank(what)
+        return new_message(what)
     if kind is Nodetype.BASE:
         return {"string": "", "bool": False, "float64": 0.0, "float32": 0.0}.get(what[0], 0)
     (inner, of), length = what
     if inner is Nodetype.BASE and of[0] != "string":
         return np.zeros(length if kind is Nodetype.ARRAY else 0, dtype=of[0])
-    return [_blank(inner, of) for _ in range(length if kind is Nodetype.ARRAY else 0)]
+    return [_new_field(inner, of) for _ in range(length if kind is Nodetype.ARRAY else 0)]
 
 
 def _leaves(one: Any, other: Any, path: str) -> Iterator[tuple[str, object, object]]:

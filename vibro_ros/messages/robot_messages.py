@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_ros.messages.codec import blank, serialised
+from vibro_ros.messages.codec import new_message, serialised
 from vibro_ros.messages.frames import ALL, JOINTS, NONE, Frames, fill_header, joints_of
 from vibro_ros.messages.topics import SAMPLE, SAMPLES, SENSOR_TOPICS, TOPICS, TRANSFORM, published_by
 from vibro_ros.messages.urdf import BASE, robot_description
@@ -61,7 +61,7 @@ class RobotMessages:
         self._scene, self._prefix, self._control = scene, prefix, control
         self._frames = Frames(scene, prefix, transforms) if transforms != NONE else None
         self.topics = published_by(scene, transforms)
-        self._messages = {name: self._blank(name) for name in self.topics}
+        self._messages = {name: self._new_message(name) for name in self.topics}
         self._sampled = tuple(name for name in self.topics if TOPICS[name].when == SAMPLE)
         self._stamped = tuple(self._messages[name].header for name in self._sampled if TOPICS[name].frame)
         self._numbers = [(*_place(self._messages[name], path), FIELDS.index(field.lstrip("-")), field.startswith("-"))
@@ -73,11 +73,11 @@ class RobotMessages:
         self._messages["joint_states"].name = joints
         self._joints = [[FIELDS.index(JOINTS[joint][part]) for joint in joints] for part in range(3)]
         if self._frames:
-            self._messages["tf"].transforms = [blank(TRANSFORM) for _ in range(1 + len(self._frames.moving))]
+            self._messages["tf"].transforms = [new_message(TRANSFORM) for _ in range(1 + len(self._frames.moving))]
 
-        dimension = blank("std_msgs/msg/MultiArrayDimension")
+        dimension = new_message("std_msgs/msg/MultiArrayDimension")
         dimension.label, dimension.size, dimension.stride = ",".join(SAMPLE_LABELS), *[len(SAMPLE_LABELS)] * 2
-        self._whole = blank(TOPICS[SAMPLES].type)
+        self._whole = new_message(TOPICS[SAMPLES].type)
         self._whole.layout.dim = [dimension]
 
     def once(self, stamp: int) -> Iterator[tuple[str, bytes]]:
@@ -85,7 +85,7 @@ class RobotMessages:
         self._messages["robot_description"].data = robot_description(self._scene, self._control)
         yield "robot_description", self._bytes("robot_description")
         if self._frames and self._frames.fixed:
-            self._messages["tf_static"].transforms = [blank(TRANSFORM) for _ in self._frames.fixed]
+            self._messages["tf_static"].transforms = [new_message(TRANSFORM) for _ in self._frames.fixed]
             self._frames.fill_fixed(self._messages["tf_static"].transforms, stamp)
             yield "tf_static", self._bytes("tf_static")
 
@@ -140,8 +140,8 @@ class RobotMessages:
         self._whole.data[len(SAMPLE_LABELS) - len(FIELDS) + TIME] = time
         return serialised(self._whole, TOPICS[SAMPLES].type)
 
-    def _blank(self, name: str) -> Any:
-        message, topic = blank(TOPICS[name].type), TOPICS[name]
+    def _new_message(self, name: str) -> Any:
+        message, topic = new_message(TOPICS[name].type), TOPICS[name]
         if topic.frame:
             message.header.frame_id = self._prefix + topic.frame
         for path, value in topic.constants.items():

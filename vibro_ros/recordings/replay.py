@@ -127,7 +127,7 @@ def what_if(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str]:
         writer = BagWriter(next(folder for folder in folders if not os.path.lexists(folder)),
                            defined([*topics.values()]), custom, Storage())
         numbers = {name: number for number, name in enumerate(topics, start=1)}
-        writer.begin_files_with([(numbers[name], data) for name, data in rerun.latched.items() if name in numbers])
+        writer.latch([(numbers[name], data) for name, data in rerun.latched.items() if name in numbers])
         try:
             for _, recorded in rerun.through(stream):
                 inputs = [(name, data) for name, data in recorded if name in INPUTS]

@@ -30,15 +30,15 @@ from vibro_ros.view.slow_motion import History, SlowMotions
 
 PERIOD = 1.0 / 30.0
 """Time [s] between two batches of samples."""
-LOOKS = 0.5
+LOOK_PERIOD = 0.5
 """Time [s] between two looks who publishes and who offers services."""
-LASTING = 5.0
+ABSENCE_TIMEOUT = 5.0
 """Time [s] after which the terminal says that there is no robot; a robot that is started with the view takes two."""
 MOST_ORDERS = 400
 """Requests of pages that wait for the node."""
-AROUND = 1.0
+IMPACT_MARGIN = 1.0
 """Time [s] by which an impact may lie outside of the samples that were seen."""
-PATIENCE = 5.0
+ANSWER_TIMEOUT = 5.0
 """Longest time [s] that an answer of the robot is waited for."""
 MOST_WAITING = 50
 """Calls that wait for an answer at once."""
@@ -63,7 +63,8 @@ class LivePage:
 
     def __init__(self, node: GuardedNode, robot: str):
         self._node, self._name = node, robot
-        self._commands, self._requests, self._words = Commands(node), Requests(node, robot), RobotStatus(node, robot)
+        self._commands, self._requests = Commands(node), Requests(node, robot)
+        self._robot_status = RobotStatus(node, robot)
         self._robot = LiveRobot(node, robot)  # last, so that a robot which has told its parameters knows all clients
         self._slow_motions = SlowMotions(node.get_logger().info)
         self._history, self._orders = History(), deque[tuple[int, Request]](maxlen=MOST_ORDERS)
@@ -87,7 +88,7 @@ class LivePage:
     def greeting(self) -> list[tuple[str, str]]:
         """What a page that has just opened is told; for the server's thread."""
         frames = [self._frame(self._presence), ("commands", self._in_force)]
-        return [*frames, ("status", self._status())] if self._words.status else frames
+        return [*frames, ("status", self._status())] if self._robot_status.status else frames
 
     def end(self) -> None:
         """Stop the motor, if a page has made it turn: nobody is left who could stop it here."""
@@ -99,10 +100,10 @@ class LivePage:
         rows = self._robot.poll()
         if self._robot.origin != origin:
             self._history.clear()
-        if self._words.diagnostics():
+        if self._robot_status.diagnostics():
             self._robot.hear()
             server.send("status", self._status())
-        if (now := monotonic()) > self._looked + LOOKS:
+        if (now := monotonic()) > self._looked + LOOK_PERIOD:
             self._looked = now
             self._robot.look()
             self._say_absence(now)
@@ -119,7 +120,7 @@ class LivePage:
         """Say in the terminal, once, why there is nothing to show, if that lasts."""
         if self._presence.absence != self._absence:
             self._absence, self._since = self._presence.absence, now
-        elif self._absence and now > self._since + LASTING:
+        elif self._absence and now > self._since + ABSENCE_TIMEOUT:
             self._since = float("inf")
             self._node.get_logger().warning(self._absence)
 
@@ -133,26 +134,28 @@ class LivePage:
         if presence == before:
             return
         if presence.settings and presence.settings != before.settings:
-            self._words.begin(presence.settings.prefix)
+            self._robot_status.begin(presence.settings.prefix)
             self._slow_motions.prepare(presence.settings.scene["solver.method"])
         server.send(*self._frame(presence))
 
     def _tell(self, server: Server) -> None:
         """Hand on what the robot says beside its samples."""
-        robot, operations = self._robot, self._words.operations()
+        robot, operations = self._robot, self._robot_status.operations()
         run = robot.origin, robot.silences
         goes_on, self._run = run == self._run, run  # else what was commanded before holds no more
         self._commands.take(robot.settings.scene if robot.settings and goes_on else None, operations)
         if any(one.name == SET for one in operations):
             self._robot.reader.read()
-        if operations and self._words.status:
+        if operations and self._robot_status.status:
             server.send("status", self._status())
         last, origin = self._history.last(), self._presence.origin
-        impacts = [((one.stamp - origin) * 1e-9, one) for one in self._words.impacts() if origin is not None]
-        if last is not None and (near := [{"time": time, "side": one.side, "peak_force": one.peak_force}
-                                          for time, one in impacts if -AROUND < time < last[_TIME] + AROUND]):
-            server.send("impacts", text_frame("impacts", list=near))
-        for level, words in self._words.log():
+        impacts = [((one.stamp - origin) * 1e-9, one) for one in self._robot_status.impacts() if origin is not None]
+        if last is not None:
+            near = [{"time": time, "side": one.side, "peak_force": one.peak_force} for time, one in impacts
+                    if -IMPACT_MARGIN < time < last[_TIME] + IMPACT_MARGIN]
+            if near:
+                server.send("impacts", text_frame("impacts", list=near))
+        for level, words in self._robot_status.log():
             server.send("log", text_frame("log", level=level, words=words))
 
     def _command(self, server: Server) -> None:
@@ -191,7 +194,7 @@ class LivePage:
             self._slow_motions.ask(self._presence.settings.scene, samples, done)
 
     def _status(self) -> str:
-        return text_frame("status", **{**STATUS, **self._words.status})
+        return text_frame("status", **{**STATUS, **self._robot_status.status})
 
     def _frame(self, presence: Presence) -> tuple[str, str]:
         """Kind and text of the frame that says how things stand."""
@@ -240,10 +243,11 @@ class Requests:
 
     def tick(self) -> None:
         """Give up what has waited too long; to be called often."""
-        for one in [one for one in self._waiting if monotonic() > one.begun + PATIENCE]:
+        for one in [one for one in self._waiting if monotonic() > one.begun + ANSWER_TIMEOUT]:
             self._waiting.remove(one)
             one.sent.cancel()  # the client then forgets it
-            one.answer(False, f"{one.service} has not answered for {PATIENCE:g} s; it may still do what was asked")
+            one.answer(False, f"{one.service} has not answered for {ANSWER_TIMEOUT:g} s; it may still do what was "
+                              "asked")
 
     def _take(self, one: _Waiting) -> None:
         if one not in self._waiting or one.sent.cancelled():

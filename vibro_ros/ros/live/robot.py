@@ -29,14 +29,14 @@ LONGEST = 10_000
 """Bytes of the longest message that is read; a robot's have a thousand."""
 LONGEST_RUN = 1e8
 """Time [s] that a robot may have run, three years: of later times a float does not hold the nanoseconds."""
-SILENCE = 3.0
+SILENCE_TIMEOUT = 3.0
 """Time [s] without a sample and without diagnostics, which come each second, after which a robot is not heard."""
-READ_AGAIN = 2.0
+READ_PERIOD = 2.0
 """Time [s] after which a robot whose parameters cannot be its own is asked for them once more."""
-FIRST = 1.5
+FIRST_SAMPLE_TIMEOUT = 1.5
 """Time [s] that the first sample may take; of a robot that has said something by then and sent none, time stands still.
 """
-RIVALRY = 2.0
+RIVALRY_PERIOD = 2.0
 """Time [s] within which a run is followed by another one once at most; a robot needs about a second to start."""
 MOST_NAMED = 5
 """Other robots that are named."""
@@ -83,7 +83,7 @@ class LiveRobot:
         After a silence it may be another robot, and is shown when it has told who it is.
         """
         now = time.monotonic()
-        if float("-inf") < self._heard < now - SILENCE:
+        if float("-inf") < self._heard < now - SILENCE_TIMEOUT:
             self.silences += 1
             self.settings = self.origin = None
             self.reader.read()
@@ -93,7 +93,7 @@ class LiveRobot:
         """Look who publishes, and ask again where that has changed or is not explained; to be called now and then."""
         found = frozenset(bytes(one.endpoint_gid)
                           for one in self._node.get_publishers_info_by_topic(self._samples.topic))
-        ask_again = self._fault and not self.reader.reading and time.monotonic() > self._read_at + READ_AGAIN
+        ask_again = self._fault and not self.reader.reading and time.monotonic() > self._read_at + READ_PERIOD
         if found - self._publishers or ask_again:
             self.reader.read()
         if self._publishers and not found:  # it has gone, and who comes next is to be asked what it is
@@ -113,15 +113,15 @@ class LiveRobot:
         is_missing = self.settings is None and not self.reader.sees_robot
         if not self._publishers and (is_missing or self.settings) or (is_missing and self._others):
             return self._nobody()
-        silent = now > self._heard + SILENCE
+        silent = now > self._heard + SILENCE_TIMEOUT
         if self.settings is None:
             return f"{self._robot} is there; waiting for its parameters"
         if self.origin is None and silent:
             return f"{self._robot} is starting; the first start compiles for half a minute"
-        if self.origin is None and now < self._read_at + FIRST:
+        if self.origin is None and now < self._read_at + FIRST_SAMPLE_TIMEOUT:
             return f"{self._robot} is there; waiting for its first sample"
         if silent:
-            return f"{self._robot} has not been heard for {SILENCE:g} s; it was killed, or something keeps it"
+            return f"{self._robot} has not been heard for {SILENCE_TIMEOUT:g} s; it was killed, or something keeps it"
         return ""
 
     def _robots_seen(self) -> list[str]:
@@ -194,8 +194,8 @@ class Runs:
     @property
     def rivals(self) -> bool:
         """Whether two robots have been heard lately."""
-        return len(self._changes) == 2 and (self._changes[1] - self._changes[0] < RIVALRY
-                                            and self._now() - self._changes[1] < RIVALRY)
+        return len(self._changes) == 2 and (self._changes[1] - self._changes[0] < RIVALRY_PERIOD
+                                            and self._now() - self._changes[1] < RIVALRY_PERIOD)
 
     def restarted(self, starts: Sequence[int], times: Sequence[float]) -> bool:
         """Take note of samples, by their starts [ns] and times [s]; whether another run has begun with one of them."""

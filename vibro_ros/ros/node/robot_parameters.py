@@ -18,7 +18,7 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.process.files import one_line
 from vibro_ros.ros.node.refusals import peer_text
 
-AGAIN = 1.0
+ASK_PERIOD = 1.0
 """Time [s] without an answer after which a question is asked once more. DDS drops a question or its answer where robot
 and view know each other on one side only."""
 OF_DEVICE = ("scene", "frame_prefix", "command.timeout")
@@ -99,7 +99,7 @@ class SceneReader:
         if not self.reading or time.monotonic() < self._due or not client.service_is_ready():
             return
         self._forget()
-        self._due = time.monotonic() + AGAIN
+        self._due = time.monotonic() + ASK_PERIOD
         self._asked = client.call_async(
             GetParameters.Request(names=list(_NAMES)) if self._listed else ListParameters.Request())
         self._asked.add_done_callback(self._take)

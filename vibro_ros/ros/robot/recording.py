@@ -104,7 +104,7 @@ class Recording:
         self.faults: list[str] = []
         self._plan = plan
         self._log = log
-        self._lasting: list[tuple[str, bytes]] = []
+        self._latched: list[tuple[str, bytes]] = []
         self._names = {topic.name for topic in (*plan.topics, *filter(None, [plan.checkpoint]))}
         self._whole: Recorder | None = None  # the one that holds the run's beginning, whatever comes
         self._checkpointed: Recorder | None = None  # where the last checkpoint is
@@ -127,10 +127,10 @@ class Recording:
         self.watch()
 
     @property
-    def crowded(self) -> bool:
+    def is_backlogged(self) -> bool:
         """Whether the next messages had better wait, if they can, for the disk to write those before."""
         recorder = self._recorder
-        return recorder is not None and recorder.crowded
+        return recorder is not None and recorder.is_backlogged
 
     @property
     def checkpoint_topic(self) -> str:
@@ -142,11 +142,11 @@ class Recording:
         self._recorder = self._new_bag(whole=not self._plan.storage.max_bytes)
         self._whole = None if self._plan.storage.max_bytes else self._recorder
 
-    def begin_files_with(self, lasting: Sequence[tuple[str, bytes]]) -> None:
+    def latch(self, latched: Sequence[tuple[str, bytes]]) -> None:
         """Let each file of every bag begin with these, resolved topic name and message; before the first `record`."""
-        self._lasting = [(topic, data) for topic, data in lasting if topic in self._names]
+        self._latched = [(topic, data) for topic, data in latched if topic in self._names]
         if self._recorder is not None:
-            self._recorder.begin_files_with(self._lasting)
+            self._recorder.latch(self._latched)
 
     def describe(self, custom: Mapping[str, str]) -> None:
         """Add to what each bag says of itself, before the messages that come from now on."""
@@ -241,7 +241,7 @@ class Recording:
         for folder in bag_folders(self._plan.directory, datetime.now(), self._plan.namespace):
             with suppress(FileExistsError):  # another bag of this second, or another robot's
                 recorder = Recorder(folder, (*self._plan.topics, *checkpoint), self._plan.metadata,
-                                    storage=self._plan.storage, latched=self._lasting)
+                                    storage=self._plan.storage, latched=self._latched)
                 break
         self.latest, self._dropped = recorder, 0
         self._watched.append(recorder)

@@ -166,7 +166,7 @@ def _operate(node: GuardedNode, settings: Mapping[str, Value], device: Simulator
         # the clocks are read last, when all that takes time is done; the bag is open by then
         run.robot_time.start, begin = _now(node, settings, run), time.monotonic()
         recording.describe({"start": str(run.robot_time.start)})
-        recording.begin_files_with(publishers.begin(run.robot_time.start))
+        recording.latch(publishers.begin(run.robot_time.start))
         with run.start(begin):
             diagnostics = Diagnostics(node, run, partial(_now, node, settings, run))
             _offer_simulation(node, run, settings["frame_prefix"] + ODOM)

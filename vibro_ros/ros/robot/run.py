@@ -18,7 +18,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 from std_msgs.msg import String
 
-from vibro_ros.messages.codec import blank, serialised
+from vibro_ros.messages.codec import new_message, serialised
 from vibro_ros.messages.operations import (
     FAULT,
     PAUSE,
@@ -283,7 +283,7 @@ class Run:
                     if not self.lock.wait(LONGEST_SLEEP) and self._publish_clock:
                         self._publish_clock()  # again, for nodes that have just begun to listen
                     continue
-            if (self.paused or not self.pacing.factor) and self.recording.crowded:  # the disk comes first
+            if (self.paused or not self.pacing.factor) and self.recording.is_backlogged:  # the disk comes first
                 self._stopped.wait(BAG_PERIOD)
             elif self.paused:
                 return True
@@ -351,7 +351,7 @@ class Run:
         """The device's whole state, and before it the parameters that changed; the bag seldom asks for them."""
         if self.changed:
             yield self.topic, _operation_message(Operation(SET, parameters=self.changed))
-        state = blank(TOPICS[CHECKPOINT].type)
+        state = new_message(TOPICS[CHECKPOINT].type)
         state.data = np.array(self.device.checkpoint())
         yield self.recording.checkpoint_topic, serialised(state, TOPICS[CHECKPOINT].type)
 
@@ -445,6 +445,6 @@ class Run:
 
 
 def _operation_message(operation: Operation) -> bytes:
-    message = blank(TOPICS[OPERATIONS].type)
+    message = new_message(TOPICS[OPERATIONS].type)
     message.data = str(operation)
     return serialised(message, TOPICS[OPERATIONS].type)
