@@ -87,7 +87,6 @@ EFFECTS = (
     Effect("starts thrown forwards and up (`given`), not about `rest`", {"start.state": "rest"},
            {"start.state": "given", "start.body_velocity": 0.2, "start.body_vertical_velocity": 0.2,
             "start.upper_position": 0.06, "start.inclined_position": 0.06}),
-    Effect("energy audit", {"solver.audit": False}),
     Effect("Stribeck's friction, from twice the kinetic, not Coulomb's", {"effects.friction": "coulomb"},
            {"effects.friction": "stribeck", "ground.static_friction": 0.4}, "damped"),
     Effect("`printed`, not `unilateral`", {"effects.normal_force": "unilateral"},

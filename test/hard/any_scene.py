@@ -25,7 +25,7 @@ _STARTS = "start.state"
 _DRAWN_ALONE = [parameter for name, parameter in _TABLE.items()
                 if name not in _OTHERWISE and not name.startswith(("solver.", "sensors."))
                 and (name == _STARTS or not name.startswith("start."))]
-_FIXED = {"solver.audit": True, "solver.accounts": True}
+_FIXED = {"solver.accounts": True}
 # Values of a rich scene, each as likely; of a choice, all but `none`.
 _RICH = {"effects.upper_mass": [True], "effects.inclined_mass": [True], "effects.adhesion": [True, False],
          "effects.reaction": [True, True, False], "effects.mass_weight": [True, False]}

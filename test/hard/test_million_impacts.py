@@ -2,7 +2,7 @@
 
 The motor stands and nothing rubs or damps, so the mechanical energy is a constant of the motion: from 0.07 m away,
 springs of 1e5 N/m throw the masses at plates that stand 0.01 m before their rest positions, again and again. The energy
-is computed here, from samples, and sees what blows take, which the solver's audit books and does not question.
+is computed here, from samples, and sees what blows take, which the solver's accounts book and do not question.
 """
 
 import math
@@ -19,7 +19,7 @@ PLATES = {"rigid": "restitution", "compliant": "compliant"}
 def bouncing(plates, changes):
     """A device whose masses never come to rest."""
     return vibro_ros.Simulator(vibro_ros.load_scene("unilateral").with_parameters({
-        "motor.speed": 0.0, "start.state": "zero", "effects.friction": "none", "solver.audit": True,
+        "motor.speed": 0.0, "start.state": "zero", "effects.friction": "none", "solver.accounts": True,
         **{f"{side}.spring.stiffness": 1e5 for side in SIDES}, **{f"{side}.gap": -0.01 for side in SIDES},
         **{f"{side}.plate.restitution": 1.0 for side in SIDES},
         **{f"effects.{side}_contact": PLATES[plates] for side in SIDES}, **changes}))
@@ -64,15 +64,16 @@ def test_a_million_impacts_keep_the_energy(plates, reaction):
     assert energies[0] > 500.0
     assert events["speed"].min() > 70.0
     np.testing.assert_allclose(energies, energies[0], rtol=1e-9, atol=0.0)
-    assert abs(device.statistics["energy_residual"]) <= 1e-9 * energies[0]  # what segments gained, blows left out
+    # what segments gained, blows left out
+    assert abs(device.statistics["energy_accounts"]["residual"]) <= 1e-9 * energies[0]
 
 
 def test_what_blows_take_is_missing_from_the_energy():
-    """The comparison sees a restitution of 0.9999, and what it takes, (1 - e²) m v²/2 a blow; the audit does not."""
+    """The comparison sees a restitution of 0.9999, and what it takes, (1 - e²) m v²/2 a blow; the accounts book it."""
     device = bouncing("rigid", {f"{side}.plate.restitution": 0.9999 for side in SIDES})
     energies, events = bounce(device, 5000)
     mass = np.where(events["kind"] == "upper_contact", device.scene["mass.upper"], device.scene["mass.inclined"])
     taken = np.sum((1.0 - 0.9999**2) * mass * events["speed"] ** 2 / 2)
     assert taken > 0.1 * energies[0]
     assert energies[0] - energies[-1] == pytest.approx(taken, rel=1e-11)  # 1e4 roundings of 600 J
-    assert abs(device.statistics["energy_residual"]) <= 1e-9 * energies[0]
+    assert abs(device.statistics["energy_accounts"]["residual"]) <= 1e-9 * energies[0]

@@ -112,7 +112,7 @@ def test_masses_pressed_on_soft_plates_stand_for_an_hour(name, weight, speed):
     held. At 1e-20 rad/s it hardly turns, and they follow it. In segments of a second, either way."""
     scene = vibro_ros.load_scene(name).with_parameters({
         "motor.speed": speed, "upper.plate.stiffness": 1e4, "inclined.plate.stiffness": 1e4,
-        "upper.plate.damping": 20.0, "inclined.plate.damping": 20.0, "solver.audit": False})
+        "upper.plate.damping": 20.0, "inclined.plate.damping": 20.0})
     device = vibro_ros.Simulator(scene)
     device.advance_to(10.0)  # decays faster than by 10/s, the springs' 2 N s/m on 0.1 kg
     device.take_events()

@@ -117,7 +117,7 @@ def test_stick_is_released_where_the_pull_reaches_the_bound():
     """m3 w'' sin φ = μ M g, for the swing w = s + (w0 - s) cos Ωt of a mass on a standing slider."""
     scene = PAPER.with_parameters({
         "effects.upper_mass": False, "effects.inclined_contact": "none", "motor.speed": 0.0, "start.state": "zero",
-        "effects.normal_force": "weight", "ground.friction": 4.0, "solver.audit": False})
+        "effects.normal_force": "weight", "ground.friction": 4.0})
     slider = 0.02 * COSINE + math.sqrt(0.06**2 - (0.02 * SINE) ** 2)
     rate, bound = math.sqrt(1e3 / 0.08), 4.0 * 1.08 * 9.81
     assert 1e3 * slider * SINE > bound  # it is pulled off at once, and comes to rest

@@ -317,7 +317,6 @@ def test_an_effect_that_is_off_is_not_described(scene):
     words += [] if forms.friction_decays else ["exp"]
     if scene["effects.motor"] == "ideal":
         words += ["ramp", "rad/s²"]
-    words += [] if scene["solver.audit"] and forms.guides else ["audit"]
     words += [] if scene["upper.spring.damping"] or scene["inclined.spring.damping"] else ["(u' - s_B')"]
     assert [word for word in words if word in text] == []
 

@@ -8,7 +8,7 @@ import vibro_ros
 METHODS = ("rk4", "rk4_located")
 SMOOTH = {"effects.friction": "none", "effects.upper_contact": "none", "effects.inclined_contact": "none",
           "upper.spring.damping": 2.0, "inclined.spring.damping": 2.0}
-TURNING = {"motor.speed": 100.0, "solver.audit": False}
+TURNING = {"motor.speed": 100.0}
 POSITIONS = ("upper_position", "inclined_position", "body_position")
 
 

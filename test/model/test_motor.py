@@ -9,7 +9,7 @@ from dc_motor import DcMotor
 
 import vibro_ros
 
-DC = {"effects.motor": "dc", "motor.acceleration": 0.0, "solver.audit": True, "solver.accounts": True}
+DC = {"effects.motor": "dc", "motor.acceleration": 0.0, "solver.accounts": True}
 BY_VOLTAGE = {"motor.control": "speed_by_voltage", "motor.proportional_gain": 0.3, "motor.integral_gain": 10.0,
               "motor.feed_forward": 0.147}
 BY_CURRENT = {"motor.control": "speed_by_current", "motor.proportional_gain": 0.1, "motor.integral_gain": 3.0}
@@ -203,14 +203,14 @@ def test_motions_are_those_of_another_integrator(case):
     assert state.motor_current == pytest.approx(current, abs=1e-11)
     assert state.upper_position == pytest.approx(upper, abs=1e-14)
     assert state.inclined_position == pytest.approx(inclined, abs=1e-14)
-    assert abs(device.statistics["energy_residual"]) < 1e-12
+    assert abs(device.statistics["energy_accounts"]["residual"]) < 1e-12
 
 
 @pytest.mark.parametrize("law", [CONSTANT, BY_VOLTAGE, BY_CURRENT], ids=["voltage", "by voltage", "by current"])
 @pytest.mark.parametrize("linkage", [{}, LINKAGE], ids=["light", "linkage"])
 @pytest.mark.parametrize("name", ["unilateral", "device"])
 def test_energy_goes_from_the_supply_to_the_last_sink(name, linkage, law):
-    """A66. By audit and accounts, through blows, landings that strike the crank, and reversals."""
+    """A66. Through blows, landings that strike the crank, and reversals."""
     device = vibro_ros.Simulator(dc(name, law, linkage, WINDING, {"motor.speed": 40.0, "effects.reaction": True}))
     for instant, value in ((0.2, -1.0), (0.4, 1.0)):
         device.advance_to(instant)

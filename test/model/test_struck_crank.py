@@ -18,8 +18,7 @@ LINKAGE = {"mass.upper_slider": 0.01, "mass.inclined_slider": 0.02, "mass.crank_
 STRUCK = LINKAGE | {"effects.motor": "dc", "motor.acceleration": 0.0, "motor.control": "speed_by_current",
                     "motor.proportional_gain": 0.0, "motor.integral_gain": 0.0, "effects.reaction": True,
                     "upper.gap": 0.002, "inclined.gap": 0.002, "guide.angle": 1.0, "mass.inclined": 0.3,
-                    "upper.plate.restitution": 0.6, "inclined.plate.restitution": 0.0, "solver.audit": True,
-                    "solver.accounts": True}
+                    "upper.plate.restitution": 0.6, "inclined.plate.restitution": 0.0, "solver.accounts": True}
 DRIVEN = {"motor.speed": 80.0, "motor.proportional_gain": 0.05, "motor.integral_gain": 0.5}
 PLATE = 0.062
 COORDINATES = {"upper": 2, "inclined": 3}

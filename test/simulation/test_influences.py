@@ -68,12 +68,11 @@ def test_the_momentum_of_a_body_that_is_thrown_up_is_the_push_s_and_gravity_s():
 
 @pytest.mark.parametrize("scene", ["damped", "device", "rigid"])
 def test_energy_balances_through_a_push(scene: str):
-    device = running(scene, solver__audit=True, solver__accounts=True, effects__reaction=True)
+    device = running(scene, solver__accounts=True, effects__reaction=True)
     device.push(0.1, force_x=-30.0, force_z=40.0 if device.scene.body_hops else 0.0)
     device.advance_to(0.4)
-    statistics = device.statistics
-    assert abs(statistics["energy_residual"]) < 1e-11 and abs(statistics["energy_accounts"]["residual"]) < 1e-10
-    assert abs(statistics["energy_accounts"]["unpaid"]) > 0.1
+    accounts = device.statistics["energy_accounts"]
+    assert abs(accounts["residual"]) < 1e-10 and abs(accounts["unpaid"]) > 0.1
 
 
 def suffer(device: vibro_ros.Simulator) -> None:

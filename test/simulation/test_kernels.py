@@ -59,8 +59,9 @@ def array_types(values: tuple) -> list[str]:
 def test_every_scene_takes_the_same_kernels():
     """An array that cannot be written, or is not contiguous, would be one more set of kernels to compile."""
     expected = array_types(compile_scene(Scene()).system)
-    for name, audit in itertools.product(shipped_scenes(), (False, True)):
-        assert array_types(compile_scene(load_scene(name).with_parameters({"solver.audit": audit})).system) == expected
+    for name, booked in itertools.product(shipped_scenes(), (False, True)):
+        scene = load_scene(name).with_parameters({"solver.accounts": booked})
+        assert array_types(compile_scene(scene).system) == expected
 
 
 @pytest.mark.parametrize("method", ["exact", "rk4"])

@@ -23,7 +23,7 @@ def test_a_change_to_the_same_value_is_a_command_to_the_same_value(method: str):
 
 @pytest.mark.parametrize("scene", SCENES)
 def test_another_floor_goes_on_from_the_same_state_and_keeps_the_energy_balance(scene: str):
-    device = running(scene, solver__audit=True)
+    device = running(scene, solver__accounts=True)
     device.advance_to(0.3)
     for friction in (0.0, 0.1, 0.2, 0.0, 0.15):
         before = device.state
@@ -32,7 +32,7 @@ def test_another_floor_goes_on_from_the_same_state_and_keeps_the_energy_balance(
         for name in ("body_position", "body_velocity", "upper_position", "inclined_velocity", "crank_angle"):
             assert getattr(before, name) == getattr(after, name)
         device.advance_to(device.time + 0.05)
-    assert abs(device.statistics["energy_residual"]) < 1e-12  # J, of some joules exchanged
+    assert abs(device.statistics["energy_accounts"]["residual"]) < 1e-12  # J, of some joules exchanged
 
 
 @pytest.mark.parametrize("scene", ["unilateral", "damped", "rigid", "device"])
@@ -49,14 +49,14 @@ def test_another_floor_moves_the_robot_as_a_robot_that_was_built_for_it(scene: s
 
 
 def test_stribeck_s_decaying_term_comes_and_goes_with_the_floor():
-    device = running("unilateral", effects__friction="stribeck", solver__audit=True)
+    device = running("unilateral", effects__friction="stribeck", solver__accounts=True)
     device.advance_to(0.2)
     with pytest.raises(ValueError, match="ground.static_friction: 0.25 is below ground.friction"):
         device.set_parameters({"ground.friction": 0.3})
     for friction in (0.25, 0.1, 0.0, 0.25, 0.2):  # without the term where it is the static coefficient
         device.set_parameters({"ground.friction": friction})
         device.advance_to(device.time + 0.05)
-    assert abs(device.statistics["energy_residual"]) < 1e-12
+    assert abs(device.statistics["energy_accounts"]["residual"]) < 1e-12
 
 
 def test_a_body_that_sticks_slips_when_the_floor_becomes_smoother():

@@ -91,7 +91,7 @@ def test_the_accounts_change_no_bit():
 
 def test_energy_is_balanced_from_a_start_in_motion():
     scene = scene_of("device", upper_position=0.0601, upper_velocity=1.0, inclined_position=0.05, body_velocity=0.2,
-                     body_height=0.01, crank_angle=2.0).with_parameters({"solver.audit": True, "solver.accounts": True})
+                     body_height=0.01, crank_angle=2.0).with_parameters({"solver.accounts": True})
     device = vibro_ros.Simulator(scene)
     device.advance_to(0.5)
     assert_balanced(device)

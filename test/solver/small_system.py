@@ -105,9 +105,7 @@ def build(channels, modes, guards=(), signals=None, monitor=None, decay=None):
         monitor=watch, monitor_terms=terms(watch),
         monitored=np.array([[m in monitor[2]] * watched if monitor else [] for m in range(count)], dtype=bool),
         approach=np.zeros((0, channels.count)) if monitor is None else np.array([monitor[1]]),
-        stretch=np.zeros((0, channels.count)), stiffness=np.zeros(0), potential=np.zeros(channels.count),
-        power=np.zeros((count, 0, channels.count)), power_terms=np.zeros((count, 0, channels.count), dtype=int),
-        power_rate=np.zeros((count, 0), dtype=int), accounts=_no_accounts(count, most, channels),
+        accounts=_no_accounts(count, most, channels),
         signals=signals or SignalTable(np.array([0.0, 2 * math.pi]), np.full(1, 3.5), np.zeros((1, 0, LENGTH))),
         decay=_decay(channels, decay), rotor=no_rotor(channels.count), shock=no_shock())
 

@@ -29,7 +29,7 @@ from vibro_ros.study.measures import MEASURES
 from vibro_ros.study.sweep import design_of, read_sweep
 
 INSTALLED = {name for name, one in EXECUTABLES.items() if one.installed}
-OTHER_STATISTICS = ("steps", "solver.method", "solver.step", "energy_residual", "energy_exchanged")
+OTHER_STATISTICS = ("steps", "solver.method", "solver.step")
 ROOT = Path(__file__).resolve().parents[2]
 DOCUMENTS = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "README.md", *ROOT.glob("docs/**/*.md"))}
 FENCE = re.compile(r"^```(\w+)\n(.*?)^```\n(?:```text\n(.*?)^```\n)?", re.MULTILINE | re.DOTALL)
@@ -113,7 +113,7 @@ def test_kinds_of_events_are_those_that_a_device_can_have():
     assert sorted(guide.first_column("kind", "when")) == sorted(kinds - {""})
     passage = guide.PAGES["python.md"].partition("`Run.statistics` and `Simulator.statistics`")[2].partition("\n\n")[0]
     told = {name for name in guide.names(passage) if "." not in name or name.startswith("solver.")}
-    assert told - {"exact", "solver.audit", "solver.accounts"} == {*OTHER_STATISTICS, "energy_accounts", "wall_time"}
+    assert told - {"exact", "solver.accounts"} == {*OTHER_STATISTICS, "energy_accounts", "wall_time"}
 
 
 def test_accounts_are_those_of_a_run():

@@ -112,7 +112,7 @@ def _device_run(method: str, scene: "Scene", times: np.ndarray, value: float) ->
     from vibro_ros.simulation.simulator import Simulator
 
     parameter = "solver.tolerance" if method == "exact" else "solver.step"
-    scene = scene.with_parameters({"solver.method": method, parameter: value, "solver.audit": False})
+    scene = scene.with_parameters({"solver.method": method, parameter: value, "solver.accounts": False})
     Simulator(scene).advance_to(0.0)  # what is compiled once a scene or once a process is not the method's cost
 
     def run() -> Answer:

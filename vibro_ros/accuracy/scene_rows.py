@@ -100,7 +100,7 @@ def growth_in(own: Sequence[Row]) -> Growth:
 
 def growth(scene: Scene, duration: float = _WATCHED, starts: int = _PAIRS) -> Growth:
     """Estimate the largest Lyapunov exponent of the masses' motion from pairs of exact runs; the motor turns."""
-    scene = scene.with_parameters({"solver.method": "exact", "solver.audit": False})
+    scene = scene.with_parameters({"solver.method": "exact", "solver.accounts": False})
     rates = np.array([
         exponent_of_pairs(started_at_share(scene, k / starts, motor_command(scene)[1]), STARTING, duration)[0]
         for k in range(starts)])
@@ -162,7 +162,7 @@ def _average(scene: Scene, method: str, step: float, effort: Effort) -> Row:
     began = time.perf_counter()
     try:
         found = average(speeds_of_starts(scene.with_parameters(
-            {"solver.method": method, "solver.audit": False, **steps}), effort.duration, starts))
+            {"solver.method": method, "solver.accounts": False, **steps}), effort.duration, starts))
     except SimulationError as error:
         return replace(row, repeats=0, outcome=CANNOT, note=str(error))
     row = replace(row, wall_time=time.perf_counter() - began)

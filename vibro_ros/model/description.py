@@ -273,8 +273,6 @@ class _Description:
         words += ["the paper's misprint taken literally"] * forms.has_misprint
         words += ["weight of the masses"] * any(forms.weight(side).any() for side in forms.guides)
         words.append(f"{scene['effects.motor']} motor")
-        if self._model.system.power.shape[1]:
-            words.append("energy audit")
         if len(self._model.system.accounts.account):
             words.append("energy accounts")
         yield "; ".join(words)

@@ -1,19 +1,5 @@
-"""Where energy comes from and goes: the audit that a scene may ask for on every segment, and the accounts.
+"""Where energy comes from and goes: the accounts that a scene may ask for.
 
-The audit
----------
-In the paper's model the masses' equations depend on nothing else, so that the energy of each guide balances alone. The
-drive's spring counts as fixed where the slider is a rod's length l from the crank. The slider's motion then adds a
-part to the power, as dampers, plates and weight do:
-
-    d/dt (m q'²/2 + k (q - l)²/2) = [k (q - l) - drive - plate - weight] q'
-
-where `drive` and `plate` are the forces of the drive on the slider and of the mass on the plate. One product a guide is
-all that the balance costs. With the reaction the masses exchange energy with the body, so that the audit includes the
-body's kinetic energy, the work of the forces along the ground and, for a body that hops, its height.
-
-The accounts
-------------
 Positive is what the robot receives. Over any time,
 
     motor + plates + unpaid + drive dampers + plate dampers + friction + blows + landings = change of stored energy
@@ -35,7 +21,6 @@ import numpy as np
 
 from vibro_ros.model.forms import Form, Forms, ModeForms
 from vibro_ros.model.modes import ModeBuilder
-from vibro_ros.model.motor import Motor
 from vibro_ros.model.scene import Scene
 from vibro_ros.solver.system import NOTHING, AccountTable, terms
 
@@ -53,29 +38,6 @@ LOSSES = (*ACCOUNTS[2:7], "copper", "bearing")
 #: of its change by a blow.
 Power = tuple[int, Form | ModeForms, int]
 Stored = tuple[Form, np.ndarray | float, int]
-
-
-def audit_tables(builder: ModeBuilder, scene: Scene) -> dict[str, np.ndarray]:
-    """The fields of `solver.system.System` for the audit; empty unless the scene asks for the audit."""
-    forms, audited = builder.forms, scene["solver.audit"]
-    with_body = scene["effects.reaction"] and (forms.body_moves or forms.body_hops)
-    stored = [*_kinetic_energies(forms, scene, with_body)] if audited else []
-    stored += [(_distance_from_rod(forms, scene, side), scene[f"{side}.spring.stiffness"])
-               for side in forms.guides if audited]
-    stored += [*_motor_energies(builder)] if audited else []
-    if audited and with_body:
-        stored += [(rate, _moved_mass(scene)) for rate in forms.body_velocity()]
-        stored += [(forms.position(forms.body), stiffness) for *_, stiffness in scene.ground_laws.values() if stiffness]
-    potential = _height(forms, scene) if audited and with_body else forms.zero
-    powers = list(_audited_powers(builder, scene, with_body)) if audited else []
-    force = np.empty((len(builder.modes), len(powers), forms.channels.count))
-    for p, (form, _) in enumerate(powers):
-        force[:, p] = form
-    rate = np.tile(np.array([rate for _, rate in powers], dtype=np.int64), (len(builder.modes), 1))
-    return {"stretch": np.array([form for form, _ in stored]).reshape(len(stored), forms.channels.count),
-            "stiffness": np.array([weight for _, weight in stored]),
-            "potential": np.array(potential),  # a copy, because `forms.zero` cannot be written
-            "power": force, "power_terms": terms(force), "power_rate": rate}
 
 
 def account_table(builder: ModeBuilder, scene: Scene, guards: dict[str, np.ndarray]) -> AccountTable:
@@ -124,11 +86,6 @@ def _moved_mass(scene: Scene) -> float:
     return math.fsum(scene[f"mass.{part}"] for part in ("body", *scene.linkage))
 
 
-def _distance_from_rod(forms: Forms, scene: Scene, side: str) -> Form:
-    """q - l [m]: how far the mass is from where its spring is taken to be fixed."""
-    return forms.position(forms.guides.index(side)) - scene[f"crank.{side}_rod"] * forms.one
-
-
 def _height(forms: Forms, scene: Scene) -> Form:
     """Energy [J] of the height of a body that hops or is on a slope, with its masses."""
     energy: Form = forms.zero
@@ -138,41 +95,6 @@ def _height(forms: Forms, scene: Scene) -> Form:
         if not force.account:
             energy = energy + constant * forms.position(forms.body)
     return energy
-
-
-def _audited_powers(builder: ModeBuilder, scene: Scene, with_body: bool) -> Iterator[tuple[Form | ModeForms, int]]:
-    """Forces [N] whose power changes the stored energy, and the channels of the velocities along them."""
-    forms = builder.forms
-    for i, side in enumerate(forms.guides):
-        spring = scene[f"{side}.spring.stiffness"] * _distance_from_rod(forms, scene, side)
-        force = spring - forms.drive_force(side) - forms.weight(side)
-        if side in forms.plates:
-            force = force - builder.while_pressing(side, builder.contact_force(side))
-        yield force, forms.channels.velocity(i)
-    if with_body:  # the linkage's masses push the body as forces that are known in time
-        for moves, row, push in zip((forms.body_moves, forms.body_hops), (forms.body, forms.height),
-                                    forms.linkage_inertia(), strict=True):
-            if moves and forms.linkage:
-                yield -push, forms.channels.velocity(row)
-    yield from _pushes(forms) if with_body else ()
-    if builder.motor:
-        yield from _motor_powers(builder, builder.motor)
-    for force, (constant, damping, _) in scene.ground_laws.items() if with_body else ():
-        if force.account:
-            drag = constant * forms.one + damping * forms.velocity(forms.body)
-            yield -drag, forms.channels.velocity(forms.body)
-    if with_body and builder.ground.has_dry_friction:
-        yield -builder.ground_force("friction_force"), forms.channels.velocity(forms.body)
-
-
-def _motor_powers(builder: ModeBuilder, motor: Motor) -> Iterator[tuple[ModeForms, int]]:
-    """What changes the energy of rotor and winding: (K i + T - bearing) θ' and (V - R i - K θ') i."""
-    at, forms = builder.forms.channels, builder.forms
-    yield builder.by_motor_state(lambda bearing, loop: motor.inertia * motor.acceleration(bearing)), at.velocity(
-        forms.phase)
-    if motor.inductance:
-        yield builder.by_motor_state(lambda bearing, loop: motor.inductance * motor.current_rate(loop)), at.velocity(
-            forms.charge)
 
 
 def _motor_energies(builder: ModeBuilder) -> Iterator[tuple[Form, float]]:

@@ -352,7 +352,6 @@ _TABLE: tuple[Parameter, ...] = (
     Parameter("effects.motor", "ideal", "", "ideal: speed follows the command at once; ramp: with limited "
               "acceleration; lag: with a time constant; dc: a motor that the masses slow down, with winding, rotor and "
               "bearing", choices=("ideal", "ramp", "lag", "dc")),
-    Parameter("solver.audit", False, "", "balance the masses' energy on every segment; costs time, changes nothing"),
     Parameter("solver.accounts", False, "", "book where energy comes from and goes, by the method exact; costs time, "
               "changes nothing"),
     Parameter("solver.tolerance", 1e-9, "m", "error of a position over 0.2 s that may not be exceeded; refused where "
@@ -372,6 +371,7 @@ BY_NAME: Mapping[str, Parameter] = {parameter.name: parameter for parameter in S
 """Each parameter of a scene by its name."""
 
 GONE: Mapping[str, str] = {
+    "solver.audit": "solver.accounts has the same residual, and says where the energy goes",
     "solver.accuracy": "leave it out: solver.method exact is accurate to rounding and the cheapest as well",
 }
 """Parameters of a scene that versions up to 0.2 had, with the remedy. None of them moved the robot, so that a bag that

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vibro_ros.model.energy import account_table, audit_tables
+from vibro_ros.model.energy import account_table
 from vibro_ros.model.forms import NO_EDGES, NO_PUSH, Forms
 from vibro_ros.model.modes import MODE_EVENTS, Mode, ModeBuilder
 from vibro_ros.model.scene import Scene
@@ -92,7 +92,7 @@ def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float
     forms, channels = builder.forms, builder.forms.channels
     sliders = _sliders(forms, scene)
     acceleration = builder.equations() + 0.0  # no -0.0
-    # With the reaction the body's energy is audited as well, so that a segment ends where the body's equation changes.
+    # With the reaction a segment ends where the body's equation changes, because the masses feel the body.
     own = channels.coordinates if scene["effects.reaction"] else channels.dynamic
     rotor = _rotor(builder, scene)
     # The decaying term of Stribeck's law: the normal force of a slipping body times exp(-abs(x') / v_s).
@@ -120,7 +120,6 @@ def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float
                                  for kind in MODE_EVENTS]) + 0.0,  # no -0.0
         **_monitor_tables(builder),
         mode_after_ramp_change=builder.mode_set.mode_after_ramp_change,
-        **audit_tables(builder, scene),
         accounts=account_table(builder, scene, guards),
         signals=signal_table(tuple(sliders)),
         decay=Decay(np.array([forms.body] * forms.friction_decays, np.int64), factor, terms(factor), rate),

@@ -12,7 +12,7 @@ from vibro_ros.model.parameters import Parameter, quoted
 from vibro_ros.model.scene import NUMBERS, Scene, check_parts, given_start, outside_plates
 from vibro_ros.model.shock import REST_SPEED
 from vibro_ros.model.tables import Model
-from vibro_ros.solver.energy import stored_energy, stored_on_accounts
+from vibro_ros.solver.energy import stored_on_accounts
 from vibro_ros.solver.rotor import start_rotor
 from vibro_ros.solver.segment import read_signals
 from vibro_ros.solver.state import State, new_state
@@ -63,7 +63,6 @@ def started(scene: Scene, model: Model, point: np.ndarray) -> State:
         if scene["start.state"] == "rest":
             for i, side in enumerate(forms.guides):
                 point[i] = min(sliders[i], plates.get(side, math.inf))
-    state.now["audit"]["energy"] = stored_energy(system, point[:2 * channels.coordinates])
     if scene["solver.accounts"]:
         state.now["accounts"]["stored"] = stored_on_accounts(system, int(state.now["automaton"]["mode"][0]), point)
     return state
@@ -183,22 +182,19 @@ def _set_slider_rates(model: Model, point: np.ndarray, angle: float, speed: floa
 
 
 def book(scene: Scene, model: Model, state: State, before: np.ndarray, old_mode: int, point: np.ndarray) -> None:
-    """Let audit and accounts take the change of energy from `before`, in `old_mode`, to `point` as one from outside.
+    """Let the accounts take the change of energy from `before`, in `old_mode`, to `point` as one from outside.
 
     Parameters
     ----------
     scene, model : Scene, Model
         What is simulated.
     state : State
-        Put at `point`; its balances are changed in place.
+        Put at `point`; its accounts are changed in place.
     before, point : ndarray, shape (channels,)
         All channels, before and after.
     old_mode : int
         The mode before.
     """
-    coordinates = 2 * model.forms.channels.coordinates
-    state.now["audit"]["energy"] += (stored_energy(model.system, point[:coordinates])
-                                     - stored_energy(model.system, before[:coordinates]))
     if scene["solver.accounts"]:
         mode = int(state.now["automaton"]["mode"][0])
         state.now["accounts"]["stored"] += (stored_on_accounts(model.system, mode, point)

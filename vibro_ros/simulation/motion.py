@@ -24,7 +24,7 @@ from vibro_ros.simulation.written_state import WrittenState
 from vibro_ros.solver import event_loop
 from vibro_ros.solver.compilation import Laid
 from vibro_ros.solver.drive import command_drive, speed_and_target
-from vibro_ros.solver.energy import SPLIT, residual, stored_on_accounts
+from vibro_ros.solver.energy import SPLIT, stored_on_accounts
 from vibro_ros.solver.events import EVENT_COLUMNS, MONITOR_KIND, PHASE_KIND, RAMP_KIND, leave_for_ramp
 from vibro_ros.solver.lowpass import filtered_rates, new_filters
 from vibro_ros.solver.methods import SCHEMES, Exact, FixedStep, Stepper
@@ -457,15 +457,11 @@ class Motion:
         return int(self.state.now["automaton"]["segments"][0])
 
     @property
-    def energy(self) -> dict[str, float | dict[str, float]]:
-        """Audit and accounts of the energy [J], as the scene asks for them: see `Simulator.statistics`."""
-        found: dict[str, float | dict[str, float]] = {}
-        if self.scene["solver.audit"]:
-            found |= {"energy_residual": residual(self.model.system, self.state),
-                      "energy_exchanged": float(self.state.now["audit"]["exchanged"][0])}
-        if self.scene["solver.accounts"]:
-            found["energy_accounts"] = energy_accounts(self.model, self.state, self.time)
-        return found
+    def energy(self) -> dict[str, dict[str, float]]:
+        """The `energy_accounts` [J], if the scene asks for them: see `Simulator.statistics`."""
+        if not self.scene["solver.accounts"]:
+            return {}
+        return {"energy_accounts": energy_accounts(self.model, self.state, self.time)}
 
     def new_trace(self, count: int) -> Trace:
         """Return room for what `advance` samples at `count` instants."""

@@ -541,11 +541,7 @@ class Simulator:
     @property
     def statistics(self) -> dict:
         """Events by kind; `steps`, the segments of the event loop; `solver.method`, and `solver.step` if it has one;
-        and, by the method exact, what `solver.audit` and `solver.accounts` ask for.
-
-        With `solver.audit`, `energy_residual` [J] is the part of the change of energy that neither the work of all
-        forces nor landings and blows account for, `energy_exchanged` [J] the sum of the amounts of work of all
-        segments. With `solver.accounts`, `energy_accounts` is a dict of what has happened to energy since t = 0 [J]:
+        and with `solver.accounts` also `energy_accounts`, a dict of what has happened to energy since t = 0 [J]:
 
         - received: `motor_delivered` less `motor_taken_back`, the integrals of `motor_power` where it is positive and
           where the springs drive the motor; `plates`, from their actuators; and `unpaid`, from a push, and in scenes

@@ -1,88 +1,28 @@
-"""Energy: the audit, which finds the solver's error, and the accounts, which say where energy comes from and goes.
+"""Energy accounts: where energy comes from and goes, to the solver's own error.
 
-The power of a force is a product of two polynomials, the force and the velocity along it, so that Gauss's rule gives
-its work exactly. The *audit* takes the dynamic coordinates. Nothing but the work of forces and jumps changes their
-energy; so
-
-    E(now) - E(0) - sum over jumps of (E(after) - E(before)) - integral of P dt = 0
-
-with E = sum w (e z)² / 2 + b z and P = sum (a z) v. What remains is the solver's error, found without knowing the
-solution.
-
-The *accounts* take every coordinate: the work of every kind of force is booked on an account of its own, from event to
-event. What an event changes at once is booked when the event is passed. Here the weights w depend on the mode, because
-a contact stores energy only while it is closed. Then
+The work of every kind of force is booked on an account of its own, from event to event, and what an event changes at
+once when the event is passed. The stored energy E = sum w (e z)² / 2 + b z has weights w that depend on the mode,
+because a contact stores energy only while it is closed. Then
 
     E(now) - E(0) = sum of all accounts
 
-and what is missing is the solver's error. The power of the account `SPLIT` is also integrated in magnitude: what a
-drive gives and what it is given back pass the same shaft, and the sum alone hides both.
+and what is missing, the *residual*, is the solver's error, found without knowing the solution. A jump books the change
+of the squares alone: a height that jumps, as in a landing above the ground, is missing, too.
+
+The power of a force is a product of two polynomials, the force and the velocity along it, so that Gauss's rule gives
+its work exactly. The power of the account `SPLIT` is also integrated in magnitude: what a drive gives and what it is
+given back pass the same shaft, and the sum alone hides both.
 """
 
 import numpy as np
 
 from vibro_ros.solver.compilation import called_kernel, kernel
 from vibro_ros.solver.polynomial import fill_form, products, value
-from vibro_ros.solver.state import State
 from vibro_ros.solver.system import System, first_ramp, form_value
 from vibro_ros.solver.vector import LENGTH, indices_above, repeated, store, total, vector
 
 # Gauss's rule with so many nodes is exact for the product of two polynomials of that length.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(LENGTH)
-
-
-@kernel
-def audit_work(system, state, x):
-    """Add the work of the flow up to the local time `x`, where the flow ends."""
-    if system.power.shape[1] == 0:
-        return
-    mode, start, force = state.now[0].automaton.mode, state.now[0].segment.flow_start, state.scratch.room[0].force[:]
-    half = 0.5 * (x - start)
-    nodes, power = repeated(start + half) + half * vector(_NODES), repeated(0.0)
-    for k in range(system.power.shape[1]):
-        rate = state.z[system.power_rate[mode, k]]
-        if indices_above(abs(vector(rate)), 0.0) != 0:  # a body that sticks has no power
-            if fill_form(system.power[mode, k], system.power_terms[mode, k], state.z, force):
-                power = power + products(force, rate, nodes)
-    work, audit = total(power * vector(_WEIGHTS)) * half * state.now[0].segment.half, state.now[0].audit
-    audit.work += work
-    audit.exchanged += abs(work)
-
-
-@kernel
-def _energy(system, point):
-    """E where all channels have the values of `point`."""
-    energy = form_value(system.potential, point)
-    for e in range(len(system.stretch)):
-        stretch = form_value(system.stretch[e], point)
-        energy += 0.5 * system.stiffness[e] * stretch * stretch
-    return energy
-
-
-@kernel
-def audit_jump(system, state, point, after):
-    """Add what a jump from the channels `point` to `after` gives."""
-    if system.power.shape[1] == 0:
-        return
-    for channel in range(2 * system.size[0].coordinates):
-        if after[channel] != point[channel]:
-            state.now[0].audit.energy += _energy(system, after) - _energy(system, point)
-            return
-
-
-def stored_energy(system: System, point: np.ndarray) -> float:
-    """E [J] where the positions and velocities have the values of `point`."""
-    z = np.zeros(system.stretch.shape[1])
-    z[:len(point)], z[-1] = point, 1.0
-    return float(0.5 * system.stiffness @ (system.stretch @ z) ** 2 + system.potential @ z)
-
-
-def residual(system: System, state: State) -> float:
-    """What does not balance [J], up to the start of the present flow; 0 without an audit."""
-    powers = state.now["segment"]["flow_start"][0] ** np.arange(LENGTH)
-    point = state.z[:2 * int(system.size["coordinates"][0])] @ powers
-    audit = state.now["audit"][0]
-    return stored_energy(system, point) - float(audit["energy"]) - float(audit["work"])
 
 
 #: The account whose power is also integrated in magnitude, and that of the work of ramps.

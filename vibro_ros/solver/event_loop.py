@@ -17,10 +17,9 @@ import math
 import numpy as np
 
 from vibro_ros.solver.compilation import Laid, entry_kernel, kernel
-from vibro_ros.solver.energy import audit_jump, audit_work, book_jump, book_work
+from vibro_ros.solver.energy import book_jump, book_work
 from vibro_ros.solver.events import (
     EVENT_COLUMNS,
-    FLOW_ENDS,
     FLOW_GOES_ON,
     SEGMENT_ENDS,
     record_mode_change,
@@ -149,14 +148,11 @@ def _pass_event(system, state, point, events, count):
     # Which mode follows, after which jump: `after`.
     outcome, mode = transition(system, state, point, after)
     automaton.standstills = automaton.standstills + 1 if fires and x == segment.mode_start else 0
-    # Close the books of what ends: peaks and energy of the flow, the event itself, and what a jump changes at once.
+    # Close the books of what ends: peaks of the flow, the event itself, and what a jump changes at once.
     if outcome != FLOW_GOES_ON:
         update_peaks(system, state, x)
-        audit_work(system, state, x)
     if outcome != SEGMENT_ENDS:
         count = record_mode_change(system, state, mode, point, events, count)
-    if outcome == FLOW_ENDS:
-        audit_jump(system, state, point, after)
     if outcome != SEGMENT_ENDS:
         book_jump(system, state, mode, point, after)
         for channel in range(len(point)):
@@ -272,7 +268,6 @@ def interrupt(system, state, time, point):
     x = max(local_time(state, time), segment.mode_start)
     _read(system, state, x, point)
     update_peaks(system, state, x)
-    audit_work(system, state, x)
     book_work(system, state, x, state.now[0].accounts)
     end_mode(system, state, x)
     state.now[0].automaton.standstills = 0  # what a command sets off is no part of the cascade before it

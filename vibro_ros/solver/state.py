@@ -69,13 +69,6 @@ AUTOMATON = np.dtype([
     ("segments", np.int64),  # that have been solved, since the state is new
 ], align=True)
 
-#: The energy audit [J].
-AUDIT = np.dtype([
-    ("energy", np.float64),  # stored at the start, and what jumps have added since
-    ("work", np.float64),  # of all forces, so far
-    ("exchanged", np.float64),  # sum of the amounts of work, so far
-], align=True)
-
 #: Accounts that a system has at most.
 MOST_ACCOUNTS = 12
 
@@ -102,8 +95,8 @@ MOTOR = np.dtype([
 #: What `State.now` holds. A kernel reads a field as `state.now[0].segment.half`, Python as
 #: `state.now["segment"]["half"][0]`: an array of one record, because numba takes 4 µs a call to accept a record, and a
 #: single array, because numba takes 0.4 µs a call for each.
-NOW = np.dtype([("segment", SEGMENT), ("drive", DRIVE), ("automaton", AUTOMATON), ("audit", AUDIT),
-                ("accounts", ACCOUNTS), ("motor", MOTOR)], align=True)
+NOW = np.dtype([("segment", SEGMENT), ("drive", DRIVE), ("automaton", AUTOMATON), ("accounts", ACCOUNTS),
+                 ("motor", MOTOR)], align=True)
 
 #: What `State.ramp` holds of each ramp.
 RAMP = np.dtype([
@@ -150,7 +143,7 @@ ROOM = np.dtype([
     ("search", np.float64, (2, LENGTH)),  # of `guards.first_root`
     ("peak", np.float64, (LENGTH,)),  # quantity whose peak is searched
     ("peak_search", np.float64, (3, LENGTH)),  # of `guards.maximum`
-    ("force", np.float64, (LENGTH,)),  # of which audit and accounts need the power
+    ("force", np.float64, (LENGTH,)),  # of which the accounts need the power
     ("power", np.float64, (LENGTH,)),  # of `energy`: the split power at the nodes of a flow ...
     ("part_power", np.float64, (LENGTH,)),  # ... and of a part in which it keeps its sign
     ("lowpass_rate", np.float64, (LENGTH,)),  # of `lowpass`: rate of a channel, ...
@@ -227,7 +220,7 @@ class State(NamedTuple):
     scale : ndarray, shape (channels,)
         Magnitude of the terms that make up each channel, which sets the channel's rounding error.
     now : ndarray of NOW, shape (1,)
-        The present segment, drive and mode, and the energy's audit and accounts.
+        The present segment, drive and mode, and the energy accounts.
     ramp : ndarray of RAMP, shape (ramps,)
         The ramps at the segment's start.
     mode_point : ndarray, shape (2 coordinates,)

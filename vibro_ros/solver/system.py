@@ -387,19 +387,6 @@ class System(NamedTuple):
         Whether monitor k is on in the mode.
     approach : ndarray, shape (k, channels)
         Row of the quantity recorded when the monitor is switched on, such as the approach speed.
-    stretch : ndarray, shape (e, channels)
-        Forms e of the energy sum of w (e z)² / 2 + b z of the dynamic coordinates, and of driven ones that they move:
-        of positions, velocities and the constant.
-    stiffness : ndarray, shape (e,)
-        The weights w; masses for velocities.
-    potential : ndarray, shape (channels,)
-        The form b, of positions and the constant.
-    power : ndarray, shape (m, p, channels)
-        Forms a of the forces whose power, sum of (a z) v, changes that energy; p = 0 for no audit.
-    power_terms : ndarray of int, shape (m, p, channels)
-        Channels that the rows of `power` read, padded with `NOTHING`.
-    power_rate : ndarray of int, shape (m, p)
-        Channel of the velocity v along which the force acts.
     accounts : AccountTable
         The energy accounts.
     signals : SignalTable
@@ -437,12 +424,6 @@ class System(NamedTuple):
     monitor_terms: np.ndarray
     monitored: np.ndarray
     approach: np.ndarray
-    stretch: np.ndarray
-    stiffness: np.ndarray
-    potential: np.ndarray
-    power: np.ndarray
-    power_terms: np.ndarray
-    power_rate: np.ndarray
     accounts: AccountTable
     signals: SignalTable
     decay: Decay

@@ -15,8 +15,8 @@ the equations, and d, where d moves what f reads. Both enter linearly, and by th
 linear equations give their coefficients.
 
 A segment lasts as long as the last coefficients of the velocities are rounding. Its series in y = 0 ... 1 become
-polynomials in the local time x = 2 y - 1, as every other segment has them: guards, events, audit and dense output are
-the same. Where e has decayed to less than rounding, the flow goes on without d until e matters again.
+polynomials in the local time x = 2 y - 1, as every other segment has them: guards, events, accounts and dense output
+are the same. Where e has decayed to less than rounding, the flow goes on without d until e matters again.
 """
 
 import math

@@ -1280,7 +1280,7 @@ def plan_of(options: argparse.Namespace) -> Plan:
 
 def sought(scene: Scene) -> Scene:
     """`scene` with its motor turning from the start, and without what costs time and changes nothing."""
-    return running(scene).with_parameters({"solver.audit": False})
+    return running(scene).with_parameters({"solver.accounts": False})
 
 
 def files_of(result: Result, candidates: Candidates) -> dict[str, bytes]:

@@ -225,7 +225,7 @@ def test_an_effect_agrees_with_the_peer(name):
 
 def test_the_machine_as_shipped_agrees_with_the_peer():
     """A40. From its start at rest to 100 rad/s and back, over 1 s: the motion contracts."""
-    scene = vibro_ros.load_scene("machine").with_parameters({"solver.audit": False})
+    scene = vibro_ros.load_scene("machine")
     commands = (0.0, {"motor_speed": 100.0}), (0.7, {"motor_speed": -30.0, "upper_gap": 3e-4})
     peer = assert_agreement(scene, 1.0, commands)
     assert count(peer, "landing") > 20
@@ -235,7 +235,7 @@ def test_the_machine_as_shipped_agrees_with_the_peer():
 def test_the_damped_device_agrees_for_longer_than_chaos_would_let_it():
     """2 s; the motion contracts, so that the limits of 0.2 s hold. The plate arrives between two samples: at one, the
     rounding of the instant would decide whether it still moves."""
-    scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0, "solver.audit": False})
+    scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0})
     peer = assert_agreement(scene, 2.0, ((0.5, {"motor_speed": 120.0, "upper_gap": 0.00052}),))
     assert np.count_nonzero(peer.events["kind"] == "upper_contact") > 20
 

@@ -20,7 +20,7 @@ from vibro_ros.simulation.validity import validity_of
 PERIOD = 1.0  # s
 SECOND = 1_000_000_000  # ns
 LAST_WORD = 0.5  # s; Fast DDS asks for acknowledgements every 3 s only
-NOT_EVENTS = ("steps", "energy_residual", "energy_exchanged", "solver.method", "solver.step")
+NOT_EVENTS = ("steps", "energy_accounts", "solver.method", "solver.step")
 """Keys of `Simulator.statistics` that do not count events."""
 
 REFUSED = {"refused": "commands refused", "requests": "requests refused",
@@ -118,9 +118,8 @@ class Diagnostics:
             values["pitch index"] = f"{validity.pitch_index:.3f}"
         if validity.current_share is not None:
             values["rms current over continuous"] = f"{validity.current_share:.3f}"
-        residual = self._statistics.get("energy_residual")
-        if residual is not None:
-            values["energy residual [J]"] = f"{residual:.3e}"
+        if "energy_accounts" in self._statistics:
+            values["energy residual [J]"] = f"{self._statistics['energy_accounts']['residual']:.3e}"
         return self._status("simulation", level, text, values)
 
     def _lasting(self) -> dict[str, float]:
