@@ -5,7 +5,8 @@ scene from several starts groups them here, and prints an `Attractors`, which ha
 
 1. each start gives a `SettledMotion`, or None if it has not settled, and a mean speed [m/s];
 2. `grouped` tells the motions apart by one rule, `SettledMotion.is_same`: the same period and states within the
-   tolerance; without a period, the same cloud of states. Starts that have not settled are one group that says so;
+   tolerance; without a period, the same cloud of states. Starts that have not settled are one group that says so, to
+   which motions beyond the first `MOST_ATTRACTORS` are added;
 3. `Attractors.in_words` is the sentence for a user, `Attractors.single` the one attractor where there is one;
 4. `measured` adds multipliers and Lyapunov exponents, which cost as much as some starts.
 
@@ -33,6 +34,8 @@ from vibro_ros.simulation.processes import core_count, in_processes
 from vibro_ros.simulation.simulator import Simulator
 
 MOST_STARTS = 10_000
+MOST_ATTRACTORS = 64
+"""Motions that are told apart. Without losses every start may have one of its own."""
 MEASURED = 2000
 """Turns over which the Lyapunov exponent of a motion without multipliers is measured."""
 _SAME_SPEED = 1e-6  # relative: a motion and its orbit have the same mean speed
@@ -48,7 +51,7 @@ class Attractor:
     ----------
     turns : int or None
         Turns of the crank after which the motion repeats itself; 0 for a motion without a period; None for the starts
-        that have not settled, which may have motions that differ.
+        that have not settled, or whose motions are beyond the first `MOST_ATTRACTORS`: these may differ.
     mean_speed : float
         Of the body [m/s], forwards positive: of a periodic motion over its period, else the mean over the starts.
     spread : float
@@ -141,7 +144,7 @@ def grouped(motions: Sequence[SettledMotion | None], mean_speeds: Sequence[float
     known, met = [], list[SettledMotion]()
     for motion in motions:
         number = None if motion is None else number_among(motion, met)
-        if motion is not None and number is None:
+        if motion is not None and number is None and len(met) < MOST_ATTRACTORS:
             number = len(met)
             met.append(motion)
         known.append(len(motions) if number is None else number)

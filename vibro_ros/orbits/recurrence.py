@@ -19,6 +19,7 @@ whatever was computed before, on however many processes; and there are no cells,
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -88,7 +89,11 @@ class SettledMotion:
             return False
         if self.turns:
             return bool(np.abs(other.states - self.states[0]).max(axis=1).min() <= self.tolerance)
-        return bool(Cloud(other.states).holds(self.states) or Cloud(self.states).holds(other.states))
+        return bool(other._cloud.holds(self.states) or self._cloud.holds(other.states))
+
+    @cached_property
+    def _cloud(self) -> "Cloud":
+        return Cloud(self.states)
 
 
 def settle(stroboscope: Stroboscope, first: int = FIRST_TURNS, most: int = MOST_TURNS) -> SettledMotion | None:

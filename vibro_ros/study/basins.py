@@ -1,13 +1,12 @@
-"""The starts of a study of basins, and all else that decides where they lead."""
+"""``study basins``: which start leads to which motion, and how many of the starts each motion has."""
 
 import argparse
 import math
 import os
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -19,17 +18,9 @@ from matplotlib.patches import Patch
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.parameters import Value
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.attractors import Attractor, measured, share_of
+from vibro_ros.orbits.attractors import MOST_ATTRACTORS, Attractors, grouped, measured
 from vibro_ros.orbits.chaos import sign_of
-from vibro_ros.orbits.recurrence import (
-    LONGEST_PERIOD,
-    Cloud,
-    SettledMotion,
-    command_in_words,
-    number_among,
-    settle,
-    tolerance_of,
-)
+from vibro_ros.orbits.recurrence import SettledMotion, command_in_words, settle, tolerance_of
 from vibro_ros.orbits.starts import running
 from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, coordinates, free_cut, is_sampled, pace
 from vibro_ros.process.entry_point import FAILURE, Parser, say
@@ -47,14 +38,19 @@ from vibro_ros.study.command import (
     study_parser,
     write_files,
 )
-from vibro_ros.study.figures import new_figure, png, tidy
+from vibro_ros.study.figures import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, YELLOW, new_figure, png, tidy
 from vibro_ros.study.table import NUMBERS, Field, Study, are, computed, file_of, table_of
 from vibro_ros.study.variation import whole_number
 
-ANGLE = "crank_angle"
-#: Most starts of a study.
+FOLDER, STARTS, ATTRACTORS, PICTURE = "blocks", "starts.parquet", "attractors.parquet", "basins.png"
+TURNS, MOST_TURNS, STARTS_DRAWN, QUICK_STARTS = 64, 4096, 1000, 300
 MOST_STARTS = 1_000_000
+"""Most starts of a study."""
 _MOST_VALUES = 10_000  # of a coordinate of a grid
+_FIRST, _MOST = 8, 1_000_000  # limits of turns
+_BLOCK_ROWS = 1024  # some seconds of work: what an interruption can lose
+_KEPT_STATES = 32  # of a motion without a period, in a row
+ANGLE = "crank_angle"
 
 
 @dataclass(frozen=True)
@@ -86,146 +82,48 @@ class Over:
         """Values on the grid, shape (count,)."""
         return np.linspace(self.low, self.high, self.count)
 
-    def document(self) -> list:
-        """What a file says of it."""
-        return [self.name, self.low, self.high, self.count]
-
 
 @dataclass(frozen=True)
-class Plane:
-    """A grid over two coordinates; the second changes fastest."""
+class Starts:
+    """A grid over two coordinates, of which the second changes fastest, or starts drawn evenly from a box.
 
-    over: tuple[Over, ...]
-
-    @property
-    def count(self) -> int:
-        """How many starts there are."""
-        return math.prod(one.count for one in self.over)
-
-    def start(self, number: int) -> dict[str, float]:
-        """What a start gives to `Simulator.set_state`."""
-        places = divmod(number, self.over[1].count)
-        return {one.name: float(values[place])
-                for one, values, place in zip(self.over, self._values, places, strict=True)}
-
-    def document(self) -> dict:
-        """All that decides the starts, as JSON has it."""
-        return {"grid": [one.document() for one in self.over]}
-
-    @cached_property
-    def _values(self) -> list[np.ndarray]:
-        return [one.values for one in self.over]
-
-
-@dataclass(frozen=True)
-class Draws:
-    """Starts that are drawn evenly from a box.
-
-    A start depends on seed and number alone: more starts are the same starts and others.
+    A drawn start depends on seed and number alone: more starts are the same starts and others.
 
     Attributes
     ----------
     over : tuple of Over
-        The sides of the box.
+        The coordinates of a grid, or the sides of the box.
     count, seed : int
-        Starts, and what else their random numbers depend on.
+        Starts, and what else the random numbers of drawn ones depend on.
     """
 
     over: tuple[Over, ...]
     count: int
-    seed: int
+    seed: int = 0
+
+    @property
+    def is_grid(self) -> bool:
+        """Whether the starts are those of a grid."""
+        return self.over[0].count > 0
 
     def start(self, number: int) -> dict[str, float]:
         """What a start gives to `Simulator.set_state`."""
+        if self.is_grid:
+            places = divmod(number, self.over[1].count)
+            return {one.name: float(values[place])
+                    for one, values, place in zip(self.over, self._values, places, strict=True)}
         shares = np.random.default_rng((self.seed, number)).uniform(size=len(self.over))
         return {one.name: float(one.low + share * (one.high - one.low))
                 for one, share in zip(self.over, shares, strict=True)}
 
     def document(self) -> dict:
         """All that decides the starts, as JSON has it."""
-        return {"box": [one.document() for one in self.over], "count": self.count,
-                "seed": self.seed}
+        over = [[one.name, one.low, one.high, one.count] for one in self.over]
+        return {"grid": over} if self.is_grid else {"box": over, "count": self.count, "seed": self.seed}
 
-
-Starts = Plane | Draws
-
-
-def over_in_words(scene: Scene, text: str) -> Over:
-    """A coordinate from ``NAME=LOW:HIGH`` or ``NAME=LOW:HIGH:COUNT``.
-
-    Raises
-    ------
-    ValueError
-        Naming the value, the limit and the remedy.
-    """
-    name, equals, values = text.partition("=")
-    parts = [read_scalar(part) for part in values.split(":")]
-    if not equals or len(parts) not in (2, 3):
-        raise ValueError(f"--over {text}: give NAME=LOW:HIGH:COUNT for a grid, NAME=LOW:HIGH for draws")
-    known = (*coordinates(scene), ANGLE)
-    if name not in known:
-        raise ValueError(f"--over {name or repr(name)}: is no coordinate of this scene's start; give one of "
-                         f"{', '.join(known)}")
-    low, high = (_number(name, part) for part in parts[:2])
-    if not low < high:
-        raise ValueError(f"--over {name}: from {low:g} to {high:g} is no range; give the smaller number first")
-    if name == "body_height" and low < 0.0:
-        raise ValueError(f"--over {name}: {low:g} {STATE_UNITS[name]} is out of range; give at least 0")
-    count = whole_number(f"--over {name}: count", parts[2], 2, _MOST_VALUES) if len(parts) == 3 else 0
-    return Over(name, low, high, count)
-
-
-def chosen_starts(scene: Scene, over: tuple[Over, ...], count: int, seed: int) -> Starts:
-    """The starts that the command line asks for.
-
-    Raises
-    ------
-    ValueError
-        For what contradicts itself or is too much.
-    """
-    if len({one.name for one in over}) < len(over):
-        raise ValueError("--over: a coordinate is given twice; keep one")
-    if not any(one.count for one in over):
-        return Draws(over or everywhere(scene), whole_number("--starts", count, 1, MOST_STARTS), seed)
-    if len(over) != 2 or not all(one.count for one in over):
-        raise ValueError(f"--over: {len(over)} coordinates, of which {sum(one.count > 0 for one in over)} have a "
-                         "count; a grid has two, both with a count; draws have none with a count")
-    plane = Plane(over)
-    if plane.count > MOST_STARTS:
-        raise ValueError(f"--over: {plane.count} starts are more than {MOST_STARTS}; give smaller counts")
-    return plane
-
-
-def everywhere(scene: Scene) -> tuple[Over, ...]:
-    """All coordinates, each within one unit of the machine of rest: a crank radius l, and l omega.
-
-    The body starts on the ground. Where a rigid plate is nearer, the range of its mass ends at the plate. A dc motor's
-    crank turns forwards; current and integral are those of the scene's own start.
-    """
-    reach = scene["crank.radius"]
-    speed, sides = reach * pace(scene), []
-    for name in coordinates(scene):
-        side = name.split("_")[0]
-        if name.endswith("velocity") and name != "body_vertical_velocity":
-            sides.append(Over(name, -speed, speed))
-        elif name == "motor_speed":
-            sides.append(Over(name, 0.0, pace(scene)))
-        elif side in scene.guides:
-            rigid = side in scene.plates and scene[f"effects.{side}_contact"] == "restitution"
-            high = scene[f"crank.{side}_rod"] + (min(reach, scene[f"{side}.gap"]) if rigid else reach)
-            sides.append(Over(name, high - 2.0 * reach, high))
-    return (*sides, Over(ANGLE, 0.0, TURN))
-
-
-def _number(name: str, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= 1e6:
-        raise ValueError(f"--over {name}: {value!r} is no number up to 1e6; give one in {STATE_UNITS[name]}")
-    return float(value)
-
-
-#: Rows of a block, some seconds of work: what an interruption can lose.
-BLOCK_ROWS = 1024
-FIRST, MOST = 8, 1_000_000  # limits of turns
+    @cached_property
+    def _values(self) -> list[np.ndarray]:
+        return [one.values for one in self.over]
 
 
 @dataclass(frozen=True)
@@ -258,14 +156,9 @@ class Design:
     most_turns: int
 
     def __post_init__(self) -> None:
-        if not FIRST <= self.turns <= self.most_turns <= MOST:
-            raise ValueError(f"--turns {self.turns} and --most-turns {self.most_turns}: give numbers from {FIRST} to "
-                             f"{MOST}, the smaller one first")
-
-    @property
-    def run_time(self) -> float:
-        """Robot time [s] of a start that settles at once."""
-        return self.turns * TURN / pace(self.scene)
+        if not _FIRST <= self.turns <= self.most_turns <= _MOST:
+            raise ValueError(f"--turns {self.turns} and --most-turns {self.most_turns}: give numbers from {_FIRST} to "
+                             f"{_MOST}, the smaller one first")
 
     def document(self) -> dict:
         """All that decides where the starts lead, as JSON has it."""
@@ -273,48 +166,81 @@ class Design:
                 "starts": self.starts.document(), "turns": self.turns, "most_turns": self.most_turns}
 
 
-#: States that tell the motion of a start which is not periodic.
-KEPT_STATES = 16
-#: How the error of a start begins that cannot be, such as a mass beyond its rigid plate.
+def over_in_words(scene: Scene, text: str) -> Over:
+    """A coordinate from ``NAME=LOW:HIGH`` or ``NAME=LOW:HIGH:COUNT``.
+
+    Raises
+    ------
+    ValueError
+        Naming the value, the limit and the remedy.
+    """
+    name, equals, values = text.partition("=")
+    parts = [read_scalar(part) for part in values.split(":")]
+    if not equals or len(parts) not in (2, 3):
+        raise ValueError(f"--over {text}: give NAME=LOW:HIGH:COUNT for a grid, NAME=LOW:HIGH for draws")
+    known = (*coordinates(scene), ANGLE)
+    if name not in known:
+        raise ValueError(f"--over {name or repr(name)}: is no coordinate of this scene's start; give one of "
+                         f"{', '.join(known)}")
+    low, high = (_number(name, part) for part in parts[:2])
+    if not low < high:
+        raise ValueError(f"--over {name}: from {low:g} to {high:g} is no range; give the smaller number first")
+    if name == "body_height" and low < 0.0:
+        raise ValueError(f"--over {name}: {low:g} {STATE_UNITS[name]} is out of range; give at least 0")
+    count = whole_number(f"--over {name}: count", parts[2], 2, _MOST_VALUES) if len(parts) == 3 else 0
+    return Over(name, low, high, count)
+
+
+def _number(name: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= 1e6:
+        raise ValueError(f"--over {name}: {value!r} is no number up to 1e6; give one in {STATE_UNITS[name]}")
+    return float(value)
+
+
+def chosen_starts(scene: Scene, over: tuple[Over, ...], count: int, seed: int) -> Starts:
+    """The starts that the command line asks for.
+
+    Raises
+    ------
+    ValueError
+        For what contradicts itself or is too much.
+    """
+    if len({one.name for one in over}) < len(over):
+        raise ValueError("--over: a coordinate is given twice; keep one")
+    if not any(one.count for one in over):
+        return Starts(over or everywhere(scene), whole_number("--starts", count, 1, MOST_STARTS), seed)
+    if len(over) != 2 or not all(one.count for one in over):
+        raise ValueError(f"--over: {len(over)} coordinates, of which {sum(one.count > 0 for one in over)} have a "
+                         "count; a grid has two, both with a count; draws have none with a count")
+    cells = math.prod(one.count for one in over)
+    if cells > MOST_STARTS:
+        raise ValueError(f"--over: {cells} starts are more than {MOST_STARTS}; give smaller counts")
+    return Starts(over, cells)
+
+
+def everywhere(scene: Scene) -> tuple[Over, ...]:
+    """All coordinates, each within one unit of the machine of rest: a crank radius l, and l omega.
+
+    The body starts on the ground. Where a rigid plate is nearer, the range of its mass ends at the plate. A dc motor's
+    crank turns forwards; current and integral are those of the scene's own start.
+    """
+    reach = scene["crank.radius"]
+    speed, sides = reach * pace(scene), []
+    for name in coordinates(scene):
+        side = name.split("_")[0]
+        if name.endswith("velocity") and name != "body_vertical_velocity":
+            sides.append(Over(name, -speed, speed))
+        elif name == "motor_speed":
+            sides.append(Over(name, 0.0, pace(scene)))
+        elif side in scene.guides:
+            rigid = side in scene.plates and scene[f"effects.{side}_contact"] == "restitution"
+            high = scene[f"crank.{side}_rod"] + (min(reach, scene[f"{side}.gap"]) if rigid else reach)
+            sides.append(Over(name, high - 2.0 * reach, high))
+    return (*sides, Over(ANGLE, 0.0, TURN))
+
+
 NO_START = "no such start: "
-
-
-def rows_of(design: Design, number: int) -> list[dict]:
-    """Let a start settle; one row."""
-    stroboscope = stroboscope_of(design.scene, design.phase)
-    start, motion, after, error = design.starts.start(number), None, design.most_turns, None
-    try:
-        stroboscope.begin_as(**start)
-        motion = settle(stroboscope, design.turns, design.most_turns)
-    except ValueError as refused:
-        after, error = 0, f"{NO_START}{refused}"
-    except SimulationError as failed:
-        after, error = 0, str(failed)
-    return [{
-        **start, "turns": motion.turns if motion else None, "after": motion.after if motion else after,
-        "mean_speed": motion.mean_speed if motion else math.nan,
-        "states": [] if motion is None else motion.states[-1:].ravel() if motion.turns else
-        motion.states[::len(motion.states) // KEPT_STATES].ravel(), "error": error}]
-
-
-def _kept_states(turns: int | None) -> int:
-    """States that the row of a start keeps, given the period of its motion."""
-    return 0 if turns is None else 1 if turns else KEPT_STATES
-
-
-def stroboscope_of(scene: Scene, phase: float) -> Stroboscope:
-    """The stroboscope of a scene, the last one again if it is the same: it takes as long to make as a start."""
-    return _stroboscope(scene.name, tuple(scene.parameters.items()), phase)
-
-
-@lru_cache(maxsize=1)
-def _stroboscope(name: str, parameters: tuple[tuple[str, Value], ...], phase: float) -> Stroboscope:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ToleranceWarning)  # the command says it once
-        return Stroboscope(TurnMap(Scene(name, dict(parameters)), phase))
-
-
-FOLDER = "blocks"
+"""How the error of a start begins that cannot be, such as a mass beyond its rigid plate."""
 
 
 def study_of(design: Design) -> Study:
@@ -334,14 +260,87 @@ def study_of(design: Design) -> Study:
 
     def are_own(numbers: Sequence[int], rows: list[dict]) -> bool:
         return are(rows, [design.starts.start(number) for number in numbers]) and all(
-            len(row["states"]) == dimension * _kept_states(row["turns"]) for row in rows)
+            len(row["states"]) == (0 if row["turns"] is None else dimension * (row["turns"] or _KEPT_STATES))
+            for row in rows)
 
-    return Study("starts", design.document(), fields, partial(rows_of, design), are_own, design.run_time,
-                 (design.scene["solver.method"],), design.starts.count, BLOCK_ROWS)
+    return Study("starts", design.document(), fields, partial(rows_of, design), are_own,
+                 design.turns * TURN / pace(design.scene), (design.scene["solver.method"],), design.starts.count,
+                 _BLOCK_ROWS)
 
 
-#: Starts along a side of a box of `basin_entropy`, as its authors have it.
-BOX = 5
+def rows_of(design: Design, number: int) -> list[dict]:
+    """Let a start settle; one row."""
+    stroboscope, start = stroboscope_of(design), design.starts.start(number)
+    motion, after, error = None, design.most_turns, None
+    try:
+        stroboscope.begin_as(**start)
+        motion = settle(stroboscope, design.turns, design.most_turns)
+    except ValueError as refused:
+        after, error = 0, f"{NO_START}{refused}"
+    except SimulationError as failed:
+        after, error = 0, str(failed)
+    return [{
+        **start, "turns": motion.turns if motion else None, "after": motion.after if motion else after,
+        "mean_speed": motion.mean_speed if motion else math.nan,
+        "states": motion.states[-(motion.turns or _KEPT_STATES):].ravel() if motion else [], "error": error}]
+
+
+def stroboscope_of(design: Design) -> Stroboscope:
+    """The stroboscope of a design, the last one again if it is the same: it takes as long to make as a start."""
+    return _stroboscope(design.scene.name, tuple(design.scene.parameters.items()), design.phase)
+
+
+@lru_cache(maxsize=1)
+def _stroboscope(name: str, parameters: tuple[tuple[str, Value], ...], phase: float) -> Stroboscope:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ToleranceWarning)  # the command says it once
+        return Stroboscope(TurnMap(Scene(name, dict(parameters)), phase))
+
+
+UNSETTLED, IMPOSSIBLE, OTHER = 0, -1, -2
+"""Numbers of starts without an attractor: nothing had settled; the start cannot be, or could not go on; the motion is
+none of the first `MOST_ATTRACTORS`."""
+
+
+@dataclass(frozen=True)
+class Basins:
+    """What all starts lead to.
+
+    Attributes
+    ----------
+    attractors : Attractors
+        The motions, that of most starts first; without those starts that have none of them.
+    numbers : ndarray of int, shape (starts,)
+        Place of each start's attractor, counted from 1; or `UNSETTLED`, `IMPOSSIBLE`, `OTHER`.
+    """
+
+    attractors: Attractors
+    numbers: np.ndarray
+
+
+def basins_in(design: Design, table: pa.Table) -> Basins:
+    """The attractors of all rows, with multipliers and exponents.
+
+    Rows are judged in their order, so that the outcome does not depend on who computed them.
+    """
+    turn_map, turns = stroboscope_of(design).turn_map, table["turns"].to_pylist()
+    able = np.array([error is None for error in table["error"].to_pylist()])
+    motions = [None if one is None else SettledMotion(
+        one, np.array(states).reshape(-1, len(turn_map.names)), speed, after, tolerance_of(design.scene))
+        for one, states, speed, after in zip(turns, *(
+            table[name].to_pylist() for name in ("states", "mean_speed", "after")), strict=True)]
+    own, speeds = [motion for motion, is_able in zip(motions, able, strict=True) if is_able], table["mean_speed"]
+    found, places = grouped(own, speeds.to_numpy()[able].tolist())
+    told = Attractors(one for one in found if one.turns is not None)
+    numbers = np.full(len(turns), IMPOSSIBLE)
+    numbers[able] = [place + 1 if place < len(told) else UNSETTLED if motion is None else OTHER
+                     for place, motion in zip(places.tolist(), own, strict=True)]
+    with Progress("motions measured", "motion", len(told)) as progress:
+        exact = []
+        for one in told:
+            exact.append(measured(one, turn_map))
+            progress.add(1)
+    return Basins(Attractors(exact), numbers)
 
 
 class BasinEntropy(NamedTuple):
@@ -364,7 +363,7 @@ class BasinEntropy(NamedTuple):
     mixed: int
 
 
-def basin_entropy(numbers: np.ndarray, outside: int, side: int = BOX) -> BasinEntropy | None:
+def basin_entropy(numbers: np.ndarray, outside: int = IMPOSSIBLE, side: int = 5) -> BasinEntropy | None:
     """Basin entropy and boundary basin entropy of a grid of starts; None for a grid without a whole box.
 
     Both, and the criterion of log 2, are those of A. Daza, A. Wagemakers, B. Georgeot, D. Guery-Odelin and
@@ -394,120 +393,7 @@ def basin_entropy(numbers: np.ndarray, outside: int, side: int = BOX) -> BasinEn
     return BasinEntropy(float(entropies.mean()), boundary, len(entropies), int(mixed.sum()))
 
 
-#: Numbers of starts that have none of the motions: nothing had settled; the start cannot be, or could not go on; the
-#: motion is none of the first `MOST_MOTIONS`.
-UNSETTLED, NOWHERE, UNTOLD = 0, -1, -2
-#: Most motions that get a number. Without losses every start has one of its own.
-MOST_MOTIONS = 64
-_CLOUD = 4096  # states that tell a motion which does not repeat itself, and turns before them
-
-
-@dataclass(frozen=True)
-class Found:
-    """What all starts lead to.
-
-    Attributes
-    ----------
-    attractors : list of Attractor
-        The motion with most starts first; of equal ones the one that was met first.
-    numbers : ndarray of int, shape (starts,)
-        Place of each start's attractor, counted from 1; or `UNSETTLED`, `NOWHERE`, `UNTOLD`.
-    """
-
-    attractors: list[Attractor]
-    numbers: np.ndarray
-
-
-def found_in(table: pa.Table, stroboscope: Stroboscope) -> Found:
-    """The attractors of all rows, which a study of starts has written.
-
-    Rows are judged in their order, so that the outcome does not depend on who computed them.
-    """
-    numbers, motions = _compared(table, stroboscope)
-    count = np.array([np.sum(numbers == number) for number in range(1, len(motions) + 1)], dtype=int)
-    order, possible = np.argsort(-count, kind="stable"), int(np.sum(numbers != NOWHERE))
-    renumbered, attractors = numbers.copy(), []
-    with Progress("motions measured", "motion", len(motions)) as progress:
-        for place, old in enumerate(order, 1):
-            renumbered[numbers == old + 1] = place
-            motion, starts = motions[old], int(count[old])
-            attractors.append(measured(Attractor(motion.turns, motion.mean_speed, 0.0, starts, *share_of(
-                starts, possible), states=motion.states), stroboscope.turn_map))
-            progress.add(1)
-    return Found(attractors, renumbered)
-
-
-def _compared(table: pa.Table, stroboscope: Stroboscope) -> tuple[np.ndarray, list[SettledMotion]]:
-    """A number for each row, counted from 1, and the motions in the order of these numbers: periodic ones first."""
-    turns, dimension = table["turns"].to_pylist(), len(stroboscope.turn_map.names)
-    numbers = np.array([UNTOLD if period is not None else UNSETTLED for period in turns])
-    numbers[np.array([error is not None for error in table["error"].to_pylist()])] = NOWHERE
-    lists = table["states"].combine_chunks()
-    first, values = lists.offsets.to_numpy(), lists.values.to_numpy().reshape(-1, dimension)
-    met: list[SettledMotion] = []
-    for period in sorted({period for period in turns if period is not None}, key=lambda period: (period == 0, period)):
-        rows = np.flatnonzero([one == period for one in turns])
-        width = (first[rows[0] + 1] - first[rows[0]]) // dimension
-        states = values[(first[rows] // dimension)[:, None] + np.arange(width)]
-        with Progress("starts compared", "start", len(rows)) as progress:
-            for chosen, motion in _groups(states, period, stroboscope):
-                progress.add(len(chosen))
-                if motion is None:
-                    numbers[rows[chosen]] = UNSETTLED
-                    continue
-                known = number_among(motion, met)
-                if known is None and len(met) < MOST_MOTIONS:
-                    known = len(met)
-                    met.append(motion)
-                numbers[rows[chosen]] = UNTOLD if known is None else known + 1
-    return numbers, met
-
-
-def _groups(states: np.ndarray, period: int,
-            stroboscope: Stroboscope) -> Iterator[tuple[np.ndarray, SettledMotion | None]]:
-    """Places of rows with the same motion, and the motion; `states` has shape (rows, m, n).
-
-    After `MOST_MOTIONS` groups all that is left comes as one, with the motion of its first row.
-    """
-    left = np.arange(len(states))
-    for group in range(MOST_MOTIONS + 1):
-        if not len(left):
-            return
-        state = states[left[0], -1]
-        motion: SettledMotion | None
-        if period:
-            stroboscope.begin(state)
-            seen = stroboscope.turns(period)
-            motion = SettledMotion(period, seen.states, float(seen.positions[-1] / seen.times[-1]), period,
-                                   tolerance_of(stroboscope.turn_map.scene))
-        else:
-            motion = _wandering(state, stroboscope)
-        if group == MOST_MOTIONS:
-            same = np.ones(len(left), dtype=bool)
-        elif period and motion:
-            apart = [np.abs(states[left, 0] - one).max(axis=1) for one in motion.states]
-            same = np.min(apart, axis=0) <= motion.tolerance
-        elif motion and not motion.turns:
-            same = Cloud(motion.states).holds(states[left])
-        else:
-            same = np.zeros(len(left), dtype=bool)
-        same[0] = True
-        yield left[same], motion
-        left = left[~same]
-
-
-def _wandering(state: np.ndarray, stroboscope: Stroboscope) -> SettledMotion | None:
-    """The motion that goes on from a state of one without a period, once more as long: chaos may end late."""
-    stroboscope.begin(state)
-    motion = settle(stroboscope, _CLOUD, _CLOUD)
-    if motion is None or motion.turns:
-        return motion
-    seen = stroboscope.turns(_CLOUD)
-    gone, lasted = (float(one[-1] - one[0]) for one in (seen.positions, seen.times))
-    return SettledMotion(0, seen.states, gone / lasted, _CLOUD, motion.tolerance)
-
-
-def starts_table(table: pa.Table, found: Found) -> bytes:
+def starts_table(table: pa.Table, found: Basins) -> bytes:
     """All starts with the numbers of their attractors, as a Parquet file."""
     meaning = ("number of the motion that the start leads to; 0: nothing had settled; -1: it cannot start, or not go "
                "on; -2: another motion than the first ones")
@@ -516,7 +402,7 @@ def starts_table(table: pa.Table, found: Found) -> bytes:
     return file_of(table.add_column(table.num_columns - 4, field, pa.array(found.numbers, pa.int64())))
 
 
-def attractors_table(found: Found) -> bytes:
+def attractors_table(found: Basins) -> bytes:
     """All attractors, as a Parquet file."""
     fields = [
         Field("attractor", pa.int64(), "1", "number of the motion"),
@@ -536,15 +422,14 @@ def attractors_table(found: Found) -> bytes:
         {"attractor": number, "turns": one.turns, "mean_speed": one.mean_speed, "starts": one.starts,
          "fraction": one.share, "fraction_low": one.low, "fraction_high": one.high,
          "lyapunov_exponent": one.exponent, "lyapunov_spread": one.exponent_spread,
-         "multipliers_real": one.multipliers.real,
-         "multipliers_imaginary": one.multipliers.imag, "states": one.states.ravel()}
-        for number, one in enumerate(found.attractors, 1)], fields))
+         "multipliers_real": one.multipliers.real, "multipliers_imaginary": one.multipliers.imag,
+         "states": one.states.ravel()} for number, one in enumerate(found.attractors, 1)], fields))
 
 
 _SHOWN = 12  # motions
 
 
-def in_words(design: Design, table: pa.Table, found: Found, entropy: BasinEntropy | None) -> list[str]:
+def in_words(design: Design, table: pa.Table, found: Basins) -> list[str]:
     """What was found, a line each."""
     over = ", ".join(f"{one.name} {one.low:g} to {one.high:g} {one.unit}" for one in design.starts.over)
     watched = float(np.mean(table["after"].to_numpy()))
@@ -559,51 +444,50 @@ def in_words(design: Design, table: pa.Table, found: Found, entropy: BasinEntrop
         else:
             stability = ("no multipliers, because the controller takes samples" if is_sampled(design.scene) else
                          "no orbit closes by Newton's method")
-        lines.append(f"motion {number}: {_motion_in_words(attractor)}; {attractor.starts} "
+        lines.append(f"motion {number}: {attractor.in_words()}; {attractor.starts} "
                      f"start{'s' * (attractor.starts > 1)}, {100.0 * attractor.share:.2f} % (95 % interval "
                      f"{100.0 * attractor.low:.2f} to {100.0 * attractor.high:.2f} %); {stability}")
     if len(found.attractors) > _SHOWN:
         lines.append(f"{len(found.attractors) - _SHOWN} more motions; without losses every start has one of its own")
-    if entropy:
-        says = "above log 2 = 0.693, which hints at a fractal boundary" if entropy.boundary > math.log(2.0) else (
-            "not above log 2 = 0.693, which leaves open whether the boundary is fractal")
-        lines.append(f"basin entropy {entropy.entropy:.4f}, of the {entropy.mixed} of {entropy.boxes} boxes with more "
-                     f"than one motion {entropy.boundary:.4f}, {says}" if entropy.mixed else
-                     f"basin entropy 0: each of {entropy.boxes} boxes has one motion")
+    lines += _entropy_in_words(design, found)
     for number, what in ((UNSETTLED, f"starts had not settled within {design.most_turns} turns"),
-                         (UNTOLD, f"starts have other motions than the first {MOST_MOTIONS}"),
-                         (NOWHERE, "starts cannot be, or could not go on")):
+                         (OTHER, f"starts have other motions than the first {MOST_ATTRACTORS}"),
+                         (IMPOSSIBLE, "starts cannot be, or could not go on")):
         if count := int(np.sum(found.numbers == number)):
-            reason = next(text for text in table["error"].to_pylist() if text) if number == NOWHERE else ""
+            reason = next(text for text in table["error"].to_pylist() if text) if number == IMPOSSIBLE else ""
             lines.append(f"{count} {what}{f', such as: {reason}' if reason else ''}")
     return lines
 
 
-def _motion_in_words(attractor: Attractor) -> str:
-    turns = attractor.turns
-    again = f"again after {turns} turn{'s' * (turns > 1)}" if turns else f"not again within {LONGEST_PERIOD} turns"
-    return f"{attractor.mean_speed * 1e3:.4g} mm/s, {again}"
+def _entropy_in_words(design: Design, found: Basins) -> list[str]:
+    if not design.starts.is_grid:
+        return []
+    entropy = basin_entropy(found.numbers.reshape([one.count for one in design.starts.over]))
+    if entropy is None:
+        return []
+    if not entropy.mixed:
+        return [f"basin entropy 0: each of {entropy.boxes} boxes has one motion"]
+    says = "above log 2 = 0.693, which hints at a fractal boundary" if entropy.boundary > math.log(2.0) else (
+        "not above log 2 = 0.693, which leaves open whether the boundary is fractal")
+    return [f"basin entropy {entropy.entropy:.4f}, of the {entropy.mixed} of {entropy.boxes} boxes with more than one "
+            f"motion {entropy.boundary:.4f}, {says}"]
 
 
-# Okabe and Ito's colours, which the colour-blind can tell apart; further motions share the last one.
-_COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442", "#000000")
-_UNSETTLED, _NOWHERE = "#a0a0a0", "#ffffff"
+_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILION, YELLOW, BLACK)  # further motions share the last one
+_GREY, _WHITE = "#a0a0a0", "#ffffff"  # of starts without a motion of their own, and of starts that cannot be
 
 
-def draw_basins(design: Design, table: pa.Table, found: Found) -> bytes:
+def draw_basins(design: Design, table: pa.Table, found: Basins) -> bytes:
     """Draw where the starts lead; returns a PNG file."""
-    figure = new_figure(9.0, 5.0)
-    over = design.starts.over
-    if isinstance(design.starts, Plane):
-        axes = figure.subplots()
-        _draw_map(axes, over, found.numbers)
+    figure, over = new_figure(9.0, 5.0), design.starts.over
+    if design.starts.is_grid:
+        _draw_map(figure.subplots(), over, found.numbers)
     elif len(over) > 1:
-        shares, axes = figure.subplots(1, 2)
+        shares, dots = figure.subplots(1, 2)
         _draw_shares(shares, found)
-        _draw_dots(axes, table, over, found.numbers)
+        _draw_dots(dots, table, over, found.numbers)
     else:
-        axes = figure.subplots()
-        _draw_shares(axes, found)
+        _draw_shares(figure.subplots(), found)
     figure.suptitle(f"{design.scene.name} at {command_in_words(design.scene)}: where {design.starts.count} starts lead",
                     fontsize=11)
     figure.legend(handles=_legend(found), loc="outside lower center", fontsize=8, frameon=False, ncols=2)
@@ -613,23 +497,22 @@ def draw_basins(design: Design, table: pa.Table, found: Found) -> bytes:
 def _colour(number: int) -> str:
     if number > 0:
         return _COLOURS[min(number, len(_COLOURS)) - 1]
-    return _NOWHERE if number == NOWHERE else _UNSETTLED
+    return _WHITE if number == IMPOSSIBLE else _GREY
 
 
 def _draw_map(axes: Axes, over: tuple[Over, ...], numbers: np.ndarray) -> None:
     first, second = over
     kinds = np.unique(numbers)
-    colours = ListedColormap([_colour(int(number)) for number in kinds])
     places = np.searchsorted(kinds, numbers).reshape(first.count, second.count)
-    axes.pcolormesh(second.values, first.values, places, shading="nearest", cmap=colours,
-                    norm=BoundaryNorm(np.arange(len(kinds) + 1) - 0.5, len(kinds)), rasterized=True)
+    axes.pcolormesh(second.values, first.values, places, shading="nearest", rasterized=True,
+                    cmap=ListedColormap([_colour(int(number)) for number in kinds]),
+                    norm=BoundaryNorm(np.arange(len(kinds) + 1) - 0.5, len(kinds)))
     axes.set(xlabel=f"{second.name} [{second.unit}]", ylabel=f"{first.name} [{first.unit}]")
 
 
 def _draw_dots(axes: Axes, table: pa.Table, over: tuple[Over, ...], numbers: np.ndarray) -> None:
     first, second = over[:2]
-    # The motions with fewer starts lie on top.
-    for number in sorted(set(numbers.tolist()) - {NOWHERE}):
+    for number in sorted(set(numbers.tolist()) - {IMPOSSIBLE}):  # the motions with fewer starts lie on top
         chosen = numbers == number
         axes.plot(table[second.name].to_numpy()[chosen], table[first.name].to_numpy()[chosen], ".", ms=3.0,
                   color=_colour(number), alpha=0.8)
@@ -637,29 +520,23 @@ def _draw_dots(axes: Axes, table: pa.Table, over: tuple[Over, ...], numbers: np.
     tidy(axes)
 
 
-def _draw_shares(axes: Axes, found: Found) -> None:
+def _draw_shares(axes: Axes, found: Basins) -> None:
     shown = found.attractors[:len(_COLOURS)]
     places = np.arange(1, len(shown) + 1)
     spread = [[100.0 * (one.share - one.low) for one in shown], [100.0 * (one.high - one.share) for one in shown]]
-    axes.bar(places, [100.0 * one.share for one in shown], yerr=spread, capsize=4,
-             color=_COLOURS[:len(shown)])
+    axes.bar(places, [100.0 * one.share for one in shown], yerr=spread, capsize=4, color=_COLOURS[:len(shown)])
     axes.set(xlabel="motion", ylabel="share of the starts, with 95 % interval [%]", xticks=places)
     tidy(axes)
 
 
-def _legend(found: Found) -> list[Patch]:
-    shown = [Patch(color=_colour(number), label=f"{number}: {_motion_in_words(one)}, "
-                   f"{100.0 * one.share:.3g} % of the starts")
+def _legend(found: Basins) -> list[Patch]:
+    shown = [Patch(color=_colour(number), label=f"{number}: {one.in_words()}, {100.0 * one.share:.3g} % of the starts")
              for number, one in enumerate(found.attractors[:len(_COLOURS)], 1)]
-    if np.any((found.numbers < 1) & (found.numbers != NOWHERE)):
-        shown.append(Patch(color=_UNSETTLED, label="not settled, or another motion"))
-    if np.any(found.numbers == NOWHERE):
-        shown.append(Patch(facecolor=_NOWHERE, edgecolor="black", label="cannot start"))
+    if np.isin(found.numbers, (UNSETTLED, OTHER)).any():
+        shown.append(Patch(color=_GREY, label="not settled, or another motion"))
+    if np.any(found.numbers == IMPOSSIBLE):
+        shown.append(Patch(facecolor=_WHITE, edgecolor="black", label="cannot start"))
     return shown
-
-
-STARTS, ATTRACTORS, PICTURE = "starts.parquet", "attractors.parquet", "basins.png"
-TURNS, MOST_TURNS, STARTS_DRAWN, QUICK_STARTS = 64, 4096, 1000, 300
 
 
 def main(words: Sequence[str]) -> int:
@@ -673,27 +550,19 @@ def _basins(options: argparse.Namespace) -> int:
     execution = execution_of(options)
     design, begun = _design(options), _core_time()
     with locked(options.output):
-        table = computed(study_of(design), _folder(options.output), execution)
-        found = found_in(table, stroboscope_of(design.scene, design.phase))
-        if (found.numbers == NOWHERE).all():
-            reason = next(text for text in table["error"].to_pylist() if text)
-            raise ValueError(f"none of {design.starts.count} starts can be simulated; the first one: {reason}")
+        folder = options.output / FOLDER
+        folder.mkdir(exist_ok=True)
+        table = computed(study_of(design), folder, execution)
+        errors = [text for text in table["error"].to_pylist() if text]
+        if len(errors) == design.starts.count:
+            raise ValueError(f"none of {len(errors)} starts can be simulated; the first one: {errors[0]}")
+        found = basins_in(design, table)
         write_files(options.output, {STARTS: starts_table(table, found), ATTRACTORS: attractors_table(found),
                                      PICTURE: draw_basins(design, table, found)})
-    entropy = None
-    if isinstance(design.starts, Plane):
-        grid = found.numbers.reshape([one.count for one in design.starts.over])
-        entropy = basin_entropy(grid, outside=NOWHERE)
-    print("\n".join(in_words(design, table, found, entropy)))
+    print("\n".join(in_words(design, table, found)))
     if not options.scheduler:
         say("study", f"{_core_time() - begun:.1f} s of core time")
-    failed = any(text and not text.startswith(NO_START) for text in table["error"].to_pylist())
-    return FAILURE if failed else 0
-
-
-def _folder(output: Path) -> Path:
-    (output / FOLDER).mkdir(exist_ok=True)
-    return output / FOLDER
+    return FAILURE if any(not text.startswith(NO_START) for text in errors) else 0
 
 
 def _design(options: argparse.Namespace) -> Design:
@@ -704,7 +573,7 @@ def _design(options: argparse.Namespace) -> Design:
     phase = Stroboscope(free_cut(scene)).turn_map.phase  # refuses a scene in which nothing moves
     starts = chosen_starts(scene, tuple(over_in_words(scene, text) for text in options.over), count,
                            whole_number("--seed", options.seed, 0, 2**63 - 1))
-    if isinstance(starts, Plane) and options.starts is not None:
+    if starts.is_grid and options.starts is not None:
         raise ValueError("--starts: a grid draws no starts; leave it out, or the counts of --over")
     return Design(scene, phase, starts, options.turns, options.most_turns)
 

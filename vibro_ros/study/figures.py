@@ -6,7 +6,12 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-GRID = "#e8e8e8"
+from vibro_ros.model.parameters import BY_NAME
+
+GRID, BLACK = "#e8e8e8", "#000000"
+BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, YELLOW = (
+    "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#f0e442")
+"""Okabe and Ito's colours, which the colour-blind can tell apart."""
 
 
 def new_figure(width: float, height: float, dpi: int = 110) -> Figure:
@@ -26,6 +31,11 @@ def png(figure: Figure) -> bytes:
 def with_unit(name: str, unit: str) -> str:
     """The label of an axis; pure numbers have no unit."""
     return f"{name} [{unit}]" if unit not in ("", "1") else name
+
+
+def of_parameter(name: str) -> str:
+    """The label of an axis over a parameter."""
+    return with_unit(name, BY_NAME[name].unit)
 
 
 def tidy(axes: Axes) -> None:

@@ -25,6 +25,7 @@ from typing import NamedTuple
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.process.entry_point import say
 from vibro_ros.process.files import content, is_temporary, replace_file
 from vibro_ros.study.command import Progress
@@ -50,6 +51,11 @@ class Field(NamedTuple):
     unit: str
     meaning: str
     optional: bool = False
+
+
+def parameter_field(name: str) -> Field:
+    """The column of a number among a scene's parameters."""
+    return Field(name, pa.float64(), BY_NAME[name].unit or "1", BY_NAME[name].description)
 
 
 @dataclass(frozen=True)
