@@ -1,6 +1,7 @@
 """What a study measures: a wrong program looks wrong, the reference is checked, chaos and divergence are seen."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,8 +21,8 @@ from vibro_ros.accuracy.harness import (
     row_writer,
 )
 from vibro_ros.accuracy.programs import COLUMNS, DEVICE, UnableError, by_device
-from vibro_ros.accuracy.report import BELOW, table
-from vibro_ros.accuracy.scene_rows import LONG, SHORT, growth
+from vibro_ros.accuracy.report import BELOW, advice, finding, speeds_table, table
+from vibro_ros.accuracy.scene_rows import LONG, SHORT, Growth, averages, growth
 from vibro_ros.orbits import starts
 from vibro_ros.orbits.starts import running
 
@@ -128,3 +129,17 @@ def test_columns_are_fields_of_a_run():
                   by_device("exact", vibro_ros.load_scene("paper"), TIMES, 1e-9))
     for k, column in enumerate(COLUMNS):
         np.testing.assert_array_equal(found.samples[:, k], getattr(run, column))
+
+
+def test_several_motions_have_a_row_each_and_no_mean():
+    """`device` at 160 rad/s: no robot runs at the mean of -79.8 and -53.6 mm/s."""
+    scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 160.0})
+    found = averages(scene, "exact", math.nan, Effort(starts=2, duration=6.0))
+    assert [1e3 * row.mean for row in found] == pytest.approx([-79.8, -53.6], abs=0.2)
+    assert [(row.motions, row.spread, row.starts_forwards) for row in found] == [(2, 0.0, 0)] * 2
+    assert sum(row.repeats for row in found) == 8
+    rows = [Growth(0.0, 0.0, False, 15.0).row("device"), *found,
+            replace(found[0], program="rk4", value=1e-4), replace(found[1], program="rk4", value=1e-4)]
+    assert finding(rows).startswith("There are several mean speeds (-79.8")
+    assert "8 starts of 6 s: -79.8" in speeds_table(rows) and "; -53.6 ± 0.0" in speeds_table(rows)
+    assert "not one: 2 motions" in advice(rows).values()

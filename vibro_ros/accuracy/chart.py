@@ -80,25 +80,29 @@ def _draw_errors(axes: Axes, rows: Sequence[Row], column: str, label: str) -> No
 def _draw_speeds(axes: Axes, rows: Sequence[Row]) -> None:
     """Mean speeds over the step, with the exact one and its 95 % interval as a band."""
     averages = [row for row in rows if row.compared == AVERAGE and math.isfinite(row.mean)]
-    exact = next((row for row in averages if row.program == "exact"), None)
-    if exact:
+    motions = [row for row in averages if row.program == "exact"]
+    for one in motions:
+        axes.axhline(one.mean, color="black", lw=1.2)
+        axes.axhspan(one.mean - one.spread, one.mean + one.spread, color="#999999", alpha=0.5, lw=0)
+    if motions:
+        exact = motions[0]
         axes.axhline(0.0, color="#777777", lw=0.8, ls=":")
-        axes.axhline(exact.mean, color="black", lw=1.2)
-        axes.axhspan(exact.mean - exact.spread, exact.mean + exact.spread,
-                     color="#999999", alpha=0.5, lw=0)
         reach = _LARGEST_DIFFERENCE * max(abs(exact.mean), 10.0 * exact.spread) or 1.0
         shown = [0.0, *(row.mean for row in averages if abs(row.mean - exact.mean) <= reach)]
         margin = 0.12 * (max(shown) - min(shown)) or 1.0
         axes.set_ylim(min(shown) - margin, max(shown) + margin)
         near = WITHIN * abs(exact.mean)
         axes.axhspan(exact.mean - near, exact.mean + near, color=_NEAR, lw=0, zorder=0)
-    for name in dict.fromkeys(row.program for row in averages if row is not exact):
+    for name in dict.fromkeys(row.program for row in averages if row.program != "exact"):
         own = [row for row in averages if row.program == name]
+        joined = {} if all(row.motions == 1 for row in own) else {"linestyle": "none"}
         axes.errorbar([row.value for row in own], [row.mean for row in own],
-                      yerr=[row.spread for row in own], capsize=3, **style(name))
+                      yerr=[row.spread for row in own], capsize=3, **style(name) | joined)
     axes.set_xscale("log")
     if averages:
-        axes.set_title(f"averages, beyond the horizon: {averages[-1].repeats} starts of {averages[-1].horizon:g} s\n"
+        last = averages[-1]
+        starts = sum(row.repeats for row in averages if (row.program, row.value) == (last.program, last.value))
+        axes.set_title(f"averages, beyond the horizon: {starts} starts of {averages[-1].horizon:g} s\n"
                        "95 % intervals; black: exact, coloured band: ± 5 %", fontsize=10, loc="left")
     axes.set_xlabel("step [s]")
     axes.set_ylabel("mean speed [m/s]")

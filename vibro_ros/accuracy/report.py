@@ -95,7 +95,9 @@ def finding(rows: Sequence[Row], method: str = "rk4") -> str:
     """From which step on a method reports the mean speed within 5 %, and its sign before that."""
     averages = [row for row in rows if row.compared == AVERAGE and math.isfinite(row.mean)]
     exact = next((row for row in averages if row.program == "exact"), None)
-    own = sorted((row for row in averages if row.program == method), key=lambda row: -row.value)
+    if exact is not None and exact.motions > 1:
+        return f"There are several mean speeds ({speeds_of_exact(rows)}): no method can be judged by one."
+    own = _farthest([row for row in averages if row.program == method], exact)
     if exact is None or not own:
         return f"Not enough was measured to judge {method}'s mean speed."
     truth = f"exact: {_speed(exact)}"
@@ -123,27 +125,45 @@ def finding(rows: Sequence[Row], method: str = "rk4") -> str:
     return text
 
 
+def speeds_of_exact(rows: Sequence[Row]) -> str:
+    """The mean speed by `exact`; of several motions, each with its starts."""
+    own = [row for row in rows if row.compared == AVERAGE and row.program == "exact"]
+    starts = sum(row.repeats for row in own)
+    return "; ".join(_speed(row) + f" from {row.repeats} of {starts} starts" * (len(own) > 1) for row in own)
+
+
+def _farthest(rows: Sequence[Row], exact: Row | None) -> list[Row]:
+    """Of each step, the coarsest first, the motion that is farthest from that of `exact`."""
+    found: dict[float, Row] = {}
+    for row in sorted(rows, key=lambda row: abs(row.mean - exact.mean) if exact else 0.0):
+        found[row.value] = row
+    return [found[value] for value in sorted(found, reverse=True)]
+
+
 def speeds_table(rows: Sequence[Row]) -> str:
     """Mean speeds by method and step in Markdown; bold within 5 %, marked where they have the wrong sign."""
-    averages = {(row.program, row.value): row for row in rows if row.compared == AVERAGE and row.program != "exact"}
+    averages: dict[tuple[str, float], list[Row]] = {}
+    for row in rows:
+        if row.compared == AVERAGE and row.program != "exact":
+            averages.setdefault((row.program, row.value), []).append(row)
     exact = next((row for row in rows if row.compared == AVERAGE and row.program == "exact"), None)
     steps = sorted({value for _, value in averages}, reverse=True)
     if exact is None or not steps:
         return "No mean speeds were measured."
     heads = ("mean speed, mm/s", *(f"{step:.0e} s" for step in steps))
     lines = [line(heads), "|---" * len(heads) + "|"]
-    lines += [line((method, *(_cell(averages.get((method, step)), exact) for step in steps)))
+    lines += [line((method, *("; ".join(_cell(row, exact) for row in averages.get((method, step), []))
+                              for step in steps)))
               for method in dict.fromkeys(method for method, _ in averages)]
     judged = f"Bold: within {WITHIN:.0%}; (!): the wrong way."
     if exact.spread >= WITHIN * abs(exact.mean):
         judged = f"It is not known to {WITHIN:.0%}: no method can be judged by it."
-    return "\n".join([*lines, "", f"By `exact`, {exact.repeats} starts of {exact.horizon:g} s: {_speed(exact)}. "
+    starts = sum(row.repeats for row in rows if row.compared == AVERAGE and row.program == "exact")
+    return "\n".join([*lines, "", f"By `exact`, {starts} starts of {exact.horizon:g} s: {speeds_of_exact(rows)}. "
                       f"Every interval is Student's, of 95 %, over independent starts. {judged}"])
 
 
-def _cell(row: Row | None, exact: Row) -> str:
-    if row is None:
-        return ""
+def _cell(row: Row, exact: Row) -> str:
     if not math.isfinite(row.mean):
         return "diverges"
     text = f"{1e3 * row.mean:+.1f} ± {1e3 * row.spread:.1f}"
@@ -376,6 +396,8 @@ def _mean_speed_advice(rows: Sequence[Row]) -> str:
     exact = next((row for row in rows if row.compared == AVERAGE and row.program == "exact"), None)
     if exact is None or not math.isfinite(exact.mean):
         return "not measured"
+    if exact.motions > 1:
+        return f"not one: {exact.motions} motions"
     if abs(exact.mean) <= exact.spread:
         return "not known to differ from 0"
     spread = exact.spread / abs(exact.mean)

@@ -6,7 +6,9 @@ Chaos decides how long trajectories can be compared: five Lyapunov times. Beyond
 import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -29,10 +31,14 @@ from vibro_ros.accuracy.harness import (
 )
 from vibro_ros.accuracy.programs import DEVICE, PLAIN, Program, Setting, UnableError
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.chaos import exponent_of_pairs
-from vibro_ros.orbits.starts import STARTING, motor_command, running, started_at_share
+from vibro_ros.orbits.attractors import grouped
+from vibro_ros.orbits.chaos import exponent_of_pairs, half_interval
+from vibro_ros.orbits.recurrence import SettledMotion
+from vibro_ros.orbits.starts import SETTLING, STARTING, motor_command, running, started_at_share
 from vibro_ros.simulation.motion import SimulationError
-from vibro_ros.study.starts import average, speeds_of_starts
+from vibro_ros.simulation.processes import core_count
+from vibro_ros.study.execution import Execution
+from vibro_ros.study.measures import measure_with_motion
 
 #: Horizons [s] of requirements: a short one, which chaos allows everywhere, and a long one.
 SHORT, LONG = 0.2, 10.0
@@ -104,9 +110,9 @@ def growth(scene: Scene, duration: float = _WATCHED, starts: int = _PAIRS) -> Gr
     rates = np.array([
         exponent_of_pairs(started_at_share(scene, k / starts, motor_command(scene)[1]), STARTING, duration)[0]
         for k in range(starts)])
-    rate = average(rates)
-    chaotic = bool(2 * np.count_nonzero(rates) > starts and rate.mean > rate.spread)
-    return Growth(rate.mean, rate.spread, chaotic, duration)
+    mean, spread = float(rates.mean()), float(half_interval(rates))
+    chaotic = bool(2 * np.count_nonzero(rates) > starts and mean > spread)
+    return Growth(mean, spread, chaotic, duration)
 
 
 def rows_of_scene(scene: Scene, programs: Mapping[str, Program], effort: Effort,
@@ -142,30 +148,44 @@ def checked(problem: SceneProblem, checks: Sequence[tuple[Program, Setting]]) ->
 
 
 def _averages(scene: Scene, effort: Effort) -> Iterator[Row]:
-    yield _average(scene, "exact", math.nan, effort)
+    yield from averages(scene, "exact", math.nan, effort)
     for name in AVERAGED:
         before, seconds = math.inf, 0.0
         for step in AVERAGE_STEPS:
             if math.isfinite(before) and seconds * before / step > effort.patience_for_averages:
                 break
-            row = _average(scene, name, step, effort)
-            yield row
-            before, seconds = (step, row.wall_time) if math.isfinite(row.wall_time) else (before, seconds)
+            found = averages(scene, name, step, effort)
+            yield from found
+            wall_time = found[0].wall_time
+            before, seconds = (step, wall_time) if math.isfinite(wall_time) else (before, seconds)
 
 
-def _average(scene: Scene, method: str, step: float, effort: Effort) -> Row:
+def averages(scene: Scene, method: str, step: float, effort: Effort) -> list[Row]:
+    """The mean speed of each motion that drawn starts lead to, that of most starts first, by a method."""
     exact = method == "exact"
     starts = effort.starts * (_MORE_STARTS if exact else 1)
     row = Row(scene.name, AVERAGE, method, PLAIN, "as it comes" if exact else f"step {step:g} s", step, effort.duration,
               starts)
     steps = {} if exact else {"solver.step": step}
+    scene = scene.with_parameters({"solver.method": method, "solver.accounts": False, **steps})
     began = time.perf_counter()
+    runs = Execution(core_count()).rows(partial(_settled, scene, effort.duration), range(starts),
+                                        SETTLING + effort.duration, (method,))
     try:
-        found = average(speeds_of_starts(scene.with_parameters(
-            {"solver.method": method, "solver.accounts": False, **steps}), effort.duration, starts))
+        with closing(runs):
+            speeds, motions = zip(*runs, strict=True)
     except SimulationError as error:
-        return replace(row, repeats=0, outcome=CANNOT, note=str(error))
+        return [replace(row, repeats=0, outcome=CANNOT, note=str(error))]
     row = replace(row, wall_time=time.perf_counter() - began)
-    if not abs(found.mean) + found.spread < _DIVERGED:
-        return replace(row, outcome=DIVERGES, note=f"diverged: faster than {_DIVERGED:g} m/s")
-    return replace(row, mean=found.mean, spread=found.spread, starts_forwards=found.positive)
+    if not np.abs(speeds).max() < _DIVERGED:
+        return [replace(row, outcome=DIVERGES, note=f"diverged: faster than {_DIVERGED:g} m/s")]
+    attractors, places = grouped(motions, speeds)
+    return [replace(row, repeats=one.starts, mean=one.mean_speed, spread=one.spread, motions=len(attractors),
+                    starts_forwards=int(np.sum(np.array(speeds)[places == place] > 0.0)))
+            for place, one in enumerate(attractors)]
+
+
+def _settled(scene: Scene, duration: float, number: int) -> tuple[float, SettledMotion | None]:
+    """Mean speed [m/s] of a drawn start over `duration` [s] after `SETTLING`, and the motion that it has settled to."""
+    values, motion = measure_with_motion(scene, ("mean_speed",), SETTLING, duration, number)
+    return values["mean_speed"], motion

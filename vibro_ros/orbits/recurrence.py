@@ -123,17 +123,16 @@ def settle(stroboscope: Stroboscope, first: int = FIRST_TURNS, most: int = MOST_
     quarters of all turns, is below `CLOSE`; with a controller that takes samples see above. Chaos that lasts long and
     then ends cannot be told from chaos that stays.
     """
-    sampled = is_sampled(stroboscope.turn_map.scene)
-    seen = stroboscope.turns(first)
+    scene, seen = stroboscope.turn_map.scene, stroboscope.turns(first)
     while True:
-        turns = _period_within_jitter(seen.states) if sampled else period_of(seen.states)
+        turns = period_in(seen.states, scene)
         if turns or (len(seen.states) >= 4 * CLOUD and _is_stationary(seen.states)):
             over = turns or len(seen.states) // 2
-            if turns and sampled:  # a mean over all places of a sample
+            if turns and is_sampled(scene):  # a mean over all places of a sample
                 over = turns * (len(seen.states) // (2 * turns))
             gone, lasted = (float(one[-1] - one[-1 - over]) for one in (seen.positions, seen.times))
             return SettledMotion(turns, seen.states[-(turns or CLOUD):].copy(), gone / lasted, len(seen.states),
-                                 tolerance_of(stroboscope.turn_map.scene))
+                                 tolerance_of(scene))
         more = min(2 * len(seen.states), most) - len(seen.states)
         if more <= 0:
             return None
@@ -153,10 +152,16 @@ def motion_of(states: np.ndarray, mean_speed: float, scene: Scene) -> SettledMot
     scene : Scene
         Of the device.
     """
-    turns = _period_within_jitter(states) if is_sampled(scene) else period_of(states)
+    turns = period_in(states, scene)
     if not turns and (len(states) < LEAST_WATCHED or not _is_stationary(states)):
         return None
     return SettledMotion(turns, states[-(turns or len(states)):], mean_speed, len(states), tolerance_of(scene))
+
+
+def period_in(states: np.ndarray, scene: Scene) -> int:
+    """Least number of turns after which settled states at successive cuts, shape (cuts, n), repeat themselves; 0 where
+    they do not, or not yet."""
+    return _period_within_jitter(states) if is_sampled(scene) else period_of(states)
 
 
 def tolerance_of(scene: Scene) -> float:

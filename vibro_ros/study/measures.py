@@ -13,15 +13,14 @@ from scipy.integrate import trapezoid
 from vibro_ros.model.parameters import Value
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.chaos import exponent_of_pairs
-from vibro_ros.orbits.recurrence import JITTER, LEAST_WATCHED, SettledMotion, motion_of
+from vibro_ros.orbits.recurrence import LEAST_WATCHED, LONGEST_PERIOD, SettledMotion, motion_of, period_in
 from vibro_ros.orbits.starts import STARTING, drawn_start
-from vibro_ros.orbits.turn_map import TURN, TurnMap, is_sampled, share_of_turn
+from vibro_ros.orbits.turn_map import TURN, TurnMap, share_of_turn
 from vibro_ros.simulation.samples import LATEST, Samples
 from vibro_ros.simulation.simulator import Simulator
 
 #: Most turns [-] of one window; doubles count them exactly, and a run of so many takes hours.
 MOST_TURNS = 1e9
-_TURN = 2.0 * math.pi
 # Part of a turn that rounding may take from a duration that was meant to be whole turns.
 _ROUNDING = 1e-9
 
@@ -61,7 +60,7 @@ def window(scene: Scene, settling: float, duration: float) -> Window:
 
     The speed of the body swings within a turn, so that a part of a turn would give a mean of another kind.
     """
-    turn = _TURN / abs(scene["motor.speed"]) if scene["motor.speed"] else math.inf
+    turn = TURN / abs(scene["motor.speed"]) if scene["motor.speed"] else math.inf
     turns = math.floor(min(duration / turn + _ROUNDING, MOST_TURNS))
     return Window(settling, turn, turns, turns * turn if turns else duration)
 
@@ -69,9 +68,9 @@ def window(scene: Scene, settling: float, duration: float) -> Window:
 def _window_of_dc_motor(device: Simulator, duration: float) -> Window:
     """The turns that a dc motor's crank makes, forwards, within `duration` [s] from now; the device is left at the
     last."""
-    begin, turn, ends = device.time, device.state.crank_angle / _TURN, list[float]()
+    begin, turn, ends = device.time, device.state.crank_angle / TURN, list[float]()
     whole = math.floor(turn)
-    while device.advance_to_angle(whole + len(ends) + 1, (turn - whole) * _TURN, begin + duration):
+    while device.advance_to_angle(whole + len(ends) + 1, (turn - whole) * TURN, begin + duration):
         ends.append(device.time)
     if not ends:
         return Window(begin, math.inf, 0, duration)
@@ -142,15 +141,12 @@ def standing_and_airborne(device: Simulator, checkpoint: np.ndarray | None, befo
 
 
 #: What can be asked for beside displacement, turns and blows.
-WORK, REST, TURNS, LOAD, MOTION = "work", "rest", "turns", "load", "motion"
-#: Most cuts that tell a motion, and crank angle [rad] at which they are: both sliders are far from the plates there.
-MOST_CUTS, PHASE = LEAST_WATCHED, math.pi
-#: Most turns whose states are kept for `Observation.strobe`.
-STROBED_TURNS = 64
+WORK, REST, LOAD, MOTION = "work", "rest", "load", "motion"
+#: Cuts that tell a motion, at least and at most, and crank angle [rad] at which they are: both sliders are far from the
+#: plates there.
+LEAST_CUTS, MOST_CUTS, PHASE = 4, LEAST_WATCHED, math.pi
 # Samples a turn of the motor's power, and of N; and turns whose samples are in memory at a time.
 _PER_TURN, _LOADS_PER_TURN, _TURNS_AT_ONCE = 256, 1024, 64
-_STROBED_POSITIONS = ("body_height", "upper_position", "inclined_position")
-_STROBED_VELOCITIES = ("body_velocity", "body_vertical_velocity", "upper_velocity", "inclined_velocity")
 
 
 class Loads(NamedTuple):
@@ -197,9 +193,6 @@ class Observation:
         Time [s] that the body was in the air.
     loads : Loads
         Of the ground; NaN unless asked.
-    strobe : ndarray, shape (n + 1, 7), or None
-        Once a turn, at the last n turns: positions in crank radii, and velocities in crank radii times motor speed;
-        None unless asked, and without a whole turn at the commanded speed.
     cuts : ndarray, shape (m, coordinates), or None
         States at the last cuts of the time, at most `MOST_CUTS`, in units of the machine as `TurnMap` has them; None
         unless asked, and for a motor that is not steady or turns less than twice.
@@ -218,7 +211,6 @@ class Observation:
     standing: float
     airborne: float
     loads: "Loads"
-    strobe: np.ndarray | None
     cuts: np.ndarray | None
 
 
@@ -228,7 +220,7 @@ def device_at_start(scene: Scene, start: int | None) -> Simulator:
 
 
 def observe(scene: Scene, wanted: Collection[str], settling: float, duration: float, start: int | None) -> Observation:
-    """Run `scene` once and gather what is `wanted`, of `WORK`, `REST`, `TURNS`, `LOAD`; times [s] as in `window`.
+    """Run `scene` once and gather what is `wanted`, of `WORK`, `REST`, `LOAD`, `MOTION`; times [s] as in `window`.
 
     Raises
     ------
@@ -258,9 +250,9 @@ def observed(device: Simulator, wanted: Collection[str], measured: Window) -> Ob
     accounts = WORK in wanted and scene["solver.accounts"] and scene["solver.method"] == "exact"
     booked, supplied, heated = _booked(device) if accounts else None, math.nan, math.nan
     steady = bool(measured.ends) or before.motor_speed == scene["motor.speed"] != 0.0
-    sampled = TURNS in wanted or (WORK in wanted and not accounts)
+    sampled = WORK in wanted and not accounts
     cuts = _cuts(device, measured) if MOTION in wanted and steady and not sampled else None
-    delivered, taken_back, strobe = _sampled(device, measured, WORK in wanted and not accounts, TURNS in wanted)
+    delivered, taken_back = _sampled_work(device, measured) if sampled else (math.nan, math.nan)
     device.advance_to(measured.end)
     after, events = device.state, device.take_events()
     if booked is not None:
@@ -276,17 +268,17 @@ def observed(device: Simulator, wanted: Collection[str], measured: Window) -> Ob
         loads = loads_of(device, measured)
     return Observation(
         scene=scene, window=measured, displacement=after.body_position - before.body_position,
-        turns=abs(after.crank_angle - before.crank_angle) / _TURN,
+        turns=abs(after.crank_angle - before.crank_angle) / TURN,
         steady=steady and (bool(measured.ends) or after.motor_speed == scene["motor.speed"]),
         events=events, delivered=float(delivered), taken_back=float(taken_back), supplied=float(supplied),
-        heated=float(heated), standing=standing, airborne=airborne, loads=loads, strobe=strobe, cuts=cuts)
+        heated=float(heated), standing=standing, airborne=airborne, loads=loads, cuts=cuts)
 
 
 def _cuts(device: Simulator, measured: Window) -> np.ndarray | None:
     """Run a device on, which is at the first instant of a measuring time, and give the states at the last cuts."""
     turn_map, angle = _turn_map(device.scene.name, tuple(device.scene.parameters.items())), device.state.crank_angle
     count = min(measured.turns - 1, MOST_CUTS)
-    if count < 1:
+    if count < 1 or not turn_map.names:
         return None
     skipped = measured.turns - 1 - count
     if device.scene.has_rotor:
@@ -309,27 +301,16 @@ def _booked(device: Simulator) -> np.ndarray:
                      accounts.get("copper", math.nan)])
 
 
-def _sampled(device: Simulator, measured: Window, work: bool, turns: bool) -> tuple[float, float, np.ndarray | None]:
-    """Work delivered and taken back [J], and the states once a turn, as far as asked for.
-
-    The work is that of samples, for the methods of fixed step, which keep no energy accounts.
-    """
-    if not (work or turns):
-        return math.nan, math.nan, None
+def _sampled_work(device: Simulator, measured: Window) -> tuple[float, float]:
+    """Work delivered and taken back [J] by samples, for the methods of fixed step, which keep no energy accounts."""
     count, length = max(measured.turns, 1), measured.turn if measured.turns else measured.duration
-    per_turn, first = (_PER_TURN, 0) if work else (1, max(0, count - STROBED_TURNS))
-    states: list[np.ndarray] = []
     delivered = taken_back = 0.0
-    for begin in range(first, count, _TURNS_AT_ONCE):
-        numbers = np.arange(begin * per_turn, min(begin + _TURNS_AT_ONCE, count) * per_turn + 1)
-        times = np.array([measured.begin, *measured.ends])[numbers] if measured.ends else np.minimum(
-            measured.begin + length / per_turn * numbers, measured.end)
-        samples = device.sample(times)
+    for begin in range(0, count, _TURNS_AT_ONCE):
+        numbers = np.arange(begin * _PER_TURN, min(begin + _TURNS_AT_ONCE, count) * _PER_TURN + 1)
+        samples = device.sample(np.minimum(measured.begin + length / _PER_TURN * numbers, measured.end))
         delivered += trapezoid(np.maximum(samples.motor_power, 0.0), samples.time)
         taken_back += trapezoid(np.maximum(-samples.motor_power, 0.0), samples.time)
-        states.append(_scaled_states(samples, device.scene, measured)[per_turn if states else 0::per_turn])
-    strobe = np.concatenate(states)[-STROBED_TURNS - 1:] if turns and measured.turns else None
-    return (delivered, taken_back, strobe) if work else (math.nan, math.nan, strobe)
+    return delivered, taken_back
 
 
 def loads_of(device: Simulator, measured: Window) -> Loads:
@@ -361,20 +342,6 @@ def _upward_momentum(scene: Scene, state: Samples[float]) -> float:
     """Momentum of body and masses across the ground [kg m/s], without the linkage's, which a turn restores."""
     return scene.total_mass * state.body_vertical_velocity + sum(
         scene[f"mass.{side}"] * scene.direction(side)[1] * getattr(state, f"{side}_velocity") for side in scene.guides)
-
-
-def _scaled_states(samples: Samples, scene: Scene, measured: Window) -> np.ndarray:
-    """What repeats in a periodic motion, without unit, shape (n, 7)."""
-    radius, speed = scene["crank.radius"], _TURN / measured.turn if measured.turns else 1.0
-    return np.column_stack([*(getattr(samples, name) / radius for name in _STROBED_POSITIONS),
-                            *(getattr(samples, name) / (radius * speed) for name in _STROBED_VELOCITIES)])
-
-
-#: Longest period that is looked for [turns].
-LONGEST_PERIOD = STROBED_TURNS // 2
-# Largest difference of states of a periodic motion, in crank radii, and in crank radii times motor speed; a dc motor's
-# that has a controller is `JITTER`.
-_SAME = 1e-6
 
 
 class Measure(NamedTuple):
@@ -442,14 +409,10 @@ def _peak_force(side: str) -> Callable[[Observation], float]:
 
 
 def _period(seen: Observation) -> float:
-    """The smallest number of turns after which all states of the strobe repeat."""
-    if seen.strobe is None or not seen.steady or len(seen.strobe) < 3:
+    """Turns after which the motion repeats itself."""
+    if seen.cuts is None or not seen.steady or len(seen.cuts) < LEAST_CUTS:
         return math.nan
-    same = JITTER if is_sampled(seen.scene) else _SAME
-    for turns in range(1, min(LONGEST_PERIOD, (len(seen.strobe) - 1) // 2) + 1):
-        if np.abs(seen.strobe[turns:] - seen.strobe[:-turns]).max() <= same:
-            return float(turns)
-    return 0.0
+    return float(period_in(seen.cuts, seen.scene))
 
 
 _NO_WINDING = "NaN for another motor, and by a method of fixed step"
@@ -490,11 +453,10 @@ MEASURES: dict[str, Measure] = {
                          lambda seen: seen.loads.mean),
     "unloaded_share": Measure("1", f"share of {_LOADS_PER_TURN} instants a turn at which N is not above 0; NaN without "
                               "gravity", (LOAD,), lambda seen: seen.loads.unloaded),
-    "period": Measure("1", f"turns of the crank after which all positions and speeds repeat, over the last "
-                      f"{STROBED_TURNS} turns, to {_SAME:g} crank radii (and times motor speed), or {JITTER:g} with a "
-                      f"dc motor's controller; 0 if no number up to {LONGEST_PERIOD}, nor up to half of the turns "
-                      "measured, does; NaN if the motor stands or changes its commanded speed, or for less than two "
-                      "turns", (TURNS,), _period),
+    "period": Measure("1", "turns of the crank after which the motion repeats itself, by the end of the time, as "
+                      f"settled_motion tells it; 0 if no number up to {LONGEST_PERIOD}, nor up to a quarter of the "
+                      f"turns measured, is one, or it still settles; NaN if the motor stands or changes its commanded "
+                      f"speed, or for less than {LEAST_CUTS + 1} turns", (MOTION,), _period),
     EXPONENT: Measure("1/s", "largest Lyapunov exponent, from runs that begin 1e-10 apart and are watched until they "
                       "are 1e-4 m apart; 0 if none part, NaN for less than six turns", (), lambda seen: math.nan),
     SPREAD: Measure("1/s", "half of the 95 % interval of lyapunov_exponent, which always comes with it, from up to ten "
