@@ -39,7 +39,7 @@ from vibro_ros.accuracy.report import (
     unit_error,
     unit_in_words,
 )
-from vibro_ros.accuracy.scene_rows import OWN_CHECK, growth_in
+from vibro_ros.accuracy.scene_rows import OWN_CHECK, lyapunov_time_in
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.starts import STARTING, started_at_share
@@ -141,14 +141,14 @@ def summary_table(rows: Mapping[str, Sequence[Row]]) -> str:
     heads = ["scene", "Lyapunov time", "RK4 = 1 is off by", *next(iter(advised.values()))]
     lines = [line(heads), "|---" * len(heads) + "|"]
     for name, uses in advised.items():
-        lyapunov = growth_in(rows[name]).lyapunov_time
+        lyapunov = lyapunov_time_in(rows[name]).time
         lines.append(line((f"`{name}`", f"{lyapunov:.2g} s" if math.isfinite(lyapunov) else "no chaos",
                            f"{unit_error(rows[name]):.1e} m", *uses.values())))
     return "\n".join(lines)
 
 
 def _about_chaos(rows: Mapping[str, Sequence[Row]]) -> list[str]:
-    chaotic = [f"`{name}`" for name, own in rows.items() if growth_in(own).chaotic]
+    chaotic = [f"`{name}`" for name, own in rows.items() if lyapunov_time_in(own).chaotic]
     if not chaotic:
         return []
     return [f"{', '.join(chaotic)} {'is' if len(chaotic) == 1 else 'are'} chaotic: an error of rounding grows e-fold "

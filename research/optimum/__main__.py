@@ -60,6 +60,8 @@ PAPERS: Mapping[str, Mapping[str, float]] = {
 BEGINS, COMPARING = range(20_000, 20_016), 10.0
 #: Motor speed [rad/s] of a scene whose motor stands still.
 RUNNING = 100.0
+#: Relative spread of starts that repeat one motion, whose interval would describe the draw alone.
+SAME = 1e-5
 #: Robots that are watched for long: the paper's first one, and optima of scenes without reaction on the masses.
 WATCHED = ("paper", "printed", "printed_zero", "unilateral", "unilateral_zero")
 #: Times [s] over which these are watched after `SETTLING` [s], and starts.
@@ -263,9 +265,9 @@ def number(value: float) -> str:
 
 
 def spread(found: Numbers, factor: float = 1.0) -> str:
-    """Mean ± half the 95 % interval, times `factor`; a periodic motion has no interval."""
-    mean = number(factor * found["mean"])
-    return f"{mean} ± {factor * found['spread']:.2g}" if found["spread"] else mean
+    """Mean ± half the 95 % interval, times `factor`; no interval of one start, nor of starts that repeat one motion."""
+    mean, half = number(factor * found["mean"]), found["spread"] or 0.0
+    return f"{mean} ± {factor * half:.2g}" if half > SAME * abs(found["mean"]) else mean
 
 
 def speeds(result: Numbers) -> str:

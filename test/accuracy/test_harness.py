@@ -22,7 +22,7 @@ from vibro_ros.accuracy.harness import (
 )
 from vibro_ros.accuracy.programs import COLUMNS, DEVICE, UnableError, by_device
 from vibro_ros.accuracy.report import BELOW, advice, finding, speeds_table, table
-from vibro_ros.accuracy.scene_rows import LONG, SHORT, Growth, averages, growth
+from vibro_ros.accuracy.scene_rows import LONG, SHORT, LyapunovTime, averages, lyapunov_time
 from vibro_ros.orbits import starts
 from vibro_ros.orbits.starts import running
 
@@ -97,18 +97,23 @@ def test_a_standing_scene_is_studied_running():
 
 def test_chaos_is_seen_where_it_is_and_nowhere_else():
     """The paper's exponent is 5 1/s; the interval of so few starts is wide."""
-    chaotic, regular = (growth(vibro_ros.load_scene(name), 8.0) for name in ("paper", "damped"))
+    chaotic, regular = (lyapunov_time(vibro_ros.load_scene(name), 8.0) for name in ("paper", "damped"))
     assert 2.0 < chaotic.rate < 10.0 and chaotic.chaotic
     assert chaotic.comparable < 2.5 and "chaotic" in str(chaotic)
     assert not regular.chaotic and regular.comparable == 8.0
-    assert scene_rows.growth_in([chaotic.row("paper")]) == chaotic
+    assert scene_rows.lyapunov_time_in([chaotic.row("paper")]) == chaotic
 
 
 def test_what_diverges_has_no_mean_speed(monkeypatch):
     """No robot is faster than sound; 1e6 m/s is a finite number all the same."""
-    monkeypatch.setattr(scene_rows, "speeds_of_starts", lambda *_: np.array([1.1e6, 0.9e6]))
+    monkeypatch.setattr(scene_rows, "_settled", fast)
     found = list(scene_rows._averages(vibro_ros.load_scene("damped"), Effort(patience_for_averages=0.0)))
     assert found and all(row.compared == AVERAGE and math.isnan(row.mean) and "diverged" in row.note for row in found)
+
+
+def fast(_, __, number):
+    """A start that is faster than sound."""
+    return 1e6 + number, None
 
 
 def test_what_a_method_cannot_do_it_says():
@@ -136,10 +141,10 @@ def test_several_motions_have_a_row_each_and_no_mean():
     scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 160.0})
     found = averages(scene, "exact", math.nan, Effort(starts=2, duration=6.0))
     assert [1e3 * row.mean for row in found] == pytest.approx([-79.8, -53.6], abs=0.2)
-    assert [(row.motions, row.spread, row.starts_forwards) for row in found] == [(2, 0.0, 0)] * 2
+    assert [(row.motions, row.starts_forwards) for row in found] == [(2, 0)] * 2
     assert sum(row.repeats for row in found) == 8
-    rows = [Growth(0.0, 0.0, False, 15.0).row("device"), *found,
+    rows = [LyapunovTime(0.0, 0.0, False, 15.0).row("device"), *found,
             replace(found[0], program="rk4", value=1e-4), replace(found[1], program="rk4", value=1e-4)]
-    assert finding(rows).startswith("There are several mean speeds (-79.8")
-    assert "8 starts of 6 s: -79.8" in speeds_table(rows) and "; -53.6 ± 0.0" in speeds_table(rows)
+    assert finding(rows).startswith("There are several mean speeds (-79.6") and " of 8 starts; -53.5" in finding(rows)
+    assert "8 starts of 6 s: -79.6" in speeds_table(rows) and "; -53.5 ± " in speeds_table(rows)
     assert "not one: 2 motions" in advice(rows).values()

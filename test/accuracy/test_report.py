@@ -18,7 +18,7 @@ from vibro_ros.accuracy.report import (
     unit_error,
     unit_in_words,
 )
-from vibro_ros.accuracy.scene_rows import SHORT, Growth
+from vibro_ros.accuracy.scene_rows import SHORT, LyapunovTime
 
 
 def test_advice_is_what_was_measured_within_the_horizon_of_each_requirement(rows):
@@ -30,7 +30,7 @@ def test_advice_is_what_was_measured_within_the_horizon_of_each_requirement(rows
             assert (row.compared, row.horizon) == (REQUIRED, asked.horizon)
             assert getattr(row, asked.column) < asked.limit
     assert "rk4" in advised[REQUIREMENTS[0].words] and "planted" not in str(advised)
-    chaotic = [Growth(5.0, 0.1, True, 15.0).row("damped"), *rows[1:]]
+    chaotic = [LyapunovTime(5.0, 0.1, True, 15.0).row("damped"), *rows[1:]]
     assert advice(chaotic)[REQUIREMENTS[-1].words] == "not possible: chaos"
 
 
@@ -123,6 +123,6 @@ def test_the_finding_names_the_coarsest_step_from_which_all_are_right():
 
 
 def test_what_failed_does_not_say_that_nothing_touches():
-    failed = [Growth(0.0, 0.0, False, 15.0).row("s"),
+    failed = [LyapunovTime(0.0, 0.0, False, 15.0).row("s"),
               Row("s", REQUIRED, "heyoka", TUNED, "", 1e-9, SHORT, outcome=CANNOT, note="not installed")]
     assert set(advice(failed).values()) == {"nothing that was measured", "not measured"}

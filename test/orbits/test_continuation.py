@@ -26,7 +26,7 @@ def branch(scene: vibro_ros.Scene, name: str, low: float, high: float, direction
     orbit = vibro_ros.find_orbit(scene)
     turn_map = TurnMap(scene, orbit.state.crank_angle)
     family = Family(scene, {name: (low, high)}, 1, turn_map.phase)
-    return follow(family, np.append(turn_map.read(orbit.state), family.shares(scene[name])), direction)
+    return follow(family, np.append(turn_map.read(orbit.state), family.scaled(scene[name])), direction)
 
 
 @pytest.mark.parametrize(("speed", "restitution", "gap", "direction", "kind"), [

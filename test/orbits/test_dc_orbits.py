@@ -11,7 +11,7 @@ from vibro_ros.model.slider import Slider
 from vibro_ros.orbits.chaos import exponent_of_pairs
 from vibro_ros.orbits.orbit import derivative
 from vibro_ros.orbits.recurrence import JITTER
-from vibro_ros.orbits.turn_map import TurnMap, pace
+from vibro_ros.orbits.turn_map import TurnMap, crank_speed
 from vibro_ros.simulation.motion import SimulationError, first_reached
 
 VOLTS = {"effects.motor": "dc", "motor.control": "voltage", "motor.voltage": 15.0, "motor.speed": 90.0,
@@ -234,4 +234,4 @@ def test_a_controller_continues_with_a_given_integral():
 
 def test_the_unit_of_speed_at_a_voltage_is_that_without_load():
     of = scene("paper", VOLTS, ALONE)
-    assert pace(of) == pytest.approx(vibro_ros.find_orbit(of).state.motor_speed, rel=1e-12)
+    assert crank_speed(of) == pytest.approx(vibro_ros.find_orbit(of).state.motor_speed, rel=1e-12)

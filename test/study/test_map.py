@@ -39,8 +39,10 @@ TINY = ["--motor-speed", "110:120:3", "--gap", "0.003:0.005:3", "--workers", "1"
         "--curves", "2", "--quick"]
 
 
-def visit(i=0, j=0, turns=1, landings=1, speed=-0.05):
-    return Visit(i, j, turns, landings, speed, 10.0, 0.1, 0.5, (0.0,))
+def visit(i=0, j=0, turns=1, landings=1, speed=-0.05, at=0.0):
+    """A visit that has found a motion with a state `at` so many crank radii, or around it without a period."""
+    states = at + np.random.default_rng(0).uniform(-1.0, 1.0, (max(turns, 0) or 32, 1)) * (not turns)
+    return Visit(i, j, turns, landings, speed, 10.0, 0.1, 0.5, states)
 
 
 @pytest.fixture(scope="module")
@@ -120,11 +122,11 @@ def test_a_map_without_sure_commands_is_still_a_map(tmp_path, capsys):
 
 
 def test_a_cell_has_each_motion_once():
-    found, rows = motions([visit(), visit(speed=-0.050001), visit(speed=-0.06), visit(turns=2), visit(turns=0),
-                           visit(turns=0, speed=-0.053), visit(turns=UNSETTLED)])
-    assert sorted((one.turns, round(one.mean_speed, 4)) for one in rows) == [
-        (0, -0.05), (1, -0.06), (1, -0.05), (2, -0.05)]
-    assert found.motion.tolist() == [PATCHWORK] * 4
+    """Told apart by period and states, not by the mean speed: two motions may have one."""
+    found, rows = motions([visit(), visit(at=1e-7), visit(at=0.1), visit(turns=2), visit(turns=0),
+                           visit(turns=0, at=0.1), visit(turns=0, at=5.0), visit(turns=UNSETTLED)])
+    assert [(one.turns, round(float(one.states.mean()))) for one in rows] == [(1, 0), (1, 0), (2, 0), (0, 0), (0, 5)]
+    assert found.motion.tolist() == [PATCHWORK] * 5
 
 
 def test_neighbours_are_one_motion_unless_they_jump_or_are_of_another_kind():
@@ -139,8 +141,8 @@ def test_neighbours_are_one_motion_unless_they_jump_or_are_of_another_kind():
 
 def test_two_motions_of_one_cell_are_never_one_even_around_the_end_of_a_fold():
     """Two sheets whose difference vanishes towards one side: a cusp."""
-    sheets = [visit(i, j, speed=-0.05 - sign * 0.01 * i) for i in range(6) for j in range(4) for sign in (0, 1)
-              if i or not sign]
+    sheets = [visit(i, j, speed=-0.05 - sign * 0.01 * i, at=0.1 * sign)
+              for i in range(6) for j in range(4) for sign in (0, 1) if i or not sign]
     found, rows = motions(sheets)
     cells = [(one.speed_index, one.gap_index, number) for one, number in zip(rows, found.motion.tolist(), strict=True)]
     assert len(set(cells)) == len(cells) == len(sheets)

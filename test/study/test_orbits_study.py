@@ -9,20 +9,16 @@ import pytest
 
 import vibro_ros
 from vibro_ros.orbits.branch import Branch, Special
-from vibro_ros.study import command
 from vibro_ros.study.orbits import (
     CurvePlan,
-    Followed,
-    branch_of,
-    curve_fields,
-    curve_of,
-    curves_study,
+    branch_in,
+    branch_of_task,
+    curve_of_task,
     fields_of,
     main,
     parser,
     plan_of,
     rows_of,
-    rows_of_curve,
     study_of,
 )
 from vibro_ros.study.table import table_of
@@ -111,9 +107,9 @@ def test_a_branch_is_read_as_it_was_written():
     branch = Branch(plan.scene, ("motor.speed",), "", 2, random.normal(size=4), random.normal(size=4), multipliers,
                     random.normal(size=4), random.normal(size=(4, 5)),
                     {name: random.normal(size=(4, 2)) for name in names}, special, "an end")
-    table = table_of(rows_of(branch), fields_of(plan))
-    assert study_of(plan, {}).are_own([3], table.to_pylist())
-    found = branch_of(plan, table)
+    table = table_of(rows_of(branch), fields_of(plan, branch.names))
+    assert study_of(plan, branch_of_task, {}).are_own([3], table.to_pylist())
+    found = branch_in(table, plan.scene, branch.names)
     assert found.end == "an end" and found.turns == 2
     for key in ("values", "mean_speeds", "multipliers", "phases", "states"):
         np.testing.assert_array_equal(getattr(found, key), getattr(branch, key))
@@ -151,25 +147,11 @@ def test_a_curve_is_read_as_it_was_written():
     curve = Branch(plan.scene, ("motor.speed", "upper.gap"), "fold", 2, random.normal(size=(4, 2)),
                    random.normal(size=4), multipliers, random.normal(size=4), random.normal(size=(4, 5)), {}, special,
                    "an end")
-    table = table_of(rows_of_curve(curve), curve_fields(asked))
-    assert curves_study(asked, {}).are_own([3], table.to_pylist())
-    found = curve_of(asked, table)
+    table = table_of(rows_of(curve), fields_of(plan, curve.names))
+    assert study_of(asked, curve_of_task, {}).are_own([3], table.to_pylist())
+    found = branch_in(table, plan.scene, curve.names)
     assert (found.kind, found.names, found.turns, found.end) == ("fold", curve.names, 2, "an end")
     for key in ("values", "mean_speeds", "multipliers", "phases", "states"):
         np.testing.assert_array_equal(getattr(found, key), getattr(curve, key))
     assert [(one.kind, one.values.tolist(), one.change, one.at) for one in found.special_points] == [
         (one.kind, one.values.tolist(), one.change, one.at) for one in special]
-
-
-def test_lines_say_how_far_a_branch_is_before_its_next_orbit_is_found(monkeypatch):
-    """The step after the first orbit lasts until lines have come, of which one says how far it is."""
-    monkeypatch.setattr(command, "_ALIVE", 0.01)
-    said = []
-    monkeypatch.setattr(command, "say", lambda _, line: said.append(line))
-    with Followed("branch 3", ["motor.speed"]) as notice:
-        while not said:  # nothing is found
-            pass
-        notice(7, 62.5)
-        while "branch 3: 7 orbits, motor.speed = 62.5, 0 s so far" not in said:
-            pass
-    assert said[0] == "branch 3: 0 s so far"

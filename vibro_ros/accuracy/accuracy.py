@@ -40,7 +40,7 @@ from vibro_ros.accuracy.report import (
     table,
     unit_in_words,
 )
-from vibro_ros.accuracy.scene_rows import AVERAGED, OWN_CHECK, growth_in, rows_of_scene
+from vibro_ros.accuracy.scene_rows import AVERAGED, OWN_CHECK, lyapunov_time_in, rows_of_scene
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
 from vibro_ros.orbits.starts import RUNNING_SPEED, SETTLING
 from vibro_ros.process.entry_point import FAILURE, Parser, exit_code, interrupted_code, say
@@ -74,7 +74,7 @@ def measure(scene_name: str, programs: Mapping[str, Program], effort: Effort, wr
             found.append(row)
             write(row)
             if row.compared == EXPONENT:
-                tqdm.write(f"{scene.name}: {growth_in(found)}")
+                tqdm.write(f"{scene.name}: {lyapunov_time_in(found)}")
             elif row.compared == REFERENCE:
                 tqdm.write(f"{scene.name}: {reference_in_words(row)}")
             bar.set_postfix_str(f"{row.program} {row.setting}")
@@ -128,7 +128,7 @@ def draw(rows: Mapping[str, Sequence[Row]], effort: Effort, folder: Path) -> dic
     for name, own in rows.items():
         if any(row.compared == REFERENCE for row in own):
             pictures[name] = folder / f"{Path(name).stem}.png"
-            caption = f"{growth_in(own)}; medians of at most {effort.repeats} rounds\n{machine()}"
+            caption = f"{lyapunov_time_in(own)}; medians of at most {effort.repeats} rounds\n{machine()}"
             draw_scene(own, caption).savefig(pictures[name])
     return pictures
 

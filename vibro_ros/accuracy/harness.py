@@ -167,10 +167,10 @@ class Row:
     """One setting of one program on one problem; NaN where a number does not apply.
 
     `compared` is `TRAJECTORY` (the errors are distances within `horizon`), `REQUIRED` (the same, within the horizon of
-    a requirement), `AVERAGE` (`mean` is the speed of one of the `motions` that starts of `horizon` seconds
-    lead to, with its 95 % interval `spread`, over the `repeats` starts that do, of which `starts_forwards` have a
-    positive one; several motions have a row each), `REFERENCE` (the errors are those of `exact` against the
-    program named) or `EXPONENT` (`mean` and `spread` are the largest Lyapunov exponent). `cost` is a ratio to the
+    a requirement), `AVERAGE` (`mean` is the speed of one of the `motions` that starts of `horizon` seconds lead
+    to, with its 95 % interval `spread`, NaN of one start, over the `repeats` starts that do, of which `starts_forwards`
+    go forwards; several motions have a row each), `REFERENCE` (the errors are those of `exact` against the program
+    named) or `EXPONENT` (`mean` and `spread` are the largest Lyapunov exponent). `cost` is a ratio to the
     unit's, `wall_time` in seconds; lengths in m, times in s, speeds in m/s. `share_error` is the largest error of the
     columns that a problem is judged by, as a share of the span of its reference.
     """

@@ -10,7 +10,7 @@ from scipy.stats import t as student
 
 from vibro_ros.accuracy.harness import AVERAGE, OK, REFERENCE, REQUIRED, TRAJECTORY, Row
 from vibro_ros.accuracy.programs import UNIT_IN_WORDS, UNIT_STEP
-from vibro_ros.accuracy.scene_rows import LONG, SHORT, growth_in
+from vibro_ros.accuracy.scene_rows import LONG, SHORT, lyapunov_time_in
 from vibro_ros.orbits.starts import SETTLING
 
 #: Within 5 %: a mean speed that counts as right.
@@ -28,7 +28,7 @@ _MOST_STARTS = 10_000  # as many as somebody may want to simulate
 
 def section(rows: Sequence[Row], picture: str) -> str:
     """One scene in Markdown: diagram, chaos, reference and mean speeds."""
-    reference, growth = reference_of(rows), growth_in(rows)
+    reference, growth = reference_of(rows), lyapunov_time_in(rows)
     chaos, name = str(growth), rows[0].problem
     horizon = f"Trajectories are compared within {reference.horizon:g} s only; beyond, averages are."
     if reference.horizon > growth.comparable:
@@ -166,7 +166,7 @@ def speeds_table(rows: Sequence[Row]) -> str:
 def _cell(row: Row, exact: Row) -> str:
     if not math.isfinite(row.mean):
         return "diverges"
-    text = f"{1e3 * row.mean:+.1f} ± {1e3 * row.spread:.1f}"
+    text = f"{1e3 * row.mean:+.1f}" + f" ± {1e3 * row.spread:.1f}" * math.isfinite(row.spread)
     if abs(row.mean - exact.mean) <= WITHIN * abs(exact.mean):
         return f"**{text}**"
     return text + " (!)" * (_known(row) and _known(exact) and row.mean * exact.mean < 0.0)
@@ -188,7 +188,7 @@ def _verdict(row: Row, exact: Row) -> str:
 
 
 def _speed(row: Row) -> str:
-    return f"{1e3 * row.mean:.2f} ± {1e3 * row.spread:.2g} mm/s"
+    return f"{1e3 * row.mean:.2f}" + f" ± {1e3 * row.spread:.2g}" * math.isfinite(row.spread) + " mm/s"
 
 
 def _number(value: float, unit: str = "") -> str:
@@ -355,7 +355,7 @@ MEAN_SPEED = "the mean speed to 1 %"
 
 def advice(rows: Sequence[Row]) -> dict[str, str]:
     """Requirement to what meets it in one scene, from the cheapest on; it says why, where nothing does."""
-    comparable = growth_in(rows).comparable
+    comparable = lyapunov_time_in(rows).comparable
     return {asked.words: _advice(rows, asked, comparable) for asked in REQUIREMENTS} | {
         MEAN_SPEED: _mean_speed_advice(rows)}
 

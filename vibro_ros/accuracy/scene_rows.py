@@ -58,7 +58,7 @@ OWN_CHECK = (DEVICE["rk4_located"], Setting(1e-6, "step 1e-06 s", is_step=True))
 
 
 @dataclass(frozen=True)
-class Growth:
+class LyapunovTime:
     """How fast nearby motions part.
 
     Attributes
@@ -77,18 +77,18 @@ class Growth:
     duration: float
 
     @property
-    def lyapunov_time(self) -> float:
+    def time(self) -> float:
         """[s]; infinite if no growth was seen."""
         return 1.0 / self.rate if self.chaotic else math.inf
 
     @property
     def comparable(self) -> float:
         """Time [s] within which trajectories can be compared; as far as was watched where there is no chaos."""
-        return min(self.duration, LYAPUNOV_TIMES * self.lyapunov_time)
+        return min(self.duration, LYAPUNOV_TIMES * self.time)
 
     def __str__(self):
         if self.chaotic:
-            return (f"Lyapunov time {self.lyapunov_time:.2g} s (exponent {self.rate:.2g} ± {self.spread:.1g} 1/s): "
+            return (f"Lyapunov time {self.time:.2g} s (exponent {self.rate:.2g} ± {self.spread:.1g} 1/s): "
                     f"chaotic")
         return f"no chaos seen: motions that start close stay close for {self.duration:g} s"
 
@@ -98,13 +98,13 @@ class Growth:
                    spread=self.spread, starts_forwards=int(self.chaotic))
 
 
-def growth_in(own: Sequence[Row]) -> Growth:
+def lyapunov_time_in(own: Sequence[Row]) -> LyapunovTime:
     """The chaos of a scene by its rows."""
     row = next(row for row in own if row.compared == EXPONENT)
-    return Growth(row.mean, row.spread, bool(row.starts_forwards), row.horizon)
+    return LyapunovTime(row.mean, row.spread, bool(row.starts_forwards), row.horizon)
 
 
-def growth(scene: Scene, duration: float = _WATCHED, starts: int = _PAIRS) -> Growth:
+def lyapunov_time(scene: Scene, duration: float = _WATCHED, starts: int = _PAIRS) -> LyapunovTime:
     """Estimate the largest Lyapunov exponent of the masses' motion from pairs of exact runs; the motor turns."""
     scene = scene.with_parameters({"solver.method": "exact", "solver.accounts": False})
     rates = np.array([
@@ -112,14 +112,14 @@ def growth(scene: Scene, duration: float = _WATCHED, starts: int = _PAIRS) -> Gr
         for k in range(starts)])
     mean, spread = float(rates.mean()), float(half_interval(rates))
     chaotic = bool(2 * np.count_nonzero(rates) > starts and mean > spread)
-    return Growth(mean, spread, chaotic, duration)
+    return LyapunovTime(mean, spread, chaotic, duration)
 
 
 def rows_of_scene(scene: Scene, programs: Mapping[str, Program], effort: Effort,
                   checks: Sequence[tuple[Program, Setting]] = (OWN_CHECK,)) -> Iterator[Row]:
     """Measure row by row; `checks` are independent programs, the best first: the first that is able is the check."""
     scene = running(scene)
-    found = growth(scene)
+    found = lyapunov_time(scene)
     yield found.row(scene.name)
     horizon = effort.horizon or math.floor(min(LONGEST_HORIZON, found.comparable) * 20.0) / 20.0 or 0.05
     for compared, length in ((TRAJECTORY, horizon), (REQUIRED, SHORT), (REQUIRED, LONG)):
@@ -180,9 +180,9 @@ def averages(scene: Scene, method: str, step: float, effort: Effort) -> list[Row
     if not np.abs(speeds).max() < _DIVERGED:
         return [replace(row, outcome=DIVERGES, note=f"diverged: faster than {_DIVERGED:g} m/s")]
     attractors, places = grouped(motions, speeds)
-    return [replace(row, repeats=one.starts, mean=one.mean_speed, spread=one.spread, motions=len(attractors),
-                    starts_forwards=int(np.sum(np.array(speeds)[places == place] > 0.0)))
-            for place, one in enumerate(attractors)]
+    groups = [np.array(speeds)[places == place] for place in range(len(attractors))]
+    return [replace(row, repeats=len(own), mean=float(own.mean()), spread=float(half_interval(own)),
+                    motions=len(groups), starts_forwards=int(np.sum(own > 0.0))) for own in groups]
 
 
 def _settled(scene: Scene, duration: float, number: int) -> tuple[float, SettledMotion | None]:

@@ -27,7 +27,7 @@ from vibro_ros.orbits.chaos import exponent_of_pairs, half_interval
 from vibro_ros.orbits.orbit import close, orbit_at
 from vibro_ros.orbits.recurrence import SettledMotion, number_among, settle
 from vibro_ros.orbits.starts import SETTLING, drawn_start
-from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, free_cut, free_phase, is_sampled
+from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, at_cut, free_cut, free_phase, has_sampled_controller
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.preparation import provide_kernels
 from vibro_ros.simulation.processes import core_count, in_processes
@@ -195,14 +195,13 @@ def measured(attractor: Attractor, turn_map: TurnMap) -> Attractor:
 def _multipliers(attractor: Attractor, turn_map: TurnMap) -> np.ndarray:
     """Floquet multipliers of a periodic motion, cut where it is free; none where Newton's method leads elsewhere, and
     of one that a controller keeps from closing."""
-    if is_sampled(turn_map.scene):
+    if has_sampled_controller(turn_map.scene):
         return np.empty(0, dtype=complex)
     device = Simulator(turn_map.scene)
     turn_map.put(device, attractor.states[-1])
     phase, _ = free_phase(turn_map.scene, device)
     own = TurnMap(turn_map.scene, phase)
-    start = dict(zip(turn_map.names, (attractor.states[-1] * turn_map.units).tolist(), strict=True))
-    state = Stroboscope(own).begin_as(crank_angle=turn_map.phase, **start).states[-1]
+    state = at_cut(turn_map, attractor.states[-1], own)
     try:
         closed = close(own, state, attractor.turns or 1)
         orbit = closed and orbit_at(own, closed, attractor.turns or 1)

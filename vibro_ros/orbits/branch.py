@@ -3,7 +3,7 @@
 A branch ends where it leaves the range of the parameter, closes, joins another branch, or is lost.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,9 +22,6 @@ MOST_POINTS = 100_000
 _AMPLITUDES = (1e-2, 3e-3, 1e-3)  # in units of the machine, at which an orbit of doubled period is looked for
 _JOINED = 1e-6  # in units of the machine: an orbit that repeats itself so closely after half its turns has joined them
 _CLOSES = 0.75  # of a step: a branch that comes so near to its begin is closed
-
-#: Is told how many orbits of a branch are found, and the value of the parameter [its unit] at the last one.
-Notice = Callable[[int, float], object]
 
 
 @dataclass(frozen=True)
@@ -176,11 +173,10 @@ def follow_orbit(orbit: Orbit, name: str, low: float, high: float, upwards: bool
         raise ValueError(f"{name}: the orbit's {here:g} is not from {low:g} to {high:g}; give a range that holds it")
     turn_map = TurnMap(orbit.scene, orbit.state.crank_angle)
     state = turn_map.read(orbit.state) * turn_map.units / family.units
-    return branch_from(family, np.append(state, family.shares(here)), 1.0 if upwards else -1.0, points)
+    return branch_from(family, np.append(state, family.scaled(here)), 1.0 if upwards else -1.0, points)
 
 
-def branch_from(family: Family, vector: np.ndarray, direction: float, points: int,
-                notice: Notice | None = None) -> Branch:
+def branch_from(family: Family, vector: np.ndarray, direction: float, points: int) -> Branch:
     """The branch through a known orbit, towards larger values of the parameter with `direction` 1.0, else -1.0."""
     along = direction * np.eye(len(vector))[-1]
     try:
@@ -188,11 +184,10 @@ def branch_from(family: Family, vector: np.ndarray, direction: float, points: in
         start = point_at(family, vector, along)
     except (LostError, SimulationError, ValueError) as error:
         return gathered(family, [], [], str(error))
-    return whole_branch(start, points, notice)
+    return whole_branch(start, points)
 
 
-def doubled_branch_from(family: Family, begin: np.ndarray, points: int,
-                        notice: Notice | None = None) -> Branch:
+def doubled_branch_from(family: Family, begin: np.ndarray, points: int) -> Branch:
     """The branch of orbits of twice the period that begins at a period doubling of `family`.
 
     Its orbits leave along the eigenvector of the multiplier -1. The other side of the eigenvector holds the same
@@ -208,7 +203,7 @@ def doubled_branch_from(family: Family, begin: np.ndarray, points: int,
             start = point_at(twice, vector, vector - begin, amplitude)
         except (LostError, SimulationError, ValueError):
             continue
-        return whole_branch(start, points, notice)
+        return whole_branch(start, points)
     return gathered(twice, [], [], "no orbit of doubled period was found beside the period doubling")
 
 
@@ -224,7 +219,7 @@ def lies_on(family: Family, seed: Seed, value: float, branch: Branch) -> bool:
         guess = branch.states[k] + part * (branch.states[k + 1] - branch.states[k])
         own = family.with_turns(branch.turns).with_phase(float(branch.phases[k]))
         try:
-            vector, _ = corrected(own, np.append(guess, own.shares(value)), np.eye(len(guess) + 1)[-1])
+            vector, _ = corrected(own, np.append(guess, own.scaled(value)), np.eye(len(guess) + 1)[-1])
             there, (vector,) = own.recut(seed.phase, [vector])
         except (LostError, SimulationError, ValueError):
             continue
@@ -233,8 +228,8 @@ def lies_on(family: Family, seed: Seed, value: float, branch: Branch) -> bool:
     return False
 
 
-def whole_branch(start: BranchPoint, points: int, notice: Notice | None = None) -> Branch:
-    """The branch from `start` along its tangent, of at most so many orbits; `notice` hears of each."""
+def whole_branch(start: BranchPoint, points: int) -> Branch:
+    """The branch from `start` along its tangent, of at most so many orbits."""
     found: list[BranchPoint] = []
     special: list[tuple[int, SpecialPoint]] = []
     family, end = start.family, f"{points} orbits, the most that were asked for"
@@ -252,8 +247,6 @@ def whole_branch(start: BranchPoint, points: int, notice: Notice | None = None) 
                 break
             special += [(len(found), one) for one in special_points(before, after)]
             found.append(after)
-            if notice:
-                notice(len(found), after.value)
             if len(found) >= points:
                 break
     except (LostError, SimulationError, ValueError) as error:

@@ -31,7 +31,7 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.orbit import derivative
 from vibro_ros.orbits.recurrence import FIRST_TURNS, long_cycle, settle
 from vibro_ros.orbits.recurrence import MOST_TURNS as MOST_SETTLING
-from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, check_closes, free_cut, pace
+from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, check_closes, crank_speed, free_cut
 from vibro_ros.simulation.simulator import Simulator
 
 LEAST_TURNS, MOST_TURNS = 20, 1_000_000
@@ -258,7 +258,7 @@ def exponent_of_pairs(device: Simulator, begin: float, duration: float) -> tuple
         If a run cannot go on.
     """
     try:
-        stretch = _TURNS * TURN / pace(device.scene)
+        stretch = _TURNS * TURN / crank_speed(device.scene)
     except ValueError:  # a crank that stands, or a dc motor's that turns backwards
         stretch = _STANDING
     count = math.floor(duration / stretch)

@@ -8,7 +8,7 @@ A curve is smooth as long as the order of the orbit's events stays. Where it cha
 side, as a branch is; it may end there.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -96,7 +96,7 @@ def _family(branch: Branch, special: Special, ranges: Mapping[str, tuple[float, 
 
 def _start(family: Family, branch: Branch, special: Special, upwards: bool) -> Bifurcation:
     """The special point as the first of a curve (LostError)."""
-    guess = np.append(special.state, family.shares(special.value, branch.scene[family.names[1]]))
+    guess = np.append(special.state, family.scaled(special.value, branch.scene[family.names[1]]))
     across, nudge = np.zeros((2, len(guess)))
     across[-1], nudge[-2] = 1.0 if upwards else -1.0, 1.0
     reason = ""
@@ -117,9 +117,9 @@ def has_curve(special: Special) -> bool:
     return special.kind in FOLLOWED and (special.kind != GRAZING or "_contact" in special.change)
 
 
-def whole_curve(branch: Branch, special: Special, ranges: Mapping[str, tuple[float, float]], upwards: bool, points: int,
-                notice: Callable[[int, np.ndarray], object] | None = None) -> Branch:
-    """As `follow_bifurcation`; `notice` hears how many orbits are found, and the parameters at the last, shape (2,)."""
+def whole_curve(branch: Branch, special: Special, ranges: Mapping[str, tuple[float, float]], upwards: bool, points: int
+                ) -> Branch:
+    """As `follow_bifurcation`, its arguments checked."""
     family, found = _family(branch, special, ranges), list[Bifurcation]()
     met, end = list[Special](), f"{points} orbits, the most that were asked for"
     try:
@@ -137,8 +137,6 @@ def whole_curve(branch: Branch, special: Special, ranges: Mapping[str, tuple[flo
                 met.append(Special(EDGE, before.mean_speed, before.multipliers, change, before.family.phase,
                                    before.state, len(found), before.values))
             found.append(after)
-            if notice:
-                notice(len(found), after.values)
             if left or len(found) >= points:
                 break
     except (LostError, SimulationError) as error:
@@ -165,12 +163,12 @@ def passes(curve: Branch, branch: Branch, special: Special, ranges: Mapping[str,
         near = k if abs(beside[k]) <= abs(beside[k + 1]) else k + 1
         family = Family(branch.scene, {name: ranges[name] for name in curve.names}, curve.turns,
                         float(curve.phases[near]))
-        guess = np.append(curve.states[near], family.shares(curve.values[near, 0], second))
+        guess = np.append(curve.states[near], family.scaled(curve.values[near, 0], second))
         try:
             found, _ = found_near(family, special.kind, guess, across, None)
         except LostError:
             continue
-        apart = abs(found.vector[-2] - family.shares(special.value, second)[0])
+        apart = abs(found.vector[-2] - family.scaled(special.value, second)[0])
         if apart < _FOUND and abs(found.mean_speed - special.mean_speed) < _FOUND:
             return True
     return False

@@ -12,9 +12,9 @@ import numpy as np
 
 from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.orbit import CLOSED, STEP
+from vibro_ros.orbits.orbit import CLOSED, STEP, differences
 from vibro_ros.orbits.passage import EventOrder, Passage, ordered, passage
-from vibro_ros.orbits.turn_map import TurnEnd, TurnMap, check_closes, units_of
+from vibro_ros.orbits.turn_map import TurnEnd, TurnMap, at_cut, check_closes, units_of
 from vibro_ros.simulation.motion import SimulationError
 
 LONGEST_STEP = 0.05
@@ -70,7 +70,7 @@ class Family:
         """The parameters at a vector, in their units, shape (1,) or (2,)."""
         return self._low + vector[len(self.units):] * (self._high - self._low)
 
-    def shares(self, *values: float) -> np.ndarray:
+    def scaled(self, *values: float) -> np.ndarray:
         """The shares of the ranges at values of the parameters, shape (1,) or (2,)."""
         return (np.array(values) - self._low) / (self._high - self._low)
 
@@ -146,18 +146,17 @@ class Family:
                      step: float) -> tuple[np.ndarray, bool]:
         """The derivative by central differences, and whether all their ends have the events of `order`."""
         n = len(self.units)
-        matrix, same = np.zeros((n, len(vector))), True
-        for i in np.flatnonzero(free):
-            ends = []
-            for sign in (step, -step):
-                moved = vector.copy()
-                moved[i] += sign
-                end, along = ordered(self.map_at(moved), self.state(moved), self.turns)
-                ends.append(end.state)
-                same = same and along == order
-            matrix[free[:n], i] = (ends[0] - ends[1])[free[:n]] / (2.0 * step)
+        orders = list[EventOrder]()
+
+        def end_of(moved: np.ndarray) -> np.ndarray:
+            end, along = ordered(self.map_at(moved), self.state(moved), self.turns)
+            orders.append(along)
+            return end.state
+
+        matrix = differences(end_of, vector, free, step)
+        matrix[~free[:n]] = 0.0
         matrix[:, :n] -= np.eye(n)
-        return matrix, same
+        return matrix, all(along == order for along in orders)
 
     def with_turns(self, turns: int) -> "Family":
         """The same family for orbits that repeat themselves after another number of turns."""
@@ -171,10 +170,8 @@ class Family:
         """The same family cut at another phase, and there the states to which the given ones lead."""
         other, found = self.with_phase(phase), []
         for vector in vectors:
-            here, there = self.map_at(vector), other.map_at(vector)
-            here.put(here.device, self.state(vector))
-            here.advance(here.device, 0, phase)
-            found.append(np.append(there.read(here.device.state), vector[len(self.units):]))
+            state = at_cut(self.map_at(vector), self.state(vector), other.map_at(vector))
+            found.append(np.append(state, vector[len(self.units):]))
         return other, found
 
     def starts_along(self, vector: np.ndarray) -> list[np.ndarray]:

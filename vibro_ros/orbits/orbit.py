@@ -4,6 +4,7 @@ Newton's method finds states to which the turn map comes back, with the map's de
 begins with states of the motion that the scene settles to, or for `seeds_of` that several starts settle to.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -17,6 +18,7 @@ from vibro_ros.orbits.turn_map import (
     Stroboscope,
     TurnEnd,
     TurnMap,
+    at_cut,
     check_closes,
     free_cut,
     free_phase,
@@ -207,21 +209,34 @@ def derivative(turn_map: TurnMap, state: np.ndarray, turns: int = 1,
     plate within it. The column of a coordinate that something holds is 0. Where a coordinate cannot be moved one way,
     because a rigid plate or the ground is there, the difference is one-sided.
     """
-    end, held = turn_map(state, turns), turn_map.held(state)
-    matrix = np.zeros((len(state), len(state)))
-    for i in np.flatnonzero(~held):
+    end = turn_map(state, turns)
+    free = ~turn_map.held(state)
+    return differences(lambda moved: turn_map(moved, turns).state, state, free, step, end.state), end
+
+
+def differences(end_of: Callable[[np.ndarray], np.ndarray], at: np.ndarray, free: np.ndarray, step: float,
+                here: np.ndarray | None = None) -> np.ndarray:
+    """Derivative of `end_of` at unknowns by central differences, 0 for those that are not `free`, shape (n, unknowns).
+
+    With `here`, where `at` itself leads, an unknown that cannot be moved one way (ValueError) has a one-sided
+    difference, and 0 if it cannot be moved at all.
+    """
+    columns = dict[int, np.ndarray]()
+    for i in np.flatnonzero(free).tolist():
         ends, reach = [], 0.0
         for moved in (step, -step):
-            there = state.copy()
+            there = at.copy()
             there[i] += moved
             try:
-                ends.append(turn_map(there, turns).state)
+                ends.append(end_of(there))
                 reach += step
             except ValueError:
-                ends.append(end.state)
-        if reach:
-            matrix[:, i] = (ends[0] - ends[1]) / reach
-    return matrix, end
+                if here is None:
+                    raise
+                ends.append(here)
+        columns[i] = (ends[0] - ends[1]) / reach if reach else np.zeros_like(ends[0])
+    zero = np.zeros_like(next(iter(columns.values()), at))
+    return np.column_stack([columns.get(i, zero) for i in range(len(at))])
 
 
 def close(turn_map: TurnMap, guess: np.ndarray, turns: int) -> Closed | None:
@@ -313,8 +328,9 @@ def seeds_of(scene: Scene, starts: int, most_turns: int) -> list[Seed]:
     different: list[Seed] = []
     for seed in sorted(found, key=lambda seed: seed.turns):
         turn_map = TurnMap(scene, seed.phase)
-        if not any(seed.turns == other.turns and is_same(turn_map, _recut(scene, other, seed.phase), seed.state,
-                                                         seed.turns) for other in different):
+        if not any(seed.turns == other.turns and is_same(
+                turn_map, at_cut(TurnMap(scene, other.phase), other.state, turn_map), seed.state, seed.turns)
+                for other in different):
             different.append(seed)
     return different
 
@@ -331,14 +347,6 @@ def _drawn(turn_map: TurnMap, start: int) -> dict[str, float]:
         elif name == "motor_speed":
             given[name] = random.uniform(0.0, unit)
     return given
-
-
-def _recut(scene: Scene, seed: Seed, phase: float) -> np.ndarray:
-    """The state of a seed at another cut."""
-    here, stroboscope = TurnMap(scene, seed.phase), Stroboscope(TurnMap(scene, phase))
-    sample = here.sample(seed.state)
-    given = {name: getattr(sample, name) for name in here.names}
-    return stroboscope.begin_as(crank_angle=seed.phase, **given).states[-1]
 
 
 def is_same(turn_map: TurnMap, one: np.ndarray, other: np.ndarray, turns: int) -> bool:

@@ -26,7 +26,7 @@ from scipy.spatial import KDTree
 
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.turn_map import Cuts, Stroboscope, free_cut, is_sampled
+from vibro_ros.orbits.turn_map import Cuts, Stroboscope, free_cut, has_sampled_controller
 
 LONGEST_PERIOD = 64
 """Longest period that `settle` looks for [turns]; a motion without such a period may have a longer one."""
@@ -128,7 +128,7 @@ def settle(stroboscope: Stroboscope, first: int = FIRST_TURNS, most: int = MOST_
         turns = period_in(seen.states, scene)
         if turns or (len(seen.states) >= 4 * CLOUD and _is_stationary(seen.states)):
             over = turns or len(seen.states) // 2
-            if turns and is_sampled(scene):  # a mean over all places of a sample
+            if turns and has_sampled_controller(scene):  # a mean over all places of a sample
                 over = turns * (len(seen.states) // (2 * turns))
             gone, lasted = (float(one[-1] - one[-1 - over]) for one in (seen.positions, seen.times))
             return SettledMotion(turns, seen.states[-(turns or CLOUD):].copy(), gone / lasted, len(seen.states),
@@ -161,12 +161,12 @@ def motion_of(states: np.ndarray, mean_speed: float, scene: Scene) -> SettledMot
 def period_in(states: np.ndarray, scene: Scene) -> int:
     """Least number of turns after which settled states at successive cuts, shape (cuts, n), repeat themselves; 0 where
     they do not, or not yet."""
-    return _period_within_jitter(states) if is_sampled(scene) else period_of(states)
+    return _period_within_jitter(states) if has_sampled_controller(scene) else period_of(states)
 
 
 def tolerance_of(scene: Scene) -> float:
     """How far apart states of the same motion may be, in units of the machine."""
-    return 2.0 * JITTER if is_sampled(scene) else SAME
+    return 2.0 * JITTER if has_sampled_controller(scene) else SAME
 
 
 def settled_motion(scene: Scene, **start: float) -> SettledMotion:

@@ -97,8 +97,8 @@ class TurnMap:
     """
 
     def __init__(self, scene: Scene, phase: float = 0.0):
-        self.scene, self.phase, self.period = scene, phase, TURN / pace(scene)
-        self.names, self.units = coordinates(scene), units_of(scene)
+        self.scene, self.phase, self.period = scene, phase, TURN / crank_speed(scene)
+        self.names, self.units = state_names(scene), units_of(scene)
         self.device = Simulator(scene)
         if scene.has_rotor and self.device.scene["solver.method"] != "exact":
             raise ValueError(f"solver.method: {scene['solver.method']} does not find the instant at which a dc motor's "
@@ -185,7 +185,7 @@ class TurnMap:
     def velocity(self) -> float:
         """What 1 is of a velocity [m/s]."""
         return float(self.units[[name.endswith("velocity") for name in self.names]].max(initial=0.0)
-                     or _length(self.scene) * pace(self.scene))
+                     or _length(self.scene) * crank_speed(self.scene))
 
     def sample(self, state: np.ndarray) -> Samples[float]:
         """All quantities of a device in a state at the cut, the body at 0."""
@@ -207,6 +207,14 @@ class TurnMap:
         return np.array([held[name] for name in self.names])
 
 
+def at_cut(here: TurnMap, state: np.ndarray, there: TurnMap) -> np.ndarray:
+    """The state at the next cut of another turn map of the scene to which a state at the cut `here` leads, shape (n,).
+    """
+    here.put(here.device, state)
+    here.advance(here.device, 0, there.phase)
+    return there.read_device(here.device)
+
+
 INTEGRAL = "controller_integral"
 
 
@@ -220,7 +228,7 @@ def share_of_turn(scene: Scene, here: float, there: float) -> float:
     return direction(scene) * (there - here) % TURN / TURN
 
 
-def coordinates(scene: Scene) -> tuple[str, ...]:
+def state_names(scene: Scene) -> tuple[str, ...]:
     """Names that make up a state at the cut: fields of `Samples`, and `INTEGRAL` with a controller."""
     check_scene(scene)
     masses = [f"{side}_{what}" for side in scene.guides for what in ("position", "velocity")]
@@ -229,7 +237,7 @@ def coordinates(scene: Scene) -> tuple[str, ...]:
             *["motor_speed"] * scene.has_rotor, *motor_coordinates(scene))
 
 
-def pace(scene: Scene) -> float:
+def crank_speed(scene: Scene) -> float:
     """Speed [rad/s] at which a motor turns its crank, above 0: `motor.speed`, or what a voltage gives without load.
 
     Raises
@@ -258,23 +266,23 @@ def pace(scene: Scene) -> float:
 
 def units_of(scene: Scene) -> np.ndarray:
     """What 1 is of each coordinate [m, m/s, rad/s, A or V], shape (n,)."""
-    speed = pace(scene)
+    speed = crank_speed(scene)
     induced = scene.motor_constant * speed if scene.has_rotor else 0.0
     volts = scene["motor.control"] == "speed_by_voltage"
     return np.array([
         speed if name == "motor_speed" else induced if name == INTEGRAL and volts else
         induced / scene["motor.winding_resistance"] if name in ("motor_current", INTEGRAL) else
-        _length(scene) * speed if name.endswith("velocity") else _length(scene) for name in coordinates(scene)])
+        _length(scene) * speed if name.endswith("velocity") else _length(scene) for name in state_names(scene)])
 
 
-def is_sampled(scene: Scene) -> bool:
+def has_sampled_controller(scene: Scene) -> bool:
     """Whether a controller takes samples of the crank's speed, with which no turn is in step."""
-    return INTEGRAL in coordinates(scene)
+    return INTEGRAL in state_names(scene)
 
 
 def check_closes(scene: Scene) -> None:
     """Refuse a scene none of whose motions closes on itself (ValueError)."""
-    if is_sampled(scene):
+    if has_sampled_controller(scene):
         raise ValueError(
             f"motor.control: {scene['motor.control']} takes samples {scene['motor.control_rate']:g} times a second, "
             "with which the turns are not in step, so that no orbit closes; choose voltage, or effects.motor ramp; "
@@ -293,7 +301,7 @@ def advance_to_cut(device: Simulator, turn: int, phase: float) -> None:
     SimulationError
         For a crank that does not get there.
     """
-    longest = _LONGEST_TURN * TURN / pace(device.scene)
+    longest = _LONGEST_TURN * TURN / crank_speed(device.scene)
     if not device.advance_to_angle(turn, phase, min(device.time + longest, LATEST)):
         command = device.scene.motor_command.replace("_", ".")
         raise SimulationError(f"at {device.time:.9g} s: the crank has not come round for {longest:.3g} s; give more "
@@ -303,7 +311,7 @@ def advance_to_cut(device: Simulator, turn: int, phase: float) -> None:
 def turn_round(device: Simulator, turns: int) -> None:
     """Advance a device to where its crank has turned so often since the start, if it is not there yet."""
     if not device.scene.has_rotor:
-        device.advance_to(max(device.time, turns * TURN / pace(device.scene)))
+        device.advance_to(max(device.time, turns * TURN / crank_speed(device.scene)))
     elif device.state.crank_angle < turns * TURN:
         for turn in range(math.floor(device.state.crank_angle / TURN) + 1, turns + 1):
             advance_to_cut(device, turn, 0.0)
@@ -409,7 +417,7 @@ def free_phase(scene: Scene, device: Simulator) -> tuple[float, float]:
     if scene.has_rotor:
         phase, lasting = _events_by_angle(device)
     else:
-        period, begin, angle = TURN / pace(scene), device.time, device.state.crank_angle
+        period, begin, angle = TURN / crank_speed(scene), device.time, device.state.crank_angle
         device.advance_to(begin + SEEN * period)
         events = device.take_events()
         phase = np.mod((events["time"] - begin) / period + direction(scene) * angle / TURN, 1.0)

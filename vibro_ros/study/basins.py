@@ -22,7 +22,15 @@ from vibro_ros.orbits.attractors import MOST_ATTRACTORS, Attractors, grouped, me
 from vibro_ros.orbits.chaos import sign_of
 from vibro_ros.orbits.recurrence import SettledMotion, command_in_words, settle, tolerance_of
 from vibro_ros.orbits.starts import running
-from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, coordinates, free_cut, is_sampled, pace
+from vibro_ros.orbits.turn_map import (
+    TURN,
+    Stroboscope,
+    TurnMap,
+    crank_speed,
+    free_cut,
+    has_sampled_controller,
+    state_names,
+)
 from vibro_ros.process.entry_point import FAILURE, Parser, say
 from vibro_ros.simulation.given_state import STATE_UNITS
 from vibro_ros.simulation.motion import SimulationError
@@ -178,7 +186,7 @@ def over_in_words(scene: Scene, text: str) -> Over:
     parts = [read_scalar(part) for part in values.split(":")]
     if not equals or len(parts) not in (2, 3):
         raise ValueError(f"--over {text}: give NAME=LOW:HIGH:COUNT for a grid, NAME=LOW:HIGH for draws")
-    known = (*coordinates(scene), ANGLE)
+    known = (*state_names(scene), ANGLE)
     if name not in known:
         raise ValueError(f"--over {name or repr(name)}: is no coordinate of this scene's start; give one of "
                          f"{', '.join(known)}")
@@ -225,13 +233,13 @@ def everywhere(scene: Scene) -> tuple[Over, ...]:
     crank turns forwards; current and integral are those of the scene's own start.
     """
     reach = scene["crank.radius"]
-    speed, sides = reach * pace(scene), []
-    for name in coordinates(scene):
+    speed, sides = reach * crank_speed(scene), []
+    for name in state_names(scene):
         side = name.split("_")[0]
         if name.endswith("velocity") and name != "body_vertical_velocity":
             sides.append(Over(name, -speed, speed))
         elif name == "motor_speed":
-            sides.append(Over(name, 0.0, pace(scene)))
+            sides.append(Over(name, 0.0, crank_speed(scene)))
         elif side in scene.guides:
             rigid = side in scene.plates and scene[f"effects.{side}_contact"] == "restitution"
             high = scene[f"crank.{side}_rod"] + (min(reach, scene[f"{side}.gap"]) if rigid else reach)
@@ -256,7 +264,7 @@ def study_of(design: Design) -> Study:
         Field("states", NUMBERS, "1", "states of the settled motion at the cut, one after the other, in crank radii "
               "and crank radii times motor speed; of a dc motor see `vibro_ros.orbits.turn_map`"),
         Field("error", pa.string(), "1", "why the start leads nowhere; else null", True)]
-    dimension = len(coordinates(design.scene))
+    dimension = len(state_names(design.scene))
 
     def are_own(numbers: Sequence[int], rows: list[dict]) -> bool:
         return are(rows, [design.starts.start(number) for number in numbers]) and all(
@@ -264,7 +272,7 @@ def study_of(design: Design) -> Study:
             for row in rows)
 
     return Study("starts", design.document(), fields, partial(rows_of, design), are_own,
-                 design.turns * TURN / pace(design.scene), (design.scene["solver.method"],), design.starts.count,
+                 design.turns * TURN / crank_speed(design.scene), (design.scene["solver.method"],), design.starts.count,
                  _BLOCK_ROWS)
 
 
@@ -442,8 +450,8 @@ def in_words(design: Design, table: pa.Table, found: Basins) -> list[str]:
         elif len(attractor.multipliers):
             stability = f"largest Floquet multiplier {abs(attractor.multipliers[0]):.4f}"
         else:
-            stability = ("no multipliers, because the controller takes samples" if is_sampled(design.scene) else
-                         "no orbit closes by Newton's method")
+            stability = ("no multipliers, because the controller takes samples"
+                         if has_sampled_controller(design.scene) else "no orbit closes by Newton's method")
         lines.append(f"motion {number}: {attractor.in_words()}; {attractor.starts} "
                      f"start{'s' * (attractor.starts > 1)}, {100.0 * attractor.share:.2f} % (95 % interval "
                      f"{100.0 * attractor.low:.2f} to {100.0 * attractor.high:.2f} %); {stability}")

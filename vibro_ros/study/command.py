@@ -14,14 +14,11 @@ if __name__ == "__main__":  # before all imports: they take a second or two, in 
 import argparse
 import contextlib
 import fcntl
-import math
 import os
-import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Self
 
 from tqdm import tqdm
 
@@ -194,7 +191,6 @@ def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
 
 _LINES = 10.0  # s between lines that say how far it is, where no bar can be drawn
 _DELAY = 2.0  # s before a bar is drawn
-_ALIVE = 1.5  # s between signs of life
 
 
 class Progress:
@@ -231,41 +227,3 @@ class Progress:
             say("study", f"{self._what}: {self._done} of {self._total} {self._unit}s, "
                          f"{tqdm.format_interval(left)} left")
             self._said = now
-
-
-class SignsOfLife:
-    """A line on standard error every other second, however long or short the steps of the work are; a context.
-
-    Parameters
-    ----------
-    what : str
-        What is done.
-
-    Attributes
-    ----------
-    where : str
-        How far it is; empty while nothing is done.
-    """
-
-    _said = -math.inf  # s, when a line came last, of whichever step of this process
-
-    def __init__(self, what: str):
-        self._what, self.where = what, ""
-        self._over = threading.Event()
-        # A daemon: a stop signal that comes while the context is entered leaves nobody to end the thread.
-        self._thread = threading.Thread(target=self._speak, daemon=True)
-
-    def __enter__(self) -> Self:
-        self._begun = time.monotonic()
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._over.set()
-        self._thread.join()
-
-    def _speak(self) -> None:
-        while not self._over.wait(max(0.0, SignsOfLife._said + _ALIVE - time.monotonic())):
-            SignsOfLife._said = time.monotonic()
-            so_far = f"{time.monotonic() - self._begun:.0f} s so far"
-            say("study", f"{self._what}: {', '.join(filter(None, [self.where, so_far]))}")

@@ -24,7 +24,16 @@ from vibro_ros.orbits.chaos import LEAST_TURNS, sign_of, spectrum_of_cycle, spec
 from vibro_ros.orbits.chaos import LEAST_VALUES as LEAST_CUTS
 from vibro_ros.orbits.chaos import MOST_TURNS as MOST_MEASURED
 from vibro_ros.orbits.recurrence import CLOUD, FIRST_TURNS, LONGEST_PERIOD, WATCHED, SettledMotion, settle, tolerance_of
-from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, coordinates, free_cut, is_sampled, pace, units_of
+from vibro_ros.orbits.turn_map import (
+    TURN,
+    Stroboscope,
+    TurnMap,
+    crank_speed,
+    free_cut,
+    has_sampled_controller,
+    state_names,
+    units_of,
+)
 from vibro_ros.process.entry_point import Parser
 from vibro_ros.simulation.given_state import STATE_UNITS
 from vibro_ros.simulation.preparation import prepare_kernels
@@ -95,12 +104,12 @@ class Design:
                 scene = self.scene_at(value)
             except ValueError as error:
                 raise ValueError(f"--vary {self.axis.name}: at {value:g} there is no scene ({error})") from error
-            pace(scene)  # refuses a crank that stands
-            if self.exponents and is_sampled(scene):
+            crank_speed(scene)  # refuses a crank that stands
+            if self.exponents and has_sampled_controller(scene):
                 raise ValueError(f"--exponents {self.exponents}: motor.control {scene['motor.control']} takes samples, "
                                  "with which the turns are not in step, so that the map of a turn has no derivative; "
                                  "give --exponents 0")
-            if coordinates(scene) != self.names:
+            if state_names(scene) != self.names:
                 raise ValueError(f"--vary {self.axis.name}: at {value:g} the state has other coordinates than at "
                                  f"{self.axis.values[0]:g}; leave that value out")
         if self.coordinate not in self.names:
@@ -110,7 +119,7 @@ class Design:
     @property
     def names(self) -> tuple[str, ...]:
         """The state's coordinates, fields of `Samples`."""
-        return coordinates(self.scene_at(self.axis.values[0]))
+        return state_names(self.scene_at(self.axis.values[0]))
 
     @property
     def visits(self) -> int:
@@ -623,7 +632,7 @@ def _design(options: argparse.Namespace, scene: Scene, axis: Axis) -> Design:
         phase = options.phase
     else:
         raise ValueError(f"--phase: {options.phase:g} is out of range; give a number from 0 to 6.28318 rad")
-    names = coordinates(first)
+    names = state_names(first)
     if not names:
         raise ValueError(f"{scene.name}: has no mass whose motion could be shown; give one with effects.upper_mass")
     return Design(scene, axis, phase, options.coordinate or names[-1 if len(names) < 4 else 3], options.most_turns,

@@ -1,4 +1,14 @@
-"""What a machine does in a cell of the map, when it comes there from the cell before."""
+"""``study map``: the motions of a machine over motor speed and gap, as Parquet, pictures, and a file to command by.
+
+Each row and column of the grid is swept up and down (`visits`), each cell beginning with the state that the one before
+has left, so that motions that exist together are found. In a cell two visits have found the same motion by the rule of
+`SettledMotion.is_same`. Motions of neighbouring cells are one where the period and the landings are equal and the mean
+speed changes little; but two motions that exist in one cell are never one, whatever path leads from the one to the
+other through other cells: a fold ends where its two sheets meet, and behind that end nothing separates them.
+
+Where a motion ends, its branch is followed to the special point there (`end_point`), and these are joined to curves.
+At last the commands that a controller would give are tried from drawn starts (`proved`).
+"""
 
 import argparse
 import hashlib
@@ -35,9 +45,9 @@ from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.continuation import CORNER, KINDS, follow, special_points
 from vibro_ros.orbits.family import Family, LostError
-from vibro_ros.orbits.recurrence import SettledMotion, settle
+from vibro_ros.orbits.recurrence import SAME, SettledMotion, number_among, settle, tolerance_of
 from vibro_ros.orbits.starts import drawn_start
-from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, check_closes, coordinates, is_sampled
+from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, check_closes, has_sampled_controller, state_names
 from vibro_ros.process.entry_point import Parser
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.preparation import provide_kernels
@@ -58,7 +68,7 @@ from vibro_ros.study.command import (
 from vibro_ros.study.execution import Execution
 from vibro_ros.study.figures import new_figure, png
 from vibro_ros.study.measures import MEASURES, REST, WORK, Window, observed
-from vibro_ros.study.table import Field, Study, are, computed, file_of
+from vibro_ros.study.table import NUMBERS, Field, Study, are, computed, file_of
 from vibro_ros.study.variation import whole_number
 
 SPEED, GAP = "motor_speed", "gap"
@@ -196,8 +206,13 @@ MOST_TURNS = 2048
 """Turns of the crank after which a start is given up that has not settled."""
 UNSETTLED = -1
 """In place of the period of a start that has not settled."""
-_LEAST_TURNS, _WITHOUT_PERIOD = 16, 256  # that are measured
+_LEAST_TURNS, _WITHOUT_PERIOD, _KEPT = 16, 256, 32  # turns that are measured, and states of a visit that are kept
 _NOTHING = (math.nan, math.nan, math.nan, math.nan)
+
+
+LONG = 8
+"""Turns beyond which a period tells nothing: a longer one counts as none, because a small change of the commands ends
+it, and visits that settle slowly do not find it alike."""
 
 
 class Visit(NamedTuple):
@@ -215,8 +230,8 @@ class Visit(NamedTuple):
         Of the body [m/s], forwards positive.
     cost_of_transport, stick_share, air_share : float
         As `study.measures` has them, dimensionless.
-    state : tuple of float
-        One state at the cut, in units of the machine; empty where none was found.
+    states : ndarray, shape (m, n)
+        At successive cuts, in units of the machine: a period, or the last `_KEPT`; empty where none was found.
     """
 
     speed_index: int
@@ -227,7 +242,12 @@ class Visit(NamedTuple):
     cost_of_transport: float
     stick_share: float
     air_share: float
-    state: tuple[float, ...]
+    states: np.ndarray
+
+    def settled(self, tolerance: float) -> SettledMotion:
+        """The motion to compare with others of the cell; one of a long period counts as one without."""
+        turns = self.turns if self.turns <= LONG else 0
+        return SettledMotion(turns, self.states, self.mean_speed, self.turns, tolerance)
 
 
 def visits(design: MapDesign, line: Line) -> list[Visit]:
@@ -250,10 +270,10 @@ def visits(design: MapDesign, line: Line) -> list[Visit]:
             motion = seen = None
         if motion and seen:
             before = motion.states[-1] * turn_map.units
-            found.append(Visit(speed_index, gap_index, motion.turns, *seen, tuple(motion.states[-1].tolist())))
+            found.append(Visit(speed_index, gap_index, motion.turns, *seen, motion.states[-(motion.turns or _KEPT):]))
         else:
             before = None
-            found.append(Visit(speed_index, gap_index, UNSETTLED, 0, *_NOTHING, ()))
+            found.append(Visit(speed_index, gap_index, UNSETTLED, 0, *_NOTHING, np.empty((0, 0))))
     return found
 
 
@@ -271,21 +291,66 @@ def _measured(turn_map: TurnMap, motion: SettledMotion) -> tuple[int, float, flo
     return landings, speed if motion.turns else motion.mean_speed, cost, standing, airborne
 
 
-LONG = 8
-"""Turns beyond which a period tells nothing: a longer one counts as none, because a small change of the commands ends
-it, and visits that settle slowly do not find it alike."""
+LINES, ENDS = "lines", "ends"
+"""Folders of the two tables."""
+_RUN_TIME = 20.0  # robot time [s] of a visit, and of an end, about
+_VISIT = [
+    Field("speed_index", pa.int64(), "1", "index of the motor speed in the grid"),
+    Field("gap_index", pa.int64(), "1", "index of the gap in the grid"),
+    Field("turns", pa.int64(), "1", "turns after which the motion repeats itself; 0: it does not; -1: it did not "
+          "settle"),
+    Field("landings", pa.int64(), "1", "landings of the body within these turns"),
+    Field("mean_speed", pa.float64(), "m/s", "of the body, forwards positive"),
+    Field("cost_of_transport", pa.float64(), "1", "mean power / (weight x speed)"),
+    Field("stick_share", pa.float64(), "1", "share of the time in which the body stands on the ground"),
+    Field("air_share", pa.float64(), "1", "share of the time in which the body is in the air"),
+    Field("states", NUMBERS, "1", f"at successive cuts, crank angle {PHASE:.6g} rad, one after the other, in crank "
+          "radii and crank radii times motor speed"),
+]
+_POINT = [
+    Field("kind", pa.string(), "1", "what becomes of the motion; null where its branch goes on or is lost",
+          True),
+    Field("turns", pa.int64(), "1", "turns after which the motion repeats itself"),
+    Field("motion", pa.int64(), "1", "number of the motion"),
+    Field("direction", pa.int64(), "1", "1 towards larger motor speeds, -1 towards smaller"),
+    Field("gap_index", pa.int64(), "1", "index of the gap in the grid"),
+    Field("motor_speed", pa.float64(), "rad/s", "where that is"),
+]
+
+
+def visits_of(design: MapDesign, lines: Path, execution: Execution) -> list[Visit]:
+    """All visits of a map; lines that are missing in the folder `lines` are swept (see `computed`)."""
+    every, dimension = design.lines(), len(state_names(design.scene))
+
+    def are_own(numbers: Sequence[int], rows: list[dict]) -> bool:
+        cells = [cell for number in numbers for cell in design.cells(every[number])]
+        return are(rows, [{"speed_index": i, "gap_index": j} for i, j in cells]) and all(
+            row["turns"] >= UNSETTLED and len(row["states"]) == dimension * (
+                0 if row["turns"] == UNSETTLED else row["turns"] or _KEPT) for row in rows)
+
+    run_time = _RUN_TIME * max(design.speeds.count, design.gaps.count)
+    rows = computed(Study("lines visited", design.document(), _VISIT, partial(rows_of_line, design), are_own, run_time,
+                          ("exact",), len(every)), lines, execution).to_pylist()
+    return [Visit(**{**row, "states": np.array(row["states"]).reshape(-1, dimension)}) for row in rows]
+
+
+def rows_of_line(design: MapDesign, number: int) -> list[dict]:
+    """Sweep the line of a number; a row a visit."""
+    return [{**one._asdict(), "states": one.states.ravel()} for one in visits(design, design.lines()[number])]
+
+
 LEAST_CELLS = 8
 """Cells of a motion that gets a number; smaller ones are `PATCHWORK`."""
-_STEADY, _NOISY = (1e-5, 1e-4), (2e-3, 0.1)  # m/s, and share: differences of mean speeds of one motion in a cell
-_FROM_CELL_TO_CELL = (3e-3, 0.25)  # the same of neighbouring cells
+_FROM_CELL_TO_CELL = 3e-3, 0.25  # m/s, and share: differences of mean speeds of one motion in neighbouring cells
 
 
-def motions(visits: Iterable[Visit]) -> tuple[Found, list[Visit]]:
+def motions(visits: Iterable[Visit], tolerance: float = SAME) -> tuple[Found, list[Visit]]:
     """The motions of each cell, with their numbers; and for each a visit that has found it."""
     in_cell: dict[tuple[int, int], list[Visit]] = defaultdict(list)
     for visit in visits:
         cell = in_cell[visit.speed_index, visit.gap_index]
-        if visit.turns != UNSETTLED and not any(_same(visit, other) for other in cell):
+        if visit.turns != UNSETTLED and number_among(visit.settled(tolerance), [
+                other.settled(tolerance) for other in cell]) is None:
             cell.append(visit)
     for cell in in_cell.values():
         cell.sort(key=lambda visit: visit.mean_speed)
@@ -300,17 +365,14 @@ def motions(visits: Iterable[Visit]) -> tuple[Found, list[Visit]]:
     return Found(motion=numbers, sure=sure.astype(int), **columns), rows
 
 
-def _close(one: Visit, other: Visit, tolerance: tuple[float, float]) -> bool:
-    most = max(abs(one.mean_speed), abs(other.mean_speed))
-    return abs(one.mean_speed - other.mean_speed) <= tolerance[0] + tolerance[1] * most
+def _continues(one: Visit, other: Visit) -> bool:
+    """Whether motions of neighbouring cells may be one."""
+    most, (least, share) = max(abs(one.mean_speed), abs(other.mean_speed)), _FROM_CELL_TO_CELL
+    return _kind(one) == _kind(other) and abs(one.mean_speed - other.mean_speed) <= least + share * most
 
 
 def _kind(visit: Visit) -> tuple[int, int]:
     return (visit.turns, visit.landings) if 0 < visit.turns <= LONG else (0, 0)
-
-
-def _same(one: Visit, other: Visit) -> bool:
-    return _kind(one) == _kind(other) and _close(one, other, _STEADY if _kind(one)[0] else _NOISY)
 
 
 def _numbers(rows: Sequence[Visit]) -> np.ndarray:
@@ -323,7 +385,7 @@ def _numbers(rows: Sequence[Visit]) -> np.ndarray:
         at[visit.speed_index, visit.gap_index].append(row)
     links = [(first, last) for (i, j), here in list(at.items())
              for beside in (at.get((i + 1, j), ()), at.get((i, j + 1), ())) for first in here for last in beside
-             if _kind(rows[first]) == _kind(rows[last]) and _close(rows[first], rows[last], _FROM_CELL_TO_CELL)]
+             if _continues(rows[first], rows[last])]
     group_of = list(range(len(rows)))
     members = {row: [row] for row in range(len(rows))}
     cells = {row: {(visit.speed_index, visit.gap_index)} for row, visit in enumerate(rows)}
@@ -410,7 +472,8 @@ def ends(found: Found, rows: list[Visit], speeds: Axis, gap_indices: range) -> l
                 continue
             for run in np.split(own, np.flatnonzero(np.diff(found.speed_index[own]) > 1) + 1):
                 if len(run) >= _LEAST_RUN:
-                    listed += [End(gap_index, turns, motion, int(found.speed_index[row]), direction, rows[row].state)
+                    listed += [End(gap_index, turns, motion, int(found.speed_index[row]), direction,
+                                   tuple(rows[row].states[-1].tolist()))
                                for row, direction, border in ((run[0], -1, 0), (run[-1], 1, speeds.count - 1))
                                if found.speed_index[row] != border]
     return listed
@@ -423,7 +486,7 @@ def end_point(design: MapDesign, end: End) -> Point:
     low, high = (here, here + span) if end.direction > 0 else (max(here - span, 0.1 * here), here)
     try:
         family = Family(design.scene_at(end.speed_index, end.gap_index), {"motor.speed": (low, high)}, end.turns, PHASE)
-        branch = follow(family, np.append(end.state, family.shares(here)), float(end.direction))
+        branch = follow(family, np.append(end.state, family.scaled(here)), float(end.direction))
         for _, (before, after) in zip(range(_MOST_STEPS), branch, strict=False):
             for special in special_points(before, after):
                 if special.kind == CORNER:  # the motion goes on
@@ -432,6 +495,25 @@ def end_point(design: MapDesign, end: End) -> Point:
     except (LostError, SimulationError, ValueError):
         pass
     return Point(None, end.turns, end.motion, end.direction, end.gap_index, here)
+
+
+def points_of(design: MapDesign, ends: tuple[End, ...], folder: Path, execution: Execution) -> list[Point]:
+    """The special point of each end that has one; points that are missing in the folder are looked for."""
+    if not ends:
+        return []
+    document = {**design.document(), "ends": hashlib.sha256(repr(list(ends)).encode()).hexdigest()}
+
+    def are_own(numbers: Sequence[int], rows: list[dict]) -> bool:
+        return are(rows, [{name: getattr(ends[number], name) for name in ("turns", "motion", "direction", "gap_index")}
+                          for number in numbers]) and all(row["kind"] in (None, *KINDS) for row in rows)
+
+    rows = computed(Study("ends of motions followed", document, _POINT, partial(_row_of_end, design, ends), are_own,
+                          20.0 * _RUN_TIME, ("exact",), len(ends)), folder, execution).to_pylist()
+    return [Point(**row) for row in rows if row["kind"] is not None]
+
+
+def _row_of_end(design: MapDesign, ends: tuple[End, ...], number: int) -> list[dict]:
+    return [end_point(design, ends[number])._asdict()]
 
 
 def curves(design: MapDesign, points: list[Point], gap_indices: range) -> tuple[Curve, ...]:
@@ -699,7 +781,7 @@ def _map(options: argparse.Namespace) -> int:
         for folder in (LINES, ENDS):
             (options.output / folder).mkdir(exist_ok=True)
         visits = visits_of(design, options.output / LINES, execution)
-        found, rows = motions(visits)
+        found, rows = motions(visits, tolerance_of(design.scene))
         if not rows:
             raise RuntimeError("no visit has settled, so that there is no map; give another scene or other speeds")
         parameters = parameters_that_count(design.scene, design.sides)
@@ -716,7 +798,7 @@ def _map(options: argparse.Namespace) -> int:
 
 def _rows_of_curves(design: MapDesign, asked: int | None) -> range:
     """Gaps, equally spaced and about as many as `asked`, at which motions are followed to their ends."""
-    count = (0 if is_sampled(design.scene) else min(CURVES, design.gaps.count)) if asked is None else asked
+    count = (0 if has_sampled_controller(design.scene) else min(CURVES, design.gaps.count)) if asked is None else asked
     if count:
         check_closes(design.scene)
     if not 0 <= count <= design.gaps.count:
@@ -762,77 +844,3 @@ def _parser() -> Parser:
                         "do not close (default: 11, or all if fewer)")
     add_execution(parser)
     return parser
-
-
-#: Folders of the two records.
-LINES, ENDS = "lines", "ends"
-_STATE = "state."  # begins the names of coordinates
-_RUN_TIME = 20.0  # robot time [s] of a visit, and of an end, about
-_VISIT = [
-    Field("speed_index", pa.int64(), "1", "index of the motor speed in the grid"),
-    Field("gap_index", pa.int64(), "1", "index of the gap in the grid"),
-    Field("turns", pa.int64(), "1", "turns after which the motion repeats itself; 0: it does not; -1: it did not "
-          "settle"),
-    Field("landings", pa.int64(), "1", "landings of the body within these turns"),
-    Field("mean_speed", pa.float64(), "m/s", "of the body, forwards positive"),
-    Field("cost_of_transport", pa.float64(), "1", "mean power / (weight x speed)"),
-    Field("stick_share", pa.float64(), "1", "share of the time in which the body stands on the ground"),
-    Field("air_share", pa.float64(), "1", "share of the time in which the body is in the air"),
-]
-_POINT = [
-    Field("kind", pa.string(), "1", "what becomes of the motion; null where its branch goes on or is lost",
-          True),
-    Field("turns", pa.int64(), "1", "turns after which the motion repeats itself"),
-    Field("motion", pa.int64(), "1", "number of the motion"),
-    Field("direction", pa.int64(), "1", "1 towards larger motor speeds, -1 towards smaller"),
-    Field("gap_index", pa.int64(), "1", "index of the gap in the grid"),
-    Field("motor_speed", pa.float64(), "rad/s", "where that is"),
-]
-
-
-def visits_of(design: MapDesign, lines: Path, execution: Execution) -> list[Visit]:
-    """All visits of a map; lines that are missing in the folder `lines` are swept (see `computed`)."""
-    every = design.lines()
-    names = [f"{_STATE}{name}" for name in coordinates(design.scene)]
-    fields = [*_VISIT, *(Field(name, pa.float64(), f"crank.radius{' x motor.speed' * name.endswith('velocity')}",
-                               f"{name.removeprefix(_STATE)} at the cut, crank angle {PHASE:.6g} rad", True)
-                         for name in names)]
-
-    def are_own(numbers: Sequence[int], rows: list[dict]) -> bool:
-        cells = [cell for number in numbers for cell in design.cells(every[number])]
-        return are(rows, [{"speed_index": i, "gap_index": j} for i, j in cells]) and all(
-            row["turns"] >= UNSETTLED and all((row[name] is None) == (row["turns"] == UNSETTLED) for name in names)
-            for row in rows)
-
-    run_time = _RUN_TIME * max(design.speeds.count, design.gaps.count)
-    rows = computed(Study("lines visited", design.document(), fields, partial(rows_of_line, design), are_own, run_time,
-                          ("exact",), len(every)), lines, execution).to_pylist()
-    return [Visit(**{one.name: row[one.name] for one in _VISIT}, state=tuple(
-        value for name, value in row.items() if name.startswith(_STATE) and value is not None))
-        for row in rows]
-
-
-def rows_of_line(design: MapDesign, number: int) -> list[dict]:
-    """Sweep the line of a number; a row a visit."""
-    names = [f"{_STATE}{name}" for name in coordinates(design.scene)]
-    return [{**one._asdict(), **dict(zip(names, one.state, strict=False))}
-            for one in visits(design, design.lines()[number])]
-
-
-def points_of(design: MapDesign, ends: tuple[End, ...], folder: Path, execution: Execution) -> list[Point]:
-    """The special point of each end that has one; points that are missing in the folder are looked for."""
-    if not ends:
-        return []
-    document = {**design.document(), "ends": hashlib.sha256(repr(list(ends)).encode()).hexdigest()}
-
-    def are_own(numbers: Sequence[int], rows: list[dict]) -> bool:
-        return are(rows, [{name: getattr(ends[number], name) for name in ("turns", "motion", "direction", "gap_index")}
-                          for number in numbers]) and all(row["kind"] in (None, *KINDS) for row in rows)
-
-    rows = computed(Study("ends of motions followed", document, _POINT, partial(_row_of_end, design, ends), are_own,
-                          20.0 * _RUN_TIME, ("exact",), len(ends)), folder, execution).to_pylist()
-    return [Point(**row) for row in rows if row["kind"] is not None]
-
-
-def _row_of_end(design: MapDesign, ends: tuple[End, ...], number: int) -> list[dict]:
-    return [end_point(design, ends[number])._asdict()]

@@ -96,9 +96,9 @@ def speed(values: np.ndarray, reading: Reading) -> float:
 
 def speed_per_power(values: np.ndarray, reading: Reading) -> float:
     """Lower quartile of V/P [m/J]; not above 0 where starts disagree or a power is not above 0."""
-    pace = speed(values, reading)
-    if pace <= 0.0:
-        return pace
+    slowest = speed(values, reading)
+    if slowest <= 0.0:
+        return slowest
     power = values[:, POWERS[reading.power]]
     if power.min() <= 0.0:
         return 0.0  # springs returned stored energy: the time was too short to tell a mean
@@ -303,8 +303,8 @@ class Plan:
 
     def score(self, values: np.ndarray) -> float:
         """Score of a robot from its values; a robot that is too slow, or flies too long, is judged by how much so."""
-        pace = speed(values, self.reading)
-        missing = self._flies(values) + (max(self.least_speed - pace, 0.0) if self.least_speed > 0.0 else 0.0)
+        slowest = speed(values, self.reading)
+        missing = self._flies(values) + (max(self.least_speed - slowest, 0.0) if self.least_speed > 0.0 else 0.0)
         if missing > 0.0:
             return max(-missing, FAILED)
         return OBJECTIVES[self.scored].score(values, self.reading)
@@ -462,10 +462,10 @@ class FrontRobot:
 def _weighted(plan: Plan, weight: float, points: np.ndarray, values: np.ndarray) -> np.ndarray:
     scores = []
     for point, one in zip(points, values, strict=True):
-        pace, cost = plan.speed_and_cost(point, one)
-        counts = pace > 0.0 and np.isfinite(cost)
-        scores.append(float(weight * np.log(pace) - (1.0 - weight) * np.log(cost)) if counts else
-                      FAILED + max(pace, FAILED))
+        slowest, cost = plan.speed_and_cost(point, one)
+        counts = slowest > 0.0 and np.isfinite(cost)
+        scores.append(float(weight * np.log(slowest) - (1.0 - weight) * np.log(cost)) if counts else
+                      FAILED + max(slowest, FAILED))
     return np.array(scores)
 
 
@@ -503,7 +503,7 @@ def non_dominated(pairs: np.ndarray) -> list[int]:
     pairs : ndarray, shape (n, 2)
         Speeds that are not positive, and costs that are not finite, do not count.
     """
-    counted = [number for number, (pace, cost) in enumerate(pairs) if pace > 0.0 and np.isfinite(cost)]
+    counted = [number for number, (slowest, cost) in enumerate(pairs) if slowest > 0.0 and np.isfinite(cost)]
     found, cheapest = [], np.inf
     for number in sorted(counted, key=lambda one: (-pairs[one][0], pairs[one][1])):
         if pairs[number][1] < cheapest:
@@ -527,7 +527,7 @@ _LOADS = ("mean_load", "unloaded_share")
 
 
 class Mean(NamedTuple):
-    """A mean over the starts of one attractor, and half the width of its 95 % interval; 0 of a periodic motion."""
+    """A mean over the starts of one attractor, and half the width of its 95 % interval; NaN of one start."""
 
     mean: float
     spread: float
@@ -643,7 +643,7 @@ def _settled_at(scenes: tuple[Scene, ...], trials: Trials, number: int) -> list[
 def _verified(words: str, scene: Scene, attractor: Attractor, values: np.ndarray, reading: Reading) -> Verified:
     """A row from the values of the starts of one attractor, shape (starts, measures)."""
     def mean(column: np.ndarray) -> Mean:
-        return Mean(float(column.mean()), 0.0 if attractor.turns else float(half_interval(column)))
+        return Mean(float(column.mean()), float(half_interval(column)))
 
     speed, power = values[:, 0], values[:, POWERS[reading.power]]
     weight = scene.total_mass * scene["gravity"]
@@ -1033,11 +1033,14 @@ def _number(value: float) -> str:
     return f"{float(text):.0f}" if 1e3 <= abs(float(text)) < 1e6 else text
 
 
+_SAME = 1e-5  # relative: a smaller interval is that of starts which repeat one motion, and not shown
+
+
 def _with_spread(found: Mean, factor: float = 1.0) -> str:
     """Mean ± half the 95 % interval, times `factor`; a dash for what is no number."""
     if not math.isfinite(found.mean):
         return "-"
-    spread = f" ± {factor * found.spread:.2g}" if found.spread > 0.0 else ""
+    spread = f" ± {factor * found.spread:.2g}" if found.spread > _SAME * abs(found.mean) else ""
     return f"{_number(factor * found.mean)}{spread}"
 
 

@@ -1,9 +1,15 @@
-"""A study of orbits at work: it looks for orbits, follows and keeps their branches, then those of doubled period."""
+"""``study orbits``: branches of periodic orbits over a parameter, and curves of their special points over two.
+
+Orbits are looked for at some values of the parameter. The branch through each that lies on none yet is followed in both
+directions, then the branches of doubled period from period doublings on (`followed_branches`). With a second parameter,
+each special point is followed as a curve (`followed_curves`). A branch or curve is a block of a `table.Study`: a row an
+orbit or special point, in its order.
+"""
 
 import argparse
 import contextlib
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -24,12 +30,11 @@ from vibro_ros.orbits.curve import has_curve, passes, whole_curve
 from vibro_ros.orbits.family import Family
 from vibro_ros.orbits.orbit import Seed, seeds_of
 from vibro_ros.orbits.starts import running
-from vibro_ros.orbits.turn_map import TurnMap, coordinates, units_of
+from vibro_ros.orbits.turn_map import TurnMap, state_names, units_of
 from vibro_ros.process.entry_point import Parser, say
 from vibro_ros.simulation.given_state import STATE_UNITS
 from vibro_ros.study.command import (
     Progress,
-    SignsOfLife,
     add_execution,
     add_machine,
     execution_of,
@@ -40,38 +45,19 @@ from vibro_ros.study.command import (
     write_files,
 )
 from vibro_ros.study.execution import Execution, Results
-from vibro_ros.study.figures import new_figure, png, tidy, with_unit
-from vibro_ros.study.table import NUMBERS, Field, Study, file_of, read, stored, table_of
+from vibro_ros.study.figures import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, new_figure, of_parameter, png, tidy
+from vibro_ros.study.table import NUMBERS, Field, Study, file_of, parameter_field, read, stored, table_of
 from vibro_ros.study.variation import Range, varied_in_words, whole_number
 
+BRANCHES, SPECIAL, PICTURE, TEXT = "branches.parquet", "special_points.parquet", "orbits.png", "orbits.md"
+CURVES, CURVE_PICTURE = "curves.parquet", "curves.png"
+FOLDER, CURVES_FOLDER = "branches", "curves"
+MOST_TURNS, MOST_BRANCHES = 32, 10_000
+_QUICK_VARY, _QUICK_FROM = "motor.speed=60:66", 65.0
+# Default, default with --quick, least and most of the numbers that an option gives.
+_COUNTS = {"turns": (8, 2, 1, MOST_TURNS), "starts": (4, 2, 1, 1000), "points": (400, 120, 2, 100_000)}
+_RUN_TIME = 1000.0  # robot time [s] of a search or a branch, about: so long that each is handed out alone
 UP, DOWN, DOUBLED = "upwards", "downwards", "doubled"
-
-
-class Task(NamedTuple):
-    """One branch to follow.
-
-    Attributes
-    ----------
-    way : str
-        `UP` or `DOWN` from an orbit, or `DOUBLED` from a period doubling.
-    turns : int
-        Of the orbit that it begins with.
-    phase : float
-        Crank angle at the cut [rad].
-    state : ndarray, shape (n,)
-        At the cut, in units of the machine.
-    value : float
-        The parameter there, in its unit.
-    parent : int or None
-        Number of the branch whose period doubles.
-    """
-
-    way: str
-    turns: int
-    phase: float
-    state: np.ndarray
-    value: float
-    parent: int | None
 
 
 @dataclass(frozen=True)
@@ -117,314 +103,9 @@ class Plan:
         return Family(self.scene, {self.name: (self.low, self.high)}, turns, phase)
 
 
-def seeds_at(plan: Plan, number: int) -> list[Seed]:
-    """Orbits at the value of a number of those at which they are looked for, in the units of their families."""
-    scene, found = plan.scene.with_parameters({plan.name: plan.begin[number]}), []
-    with SignsOfLife(f"orbits at {plan.name} = {scene[plan.name]:g}"):
-        seeds = seeds_of(scene, plan.starts, plan.turns)
-    for seed in seeds:
-        family = plan.family(seed.turns, seed.phase)
-        ratio = units_of(scene) / family.units
-        found.append(Seed(seed.turns, float(seed.phase), seed.state * ratio))
-    return found
-
-
-def rows_of_task(plan: Plan, tasks: dict[int, Task], number: int) -> list[dict]:
-    """The rows of the branch of a number; lines say how far it is."""
-    task = tasks[number]
-    family = plan.family(task.turns, task.phase)
-    begin = np.append(task.state, family.shares(task.value))
-    with Followed(f"branch {number}", [plan.name]) as notice:
-        if task.way == DOUBLED:
-            branch = doubled_branch_from(family, begin, plan.points, notice)
-        else:
-            branch = branch_from(family, begin, 1.0 if task.way == UP else -1.0, plan.points, notice)
-    return rows_of(branch) or [{plan.name: task.value, **nothing(branch)}]
-
-
-def nothing(sequence: Branch) -> dict:
-    """The row of a branch or curve without an orbit: why there is none."""
-    return {"turns": sequence.turns, "mean_speed": math.nan, "phase": math.nan, "state": [], "multipliers_real": [],
-            "multipliers_imag": [], "end": sequence.end}
-
-
-class Followed(SignsOfLife):
-    """How far a branch or curve over some parameters is."""
-
-    def __init__(self, what: str, names: Sequence[str]):
-        super().__init__(what)
-        self._names = names
-
-    def __call__(self, orbits: int, values: float | np.ndarray) -> None:
-        """Note how many orbits are found, and the parameters at the last."""
-        where = ", ".join(f"{name} = {value:.6g}" for name, value in
-                          zip(self._names, np.atleast_1d(values).tolist(), strict=True))
-        self.where = f"{orbits} orbits, {where}"
-
-
-FOLDER = "branches"
-MOST_BRANCHES = 10_000
-
-
-def study_of(plan: Plan, tasks: dict[int, Task]) -> Study:
-    """The branches of a plan: a block a branch, a row an orbit or special point, in its order."""
-    names = coordinates(plan.scene)
-
-    def are_own(_: Sequence[int], rows: list[dict]) -> bool:
-        return is_sequence(rows, len(names)) and all(row["kind"] in (None, *KINDS) for row in rows) and all(
-            len(row[name] or ()) == (row["turns"] if row["kind"] is None and row["state"] else 0)
-            for row in rows for name in names)
-
-    return Study("branches followed", plan.document(), fields_of(plan), partial(rows_of_task, plan, tasks), are_own,
-                 RUN_TIME, (plan.scene["solver.method"],), MOST_BRANCHES)
-
-
-def is_sequence(rows: list[dict], dimension: int) -> bool:
-    """Whether rows are one branch or curve of states with so many coordinates."""
-    ends = [row["end"] is not None for row in rows]
-    return ends == [*[False] * (len(rows) - 1), True] and len({row["turns"] for row in rows}) == 1 and all(
-        len(row[name]) == (dimension if rows[0]["state"] else 0)
-        for row in rows for name in ("state", "multipliers_real", "multipliers_imag"))
-
-
-def fields_of(plan: Plan) -> list[Field]:
-    """The columns of a branch."""
-    parameter, each = BY_NAME[plan.name], "each time the crank passes the angle 0; null for a special point"
-    return [
-        Field("kind", pa.string(), "1", "of a special point; null for an orbit between them", True),
-        Field(plan.name, pa.float64(), parameter.unit or "1", parameter.description),
-        Field("width", pa.float64(), parameter.unit or "1", "of the interval that holds the special point", True),
-        Field("stable", pa.bool_(), "1", "whether small disturbances die out; null for a special point",
-              True),
-        *(Field(name, NUMBERS, STATE_UNITS[name], each, True) for name in coordinates(plan.scene)),
-        *ORBIT_FIELDS,
-    ]
-
-
-ORBIT_FIELDS = (
-    Field("turns", pa.int64(), "1", "of the crank, after which the motion repeats itself"),
-    Field("mean_speed", pa.float64(), "m/s", "of the body, forwards positive"),
-    Field("multipliers_real", NUMBERS, "1", "Floquet multipliers, the largest first; along a curve of grazings those "
-          "without the contact"),
-    Field("multipliers_imag", NUMBERS, "1", "their imaginary parts"),
-    Field("phase", pa.float64(), "rad", "crank angle at the cut"),
-    Field("state", NUMBERS, "1", "at the cut, in units of the machine"),
-    Field("change", pa.string(), "1", "of the events, where their order changes", True),
-    Field("end", pa.string(), "1", "why the orbits were not followed further; in the last row", True))
-"""The columns that a branch and a curve have, last in their tables."""
-
-
-def rows_of(branch: Branch) -> list[dict]:
-    """The rows of a branch."""
-    return rows_of_sequence(
-        branch,
-        [{branch.name: branch.values[k], "stable": bool(branch.stable[k]),
-          **{name: values[k] for name, values in branch.strobe.items()}} for k in range(len(branch))],
-        [{"kind": one.kind, branch.name: one.value, "width": one.width} for one in branch.special_points])
-
-
-def rows_of_sequence(sequence: Branch, orbits: list[dict], special: list[dict]) -> list[dict]:
-    """The rows of a branch or curve, given what rows of its orbits and of its special points have besides
-    `ORBIT_FIELDS`; each special point stands between the orbits that it lies between."""
-    rows = [{**own, "mean_speed": sequence.mean_speeds[k], "phase": sequence.phases[k], "state": sequence.states[k],
-             **_multiplier_columns(sequence.multipliers[k])} for k, own in enumerate(orbits)]
-    for number, (one, own) in enumerate(zip(sequence.special_points, special, strict=True)):
-        rows.insert(one.at + number, {
-            **own, "mean_speed": one.mean_speed, "phase": one.phase, "state": one.state,
-            **_multiplier_columns(one.multipliers), "change": one.change or None})
-    for row in rows:
-        row["turns"] = sequence.turns
-    if rows:
-        rows[-1]["end"] = sequence.end
-    return rows
-
-
-def _multiplier_columns(multipliers: np.ndarray) -> dict:
-    return {"multipliers_real": multipliers.real, "multipliers_imag": multipliers.imag}
-
-
-def branch_of(plan: Plan, table: pa.Table) -> Branch:
-    """The branch of at least one row that a file of a plan holds."""
-    orbits, special, common = read_sequence(table, "kind")
-    name, names = plan.name, coordinates(plan.scene)
-    return Branch(
-        scene=plan.scene, names=(name,), kind="", values=array_of(orbits, name),
-        strobe={one: array_of(orbits, one).reshape(-1, common["turns"]) for one in names},
-        special_points=tuple(Special(values=np.array([row[name]]), width=row["width"], **own) for row, own in special),
-        **common)
-
-
-def read_sequence(table: pa.Table, kind: str) -> tuple[list[dict], list[tuple[dict, dict]], dict[str, Any]]:
-    """What a table of at least one row holds, whose column `kind` is null for an orbit.
-
-    Returns
-    -------
-    list of dict
-        The rows of the orbits.
-    list of (dict, dict)
-        Each row of a special point, and the attributes of its `Special`.
-    dict
-        The attributes of their `Branch`, without what depends on the parameters.
-    """
-    rows = table.to_pylist()
-    turns, end = int(rows[0]["turns"]), rows[-1]["end"]
-    n = len(rows[0]["state"]) or 1
-    rows = [row for row in rows if row["state"]]
-    orbits, special = list[dict](), list[tuple[dict, dict]]()
-    for row in rows:
-        if row[kind] is None:
-            orbits.append(row)
-        else:
-            special.append((row, {
-                "kind": row[kind], "mean_speed": row["mean_speed"], "multipliers": _multipliers_of(row),
-                "change": row["change"] or "", "phase": row["phase"], "state": np.array(row["state"]),
-                "at": len(orbits)}))
-    return orbits, special, {
-        "turns": turns, "mean_speeds": array_of(orbits, "mean_speed"),
-        "multipliers": np.array([_multipliers_of(row) for row in orbits], dtype=complex).reshape(-1, n),
-        "phases": array_of(orbits, "phase"), "states": array_of(orbits, "state").reshape(-1, n), "end": end}
-
-
-def array_of(rows: Sequence[dict[str, Any]], key: str) -> np.ndarray:
-    """A column of rows."""
-    return np.array([row[key] for row in rows], dtype=float)
-
-
-def _multipliers_of(row: dict[str, Any]) -> np.ndarray:
-    return np.array(row["multipliers_real"]) + 1j * np.array(row["multipliers_imag"])
-
-
-_SAME = 1e-6  # share of the range within which a period doubling that two branches have is one
-RUN_TIME = 1000.0  # robot time [s] of a search or a branch, about: so long that each is handed out alone
-_JOINS = 0.05  # share of the range within which a branch that joins another one ends at its period doubling
-
-
-class OrbitsRun:
-    """The branches of a plan in a folder that nobody else writes into.
-
-    Parameters
-    ----------
-    plan : Plan
-        What is asked for.
-    folder : Path
-        Of the branches' files.
-    execution : Execution
-        Who computes.
-
-    Attributes
-    ----------
-    done : list of (Task, Branch)
-        The branches so far, by their numbers.
-    """
-
-    def __init__(self, plan: Plan, folder: Path, execution: Execution):
-        self._plan, self._folder, self._execution = plan, folder, execution
-        self._doubled: set[tuple[int, int]] = set()  # number of a branch and of its special point
-        self.done: list[tuple[Task, Branch]] = []
-
-    def do(self) -> None:
-        """Follow every branch.
-
-        Raises
-        ------
-        ForeignBlockError
-            For files of another study.
-        RuntimeError
-            When the disk is full or refuses, or a run cannot go on; finished branches are kept.
-        """
-        plan, begin, found = self._plan, self._plan.begin, list[list[Seed]]()
-        read(study_of(plan, {}), self._folder, 0, [0])  # refuses another study before the search, which is long
-        with contextlib.closing(self._execution.rows(partial(seeds_at, plan), range(len(begin)), RUN_TIME, (
-                plan.scene["solver.method"],))) as results, Progress("orbits looked for", "value", len(begin)) as bar:
-            for seeds in results:
-                found.append(seeds)
-                bar.add(1)
-        for value, seeds in zip(begin, found, strict=True):
-            for seed in seeds:
-                family = plan.family(seed.turns, seed.phase)
-                with SignsOfLife(f"an orbit at {plan.name} = {value:g} compared with branches"):
-                    known = any(lies_on(family, seed, value, branch) for _, branch in self.done)
-                if not known:
-                    self._follow([Task(way, seed.turns, seed.phase, seed.state, value, None) for way in (UP, DOWN)])
-        while tasks := self._doublings():
-            self._follow(tasks)
-
-    def _follow(self, tasks: Sequence[Task]) -> None:
-        """Do the tasks, or read what was done before; their branches come in the order of the tasks."""
-        if len(self.done) + len(tasks) > MOST_BRANCHES:
-            raise RuntimeError(f"there are more than {MOST_BRANCHES} branches; give fewer --turns or a smaller range")
-        plan, numbered = self._plan, dict(enumerate(tasks, len(self.done)))
-        study = study_of(plan, numbered)
-
-        def follow(numbers: Iterable[int]) -> Results:
-            for number in numbers:
-                task = numbered[number]
-                say("study", f"branch {number}: {task.turns} turn{'s' * (task.turns > 1)}, {task.way} from "
-                    f"{plan.name} = {task.value:.9g}, at most {plan.points} orbits")
-            return self._execution.rows(study.rows, numbers, study.run_time, study.methods)
-
-        tables = stored(study, self._folder, {number: [number] for number in numbered}, follow)
-        self.done += [(task, branch_of(plan, tables[number])) for number, task in numbered.items()]
-
-    def _doublings(self) -> list[Task]:
-        """The first period doubling of each branch whose branch of doubled period is not known yet."""
-        tasks: list[Task] = []
-        span = self._plan.high - self._plan.low
-        for parent, (_, branch) in enumerate(self.done):
-            if 2 * branch.turns > self._plan.turns:
-                continue
-            for number, special in enumerate(branch.special_points):
-                if special.kind != DOUBLING or (parent, number) in self._doubled:
-                    continue
-                self._doubled.add((parent, number))
-                begun = any(task.way == DOUBLED and task.turns == branch.turns
-                            and abs(task.value - special.value) < _SAME * span
-                            for task in (*tasks, *(task for task, _ in self.done)))
-                ended = any(other.turns == 2 * branch.turns and other.end.startswith("joins")
-                            and abs(other.values[-1] - special.value) < _JOINS * span for _, other in self.done)
-                if not (begun or ended):
-                    tasks.append(Task(DOUBLED, branch.turns, special.phase, special.state, special.value, parent))
-                    break
-        return tasks
-
-
-CURVES_FOLDER = "curves"
-MOST_CURVES = 10_000
-
-
-class CurveTask(NamedTuple):
-    """One direction of a curve.
-
-    Attributes
-    ----------
-    name : str
-        Of the special point, as in the table of special points.
-    branch : Branch
-        Which has the special point.
-    special : Special
-        Where the curve begins.
-    way : str
-        `UP` or `DOWN`, of the second parameter.
-    """
-
-    name: str
-    branch: Branch
-    special: Special
-    way: str
-
-
 class CurvePlan(NamedTuple):
-    """What is asked for.
-
-    Attributes
-    ----------
-    plan : Plan
-        Of the branches.
-    name : str
-        The second parameter.
-    low, high : float
-        Its range, in its unit.
-    """
+    """The curves that are asked for: those of special points of a plan, over its parameter and the one of a `name`,
+    from `low` to `high` in its unit."""
 
     plan: Plan
     name: str
@@ -441,118 +122,299 @@ class CurvePlan(NamedTuple):
         return {**self.plan.document(), "curves": {self.name: {"from": self.low, "to": self.high}}}
 
 
-def curve_fields(asked: CurvePlan) -> list[Field]:
-    """The columns of a curve."""
-    first, second = (BY_NAME[name] for name in asked.ranges)
-    return [
-        Field("kind", pa.string(), "1", "of the special points that the curve is made of"),
-        Field("point", pa.string(), "1", "change of events; null for an orbit between them", True),
-        Field(first.name, pa.float64(), first.unit or "1", first.description),
-        Field(second.name, pa.float64(), second.unit or "1", second.description),
-        *ORBIT_FIELDS,
-    ]
+class Task(NamedTuple):
+    """One branch to follow.
+
+    Attributes
+    ----------
+    direction : str
+        `UP` or `DOWN` from an orbit, or `DOUBLED` from a period doubling.
+    turns : int
+        Of the orbit that it begins with.
+    phase : float
+        Crank angle at the cut [rad].
+    state : ndarray, shape (n,)
+        At the cut, in units of the machine.
+    value : float
+        The parameter there, in its unit.
+    parent : int or None
+        Number of the branch whose period doubles.
+    """
+
+    direction: str
+    turns: int
+    phase: float
+    state: np.ndarray
+    value: float
+    parent: int | None
 
 
-def curves_study(asked: CurvePlan, tasks: dict[int, CurveTask]) -> Study:
-    """The curves: a block a curve, a row an orbit or special point, in its order."""
-    dimension = len(coordinates(asked.plan.scene))
-    return Study("curves followed", asked.document(), curve_fields(asked), partial(rows_of_curve_task, asked, tasks),
-                 lambda _, rows: is_sequence(rows, dimension) and {row["kind"] for row in rows} <= set(KINDS), RUN_TIME,
-                 (asked.plan.scene["solver.method"],), MOST_CURVES)
+class CurveTask(NamedTuple):
+    """One direction of a curve: `UP` or `DOWN` in the second parameter, through the special point of a branch with a
+    `name` in the table of special points."""
+
+    name: str
+    branch: Branch
+    special: Special
+    direction: str
 
 
-def rows_of_curve(curve: Branch) -> list[dict]:
-    """The rows of a curve."""
-    rows = rows_of_sequence(
-        curve, [dict(zip(curve.names, values, strict=True)) for values in curve.values],
-        [{"point": one.kind, **dict(zip(curve.names, one.values, strict=True))} for one in curve.special_points])
-    return [{"kind": curve.kind, **row} for row in rows]
+def seeds_at(plan: Plan, number: int) -> list[Seed]:
+    """Orbits at the value of a number of those at which they are looked for, in the units of their families."""
+    scene, found = plan.scene.with_parameters({plan.name: plan.begin[number]}), []
+    for seed in seeds_of(scene, plan.starts, plan.turns):
+        ratio = units_of(scene) / plan.family(seed.turns, seed.phase).units
+        found.append(Seed(seed.turns, float(seed.phase), seed.state * ratio))
+    return found
 
 
-def curve_of(asked: CurvePlan, table: pa.Table) -> Branch:
-    """The curve of at least one row that a file of a plan holds."""
-    orbits, special, common = read_sequence(table, "point")
-    first, second = asked.ranges
+def branch_of_task(plan: Plan, task: Task) -> Branch:
+    """Follow a branch."""
+    family = plan.family(task.turns, task.phase)
+    begin = np.append(task.state, family.scaled(task.value))
+    if task.direction == DOUBLED:
+        return doubled_branch_from(family, begin, plan.points)
+    return branch_from(family, begin, 1.0 if task.direction == UP else -1.0, plan.points)
+
+
+def curve_of_task(asked: CurvePlan, task: CurveTask) -> Branch:
+    """Follow a curve."""
+    return whole_curve(task.branch, task.special, asked.ranges, task.direction == UP, asked.plan.points)
+
+
+def rows_of(branch: Branch) -> list[dict]:
+    """The rows of a branch or curve, or why there is no orbit in one row."""
+    over_one = len(branch.names) == 1
+
+    def row(values: np.ndarray | float, one: Any, multipliers: np.ndarray) -> dict:
+        return {**dict(zip(branch.names, np.atleast_1d(values).tolist(), strict=True)), **one, "turns": branch.turns,
+                "multipliers_real": multipliers.real, "multipliers_imag": multipliers.imag,
+                **({} if over_one else {"kind": branch.kind})}
+
+    rows = [row(branch.values[k], {
+        "mean_speed": branch.mean_speeds[k], "phase": branch.phases[k], "state": branch.states[k],
+        **({"stable": bool(branch.stable[k])} if over_one else {}),
+        **{name: values[k] for name, values in branch.strobe.items()}}, branch.multipliers[k])
+        for k in range(len(branch))]
+    for number, one in enumerate(branch.special_points):
+        rows.insert(one.at + number, row(one.values, {
+            "mean_speed": one.mean_speed, "phase": one.phase, "state": one.state, "change": one.change or None,
+            **({"kind": one.kind, "width": one.width} if over_one else {"point": one.kind})}, one.multipliers))
+    if not rows:
+        rows = [row(np.full(len(branch.names), math.nan), {"mean_speed": math.nan, "phase": math.nan, "state": []},
+                    np.empty(0))]
+    rows[-1]["end"] = branch.end
+    return rows
+
+
+def branch_in(table: pa.Table, scene: Scene, names: tuple[str, ...]) -> Branch:
+    """The branch over one parameter, or curve over two, that a block holds."""
+    rows = table.to_pylist()
+    turns, end, kind = int(rows[0]["turns"]), rows[-1]["end"], "" if len(names) == 1 else rows[0]["kind"]
+    n = len(rows[0]["state"]) or 1
+    orbits, special = list[dict](), list[Special]()
+    for row in rows:
+        point = row["kind" if len(names) == 1 else "point"]
+        if point is not None:
+            special.append(Special(
+                point, row["mean_speed"], _multipliers_of(row), row["change"] or "", row["phase"],
+                np.array(row["state"]), len(orbits), np.array([row[name] for name in names]), row.get("width", 0.0)))
+        elif row["state"]:
+            orbits.append(row)
+
+    def column(name: str) -> np.ndarray:
+        return np.array([row[name] for row in orbits], dtype=float)
+
     return Branch(
-        scene=asked.plan.scene, kind=table["kind"][0].as_py(), names=(first, second), strobe={},
-        values=np.column_stack([array_of(orbits, first), array_of(orbits, second)]),
-        special_points=tuple(Special(values=np.array([row[first], row[second]]), **own) for row, own in special),
-        **common)
+        scene, names, kind, turns, column(names[0]) if len(names) == 1 else np.column_stack(list(map(column, names))),
+        column("mean_speed"), np.array([_multipliers_of(row) for row in orbits], dtype=complex).reshape(-1, n),
+        column("phase"), column("state").reshape(-1, n),
+        {one: column(one).reshape(-1, turns) for one in state_names(scene)} if len(names) == 1 else {},
+        tuple(special), end)
 
 
-def rows_of_curve_task(asked: CurvePlan, tasks: dict[int, CurveTask], number: int) -> list[dict]:
-    """The rows of the curve of a number; lines say how far it is."""
-    task = tasks[number]
-    with Followed(f"curve of {task.name}, {task.way}", list(asked.ranges)) as notice:
-        curve = whole_curve(task.branch, task.special, asked.ranges, task.way == UP, asked.plan.points, notice)
-    return rows_of_curve(curve) or [{"kind": curve.kind, **dict.fromkeys(asked.ranges, math.nan), **nothing(curve)}]
+def _multipliers_of(row: dict[str, Any]) -> np.ndarray:
+    return np.array(row["multipliers_real"]) + 1j * np.array(row["multipliers_imag"])
 
 
-def follow_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]], names: Sequence[Sequence[str]], folder: Path,
-                  execution: Execution) -> list[tuple[CurveTask, Branch]]:
-    """The curves through all special points of branches that have one, in both directions of the second parameter.
+def fields_of(plan: Plan, names: Sequence[str]) -> list[Field]:
+    """The columns of a branch over one parameter, or of a curve over two."""
+    if len(names) == 1:
+        each = "each time the crank passes the angle 0; null for a special point"
+        own = [
+            Field("kind", pa.string(), "1", "of a special point; null for an orbit between them", True),
+            parameter_field(plan.name),
+            Field("width", pa.float64(), BY_NAME[plan.name].unit or "1", "of the interval that holds the special "
+                  "point", True),
+            Field("stable", pa.bool_(), "1", "whether small disturbances die out; null for a special point", True),
+            *(Field(name, NUMBERS, STATE_UNITS[name], each, True) for name in state_names(plan.scene))]
+    else:
+        own = [Field("kind", pa.string(), "1", "of the special points that the curve is made of"),
+               Field("point", pa.string(), "1", "change of events; null for an orbit between them", True),
+               *map(parameter_field, names)]
+    return [
+        *own,
+        Field("turns", pa.int64(), "1", "of the crank, after which the motion repeats itself"),
+        Field("mean_speed", pa.float64(), "m/s", "of the body, forwards positive"),
+        Field("multipliers_real", NUMBERS, "1", "Floquet multipliers, the largest first; along a curve of grazings "
+              "those without the contact"),
+        Field("multipliers_imag", NUMBERS, "1", "their imaginary parts"),
+        Field("phase", pa.float64(), "rad", "crank angle at the cut"),
+        Field("state", NUMBERS, "1", "at the cut, in units of the machine"),
+        Field("change", pa.string(), "1", "of the events, where their order changes", True),
+        Field("end", pa.string(), "1", "why the orbits were not followed further; in the last row", True)]
 
-    A special point that lies on a curve which is known already has none of its own. `names` are those of the special
-    points; `folder` exists, and nobody else writes into it.
+
+def study_of(asked: Plan | CurvePlan, follow: Callable[[Any, Any], Branch], tasks: Mapping[int, Any]) -> Study:
+    """The branches or curves of a plan, a block each."""
+    plan, names = (asked, [asked.name]) if isinstance(asked, Plan) else (asked.plan, list(asked.ranges))
+    coordinates = state_names(plan.scene)
+
+    def are_own(_: Sequence[int], rows: list[dict]) -> bool:
+        strobe = coordinates if len(names) == 1 else ()
+        return (
+            [row["end"] is not None for row in rows] == [*[False] * (len(rows) - 1), True]
+            and len({row["turns"] for row in rows}) == 1 and {row["kind"] for row in rows} <= {None, *KINDS}
+            and all(len(row[name]) == (len(coordinates) if rows[0]["state"] else 0)
+                    for row in rows for name in ("state", "multipliers_real", "multipliers_imag"))
+            and all(len(row[name] or ()) == (row["turns"] if row["kind"] is None and row["state"] else 0)
+                    for row in rows for name in strobe))
+
+    return Study("branches followed" if isinstance(asked, Plan) else "curves followed", asked.document(),
+                 fields_of(plan, names), partial(_rows_of_task, asked, follow, tasks), are_own, _RUN_TIME,
+                 (plan.scene["solver.method"],), MOST_BRANCHES)
+
+
+def _rows_of_task(asked: Any, follow: Callable[[Any, Any], Branch], tasks: Mapping[int, Any], number: int
+                  ) -> list[dict]:
+    return rows_of(follow(asked, tasks[number]))
+
+
+def _followed(study: Study, scene: Scene, names: tuple[str, ...], tasks: Mapping[int, Any], folder: Path,
+              execution: Execution, said: Callable[[int], str]) -> list[tuple[Any, Branch]]:
+    """Tasks and their branches, those of which a block is there as it has them; of the others, `said` is told."""
+    if tasks and max(tasks) >= MOST_BRANCHES:
+        raise RuntimeError(f"there are more than {MOST_BRANCHES} branches or curves; give fewer --turns or smaller "
+                           "ranges")
+
+    def follow(numbers: Iterable[int]) -> Results:
+        for number in numbers:
+            say("study", said(number))
+        return execution.rows(study.rows, numbers, study.run_time, study.methods)
+
+    tables = stored(study, folder, {number: [number] for number in tasks}, follow)
+    return [(task, branch_in(tables[number], scene, names)) for number, task in tasks.items()]
+
+
+_SAME = 1e-6  # share of the range within which a period doubling that two branches have is one
+_JOINS = 0.05  # share of the range within which a branch that joins another one ends at its period doubling
+
+
+def followed_branches(plan: Plan, folder: Path, execution: Execution) -> list[tuple[Task, Branch]]:
+    """Every branch of a plan, by its number, in a folder that nobody else writes into.
 
     Raises
     ------
     ForeignBlockError
         For files of another study.
     RuntimeError
-        When the disk is full or refuses, or a run cannot go on; finished curves are kept.
+        When the disk is full or refuses, or a run cannot go on; finished branches are kept.
+    """
+    done: list[tuple[Task, Branch]] = []
+
+    def follow(tasks: Sequence[Task]) -> None:
+        numbered = dict(enumerate(tasks, len(done)))
+
+        def said(number: int) -> str:
+            task = numbered[number]
+            return (f"branch {number}: {_turns(task.turns)}, {task.direction} from {plan.name} = {task.value:.9g}, at "
+                    f"most {plan.points} orbits")
+
+        done.extend(_followed(study_of(plan, branch_of_task, numbered), plan.scene, (plan.name,), numbered, folder,
+                              execution, said))
+
+    read(study_of(plan, branch_of_task, {}), folder, 0, [0])  # refuses another study before the search, which is long
+    found = list[list[Seed]]()
+    with contextlib.closing(execution.rows(partial(seeds_at, plan), range(len(plan.begin)), _RUN_TIME, (
+            plan.scene["solver.method"],))) as results, Progress("orbits looked for", "value", len(plan.begin)) as bar:
+        for seeds in results:
+            found.append(seeds)
+            bar.add(1)
+    for value, seeds in zip(plan.begin, found, strict=True):
+        for seed in seeds:
+            family = plan.family(seed.turns, seed.phase)
+            if not any(lies_on(family, seed, value, branch) for _, branch in done):
+                follow([Task(direction, seed.turns, seed.phase, seed.state, value, None) for direction in (UP, DOWN)])
+    begun: set[tuple[int, int]] = set()
+    while tasks := _doublings(plan, done, begun):
+        follow(tasks)
+    return done
+
+
+def _doublings(plan: Plan, done: Sequence[tuple[Task, Branch]], begun: set[tuple[int, int]]) -> list[Task]:
+    """The first period doubling of each branch whose branch of doubled period is not known yet.
+
+    `begun` has the numbers of branches and of their special points that were looked at, and gets these.
+    """
+    tasks, span = list[Task](), plan.high - plan.low
+    for parent, (_, branch) in enumerate(done):
+        if 2 * branch.turns > plan.turns:
+            continue
+        for number, special in enumerate(branch.special_points):
+            if special.kind != DOUBLING or (parent, number) in begun:
+                continue
+            begun.add((parent, number))
+            is_known = any(task.direction == DOUBLED and task.turns == branch.turns
+                           and abs(task.value - special.value) < _SAME * span
+                           for task in (*tasks, *(task for task, _ in done)))
+            ends_there = any(other.turns == 2 * branch.turns and other.end.startswith("joins")
+                             and abs(other.values[-1] - special.value) < _JOINS * span for _, other in done)
+            if not (is_known or ends_there):
+                tasks.append(Task(DOUBLED, branch.turns, special.phase, special.state, special.value, parent))
+                break
+    return tasks
+
+
+def followed_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]], folder: Path,
+                    execution: Execution) -> list[tuple[CurveTask, Branch]]:
+    """The curves through all special points of branches that have one, in both directions of the second parameter.
+
+    A special point that lies on a curve which is known already has none of its own. Errors are those of
+    `followed_branches`.
     """
     found: list[tuple[CurveTask, Branch]] = []
-    for (_, branch), own in zip(done, names, strict=True):
-        for name, special in zip(own, branch.special_points, strict=True):
-            if not has_curve(special):
-                continue
-            with SignsOfLife(f"{name} compared with curves"):
-                known = any(passes(curve, branch, special, asked.ranges) for _, curve in found)
-            if known:
-                continue
-            tasks = [CurveTask(name, branch, special, way) for way in (UP, DOWN)]
-            if len(found) + len(tasks) > MOST_CURVES:
-                raise RuntimeError(f"there are more than {MOST_CURVES} curves; give a smaller range")
-            found += _followed(asked, dict(enumerate(tasks, len(found))), folder, execution)
+    for _, branch, name, special in special_points_of(done):
+        if has_curve(special) and not any(passes(curve, branch, special, asked.ranges) for _, curve in found):
+            tasks = dict(enumerate([CurveTask(name, branch, special, direction) for direction in (UP, DOWN)],
+                                   len(found)))
+
+            def said(number: int, tasks: dict[int, CurveTask] = tasks) -> str:
+                task = tasks[number]
+                return (f"curve of {task.name}, {task.special.kind} at {asked.plan.name} = {task.special.value:.9g}, "
+                        f"{task.direction} in {asked.name}, at most {asked.plan.points} orbits")
+
+            found += _followed(study_of(asked, curve_of_task, tasks), asked.plan.scene, tuple(asked.ranges), tasks,
+                               folder, execution, said)
     return found
 
 
-def _followed(asked: CurvePlan, tasks: dict[int, CurveTask], folder: Path,
-              execution: Execution) -> list[tuple[CurveTask, Branch]]:
-    study = curves_study(asked, tasks)
-
-    def follow(numbers: Iterable[int]) -> Results:
-        for task in map(tasks.__getitem__, numbers):
-            say("study", f"curve of {task.name}, {task.special.kind} at {asked.plan.name} = {task.special.value:.9g}, "
-                f"{task.way} in {asked.name}, at most {asked.plan.points} orbits")
-        return execution.rows(study.rows, numbers, study.run_time, study.methods)
-
-    tables = stored(study, folder, {number: [number] for number in tasks}, follow)
-    return [(task, curve_of(asked, tables[number])) for number, task in tasks.items()]
-
-
-#: By kind of special point, the letter that begins its name in picture and table.
 LETTERS = {FOLD: "F", DOUBLING: "P", TORUS: "N", GRAZING: "G", CORNER: "C"}
+"""By kind of special point, the letter that begins its name in picture and table."""
 
 
-def names_of(branches: Sequence[Branch]) -> list[list[str]]:
-    """A name for each special point of each branch: the letter of its kind and a number, counted over all branches."""
-    counts, found = dict.fromkeys(LETTERS, 0), []
-    for branch in branches:
-        own = []
+def special_points_of(done: Sequence[tuple[Task, Branch]]) -> Iterator[tuple[int, Branch, str, Special]]:
+    """Each special point with the number of its branch, the branch, and its name: the letter of its kind and a number,
+    counted over all branches."""
+    counts = dict.fromkeys(LETTERS, 0)
+    for number, (_, branch) in enumerate(done):
         for special in branch.special_points:
             counts[special.kind] += 1
-            own.append(f"{LETTERS[special.kind]}{counts[special.kind]}")
-        found.append(own)
-    return found
+            yield number, branch, f"{LETTERS[special.kind]}{counts[special.kind]}", special
 
 
 def document(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> str:
     """The tables as a page."""
-    unit = BY_NAME[plan.name].unit
-    branches = [branch for _, branch in done]
-    head = with_unit(plan.name, unit)
+    head, unit = of_parameter(plan.name), BY_NAME[plan.name].unit
     lines = [
         f"# Orbits of {plan.scene.name} over {plan.name}", "",
         f"{plan.name} from {plan.low:g} to {plan.high:g} {unit}".rstrip(" 1") + f"; orbits of at most {plan.turns} "
@@ -565,22 +427,42 @@ def document(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> str:
     lines += ["", "## Special points", "",
               f"| name | kind | branch | turns | {head} | known to | mean speed, mm/s | multipliers | what happens |",
               "|---|---|---|---|---|---|---|---|---|"]
-    for number, (branch, names) in enumerate(zip(branches, names_of(branches), strict=True)):
-        lines += [
-            f"| {name} | {one.kind} | {number} | {branch.turns} | {one.value:.10g} | {one.width:.1g} | "
-            f"{1e3 * one.mean_speed:.4f} | {_multipliers(one.multipliers)} | {one.change} |"
-            for name, one in zip(names, branch.special_points, strict=True)]
+    lines += [f"| {name} | {one.kind} | {number} | {branch.turns} | {one.value:.10g} | {one.width:.1g} | "
+              f"{1e3 * one.mean_speed:.4f} | {_multipliers(one.multipliers)} | {one.change} |"
+              for number, branch, name, one in special_points_of(done)]
+    return "\n".join(lines) + "\n"
+
+
+def curve_document(asked: CurvePlan, found: Sequence[tuple[CurveTask, Branch]]) -> str:
+    """The tables of curves as the last part of a page."""
+    first, second = map(of_parameter, asked.ranges)
+    lines = ["", f"## Curves over {' and '.join(asked.ranges)}", "", "![Curves](curves.png)", "",
+             f"| through | kind | turns | {asked.name} | orbits | {first} | {second} | ends |",
+             "|---|---|---|---|---|---|---|---|"]
+    for task, curve in found:
+        ranges = [f"{column.min():.6g} to {column.max():.6g}" for column in curve.values.T] if len(curve) else ["", ""]
+        lines.append(f"| {task.name} | {task.special.kind} | {task.branch.turns} | {task.direction} | {len(curve)} | "
+                     f"{' | '.join(ranges)} | {curve.end} |")
+    lines += ["", f"| on the curve through | point | {first} | {second} | what happens |", "|---|---|---|---|---|"]
+    lines += [f"| {task.name} | {one.kind} | {one.values[0]:.9g} | {one.values[1]:.9g} | {one.change} |"
+              for task, curve in found for one in curve.special_points]
     return "\n".join(lines) + "\n"
 
 
 def in_words(done: Sequence[tuple[Task, Branch]]) -> Iterator[str]:
     """One line a branch."""
-    branches = [branch for _, branch in done]
-    for number, ((task, branch), names) in enumerate(zip(done, names_of(branches), strict=True)):
-        special = ", ".join(f"{name} {one.kind} at {one.value:.9g}" for name, one in
-                            zip(names, branch.special_points, strict=True) if one.kind != CORNER)
-        yield (f"branch {number}, {branch.turns} turn{'s' * (branch.turns > 1)}: {len(branch)} orbits {_begin(task)}; "
+    every = list(special_points_of(done))
+    for number, (task, branch) in enumerate(done):
+        special = ", ".join(f"{name} {one.kind} at {one.value:.9g}" for of, _, name, one in every
+                            if of == number and one.kind != CORNER)
+        yield (f"branch {number}, {_turns(branch.turns)}: {len(branch)} orbits {_begin(task)}; "
                f"{special + '; ' if special else ''}{branch.end}")
+
+
+def curves_in_words(found: Sequence[tuple[CurveTask, Branch]]) -> Iterator[str]:
+    """One line a curve and direction."""
+    for task, curve in found:
+        yield f"{task.special.kind} curve through {task.name}, {task.direction}: {len(curve)} orbits; {curve.end}"
 
 
 def stable_ranges(branch: Branch) -> list[tuple[float, float]]:
@@ -589,10 +471,14 @@ def stable_ranges(branch: Branch) -> list[tuple[float, float]]:
     return [(float(branch.values[first:last].min()), float(branch.values[first:last].max())) for first, last in edges]
 
 
+def _turns(turns: int) -> str:
+    return f"{turns} turn{'s' * (turns > 1)}"
+
+
 def _begin(task: Task) -> str:
     if task.parent is not None:
         return f"from a period doubling of branch {task.parent} at {task.value:.6g}"
-    return f"{task.way} from {task.value:g}"
+    return f"{task.direction} from {task.value:g}"
 
 
 def _row(number: int, task: Task, branch: Branch) -> str:
@@ -615,16 +501,17 @@ def _multipliers(values: np.ndarray) -> str:
     return ", ".join(shown)
 
 
-# Okabe and Ito's colours, which the colour-blind can tell apart, by the turns of a branch; the last one for all others.
-_COLOURS = {1: "#000000", 2: "#0072b2", 3: "#d55e00", 4: "#009e73", 8: "#cc79a7", 0: "#e69f00"}
+# Colours of branches by their turns, the last one for all others; of curves by their kinds.
+_COLOURS = {1: BLACK, 2: BLUE, 3: VERMILION, 4: GREEN, 8: PURPLE, 0: ORANGE}
+_CURVE_COLOURS, _STYLES = {FOLD: VERMILION, DOUBLING: BLUE, GRAZING: BLACK}, {FOLD: "-", DOUBLING: "--", GRAZING: ":"}
 MARKS = {FOLD: ("s", 5.0), DOUBLING: ("o", 5.0), TORUS: ("D", 5.0), GRAZING: ("^", 5.5), CORNER: (".", 3.5)}
 _MOST_NAMES = 24  # places whose names are written into the picture
-_CELLS = 50.0  # of a panel along each axis: names of one cell stand together
+_CELLS = 50.0  # of a panel along each axis: names of one cell share a label
 
 
-def draw_orbits(plan: Plan, branches: Sequence[Branch]) -> bytes:
+def draw_orbits(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> bytes:
     """Draw all branches; returns a PNG file."""
-    figure = new_figure(9.0, 8.4)
+    figure, branches = new_figure(9.0, 8.4), [branch for _, branch in done]
     upper, lower = figure.subplots(2, 1, sharex=True)
     coordinate = next((name for name in ("inclined_position", "upper_position")
                        if any(name in branch.strobe for branch in branches)), None)
@@ -633,10 +520,15 @@ def draw_orbits(plan: Plan, branches: Sequence[Branch]) -> bytes:
         if coordinate:
             _draw_line(lower, branch, 1e3 * branch.strobe[coordinate])
     lower.set_xlim(plan.low, plan.high)
-    _draw_special(upper, branches)
-    unit = BY_NAME[plan.name].unit
+    named = [(name, one.value, 1e3 * one.mean_speed) for _, _, name, one in special_points_of(done)
+             if one.kind != CORNER]
+    for _, branch, _, one in special_points_of(done):
+        mark, size = MARKS[one.kind]
+        upper.plot(one.value, 1e3 * one.mean_speed, mark, ms=size, color=_COLOURS.get(branch.turns, _COLOURS[0]),
+                   mfc="white" if one.kind != CORNER else None, zorder=3)
+    _write_names(upper, named)
     upper.set(ylabel="mean speed [mm/s]")
-    lower.set(xlabel=with_unit(plan.name, unit), ylabel=f"{(coordinate or '').replace('_', ' ')} at crank angle 0 [mm]")
+    lower.set(xlabel=of_parameter(plan.name), ylabel=f"{(coordinate or '').replace('_', ' ')} at crank angle 0 [mm]")
     for axes in (upper, lower):
         tidy(axes)
     figure.legend(handles=_legend(branches), loc="outside lower center", ncols=5, frameon=False, fontsize=9)
@@ -646,30 +538,21 @@ def draw_orbits(plan: Plan, branches: Sequence[Branch]) -> bytes:
 
 def _draw_line(axes: Axes, branch: Branch, values: np.ndarray) -> None:
     """Stable parts solid, unstable ones dashed; neighbours of which one is unstable are joined by a dashed line."""
-    colour = _COLOURS.get(branch.turns, _COLOURS[0])
-    stable = branch.stable
-    both = np.flatnonzero(stable[1:] & stable[:-1])
-    either = np.flatnonzero(~(stable[1:] & stable[:-1]))
-    for chosen, style in ((both, "-"), (either, (0, (3.0, 1.5)))):
+    colour, stable = _COLOURS.get(branch.turns, _COLOURS[0]), branch.stable
+    both = stable[1:] & stable[:-1]
+    for chosen, style in ((np.flatnonzero(both), "-"), (np.flatnonzero(~both), (0, (3.0, 1.5)))):
         for run in np.split(chosen, np.flatnonzero(np.diff(chosen) > 1) + 1):
             if len(run):
                 part = slice(run[0], run[-1] + 2)
                 axes.plot(branch.values[part], values[part], color=colour, ls=style, lw=1.2)
 
 
-def _draw_special(axes: Axes, branches: Sequence[Branch]) -> None:
-    named = [(name, one, branch) for branch, names in zip(branches, names_of(branches), strict=True)
-             for name, one in zip(names, branch.special_points, strict=True)]
+def _write_names(axes: Axes, named: Sequence[tuple[str, float, float]]) -> None:
+    """Names of special points at their places; those that lie together share a label."""
     cells: dict[tuple[int, int], list[str]] = {}
-    for _, one, branch in named:
-        mark, size = MARKS[one.kind]
-        axes.plot(one.value, 1e3 * one.mean_speed, mark, ms=size, color=_COLOURS.get(branch.turns, _COLOURS[0]),
-                  mfc="white" if one.kind != CORNER else None, zorder=3)
-    # What lies together shares a label.
-    for name, one, _ in named:
-        if one.kind != CORNER:
-            across, up = axes.transLimits.transform((one.value, 1e3 * one.mean_speed))
-            cells.setdefault((round(_CELLS * across), round(_CELLS * up)), []).append(name)
+    for name, *place in named:
+        across, up = axes.transLimits.transform(place)
+        cells.setdefault((round(_CELLS * across), round(_CELLS * up)), []).append(name)
     if len(cells) <= _MOST_NAMES:
         for (across, up), names in cells.items():
             axes.annotate(", ".join(names), (across / _CELLS, up / _CELLS), xycoords="axes fraction", xytext=(4, 4),
@@ -677,81 +560,36 @@ def _draw_special(axes: Axes, branches: Sequence[Branch]) -> None:
 
 
 def _legend(branches: Sequence[Branch]) -> list[Line2D]:
-    turns = sorted({branch.turns for branch in branches if len(branch)})
     kinds = {one.kind for branch in branches for one in branch.special_points}
-    lines = [Line2D([], [], color=_COLOURS.get(one, _COLOURS[0]), label=f"{one} turn{'s' * (one > 1)}")
-             for one in turns]
-    return lines + [Line2D([], [], color="#000000", ls="", marker=mark, ms=size, mfc="white", label=kind)
+    lines = [Line2D([], [], color=_COLOURS.get(one, _COLOURS[0]), label=_turns(one))
+             for one in sorted({branch.turns for branch in branches if len(branch)})]
+    return lines + [Line2D([], [], color=BLACK, ls="", marker=mark, ms=size, mfc="white", label=kind)
                     for kind, (mark, size) in MARKS.items() if kind in kinds]
-
-
-_CURVE_COLOURS = {FOLD: "#d55e00", DOUBLING: "#0072b2", GRAZING: "#000000"}
-_CURVE_CELLS = 50.0  # of the first parameter's range: names of one cell stand together
-_STYLES = {FOLD: "-", DOUBLING: "--", GRAZING: ":"}
-
-
-def curve_document(asked: CurvePlan, found: Sequence[tuple[CurveTask, Branch]]) -> str:
-    """The tables as the last part of a page."""
-    heads = [with_unit(name, BY_NAME[name].unit) for name in asked.ranges]
-    lines = ["", f"## Curves over {' and '.join(asked.ranges)}", "", "![Curves](curves.png)", "",
-             f"| through | kind | turns | {asked.name} | orbits | {heads[0]} | {heads[1]} | ends |",
-             "|---|---|---|---|---|---|---|---|"]
-    for task, curve in found:
-        ranges = [f"{column.min():.6g} to {column.max():.6g}" for column in curve.values.T] if len(curve) else ["", ""]
-        lines.append(f"| {task.name} | {task.special.kind} | {task.branch.turns} | {task.way} | {len(curve)} | "
-                     f"{' | '.join(ranges)} | {curve.end} |")
-    lines += ["", f"| on the curve through | point | {heads[0]} | {heads[1]} | what happens |", "|---|---|---|---|---|"]
-    lines += [f"| {task.name} | {one.kind} | {one.values[0]:.9g} | {one.values[1]:.9g} | {one.change} |"
-              for task, curve in found for one in curve.special_points]
-    return "\n".join(lines) + "\n"
-
-
-def curves_in_words(found: Sequence[tuple[CurveTask, Branch]]) -> Iterator[str]:
-    """One line a curve and direction."""
-    for task, curve in found:
-        yield f"{task.special.kind} curve through {task.name}, {task.way}: {len(curve)} orbits; {curve.end}"
 
 
 def draw_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]],
                 found: Sequence[tuple[CurveTask, Branch]]) -> bytes:
     """Draw all curves, and the special points of the branches that they begin with; returns a PNG file."""
     figure = new_figure(8.0, 5.4)
-    axes = figure.subplots()
+    axes, base = figure.subplots(), asked.plan.scene[asked.name]
     for _, curve in found:
         if len(curve):
             axes.plot(*curve.values.T, _STYLES[curve.kind], color=_CURVE_COLOURS[curve.kind], lw=1.4)
-    branches, base = [branch for _, branch in done], asked.plan.scene[asked.name]
-    cells: dict[int, list[tuple[float, str]]] = {}
-    for branch, names in zip(branches, names_of(branches), strict=True):
-        for name, special in zip(names, branch.special_points, strict=True):
-            if has_curve(special):
-                mark, size = MARKS[special.kind]
-                axes.plot(special.value, base, mark, ms=size, color=_CURVE_COLOURS[special.kind], mfc="white", zorder=4)
-                near = round(_CURVE_CELLS * (special.value - asked.plan.low) / (asked.plan.high - asked.plan.low))
-                cells.setdefault(near, []).append((special.value, name))
-    for named in cells.values():  # what lies together shares a label
-        axes.annotate(", ".join(name for _, name in named), (named[0][0], base), xytext=(5, -9),
-                      textcoords="offset points", fontsize=7)
-    kinds = [kind for kind in _CURVE_COLOURS if any(curve.kind == kind for _, curve in found)]
-    axes.set_xlim(asked.plan.low, asked.plan.high)
     margin = 0.02 * (asked.high - asked.low)
-    axes.set_ylim(asked.low - margin, asked.high + margin)
-    axes.set(**{f"{axis}label": with_unit(name, BY_NAME[name].unit)
-                for axis, name in zip("xy", asked.ranges, strict=True)})
+    axes.set(xlim=(asked.plan.low, asked.plan.high), ylim=(asked.low - margin, asked.high + margin),
+             xlabel=of_parameter(asked.plan.name), ylabel=of_parameter(asked.name))
+    begins = [(name, one) for _, _, name, one in special_points_of(done) if has_curve(one)]
+    for _, one in begins:
+        mark, size = MARKS[one.kind]
+        axes.plot(one.value, base, mark, ms=size, color=_CURVE_COLOURS[one.kind], mfc="white", zorder=4)
+    _write_names(axes, [(name, one.value, base) for name, one in begins])
     tidy(axes)
+    kinds = [kind for kind in _CURVE_COLOURS if any(curve.kind == kind for _, curve in found)]
     if kinds:
         axes.legend(handles=[Line2D([], [], ls=_STYLES[kind], color=_CURVE_COLOURS[kind], marker=MARKS[kind][0],
                                     ms=MARKS[kind][1], mfc="white", label=kind) for kind in kinds], frameon=False)
     figure.suptitle(f"{asked.plan.scene.name}: special points over {' and '.join(asked.ranges)}", fontsize=11)
     return png(figure)
-
-
-BRANCHES, SPECIAL, PICTURE, TEXT = "branches.parquet", "special_points.parquet", "orbits.png", "orbits.md"
-CURVES, CURVE_PICTURE = "curves.parquet", "curves.png"
-MOST_TURNS = 32
-_QUICK_VARY, _QUICK_FROM = "motor.speed=60:66", 65.0
-# Default, default with --quick, least and most of the numbers that an option gives.
-_COUNTS = {"turns": (8, 2, 1, MOST_TURNS), "starts": (4, 2, 1, 1000), "points": (400, 120, 2, 100_000)}
 
 
 def main(words: Sequence[str]) -> int:
@@ -764,31 +602,15 @@ def _orbits(options: argparse.Namespace) -> int:
     asked = curves_of(options, plan) if options.curves else None
     execution = execution_of(options)
     with locked(options.output / FOLDER):
-        run = OrbitsRun(plan, options.output / FOLDER, execution)
-        run.do()
-        write_files(options.output, _files(plan, run))
-    print("\n".join(in_words(run.done)) or "no orbit was found; give more --starts, --turns, or another --from")
+        done = followed_branches(plan, options.output / FOLDER, execution)
+        write_files(options.output, _files(plan, done))
+    print("\n".join(in_words(done)) or "no orbit was found; give more --starts, --turns, or another --from")
     if asked:
         with locked(options.output / CURVES_FOLDER):
-            names = names_of([branch for _, branch in run.done])
-            found = follow_curves(asked, run.done, names, options.output / CURVES_FOLDER, execution)
-            write_files(options.output, _curve_files(asked, run, found))
+            found = followed_curves(asked, done, options.output / CURVES_FOLDER, execution)
+            write_files(options.output, _curve_files(asked, done, found))
         print("\n".join(curves_in_words(found)) or "no special point has a curve")
     return 0
-
-
-def curves_of(options: argparse.Namespace, plan: Plan) -> CurvePlan:
-    """The second parameter that `--curves` names (ValueError for one that makes no sense)."""
-    name, over = varied_in_words(options.curves)
-    if not isinstance(over, Range) or over.log:
-        raise ValueError(f"--curves {options.curves}: is no range; give NAME=LOW:HIGH, such as upper.gap=0:0.002")
-    if name == plan.name:
-        raise ValueError(f"--curves {options.curves}: {name} is the parameter of --vary; give another one")
-    Family(plan.scene, {name: (over.low, over.high)}, 1, 0.0)  # refuses what is no range of a number
-    if not over.low <= plan.scene[name] <= over.high:
-        raise ValueError(f"--curves {options.curves}: does not hold the machine's {plan.scene[name]:g}; give a range "
-                         "that holds it, or another --set")
-    return CurvePlan(plan, name, over.low, over.high)
 
 
 def plan_of(options: argparse.Namespace) -> Plan:
@@ -824,33 +646,44 @@ def plan_of(options: argparse.Namespace) -> Plan:
     return plan
 
 
-def _files(plan: Plan, run: OrbitsRun) -> dict[str, bytes]:
+def curves_of(options: argparse.Namespace, plan: Plan) -> CurvePlan:
+    """The second parameter that `--curves` names (ValueError for one that makes no sense)."""
+    name, over = varied_in_words(options.curves)
+    if not isinstance(over, Range) or over.log:
+        raise ValueError(f"--curves {options.curves}: is no range; give NAME=LOW:HIGH, such as upper.gap=0:0.002")
+    if name == plan.name:
+        raise ValueError(f"--curves {options.curves}: {name} is the parameter of --vary; give another one")
+    Family(plan.scene, {name: (over.low, over.high)}, 1, 0.0)  # refuses what is no range of a number
+    if not over.low <= plan.scene[name] <= over.high:
+        raise ValueError(f"--curves {options.curves}: does not hold the machine's {plan.scene[name]:g}; give a range "
+                         "that holds it, or another --set")
+    return CurvePlan(plan, name, over.low, over.high)
+
+
+def _files(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> dict[str, bytes]:
     """Tables, text and picture by the names of their files; no tables without a branch."""
-    branches, files = [branch for _, branch in run.done], {}
-    rows: list[dict] = []
-    for number, (branch, names) in enumerate(zip(branches, names_of(branches), strict=True)):
-        left = iter(names)
-        rows += [{"branch": number, "name": next(left) if "kind" in row else None, **row} for row in rows_of(branch)]
-    if branches:
+    names = iter([name for _, _, name, _ in special_points_of(done)])
+    rows = [{"branch": number, "name": next(names) if "kind" in row else None, **row}
+            for number, (_, branch) in enumerate(done) for row in rows_of(branch) if len(branch)]
+    files = {}
+    if rows:
         own = [Field("branch", pa.int64(), "1", "number of the branch"),
                Field("name", pa.string(), "1", "of a special point, as in the picture", True)]
-        whole = table_of(rows, [*own, *fields_of(plan)])
+        whole = table_of(rows, [*own, *fields_of(plan, [plan.name])])
         files = {BRANCHES: file_of(whole), SPECIAL: file_of(whole.filter(pc.is_valid(whole["kind"])))}
-    return {**files, TEXT: document(plan, run.done).encode(), PICTURE: draw_orbits(plan, branches)}
+    return {**files, TEXT: document(plan, done).encode(), PICTURE: draw_orbits(plan, done)}
 
 
-def _curve_files(asked: CurvePlan, run: OrbitsRun,
+def _curve_files(asked: CurvePlan, done: Sequence[tuple[Task, Branch]],
                  found: Sequence[tuple[CurveTask, Branch]]) -> dict[str, bytes]:
     """Table, text and picture of the curves by the names of their files; the text holds that of the branches, too."""
-    files, rows = {}, list[dict]()
-    for task, curve in found:
-        rows += [{"through": task.name, "way": task.way, **row} for row in rows_of_curve(curve)]
-    if rows:
-        own = [Field("through", pa.string(), "1", "name of the special point that the curve begins with"),
-               Field("way", pa.string(), "1", f"from there in {asked.name}")]
-        files = {CURVES: file_of(table_of(rows, [*own, *curve_fields(asked)]))}
-    text = document(asked.plan, run.done) + curve_document(asked, found)
-    return {**files, TEXT: text.encode(), CURVE_PICTURE: draw_curves(asked, run.done, found)}
+    rows = [{"through": task.name, "way": task.direction, **row} for task, curve in found if len(curve)
+            for row in rows_of(curve)]
+    own = [Field("through", pa.string(), "1", "name of the special point that the curve begins with"),
+           Field("way", pa.string(), "1", f"from there in {asked.name}")]
+    files = {CURVES: file_of(table_of(rows, [*own, *fields_of(asked.plan, list(asked.ranges))]))} if rows else {}
+    text = document(asked.plan, done) + curve_document(asked, found)
+    return {**files, TEXT: text.encode(), CURVE_PICTURE: draw_curves(asked, done, found)}
 
 
 def parser() -> Parser:
