@@ -119,10 +119,10 @@ def test_a_long_period_is_found_and_an_unknown_sign_and_a_contradiction_are_said
 def test_a_contradiction_of_exponent_and_k_is_said(fold):
     _, said = fold
     assert "disagree" not in said
-    natures = pa.table({"exponent_1": [-1.0, -1.0, 1.0, 1.0], "spread_1": [0.5, 0.5, 0.5, 2.0],
+    exponents = pa.table({"exponent_1": [-1.0, -1.0, 1.0, 1.0], "spread_1": [0.5, 0.5, 0.5, 2.0],
                         "zero_one": [0.98, 0.01, 0.02, 0.99]})
     visits = [SimpleNamespace(number=number) for number in range(4)]
-    found = Diagram(None, tuple(visits), natures)
+    found = Diagram(None, tuple(visits), exponents)
     assert [found.sign(one) for one in visits] == [-1, -1, 1, 0]
     assert [found.disagrees(one) for one in visits] == [True, False, True, False]
 

@@ -1,7 +1,9 @@
-"""The visits of a diagram: each value's motion begins with the state that the motion at the value before has left.
+"""``study diagram``: the states once a turn over a parameter, swept up and down, and what kind of motion they are.
 
-So a motion is followed as far as it is stable, and where it ends depends on the way: that is hysteresis. The visits
-cannot be shared among processes; a visit takes some hundredths of a second, unless nothing settles.
+Each value's motion begins with the state that the motion at the value before has left (`visited`). So a motion is
+followed as far as it is stable, and where it ends depends on the direction: that is hysteresis. The visits cannot be
+shared among processes; a visit takes some hundredths of a second, unless nothing settles. Exponents and the 0-1 test of
+each visit can be (`measured`).
 """
 
 import argparse
@@ -48,8 +50,8 @@ from vibro_ros.study.command import (
     write_files,
 )
 from vibro_ros.study.execution import Execution, Results, fingerprint
-from vibro_ros.study.figures import new_figure, png, tidy, with_unit
-from vibro_ros.study.table import KEY, Field, Study, are, computed, file_of, read, stored
+from vibro_ros.study.figures import BLUE, VERMILION, new_figure, of_parameter, png, tidy
+from vibro_ros.study.table import KEY, Field, Study, are, computed, file_of, parameter_field, read, stored
 from vibro_ros.study.variation import Axis, beyond_the_edge, varied_in_words, whole_number
 
 UP, DOWN = "up", "down"
@@ -184,11 +186,10 @@ def visited(design: Design, folder: Path) -> tuple[pa.Table, tuple[Visit, ...]]:
     SimulationError
         If a run cannot go on.
     """
-    parameter = BY_NAME[design.axis.name]
     fields = [
         Field("visit", pa.int64(), "1", "number of the visit"),
         Field("direction", pa.string(), "1", "whether the values went up or down"),
-        Field(parameter.name, pa.float64(), parameter.unit or "1", parameter.description),
+        parameter_field(design.axis.name),
         Field("period", pa.int64(), "1", "turns of the crank after which the motion repeats itself; 0: none up "
               f"to {LONGEST_PERIOD}"),
         Field("settled", pa.bool_(), "1", "false: the motion still changes"),
@@ -276,7 +277,7 @@ def _visits_in(design: Design, table: pa.Table) -> list[Visit]:
     return found
 
 
-def nature_of(design: Design, settled: tuple[tuple[int, np.ndarray], ...], number: int) -> list[dict]:
+def exponents_of(design: Design, settled: tuple[tuple[int, np.ndarray], ...], number: int) -> list[dict]:
     """Measure the visit of a number: all Lyapunov exponents, and K of the 0-1 test; one row.
 
     `settled` has of each visit the turns after which its motion repeats itself, or 0, and its last state in SI units.
@@ -320,7 +321,7 @@ def measured(design: Design, seen: Sequence[Visit], folder: Path, execution: Exe
     run_time = (300.0 * design.exponents + design.cuts) * 0.06
     settled = tuple((one.motion.turns, one.states[-1]) for one in seen)
     return computed(Study(
-        "motions measured", design.document(), fields, partial(nature_of, design, settled),
+        "motions measured", design.document(), fields, partial(exponents_of, design, settled),
         lambda own, rows: are(rows, [{"visit": number} for number in own]), run_time, (design.scene["solver.method"],),
         design.visits, _BLOCK), folder, execution)
 
@@ -335,35 +336,35 @@ class Diagram:
         What was asked.
     visits : tuple of Visit
         By their numbers.
-    natures : Table or None
+    exponents : Table or None
         What was measured of each; None where nothing was.
     """
 
     design: Design
     visits: tuple[Visit, ...]
-    natures: pa.Table | None
+    exponents: pa.Table | None
 
     def of(self, direction: str) -> tuple[Visit, ...]:
         """The visits of a direction, by value."""
         count = len(self.design.axis.values)
         return self.visits[:count] if direction == UP else self.visits[:count - 1:-1]
 
-    def nature(self, column: str, visit: int) -> float:
+    def value_of(self, column: str, visit: int) -> float:
         """What was measured of a visit, a column of its table; NaN where nothing was."""
-        return float(self.natures[column][visit].as_py()) if self.natures is not None else float("nan")
+        return float(self.exponents[column][visit].as_py()) if self.exponents is not None else float("nan")
 
     def period(self, visit: Visit) -> int:
         """Turns after which a motion repeats itself, a long period among them; 0 where none was found."""
-        return visit.motion.turns if self.natures is None else int(self.nature("period", visit.number))
+        return visit.motion.turns if self.exponents is None else int(self.value_of("period", visit.number))
 
     def sign(self, visit: Visit) -> int | None:
         """Sign of a visit's largest exponent, 0 where it is not known; None where none was measured."""
-        exponent = self.nature("exponent_1", visit.number)
-        return None if math.isnan(exponent) else sign_of(exponent, self.nature("spread_1", visit.number))
+        exponent = self.value_of("exponent_1", visit.number)
+        return None if math.isnan(exponent) else sign_of(exponent, self.value_of("spread_1", visit.number))
 
     def disagrees(self, visit: Visit) -> bool:
         """Whether the largest exponent and K of the 0-1 test contradict each other."""
-        chaos = self.nature("zero_one", visit.number)
+        chaos = self.value_of("zero_one", visit.number)
         return bool(self.sign(visit)) and not math.isnan(chaos) and (chaos > _CHAOTIC) != (self.sign(visit) == 1)
 
     def differ(self) -> list[bool]:
@@ -376,7 +377,7 @@ class Diagram:
         turns = self.period(visit)
         if not (visit.settled or turns):
             return "not settled"
-        watched = LONGEST_PERIOD if self.natures is None or not self.design.exponents else WATCHED // 4
+        watched = LONGEST_PERIOD if self.exponents is None or not self.design.exponents else WATCHED // 4
         return f"no period to {watched}" if not turns else "every turn" if turns == 1 else f"every {turns} turns"
 
     def hysteresis(self) -> list[list[int]]:
@@ -412,8 +413,8 @@ def values_table(found: Diagram) -> bytes:
         "mean_speed": pa.array([one.motion.mean_speed for one in found.visits], pa.float64()),
         "two_motions": pa.array([two[design.place(one.number)] for one in found.visits], pa.bool_()),
     }
-    natures = found.natures.drop_columns(["visit", "period"]) if found.natures is not None else None
-    rest = dict(zip(natures.column_names, natures.columns, strict=True)) if natures is not None else {}
+    exponents = found.exponents.drop_columns(["visit", "period"]) if found.exponents is not None else None
+    rest = dict(zip(exponents.column_names, exponents.columns, strict=True)) if exponents is not None else {}
     return _file(pa.table({**first, **rest}), design)
 
 
@@ -430,15 +431,15 @@ def in_words(found: Diagram) -> Iterator[str]:
     """Lines: a table of ranges, then the regions of hysteresis."""
     design, name = found.design, found.design.axis.name
     unit = BY_NAME[name].unit
-    head = f"{name} [{unit}]" if unit else name
-    yield f"{'':5} {head:>24}  {'repeats itself':17} {'mean speed [mm/s]':>18} {'largest exponent [1/s]':>30} {'K':>13}"
+    yield (f"{'':5} {of_parameter(name):>24}  {'repeats itself':17} {'mean speed [mm/s]':>18} "
+           f"{'largest exponent [1/s]':>30} {'K':>13}")
     ranges = found.ranges()
     for visits in ranges[:_MOST_RANGES]:
         numbers = [one.number for one in visits]
         where = _between([design.value(number) for number in numbers], ".6g")
         speeds = _between([1e3 * one.motion.mean_speed for one in visits], ".2f")
         exponents = _exponents(found, numbers)
-        chaos = _between([found.nature("zero_one", number) for number in numbers], ".2f")
+        chaos = _between([found.value_of("zero_one", number) for number in numbers], ".2f")
         yield (f"{design.direction(numbers[0]):5} {where:>24}  {found.kind(visits[0]):17} {speeds:>18} {exponents:>30} "
                f"{chaos:>13}").rstrip()
     if len(ranges) > _MOST_RANGES:
@@ -473,7 +474,7 @@ def in_words(found: Diagram) -> Iterator[str]:
 
 def _exponents(found: Diagram, numbers: Sequence[int]) -> str:
     """The least and the largest exponent of visits; of a single one with its interval."""
-    values, spreads = ([found.nature(column, number) for number in numbers] for column in ("exponent_1", "spread_1"))
+    values, spreads = ([found.value_of(column, number) for number in numbers] for column in ("exponent_1", "spread_1"))
     if len(numbers) == 1 and spreads[0] > 0.0:
         return f"{values[0]:.2f} ± {spreads[0]:.2g}" + ", sign not known" * (not sign_of(values[0], spreads[0]))
     return _between(values, ".2f")
@@ -490,7 +491,7 @@ def _between(values: Sequence[float], form: str) -> str:
 
 # Okabe and Ito's blue and vermilion, which the colour-blind can tell apart. Where both ways lead to one motion, the dot
 # of the way down stands within the ring of the way up.
-_COLOURS = {UP: "#0072b2", DOWN: "#d55e00"}
+_COLOURS = {UP: BLUE, DOWN: VERMILION}
 _MARKS: dict[str, dict[str, Any]] = {
     UP: {"marker": "o", "markerfacecolor": "none", "markeredgewidth": 0.8},
     DOWN: {"marker": ".", "markeredgewidth": 0.0}}
@@ -512,7 +513,7 @@ def draw_diagram(found: Diagram) -> bytes:
         draw(axes, found)
         _shade(axes, found)
         tidy(axes)
-    rows[-1].set_xlabel(with_unit(design.axis.name, BY_NAME[design.axis.name].unit))
+    rows[-1].set_xlabel(of_parameter(design.axis.name))
     figure.suptitle(f"{design.scene.name}: once a turn, at the crank angle {design.phase:.3f} rad; "
                     f"{len(design.axis.values)} values up and down", fontsize=11)
     return png(figure)
@@ -549,12 +550,12 @@ def _draw_exponents(axes: Axes, found: Diagram) -> None:
     """The largest exponent with its interval, and the second one as a thin line."""
     for direction in (UP, DOWN):
         for column, share in (("exponent_1", 1.0), ("exponent_2", 0.4)):
-            if found.natures is not None and column in found.natures.column_names:
-                values = [found.nature(column, one.number) for one in found.of(direction)]
+            if found.exponents is not None and column in found.exponents.column_names:
+                values = [found.value_of(column, one.number) for one in found.of(direction)]
                 values = [value if np.isfinite(value) else np.nan for value in values]
                 _draw_line(axes, found, direction, values, share)
                 if share == 1.0:
-                    spreads = [found.nature("spread_1", one.number) for one in found.of(direction)]
+                    spreads = [found.value_of("spread_1", one.number) for one in found.of(direction)]
                     axes.errorbar(found.design.axis.values, values, yerr=spreads, fmt="none", lw=0.8,
                                   color=_COLOURS[direction])
     axes.axhline(0.0, color="black", lw=0.8)
@@ -563,7 +564,7 @@ def _draw_exponents(axes: Axes, found: Diagram) -> None:
 
 def _draw_chaos(axes: Axes, found: Diagram) -> None:
     for direction in (UP, DOWN):
-        _draw_line(axes, found, direction, [found.nature("zero_one", one.number) for one in found.of(direction)])
+        _draw_line(axes, found, direction, [found.value_of("zero_one", one.number) for one in found.of(direction)])
     axes.set(ylabel="0-1 test, K\n[dimensionless]", ylim=(-0.2, 1.1))
 
 
@@ -580,7 +581,7 @@ def _shade(axes: Axes, found: Diagram) -> None:
         axes.axvspan(middles[places[0]], middles[places[-1] + 1], color=_SHADE, zorder=0, lw=0.0)
 
 
-VISITS, NATURES = "visits", "natures"
+VISITS, EXPONENTS = "visits", "exponents"
 STATES, VALUES, PICTURE = "states.parquet", "values.parquet", "diagram.png"
 _SCENE, _VARY, _COUNT, _QUICK_COUNT = "device", "motor.speed=60:240", 181, 31
 _MOST_TURNS, _EXPONENTS, _CUTS = 4096, 100, 1000
@@ -595,12 +596,12 @@ def _diagram(options: argparse.Namespace) -> int:
     execution = execution_of(options)
     design = _design(options, machine_of(options), _axis(options))
     with locked(options.output):
-        for name in (VISITS, NATURES):
+        for name in (VISITS, EXPONENTS):
             (options.output / name).mkdir(exist_ok=True)
         states, seen = visited(design, options.output / VISITS)
-        natures = (measured(design, seen, options.output / NATURES, execution) if design.exponents or design.cuts else
-                   None)
-        found = Diagram(design, seen, natures)
+        asked = design.exponents or design.cuts
+        exponents = measured(design, seen, options.output / EXPONENTS, execution) if asked else None
+        found = Diagram(design, seen, exponents)
         write_files(options.output, {STATES: states_table(design, states), VALUES: values_table(found),
                                      PICTURE: draw_diagram(found)})
     print("\n".join(in_words(found)))

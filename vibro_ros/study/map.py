@@ -66,7 +66,7 @@ from vibro_ros.study.command import (
     write_files,
 )
 from vibro_ros.study.execution import Execution
-from vibro_ros.study.figures import new_figure, png
+from vibro_ros.study.figures import BLACK, BLUE, GREEN, ORANGE, SKY, VERMILION, YELLOW, new_figure, png
 from vibro_ros.study.measures import MEASURES, REST, WORK, Window, observed
 from vibro_ros.study.table import NUMBERS, Field, Study, are, computed, file_of
 from vibro_ros.study.variation import whole_number
@@ -678,11 +678,9 @@ def trials_in_words(trials: list[Trial]) -> list[str]:
 
 
 WIDTH, HEIGHT = 9.6, 8.4  # in
-#: Colours of periods (Okabe and Ito's, which the colour-blind tell apart) and what they say.
-_PERIODS = (("#dddddd", "none up to 8"), ("#0072b2", "1"), ("#56b4e9", "2"), ("#009e73", "3"),
-            ("#f0e442", "4"), ("#e69f00", "5 to 8"))
-_STYLES = {"fold": ("black", "-"), "period doubling": ("black", "--"), "Neimark-Sacker": ("black", ":"),
-           "grazing": ("#d55e00", "-")}
+_PERIODS = (("#dddddd", "none up to 8"), (BLUE, "1"), (SKY, "2"), (GREEN, "3"), (YELLOW, "4"), (ORANGE, "5 to 8"))
+_STYLES = {"fold": (BLACK, "-"), "period doubling": (BLACK, "--"), "Neimark-Sacker": (BLACK, ":"),
+           "grazing": (VERMILION, "-")}
 
 
 def draw_map(command_map: CommandMap) -> bytes:

@@ -45,7 +45,19 @@ from vibro_ros.study.command import (
     study_parser,
     write_files,
 )
-from vibro_ros.study.figures import new_figure, png, tidy, with_unit
+from vibro_ros.study.figures import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    VERMILION,
+    new_figure,
+    of_parameter,
+    png,
+    tidy,
+    with_unit,
+)
 from vibro_ros.study.measures import (
     EXPONENT,
     LYAPUNOV,
@@ -539,8 +551,8 @@ def _at(found: Summary, name: str, row: int) -> str:
 
 #: Most lines of a panel; further combinations are left to the table.
 MOST_LINES = 6
-# Okabe and Ito's colours, which the colour-blind can tell apart, and markers for everybody else who cannot.
-_STYLES = (("#0072b2", "o"), ("#d55e00", "^"), ("#009e73", "s"), ("#cc79a7", "v"), ("#000000", "D"), ("#e69f00", "x"))
+# Colours, and markers for whoever cannot tell these apart.
+_STYLES = ((BLUE, "o"), (VERMILION, "^"), (GREEN, "s"), (PURPLE, "v"), (BLACK, "D"), (ORANGE, "x"))
 _WIDTH, _HEIGHT = 5.2, 3.6  # in, of a panel
 
 
@@ -603,12 +615,12 @@ def _draw_map(figure: Figure, axes: Axes, found: Summary, measure: str, over: tu
     cells = values.reshape(len(first.values), -1)[order]
     mesh = axes.pcolormesh(np.sort(second.values), np.sort(first.values), cells, shading="nearest", cmap="viridis")
     figure.colorbar(mesh, ax=axes, label=with_unit(measure, MEASURES[measure].unit))
-    axes.set(xlabel=with_unit(second.name, BY_NAME[second.name].unit),
-             ylabel=with_unit(first.name, BY_NAME[first.name].unit))
+    axes.set(xlabel=of_parameter(second.name),
+             ylabel=of_parameter(first.name))
 
 
 def _label(axes: Axes, over: str, measure: str) -> None:
-    axes.set(xlabel=with_unit(over, BY_NAME[over].unit), ylabel=with_unit(measure, MEASURES[measure].unit))
+    axes.set(xlabel=of_parameter(over), ylabel=with_unit(measure, MEASURES[measure].unit))
     tidy(axes)
 
 
