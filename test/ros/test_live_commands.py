@@ -5,7 +5,7 @@ from std_msgs.msg import Float64
 
 import vibro_ros
 from vibro_ros.messages.operations import RESET, TIMEOUT, Operation
-from vibro_ros.ros.live.commands import RETURN, Commands
+from vibro_ros.ros.live.commands import RETURN_TIMEOUT, Commands
 
 SCENE = vibro_ros.load_scene("device")
 
@@ -51,15 +51,15 @@ def test_a_motor_that_a_page_commanded_stops_when_the_pages_have_gone_and_no_oth
     assert device.of_page and not device.stop_if_alone(1, 0.0)
     both.page(1e6, 55.0)
     assert device.of_page and device.in_force == {"motor_speed": 55.0}
-    both.now += 0.9 * RETURN
+    both.now += 0.9 * RETURN_TIMEOUT
     assert not device.stop_if_alone(0, 0.0)  # a page that is loaded again comes back in time
-    both.now += 0.2 * RETURN
+    both.now += 0.2 * RETURN_TIMEOUT
     assert device.stop_if_alone(0, 0.0) and not device.stop_if_alone(0, 0.0)
     both.wait_for(0.0)
     both.page(60.0)
     both.other(80.0)
     assert device.in_force == {"motor_speed": 80.0} and not device.of_page
-    both.now += 2.0 * RETURN
+    both.now += 2.0 * RETURN_TIMEOUT
     assert not device.stop_if_alone(0, 0.0) and not device.end()
     for operation in (TIMEOUT, RESET):
         both.page(70.0)

@@ -16,7 +16,8 @@ from matplotlib.figure import Figure
 from scipy.integrate import cumulative_trapezoid
 
 from vibro_ros.bag.reader import Arrays, Bag
-from vibro_ros.recordings.summary import GAP, impacts_of
+from vibro_ros.recordings.summary import impacts_of
+from vibro_ros.simulation.validity import GAP
 
 MOMENT = 0.3  # s, the close-up; about five crank turns at 100 rad/s
 FEW = 3000  # impacts that can be told apart over the whole run; of more, each is a pixel

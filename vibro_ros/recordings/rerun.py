@@ -33,6 +33,7 @@ from vibro_ros.messages.topics import (
     OF_DC_MOTOR,
     OPERATIONS,
     ROBOT_TOPICS,
+    SAMPLE,
     TOPICS,
     VARIANCES,
     commands_in,
@@ -53,9 +54,11 @@ MOST_UNSAMPLED = 40_000_000
 #: Steps of a sample at most.
 MOST_STEPS = 1_000_000
 _PART = 0.1  # s of robot time between two looks at the steps
-SAMPLED = ("odom", "joint_states", "ground_contact", "motor_power")
-STAMPED = ("odom", "joint_states", "ground_contact")
-"""Topics whose headers have the recorded stamp."""
+SAMPLED = tuple(name for name, topic in TOPICS.items()
+                if topic.when == SAMPLE and not topic.of_dc_motor and NONE in topic.transforms)
+"""Topics that every robot publishes with each sample."""
+STAMPED = tuple(name for name in SAMPLED if TOPICS[name].frame)
+"""Those of them whose headers have the recorded stamp."""
 
 Recorded = list[tuple[str, bytes]]
 """Messages of one recorded stamp: the robot's own name of each topic, and the message."""

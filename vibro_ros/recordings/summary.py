@@ -17,10 +17,9 @@ from vibro_ros.model.parameters import SCENE_PARAMETERS
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.files import one_line
 from vibro_ros.recordings.energy import changes, energy_as_lines, reset_times
-from vibro_ros.simulation.validity import Validity, validity_of
+from vibro_ros.recordings.rerun import SAMPLED
+from vibro_ros.simulation.validity import GAP, Validity, validity_of
 
-GAP = 2.5  # publish periods; a longer pause between two samples is a gap in the stream
-SAMPLED_TOPICS = ("odom", "joint_states", "ground_contact", "motor_power")  # published at `rate.publish`
 GUIDES = ("upper", "inclined")
 JOINT_COLUMNS = ("crank.position", "crank.velocity")  # of every robot; masses and plates may be absent from a scene
 COLUMNS = {"odom": ("position", "linear_velocity"), "joint_states": ("*.position", "*.velocity"),
@@ -274,7 +273,7 @@ def _table(topics: dict[str, dict[str, Any]]) -> list[str]:
 def _topic_summary(bag: Bag, topic: str) -> dict[str, Any]:
     recorded = bag.topics[topic]
     summary = {"type": recorded.type_name, "messages": recorded.messages}
-    if topic.rpartition("/")[2] not in SAMPLED_TOPICS or topic not in bag:
+    if topic.rpartition("/")[2] not in SAMPLED or topic not in bag:
         return summary
     pauses = np.diff(bag[topic]["time"])
     if not len(pauses):

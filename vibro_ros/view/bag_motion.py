@@ -43,7 +43,7 @@ comes later is left out."""
 MOST_IMPACTS = 50_000
 """Impacts in a header; of more, the hardest."""
 MOST_FAULTS = 5
-"""Reasons that are told, why not all of a motion is exact."""
+"""Reasons that are named, of those why not all of a motion is exact."""
 UNKNOWN_ROBOT = "device"
 """Scene whose lengths are drawn when a bag does not say which robot moved."""
 
@@ -55,9 +55,9 @@ def bag_motion(folder: Path, progress: Progress = lambda share: None,
                scene: Scene | None = None) -> tuple[dict[str, Any], dict[str, Any], bytes]:
     """The motion of the recording in `folder`, into which nothing is ever written, as a page shows it.
 
-    `progress` is told the share of the work that is done, from 0 to 1, often enough for a bar. `scene` is what the
-    robot simulated, of a recording that does not say it. BagError when the recording cannot be read, holds no state, or
-    says its scene itself.
+    `progress` is called with the share of the work that is done, from 0 to 1, often enough for a bar. `scene` is what
+    the robot simulated, of a recording that does not say it. BagError when the recording cannot be read, holds no
+    state, or says its scene itself.
 
     Returns
     -------
@@ -69,10 +69,10 @@ def bag_motion(folder: Path, progress: Progress = lambda share: None,
         own recording; in another one they count from the first message.
     """
     with BagStream(folder) as stream, np.errstate(over="ignore", invalid="ignore"):  # a bag may hold any number
-        return _Making(stream, progress, scene).result()
+        return _BagMotion(stream, progress, scene).result()
 
 
-class _Making:
+class _BagMotion:
     def __init__(self, stream: BagStream, progress: Progress, scene: Scene | None):
         self._stream, self._progress = stream, progress
         self._faults: list[str] = []  # why it could not be simulated again from its commands
@@ -88,7 +88,7 @@ class _Making:
         if self._facts and scene:
             raise BagError(f"{stream.folder}: says which scene its robot simulated; leave --scene out")
         self._recorded = Recorded(stream, self._part(0.0, _READ))
-        if self._facts and not self._are_ticks(self._facts):
+        if self._facts and not self._has_sample_stamps(self._facts):
             self._scene, self._facts = self._facts.scene, None
         self._signals = self._recorded.signals(self._times)
         if not any(len(signal.times) for name, signal in self._signals.items() if is_place(name)):
@@ -96,7 +96,7 @@ class _Making:
 
     def result(self) -> tuple[dict[str, Any], dict[str, Any], bytes]:
         self._walk()
-        between = self._open_spans()
+        between = self._inexact_spans()
         if between:
             self._recorded.read_forces()
             self._signals = self._recorded.signals(self._times)
@@ -131,7 +131,7 @@ class _Making:
     def _nanoseconds(self, arrays: Arrays, start: int) -> np.ndarray:
         return np.rint(arrays["time"] * 1e9).astype(np.int64) + (self._stream.start - start)
 
-    def _are_ticks(self, facts: RecordedRun) -> bool:
+    def _has_sample_stamps(self, facts: RecordedRun) -> bool:
         """Whether everything was recorded with the stamp of a sample."""
         for arrays in self._recorded.arrays.values():
             stamps = self._nanoseconds(arrays, facts.start)
@@ -165,29 +165,29 @@ class _Making:
         if self._facts and self._stream.start > self._facts.start and not (
                 motion.run_since is not None and motion.run_since <= self._ends[0]):
             late = (self._stream.start - self._facts.start) * 1e-9
-            self._faults.append(f"the recording begins {late:.6g} s after the robot's start and what it had been told "
-                                "is unknown")
+            self._faults.append(f"the recording begins {late:.6g} s after the robot's start and what it had "
+                                "received before is unknown")
         self._faults += motion.faults
 
     def _run_again(self, facts: RecordedRun) -> ExactMotion:
-        """The recorded run, whose samples are those of all topics and those after which it was told something."""
+        """The recorded run, whose samples are those of all topics and those after which it received an input."""
         is_known = self._stream.start <= facts.start
         signals = {name: one for name, one in self._signals.items() if name in state_of(facts.scene) or is_place(name)}
         numbers = {name: np.rint(one.times * facts.rate).astype(np.int64) for name, one in signals.items()}
         last = max(int(one[-1]) for one in numbers.values() if len(one))
-        told: list[tuple[int, Input]] = []
+        numbered: list[tuple[int, Input]] = []
         for one in self._recorded.inputs:
             if (tick := facts.tick(one.stamp)) is None:
                 self._faults.append(f"the stamp {one.stamp} of an input is not that of a sample")
             elif tick <= last:
-                told.append((tick, one))
-        ticks = np.unique(np.concatenate([*numbers.values(), np.array([tick for tick, _ in told], np.int64),
+                numbered.append((tick, one))
+        ticks = np.unique(np.concatenate([*numbers.values(), np.array([tick for tick, _ in numbered], np.int64),
                                           np.arange(int(is_known), dtype=np.int64)]))
         samples = {name: np.full(len(ticks), np.nan) for name in signals}
         for name, signal in signals.items():
             samples[name][np.searchsorted(ticks, numbers[name])] = signal.values
         inputs: dict[int, list[Input]] = {}
-        for tick, received in told:
+        for tick, received in numbered:
             inputs.setdefault(int(np.searchsorted(ticks, tick)), []).append(received)
         with quiet():
             rerun = Rerun(facts, facts.scene)
@@ -212,7 +212,7 @@ class _Making:
         times = [signal.times[[0, -1]] for signal in self._signals.values() if len(signal.times)]
         return min(float(one[0]) for one in times), max(float(one[1]) for one in times)
 
-    def _open_spans(self) -> list[Span]:
+    def _inexact_spans(self) -> list[Span]:
         """Begin and end [s] of what is not exact, where there are samples to draw it from."""
         begin, last = self._ends
         found, resets = [], self._resets()

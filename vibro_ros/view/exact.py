@@ -65,7 +65,7 @@ class ExactMotion:
         self._rerun, self._ticks, self._inputs = rerun, ticks, inputs or {}
         self._state = state_of(device.scene)
         self._places = [name for name in samples if is_place(name)]
-        self._stands = self._is_run = is_known  # somewhere that is known; there as the run did
+        self._is_placed = self._follows_run = is_known  # somewhere that is known; there as the run did
         self._put_at = 0  # the sample at which the device was put
         self._plates: dict[str, float] = {}  # where they were sent since [m]
         self._failed, self._first_fault = 0, ""
@@ -78,7 +78,7 @@ class ExactMotion:
         jumps = np.zeros(max(0, last), bool)
         if {"crank_angle", "motor_speed"} <= set(self._samples):
             jumps = resets(self._times, self._samples["crank_angle"], self._samples["motor_speed"])
-        if self._is_run:  # a sample is taken before its inputs, at 0 s too
+        if self._follows_run:  # a sample is taken before its inputs, at 0 s too
             self._device.advance_to(self._own_time(0))
         for k in range(last + 1):
             if k % 1000 == 0:
@@ -100,7 +100,7 @@ class ExactMotion:
 
     def _pass(self, k: int) -> None:
         """Go from the sample k to the next one from where the device stands; else from where sample k was published."""
-        if self._stands:
+        if self._is_placed:
             fault = self._step(k)
             if not fault:
                 return
@@ -117,17 +117,17 @@ class ExactMotion:
     def _step(self, k: int) -> str:
         """Go to the sample after k; why that is not where it was recorded, empty if it is."""
         try:
-            if not self._is_run and (commands := self._explained(k)):
+            if not self._follows_run and (commands := self._explained(k)):
                 self._command(commands)
             self._device.advance_to(max(self._device.time, self._own_time(k + 1)))
         except (ValueError, SimulationError) as error:
-            return f"the run cannot go on {error}" if self._is_run else str(error)
+            return f"the run cannot go on {error}" if self._follows_run else str(error)
         distance, name = self._distance(k + 1)
         if distance > AGREEMENT:
-            return (f"{name} as computed is not what was recorded" if self._is_run
+            return (f"{name} as computed is not what was recorded" if self._follows_run
                     else f"the simulator is {distance:.2g} m or rad off at the next sample")
         self._note()
-        if distance > DRIFT and not self._is_run:
+        if distance > DRIFT and not self._follows_run:
             self._end(k + 1)
         elif self._device.time - self._begin >= LONGEST:
             self._close(k + 1)
@@ -140,7 +140,7 @@ class ExactMotion:
         worst, where = 0.0, ""
         for name in self._places:
             recorded = float(self._samples[name][k])
-            distance = abs(getattr(state, name) - recorded) - (1e-12 * abs(recorded) if self._is_run else 0.0)
+            distance = abs(getattr(state, name) - recorded) - (1e-12 * abs(recorded) if self._follows_run else 0.0)
             if distance > worst:  # NaN is no distance
                 worst, where = distance, name
         return worst, where
@@ -150,7 +150,7 @@ class ExactMotion:
         state = {name: float(self._samples[name][k]) for name in self._state if name in self._samples}
         if len(state) < len(self._state) or not np.isfinite([*state.values()]).all():
             raise ValueError("where the robot is was not published")
-        self._is_run, self._put_at, self._stands = False, k, True
+        self._follows_run, self._put_at, self._is_placed = False, k, True
         self._device.reset()
         self._device.set_state(**state)
         scene = self._device.scene
@@ -187,7 +187,7 @@ class ExactMotion:
                     self._restore(k, one.data)
                 elif one.name == OPERATIONS:
                     was_reset |= self._operate(k, one.data)
-                elif self._is_run:
+                elif self._follows_run:
                     message = deserialised(one.data, ROBOT_TOPICS[one.name])
                     for argument, value in commands_in(one.name, message, self._device.scene)[0].items():
                         with suppress(ValueError):  # the robot refused it as well
@@ -200,7 +200,7 @@ class ExactMotion:
 
     def _restore(self, k: int, data: bytes) -> None:
         """Stand where a checkpoint says, unless the device goes as the run did already."""
-        if self._is_run or self._rerun is None or self._ticks is None:
+        if self._follows_run or self._rerun is None or self._ticks is None:
             return
         self._end(k)
         self._rerun.restore(int(self._ticks[k]), data)
@@ -214,11 +214,11 @@ class ExactMotion:
         operation = read_operation(deserialised(data, TOPICS[OPERATIONS].type).data)
         if self._rerun is None or self._ticks is None:
             return False
-        if operation.name == TIMEOUT and self._is_run:
+        if operation.name == TIMEOUT and self._follows_run:
             self._command({self._device.scene.motor_command: 0.0})
-        if operation.name not in ((RESET, SET, STATE, PUSH, FAULT) if self._is_run else (RESET, SET)):
+        if operation.name not in ((RESET, SET, STATE, PUSH, FAULT) if self._follows_run else (RESET, SET)):
             return False
-        was_run = self._is_run
+        was_run = self._follows_run
         self._end(k)
         self._rerun.tick = int(self._ticks[k])
         self._rerun.receive(OPERATIONS, data)
@@ -229,7 +229,7 @@ class ExactMotion:
         return operation.name == RESET
 
     def _go_as_run(self, k: int) -> None:
-        self._stands = self._is_run = True
+        self._is_placed = self._follows_run = True
         if self.run_since is None:
             self.run_since = float(self._times[k])
         self._open()
@@ -254,11 +254,11 @@ class ExactMotion:
 
     def _end(self, k: int, fault: str = "") -> None:
         """From the sample k on the device stands nowhere, because of a `fault` if it went as the run did."""
-        if self._stands:
+        if self._is_placed:
             self._close(k)
-            if self._is_run and fault:
+            if self._follows_run and fault:
                 self.faults.append(f"after {float(self._times[k]):.6g} s {fault}")
-        self._stands = self._is_run = False
+        self._is_placed = self._follows_run = False
         self._device.take_events()
 
     def _fail(self, k: int, fault: str) -> None:
@@ -275,12 +275,12 @@ class ExactMotion:
     @property
     def _offset(self) -> float:
         """Robot time at which the device's own time is 0 [s]."""
-        return self._rerun.origin / self._rerun.rate if self._rerun and self._is_run else float(
+        return self._rerun.origin / self._rerun.rate if self._rerun and self._follows_run else float(
             self._times[self._put_at])
 
     def _own_time(self, k: int) -> float:
         """The device's own time [s] at a sample; a device that was reset stands at its start before its first one."""
-        if self._rerun and self._ticks is not None and self._is_run:
+        if self._rerun and self._ticks is not None and self._follows_run:
             return max(0.0, (int(self._ticks[k]) - self._rerun.origin) / self._rerun.rate)
         return max(0.0, float(self._times[k]) - self._offset)
 

@@ -57,16 +57,16 @@ NODES = 20
 #: Longest piece [s], about a third of a turn of the crank at 100 rad/s.
 LONGEST = 0.02
 #: Borders closer together [s] are one: with the speeds of a blow, 4 m/s, nothing moves by 1e-10 m in between.
-TOGETHER = 2e-11
+MERGE_DISTANCE = 2e-11
 #: A piece so short [s] is not halved.
 SHORTEST = 1e-9
 #: The last coefficients, of which none may count.
-_TAIL = 3
+_TAIL_LENGTH = 3
 #: Halving has helped if the last coefficients of one half shrink to less than this part; those of a smooth quantity
 #: nearly vanish.
-_HELPED = 0.2
+_SHRINK_FACTOR = 0.2
 #: Times in a row that halving has not helped, after which it will not: more jumps in a piece than are unannounced.
-_HOPELESS = 4
+_MOST_FAILED_HALVINGS = 4
 
 #: Borders [s], shape (p, 2), and Chebyshev coefficients (SI), shape (p, quantities, n), of interpolated pieces.
 Interpolated = tuple[np.ndarray, np.ndarray]
@@ -282,11 +282,11 @@ def controlled(scene: Scene, begin: float, end: float) -> np.ndarray:
 def cut(begin: float, end: float, instants: np.ndarray) -> np.ndarray:
     """Borders of pieces, shape (p, 2): `begin`, `end` [s], the `instants` between them, and none longer than `LONGEST`.
 
-    Instants that are closer than `TOGETHER` to the border before them or to the end are left out.
+    Instants that are closer than `MERGE_DISTANCE` to the border before them or to the end are left out.
     """
     borders = [begin]
-    for instant in np.sort(instants[(instants > begin) & (instants < end - TOGETHER)]).tolist():
-        if instant - borders[-1] > TOGETHER:
+    for instant in np.sort(instants[(instants > begin) & (instants < end - MERGE_DISTANCE)]).tolist():
+        if instant - borders[-1] > MERGE_DISTANCE:
             borders.append(instant)
     borders.append(end)
     parts = np.maximum(1, np.ceil(np.diff(borders) / LONGEST)).astype(int)
@@ -314,19 +314,19 @@ def fitted(sample: Sampler, borders: np.ndarray, allowed: np.ndarray,
     done: list[tuple[np.ndarray, np.ndarray]] = []
     total, resolved = len(borders), np.full(len(allowed), True)
     before: np.ndarray = np.empty(0)
-    in_vain: np.ndarray = np.zeros(len(borders), dtype=int)
+    failed_halvings: np.ndarray = np.zeros(len(borders), dtype=int)
     while len(borders):
         values = sample(_instants(borders, _PLACES).ravel())
         coefficients = np.einsum("kn,pnq->pqk", _TRANSFORM, values.reshape(len(borders), NODES, -1), optimize=True)
         # Instants are rounded, the more the later they are; a quantity's change in that time is no sign of anything.
         rounding = np.spacing(borders[:, 1]) / (borders[:, 1] - borders[:, 0])
         noise = 8.0 * rounding[:, None] * np.abs(coefficients[:, :, 1:]).max(axis=2)
-        tails = np.abs(coefficients[:, :, -_TAIL:]).max(axis=2) / np.maximum(allowed, noise)  # at most 1: neglected
+        tails = np.abs(coefficients[:, :, -_TAIL_LENGTH:]).max(axis=2) / np.maximum(allowed, noise)  # neglected up to 1
         worst = tails.max(axis=1, initial=0.0)
         if len(before):  # a half shrinks unless the tails are rounding, or the steps of a method
-            helped = worst.reshape(-1, 2).min(axis=1) <= np.maximum(1.0, _HELPED * before)
-            in_vain = np.where(np.repeat(helped, 2), 0, in_vain + 1)
-        is_last = (borders[:, 1] - borders[:, 0] <= SHORTEST) | (in_vain >= _HOPELESS)
+            helped = worst.reshape(-1, 2).min(axis=1) <= np.maximum(1.0, _SHRINK_FACTOR * before)
+            failed_halvings = np.where(np.repeat(helped, 2), 0, failed_halvings + 1)
+        is_last = (borders[:, 1] - borders[:, 0] <= SHORTEST) | (failed_halvings >= _MOST_FAILED_HALVINGS)
         halved = (worst > 1.0) & ~is_last
         total += int(np.count_nonzero(halved))
         if total > most:
@@ -335,7 +335,7 @@ def fitted(sample: Sampler, borders: np.ndarray, allowed: np.ndarray,
         done.append((borders[~halved], coefficients[~halved]))
         (begin, end), middle = borders[halved].T, borders[halved].mean(axis=1)
         borders = np.column_stack([begin, middle, middle, end]).reshape(-1, 2)
-        before, in_vain = worst[halved], np.repeat(in_vain[halved], 2)
+        before, failed_halvings = worst[halved], np.repeat(failed_halvings[halved], 2)
     found, polynomials = (np.concatenate(parts) for parts in zip(*done, strict=True))
     order = np.argsort(found[:, 0], kind="stable")
     return found[order], polynomials[order], resolved

@@ -11,6 +11,7 @@ from vibro_ros.messages.frames import JOINTS
 from vibro_ros.messages.robot_messages import PLATES
 from vibro_ros.messages.topics import CHECKPOINT, INPUTS, ROBOT_TOPICS, TOPICS
 from vibro_ros.simulation.samples import FIELDS, resets
+from vibro_ros.simulation.validity import GAP
 from vibro_ros.view.motion import Interpolated, Progress, Span, polynomials_through
 
 MOST_SAMPLES = 1_000_000
@@ -30,8 +31,6 @@ _OF_JOINTS = {f"{joint}.{part}": quantity for joint, quantities in JOINTS.items(
 STATE = ("odom", "joint_states")
 """Topics that say where everything is."""
 
-GAP = 2.5
-"""Periods; two samples that are farther apart have a gap between them."""
 DEGREE = 3
 NEAR = 3e-9
 """Instants [s] that are one: stamps are rounded to nanoseconds."""

@@ -52,13 +52,13 @@ MOST_PAGES = 8
 """Pages that may be open at once."""
 MOST_CONNECTIONS = 64
 """Connections that may be open at once, with those that have not yet asked for anything."""
-IDLE = 10.0
+IDLE_TIMEOUT = 10.0
 """Time [s] in which a connection must ask for something."""
-PINGS = 15.0
+PING_INTERVAL = 15.0
 """Time [s] between two pings of a page, each of which must be answered before the next."""
 MOST_UNSENT = 64_000_000
 """Bytes that may wait in one socket's buffer: the payload of a motion, and little else."""
-FAREWELL = 0.3
+CLOSE_TIMEOUT = 0.3
 """Time [s] that pages are given to take leave when the server ends."""
 SOCKET_BUFFER = 131_072
 """Bytes that the system keeps for one socket, so that a slow page is not shown what is long past."""
@@ -66,10 +66,10 @@ MOST_BYTES = 2_000_000
 """Of samples that wait for one page: 10 s at 1 kHz."""
 MOST_TEXTS = 200
 """Texts that wait; a page that reads has none."""
-AT_ONCE = 250_000
+FRAME_BYTES = 250_000
 """Bytes of samples in one frame."""
-_TOKEN = "this page opens with the whole address that `view` has printed, its token included"
-_NOTHING = "nothing is here; open the whole address that `view` has printed"
+_NO_TOKEN = "this page opens with the whole address that `view` has printed, its token included"
+_NOT_FOUND = "nothing is here; open the whole address that `view` has printed"
 
 
 class Server:
@@ -149,11 +149,12 @@ class Server:
     async def _serve(self) -> None:
         self._loop = asyncio.get_running_loop()
         application = Application(
-            default_handler_class=_Nothing, default_handler_args={"server": self}, log_function=lambda handler: None,
-            websocket_ping_interval=PINGS, websocket_ping_timeout=PINGS, websocket_max_message_size=LONGEST)
+            default_handler_class=_NotFound, default_handler_args={"server": self}, log_function=lambda handler: None,
+            websocket_ping_interval=PING_INTERVAL, websocket_ping_timeout=PING_INTERVAL,
+            websocket_max_message_size=LONGEST)
         application.add_handlers(self._hosts, [("/", _Page, {"server": self}), ("/live", _Live, {"server": self})])
-        http = _Http(application, max_header_size=16_384, max_body_size=LONGEST, idle_connection_timeout=IDLE,
-                     body_timeout=IDLE)
+        http = _Http(application, max_header_size=16_384, max_body_size=LONGEST, idle_connection_timeout=IDLE_TIMEOUT,
+                     body_timeout=IDLE_TIMEOUT)
         http.of_pages = lambda: [page.ws_connection.stream for page in self.pages.values() if page.ws_connection]
         http.add_sockets(self._sockets)
         self._ready.set()
@@ -161,7 +162,7 @@ class Server:
         http.stop()
         for page in list(self.pages.values()):
             page.close(1001, "the view has ended")
-        deadline = self._loop.time() + FAREWELL
+        deadline = self._loop.time() + CLOSE_TIMEOUT
         while self.pages and self._loop.time() < deadline:
             await asyncio.sleep(0.01)
         http.close_streams()
@@ -226,7 +227,7 @@ class _Visitor(RequestHandler):
     def prepare(self) -> None:
         given = self.get_query_arguments("token")
         if len(given) != 1 or not hmac.compare_digest(given[0].encode(errors="replace"), self._server.token.encode()):
-            self.refuse(403, _TOKEN)
+            self.refuse(403, _NO_TOKEN)
 
     def refuse(self, code: int, words: str) -> None:
         """Answer in one line, and do nothing more."""
@@ -242,11 +243,11 @@ class _Visitor(RequestHandler):
         self.finish(f"{words}\n")
 
 
-class _Nothing(_Visitor):
+class _NotFound(_Visitor):
     """Every other path, and every path under another host's name."""
 
     def prepare(self) -> None:
-        self.refuse(404, _NOTHING)
+        self.refuse(404, _NOT_FOUND)
 
 
 class _Page(_Visitor):
@@ -361,7 +362,7 @@ class Outbox:
         if isinstance(data, str) or kind != "samples":
             return data
         self._bytes -= len(data)
-        while len(data) < AT_ONCE and self._line and self._line[0][0] == "samples":
+        while len(data) < FRAME_BYTES and self._line and self._line[0][0] == "samples":
             _, more = self._line.popleft()
             assert isinstance(more, bytes)
             self._bytes -= len(more)

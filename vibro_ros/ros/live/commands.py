@@ -21,11 +21,11 @@ from vibro_ros.ros.node.node import PollingSubscription
 SPEED = "motor_speed"
 MOST = 200
 """Messages of one topic that are looked at in one batch."""
-RETURN = 3.0
+RETURN_TIMEOUT = 3.0
 """Time [s] in which a page that is loaded again comes back, or one that has lost its connection."""
 REPEATS = 3
 """Commands in one `command.timeout` of the robot, so that one or two may be lost."""
-FAREWELL = Duration(seconds=2)
+STOP_TIMEOUT = Duration(seconds=2)
 """How long the last command may take to the robot when the view ends."""
 
 
@@ -87,7 +87,7 @@ class Commands:
             self._seen = now
         if not self.of_page:
             return False
-        if now > self._seen + RETURN:
+        if now > self._seen + RETURN_TIMEOUT:
             self._publish(SPEED, 0.0)
             self.of_page = False
             return True
@@ -101,7 +101,7 @@ class Commands:
         if not self.of_page:
             return ""
         self._publish(SPEED, 0.0)
-        arrived = self._publishers[SPEED].wait_for_all_acked(FAREWELL)
+        arrived = self._publishers[SPEED].wait_for_all_acked(STOP_TIMEOUT)
         return "sent motor_speed 0" if arrived else "sent motor_speed 0, but it was not received; the motor may run on"
 
     def _publish(self, name: str, value: float) -> None:

@@ -17,7 +17,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from vibro_ros.messages.operations import SET
 from vibro_ros.process.files import one_line
-from vibro_ros.ros.live.commands import RETURN, Commands
+from vibro_ros.ros.live.commands import RETURN_TIMEOUT, Commands
 from vibro_ros.ros.live.robot import LiveRobot
 from vibro_ros.ros.live.status import RobotStatus
 from vibro_ros.ros.node.node import GuardedNode
@@ -34,7 +34,7 @@ LOOK_PERIOD = 0.5
 """Time [s] between two looks who publishes and who offers services."""
 ABSENCE_TIMEOUT = 5.0
 """Time [s] after which the terminal says that there is no robot; a robot that is started with the view takes two."""
-MOST_ORDERS = 400
+MOST_REQUESTED = 400
 """Requests of pages that wait for the node."""
 IMPACT_MARGIN = 1.0
 """Time [s] by which an impact may lie outside of the samples that were seen."""
@@ -67,7 +67,7 @@ class LivePage:
         self._robot_status = RobotStatus(node, robot)
         self._robot = LiveRobot(node, robot)  # last, so that a robot which has told its parameters knows all clients
         self._slow_motions = SlowMotions(node.get_logger().info)
-        self._history, self._orders = History(), deque[tuple[int, Request]](maxlen=MOST_ORDERS)
+        self._history, self._requested = History(), deque[tuple[int, Request]](maxlen=MOST_REQUESTED)
         self._presence = Presence("the view is starting", None, None, {})
         self._in_force = text_frame("commands", values={})
         self._run: tuple[int | None, int] = None, 0
@@ -82,8 +82,8 @@ class LivePage:
 
     def ask(self, page: int, request: Request) -> None:
         """Take a page's request; for the server's thread."""
-        self._orders.append((page, request))
-        self._node.executor.create_task(self._obey)
+        self._requested.append((page, request))
+        self._node.executor.create_task(self._execute_requests)
 
     def greeting(self) -> list[tuple[str, str]]:
         """What a page that has just opened is told; for the server's thread."""
@@ -106,17 +106,17 @@ class LivePage:
         if (now := monotonic()) > self._looked + LOOK_PERIOD:
             self._looked = now
             self._robot.look()
-            self._say_absence(now)
-        self._stand(server)
+            self._warn_of_absence(now)
+        self._update_presence(server)
         if len(rows):
             self._history.add(rows)
             server.send_samples(rows.tobytes())
-        self._tell(server)
-        self._command(server)
+        self._forward_reports(server)
+        self._watch_commands(server)
         self._requests.tick()
         self._slow_motions.watch()
 
-    def _say_absence(self, now: float) -> None:
+    def _warn_of_absence(self, now: float) -> None:
         """Say in the terminal, once, why there is nothing to show, if that lasts."""
         if self._presence.absence != self._absence:
             self._absence, self._since = self._presence.absence, now
@@ -124,7 +124,7 @@ class LivePage:
             self._since = float("inf")
             self._node.get_logger().warning(self._absence)
 
-    def _stand(self, server: Server) -> None:
+    def _update_presence(self, server: Server) -> None:
         """Tell the pages how things stand, if that has changed."""
         robot = self._robot
         absence = robot.absence
@@ -138,7 +138,7 @@ class LivePage:
             self._slow_motions.prepare(presence.settings.scene["solver.method"])
         server.send(*self._frame(presence))
 
-    def _tell(self, server: Server) -> None:
+    def _forward_reports(self, server: Server) -> None:
         """Hand on what the robot says beside its samples."""
         robot, operations = self._robot, self._robot_status.operations()
         run = robot.origin, robot.silences
@@ -158,7 +158,7 @@ class LivePage:
         for level, words in self._robot_status.log():
             server.send("log", text_frame("log", level=level, words=words))
 
-    def _command(self, server: Server) -> None:
+    def _watch_commands(self, server: Server) -> None:
         """Tell the pages which commands are in force, and stop a motor that they have left turning."""
         in_force = text_frame("commands", values=self._commands.in_force)
         if in_force != self._in_force:
@@ -166,12 +166,12 @@ class LivePage:
             server.send("commands", in_force)
         settings = self._robot.settings
         if self._commands.stop_if_alone(len(server.pages), settings.command_timeout if settings else 0.0):
-            self._node.get_logger().warning(f"no page has been open for {RETURN:g} s, and the motor was commanded from "
-                                            "one; sent motor_speed 0")
+            self._node.get_logger().warning(f"no page has been open for {RETURN_TIMEOUT:g} s, and the motor was "
+                                            "commanded from one; sent motor_speed 0")
 
-    def _obey(self) -> None:
-        while self._orders and self._server:
-            page, request = self._orders.popleft()
+    def _execute_requests(self) -> None:
+        while self._requested and self._server:
+            page, request = self._requested.popleft()
             answer = partial(self._server.answer, page, request.id)
             if request.kind == COMMAND:
                 self._commands.send(request.name, float(request.value or 0.0), answer)
