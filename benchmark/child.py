@@ -1,24 +1,49 @@
-"""One program on one problem with one setting, in a process of its own: `python -m benchmark.child PROGRAM PROBLEM N`.
+"""One program on one problem, in a process of its own: `python -m benchmark.child PROGRAM PROBLEM SETTING LIMIT`.
 
-Without problem and number: the settings of the program. The last line of its output is the result in JSON.
+`SETTING` is a number among those of the program, which it prints without further words; `LIMIT` [s] is for each run,
+without compiling, and ends the process by SIGALRM. The last line of its output is the result in JSON.
 """
 
 import json
+import signal
 import sys
+from collections.abc import Callable
 from importlib import import_module
 
 from benchmark.problems import load
 from vibro_ros.accuracy.harness import Effort, measured, print_row
-from vibro_ros.accuracy.programs import Program
+from vibro_ros.accuracy.programs import Answer, Program
 
 #: Of a run: the machine's noise matters less than that ten programs come to an end.
 EFFORT = Effort(repeats=3)
 
-if __name__ == "__main__":
-    name, *asked = sys.argv[1:]
+
+def limited(prepare: Callable[..., Callable[[], Answer]], limit: float) -> Callable[..., Callable[[], Answer]]:
+    """`prepare`, each of whose runs ends this process by SIGALRM after `limit` [s]; compiling takes what it takes."""
+    def prepared(problem, setting):
+        run = prepare(problem, setting)
+
+        def limited_run():
+            signal.setitimer(signal.ITIMER_REAL, limit)
+            answer = run()
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            return answer
+
+        return limited_run
+
+    return prepared
+
+
+def main(name: str, *asked: str) -> None:
+    """Print the settings of a program, or the row of one of them."""
     module = import_module(f"benchmark.programs.{name}")
-    program = Program(name, module.SETTINGS, module.prepare, module.version)
-    if asked:
-        print_row(measured(load(asked[0]), program, program.settings[int(asked[1])], EFFORT))
-    else:
-        print(json.dumps(program.settings), flush=True)
+    if not asked:
+        print(json.dumps(module.SETTINGS), flush=True)
+        return
+    problem, setting, limit = asked
+    program = Program(name, module.SETTINGS, limited(module.prepare, float(limit)), module.version)
+    print_row(measured(load(problem), program, program.settings[int(setting)], EFFORT))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -108,7 +108,11 @@ class Problem:
         error, falls = self.error(answer.samples), self.falls_through(answer.samples)
         if math.isnan(error) or error > DIVERGED and not falls:
             return replace(row, outcome=DIVERGES)
-        row = replace(row, share_error=error, note=self.missed(answer), outcome=FALLS if falls else row.outcome)
+        said = [self.missed(answer)]
+        if answer.callbacks is not None:
+            said.append(f"{answer.callbacks() / row.wall_time:.0%} of its time in Python that it calls back")
+        row = replace(row, share_error=error, note="; ".join(filter(None, said)),
+                      outcome=FALLS if falls else row.outcome)
         along = answer.samples[-1][COLUMNS.index("x")] * float(self.values["x"][-1])
         return replace(row, outcome=WRONG_SIGN) if self.judged == ("x",) and along < 0.0 else row
 

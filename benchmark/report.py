@@ -67,8 +67,10 @@ def page(rows: Sequence[Row], machine: str, unit: str) -> str:
              "body has none, of height and speed of the ball), as a share of the span of its reference values, which "
              "have 60 digits. "
              f"A cost is a ratio to {unit}, timed on the same problem; compilation does not "
-             f"count. Each program is used as its documentation recommends ({PLAIN}) and as an expert sets it "
-             f"({TUNED}). Measured on {machine}; {versions(rows)}.",
+             f"count. Each program is used as its documentation recommends ({PLAIN}) and with settings that its module "
+             f"in `benchmark/programs` gives the reasons for ({TUNED}). As documented, cvode, scipy and diffrax see no "
+             "events and smooth friction over 1e-3 m/s, a choice of ours that is the floor of their error. "
+             f"Measured on {machine}; {versions(rows)}.",
              f"A run *{problems.FALLS}* if its body is at a sampled instant deeper below a ground that it may leave, "
              "y ≥ 0, than the true body ever rises above it; has the *wrong sign* if the body ends on the other side "
              f"of its start; and *diverges* beyond {problems.DIVERGED:g} spans. None of these counts for slopes.",

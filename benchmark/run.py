@@ -23,7 +23,7 @@ OUTPUT = ROOT / "out" / "benchmark"
 #: Programs by name: those that ship, Runge-Kutta 4 by hand, and those of `programs/`.
 HERE = DEVICE | {rk4_by_hand.PROGRAM.name: rk4_by_hand.PROGRAM}
 NAMES = (*HERE, "heyoka", "cvode", "scipy", "diffrax", "drake", "mujoco", "siconos")
-LIMIT, QUICK_LIMIT = 60.0, 30.0  # s, of one process
+LIMIT, QUICK_LIMIT = 60.0, 30.0  # s, of one run
 #: Debian's own Python, where python3-siconos is, unlike what pip brings.
 _INTERPRETERS = {"siconos": "/usr/bin/python3"}
 
@@ -33,7 +33,7 @@ def main(words: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"problems ({', '.join(problems.names())}) and "
                         f"programs ({', '.join(NAMES)}) to run (default: all)")
-    parser.add_argument("--quick", action="store_true", help=f"at most {QUICK_LIMIT:g} s a run instead of {LIMIT:g} s")
+    parser.add_argument("--quick", action="store_true", help=f"at most {QUICK_LIMIT:g} s a run, not {LIMIT:g}")
     parser.add_argument("--output", type=Path, default=OUTPUT, help="folder (default: out/benchmark)")
     options = parser.parse_args(words)
     if strange := set(options.names) - {*problems.names(), *NAMES}:

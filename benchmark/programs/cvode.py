@@ -1,4 +1,8 @@
-"""CVODE of SUNDIALS by scikit-sundae: BDF on the whole equations, or Adams from event to event by its root finding."""
+"""CVODE of SUNDIALS by scikit-sundae: BDF on the whole equations, or Adams from event to event by its root finding.
+
+scikit-sundae calls equations back from Python and takes no compiled function; `Callbacks` is the cheapest that Python
+allows.
+"""
 
 from importlib.metadata import version as _version
 
@@ -6,7 +10,7 @@ import numpy as np
 from sksundae.cvode import CVODE
 
 from benchmark import located
-from benchmark.equations import machine, smooth_slope, start
+from benchmark.equations import Callbacks, machine, start
 from vibro_ros.accuracy.programs import PLAIN, TUNED, Answer, Setting, UnableError
 
 SETTINGS = (*(Setting(rtol, f"BDF, rtol {rtol:g}", PLAIN) for rtol in (1e-5, 1e-8)),
@@ -22,43 +26,38 @@ def version():
 
 def prepare(problem, setting):
     """Plain: no events, friction smoothed; tuned: one run of CVODE from event to event."""
-    numbers = machine(problem, slow=setting.value)
+    callbacks = Callbacks(machine(problem, slow=setting.value), _WIDTH)
     if setting.use == PLAIN:
-        return _plain(problem, numbers, setting.value)
-    return lambda: located.run(problem, numbers, _steps(problem.times, setting.value))
+        return _plain(problem, callbacks, setting.value)
+    return lambda: located.run(problem, callbacks, _steps(problem.times, callbacks, setting.value))
 
 
-def _plain(problem, numbers, rtol):
+def _plain(problem, callbacks, rtol):
     if problem.parameters["normal"] == "hop":
         raise UnableError("a landing is a jump, and without events no speed can jump")
 
-    def slope(t, y, out):
-        smooth_slope(t, y, _WIDTH, numbers, out)
-
     def run():
-        solver = CVODE(slope, method="BDF", rtol=rtol, atol=_DIGITS * rtol, max_num_steps=10**7)
+        callbacks.begin(start(problem))
+        solver = CVODE(callbacks.smooth, method="BDF", rtol=rtol, atol=_DIGITS * rtol, max_num_steps=10**7)
         found = solver.solve(np.array(problem.times), start(problem))
         if not found.success:
             raise UnableError(str(found.message))
-        return Answer(found.y)
+        return Answer(found.y, callbacks=callbacks.seconds)
 
-    slope(0.0, start(problem), np.empty(8))
     return run
 
 
-def _steps(times, rtol):
+def _steps(times, callbacks, rtol):
     """One run to the next event as `located.run` takes it, by way of the sampled instants."""
+    def roots(t, y, out):
+        callbacks.guards(t, y, out)
 
-    def integrate(slope, guards, t, y, end, brief):
-        def right(at, state, out):
-            out[:] = slope(at, state)
+    roots.direction = [-1] * 4
 
-        def roots(at, state, out):
-            out[:] = guards(at, state)
-
-        roots.direction = [-1] * 4
-        solver = CVODE(right, method="Adams", rtol=max(rtol, 1e-14), atol=_DIGITS * rtol, max_num_steps=10**6,
-                       eventsfn=roots, num_events=4, first_step=brief if brief < end - t else 0.0)
+    def integrate(t, y, end, brief):
+        solver = CVODE(callbacks.slope, method="Adams", rtol=max(rtol, 1e-14), atol=_DIGITS * rtol,
+                       max_num_steps=10**6, eventsfn=roots, num_events=4,
+                       first_step=brief if brief < end - t else 0.0)
         solver.init_step(t, y)
         for stop in (time for time in times if time > t):
             found = solver.step(stop, tstop=end)

@@ -1,4 +1,4 @@
-"""Drake: a `LeafSystem` in Python whose witness functions are the guards, under `Simulator`.
+"""Drake: a `LeafSystem` in Python whose one witness function is the lowest guard, under `Simulator`.
 
 Its default integrator is RK3 with error control; the accuracy of the context also isolates the witnesses. Plain: the
 accuracy is 1e-4; tuned: finer, with a longest step, and the bounces end where a flight would be shorter. MultibodyPlant
@@ -11,12 +11,14 @@ import numpy as np
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import LeafSystem, UnrestrictedUpdateEvent, WitnessFunctionDirection
 
-from benchmark.equations import begin, crossed, guards, machine, slope, start
-from vibro_ros.accuracy.programs import PLAIN, TUNED, Answer, Setting
+from benchmark.equations import AIR, BACKWARD, FORWARD, Callbacks, machine, start
+from vibro_ros.accuracy.programs import PLAIN, TUNED, Answer, Setting, UnableError
 
 SETTINGS = (Setting(1e-4, "RK3, accuracy 1e-4", PLAIN), Setting(1e-6, "RK3, accuracy 1e-6", TUNED),
             Setting(1e-8, "RK3, accuracy 1e-8", TUNED))
 _LONGEST = 1e-3  # s, a step: a witness that changes sign twice within one is not seen
+_ABOVE = 1e-300  # m, m/s: where a flight or a slip begins, because a witness that begins at zero sees nothing
+_MOST_EVENTS = 5000
 
 
 def version():
@@ -25,50 +27,52 @@ def version():
 
 
 class _Machine(LeafSystem):
-    """The eight states; the mode as three discrete numbers."""
+    """The eight states; the mode stands in `callbacks`, whose equations read it there at once."""
 
-    def __init__(self, problem, slow):
+    def __init__(self, callbacks):
         super().__init__()
-        self.numbers = machine(problem, slow)
+        self.callbacks, self.rate, self.bounds, self.events = callbacks, np.empty(8), np.empty(4), 0
         self.DeclareContinuousState(8)
-        self.DeclareDiscreteState(3)
         self.witnesses = [self.MakeWitnessFunction(
-            f"guard {k}", WitnessFunctionDirection.kPositiveThenNonPositive,
-            lambda context, k=k: self.guard(context, k),
-            UnrestrictedUpdateEvent(lambda context, event, state, k=k: self.cross(context, state, k)))
-            for k in range(4)]
-
-    @staticmethod
-    def mode(context):
-        upper, inclined, ground = context.get_discrete_state_vector().value()
-        return bool(upper), bool(inclined), int(ground)
+            "lowest guard", WitnessFunctionDirection.kPositiveThenNonPositive, self.lowest_guard,
+            UnrestrictedUpdateEvent(self.cross))]
 
     def DoCalcTimeDerivatives(self, context, derivatives):  # noqa: N802 (Drake's name)
-        out = np.empty(8)
-        upper, inclined, ground = self.mode(context)
-        slope(context.get_time(), context.get_continuous_state_vector().CopyToVector(), upper, inclined, ground,
-              float(ground), self.numbers, out)
-        derivatives.get_mutable_vector().SetFromVector(out)
+        self.callbacks.slope(context.get_time(), context.get_continuous_state_vector().CopyToVector(), self.rate)
+        derivatives.get_mutable_vector().SetFromVector(self.rate)
 
     def DoGetWitnessFunctions(self, context):  # noqa: N802
         return self.witnesses
 
-    def guard(self, context, k):
-        out = np.empty(4)
-        guards(context.get_time(), context.get_continuous_state_vector().CopyToVector(), *self.mode(context),
-               self.numbers, out)
-        return out[k]
+    def lowest_guard(self, context):
+        self.callbacks.guards(context.get_time(), context.get_continuous_state_vector().CopyToVector(), self.bounds)
+        return self.bounds.min()
 
-    def cross(self, context, state, k):
-        y = context.get_continuous_state_vector().CopyToVector()
-        mode = crossed(context.get_time(), y, *self.mode(context), k, self.numbers)
+    def cross(self, context, event, state):
+        """Cross each guard that has become zero, the lowest first; none of the next mode may begin at zero."""
+        t, y = context.get_time(), context.get_continuous_state_vector().CopyToVector()
+        while self.events < _MOST_EVENTS:
+            self.events += 1
+            self.callbacks.guards(t, y, self.bounds)
+            which = int(self.bounds.argmin())
+            self.callbacks.cross(t, y, which)
+            ground = self.callbacks.mode[2]
+            if ground == AIR and y[6] == 0.0:
+                y[6] = _ABOVE
+            elif ground in (FORWARD, BACKWARD) and y[5] == 0.0:
+                y[5] = ground * _ABOVE
+            self.callbacks.guards(t, y, self.bounds)
+            if self.bounds.min() >= 0.0:
+                break
+        else:
+            raise UnableError(f"events without end at {t:.6g} s")
         state.get_mutable_continuous_state().get_mutable_vector().SetFromVector(y)
-        state.get_mutable_discrete_state(0).SetFromVector([float(value) for value in mode])
 
 
 def prepare(problem, setting):
     """A run of one `Simulator` by the sampled instants."""
-    system = _Machine(problem, slow=problem.parameters["g"] * _LONGEST if setting.use == TUNED else 0.0)
+    callbacks = Callbacks(machine(problem, slow=problem.parameters["g"] * _LONGEST if setting.use == TUNED else 0.0))
+    system = _Machine(callbacks)
     simulator = Simulator(system)
     integrator = simulator.get_mutable_integrator()
     integrator.set_target_accuracy(setting.value)
@@ -78,14 +82,15 @@ def prepare(problem, setting):
 
     def run():
         context, y = simulator.get_mutable_context(), start(problem)
+        callbacks.begin(y)
+        system.events = 0
         context.SetTime(0.0)
         context.SetContinuousState(y)
-        context.SetDiscreteState([float(value) for value in begin(0.0, y, system.numbers)])
         simulator.Initialize()
         rows = []
         for time in problem.times:
             simulator.AdvanceTo(time)
             rows.append(context.get_continuous_state_vector().CopyToVector())
-        return Answer(np.array(rows))
+        return Answer(np.array(rows), callbacks=callbacks.seconds)
 
     return run

@@ -1,4 +1,7 @@
-"""scipy's `solve_ivp`: the whole equations at once with its defaults and tighter, or DOP853 from event to event."""
+"""scipy's `solve_ivp`: the whole equations at once with its defaults and tighter, or DOP853 from event to event.
+
+`solve_ivp` and its solvers call equations back from Python; `LowLevelCallable` serves scipy's quadrature, not these.
+"""
 
 from importlib.metadata import version as _version
 
@@ -7,7 +10,7 @@ from scipy.integrate import DOP853, solve_ivp
 from scipy.optimize import brentq
 
 from benchmark import located
-from benchmark.equations import machine, smooth_slope, start
+from benchmark.equations import Callbacks, machine, start
 from vibro_ros.accuracy.programs import PLAIN, TUNED, Answer, Setting, UnableError
 
 SETTINGS = (*(Setting(rtol, f"RK45, rtol {rtol:g}", PLAIN) for rtol in (1e-3, 1e-6)),
@@ -23,43 +26,49 @@ def version():
 
 def prepare(problem, setting):
     """Plain: no events, friction smoothed; tuned: every event located on the dense output, modes restarted."""
-    numbers = machine(problem, slow=setting.value)
-    return _plain(problem, numbers, setting.value) if setting.use == PLAIN else (
-        lambda: located.run(problem, numbers, _steps(setting.value)))
+    callbacks = Callbacks(machine(problem, slow=setting.value), _WIDTH)
+    return _plain(problem, callbacks, setting.value) if setting.use == PLAIN else (
+        lambda: located.run(problem, callbacks, _steps(callbacks, setting.value)))
 
 
-def _plain(problem, numbers, rtol):
+def _plain(problem, callbacks, rtol):
     if problem.parameters["normal"] == "hop":
         raise UnableError("a landing is a jump, and without events no speed can jump")
 
-    def slope(t, y):
-        out = np.empty(8)
-        smooth_slope(t, y, _WIDTH, numbers, out)
-        return out
-
     def run():
-        found = solve_ivp(slope, (0.0, problem.times[-1]), start(problem), t_eval=problem.times, rtol=rtol,
-                          atol=1e-3 * rtol)
+        callbacks.begin(start(problem))
+        found = solve_ivp(_returned(callbacks.smooth, 8), (0.0, problem.times[-1]), start(problem),
+                          t_eval=problem.times, rtol=rtol, atol=1e-3 * rtol)
         if not found.success:
             raise UnableError(found.message)
-        return Answer(found.y.T)
+        return Answer(found.y.T, callbacks=callbacks.seconds)
 
-    slope(0.0, start(problem))
     return run
 
 
-def _steps(rtol):
-    """Steps of DOP853, as `located.run` takes them; an event is a zero of a guard on the dense output."""
+def _returned(function, size):
+    """The function that returns what `function` writes, shape (size,)."""
+    def returning(t, y):
+        out = np.empty(size)
+        function(t, y, out)
+        return out
 
-    def integrate(slope, guards, t, y, end, brief):
+    return returning
+
+
+def _steps(callbacks, rtol):
+    """Steps of DOP853, as `located.run` takes them; an event is a zero of a guard on the dense output."""
+    slope, guards = _returned(callbacks.slope, 8), _returned(callbacks.guards, 4)
+
+    def integrate(t, y, end, brief):
         solver = DOP853(slope, t, y, end, rtol=max(rtol, 3e-14), atol=1e-3 * rtol,
                         first_step=min(_FIRST_STEP, brief, end - t))
         before = guards(t, y)
         while solver.status == "running":
             if solver.step():
                 raise UnableError("the step became too small")
-            dense, now = solver.dense_output(), solver.t
-            after = guards(now, solver.y)
+            now, after = solver.t, guards(solver.t, solver.y)
+            dense = solver.dense_output()
             roots = [(_root(guards, dense, k, solver.t_old, now), k)
                      for k in range(len(after)) if before[k] > 0.0 >= after[k]]
             roots += [(solver.t_old, k) for k in (0, 1) if after[k] < before[k] <= 0.0]  # it bounced off and came back

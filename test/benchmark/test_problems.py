@@ -8,7 +8,7 @@ import pytest
 from flint import arb
 
 from benchmark import located, problems, reference
-from benchmark.equations import accelerations, forces, guards, machine, slope, start
+from benchmark.equations import Callbacks, accelerations, forces, guards, machine, slope, start
 from benchmark.problems import COLUMNS, FOLDER
 from vibro_ros.accuracy.programs import DEVICE, Setting
 
@@ -82,11 +82,13 @@ def test_the_closed_form_of_the_ball_agrees_with_the_integration_of_the_other_pr
 def test_a_ball_that_may_not_rest_falls_through_the_ground():
     """DOP853 from landing to landing, without `slow`: the last flights are shorter than the spacing of doubles."""
     problem = problems.load("bounce")
-    steps = import_module("benchmark.programs.scipy")._steps(1e-9)
-    answer = located.run(problem, machine(problem), steps)
+    integrated = import_module("benchmark.programs.scipy")._steps
+    endless, ending = Callbacks(machine(problem)), Callbacks(machine(problem, slow=1e-9))
+    answer = located.run(problem, endless, integrated(endless, 1e-9))
     assert 50 < np.count_nonzero(answer.events["kind"] == "landing") < 100
     assert answer.samples[-1][COLUMNS.index("y")] < -0.1
-    assert problem.error(located.run(problem, machine(problem, slow=1e-9), steps).samples) < 1e-10
+    assert problem.error(located.run(problem, ending, integrated(ending, 1e-9)).samples) < 1e-10
+    assert ending.mode[3] > ending.mode[4] > 100 and 0.0 < answer.callbacks() < 1.0
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name != "7_bounce"])

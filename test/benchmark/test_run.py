@@ -19,7 +19,9 @@ EFFORT = Effort(repeats=1)
 VISITORS = {
     "crashes": ("import os, signal; return lambda: os.kill(os.getpid(), signal.SIGSEGV)", "fails", "SIGSEGV"),
     "raises": ("raise RuntimeError('no step')", "fails", "RuntimeError: no step"),
-    "hangs": ("import time; return lambda: time.sleep(60)", "out of time", "more than 3 s"),
+    "hangs": ("import time; return lambda: time.sleep(60)", "out of time", "more than 1 s"),
+    "compiles longer than its runs may take": (
+        "import time; time.sleep(1.2); return lambda: Answer(np.zeros((len(problem.times), 8)))", "ok", ""),
     "knows no number": ("return lambda: Answer(np.full((len(problem.times), 8), np.nan))", "diverges", ""),
     "tells too little": ("return lambda: Answer(np.zeros((1, 8)))", "fails", "ValueError: 1 of 21 samples"),
     "cannot": ("raise UnableError('no friction')", "cannot", "no friction"),
@@ -31,15 +33,16 @@ VISITORS = {
 def test_what_goes_wrong_is_a_result(name, tmp_path):
     body, outcome, why = VISITORS[name]
     (tmp_path / "visitor.py").write_text(
-        "import sys\nsys.path.insert(0, sys.argv.pop(1))\nimport numpy as np\nfrom benchmark.problems import load\n"
+        "import sys\nsys.path.insert(0, sys.argv.pop(1))\nimport numpy as np\nfrom benchmark.child import limited\n"
+        "from benchmark.problems import load\n"
         "from vibro_ros.accuracy.harness import Effort, measured, print_row\n"
         "from vibro_ros.accuracy.programs import Answer, Program, Setting, UnableError\n"
         f"def prepare(problem, setting):\n    {body}\n"
-        "program = Program('visitor', (Setting(1.0, ''),), prepare)\n"
+        "program = Program('visitor', (Setting(1.0, ''),), limited(prepare, float(sys.argv[3])))\n"
         "print_row(measured(load(sys.argv[1]), program, program.settings[0], Effort(repeats=1)))\n")
     command = (sys.executable, str(tmp_path / "visitor.py"), str(run.ROOT))
     visitor = Program("visitor", (Setting(1.0, ""),), run._not_here, command=command)
-    [row] = rows(PROBLEM, visitor, Effort(limit=3.0 if name == "hangs" else 120.0))
+    [row] = rows(PROBLEM, visitor, Effort(limit=1.0 if name.startswith(("hangs", "compiles")) else 120.0))
     assert (row.outcome, row.note) == (outcome, why)
 
 

@@ -49,6 +49,7 @@ TRAJECTORY, REQUIRED, AVERAGE, REFERENCE, EXPONENT = "trajectory", "requirement"
 #: Outcomes of a row.
 OK, CANNOT, DIVERGES, FAILS, TIMEOUT, ABSENT = "ok", "cannot", "diverges", "fails", "out of time", "absent"
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)  # multiples of it lie in all parts of an interval alike
+COMPILING = 120.0  # s, that a process may take beyond its limit
 _OF_UNIT = 1001  # samples that the unit is run for at most
 _FINEST = 1e-12  # tolerance of exact as the reference
 _BEGINNING = 1e-3  # s, within which contacts may count as events or not
@@ -76,7 +77,7 @@ class Effort:
     duration : float
         Time of each start that counts [s].
     limit : float
-        Time [s] after which a process of a program that does not ship is ended.
+        Time [s] of one run after which the process of a program that does not ship is ended; compiling is apart.
     """
 
     repeats: int = 5
@@ -343,13 +344,12 @@ def measured(problem: Problem, program: Program, setting: Setting, effort: Effor
     walls: list[float] = []
     ratios: list[float] = []
     try:
-        program.prepare(problem.at(problem.times[:2]), setting)()  # what is compiled at first use is not its cost
+        instants = problem.instants(program, setting)
+        answer = program.prepare(problem.at(instants), setting)()  # first, so that compiling at first use is no cost
         run = program.prepare(problem, setting)
         while len(walls) < effort.repeats and sum(walls) <= effort.patience / 4.0:
             walls.append(typical(run))
             ratios.append(walls[-1] / unit_seconds(problem))
-        instants = problem.instants(program, setting)
-        answer = program.prepare(problem.at(instants), setting)()
     except UnableError as error:
         return replace(row, outcome=CANNOT, note=str(error))
     return problem.judge(replace(row, repeats=len(walls), cost=statistics.median(ratios),
@@ -389,9 +389,9 @@ def _in_child(problem: Problem, program: Program, setting: Setting, number: int,
     """The row of one setting, measured in a process of its own, or what became of that process."""
     row = row_of(problem, program, setting)
     try:
-        done = run_child([*program.command, problem.name, str(number)], effort.limit)
+        done = run_child([*program.command, problem.name, str(number), str(effort.limit)], effort.limit + COMPILING)
     except subprocess.TimeoutExpired:
-        return replace(row, outcome=TIMEOUT, note=f"more than {effort.limit:g} s")
+        return replace(row, outcome=TIMEOUT, note=f"more than {effort.limit + COMPILING:g} s, with compiling")
     if done.returncode == 0:
         row = Row(**json.loads(done.stdout.splitlines()[-1]))
         # an interpreter of its own has no numba to time the unit
@@ -400,6 +400,8 @@ def _in_child(problem: Problem, program: Program, setting: Setting, number: int,
     last = (done.stderr.strip().splitlines() or [""])[-1]
     if "ModuleNotFoundError" in last or "ImportError" in last or done.returncode == 127:
         return replace(row, outcome=ABSENT, note=last)
+    if done.returncode == -signal.SIGALRM:
+        return replace(row, outcome=TIMEOUT, note=f"more than {effort.limit:g} s")
     if done.returncode < 0:
         last = signal.Signals(-done.returncode).name
     return replace(row, outcome=FAILS, note=last[:200])

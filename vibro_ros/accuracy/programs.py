@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 COLUMNS = ("upper_position", "upper_velocity", "inclined_position", "inclined_velocity", "body_position",
            "body_velocity", "body_height", "body_vertical_velocity")
 EVENT_DTYPE = np.dtype([("time", float), ("kind", "U16")])
-#: How a program is used: as its documentation recommends, and as an expert sets it.
+#: How a program is used: as its documentation recommends, and with settings chosen for the problem.
 PLAIN, TUNED = "as documented", "tuned"
 #: Speed [rad/s] commanded at t = 0 of a scene whose motor stands still.
 DRIVE_SPEED = 100.0
@@ -54,10 +54,13 @@ class Answer:
     events : structured ndarray, shape (events,), or None
         By time: `time` [s] and `kind` of the contacts and of the body's changes of state; None from a program that
         locates no events.
+    callbacks : callable, or None
+        Gives the part of the run's wall time [s] that went into functions in Python which the program calls back.
     """
 
     samples: np.ndarray
     events: np.ndarray | None = None
+    callbacks: Callable[[], float] | None = None
 
 
 class Program(NamedTuple):
