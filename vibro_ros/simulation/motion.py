@@ -14,13 +14,13 @@ from scipy.optimize import brentq
 
 from vibro_ros.model.energy import ACCOUNTS, LOSSES, OF_DC_MOTOR
 from vibro_ros.model.modes import MODE_EVENTS
+from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model, compile_scene
 from vibro_ros.simulation.given_state import book, checked_state, place, started
 from vibro_ros.simulation.influences import PATCH, PUSH, SAG, STALL, STUCK, Influences
 from vibro_ros.simulation.readout import Readout, cut_to_laws
 from vibro_ros.simulation.samples import CRANK_ANGLE, EVENT_DTYPE, FIELDS, MOTOR_SPEED, Trace
-from vibro_ros.simulation.written_state import WrittenState
 from vibro_ros.solver import event_loop
 from vibro_ros.solver.compilation import Laid
 from vibro_ros.solver.drive import command_drive, speed_and_target
@@ -29,11 +29,18 @@ from vibro_ros.solver.events import EVENT_COLUMNS, MONITOR_KIND, PHASE_KIND, RAM
 from vibro_ros.solver.lowpass import filtered_rates, new_filters
 from vibro_ros.solver.methods import SCHEMES, Exact, FixedStep, Stepper
 from vibro_ros.solver.rotor import command_rotor, give_integral
+from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.state import State, lasting, new_state
+from vibro_ros.solver.system import BY_COMMAND, BY_CURRENT, NOTHING
 
 EVENTS_AT_ONCE = 4096
 #: So many events take at least this time [s]; only in a state that no machine has, as of a forged checkpoint, less.
 _PROGRESS = 1e-9
+#: No number of a device's state is larger, in SI units and counts; a local time of the present segment, with rounding.
+_LARGEST, _LOCAL = 1e15, 1.0 + 1e-9
+#: Part by which rounding may exceed a limit. A dc motor's crank is within a turn where a segment starts, and within
+#: this angle [rad] where it ends.
+_CLOSE, _MOST_TURNED = 1e-6, 30.0
 
 # Computing time [s] that a part of `Motion.advance` aims at; robot time [s] of the first, longer than a tick; the most
 # by which a part grows over the one before it.
@@ -327,9 +334,51 @@ class Motion:
         self.influences.look_for_next_end()
 
     def is_possible(self) -> bool:
-        """Whether what was written into the arrays of `lasting` can be the state of a device: `written_state`."""
-        return WrittenState(self.scene, self.model, self.time, self.state, self.point, self.influences, self._filter,
-                            self._cuts_forces, self.lasting()).is_possible()
+        """Whether a device can go on from what was written into the arrays of `lasting`: a bag may be forged.
+
+        All numbers are finite, those that a kernel takes for a place in a table are within the table, or the kernel
+        would read foreign memory, and those that decide how much is to be computed are within what a device can have.
+        Whether the numbers fit each other is not asked.
+        """
+        system, scene, now = self.model.system, self.scene, self.state.now[0]
+        segment, drive, automaton = now["segment"], now["drive"], now["automaton"]
+        places = ((automaton["mode"], 0, len(self.model.modes)), (automaton["guard"], NOTHING, system.guard.shape[1]),
+                  (drive["cell"], 0, len(system.signals.reach)), (segment["slot"], 0, len(system.signals.start) + 1))
+        filters = self.state.lowpass["channel"], self.state.lowpass["rate"]
+        if not (all(low <= place < high for place, low, high in places) and drive["direction"] in (-1, 1)
+                and all(map(np.array_equal, self._filter, filters))):
+            return False
+        fastest, width = BY_NAME["motor.max_speed"].maximum, float(np.diff(system.signals.start)[drive["cell"]])
+        spans = [(segment["half"], 0.0, LONGEST_SEGMENT), (abs(segment["residue"]), 0.0, LONGEST_SEGMENT),
+                 (self.time - segment["start"], -2.0 * LONGEST_SEGMENT, 2.0 * LONGEST_SEGMENT),
+                 *((segment[name], -_LOCAL, _LOCAL) for name in ("flow_start", "mode_start", "next_event")),
+                 (drive["offset"], 0.0, width * _LOCAL), (abs(drive["target"]), 0.0, fastest),
+                 *((drive[name], 0.0, fastest) for name in ("speed", "cell_speed")),
+                 (drive["time_left"], 0.0, _LARGEST),
+                 *((ramp["time_left"], 0.0, _LARGEST) for ramp in self.state.ramp if ramp["rate"] != 0.0),
+                 (abs(drive["acceleration"]), 0.0, scene["motor.acceleration"]), (drive["lag"], 0.0, _LARGEST)]
+        if scene.has_rotor:
+            spans += self._motor_spans(now["motor"], float(segment["start"]))
+        numbers = np.concatenate([np.ravel(part) for part in self.lasting()])
+        endless = np.count_nonzero(~(np.abs(numbers) <= _LARGEST))
+        return (all(low <= number <= high for number, low, high in spans)
+                and drive["lag"] in (0.0, scene["motor.time_constant"])
+                and self.influences.are_possible(scene, self.model.forms, self.time)
+                and endless == (segment["cell_left"] > _LARGEST))  # of a crank that stands, or nearly so
+
+    def _motor_spans(self, motor: np.void, start: float) -> list[tuple[float, float, float]]:
+        """Numbers of a dc motor that decide how much is to be computed from the instant `start` [s], with their
+        limits."""
+        scene, controller, phase = self.scene, self.model.system.rotor.controller[0], self.model.forms.phase
+        period, law = float(controller["period"]), controller["law"]
+        most = scene["motor.current_limit" if law == BY_CURRENT else "motor.supply_voltage"] * (1.0 + _CLOSE)
+        angles = self.point[phase], self.state.mode_point[phase], np.abs(self.state.z[phase]).sum()
+        spans = [*((abs(angle), 0.0, _MOST_TURNED) for angle in angles), (abs(motor["held"]), 0.0, most),
+                 *((abs(motor[name]), 0.0, BY_NAME["motor.max_speed"].maximum) for name in ("target", "reference"))]
+        if law != BY_COMMAND:
+            step = scene["solver.step"] * self._cuts_forces
+            spans.append((motor["samples"] * period - start, -step - _CLOSE * period, (1.0 + _CLOSE) * period))
+        return spans
 
     def _begin_segment(self, state: State) -> None:
         status = self._stepper.begin(state, self.point)
