@@ -11,7 +11,8 @@ import pytest
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.study import optimise as command
 from vibro_ros.study.execution import Execution
-from vibro_ros.study.optimise import (
+from vibro_ros.study.space import VARIABLES, Space
+from vibro_ros.study.trials import (
     MEASURED,
     PERTURBATION,
     VERIFYING,
@@ -26,7 +27,6 @@ from vibro_ros.study.optimise import (
     values_of_many,
     verified,
 )
-from vibro_ros.study.space import VARIABLES, Space
 
 SCENE = command.sought(load_scene("device"))
 SPACE = Space(SCENE)
@@ -129,7 +129,7 @@ def test_sobols_indices_find_what_matters(monkeypatch):
             shift = sum(share * (robot[name] / optimum[name] - 1.0) for name, share in shares.items())
             yield np.full((1, 1), 10.0 + shift)
 
-    monkeypatch.setattr("vibro_ros.study.optimise.values_of_many", values_of_many)
+    monkeypatch.setattr("vibro_ros.study.trials.values_of_many", values_of_many)
     progress = Counting()
     around = neighbourhood(space, optimum, lambda values: float(values.mean()), SHORT, 256, 0, Execution(1), progress)
     upper, inclined, rod = around.sensitivities

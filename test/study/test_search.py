@@ -11,7 +11,8 @@ import pytest
 
 from vibro_ros.study import optimise as module
 from vibro_ros.study.execution import Execution
-from vibro_ros.study.optimise import FRONT, Effort, Trials, evaluated, non_dominated, proposals, searched
+from vibro_ros.study.optimise import FRONT, Effort, evaluated, non_dominated, proposals, searched
+from vibro_ros.study.trials import Trials
 
 PATIENCE = 120.0  # [s] deadline of what takes a few seconds on an idle machine
 BEST = np.array([0.2, 0.9, 0.6])

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.study.optimise import FAILED, Effort, Plan, Reading, cost_of_transport, speed, speed_per_power
+from vibro_ros.study.optimise import Effort, Plan
 from vibro_ros.study.space import VARIABLES, Space, chosen_variables
+from vibro_ros.study.trials import FAILED, Reading, cost_of_transport, speed, speed_per_power
 
 DEVICE = load_scene("device")
 PAPERS = {"mass.upper", "mass.inclined", "crank.radius", "crank.upper_rod", "crank.inclined_rod", "guide.angle",
