@@ -87,7 +87,8 @@ DOCUMENTS = {
     "paper": Document(
         "docs/paper.md", ("research.paper",), 15.0, (*_PHYSICS, "research/paper")),
     "optimum": Document(
-        "docs/optimum.md", ("research.optimum",), 30.0, (*_PHYSICS, "vibro_ros/study/optimise.py", "vibro_ros/study/trials.py", "research/optimum")),
+        "docs/optimum.md", ("research.optimum",), 30.0,
+        (*_PHYSICS, "vibro_ros/study/optimise.py", "vibro_ros/study/trials.py", "research/optimum")),
 }
 """Every generated document by its name, the quick ones first."""
 

@@ -94,15 +94,6 @@ def test_a_motion_that_never_settles_says_so(tmp_path, capsys):
     assert not column(tmp_path, "settled").any() and (column(tmp_path, "exponent_1") > 0.0).any()
 
 
-def test_a_block_with_values_that_were_not_measured_is_read_again(bytes_of, tmp_path):
-    """NaN differs from itself, and a row that holds one is still our own."""
-    words = ["--scene", "unilateral", "--vary", "motor.speed=90,100", "--most-turns", "64", "--exponents", "0",
-             "--cuts", "200", "--workers", "1", "--output", str(tmp_path)]
-    assert main(words) == 0
-    before = bytes_of(tmp_path)
-    assert main(words) == 0 and bytes_of(tmp_path) == before
-
-
 def test_a_long_period_is_found_and_an_unknown_sign_and_a_contradiction_are_said(tmp_path, capsys):
     """`device` repeats itself every 158 turns at 204 rad/s, where K of 1000 turns is 0.98, and not at 186."""
     words = ["--vary", "motor.speed=186,204", "--exponents", "20", "--output", str(tmp_path)]

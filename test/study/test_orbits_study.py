@@ -70,14 +70,6 @@ def test_the_same_command_goes_on_where_it_was_and_more_processes_change_no_byte
     assert bytes_of(tmp_path) == bytes_of(short)
 
 
-def test_branches_of_another_study_are_refused(short, bytes_of, capsys):
-    before = bytes_of(short)
-    assert main([*SHORT, "--set", "ground.friction=0.3", "--output", str(short)]) == 2
-    said = capsys.readouterr().err
-    assert "is of another study (design.set.ground.friction is 0.2 there, 0.3 here); give another --output" in said
-    assert len(said.strip().splitlines()) == 1 and bytes_of(short) == before
-
-
 @pytest.mark.parametrize(("words", "message"), [
     ([], "--vary: is missing; give NAME=LOW:HIGH"),
     (["--vary", "motor.speed=100"], "--vary motor.speed=100: is no range"),

@@ -1,9 +1,7 @@
 """A sweep: the same bytes however often it is interrupted, nothing mixed, damage noticed, nothing lost."""
 
-import errno
 import json
 import os
-import random
 import signal
 import time
 
@@ -14,7 +12,6 @@ import pyarrow.parquet as pq
 import pytest
 
 import vibro_ros
-from vibro_ros.study import table as tables
 from vibro_ros.study.command import locked
 from vibro_ros.study.execution import Execution
 from vibro_ros.study.measures import MEASURES, measure
@@ -189,79 +186,11 @@ def test_a_folder_of_another_design_is_refused_and_stays(bytes_of, tmp_path, cap
     assert words in said and said.count("\n") == 1 and bytes_of(tmp_path) == before
 
 
-def test_a_folder_of_another_version_is_refused(tmp_path, capsys, monkeypatch):
-    assert main([*SHORT, "--output", str(tmp_path)]) == 0
-    monkeypatch.setattr(tables, "fingerprint", lambda: {"version": "0.0.1", "sources": "0"})
-    assert main([*SHORT, "--output", str(tmp_path)]) == 2
-    assert "version is" in capsys.readouterr().err
-
-
-def test_files_of_others_are_refused_and_stay(tmp_path, capsys):
-    (tmp_path / "blocks").mkdir()
-    other = tmp_path / "blocks" / "mine.parquet"
-    other.write_text("mine")
-    assert main([*SHORT, "--output", str(tmp_path)]) == 2
-    assert "mine.parquet: is no block" in capsys.readouterr().err and other.read_text() == "mine"
-
-
-@pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to("/etc/passwd")])
-def test_a_block_that_is_no_file_is_refused(tmp_path, capsys, make):
-    (tmp_path / "blocks").mkdir()
-    make(tmp_path / "blocks" / "block_000000.parquet")
-    assert main([*SHORT, "--output", str(tmp_path)]) in (1, 2)
-    assert "block_000000.parquet" in capsys.readouterr().err
-
-
 def test_two_studies_in_one_folder_are_refused(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("vibro_ros.study.command._PATIENCE", 0.1)
     with locked(tmp_path / "blocks"):
         assert main([*SHORT, "--output", str(tmp_path)]) == 2
     assert "another study writes here" in capsys.readouterr().err
-
-
-def test_a_damaged_file_is_computed_again_or_has_its_values(tmp_path, capsys):
-    """A byte that no value depends on may change unseen: of the file's description of itself, a third of all."""
-    assert main([*SHORT, "--output", str(tmp_path)]) == 0
-    path, draw = tmp_path / "blocks" / "block_000000.parquet", random.Random(3)
-    whole, table = path.read_bytes(), pq.read_table(path)
-    design = json.loads(table.schema.metadata[b"vibro_ros"])["design"]
-    fields = [tables.Field(one.name, one.type, one.metadata[b"unit"].decode(), one.metadata[b"meaning"].decode(),
-                           one.nullable) for one in table.schema]
-    study = tables.Study("", design, fields, None, lambda *_: True, 1.0, (), 1)
-    damaged = 0
-    for place in [0, len(whole) - 1, *(draw.randrange(len(whole)) for _ in range(600))]:
-        path.write_bytes(whole[:place] + bytes([whole[place] ^ 1 << draw.randrange(8)]) + whole[place + 1:])
-        found = tables.read(study, path.parent, 0, [0])
-        damaged += found is None
-        assert found is None or found.equals(table, check_metadata=True)
-    assert damaged > 300  # at least half of them; all others are equal
-    capsys.readouterr()
-    for data in (b"", whole[:100], whole[:-1]):
-        path.write_bytes(data)
-        assert main([*SHORT, "--output", str(tmp_path)]) == 0 and path.read_bytes() == whole
-        assert "is damaged; it is computed again" in capsys.readouterr().err
-
-
-def test_what_an_interrupted_write_left_is_cleared(tmp_path):
-    (tmp_path / "blocks").mkdir()
-    left = tmp_path / "blocks" / ".block_000000.parquet.0123456789abcdef"
-    left.write_text("half")
-    assert main([*SHORT, "--output", str(tmp_path)]) == 0 and not left.exists()
-
-
-def test_a_full_disk_keeps_what_is_done_and_says_so(tmp_path, small_blocks, monkeypatch, capsys):
-    words, real = [*LONG, "--output", str(tmp_path)], tables.replace_file
-
-    def full_after_two(path, data):
-        if path.name.startswith("block_000002"):
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
-        real(path, data)
-
-    monkeypatch.setattr(tables, "replace_file", full_after_two)
-    assert main(words) == 1
-    said = capsys.readouterr().err
-    assert "No space left on device; free some room. The blocks before it are kept" in said and said.count("\n") == 1
-    assert len(list((tmp_path / "blocks").iterdir())) == 2
 
 
 class KillingRows:
