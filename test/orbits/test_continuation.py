@@ -69,17 +69,17 @@ def test_a_branch_is_the_same_from_either_end(scene, name, low, high, direction,
         if kinds == special:
             break
     (_, start), (_, last) = forwards[0], forwards[-1]
-    backwards = follow(last.family, last.vector, -float(np.sign(last.tangent[-1])))
+    backwards = follow(last.family, last.unknowns, -float(np.sign(last.tangent[-1])))
     _ = next(backwards)
     before, after = next((before, after) for before, after in backwards
                          if (after.value - start.value) * (before.value - start.value) < 0.0 and
-                         np.linalg.norm(after.vector - start.vector) < 1.0)
+                         np.linalg.norm(after.unknowns - start.unknowns) < 1.0)
     part = (start.value - before.value) / (after.value - before.value)
-    guess = before.vector + part * (after.vector - before.vector)
-    across = np.eye(len(start.vector))[-1]
+    guess = before.unknowns + part * (after.unknowns - before.unknowns)
+    across = np.eye(len(start.unknowns))[-1]
     found, _ = corrected(before.family, guess, across)
     _, (there,) = before.family.recut(start.family.phase, [found])
-    assert there == pytest.approx(start.vector, abs=1e-9)
+    assert there == pytest.approx(start.unknowns, abs=1e-9)
 
 
 @pytest.mark.process

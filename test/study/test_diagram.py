@@ -94,6 +94,7 @@ def test_a_motion_that_never_settles_says_so(tmp_path, capsys):
     assert not column(tmp_path, "settled").any() and (column(tmp_path, "exponent_1") > 0.0).any()
 
 
+@pytest.mark.process
 def test_a_long_period_is_found_and_an_unknown_sign_and_a_contradiction_are_said(tmp_path, capsys):
     """`device` repeats itself every 158 turns at 204 rad/s, where K of 1000 turns is 0.98, and not at 186."""
     words = ["--vary", "motor.speed=186,204", "--exponents", "20", "--output", str(tmp_path)]

@@ -142,6 +142,7 @@ FIXED = [f"{side}.{part}.{kind}" for side in ("upper", "inclined") for part in (
          for kind in ("stiffness", "damping")]
 
 
+@pytest.mark.process
 def test_ctrl_c_keeps_what_is_done_and_the_same_command_goes_on(tmp_path):
     folder = tmp_path / "candidates"
     process = subprocess.Popen(command(tmp_path, 100_000), stderr=subprocess.PIPE, text=True)

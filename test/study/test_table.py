@@ -151,7 +151,8 @@ def test_a_damaged_file_is_computed_again_or_has_its_values(study, tmp_path):
 
 
 @pytest.mark.parametrize(("changes", "words"), [
-    ({"design": {"design": "squares"}}, "design.design is roots there, squares here"), ({"block": 2}, "blocks is 4 there, 5 here")])
+    ({"design": {"design": "squares"}}, "design.design is roots there, squares here"),
+    ({"block": 2}, "blocks is 4 there, 5 here")])
 def test_blocks_of_another_design_are_refused_and_stay(study, tmp_path, changes, words):
     _, files = whole(study[0], tmp_path)
     with pytest.raises(ForeignBlockError, match=words):

@@ -64,7 +64,7 @@ class Bifurcation(BranchPoint):
     kind : str
         Of `FOLLOWED`.
     near : ndarray, shape (n + 2,)
-        What was solved for: the same as `vector`, but of a grazing at the distance `_MISS` from its plate.
+        What was solved for: the same as `unknowns`, but of a grazing at the distance `_MISS` from its plate.
     matrix : ndarray, shape (n + 1, n + 2)
         Derivative of the equations there.
     frame : Frame
@@ -77,14 +77,14 @@ class Bifurcation(BranchPoint):
     frame: Frame = Frame(np.zeros(0), np.zeros(0))
 
 
-def _second(family: Family, kind: str, vector: np.ndarray, matrix: np.ndarray, frame: Frame | None) -> _Second:
+def _second(family: Family, kind: str, unknowns: np.ndarray, matrix: np.ndarray, frame: Frame | None) -> _Second:
     """The second equation, where the first one has the derivative `matrix`."""
     if kind == GRAZING:
-        miss = _miss(family, vector, frame)
-        angle = _angle(family, vector, miss) % (TURN * family.turns)
-        return _Second(_distance(family, vector, miss) - _MISS, lambda: _distance_slope(family, vector, miss),
+        miss = _miss(family, unknowns, frame)
+        angle = _angle(family, unknowns, miss) % (TURN * family.turns)
+        return _Second(_distance(family, unknowns, miss) - _MISS, lambda: _distance_slope(family, unknowns, miss),
                        Frame(np.zeros(0), np.zeros(0), miss.side, angle))
-    n = len(vector) - 2
+    n = len(unknowns) - 2
     turn = matrix[:, :n] + np.eye(n)
     singular = turn - _CRITICAL[kind] * np.eye(n)
     if frame is None:
@@ -94,7 +94,7 @@ def _second(family: Family, kind: str, vector: np.ndarray, matrix: np.ndarray, f
     last = np.append(np.zeros(n), 1.0)
     right, left = np.linalg.solve(bordered, last), np.linalg.solve(bordered.T, last)
     own = Frame(left[:n] / np.linalg.norm(left[:n]), right[:n] / np.linalg.norm(right[:n]))
-    return _Second(float(right[n]), lambda: _derivative_slope(family, vector, -left[:n], right[:n]), own)
+    return _Second(float(right[n]), lambda: _derivative_slope(family, unknowns, -left[:n], right[:n]), own)
 
 
 def _reach(seen: Passage, longest: float) -> float:
@@ -102,26 +102,26 @@ def _reach(seen: Passage, longest: float) -> float:
     return max(1e-6, min(longest, 0.005 * seen.softest**2, 0.1 * seen.miss))
 
 
-def _derivative_slope(family: Family, vector: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+def _derivative_slope(family: Family, unknowns: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:
     """l' (dA/dz) r for each unknown z, shape (n + 2,), by second differences; A is the map's derivative."""
-    step, n = _reach(family.passage(vector), _STEP), len(vector) - 2
-    free, size, row = family.free(vector), float(np.linalg.norm(right)), np.zeros(n + 2)
+    step, n = _reach(family.passage(unknowns), _STEP), len(unknowns) - 2
+    free, size, row = family.free(unknowns), float(np.linalg.norm(right)), np.zeros(n + 2)
     along = np.append(right / size, [0.0, 0.0]) * free
     for i in np.flatnonzero(free):
         unit = np.eye(n + 2)[i]
-        ends = [family.residual(vector + step * (a * unit + b * along)) for a in (1, -1) for b in (1, -1)]
+        ends = [family.residual(unknowns + step * (a * unit + b * along)) for a in (1, -1) for b in (1, -1)]
         row[i] = (left * free[:n]) @ (ends[0] - ends[1] - ends[2] + ends[3]) * size / (4.0 * step**2)
     return row
 
 
-def _miss(family: Family, vector: np.ndarray, frame: Frame | None) -> Miss:
+def _miss(family: Family, unknowns: np.ndarray, frame: Frame | None) -> Miss:
     """Where the mass turns back that grazes its plate (LostError if it touches the plate)."""
-    found, around = family.passage(vector).misses, TURN * family.turns
+    found, around = family.passage(unknowns).misses, TURN * family.turns
 
     def apart(miss: Miss) -> float:
         if frame is None:
             return miss.gap
-        return abs((_angle(family, vector, miss) - frame.angle + 0.5 * around) % around - 0.5 * around)
+        return abs((_angle(family, unknowns, miss) - frame.angle + 0.5 * around) % around - 0.5 * around)
 
     near = min((miss for miss in found if frame is None or miss.side == frame.side), key=apart, default=None)
     if near is None or apart(near) > _APART:
@@ -129,27 +129,27 @@ def _miss(family: Family, vector: np.ndarray, frame: Frame | None) -> Miss:
     return near
 
 
-def _angle(family: Family, vector: np.ndarray, miss: Miss) -> float:
+def _angle(family: Family, unknowns: np.ndarray, miss: Miss) -> float:
     """Crank angle [rad], counted on from the cut's, at which a mass turns back."""
-    turn_map = family.map_at(vector)
-    (turns,), _ = turn_map.shares(family.state(vector), np.array([0.5 * (miss.first + miss.last)]), np.zeros(1))
+    turn_map = family.map_at(unknowns)
+    (turns,), _ = turn_map.shares(family.state(unknowns), np.array([0.5 * (miss.first + miss.last)]), np.zeros(1))
     return family.phase + direction(turn_map.scene) * float(turns) * TURN
 
 
-def _distance(family: Family, vector: np.ndarray, miss: Miss) -> float:
+def _distance(family: Family, unknowns: np.ndarray, miss: Miss) -> float:
     """From the plate where a mass turns back, in crank radii."""
-    turn_map = family.map_at(vector)
-    return least_gap(turn_map, family.state(vector), miss) / turn_map.length
+    turn_map = family.map_at(unknowns)
+    return least_gap(turn_map, family.state(unknowns), miss) / turn_map.length
 
 
-def _distance_slope(family: Family, vector: np.ndarray, miss: Miss) -> np.ndarray:
+def _distance_slope(family: Family, unknowns: np.ndarray, miss: Miss) -> np.ndarray:
     """Derivative of a distance, shape (n + 2,)."""
-    free = family.free(vector)
-    step, row = max(1e-9, 0.1 * min(_STEP, _distance(family, vector, miss))), np.zeros(len(vector))
+    free = family.free(unknowns)
+    step, row = max(1e-9, 0.1 * min(_STEP, _distance(family, unknowns, miss))), np.zeros(len(unknowns))
     for i in np.flatnonzero(free):
-        moved = np.zeros(len(vector))
+        moved = np.zeros(len(unknowns))
         moved[i] = step
-        row[i] = (_distance(family, vector + moved, miss) - _distance(family, vector - moved, miss)) / (2.0 * step)
+        row[i] = (_distance(family, unknowns + moved, miss) - _distance(family, unknowns - moved, miss)) / (2.0 * step)
     return row
 
 
@@ -220,11 +220,11 @@ def _point(family: Family, kind: str, near: np.ndarray, matrix: np.ndarray, seco
     n, free = len(near) - 2, family.free(near)
     *_, rows = np.linalg.svd(matrix)
     # Rounding must not move what is held: a body at a height of -6e-27 m is refused.
-    tangent, vector = free * (rows[-1] if rows[-1] @ along >= 0.0 else -rows[-1]), near
+    tangent, unknowns = free * (rows[-1] if rows[-1] @ along >= 0.0 else -rows[-1]), near
     if kind == GRAZING:
-        vector = near - (_MISS + second.defect) * free * np.linalg.solve(np.vstack([matrix, along]), np.eye(n + 2)[n])
-    speed = 2.0 * family.mean_speed(near) - family.mean_speed(2.0 * near - vector)  # carried on as `vector` is
-    return Bifurcation(family, vector, tangent, multipliers_of(matrix[:n, :n]), speed, family.passage(near), kind=kind,
+        unknowns = near - (_MISS + second.defect) * free * np.linalg.solve(np.vstack([matrix, along]), np.eye(n + 2)[n])
+    speed = 2.0 * family.mean_speed(near) - family.mean_speed(2.0 * near - unknowns)  # carried on as `unknowns` is
+    return Bifurcation(family, unknowns, tangent, multipliers_of(matrix[:n, :n]), speed, family.passage(near), kind=kind,
                        near=near, matrix=matrix, frame=second.frame)
 
 

@@ -176,12 +176,12 @@ def follow_orbit(orbit: Orbit, name: str, low: float, high: float, upwards: bool
     return branch_from(family, np.append(state, family.scaled(here)), 1.0 if upwards else -1.0, points)
 
 
-def branch_from(family: Family, vector: np.ndarray, direction: float, points: int) -> Branch:
+def branch_from(family: Family, unknowns: np.ndarray, direction: float, points: int) -> Branch:
     """The branch through a known orbit, towards larger values of the parameter with `direction` 1.0, else -1.0."""
-    along = direction * np.eye(len(vector))[-1]
+    along = direction * np.eye(len(unknowns))[-1]
     try:
-        vector, _ = corrected(family, vector, along)
-        start = point_at(family, vector, along)
+        unknowns, _ = corrected(family, unknowns, along)
+        start = point_at(family, unknowns, along)
     except (LostError, SimulationError, ValueError) as error:
         return gathered(family, [], [], str(error))
     return whole_branch(start, points)
@@ -199,8 +199,8 @@ def doubled_branch_from(family: Family, begin: np.ndarray, points: int) -> Branc
     away /= np.linalg.norm(away)
     for amplitude in _AMPLITUDES:
         try:
-            vector, _ = corrected(twice, begin + amplitude * away, away, amplitude)
-            start = point_at(twice, vector, vector - begin, amplitude)
+            unknowns, _ = corrected(twice, begin + amplitude * away, away, amplitude)
+            start = point_at(twice, unknowns, unknowns - begin, amplitude)
         except (LostError, SimulationError, ValueError):
             continue
         return whole_branch(start, points)
@@ -219,11 +219,11 @@ def lies_on(family: Family, seed: Seed, value: float, branch: Branch) -> bool:
         guess = branch.states[k] + part * (branch.states[k + 1] - branch.states[k])
         own = family.with_turns(branch.turns).with_phase(float(branch.phases[k]))
         try:
-            vector, _ = corrected(own, np.append(guess, own.scaled(value)), np.eye(len(guess) + 1)[-1])
-            there, (vector,) = own.recut(seed.phase, [vector])
+            unknowns, _ = corrected(own, np.append(guess, own.scaled(value)), np.eye(len(guess) + 1)[-1])
+            there, (unknowns,) = own.recut(seed.phase, [unknowns])
         except (LostError, SimulationError, ValueError):
             continue
-        if is_same(there.map_at(vector), there.state(vector), seed.state, seed.turns):
+        if is_same(there.map_at(unknowns), there.state(unknowns), seed.state, seed.turns):
             return True
     return False
 
@@ -236,7 +236,7 @@ def whole_branch(start: BranchPoint, points: int) -> Branch:
     closing = Closing(start)
     try:
         for before, after in follow_on(start):
-            if left := range_left(after.family, after.vector):
+            if left := range_left(after.family, after.unknowns):
                 end, normal = left
                 last = _at_end(before, after, normal)
                 special += [(len(found), one) for one in special_points(before, last)]
@@ -257,14 +257,14 @@ def whole_branch(start: BranchPoint, points: int) -> Branch:
     return gathered(family, found, special, end)
 
 
-def range_left(family: Family, vector: np.ndarray) -> tuple[str, np.ndarray] | None:
-    """In words, which range a vector has left, and the outward normal of this bound; None inside."""
-    shares = vector[len(family.units):]
+def range_left(family: Family, unknowns: np.ndarray) -> tuple[str, np.ndarray] | None:
+    """In words, which range the unknowns have left, and the outward normal of this bound; None inside."""
+    shares = unknowns[len(family.units):]
     out = np.maximum(-shares, shares - 1.0)
     which = int(np.argmax(out))
     if out[which] <= 0.0:
         return None
-    name, high, normal = family.names[which], bool(shares[which] > 1.0), np.zeros(len(vector))
+    name, high, normal = family.names[which], bool(shares[which] > 1.0), np.zeros(len(unknowns))
     normal[len(family.units) + which] = 1.0 if high else -1.0
     value = family.ranges[name][high]
     return f"{name} leaves its range at {value:g} {BY_NAME[name].unit.replace('1', '')}".rstrip(), normal
@@ -273,19 +273,19 @@ def range_left(family: Family, vector: np.ndarray) -> tuple[str, np.ndarray] | N
 def _at_end(before: BranchPoint, after: BranchPoint, normal: np.ndarray) -> BranchPoint:
     """The point between two neighbours at which the branch leaves the range of the parameter."""
     share = max(0.0, normal[-1])
-    part = (share - before.vector[-1]) / (after.vector[-1] - before.vector[-1])
-    guess = before.vector + part * (after.vector - before.vector)
+    part = (share - before.unknowns[-1]) / (after.unknowns[-1] - before.unknowns[-1])
+    guess = before.unknowns + part * (after.unknowns - before.unknowns)
     guess[-1] = share
-    vector, _ = corrected(before.family, guess, abs(normal))
-    vector[-1] = share
-    return point_at(before.family, vector, before.tangent)
+    unknowns, _ = corrected(before.family, guess, abs(normal))
+    unknowns[-1] = share
+    return point_at(before.family, unknowns, before.tangent)
 
 
 class Closing:
     """Whether a branch has come back to its begin, or joins the orbits of half its period."""
 
     def __init__(self, start: BranchPoint):
-        self._start, self._family, self._begins, self._left = start, start.family, [start.vector], False
+        self._start, self._family, self._begins, self._left = start, start.family, [start.unknowns], False
 
     def reason(self, before: BranchPoint, after: BranchPoint) -> str:
         """Why the branch ends between two neighbours; empty where it does not."""
@@ -293,8 +293,8 @@ class Closing:
         joins = 2 * half == after.family.turns and len(after.family.names) == 1
         if joins and self._apart(before, half) @ self._apart(after, half) < 0.0:
             return f"joins the branch of {half} turn{'s' if half > 1 else ''} at a period doubling"
-        step = float(np.linalg.norm(after.vector - before.vector))
-        near = any(np.linalg.norm(after.vector - begin) < _CLOSES * step for begin in self._begins_at(after.family))
+        step = float(np.linalg.norm(after.unknowns - before.unknowns))
+        near = any(np.linalg.norm(after.unknowns - begin) < _CLOSES * step for begin in self._begins_at(after.family))
         self._left = self._left or not near
         closes = near and self._left and same_order(after.passage.order, self._start.passage.order)
         return "closes on itself" if closes else ""
@@ -307,13 +307,13 @@ class Closing:
         return ""
 
     def _apart(self, point: BranchPoint, half: int) -> np.ndarray:
-        return point.family.map_at(point.vector)(point.state, half).state - point.state
+        return point.family.map_at(point.unknowns)(point.state, half).state - point.state
 
     def _begins_at(self, family: Family) -> list[np.ndarray]:
         """The begin at the cut of a family, on each of its turns."""
         if family is not self._family:
-            there, (vector,) = self._start.family.recut(family.phase, [self._start.vector])
-            self._family, self._begins = family, there.starts_along(vector)
+            there, (unknowns,) = self._start.family.recut(family.phase, [self._start.unknowns])
+            self._family, self._begins = family, there.starts_along(unknowns)
         return self._begins
 
 
@@ -345,7 +345,7 @@ def sequence_of(family: Family, points: Sequence[BranchPoint], end: str, strobe:
 
 def _strobe(point: BranchPoint) -> np.ndarray:
     """The state, SI units, each time the crank passes the angle 0 within a passage, shape (turns, n)."""
-    here = point.family.map_at(point.vector)
+    here = point.family.map_at(point.unknowns)
     device, there = Simulator(here.scene), TurnMap(here.scene, 0.0)
     here.put(device, point.state)
     return there.cuts(device, point.family.turns).states * there.units

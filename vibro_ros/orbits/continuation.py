@@ -76,14 +76,14 @@ class EdgeError(LostError):
         self.grazing = grazing
 
 
-def follow(family: Family, vector: np.ndarray, direction: float) -> Iterator[tuple[BranchPoint, BranchPoint]]:
+def follow(family: Family, unknowns: np.ndarray, direction: float) -> Iterator[tuple[BranchPoint, BranchPoint]]:
     """Neighbours on the branch through a known orbit, until it leaves the parameter's range.
 
     Parameters
     ----------
     family : Family
         The equations.
-    vector : ndarray, shape (n + 1,)
+    unknowns : ndarray, shape (n + 1,)
         A known orbit.
     direction : float
         1.0 towards larger values of the parameter, -1.0 towards smaller; dimensionless.
@@ -98,16 +98,16 @@ def follow(family: Family, vector: np.ndarray, direction: float) -> Iterator[tup
     LostError
         Where the branch cannot be followed.
     """
-    along = direction * np.eye(len(vector))[-1]
-    vector, _ = corrected(family, vector, along)
-    yield from follow_on(point_at(family, vector, along))
+    along = direction * np.eye(len(unknowns))[-1]
+    unknowns, _ = corrected(family, unknowns, along)
+    yield from follow_on(point_at(family, unknowns, along))
 
 
 def follow_on(point: BranchPoint) -> Iterator[tuple[BranchPoint, BranchPoint]]:
     """Neighbours on the branch from a point on, along its tangent; as `follow`, which see."""
     point, step = _well_cut(point), FIRST_STEP
     yield point, point
-    while 0.0 <= point.vector[-1] <= 1.0:
+    while 0.0 <= point.unknowns[-1] <= 1.0:
         neighbours, step = _next(point, step)
         for after in neighbours:
             yield point, after
@@ -119,16 +119,16 @@ def _next(point: BranchPoint, step: float) -> tuple[list[BranchPoint], float]:
     """The next point, or an edge and the first point beyond it; and the step after it."""
     family, reason = point.family, ""
     while step >= SHORTEST_STEP:
-        guess = point.vector + step * point.tangent
+        guess = point.unknowns + step * point.tangent
         crosses = False
         try:
-            vector, derivatives = corrected(family, guess, point.tangent, step)
-            after = point_at(family, vector, point.tangent, step)
+            unknowns, derivatives = corrected(family, guess, point.tangent, step)
+            after = point_at(family, unknowns, point.tangent, step)
             crosses = not same_order(after.passage.order, point.passage.order)
             if not crosses and after.tangent @ point.tangent >= STRAIGHT:
                 longer = 1.5 if derivatives <= _FEW else 1.0
                 return [after], min(LONGEST_STEP, step * longer)
-            reason = f"the branch bends too sharply near {family.where(after.vector)}"
+            reason = f"the branch bends too sharply near {family.where(after.unknowns)}"
         except LostError as error:
             reason = str(error)
             try:
@@ -139,7 +139,7 @@ def _next(point: BranchPoint, step: float) -> tuple[list[BranchPoint], float]:
             return [last, beyond(last)], FIRST_STEP
         step *= 0.5
         if step < _CREEP and abs(point.multipliers[0]) > _WILD:
-            raise LostError(f"too unstable to be followed beyond {family.where(point.vector)}: a disturbance grows "
+            raise LostError(f"too unstable to be followed beyond {family.where(point.unknowns)}: a disturbance grows "
                             f" {abs(point.multipliers[0]):.4g}-fold until the motion repeats itself")
     raise LostError(reason)
 
@@ -149,13 +149,13 @@ def _well_cut(point: BranchPoint) -> BranchPoint:
     if point.passage.clear >= NEAREST_EVENT:
         return point
     family, (here, ahead) = point.family.recut(point.passage.best, [
-        point.vector, point.vector + _AHEAD * point.tangent])
+        point.unknowns, point.unknowns + _AHEAD * point.tangent])
     along = (ahead - here) / np.linalg.norm(ahead - here)
     try:
-        vector, _ = corrected(family, here, along)
+        unknowns, _ = corrected(family, here, along)
     except LostError:
         return point
-    return point_at(family, vector, along)
+    return point_at(family, unknowns, along)
 
 
 def located(before: BranchPoint, after: BranchPoint, test: Callable[[BranchPoint], float],
@@ -176,7 +176,7 @@ def located(before: BranchPoint, after: BranchPoint, test: Callable[[BranchPoint
     BranchPoint, float
         The point, and the width of the interval of the parameter [its unit] that holds the change.
     """
-    family, start, end = before.family, before.vector, after.vector
+    family, start, end = before.family, before.unknowns, after.unknowns
     span = end - start
     length = float(np.linalg.norm(span))
     normal = span / length
@@ -185,14 +185,14 @@ def located(before: BranchPoint, after: BranchPoint, test: Callable[[BranchPoint
     while (high - low) * length > 0.1 * tolerance and _width(low_point, high_point, (high - low) * length) > tolerance:
         secant = low + (high - low) * at_low / (at_low - at_high)
         middle = min(max(secant, low + 1e-3 * (high - low)), high - 1e-3 * (high - low))
-        vector, _ = corrected(family, start + middle * span, normal, length)
-        point = point_at(family, vector, before.tangent, length, fine=True)
+        unknowns, _ = corrected(family, start + middle * span, normal, length)
+        point = point_at(family, unknowns, before.tangent, length, fine=True)
         at = test(point)
         if (at > 0.0) == (at_low > 0.0):
             low, at_low, at_high, low_point = middle, at, 0.5 * at_high, point
         else:
             high, at_high, at_low, high_point = middle, at, 0.5 * at_low, point
-        if at == 0.0 or abs(low_point.vector[-1] - high_point.vector[-1]) < 1e-15:
+        if at == 0.0 or abs(low_point.unknowns[-1] - high_point.unknowns[-1]) < 1e-15:
             break
     best = low_point if abs(test(low_point)) < abs(test(high_point)) else high_point
     width = _width(low_point, high_point, (high - low) * length)
@@ -202,7 +202,7 @@ def located(before: BranchPoint, after: BranchPoint, test: Callable[[BranchPoint
 def _width(low: BranchPoint, high: BranchPoint, arc: float) -> float:
     """How much of the parameter's range lies between two points; at a fold the tangents tell, not the difference."""
     within = max(abs(low.tangent[-1]), abs(high.tangent[-1])) * arc
-    return float(max(within, abs(low.vector[-1] - high.vector[-1]), 0.0 if arc < _ARC else arc))
+    return float(max(within, abs(low.unknowns[-1] - high.unknowns[-1]), 0.0 if arc < _ARC else arc))
 
 
 def edge(point: BranchPoint, step: float) -> BranchPoint | None:
@@ -216,16 +216,16 @@ def edge(point: BranchPoint, step: float) -> BranchPoint | None:
     low, far, family = point, step, point.family
     try:
         for _ in range(_MOST_ROUNDS):
-            vector, width = _last_of_side(low, far)
-            ahead = vector + max(_CLEAR, 10.0 * width) * low.tangent
-            apart = float(np.linalg.norm(vector - low.vector))
+            unknowns, width = _last_of_side(low, far)
+            ahead = unknowns + max(_CLEAR, 10.0 * width) * low.tangent
+            apart = float(np.linalg.norm(unknowns - low.unknowns))
             if not same_order(family.order(ahead), low.passage.order):
-                side = point_at(family, vector - min(_BACK, 0.5 * apart) * low.tangent, low.tangent, _BACK)
-                return replace(side, vector=vector, passage=family.passage(vector),
-                               mean_speed=family.mean_speed(vector), width=family.span(abs(width * low.tangent[-1])))
+                side = point_at(family, unknowns - min(_BACK, 0.5 * apart) * low.tangent, low.tangent, _BACK)
+                return replace(side, unknowns=unknowns, passage=family.passage(unknowns),
+                               mean_speed=family.mean_speed(unknowns), width=family.span(abs(width * low.tangent[-1])))
             if apart == 0.0:
                 return None
-            low, far = point_at(family, vector, low.tangent, far), far - apart  # the derivative had changed too much
+            low, far = point_at(family, unknowns, low.tangent, far), far - apart  # the derivative had changed too much
     except (LostError, SimulationError, ValueError):
         pass
     return None
@@ -237,8 +237,8 @@ def _last_of_side(low: BranchPoint, far: float) -> tuple[np.ndarray, float]:
     By bisection, with the derivative at `low` for Newton's method: near the edge, differences would reach across.
     """
     family = low.family
-    held = ~family.free(low.vector)[:-1]
-    inverse = np.linalg.pinv(np.vstack([family.jacobian(low.vector, far), low.tangent]))
+    held = ~family.free(low.unknowns)[:-1]
+    inverse = np.linalg.pinv(np.vstack([family.jacobian(low.unknowns, far), low.tangent]))
 
     def ahead(guess: np.ndarray) -> np.ndarray | None:
         at, before = guess.copy(), np.inf
@@ -252,7 +252,7 @@ def _last_of_side(low: BranchPoint, far: float) -> tuple[np.ndarray, float]:
         closes = size <= CLOSED and same_order(family.order(at), low.passage.order)
         return at if closes else None
 
-    near, last = 0.0, low.vector
+    near, last = 0.0, low.unknowns
     while far - near > _SHARP:
         middle = 0.5 * (near + far)
         try:
@@ -289,23 +289,23 @@ def beyond(before: BranchPoint) -> BranchPoint:
                     return found
     change, grazes = "which ones was not found", False
     for probe in (_CLEAR, *_PROBES):
-        order = family.order(before.vector + probe * before.tangent)
+        order = family.order(before.unknowns + probe * before.tangent)
         if not same_order(order, before.passage.order):
             change = change_in_words(before.passage.order, order)
             grazes = contacts_of(order) != contacts_of(before.passage.order)
             break
-    raise EdgeError(f"the branch ends at {family.where(before.vector)}, where its events change ({change}); no "
+    raise EdgeError(f"the branch ends at {family.where(before.unknowns)}, where its events change ({change}); no "
                     "orbit was found beyond", SpecialPoint(GRAZING, before, before.width, change) if grazes else None)
 
 
 def _direction(family: Family, before: BranchPoint, probe: float) -> np.ndarray | None:
     """Of the branch on the other side, towards that side if this can be told; None where it is not reached."""
-    there = before.vector + probe * before.tangent
+    there = before.unknowns + probe * before.tangent
     if same_order(family.order(there), before.passage.order):
         return None
     *_, rows = np.linalg.svd(family.jacobian(there, probe))
     along: np.ndarray = rows[-1] if rows[-1] @ before.tangent >= 0.0 else -rows[-1]
-    sides = [same_order(family.order(before.vector + sign * probe * along), before.passage.order)
+    sides = [same_order(family.order(before.unknowns + sign * probe * along), before.passage.order)
              for sign in (1.0, -1.0)]
     return -along if sides == [True, False] else along
 
@@ -317,14 +317,14 @@ def _entered(before: BranchPoint, direction: np.ndarray, arc: float, depth: floa
     square of the arc only. So Newton's method begins deeper there, by `depth` times this square.
     """
     family = before.family
-    guess = before.vector + arc * direction + depth * arc**2 * before.tangent
+    guess = before.unknowns + arc * direction + depth * arc**2 * before.tangent
     try:
         if same_order(family.order(guess), before.passage.order):
             return None
-        vector, _ = corrected(family, guess, direction, arc)
-        if np.linalg.norm(vector - guess) > arc:
+        unknowns, _ = corrected(family, guess, direction, arc)
+        if np.linalg.norm(unknowns - guess) > arc:
             return None
-        found = point_at(family, vector, direction, arc)
+        found = point_at(family, unknowns, direction, arc)
     except (LostError, SimulationError, ValueError):
         return None
     return None if same_order(found.passage.order, before.passage.order) else found
@@ -389,11 +389,11 @@ def special_points(before: BranchPoint, after: BranchPoint) -> Iterator[SpecialP
 
 def _is_smooth(before: BranchPoint, after: BranchPoint) -> bool:
     """Whether a branch goes straight on across an edge, and its multipliers with it."""
-    family, start = before.family, before.vector
-    direction = (after.vector - start) / np.linalg.norm(after.vector - start)
+    family, start = before.family, before.unknowns
+    direction = (after.unknowns - start) / np.linalg.norm(after.unknowns - start)
     try:
-        vector, _ = corrected(family, start + _BEHIND * direction, direction, _BEHIND)
-        near = point_at(family, vector, direction, _BEHIND)
+        unknowns, _ = corrected(family, start + _BEHIND * direction, direction, _BEHIND)
+        near = point_at(family, unknowns, direction, _BEHIND)
     except LostError:
         return False
     here, there = np.poly(before.multipliers), np.poly(near.multipliers)

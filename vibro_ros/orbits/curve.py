@@ -106,7 +106,7 @@ def _start(family: Family, branch: Branch, special: Special, upwards: bool) -> B
         except LostError as error:
             reason = reason or str(error)
             continue
-        if np.abs(start.vector - guess).max() < _FOUND:
+        if np.abs(start.unknowns - guess).max() < _FOUND:
             return start
         reason = f"another {special.kind} was found in its place"
     raise LostError(f"the special point was not found again: {reason}")
@@ -126,7 +126,7 @@ def whole_curve(branch: Branch, special: Special, ranges: Mapping[str, tuple[flo
         start = _start(family, branch, special, upwards)
         closing = Closing(start)
         for before, after in follow(start):
-            left = range_left(after.family, after.vector)
+            left = range_left(after.family, after.unknowns)
             if left:
                 end, after = left[0], _at_bound(before, after, left[1])
             elif found and (reason := closing.reason(before, after)):
@@ -147,7 +147,7 @@ def whole_curve(branch: Branch, special: Special, ranges: Mapping[str, tuple[flo
 def _at_bound(before: Bifurcation, after: Bifurcation, normal: np.ndarray) -> Bifurcation:
     """The point between two neighbours at which the curve leaves a range."""
     bound = max(0.0, np.sign(normal[-2:].sum()))
-    part = (bound - abs(normal) @ before.vector) / (abs(normal) @ (after.vector - before.vector))
+    part = (bound - abs(normal) @ before.unknowns) / (abs(normal) @ (after.unknowns - before.unknowns))
     guess = before.near + part * (after.near - before.near)
     guess += (bound - abs(normal) @ guess) * abs(normal)
     return found_near(before.family, before.kind, guess, normal, before.frame, away(before, normal))[0]
@@ -168,7 +168,7 @@ def passes(curve: Branch, branch: Branch, special: Special, ranges: Mapping[str,
             found, _ = found_near(family, special.kind, guess, across, None)
         except LostError:
             continue
-        apart = abs(found.vector[-2] - family.scaled(special.value, second)[0])
+        apart = abs(found.unknowns[-2] - family.scaled(special.value, second)[0])
         if apart < _FOUND and abs(found.mean_speed - special.mean_speed) < _FOUND:
             return True
     return False
@@ -232,7 +232,7 @@ def _beyond(point: Bifurcation) -> Bifurcation:
         same = same_order(after.passage.order, point.passage.order)
         if not same and np.linalg.norm(after.near - guess) < _ASIDE * arc:
             return after
-    raise LostError(f"the curve ends at {point.family.where(point.vector)}, where its events change ({change}); no "
+    raise LostError(f"the curve ends at {point.family.where(point.unknowns)}, where its events change ({change}); no "
                     f"{point.kind} was found beyond")
 
 

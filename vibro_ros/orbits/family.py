@@ -1,7 +1,7 @@
 """Orbits of one machine with one or two parameters that change: the equations that branches follow, and their points.
 
-The unknowns are a *vector*: the state at the cut, in units of the machine, and behind it the shares of the parameters'
-ranges, each from 0 at the one end to 1 at the other.
+The *unknowns* are the state at the cut, in units of the machine, and behind it the parameters, scaled from 0 at the one
+end of their ranges to 1 at the other.
 """
 
 from collections.abc import Mapping, Sequence
@@ -66,9 +66,9 @@ class Family:
         self._low, self._high = np.array(list(ranges.values()), dtype=float).T
         self._map_of = lru_cache(_MAPS)(self._made)
 
-    def values(self, vector: np.ndarray) -> np.ndarray:
-        """The parameters at a vector, in their units, shape (1,) or (2,)."""
-        return self._low + vector[len(self.units):] * (self._high - self._low)
+    def values(self, unknowns: np.ndarray) -> np.ndarray:
+        """The parameters at some unknowns, in their units, shape (1,) or (2,)."""
+        return self._low + unknowns[len(self.units):] * (self._high - self._low)
 
     def scaled(self, *values: float) -> np.ndarray:
         """The shares of the ranges at values of the parameters, shape (1,) or (2,)."""
@@ -78,14 +78,14 @@ class Family:
         """A part of the last parameter's range, in its unit."""
         return share * float(self._high[-1] - self._low[-1])
 
-    def where(self, vector: np.ndarray) -> str:
+    def where(self, unknowns: np.ndarray) -> str:
         """The parameters in words."""
         return ", ".join(f"{name} = {value:.9g}" for name, value in
-                         zip(self.names, self.values(vector).tolist(), strict=True))
+                         zip(self.names, self.values(unknowns).tolist(), strict=True))
 
-    def map_at(self, vector: np.ndarray) -> TurnMap:
-        """The turn map at the parameters of a vector (ValueError where the scene refuses the values)."""
-        return self._map_of(*vector[len(self.units):].tolist())
+    def map_at(self, unknowns: np.ndarray) -> TurnMap:
+        """The turn map at the parameters of some unknowns (ValueError where the scene refuses the values)."""
+        return self._map_of(*unknowns[len(self.units):].tolist())
 
     def _made(self, *shares: float) -> TurnMap:
         values = (self._low + np.array(shares) * (self._high - self._low)).tolist()
@@ -93,36 +93,36 @@ class Family:
         turn_map.units = self.units
         return turn_map
 
-    def state(self, vector: np.ndarray) -> np.ndarray:
-        """The state of a vector, shape (n,)."""
-        return vector[:len(self.units)]
+    def state(self, unknowns: np.ndarray) -> np.ndarray:
+        """The state of some unknowns, shape (n,)."""
+        return unknowns[:len(self.units)]
 
-    def end(self, vector: np.ndarray) -> TurnEnd:
+    def end(self, unknowns: np.ndarray) -> TurnEnd:
         """Where `turns` turns lead."""
-        return self.map_at(vector)(self.state(vector), self.turns)
+        return self.map_at(unknowns)(self.state(unknowns), self.turns)
 
-    def residual(self, vector: np.ndarray) -> np.ndarray:
+    def residual(self, unknowns: np.ndarray) -> np.ndarray:
         """By how much the state does not come back, shape (n,)."""
-        return self.end(vector).state - self.state(vector)
+        return self.end(unknowns).state - self.state(unknowns)
 
-    def mean_speed(self, vector: np.ndarray) -> float:
+    def mean_speed(self, unknowns: np.ndarray) -> float:
         """Of the body [m/s]."""
-        end = self.end(vector)
+        end = self.end(unknowns)
         return end.advance / end.duration
 
-    def free(self, vector: np.ndarray) -> np.ndarray:
+    def free(self, unknowns: np.ndarray) -> np.ndarray:
         """Which unknowns nothing holds at the cut, shape (n + parameters,) of bool."""
-        return np.append(~self.map_at(vector).held(self.state(vector)), np.ones(len(self.names), bool))
+        return np.append(~self.map_at(unknowns).held(self.state(unknowns)), np.ones(len(self.names), bool))
 
-    def order(self, vector: np.ndarray) -> EventOrder:
+    def order(self, unknowns: np.ndarray) -> EventOrder:
         """The order of the events between the cut and `turns` turns later."""
-        return ordered(self.map_at(vector), self.state(vector), self.turns)[1]
+        return ordered(self.map_at(unknowns), self.state(unknowns), self.turns)[1]
 
-    def passage(self, vector: np.ndarray) -> Passage:
+    def passage(self, unknowns: np.ndarray) -> Passage:
         """What happens from the cut over `turns` turns."""
-        return passage(self.map_at(vector), self.state(vector), self.turns)
+        return passage(self.map_at(unknowns), self.state(unknowns), self.turns)
 
-    def jacobian(self, vector: np.ndarray, reach: float = 1.0, fine: bool = False,
+    def jacobian(self, unknowns: np.ndarray, reach: float = 1.0, fine: bool = False,
                  longest: float = STEP) -> np.ndarray:
         """Derivative of the residual by all unknowns, shape (n, n + parameters). What is held stays.
 
@@ -133,16 +133,16 @@ class Family:
         has other derivatives. With `fine`, differences over half the step cancel the leading error of the step (L. F.
         Richardson's extrapolation). `longest` is the longest step.
         """
-        free, seen = self.free(vector), self.passage(vector)
+        free, seen = self.free(unknowns), self.passage(unknowns)
         step = max(_LEAST_STEP, min(longest, _SHARE * seen.softest**2, _PART * seen.miss, _PART * reach))
         while True:
-            matrix, same = self._differences(vector, free, seen.order, step)
+            matrix, same = self._differences(unknowns, free, seen.order, step)
             if same or step <= _LEAST_STEP:
                 break
             step = max(_LEAST_STEP, 0.1 * step)
-        return (4.0 * self._differences(vector, free, seen.order, 0.5 * step)[0] - matrix) / 3.0 if fine else matrix
+        return (4.0 * self._differences(unknowns, free, seen.order, 0.5 * step)[0] - matrix) / 3.0 if fine else matrix
 
-    def _differences(self, vector: np.ndarray, free: np.ndarray, order: EventOrder,
+    def _differences(self, unknowns: np.ndarray, free: np.ndarray, order: EventOrder,
                      step: float) -> tuple[np.ndarray, bool]:
         """The derivative by central differences, and whether all their ends have the events of `order`."""
         n = len(self.units)
@@ -153,7 +153,7 @@ class Family:
             orders.append(along)
             return end.state
 
-        matrix = differences(end_of, vector, free, step)
+        matrix = differences(end_of, unknowns, free, step)
         matrix[~free[:n]] = 0.0
         matrix[:, :n] -= np.eye(n)
         return matrix, all(along == order for along in orders)
@@ -166,18 +166,18 @@ class Family:
         """The same family cut at another crank angle [rad]."""
         return Family(self.scene, self.ranges, self.turns, phase)
 
-    def recut(self, phase: float, vectors: Sequence[np.ndarray]) -> tuple["Family", list[np.ndarray]]:
+    def recut(self, phase: float, points: Sequence[np.ndarray]) -> tuple["Family", list[np.ndarray]]:
         """The same family cut at another phase, and there the states to which the given ones lead."""
         other, found = self.with_phase(phase), []
-        for vector in vectors:
-            state = at_cut(self.map_at(vector), self.state(vector), other.map_at(vector))
-            found.append(np.append(state, vector[len(self.units):]))
+        for unknowns in points:
+            state = at_cut(self.map_at(unknowns), self.state(unknowns), other.map_at(unknowns))
+            found.append(np.append(state, unknowns[len(self.units):]))
         return other, found
 
-    def starts_along(self, vector: np.ndarray) -> list[np.ndarray]:
+    def starts_along(self, unknowns: np.ndarray) -> list[np.ndarray]:
         """The same orbit at the cut of each of its turns."""
-        turn_map, shares = self.map_at(vector), vector[len(self.units):]
-        return [np.append(turn_map(self.state(vector), turns).state, shares) for turns in range(1, self.turns + 1)]
+        turn_map, shares = self.map_at(unknowns), unknowns[len(self.units):]
+        return [np.append(turn_map(self.state(unknowns), turns).state, shares) for turns in range(1, self.turns + 1)]
 
 
 def _check_range(scene: Scene, name: str, low: float, high: float) -> None:
@@ -203,7 +203,7 @@ class BranchPoint:
     ----------
     family : Family
         The equations, with the cut that was used.
-    vector : ndarray, shape (n + parameters,)
+    unknowns : ndarray, shape (n + parameters,)
         State and shares of the parameters.
     tangent : ndarray, shape (n + parameters,)
         Unit vector along the branch.
@@ -219,7 +219,7 @@ class BranchPoint:
     """
 
     family: Family
-    vector: np.ndarray
+    unknowns: np.ndarray
     tangent: np.ndarray
     multipliers: np.ndarray
     mean_speed: float
@@ -229,12 +229,12 @@ class BranchPoint:
     @property
     def state(self) -> np.ndarray:
         """At the cut, in units of the machine, shape (n,)."""
-        return self.family.state(self.vector)
+        return self.family.state(self.unknowns)
 
     @property
     def values(self) -> np.ndarray:
         """The parameters, in their units, shape (1,) or (2,)."""
-        return self.family.values(self.vector)
+        return self.family.values(self.unknowns)
 
     @property
     def value(self) -> float:
@@ -291,14 +291,14 @@ def corrected(family: Family, guess: np.ndarray, normal: np.ndarray,
     raise LostError(f"Newton's method does not close an orbit near {family.where(guess)}")
 
 
-def point_at(family: Family, vector: np.ndarray, along: np.ndarray,
+def point_at(family: Family, unknowns: np.ndarray, along: np.ndarray,
              reach: float = LONGEST_STEP, fine: bool = False) -> BranchPoint:
     """The branch's point at a solution, shape (n + 1,); `reach` and `fine` as for `Family.jacobian`."""
-    matrix, n = family.jacobian(vector, reach, fine), len(vector) - 1
+    matrix, n = family.jacobian(unknowns, reach, fine), len(unknowns) - 1
     *_, rows = np.linalg.svd(matrix)
     tangent = rows[-1] if rows[-1] @ along >= 0.0 else -rows[-1]
-    return BranchPoint(family, vector, tangent, multipliers_of(matrix[:, :n]), family.mean_speed(vector),
-                       family.passage(vector))
+    return BranchPoint(family, unknowns, tangent, multipliers_of(matrix[:, :n]), family.mean_speed(unknowns),
+                       family.passage(unknowns))
 
 
 def multipliers_of(matrix: np.ndarray) -> np.ndarray:
