@@ -145,6 +145,6 @@ def test_several_motions_have_a_row_each_and_no_mean():
     assert sum(row.repeats for row in found) == 8
     rows = [LyapunovTime(0.0, 0.0, False, 15.0).row("device"), *found,
             replace(found[0], program="rk4", value=1e-4), replace(found[1], program="rk4", value=1e-4)]
-    assert finding(rows).startswith("There are several mean speeds (-79.8") and " of 8 starts; -53.6" in finding(rows)
+    assert finding(rows).startswith("There are several mean speeds (-79.8") and " of 8 starts; -53.58" in finding(rows)
     assert "8 starts of 6 s: -79.8" in speeds_table(rows) and "; -53.6 ± " in speeds_table(rows)
     assert "not one: 2 motions" in advice(rows).values()

@@ -224,8 +224,8 @@ def _point(family: Family, kind: str, near: np.ndarray, matrix: np.ndarray, seco
     if kind == GRAZING:
         unknowns = near - (_MISS + second.defect) * free * np.linalg.solve(np.vstack([matrix, along]), np.eye(n + 2)[n])
     speed = 2.0 * family.mean_speed(near) - family.mean_speed(2.0 * near - unknowns)  # carried on as `unknowns` is
-    return Bifurcation(family, unknowns, tangent, multipliers_of(matrix[:n, :n]), speed, family.passage(near), kind=kind,
-                       near=near, matrix=matrix, frame=second.frame)
+    return Bifurcation(family, unknowns, tangent, multipliers_of(matrix[:n, :n]), speed, family.passage(near),
+                       kind=kind, near=near, matrix=matrix, frame=second.frame)
 
 
 def away(point: Bifurcation, normal: np.ndarray) -> np.ndarray:
