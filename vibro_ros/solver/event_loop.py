@@ -31,7 +31,7 @@ from vibro_ros.solver.flow import hold_dynamic, solve_driven, solve_dynamic
 from vibro_ros.solver.guards import find_next_event
 from vibro_ros.solver.lowpass import end_mode, filter_up_to
 from vibro_ros.solver.polynomial import value
-from vibro_ros.solver.rest import follow_forcing, is_at_rest, lengthen_segment, lengthen_to_follow, stiff_ones_follow
+from vibro_ros.solver.rest import is_at_rest, lengthen_segment
 from vibro_ros.solver.rotor import read_phase
 from vibro_ros.solver.segment import advance_forcing, choose_segment, fill_forcing, local_time, phase_at
 from vibro_ros.solver.state import UNKNOWN
@@ -66,24 +66,15 @@ def _solve_up_to_driven(system, state, point):
         return
     if system.size[0].decays > 0:  # not in this mode, or no longer
         state.z[len(state.z) - 2] = 0.0
-    held, may_follow = state.scratch.after, True
-    while True:
-        # How long the forcing and the flow's series allow; longer, if stiff coordinates may only follow the forcing.
-        choose_segment(system, state, True)
-        may_follow = may_follow and lengthen_to_follow(system, state)
-        fill_forcing(system, state)
-        # Three ways to move the dynamic coordinates: not at all, by their flow, or by their flow with some following.
-        if is_at_rest(system, state, point, held):
-            lengthen_segment(state)
-            hold_dynamic(system, state, held)
-        elif may_follow and not stiff_ones_follow(system, state, point):
-            may_follow = False
-            continue
-        else:
-            solve_dynamic(system, state, point)
-            if may_follow:
-                follow_forcing(system, state)
-        return
+    # How long the forcing and the flow's series allow; as long as any, where the dynamic coordinates are at rest.
+    choose_segment(system, state, True)
+    fill_forcing(system, state)
+    held = state.scratch.after
+    if is_at_rest(system, state, point, held):
+        lengthen_segment(state)
+        hold_dynamic(system, state, held)
+    else:
+        solve_dynamic(system, state, point)
 
 
 @kernel

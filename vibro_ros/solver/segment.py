@@ -86,9 +86,10 @@ def _return_to_cell(state, back):
 
 
 @kernel
-def part_of_cell(system, state, longest):
-    """Duration [s], at most `longest`, of a segment that is not a whole cell, as far as the forcing goes."""
+def _part_of_cell(system, state):
+    """Duration [s] of a segment that is not a whole cell, as far as the flow's series and the forcing go."""
     segment, drive = state.now[0].segment, state.now[0].drive
+    longest = system.longest_segment[state.now[0].automaton.mode]
     duration = min(LONGEST_SEGMENT, segment.cell_left, longest, resolved_time(drive, system.signals.reach[drive.cell]))
     if drive.time_left > 0.0:
         duration = min(duration, drive.time_left)
@@ -134,7 +135,7 @@ def choose_segment(system, state, may_be_cell):
             segment.cell_left = duration - since
         else:
             segment.cell_left = time_to_advance(drive, width - drive.offset)
-        duration = part_of_cell(system, state, system.longest_segment[state.now[0].automaton.mode])
+        duration = _part_of_cell(system, state)
         segment.slot = len(system.signals.start) - 1
     segment.flow_start = segment.mode_start
     segment.half = 0.5 * duration

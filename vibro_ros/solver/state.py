@@ -39,7 +39,6 @@ SEGMENT = np.dtype([
     ("next_event", np.float64),  # local time of the next event: of the first root of a guard, else 1
     ("cell_left", np.float64),  # time [s] from the segment's start to the cell's end
     ("slot", np.int64),  # of `Library`, for segments of this kind
-    ("cut_short", np.int64),  # segments that a stiff coordinate has cut short: see `rest`
 ], align=True)
 
 #: The phase of the signals, and how its speed changes.
