@@ -64,7 +64,7 @@ DOCUMENTS = {
     "motor": Document(
         "docs/guide/motor.md", ("tools.motor_page",), 1.0, (*_PHYSICS, "tools/motor_page.py")),
     "effects": Document(
-        "docs/robot.md", ("tools.effects",), 6.0, (*_PHYSICS, "tools/effects.py")),
+        "docs/robot.md", ("tools.effects",), 6.0, (*_PHYSICS, "vibro_ros/orbits", "tools/effects.py")),
     "literature": Document(
         "docs/literature.md", ("research.literature",), 4.0, (*_PHYSICS, "research/literature")),
     "map": Document(
