@@ -69,8 +69,8 @@ def test_the_end_of_the_lag_is_an_event_and_leaves_the_commanded_speed():
     assert device.state.motor_speed == 37.0
 
 
-def test_a_lagging_motor_takes_hardly_more_segments_than_a_steady_one():
-    """Where its speed changes by a tenth within a cell at most, a cell is one segment, as at a steady speed."""
+def test_a_lagging_motor_takes_a_few_segments_a_cell():
+    """A part of a cell has its own series, which is cut and not economized: it reaches a third as far as a cell."""
     ideal = vibro_ros.load_scene("no_impact").with_parameters({"motor.speed": 70.0})
     steps = {}
     for motor in ("ideal", "lag"):
@@ -78,4 +78,4 @@ def test_a_lagging_motor_takes_hardly_more_segments_than_a_steady_one():
         device.command(motor_speed=100.0)
         device.advance_to(4.0)
         steps[motor] = device.statistics["steps"]
-    assert steps["lag"] < 1.1 * steps["ideal"]
+    assert steps["lag"] < 3.5 * steps["ideal"]

@@ -160,7 +160,6 @@ def place(scene: Scene, model: Model, state: State, point: np.ndarray, values: M
             drive["turns"], rest = drive["turns"] - 1, rest + _TURN
         drive["cell"] = cell = min(int(np.searchsorted(starts, rest, side="right")) - 1, len(starts) - 2)
         drive["offset"] = rest - starts[cell] if drive["direction"] > 0 else starts[cell + 1] - rest
-        drive["since"] = 0.0
     for k, side in enumerate(forms.plates):
         state.ramp["value"][k] = point[at.ramp(k)] = values[f"{side}_plate_position"]
     for k, slider in enumerate(model.sliders):  # they move with the crank; the energy of the drives is theirs

@@ -20,9 +20,6 @@ _NEGLIGIBLE = 1e-18  # beside 1
 # Newton's method for the end of a cell: monotone after its first step, because the speed is.
 _MOST_NEWTON_STEPS = 60
 _NEWTON_END = 4e-16
-# Change of the speed over a cell, as part of the speed, at which the cell may be a segment: the phase is then off the
-# straight line by a fortieth of the cell's half at most, and the cell's ellipse of convergence as good as the same.
-_SMALL_CHANGE = 0.1
 # After so many of its time constants a speed that approaches its target exponentially is there, to rounding.
 _TIME_CONSTANTS = 40.0
 # A speed [rad/s] that is none: of a smaller one, the time in which it falls to 0 could underflow.
@@ -47,7 +44,7 @@ def command_drive(signals: SignalTable, drive: np.void, speed: float, target: fl
     direction = float(drive["direction"])
     speed, target = direction * speed + 0.0, direction * target + 0.0
     drive["speed"], drive["target"] = speed, target
-    drive["acceleration"] = drive["lag"] = drive["time_left"] = 0.0
+    drive["acceleration"] = drive["lag"] = drive["time_left"] = drive["residue"] = 0.0
     if target == speed:
         return
     if lag:
@@ -61,7 +58,7 @@ def command_drive(signals: SignalTable, drive: np.void, speed: float, target: fl
 @kernel
 def enter_next_cell(system, drive):
     """Let the segment start where the next cell does."""
-    drive.offset = drive.since = 0.0
+    drive.offset = 0.0
     drive.cell += drive.direction
     if drive.cell == len(system.signals.start) - 1:
         drive.cell = 0
@@ -102,25 +99,31 @@ def settling_time(drive):
 def advance_speed(drive, elapsed, speed):
     """Set the speed, after `elapsed` [s] of a change, to `speed` [rad/s]; return whether it is at its target now.
 
-    Where the speed has fallen to 0 on its way to a target in the other direction, the direction changes. The caller
-    sees to the offset, which is counted from the cell's other end then. A step of fixed length may end behind that
-    instant, at a negative speed.
+    What rounding takes from the sum is added to the next change, because a change takes thousands of segments. Where
+    the speed has fallen to 0 on its way to a target in the other direction, the direction changes. The caller sees to
+    the offset, which is counted from the cell's other end then. A step of fixed length may end behind that instant, at
+    a negative speed.
     """
     if drive.time_left == 0.0:
         return False
-    drive.speed = speed
+    change = drive.acceleration * elapsed
+    if drive.lag > 0.0:
+        change = (drive.speed - drive.target) * math.expm1(-elapsed / drive.lag)
     drive.time_left -= elapsed
     if drive.time_left > 0.0:
+        lost = drive.residue + (change - (speed - drive.speed))
+        drive.speed = max(min(0.0, drive.target), speed + lost)
+        drive.residue = lost - (drive.speed - speed)
         return False
     if drive.target < 0.0:
         drive.direction = -drive.direction
         drive.target, drive.acceleration = -drive.target, -drive.acceleration
-        drive.speed = max(0.0, -speed)
+        drive.speed, drive.residue = max(0.0, -speed), 0.0
         drive.time_left += _rising_time(drive.target, drive.acceleration, drive.lag)
         if drive.time_left > 0.0:
             return False
     drive.speed = drive.target
-    drive.acceleration = drive.lag = drive.time_left = 0.0
+    drive.acceleration = drive.lag = drive.time_left = drive.residue = 0.0
     return True
 
 
@@ -171,22 +174,6 @@ def resolved_time(drive, reach):
 
 
 @kernel
-def measure_cell(drive, width):
-    """Note where a cell of the `width` [rad] starts while the speed changes, and whether it may be a segment.
-
-    It may if the change is so small over the cell that the signals are as smooth in time as they are in the phase.
-    """
-    drive.cells += 1
-    drive.version += 1
-    drive.since, drive.cell_time, drive.cell_speed = 0.0, 0.0, drive.speed
-    time = time_to_advance(drive, width)
-    if time < drive.time_left and (drive.lag == 0.0 or time < 2.0 * drive.lag):
-        _, end = phase_advance(drive, time)
-        if abs(end - drive.speed) < _SMALL_CHANGE * min(end, drive.speed):
-            drive.cell_time = time
-
-
-@kernel
 def _fill_change(drive, speed, half, width, series):
     """Fill `series` with what the change of the speed adds to the phase, about an instant at which it is `speed`.
 
@@ -225,16 +212,3 @@ def fill_shift(drive, half, width, shift):
     for n in range(2, terms):
         shift[n] /= slope
     return 2.0 * (drive.offset + advance) / width - 1.0, slope, terms
-
-
-@kernel
-def fill_cell_shift(drive, width, shift):
-    """Write the phase over the present cell, of the `width` [rad], as x + shift(x); returns the shift's terms."""
-    half = 0.5 * drive.cell_time
-    speed = drive.cell_speed + drive.acceleration * half
-    if drive.lag > 0.0:
-        speed = drive.target + (drive.cell_speed - drive.target) * math.exp(-half / drive.lag)
-    terms = _fill_change(drive, speed, half, width, shift)
-    for n in range(2, terms):  # as the phase is -1 and 1 where x is, exactly
-        shift[n % 2] -= shift[n]
-    return terms

@@ -263,8 +263,7 @@ def interrupt(system, state, time, point):
     end_mode(system, state, x)
     state.now[0].automaton.standstills = 0  # what a command sets off is no part of the cascade before it
     advance_forcing(system, state, x)
-    state.now[0].drive.version += 1  # of the forcing after the command, ...
-    state.now[0].drive.cell_time = 0.0  # ... which does not hold from the cell's start
+    state.now[0].drive.version += 1  # of the forcing after the command
     segment.start, segment.residue = time, 0.0  # or a sample now could lie before what follows at once
 
 

@@ -15,7 +15,7 @@ free motion over the longest segment of the kind, which is solved once a flow.
 from vibro_ros.solver.compilation import kernel, rounding_kernel
 from vibro_ros.solver.polynomial import INVERSE, differentiate, economized_powers, fill_form, integrate_through, value
 from vibro_ros.solver.segment import LONGEST_SEGMENT
-from vibro_ros.solver.system import CELL_RATE, first_acceleration, form_magnitude, sparse_magnitude
+from vibro_ros.solver.system import first_acceleration, form_magnitude, sparse_magnitude
 from vibro_ros.solver.vector import LENGTH, powers, store, total, vector, with_first
 
 
@@ -34,9 +34,8 @@ def _compensated_sum(p):
 def _provide_free_motion(system, state, flow, slot):
     library, segment, cells = state.library, state.now[0].segment, len(system.signals.start) - 1
     half = segment.half  # of the longest segment that the free motions serve
-    if slot >= cells:
-        rate = 1.0 if slot == cells else CELL_RATE
-        half = 0.5 * min(LONGEST_SEGMENT, rate * system.longest_segment[state.now[0].automaton.mode])
+    if slot == cells:
+        half = 0.5 * min(LONGEST_SEGMENT, system.longest_segment[state.now[0].automaton.mode])
     if library.half[flow, slot] == half:
         return
     library.half[flow, slot] = half
@@ -193,15 +192,13 @@ def solve_dynamic(system, state, point):
     """Series of the dynamic coordinates that pass through `point` at the flow's start."""
     z, slot, library = state.z, state.now[0].segment.slot, state.library
     flow = system.flow[state.now[0].automaton.mode]
-    cells = len(system.signals.start) - 1
-    free_slot = slot if slot == cells or state.now[0].drive.time_left == 0.0 else cells + 1
-    _provide_free_motion(system, state, flow, free_slot)
-    forced, free = library.forced[flow, slot], library.free[flow, free_slot]
-    part = state.now[0].segment.half / library.half[flow, free_slot]
+    _provide_free_motion(system, state, flow, slot)
+    forced, free = library.forced[flow, slot], library.free[flow, slot]
+    part = state.now[0].segment.half / library.half[flow, slot]
     _provide_forced_motion(system, state, flow, slot, point)
     needs_free = _needs_free_motion(system, state, forced, library.forced_start[flow, slot], point)
     if needs_free:
-        _carry_to_middle(system, state, free, library.free_end[flow, free_slot], part)
+        _carry_to_middle(system, state, free, library.free_end[flow, slot], part)
     for c in range(2 * system.size[0].dynamic):
         channel = _component(system, c)
         if needs_free:

@@ -1,7 +1,7 @@
 """Segments: the part of time that one polynomial a channel describes, and the clock that the segments move.
 
-A segment is a whole cell of the signals where the flow's series reaches so far and the speed hardly changes, so that
-the series of the cell serve again; the flow then starts on the way. Elsewhere the segment starts with the flow and ends
+A segment is a whole cell of the signals where the flow's series reaches so far and the speed is steady, so that the
+series of the cell serve again; the flow then starts on the way. Elsewhere the segment starts with the flow and ends
 with the cell, with a ramp, or where a series no longer reaches rounding.
 
 The known forcing, which is periodic signals of the phase and ramps, is written as polynomials over the segment.
@@ -9,15 +9,11 @@ The known forcing, which is periodic signals of the phase and ramps, is written 
 
 import math
 
-import numpy as np
-
 from vibro_ros.solver.compilation import called_kernel, entry_kernel, kernel
 from vibro_ros.solver.drive import (
     advance_speed,
     enter_next_cell,
-    fill_cell_shift,
     fill_shift,
-    measure_cell,
     phase_advance,
     resolved_time,
     time_to_advance,
@@ -60,7 +56,7 @@ def _spans_cell(system, state, duration, since):
     if duration > min(LONGEST_SEGMENT, CELL_RATE * system.longest_segment[state.now[0].automaton.mode]):
         return False
     left, drive = duration - since, state.now[0].drive
-    if duration == 0.0 or 0.0 < drive.time_left <= left:
+    if duration == 0.0 or drive.time_left > 0.0:
         return False
     for k in range(len(state.ramp)):
         if state.ramp[k].rate != 0.0 and state.ramp[k].time_left <= left:
@@ -74,9 +70,6 @@ def _return_to_cell(state, back):
     segment, drive = state.now[0].segment, state.now[0].drive
     now, residue = segment.start, segment.residue
     drive.offset = 0.0
-    if drive.time_left > 0.0:
-        drive.since, drive.speed = 0.0, drive.cell_speed
-        drive.time_left += back
     advance_clock(state, -back)
     segment.mode_start = ((now - segment.start) + (residue - segment.residue)) / segment.half - 1.0
     for k in range(len(state.ramp)):
@@ -112,17 +105,13 @@ def choose_segment(system, state, may_be_cell):
     """
     segment, drive = state.now[0].segment, state.now[0].drive
     width = _cell_width(system, drive)
-    if drive.offset >= width or (drive.time_left > 0.0 and 0.0 < drive.cell_time <= drive.since):
+    if drive.offset >= width:
         enter_next_cell(system, drive)
         width = _cell_width(system, drive)
-    if drive.offset == 0.0 and drive.time_left > 0.0:
-        measure_cell(drive, width)
     segment.mode_start = -1.0
     # Of the whole cell, and from its start to the segment's start; 0 if no segment may be the cell.
     duration, since = 0.0, 0.0
-    if drive.time_left > 0.0:
-        duration, since = drive.cell_time, drive.since
-    elif drive.speed > 0.0:
+    if drive.speed > 0.0:
         duration, since = width / drive.speed, drive.offset / drive.speed
     if may_be_cell and _spans_cell(system, state, duration, since):
         segment.cell_left = duration
@@ -131,10 +120,7 @@ def choose_segment(system, state, may_be_cell):
             _return_to_cell(state, since)
         segment.slot = drive.cell
     else:
-        if drive.time_left > 0.0 and duration > 0.0:
-            segment.cell_left = duration - since
-        else:
-            segment.cell_left = time_to_advance(drive, width - drive.offset)
+        segment.cell_left = time_to_advance(drive, width - drive.offset)
         duration = _part_of_cell(system, state)
         segment.slot = len(system.signals.start) - 1
     segment.flow_start = segment.mode_start
@@ -201,40 +187,17 @@ def _size(shift, terms):
     return size
 
 
-@kernel
-def _provide_cell_signals(system, state):
-    """Polynomials in time of the signals over the present cell, at a changing speed, if the library lacks them."""
-    drive, library, shift = state.now[0].drive, state.library, state.scratch.room[0].shift[:]
-    if library.signal_cells[0] == drive.cells:
-        return
-    library.signal_cells[0] = drive.cells
-    width = _cell_width(system, drive)
-    terms = fill_cell_shift(drive, width, shift)
-    ratio = 0.5 * width / system.signals.reach[drive.cell]
-    _copy_cell(system, drive, library.signal)
-    _displace_all(state, library.signal, ratio, terms, _size(shift, terms), library.signal)
-
-
 @called_kernel
 def _fill_changing_signals(system, state):
-    segment, drive, library = state.now[0].segment, state.now[0].drive, state.library
-    shift, width, cell = state.scratch.room[0].shift[:], _cell_width(system, drive), drive.cell
-    first, terms = first_signal(system.size[0]), np.int64(2)
-    targets = state.z[first:first + len(library.signal)]
-    if drive.cell_time > 0.0:
-        _provide_cell_signals(system, state)
-        if segment.slot == cell:
-            _copy(library.signal, targets)
-            return
-        middle, slope = 2.0 * (drive.since + segment.half) / drive.cell_time - 1.0, 2.0 * segment.half / drive.cell_time
-    else:
-        middle, slope, terms = fill_shift(drive, segment.half, width, shift)
-        _copy_cell(system, drive, library.signal)
-        library.signal_cells[0] = 0
+    segment, drive, shift = state.now[0].segment, state.now[0].drive, state.scratch.room[0].shift[:]
+    first, width = first_signal(system.size[0]), _cell_width(system, drive)
+    targets = state.z[first:first + system.size[0].signals]
+    middle, slope, terms = fill_shift(drive, segment.half, width, shift)
     size = _size(shift, terms)
-    _fill_parts(system, state, library.signal, middle, slope, size)
+    _fill_parts(system, state, system.signals.series[drive.cell], drive.direction * middle, drive.direction * slope,
+                size)
     if terms > 2:
-        ratio = 0.5 * width * slope / system.signals.reach[cell]
+        ratio = 0.5 * width * slope / system.signals.reach[drive.cell]
         _displace_all(state, targets, ratio, terms, size, targets)
 
 
@@ -328,7 +291,6 @@ def advance_forcing(system, state, x):
         advance_clock(state, elapsed)
         return advance_ramps(state, elapsed)
     advance, speed = phase_advance(drive, elapsed)
-    drive.since += elapsed
     if x == 1.0 and elapsed == state.now[0].segment.cell_left:
         enter_next_cell(system, drive)
     else:

@@ -48,14 +48,11 @@ DRIVE = np.dtype([
     ("direction", np.int64),  # 1, or -1 backwards: what follows is counted along it
     ("offset", np.float64),  # phase [rad] from where it enters the cell to the segment's start
     ("speed", np.float64),  # rate of the phase [rad/s] at the segment's start, not below 0 ...
+    ("residue", np.float64),  # ... what rounding took from it while it changes ...
     ("acceleration", np.float64),  # ... its constant rate of change [rad/s²], if it is on a ramp ...
     ("lag", np.float64),  # ... or the time constant [s] with which it approaches its target instead, or 0 ...
     ("target", np.float64),  # ... its target [rad/s], below 0 if the direction has to change first ...
     ("time_left", np.float64),  # ... and the time [s] until it is there, or is 0 first, or 0
-    ("cell_speed", np.float64),  # speed at the start of a cell over which the speed changes ...
-    ("cell_time", np.float64),  # ... time [s] that the cell takes, or 0 if it is no segment ...
-    ("since", np.float64),  # ... time [s] from the cell's start to the segment's start ...
-    ("cells", np.int64),  # ... and the number of such cells so far
     ("version", np.int64),  # of the forcing: what is driven by the same version over the same cell moves alike
 ], align=True)
 
@@ -173,8 +170,7 @@ class Scratch(NamedTuple):
 class Library(NamedTuple):
     """Series that many segments share, by flow and slot.
 
-    There is one slot for each cell, one for parts of cells, and one for the free motions of whole cells at a changing
-    speed.
+    There is one slot for each cell, and one for parts of cells.
 
     n dynamic coordinates have 2 n components, their positions and then their velocities.
 
@@ -183,8 +179,8 @@ class Library(NamedTuple):
     half : ndarray, shape (flows, slots)
         Half the duration [s] that the free motions belong to; 0 while there are none.
     free : ndarray, shape (flows, slots, 2 n, 2 n, LENGTH)
-        Motion without load, from a unit of each component in the middle: over the cell at a steady speed, or over the
-        longest segment that the last two slots serve.
+        Motion without load, from a unit of each component in the middle: over the cell, or over the longest segment
+        that the last slot serves.
     free_end : ndarray, shape (flows, slots, 2 n, 2 n)
         Values of `free` at the segment's end.
     version : ndarray of int, shape (flows, slots)
@@ -193,10 +189,6 @@ class Library(NamedTuple):
         Motion under the cell's load, from rest at zero in the middle.
     forced_start : ndarray, shape (flows, slots, 2 n)
         Values of `forced` at the segment's start.
-    signal : ndarray, shape (signals, LENGTH)
-        The signals over the present cell, while the speed changes, as polynomials of time ...
-    signal_cells : ndarray of int, shape (1,)
-        ... and `cells` of the drive when they were made; 0 while there are none.
     """
 
     half: np.ndarray
@@ -205,8 +197,6 @@ class Library(NamedTuple):
     version: np.ndarray
     forced: np.ndarray
     forced_start: np.ndarray
-    signal: np.ndarray
-    signal_cells: np.ndarray
 
 
 class State(NamedTuple):
@@ -270,14 +260,13 @@ def lasting(state: State) -> list[np.ndarray]:
 
 
 def _empty_library(system: System) -> Library:
-    slots = (int(system.flow.max(initial=0)) + 1, len(system.signals.start) + 1)
+    slots = (int(system.flow.max(initial=0)) + 1, len(system.signals.start))
     if len(system.rotor.controller):  # whose series begin anew in every segment
         slots = 1, 1
     components = 2 * int(system.size["dynamic"][0])
     return Library(half=np.zeros(slots), free=np.zeros((*slots, components, components, LENGTH)),
                    free_end=np.zeros((*slots, components, components)), version=np.zeros(slots, dtype=np.int64),
-                   forced=np.zeros((*slots, components, LENGTH)), forced_start=np.zeros((*slots, components)),
-                   signal=np.zeros((channels_of(system.size).signals, LENGTH)), signal_cells=np.zeros(1, np.int64))
+                   forced=np.zeros((*slots, components, LENGTH)), forced_start=np.zeros((*slots, components)))
 
 
 def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode: int) -> State:
