@@ -16,9 +16,8 @@ if TYPE_CHECKING:
     from vibro_ros.configuration.scene_file import load_scene
     from vibro_ros.model.scene import Scene
     from vibro_ros.orbits.attractors import attractors
-    from vibro_ros.orbits.branch import follow_orbit
+    from vibro_ros.orbits.branch import follow_bifurcation, follow_orbit
     from vibro_ros.orbits.chaos import lyapunov_spectrum, zero_one_test
-    from vibro_ros.orbits.curve import follow_bifurcation
     from vibro_ros.orbits.orbit import find_orbit
     from vibro_ros.orbits.recurrence import settled_motion
     from vibro_ros.sensors.device import SensedSimulator
@@ -37,7 +36,7 @@ _HOMES = {
     "Simulator": "simulation.simulator",
     "attractors": "orbits.attractors",
     "find_orbit": "orbits.orbit",
-    "follow_bifurcation": "orbits.curve",
+    "follow_bifurcation": "orbits.branch",
     "follow_orbit": "orbits.branch",
     "load_scene": "configuration.scene_file",
     "lyapunov_spectrum": "orbits.chaos",

@@ -111,6 +111,7 @@ def test_a_branch_is_read_as_it_was_written():
         (one.kind, one.value, one.change, one.at) for one in special]
 
 
+@pytest.mark.process
 def test_curves_are_followed_kept_and_not_followed_twice(bytes_of, tmp_path, capsys):
     """The fold of `damped` at 107.96 rad/s; the same command reads what is there, and changes no byte."""
     words = ["--scene", "damped", "--vary", "motor.speed=100:110", "--from", "107", "--starts", "1", "--turns", "1",

@@ -7,7 +7,7 @@ A `Scene` whose crank turns comes in; orbits, branches, attractors and exponents
 3. `orbit` closes a periodic motion by Newton's method, with its multipliers and their error.
 4. `passage` is the order of a turn's events: the map is smooth as long as it stays.
 5. `family` has the equations of an orbit over one or two parameters, `continuation` the steps along a branch and its
-   special points, and `branch` the whole branch from its begin to its end.
-6. `bifurcation` and `curve` do the same for folds, period doublings and grazings over two parameters.
+   special points, and `bifurcation` what folds, doublings and grazings over two parameters need more.
+6. `branch` has whole branches, over one parameter or two, from the begin to the end.
 7. `chaos` measures Lyapunov exponents and has the 0-1 test.
 """

@@ -1,4 +1,4 @@
-"""Special points over two parameters: the equations that a curve of them solves, and Newton's method for these.
+"""Special points over two parameters: the equations that a curve of them solves, Newton's method for these, and steps.
 
 The unknowns are the state and both parameters. The equations are those of an orbit, which comes back, and one more that
 says what is special (Yu. A. Kuznetsov, Elements of Applied Bifurcation Theory, section 10.3; W. Govaerts, Numerical
@@ -12,18 +12,21 @@ Methods for Bifurcations of Dynamical Equilibria, SIAM 2000). With the derivativ
 
 The first needs derivatives of A, which are second differences of the map: they decide how fast Newton's method
 converges, not where to.
+
+A curve is followed by pseudo-arclength, as a branch is. It is smooth as long as the order of the orbit's events stays;
+where it changes, the curve is sought on the other side, and may end there.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
-from vibro_ros.orbits.continuation import DOUBLING, FOLD, GRAZING
+from vibro_ros.orbits.continuation import DOUBLING, FIRST_STEP, FOLD, GRAZING, NEAREST_EVENT, STRAIGHT
 from vibro_ros.orbits.family import LONGEST_STEP, BranchPoint, Family, LostError, multipliers_of
 from vibro_ros.orbits.orbit import CLOSED
-from vibro_ros.orbits.passage import Miss, Passage, least_gap
+from vibro_ros.orbits.passage import Miss, Passage, change_in_words, least_gap, same_order
 from vibro_ros.orbits.turn_map import TURN, direction
 from vibro_ros.simulation.motion import SimulationError
 
@@ -232,3 +235,92 @@ def away(point: Bifurcation, normal: np.ndarray) -> np.ndarray:
     """Where to, across `normal`, the second equation grows by 1; what something holds stays."""
     found = np.linalg.solve(np.vstack([point.matrix, normal]), np.eye(len(normal))[-2])
     return np.where(point.family.free(point.near), found, 0.0)
+
+
+_FEW = 6  # iterations of Newton's method at most before a step that is longer
+_SHORTEST, _SHORT = 1e-8, 1e-5  # steps along a curve: the least, and that at which the other side of events is tried
+_ARCS = (1e-5, 1e-4, 1e-3)  # to the first point on the other side
+_ASIDE = 3.0  # arcs that a curve may turn aside within an arc at a change of events
+_AHEAD = 1e-6  # along the curve: where its direction is looked for when the cut changes
+
+
+def follow_bifurcations(start: Bifurcation) -> Iterator[tuple[Bifurcation, Bifurcation]]:
+    """Neighbours on a curve from a point on, along its tangent, until it leaves the range of a parameter.
+
+    Yields
+    ------
+    Bifurcation, Bifurcation
+        A point and the next, with one cut; first the start and itself.
+
+    Raises
+    ------
+    LostError
+        Where the curve cannot be followed.
+    """
+    point, step = _well_cut(start), FIRST_STEP
+    yield point, point
+    while np.all((point.near[-2:] >= 0.0) & (point.near[-2:] <= 1.0)):
+        after, step = _next(point, step)
+        yield point, after
+        point = _well_cut(after)
+
+
+def _next(point: Bifurcation, step: float) -> tuple[Bifurcation, float]:
+    """The next point, also beyond a change of events; and the step after it."""
+    family, reason, apart = point.family, "", away(point, point.tangent)
+    while step >= _SHORTEST:
+        guess, crosses = point.near + step * point.tangent, False
+        try:
+            after, iterations = found_near(family, point.kind, guess, point.tangent, point.frame, apart)
+            crosses = not same_order(after.passage.order, point.passage.order)
+            if not crosses and after.tangent @ point.tangent >= STRAIGHT:
+                return after, min(LONGEST_STEP, step * (1.5 if iterations <= _FEW else 1.0))
+            reason = f"the curve bends too sharply near {family.where(after.near)}"
+        except LostError as error:
+            reason = str(error)
+            try:
+                crosses = not same_order(family.order(guess), point.passage.order)
+            except (SimulationError, ValueError):
+                crosses = False
+        if crosses and step < _SHORT:
+            return _beyond(point), FIRST_STEP
+        step *= 0.5
+    raise LostError(reason)
+
+
+def _beyond(point: Bifurcation) -> Bifurcation:
+    """The first point of the curve on the other side of a change of events."""
+    change = ""
+    for arc in _ARCS:
+        guess = point.near + arc * point.tangent
+        try:
+            order = point.family.order(guess)
+            change = change or change_in_words(point.passage.order, order)
+            after, _ = found_near(point.family, point.kind, guess, point.tangent, None)
+        except (LostError, SimulationError, ValueError):
+            continue
+        same = same_order(after.passage.order, point.passage.order)
+        if not same and np.linalg.norm(after.near - guess) < _ASIDE * arc:
+            return after
+    raise LostError(f"the curve ends at {point.family.where(point.unknowns)}, where its events change ({change}); no "
+                    f"{point.kind} was found beyond")
+
+
+def _well_cut(point: Bifurcation) -> Bifurcation:
+    """The same orbit, cut far from all events, and from the instant of a grazing."""
+    family, seen = point.family, point.passage
+
+    def from_grazing(phase: float) -> float:
+        return abs((point.frame.angle - phase + 0.5 * TURN) % TURN - 0.5 * TURN) / TURN if point.frame.side else 1.0
+
+    if min(seen.clear, from_grazing(family.phase)) >= NEAREST_EVENT:
+        return point
+    phase = (seen.best + 0.5 if point.frame.side and not seen.order else seen.best) % TURN
+    if from_grazing(phase) < NEAREST_EVENT:
+        phase = (phase + 2.0 * NEAREST_EVENT * TURN) % TURN
+    family, (here, ahead) = family.recut(phase, [point.near, point.near + _AHEAD * point.tangent])
+    along = (ahead - here) / np.linalg.norm(ahead - here)
+    try:
+        return found_near(family, point.kind, here, along, None)[0]
+    except LostError:
+        return point

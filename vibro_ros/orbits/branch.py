@@ -1,20 +1,23 @@
-"""Branches of periodic orbits: through an orbit or from a period doubling on, from the first orbit to the end.
+"""Branches of periodic orbits, from the first orbit to the end: over one parameter through an orbit or from a period
+doubling on, and over two parameters, as curves of folds, period doublings and grazings.
 
-A branch ends where it leaves the range of the parameter, closes, joins another branch, or is lost.
+A branch ends where it leaves the range of a parameter, closes, joins another branch, or is lost.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.continuation import EdgeError, SpecialPoint, follow_on, special_points
+from vibro_ros.orbits.bifurcation import FOLLOWED, Bifurcation, away, follow_bifurcations, found_near
+from vibro_ros.orbits.continuation import GRAZING, EdgeError, SpecialPoint, follow_on, special_points
 from vibro_ros.orbits.family import BranchPoint, Family, LostError, corrected, point_at
 from vibro_ros.orbits.orbit import Orbit, Seed, is_same
-from vibro_ros.orbits.passage import same_order
-from vibro_ros.orbits.turn_map import TurnMap
+from vibro_ros.orbits.passage import change_in_words, same_order
+from vibro_ros.orbits.turn_map import TurnMap, state_names
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import Simulator
 
@@ -230,31 +233,45 @@ def lies_on(family: Family, seed: Seed, value: float, branch: Branch) -> bool:
 
 def whole_branch(start: BranchPoint, points: int) -> Branch:
     """The branch from `start` along its tangent, of at most so many orbits."""
-    found: list[BranchPoint] = []
-    special: list[tuple[int, SpecialPoint]] = []
-    family, end = start.family, f"{points} orbits, the most that were asked for"
-    closing = Closing(start)
+    return gathered(start.family, *_along(follow_on(start), start, points, _at_end, special_points))
+
+
+Between = Callable[[BranchPoint, BranchPoint], Iterable[SpecialPoint]]
+"""The special points between two neighbours."""
+
+
+def _along(neighbours: Iterator[tuple[Any, Any]], start: BranchPoint, points: int, at_bound: Callable[..., Any],
+           special_between: Between) -> tuple[list[Any], list[tuple[int, SpecialPoint]], str]:
+    """The points of a branch until it leaves a range, closes or is lost, at most so many.
+
+    Returns
+    -------
+    list of BranchPoint
+        The points, the last at a bound of the range if it is left there by `at_bound`.
+    list of (int, SpecialPoint)
+        Each special point, with the number of points before it.
+    str
+        Why they end.
+    """
+    found, special = list[Any](), list[tuple[int, SpecialPoint]]()
+    end, closing = f"{points} orbits, the most that were asked for", Closing(start)
     try:
-        for before, after in follow_on(start):
+        for before, after in neighbours:
             if left := range_left(after.family, after.unknowns):
-                end, normal = left
-                last = _at_end(before, after, normal)
-                special += [(len(found), one) for one in special_points(before, last)]
-                found.append(last)
-                break
-            if found and (reason := closing.reason(before, after)):
+                end, after = left[0], at_bound(before, after, left[1])
+            elif found and (reason := closing.reason(before, after)):
                 end = reason
                 break
-            special += [(len(found), one) for one in special_points(before, after)]
+            special += [(len(found), one) for one in special_between(before, after)]
             found.append(after)
-            if len(found) >= points:
+            if left or len(found) >= points:
                 break
     except (LostError, SimulationError, ValueError) as error:
         end = closing.reason_at(found[-1]) if found else ""
         if isinstance(error, EdgeError) and error.grazing and not end:
             special.append((len(found), error.grazing))
         end = end or str(error)
-    return gathered(family, found, special, end)
+    return found, special, end
 
 
 def range_left(family: Family, unknowns: np.ndarray) -> tuple[str, np.ndarray] | None:
@@ -302,7 +319,8 @@ class Closing:
     def reason_at(self, last: BranchPoint) -> str:
         """Why the branch ends at a point that is not followed by another one; empty where that is not known."""
         half = last.family.turns // 2
-        if 2 * half == last.family.turns and np.abs(self._apart(last, half)).max() < _JOINED:
+        joins = 2 * half == last.family.turns and len(last.family.names) == 1
+        if joins and np.abs(self._apart(last, half)).max() < _JOINED:
             return f"joins the branch of {half} turn{'s' if half > 1 else ''} at a corner"
         return ""
 
@@ -317,30 +335,24 @@ class Closing:
         return self._begins
 
 
-def gathered(family: Family, points: list[BranchPoint], special: list[tuple[int, SpecialPoint]], end: str) -> Branch:
-    """The branch of some points over one parameter, with the number of points before each special point."""
-    names = TurnMap(family.scene, family.phase).names
-    strobe = [_strobe(point) for point in points]  # shapes (turns, n)
-    return sequence_of(family, points, end, strobe={
-        name: np.array([one[:, k] for one in strobe]).reshape(-1, family.turns) for k, name in enumerate(names)},
-        special_points=tuple(
-            Special(one.kind, one.point.mean_speed, one.point.multipliers, one.change, one.point.family.phase,
-                    one.point.state, at, one.point.values, one.width) for at, one in special))
-
-
-def sequence_of(family: Family, points: Sequence[BranchPoint], end: str, strobe: dict[str, np.ndarray],
-                special_points: tuple[Special, ...], kind: str = "") -> Branch:
-    """The branch of some points."""
-    n = len(family.units)
+def gathered(family: Family, points: Sequence[BranchPoint], special: Sequence[tuple[int, SpecialPoint]], end: str,
+             kind: str = "") -> Branch:
+    """The branch of some points, with the number of points before each special point; over two parameters of a kind."""
+    n, strobe = len(family.units), {}
+    if not kind:
+        states = [_strobe(point) for point in points]  # shapes (turns, n)
+        strobe = {name: np.array([one[:, k] for one in states]).reshape(-1, family.turns)
+                  for k, name in enumerate(state_names(family.scene))}
     values = np.array([point.values for point in points]).reshape(-1, len(family.names))
     return Branch(
-        scene=family.scene, names=family.names, kind=kind, turns=family.turns,
-        values=values if len(family.names) > 1 else values[:, 0],
+        scene=family.scene, names=family.names, kind=kind, turns=family.turns, values=values if kind else values[:, 0],
         mean_speeds=np.array([point.mean_speed for point in points]),
         multipliers=np.array([point.multipliers for point in points], dtype=complex).reshape(-1, n),
         phases=np.array([point.family.phase for point in points]),
-        states=np.array([point.state for point in points]).reshape(-1, n),
-        strobe=strobe, special_points=special_points, end=end)
+        states=np.array([point.state for point in points]).reshape(-1, n), strobe=strobe, end=end,
+        special_points=tuple(
+            Special(one.kind, one.point.mean_speed, one.point.multipliers, one.change, one.point.family.phase,
+                    one.point.state, at, one.point.values, one.width) for at, one in special))
 
 
 def _strobe(point: BranchPoint) -> np.ndarray:
@@ -349,3 +361,143 @@ def _strobe(point: BranchPoint) -> np.ndarray:
     device, there = Simulator(here.scene), TurnMap(here.scene, 0.0)
     here.put(device, point.state)
     return there.cuts(device, point.family.turns).states * there.units
+
+
+EDGE = "change of events"
+_NUDGES = (1e-6, -1e-6, 1e-5, -1e-5, 1e-4, -1e-4, 1e-3, -1e-3)  # of a parameter, to the side of a grazing without it
+_FOUND = 1e-5  # units of the machine, shares and m/s: how near special points of a curve and of a branch are
+
+
+def follow_bifurcation(branch: Branch, special: Special, ranges: Mapping[str, tuple[float, float]],
+                       upwards: bool = True, points: int = 400) -> Branch:
+    """The curve of folds, period doublings or grazings through a special point of a branch.
+
+    Pseudo-arclength continuation (H. B. Keller 1977) in the state and two parameters; see `orbits.bifurcation`.
+
+    Parameters
+    ----------
+    branch : Branch
+        As `follow_orbit` gives it.
+    special : Special
+        One of its special points; no corner, no Neimark-Sacker point, and no grazing of the body on the ground.
+    ranges : mapping of str to (float, float)
+        The branch's parameter and another number among the scene's parameters, with their ranges, in their units.
+    upwards : bool
+        Whether to begin towards larger values of the other parameter.
+    points : int
+        Most orbits on the way, from 2 to 100 000.
+
+    Returns
+    -------
+    Branch
+        The orbits, over two parameters, and the changes of the order of events between them.
+
+    Raises
+    ------
+    ValueError
+        For a special point that has no curve, parameters that are not these two, a range that is none or does not hold
+        the special point, or a number of points out of range.
+
+    Examples
+    --------
+    >>> orbit = vibro_ros.find_orbit(vibro_ros.load_scene("damped"))
+    >>> branch = vibro_ros.follow_orbit(orbit, "motor.speed", 99.0, 109.0, points=30)
+    >>> fold = branch.special_points[0]
+    >>> curve = vibro_ros.follow_bifurcation(branch, fold, {"motor.speed": (99.0, 109.0), "upper.gap": (0.0, 1e-4)})
+    >>> curve.kind, f"{curve.values[0, 0]:.6f}", curve.end
+    ('fold', '107.959911', 'upper.gap leaves its range at 0.0001 m')
+    """
+    if isinstance(points, bool) or not isinstance(points, int | np.integer) or not 2 <= points <= MOST_POINTS:
+        raise ValueError(f"points: {points!r} is out of range; give a whole number from 2 to {MOST_POINTS}")
+    return whole_curve(branch, special, ranges, upwards, points)
+
+
+def _family(branch: Branch, special: Special, ranges: Mapping[str, tuple[float, float]]) -> Family:
+    """The equations, the branch's parameter first (ValueError as `follow_bifurcation` has it)."""
+    if not has_curve(special):
+        change = f" ({special.change})" if special.change else ""
+        raise ValueError(f"special: a {special.kind}{change} has no curve; give a fold, a period doubling, or a "
+                         "grazing of a plate")
+    if len(ranges) != 2:
+        raise ValueError(f"ranges: {len(ranges)} parameters; give two, such as "
+                         "{'motor.speed': (95.0, 115.0), 'upper.gap': (0.0, 0.002)}")
+    if branch.name not in ranges:
+        raise ValueError(f"ranges: has no {branch.name}, the branch's parameter; give its range and that of another")
+    family = Family(branch.scene, {name: ranges[name] for name in sorted(ranges, key=branch.name.__ne__)}, branch.turns,
+                    special.phase)
+    for name, value in zip(family.names, (special.value, branch.scene[family.names[1]]), strict=True):
+        if not ranges[name][0] <= value <= ranges[name][1]:
+            raise ValueError(f"{name}: the special point's {value:g} is not from {ranges[name][0]:g} to "
+                             f"{ranges[name][1]:g}; give a range that holds it")
+    return family
+
+
+def _start(family: Family, branch: Branch, special: Special, upwards: bool) -> Bifurcation:
+    """The special point as the first of a curve (LostError)."""
+    guess = np.append(special.state, family.scaled(special.value, branch.scene[family.names[1]]))
+    across, nudge = np.zeros((2, len(guess)))
+    across[-1], nudge[-2] = 1.0 if upwards else -1.0, 1.0
+    reason = ""
+    for size in _NUDGES if special.kind == GRAZING else (0.0,):
+        try:
+            start, _ = found_near(family, special.kind, guess + size * nudge, across, None)
+        except LostError as error:
+            reason = reason or str(error)
+            continue
+        if np.abs(start.unknowns - guess).max() < _FOUND:
+            return start
+        reason = f"another {special.kind} was found in its place"
+    raise LostError(f"the special point was not found again: {reason}")
+
+
+def has_curve(special: Special) -> bool:
+    """Whether special points like this one are followed over two parameters."""
+    return special.kind in FOLLOWED and (special.kind != GRAZING or "_contact" in special.change)
+
+
+def whole_curve(branch: Branch, special: Special, ranges: Mapping[str, tuple[float, float]], upwards: bool, points: int
+                ) -> Branch:
+    """As `follow_bifurcation`, its arguments checked."""
+    family = _family(branch, special, ranges)
+    try:
+        start = _start(family, branch, special, upwards)
+    except (LostError, SimulationError) as error:
+        return gathered(family, [], [], str(error), special.kind)
+    return gathered(family, *_along(follow_bifurcations(start), start, points, _at_bound, _changes), special.kind)
+
+
+def _changes(before: BranchPoint, after: BranchPoint) -> Iterator[SpecialPoint]:
+    """Where the order of events changes along a curve."""
+    orders = before.passage.order, after.passage.order
+    if not same_order(*orders):
+        yield SpecialPoint(EDGE, before, 0.0, change_in_words(*orders))
+
+
+def _at_bound(before: Bifurcation, after: Bifurcation, normal: np.ndarray) -> Bifurcation:
+    """The point between two neighbours at which the curve leaves a range."""
+    bound = max(0.0, np.sign(normal[-2:].sum()))
+    part = (bound - abs(normal) @ before.unknowns) / (abs(normal) @ (after.unknowns - before.unknowns))
+    guess = before.near + part * (after.near - before.near)
+    guess += (bound - abs(normal) @ guess) * abs(normal)
+    return found_near(before.family, before.kind, guess, normal, before.frame, away(before, normal))[0]
+
+
+def passes(curve: Branch, branch: Branch, special: Special, ranges: Mapping[str, tuple[float, float]]) -> bool:
+    """Whether a curve through another special point of this kind passes through a special point of a branch, too."""
+    if not len(curve) or (curve.kind, curve.turns) != (special.kind, branch.turns):
+        return False
+    across, second = np.eye(len(special.state) + 2)[-1], branch.scene[curve.names[1]]
+    beside = curve.values[:, 1] - second
+    for k in np.flatnonzero(beside[1:] * beside[:-1] <= 0.0):
+        near = k if abs(beside[k]) <= abs(beside[k + 1]) else k + 1
+        family = Family(branch.scene, {name: ranges[name] for name in curve.names}, curve.turns,
+                        float(curve.phases[near]))
+        guess = np.append(curve.states[near], family.scaled(curve.values[near, 0], second))
+        try:
+            found, _ = found_near(family, special.kind, guess, across, None)
+        except LostError:
+            continue
+        apart = abs(found.unknowns[-2] - family.scaled(special.value, second)[0])
+        if apart < _FOUND and abs(found.mean_speed - special.mean_speed) < _FOUND:
+            return True
+    return False

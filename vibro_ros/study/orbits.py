@@ -24,9 +24,17 @@ from matplotlib.lines import Line2D
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.branch import Branch, Special, branch_from, doubled_branch_from, lies_on
+from vibro_ros.orbits.branch import (
+    Branch,
+    Special,
+    branch_from,
+    doubled_branch_from,
+    has_curve,
+    lies_on,
+    passes,
+    whole_curve,
+)
 from vibro_ros.orbits.continuation import CORNER, DOUBLING, FOLD, GRAZING, KINDS, TORUS
-from vibro_ros.orbits.curve import has_curve, passes, whole_curve
 from vibro_ros.orbits.family import Family
 from vibro_ros.orbits.orbit import Seed, seeds_of
 from vibro_ros.orbits.starts import running
