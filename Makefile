@@ -41,7 +41,7 @@ demo: $(READY) $(TYPES)  ## run robot and controller for about 20 s, record, rep
 	@$(BIN)/python -m tools.demo
 
 view: $(READY) $(TYPES)  ## run a robot and show it in the browser, at the address that is printed; VIEW="--open --port 0" gives options
-	@$(BIN)/python -m tools.look $(VIEW)
+	@$(BIN)/python -m tools.demo look $(VIEW)
 
 # With another ROS 2 than Jazzy only the tests of ROS run, without the packages whose absence they skip.
 TESTS := $(if $(filter jazzy,$(ROS)),test,test/ros)

@@ -1,21 +1,27 @@
-"""A browser for tests and screenshots: Chromium or Chrome.
+"""A browser for the tests of the page, and pictures of the live view for the documents: `python -m tools.browser`.
 
-It runs headless as a process of its own, keeps its files in a folder of its own, and is ended with all its children.
-Playwright controls it through its debugging port.
+Chromium or Chrome runs headless as a process of its own, keeps its files in a folder of its own, and is ended with all
+its children. Playwright controls it through its debugging port.
 """
 
+import argparse
+import json
 import os
 import re
 import shutil
 import signal
 import subprocess
+import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from tools.child import Child
+from tools.demo import ros_environment
 
 if TYPE_CHECKING:
     from playwright.sync_api import BrowserType, Page
@@ -29,6 +35,14 @@ START_PATIENCE = 60.0
 """How long [s] a browser may take until it can be steered; it takes one on an idle machine."""
 END_PATIENCE = 5.0
 """How long [s] a browser may take to end before it is killed."""
+DRAW_PATIENCE = 120.0
+"""How long [s] the page may take to draw what a picture needs; the robot may have to compile its kernels first."""
+CHARTS_FULL = 7.0
+"""Robot time [s] at which the strip charts have no beginning any more."""
+BLOWS = 12
+"""Impacts from the begin of the slow motion to the one of the picture, which so has others on both sides."""
+SLOWNESS = "1/33"
+_SHOWN = "Boolean(globalThis.vibro) && Number.isFinite(vibro.drawn().time) && document.querySelector('#absent').hidden"
 _LISTENING = re.compile(r"^DevTools listening on (ws://\S+)", re.MULTILINE)
 _FLAGS = ("--headless=new", "--remote-debugging-port=0", "--no-first-run", "--no-default-browser-check",
           "--no-proxy-server", "--disable-background-networking", "--disable-component-update", "--disable-sync",
@@ -136,3 +150,72 @@ class Session(AbstractContextManager):
             device_scale_factor=2 if touch else 1)
         self._stack.callback(context.close)
         return context.new_page()
+
+
+@contextmanager
+def shown_robot() -> Iterator[str]:
+    """Run a robot that crawls, and its view, until the block ends; gives the address of the page.
+
+    Raises
+    ------
+    RuntimeError
+        When the view does not start.
+    """
+    environment = ros_environment()
+    with tempfile.TemporaryDirectory() as folder, \
+            Child("vibro_ros.ros.live.view", "--port", "0", environment=environment, shown=False) as view:
+        address = view.wait_for("/?token=").removeprefix("view: ").strip()
+        # a machine that draws without a graphics card is slow: the robot is to catch up, and not to tell of stalls
+        settings = {"motor.speed": 100.0, "record.enabled": "false", "record.directory": json.dumps(folder),
+                    "rate.max_catch_up": 10.0}
+        words = [word for name, value in settings.items() for word in ("-p", f"{name}:={value}")]
+        with Child("vibro_ros.ros.robot.robot", "--ros-args", *words, environment=environment):
+            yield address
+
+
+def wait_for(page: "Page", condition: str) -> None:
+    """Wait until JavaScript's `condition` holds; the page's policy forbids Playwright's own way.
+
+    Raises
+    ------
+    RuntimeError
+        When that takes longer than `DRAW_PATIENCE`.
+    """
+    deadline = time.monotonic() + DRAW_PATIENCE
+    while not page.evaluate(condition):
+        if time.monotonic() > deadline:
+            raise RuntimeError(f"the page: not within {DRAW_PATIENCE:g} s: {condition}")
+        page.wait_for_timeout(20)
+
+
+def main(words: Sequence[str]) -> int:
+    """Take the pictures: the running robot, and a blow in slow motion with its forces."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--output", type=Path, default=Path("docs"), metavar="DIR",
+                        help="where view.png and view_live.png are written (default: %(default)s)")
+    output = parser.parse_args(words).output
+    with running(browser_program()) as own, Session(own) as session, shown_robot() as address:
+        page = session.page()
+        page.goto(address)
+        wait_for(page, _SHOWN)
+        wait_for(page, f"vibro.drawn().time > {CHARTS_FULL}")
+        _save(page, output / "view_live.png")
+        page.check("#forces")
+        page.click("#slow")
+        wait_for(page, "!document.querySelector('#timeline').disabled")
+        page.select_option("#speed", label=SLOWNESS)
+        for _ in range(BLOWS):
+            page.click("#next")
+        page.evaluate("document.activeElement.blur()")
+        page.wait_for_timeout(500)  # for the eye's sake: what fades has faded
+        _save(page, output / "view.png")
+    return 0
+
+
+def _save(page: "Page", path: Path) -> None:
+    page.screenshot(path=path)
+    print(path)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

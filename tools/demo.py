@@ -1,4 +1,8 @@
-"""The demonstration: robot and controller as two processes for about 20 s, a bag, a report."""
+"""The robot beside another process, for a user: `make demo` and `make view`.
+
+The demonstration is robot and controller for about 20 s, a bag, and a report. With the word `look` it is robot and
+view, until Ctrl-C.
+"""
 
 import json
 import os
@@ -14,6 +18,7 @@ import numpy as np
 
 from tools.child import Child
 from vibro_ros.bag.reader import Bag, BagError, read_bag
+from vibro_ros.configuration.scene_file import NODE_NAME
 from vibro_ros.messages.topics import OF_DC_MOTOR, ROBOT_TOPICS
 from vibro_ros.process.entry_point import Parser, StopRequest, exit_code, say
 from vibro_ros.recordings.report import write_report
@@ -27,12 +32,21 @@ ALWAYS_THERE = ("odom", "joint_states", "ground_contact", "impacts", "motor_powe
 """Topics that hold messages after every script that makes the robot move."""
 
 
+LOOK_SPEED = 60.0
+"""Motor speed [rad/s] of a robot to look at: it crawls at once, and there is room for a knob to be turned up."""
+
+
 class DemoError(RuntimeError):
     """The demonstration failed; the message says why in one line."""
 
 
 def main(words: Sequence[str]) -> int:
-    """Run the demonstration; 0 when all went well, 1 with a reason when not, 130 when stopped."""
+    """Run the demonstration; 0 when all went well, 1 with a reason when not, 130 when stopped.
+
+    Robot and view: 0 after a signal, 1 when one of them failed.
+    """
+    if words[:1] == ["look"]:
+        return exit_code("look", lambda: _look(words[1:]))
     return exit_code("demo", lambda: _demonstrate(words))
 
 
@@ -92,6 +106,37 @@ def _play(script: str, output: Path, environment: Mapping[str, str], space: str,
             raise DemoError(f"the controller failed with exit code {controller.stop()}; it says why above")
         if robot.stop() != 0:
             raise DemoError(f"the robot did not end well, exit code {robot.exit_code}; it says why above")
+
+
+def _look(words: Sequence[str]) -> int:
+    """Run robot and view until a signal."""
+    options = _look_parser().parse_args(words)
+    options.output.mkdir(parents=True, exist_ok=True)
+    # The user's domain, so that README's next commands find this robot; on this machine alone, unless the user chose.
+    environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", **os.environ}
+    settings = {"motor.speed": LOOK_SPEED, "record.enabled": "false",  # the page's button begins a recording
+                "record.directory": json.dumps(str(options.output))}
+    space = ["-r", f"__ns:={options.namespace}"] if options.namespace else []
+    robot_words = [word for name, value in settings.items() for word in ("-p", f"{name}:={value}")]
+    view_words = ["--port", options.port, "--address", options.address, *["--open"] * options.open,
+                  "--ros-args", *space]
+    with (
+        StopRequest() as stop,
+        Child("vibro_ros.ros.live.view", *view_words, environment=environment) as view,
+        Child("vibro_ros.ros.robot.robot", "--ros-args", *space, *robot_words, environment=environment) as robot,
+    ):
+        stop.hold()  # neither process may be left behind
+        _say(f"ROS domain {environment.get('ROS_DOMAIN_ID') or 0}, robot {options.namespace.rstrip('/')}/{NODE_NAME}; "
+             "open the address below in a browser; Ctrl-C ends all", "look")
+        while not stop and view.exit_code is None and robot.exit_code is None:
+            time.sleep(0.05)
+        if not stop:
+            ended = view if view.exit_code is not None else robot
+            raise DemoError(f"{ended.name} has ended with exit code {ended.stop()}; it says why above")
+        for one in (view, robot):
+            if one.stop():
+                raise DemoError(f"{one.name} did not end well, exit code {one.exit_code}; it says why above")
+    return 0
 
 
 def check_bag(bag: Bag) -> None:
@@ -158,6 +203,18 @@ def _parser() -> Parser:
     parser.add_argument("--script", default="crawl", help="controller script to play (default: %(default)s, 18 s)")
     parser.add_argument("--output", type=Path, default=Path("out"), metavar="DIR",
                         help="where the bag and the report go (default: %(default)s)")
+    return parser
+
+
+def _look_parser() -> Parser:
+    parser = Parser(prog="look", description=__doc__)
+    parser.add_argument("--output", type=Path, default=Path("out"), metavar="DIR",
+                        help="where recordings go that the page asks for (default: %(default)s)")
+    parser.add_argument("--namespace", default="", metavar="NAME", help="of robot and page, such as /r2 beside another "
+                        "robot in this domain (default: none)")
+    parser.add_argument("--port", default="8742", help="of the page; 0 for any that is free (default: %(default)s)")
+    parser.add_argument("--address", default="127.0.0.1", help="where the page is served (default: %(default)s)")
+    parser.add_argument("--open", action="store_true", help="open the page in the browser")
     return parser
 
 

@@ -118,7 +118,7 @@ def test_the_user_decides_who_may_meet_whom(monkeypatch, chosen, used):
 
 def test_the_page_is_there_and_one_interrupt_ends_all(tool, tmp_path, domain_id):
     """Ctrl-C in a terminal goes to all three processes at once."""
-    one = tool("tools.look", "--port", "0")
+    one = tool("tools.demo", "look", "--port", "0")
     one.wait_for("ready: 200 Hz")
     one.wait_for("view: http://")
     with urlopen(re.search(r"http://\S+", one.text)[0], timeout=PATIENCE) as page:
@@ -133,7 +133,7 @@ def test_the_page_is_there_and_one_interrupt_ends_all(tool, tmp_path, domain_id)
 
 
 def test_when_one_of_them_is_killed_the_other_ends(tool):
-    one = tool("tools.look", "--port", "0")
+    one = tool("tools.demo", "look", "--port", "0")
     one.wait_for("view: http://")
     below = children(one)
     os.kill(below["robot"], signal.SIGKILL)
