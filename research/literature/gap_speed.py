@@ -128,11 +128,12 @@ def claim(curve: Sequence[Tried]) -> Claim:
     same = abs(fastest.gap - hardest.gap) <= curve[1].gap - curve[0].gap + 1e-9
     verdict = HOLDS if same else NOISE if gap <= spread else FAILS
     blows = "" if fastest.approach.mean else ", without a blow"
+    end = ", an end of the scan, so that no best gap is known" if fastest in (curve[0], curve[-1]) else ""
     return Claim(
         "The robot is fastest with the gap at which the internal body hits its plate fastest (abstract, April 2022); "
         f"here with the seed paper's parameters, at {fastest.motor:g} rad/s.",
         f"hardest blows, {hardest.approach.mean:.2f} m/s, at {1e3 * hardest.gap:g} mm, where it moves at "
-        f"{_mm(hardest.speed)} mm/s; fastest at {1e3 * fastest.gap:g} mm, {_mm(fastest.speed)} mm/s{blows}",
+        f"{_mm(hardest.speed)} mm/s; fastest at {1e3 * fastest.gap:g} mm, {_mm(fastest.speed)} mm/s{blows}{end}",
         verdict, _RULE)
 
 

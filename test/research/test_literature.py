@@ -155,6 +155,9 @@ def row(gap, speed, approach, spread=0.001):
 def test_the_verdict_of_a_curve(last, verdict):
     curve = [row(0.0, 0.04, 1.0), row(0.01, 0.03, 1.5), last]
     assert gap_speed.claim(curve).verdict == verdict
+    at_end = gap_speed.claim(curve).ours.endswith("an end of the scan, so that no best gap is known")
+    assert at_end == (max(one.speed.mean for one in curve) != curve[1].speed.mean)
+    assert "an end" not in gap_speed.claim([row(0.0, 0.03, 1.0), row(0.01, 0.05, 1.5), row(0.02, 0.04, 1.2)]).ours
 
 
 @pytest.mark.parametrize(("side", "slope", "orbits", "verdict"), [
