@@ -1,7 +1,8 @@
-"""A sweep's design: which points are run from which starts, and what is measured; the same for whoever reads it.
+"""``study sweep``: parameters over lists, grids or samples; what the robot does at every point, as Parquet files.
 
-The rows of a sweep are numbered point by point, and within a point start by start. Points come in the order of the
-product of the axes, of which the last one changes fastest, and beside it the samples.
+A `Design` says which points are run from which starts, and what is measured. Its rows are numbered point by point, and
+within a point start by start; points come in the order of the product of the axes, of which the last one changes
+fastest, and beside it the samples. The `Summary` has a row for each point and attractor.
 """
 
 import argparse
