@@ -9,7 +9,7 @@ from scipy.linalg import expm
 
 import vibro_ros
 from vibro_ros.model.slider import Slider
-from vibro_ros.orbits.orbit import OrbitNotFoundError, close, derivative, orbit_at
+from vibro_ros.orbits.orbit import OrbitNotFoundError, close, derivative, differences, orbit_at
 from vibro_ros.orbits.turn_map import TurnMap
 
 SPEED = 100.0  # rad/s
@@ -193,3 +193,17 @@ def test_a_guess_far_off_leads_nowhere_and_says_so():
     of = scene("device")
     turn_map = TurnMap(of, 1.0)
     assert close(turn_map, turn_map.read(vibro_ros.Simulator(of).state) + 50.0, 1) is None
+
+
+def test_what_cannot_be_moved_one_way_has_a_one_sided_difference_and_what_is_held_has_none():
+    """A square beside a wall at 1, and three times another number; a third one is held."""
+    def end_of(at):
+        if at[0] > 1.0:
+            raise ValueError("within the wall")
+        return np.array([at[0]**2, 3.0 * at[1], at[2]])
+
+    at, free = np.array([1.0, 2.0, 5.0]), np.array([True, True, False])
+    found = differences(end_of, at, free, 1e-6, end_of(at))
+    assert found == pytest.approx(np.diag([2.0, 3.0, 0.0]), abs=2e-6)
+    with pytest.raises(ValueError, match="within the wall"):
+        differences(end_of, at, free, 1e-6)
