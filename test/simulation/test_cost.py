@@ -35,18 +35,18 @@ def test_segments_and_events_grow_linearly_with_time(name):
 
 @pytest.mark.parametrize("name", shipped_scenes())
 def test_an_event_costs_a_few_segments(name):
-    """A turn is as many segments as the sliders' table has cells; with a dc motor, a sample of its controller and an
-    eighth of a radian each begin one more. All others are owed to events: a contact, which is
-    one, has two changes of mode and a few short segments between them."""
+    """A turn is twice as many segments as the sliders' table has cells; with a dc motor, a sample of its controller and
+    an eighth of a radian each begin one more. All others are owed to events: a contact, which is one, has two changes
+    of mode and a few short segments between them."""
     made = driven(name)
     made.advance_to(2.0)
     start = made.statistics["steps"], made.state.crank_angle, len(made.take_events())
     made.advance_to(22.0)
-    cells = len(compile_scene(made.scene).system.signals.series)
+    of_turn = 2 * len(compile_scene(made.scene).system.signals.series)
     turns = (made.state.crank_angle - start[1]) / (2.0 * np.pi)
     if made.scene.has_rotor:
-        cells = 50 + 20.0 * made.scene["motor.control_rate"] / turns
-    assert made.statistics["steps"] - start[0] <= cells * (turns + 1.0) + 4 * len(made.take_events())
+        of_turn = 50 + 20.0 * made.scene["motor.control_rate"] / turns
+    assert made.statistics["steps"] - start[0] <= of_turn * (turns + 1.0) + 2 * len(made.take_events())
 
 
 @pytest.mark.parametrize("changes", [

@@ -91,7 +91,7 @@ def lagging(slider, lag, speed, target, times):
 @pytest.mark.parametrize("lag", [1e-3, 0.1, 0.5])
 @pytest.mark.parametrize(("speed", "target"), [(0.0, 100.0), (100.0, 0.0), (100.0, 130.0), (500.0, 1.0), (2.0, 2.001)])
 def test_lagging_speed(slider, lag, speed, target):
-    """Through whole cells and parts of them: to the rounding of a position, and of the phase at the slider's speed."""
+    """Through cells, part by part: to the rounding of a position, and of the phase at the slider's speed."""
     points, phases, angles = lagging(slider, lag, speed, target, np.linspace(0.0, min(40.0 * lag, 2.0), 100))
     turned = np.array([float(angle) for angle in angles])
     with mpmath.workdps(40):

@@ -54,7 +54,7 @@ def test_recentre(x):
 def test_displace(shift):
     """p(x + shift(x)), to rounding: powers beyond the length are economized, not cut.
 
-    Series of a part of a cell shrink by 0.22 (`system.STRIDE`) a term, with the shift.
+    Series of a part of a cell shrink by 0.225 (`system.STRIDE`) a term, with the shift.
     """
     target, room, series = np.empty(LENGTH), np.empty(2 * LENGTH), np.zeros(LENGTH)
     series[:len(shift)] = shift

@@ -328,8 +328,6 @@ class Motion:
 
     def lasting_overwritten(self) -> None:
         """Begin to go on from what was written into the arrays of `lasting`."""
-        library = self.state.library  # of which no series belongs to this state
-        library.half[...], library.version[...] = 0.0, 0
         self._sampled, self._restored = False, True
         self.influences.look_for_next_end()
 
@@ -343,7 +341,7 @@ class Motion:
         system, scene, now = self.model.system, self.scene, self.state.now[0]
         segment, drive, automaton = now["segment"], now["drive"], now["automaton"]
         places = ((automaton["mode"], 0, len(self.model.modes)), (automaton["guard"], NOTHING, system.guard.shape[1]),
-                  (drive["cell"], 0, len(system.signals.reach)), (segment["slot"], 0, len(system.signals.start)))
+                  (drive["cell"], 0, len(system.signals.reach)))
         filters = self.state.lowpass["channel"], self.state.lowpass["rate"]
         if not (all(low <= place < high for place, low, high in places) and drive["direction"] in (-1, 1)
                 and all(map(np.array_equal, self._filter, filters))):
@@ -351,7 +349,7 @@ class Motion:
         fastest, width = BY_NAME["motor.max_speed"].maximum, float(np.diff(system.signals.start)[drive["cell"]])
         spans = [(segment["half"], 0.0, LONGEST_SEGMENT), (abs(segment["residue"]), 0.0, LONGEST_SEGMENT),
                  (self.time - segment["start"], -2.0 * LONGEST_SEGMENT, 2.0 * LONGEST_SEGMENT),
-                 *((segment[name], -_LOCAL, _LOCAL) for name in ("flow_start", "mode_start", "next_event")),
+                 *((segment[name], -_LOCAL, _LOCAL) for name in ("mode_start", "next_event")),
                  (drive["offset"], 0.0, width * _LOCAL), (abs(drive["target"]), 0.0, fastest),
                  (drive["speed"], 0.0, fastest),
                  (drive["time_left"], 0.0, _LARGEST),

@@ -6,8 +6,8 @@ Five times are nested:
 - *cell*: a part of a turn over which one polynomial of the phase describes each signal (`system.SignalTable`);
 - *segment*: a part of a cell, or all of it, over which one polynomial of time describes each channel
   (`segment.choose_segment`);
-- *flow*: the motion of the dynamic coordinates by one set of equations; it starts in a segment and ends with the
-  segment or with a jump or a change of these equations (`flow.solve_dynamic`);
+- *flow*: the motion of the dynamic coordinates by one set of equations; it starts with a segment, and ends with a jump
+  or a change of these equations, which ends the segment (`flow.solve_dynamic`);
 - *mode*: one state of all contacts and of friction; it names the equations of all coordinates and the guards. A mode
   that changes the equations of driven coordinates alone starts while the flow goes on (`event_loop.advance`).
 

@@ -67,7 +67,7 @@ def _solve_up_to_driven(system, state, point):
     if system.size[0].decays > 0:  # not in this mode, or no longer
         state.z[len(state.z) - 2] = 0.0
     # How long the forcing and the flow's series allow; as long as any, where the dynamic coordinates are at rest.
-    choose_segment(system, state, True)
+    choose_segment(system, state)
     fill_forcing(system, state)
     held = state.scratch.after
     if is_at_rest(system, state, point, held):
@@ -86,7 +86,7 @@ def _begin_mode(system, state, point, same_flow):
     # The dynamic coordinates first, unless their flow goes on; then the driven ones, which depend on them.
     if not same_flow:
         _solve_up_to_driven(system, state, point)
-        state.now[0].accounts.booked = state.now[0].segment.flow_start
+        state.now[0].accounts.booked = -1.0
         state.now[0].automaton.segments += 1
     solve_driven(system, state, point)
     # A root that is known still holds if no coordinate that its guard reads has been solved again.
@@ -263,7 +263,6 @@ def interrupt(system, state, time, point):
     end_mode(system, state, x)
     state.now[0].automaton.standstills = 0  # what a command sets off is no part of the cascade before it
     advance_forcing(system, state, x)
-    state.now[0].drive.version += 1  # of the forcing after the command
     segment.start, segment.residue = time, 0.0  # or a sample now could lie before what follows at once
 
 

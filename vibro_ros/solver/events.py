@@ -197,7 +197,7 @@ def update_peaks(system, state, x):
         if system.monitored[mode, k]:
             quantity = room.peak[:]
             fill_form(system.monitor[mode, k], system.monitor_terms[mode, k], state.z, quantity)
-            peak = maximum(quantity, state.now[0].segment.flow_start, x, room.peak_search[:])
+            peak = maximum(quantity, -1.0, x, room.peak_search[:])
             state.monitor[k].peak = max(state.monitor[k].peak, peak)
 
 

@@ -4,16 +4,16 @@ With polynomial forcing a linear equation determines the series of its solution 
 enough for the series to end at rounding (`System.longest_segment`).
 
 The motion is a *forced* motion, under the segment's loads, plus the *free* motion, without loads, that makes the sum
-pass through the point at which the flow starts. Any forced motion serves. The free motions from a unit of each
-component, and the forced motion over a whole cell, are therefore stored in the `Library` for the next segment of their
-kind. The *components* of a motion are its positions and then its velocities.
+pass through the point at which the flow starts. Any forced motion serves. The *components* of a motion are its
+positions and then its velocities.
 
 A free motion does not depend on where it begins. Over a segment of any duration, it is the part about the middle of the
-free motion over the longest segment of the kind, which is solved once a flow.
+free motion over the longest segment of its flow. The free motions from a unit of each component are therefore solved
+once a flow, and kept in the `Library`.
 """
 
 from vibro_ros.solver.compilation import kernel, rounding_kernel
-from vibro_ros.solver.polynomial import INVERSE, differentiate, economized_powers, fill_form, integrate_through, value
+from vibro_ros.solver.polynomial import INVERSE, differentiate, fill_form, integrate_through, value
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.system import first_acceleration, form_magnitude, sparse_magnitude
 from vibro_ros.solver.vector import LENGTH, powers, store, total, vector, with_first
@@ -31,27 +31,22 @@ def _compensated_sum(p):
 
 
 @kernel
-def _provide_free_motion(system, state, flow, slot):
-    library, segment, cells = state.library, state.now[0].segment, len(system.signals.start) - 1
-    half = segment.half  # of the longest segment that the free motions serve
-    if slot == cells:
-        half = 0.5 * min(LONGEST_SEGMENT, system.longest_segment[state.now[0].automaton.mode])
-    if library.half[flow, slot] == half:
+def _provide_free_motion(system, state, flow):
+    library, segment = state.library, state.now[0].segment
+    half = 0.5 * min(LONGEST_SEGMENT, system.longest_segment[state.now[0].automaton.mode])
+    if library.half[flow] == half:
         return
-    library.half[flow, slot] = half
-    library.version[flow, slot] = 0
+    library.half[flow] = half
     components = 2 * system.size[0].dynamic
     state.scratch.room[0].load[:] = 0.0
     present, segment.half = segment.half, half
     for j in range(components):
-        motion = library.free[flow, slot, j]
+        motion = library.free[flow, j]
         motion[:] = 0.0
         motion[j, 0] = 1.0
         solve_series(system, state, motion)
-        if slot != cells:
-            economize(system, state, motion)
         for c in range(components):
-            library.free_end[flow, slot, j, c] = _compensated_sum(motion[c])
+            library.free_end[flow, j, c] = _compensated_sum(motion[c])
     segment.half = present
 
 
@@ -71,34 +66,22 @@ def _component(system, c):
 
 
 @kernel
-def _provide_forced_motion(system, state, flow, slot, point):
-    library = state.library
-    of_cell = slot == state.now[0].drive.cell
-    if of_cell and library.version[flow, slot] == state.now[0].drive.version:
-        return
-    motion = library.forced[flow, slot]
+def _solve_forced_motion(system, state, motion, point):
+    """Fill `motion` with the motion under the segment's loads that has the components of `point` in the middle: rest is
+    found as rest, exactly."""
     for c in range(len(motion)):
-        # From the coordinates' present values, for rest to be found as rest, exactly; a cell's serves later, too.
-        motion[c, 0] = 0.0 if of_cell else point[_component(system, c)]
+        motion[c, 0] = point[_component(system, c)]
     fill_loads(system, state)
     solve_series(system, state, motion)
-    if of_cell:
-        economize(system, state, motion)
-        library.version[flow, slot] = state.now[0].drive.version
-        for c in range(len(motion)):
-            library.forced_start[flow, slot, c] = value(motion[c], -1.0)
 
 
 @kernel
-def _needs_free_motion(system, state, forced, forced_start, point):
-    """Store the difference between `point` and the forced motion at the flow's start; return whether it is not
+def _needs_free_motion(system, state, forced, point):
+    """Store the difference between `point` and the forced motion at the segment's start; return whether it is not
     zero."""
-    start, difference = state.now[0].segment.flow_start, state.scratch.room[0].free_at_start[:]
-    known = start == -1.0 and state.now[0].segment.slot == state.now[0].drive.cell
-    needed = False
+    difference, needed = state.scratch.room[0].free_at_start[:], False
     for c in range(len(forced)):
-        at_start = forced_start[c] if known else value(forced[c], start)
-        difference[c] = point[_component(system, c)] - at_start
+        difference[c] = point[_component(system, c)] - value(forced[c], -1.0)
         needed = needed or difference[c] != 0.0
     return needed
 
@@ -124,16 +107,16 @@ def _free_motion(free, c, first, step, middle):
 
 @kernel
 def _carry_to_middle(system, state, free, free_end, part):
-    """Store the free motion's value in the segment's middle, from its value at the flow's start.
+    """Store the free motion's value in the segment's middle, from its value at the start.
 
-    The free motion does not depend on time: what a unit becomes between the flow's start and the middle is what a unit
-    in the middle becomes in as long a time after it. The segment is the `part` of that of the free motions.
+    The free motion does not depend on time: what a unit becomes between start and middle is what a unit in the middle
+    becomes in as long a time after it. The segment is the `part` of that of the free motions.
     """
-    room, back = state.scratch.room[0], -state.now[0].segment.flow_start * part
-    at_start, at_middle, weights = room.free_at_start[:], room.free_at_middle[:], powers(back)
+    room = state.scratch.room[0]
+    at_start, at_middle, weights = room.free_at_start[:], room.free_at_middle[:], powers(part)
     for c in range(len(free)):
         first, step = _coupled_components(system, state, c)
-        if back == 1.0:
+        if part == 1.0:
             at_middle[c] = 0.0
             for j in range(first, len(free), step):
                 at_middle[c] += free_end[j, c] * at_start[j]
@@ -143,11 +126,11 @@ def _carry_to_middle(system, state, free, free_end, part):
 
 @kernel
 def _pass_through(system, state, point):
-    """Adjust the constant terms, by a rounding or two, so that the series pass through `point` at the flow's start.
+    """Adjust the constant terms, by a rounding or two, so that the series pass through `point` at the start.
 
     Carried to the middle and back, the values would be off by the same rounding in every segment of the kind.
     """
-    powers_above_zero = with_first(powers(state.now[0].segment.flow_start), 0.0)
+    powers_above_zero = with_first(powers(-1.0), 0.0)
     for c in range(2 * system.size[0].dynamic):
         channel = _component(system, c)
         state.z[channel, 0] = point[channel] - total(vector(state.z[channel]) * powers_above_zero)
@@ -189,16 +172,14 @@ def fill_accelerations(system, state):
 
 @kernel
 def solve_dynamic(system, state, point):
-    """Series of the dynamic coordinates that pass through `point` at the flow's start."""
-    z, slot, library = state.z, state.now[0].segment.slot, state.library
-    flow = system.flow[state.now[0].automaton.mode]
-    _provide_free_motion(system, state, flow, slot)
-    forced, free = library.forced[flow, slot], library.free[flow, slot]
-    part = state.now[0].segment.half / library.half[flow, slot]
-    _provide_forced_motion(system, state, flow, slot, point)
-    needs_free = _needs_free_motion(system, state, forced, library.forced_start[flow, slot], point)
+    """Series of the dynamic coordinates that pass through `point` at the segment's start."""
+    z, library, flow = state.z, state.library, system.flow[state.now[0].automaton.mode]
+    _provide_free_motion(system, state, flow)
+    forced, free, part = library.forced, library.free[flow], state.now[0].segment.half / library.half[flow]
+    _solve_forced_motion(system, state, forced, point)
+    needs_free = _needs_free_motion(system, state, forced, point)
     if needs_free:
-        _carry_to_middle(system, state, free, library.free_end[flow, slot], part)
+        _carry_to_middle(system, state, free, library.free_end[flow], part)
     for c in range(2 * system.size[0].dynamic):
         channel = _component(system, c)
         if needs_free:
@@ -254,10 +235,6 @@ def solve_driven(system, state, point):
         _set_scales(system, state, i, abs(point[i]), abs(point[coordinates + i]), 2.0 * half, 0.0)
 
 
-# So many terms follow those of a motion over a cell until they are lost in rounding: 3.4^32 / 32!.
-_ECONOMIZED = economized_powers(LENGTH, 8)
-
-
 @rounding_kernel  # a mass at rest on its slider feels exactly no force
 def _solve_oscillator(load, stiffness, damping, half, q, v):
     """Series of q and v = q' with q'' = load + stiffness q + damping v, from their constant terms."""
@@ -296,31 +273,3 @@ def solve_series(system, state, motion):
         return
     for i in range(dynamic):
         _solve_oscillator(load[i], rows[i, i], rows[i, coordinates + i], half, motion[i], motion[dynamic + i])
-
-
-@kernel
-def economize(system, state, motion):
-    """Add to the series of a motion over a cell what the terms beyond their length come to.
-
-    The cell's forcing lasts longer than the flow's series resolve; only the first of the terms beyond them matter.
-    """
-    coordinates, dynamic = system.size[0].coordinates, system.size[0].dynamic
-    half, rows = state.now[0].segment.half, system.acceleration[state.now[0].automaton.mode]
-    room = state.scratch.room[0]
-    now, following, load = room.term[:], room.next_term[:], room.load[:]
-    for c in range(2 * dynamic):
-        now[c] = motion[c, LENGTH - 1]
-    for i in range(dynamic):
-        now[2 * dynamic + i] = load[i, LENGTH - 1]
-    for k in range(len(_ECONOMIZED)):
-        step = half / (LENGTH + k)
-        for i in range(dynamic):
-            acceleration = now[2 * dynamic + i]
-            for j in range(dynamic):
-                acceleration += rows[i, j] * now[j] + rows[i, coordinates + j] * now[dynamic + j]
-            following[i] = now[dynamic + i] * step
-            following[dynamic + i] = acceleration * step
-            now[2 * dynamic + i] = 0.0
-        for c in range(2 * dynamic):
-            now[c] = following[c]
-            store(motion[c], vector(motion[c]) + now[c] * vector(_ECONOMIZED[k]))

@@ -1,8 +1,7 @@
 """Segments: the part of time that one polynomial a channel describes, and the clock that the segments move.
 
-A segment is a whole cell of the signals where the flow's series reaches so far and the speed is steady, so that the
-series of the cell serve again; the flow then starts on the way. Elsewhere the segment starts with the flow and ends
-with the cell, with a ramp, or where a series no longer reaches rounding.
+A segment starts with a flow, or where the segment before it ends. It ends with the cell of the signals, with a ramp, or
+where a series no longer reaches rounding.
 
 The known forcing, which is periodic signals of the phase and ramps, is written as polynomials over the segment.
 """
@@ -19,8 +18,8 @@ from vibro_ros.solver.drive import (
     time_to_advance,
 )
 from vibro_ros.solver.polynomial import SECOND, differentiate, displace, recentre, scale_argument, value
-from vibro_ros.solver.system import CELL_RATE, first_ramp, first_signal
-from vibro_ros.solver.vector import LENGTH, store, total, vector
+from vibro_ros.solver.system import first_ramp, first_signal
+from vibro_ros.solver.vector import LENGTH, total, vector
 
 #: A segment without a fast motion, a signal or a ramp to end it ends after this time [s].
 LONGEST_SEGMENT = 1.0
@@ -35,9 +34,9 @@ def local_time(state, time):
 
 @kernel
 def instant(state, x):
-    """Instant [s] of the local time `x`; not before 0, where a segment that is a whole cell may have begun."""
+    """Instant [s] of the local time `x`."""
     segment = state.now[0].segment
-    return max(0.0, segment.start + (segment.residue + segment.half * (x + 1.0)))
+    return segment.start + (segment.residue + segment.half * (x + 1.0))
 
 
 @kernel
@@ -51,37 +50,18 @@ def advance_clock(state, elapsed):
 
 
 @kernel
-def _spans_cell(system, state, duration, since):
-    """Whether a segment may be the whole cell: if the flow's series reaches so far, and nothing changes on the way."""
-    if duration > min(LONGEST_SEGMENT, CELL_RATE * system.longest_segment[state.now[0].automaton.mode]):
-        return False
-    left, drive = duration - since, state.now[0].drive
-    if duration == 0.0 or drive.time_left > 0.0:
-        return False
-    for k in range(len(state.ramp)):
-        if state.ramp[k].rate != 0.0 and state.ramp[k].time_left <= left:
-            return False
-    return True
+def _cell_width(system, drive):
+    return system.signals.start[drive.cell + 1] - system.signals.start[drive.cell]
 
 
 @kernel
-def _return_to_cell(state, back):
-    """Move the segment's start back by `back` [s] to the start of the cell, and the mode's start to where it was."""
+def choose_segment(system, state):
+    """Let the segment, whose mode starts with it, last as long as the flow's series and the forcing allow."""
     segment, drive = state.now[0].segment, state.now[0].drive
-    now, residue = segment.start, segment.residue
-    drive.offset = 0.0
-    advance_clock(state, -back)
-    segment.mode_start = ((now - segment.start) + (residue - segment.residue)) / segment.half - 1.0
-    for k in range(len(state.ramp)):
-        if state.ramp[k].rate != 0.0:
-            state.ramp[k].value -= state.ramp[k].rate * back
-            state.ramp[k].time_left += back
-
-
-@kernel
-def _part_of_cell(system, state):
-    """Duration [s] of a segment that is not a whole cell, as far as the flow's series and the forcing go."""
-    segment, drive = state.now[0].segment, state.now[0].drive
+    if drive.offset >= _cell_width(system, drive):
+        enter_next_cell(system, drive)
+    segment.mode_start = -1.0
+    segment.cell_left = time_to_advance(drive, _cell_width(system, drive) - drive.offset)
     longest = system.longest_segment[state.now[0].automaton.mode]
     duration = min(LONGEST_SEGMENT, segment.cell_left, longest, resolved_time(drive, system.signals.reach[drive.cell]))
     if drive.time_left > 0.0:
@@ -89,41 +69,6 @@ def _part_of_cell(system, state):
     for k in range(len(state.ramp)):
         if state.ramp[k].rate != 0.0:
             duration = min(duration, state.ramp[k].time_left)
-    return duration
-
-
-@kernel
-def _cell_width(system, drive):
-    return system.signals.start[drive.cell + 1] - system.signals.start[drive.cell]
-
-
-@kernel
-def choose_segment(system, state, may_be_cell):
-    """Set the segment's extent and the local time at which flow and mode start.
-
-    Where the segment may be a whole cell, it may begin before them.
-    """
-    segment, drive = state.now[0].segment, state.now[0].drive
-    width = _cell_width(system, drive)
-    if drive.offset >= width:
-        enter_next_cell(system, drive)
-        width = _cell_width(system, drive)
-    segment.mode_start = -1.0
-    # Of the whole cell, and from its start to the segment's start; 0 if no segment may be the cell.
-    duration, since = 0.0, 0.0
-    if drive.speed > 0.0:
-        duration, since = width / drive.speed, drive.offset / drive.speed
-    if may_be_cell and _spans_cell(system, state, duration, since):
-        segment.cell_left = duration
-        segment.half = 0.5 * duration
-        if drive.offset > 0.0:
-            _return_to_cell(state, since)
-        segment.slot = drive.cell
-    else:
-        segment.cell_left = time_to_advance(drive, width - drive.offset)
-        duration = _part_of_cell(system, state)
-        segment.slot = len(system.signals.start) - 1
-    segment.flow_start = segment.mode_start
     segment.half = 0.5 * duration
 
 
@@ -140,23 +85,6 @@ def _significant_terms(ratio):
     if ratio <= 0.0:
         return 1
     return min(LENGTH, int(_ROUNDING / math.log(ratio)) + 2) if ratio < 0.17 else LENGTH
-
-
-@kernel
-def _copy(polynomials, targets):
-    for k in range(len(polynomials)):
-        store(targets[k], vector(polynomials[k]))
-
-
-@kernel
-def _copy_cell(system, drive, targets):
-    """Polynomials of the signals over the present cell, from where the phase enters it to where it leaves it."""
-    polynomials = system.signals.series[drive.cell]
-    if drive.direction > 0:
-        _copy(polynomials, targets)
-        return
-    for k in range(len(polynomials)):
-        scale_argument(polynomials[k], -1.0, targets[k])
 
 
 @kernel
@@ -203,11 +131,9 @@ def _fill_changing_signals(system, state):
 
 @kernel
 def _fill_signals(system, state):
-    segment, drive, first = state.now[0].segment, state.now[0].drive, first_signal(system.size[0])
+    segment, drive = state.now[0].segment, state.now[0].drive
     if drive.time_left > 0.0:
         _fill_changing_signals(system, state)
-    elif segment.slot == drive.cell:
-        _copy_cell(system, drive, state.z[first:])
     else:
         slope = 2.0 * drive.speed * segment.half / _cell_width(system, drive)
         middle = 2.0 * (drive.offset + drive.speed * segment.half) / _cell_width(system, drive) - 1.0
@@ -229,7 +155,7 @@ def _raise_acceleration_scales(system, state):
 @kernel
 def fill_forcing(system, state):
     """Polynomials of the signals, the ramps, their rates and the constant over the segment."""
-    half, z, drive = state.now[0].segment.half, state.z, state.now[0].drive
+    half, z = state.now[0].segment.half, state.z
     first, signals, ramps = first_signal(system.size[0]), system.size[0].signals, system.size[0].ramps
     _fill_signals(system, state)
     for channel in range(first, first + signals):
@@ -238,8 +164,6 @@ def fill_forcing(system, state):
         differentiate(z[channel], half, z[channel + signals])
     for k in range(ramps):
         ramp = state.ramp[k]
-        if ramp.rate != 0.0:
-            drive.version += 1
         channel = first_ramp(system.size[0]) + k
         z[channel, 0] = ramp.value + ramp.rate * half
         z[channel, 1] = ramp.rate * half
@@ -254,7 +178,7 @@ def fill_forcing(system, state):
 @entry_kernel
 def read_signals(system, state, values):
     """Values of the signals now, before the first segment: the very bits that the segment's flow starts with."""
-    choose_segment(system, state, True)
+    choose_segment(system, state)
     fill_forcing(system, state)
     for k in range(system.size[0].signals):
         values[k] = value(state.z[first_signal(system.size[0]) + k], -1.0)
@@ -300,8 +224,6 @@ def advance_forcing(system, state, x):
     if drive.direction != direction:
         drive.offset = max(0.0, _cell_width(system, drive) - drive.offset)
     reached |= advance_ramps(state, elapsed)
-    if reached:
-        drive.version += 1
     advance_clock(state, elapsed)
     return reached
 

@@ -2,19 +2,15 @@
 
 Times within a segment are *local times* x: -1 at the segment's start, 1 at its end.
 
-A cell, a segment, a flow and a mode each have a start of their own. Where it can, the segment is the whole cell,
-although its flow may start later, because the series of a whole cell serve again:
+A cell, a segment and a mode each have a start of their own. A flow starts with a segment, and goes on in those that
+follow:
 
     cell      |==============================================================|   part of the phase's turn
-    segment   |==============================================================|   x = -1 ... 1: one polynomial a channel
-    flow           |=========================================================    equations of the dynamic coordinates
-    mode                      |===========================                       all equations, and the guards
-              ^    ^          ^                          ^
-              |    |          mode_start                 next_event: the first guard turns negative
-              |    flow_start
-              start [s]; drive.offset [rad] after the cell's start, here 0
-
-Elsewhere the segment starts with its flow: `flow_start` is -1, and `offset` tells where in the cell the segment starts.
+    segment        |==========================================|                  x = -1 ... 1: one polynomial a channel
+    mode                      |===============================                   all equations, and the guards
+              ^    ^          ^                       ^
+              |    |          mode_start              next_event: the first guard turns negative
+              |    start [s]; drive.offset [rad] after the cell's start
 """
 
 from collections.abc import Iterable
@@ -34,11 +30,9 @@ SEGMENT = np.dtype([
     ("start", np.float64),  # instant [s] of the local time -1 ...
     ("residue", np.float64),  # ... and what rounding took from the sum: an hour of segments must not move the clock
     ("half", np.float64),  # half the duration [s]
-    ("flow_start", np.float64),  # local time at which the flow started
     ("mode_start", np.float64),  # local time at which the mode started
     ("next_event", np.float64),  # local time of the next event: of the first root of a guard, else 1
     ("cell_left", np.float64),  # time [s] from the segment's start to the cell's end
-    ("slot", np.int64),  # of `Library`, for segments of this kind
 ], align=True)
 
 #: The phase of the signals, and how its speed changes.
@@ -53,7 +47,6 @@ DRIVE = np.dtype([
     ("lag", np.float64),  # ... or the time constant [s] with which it approaches its target instead, or 0 ...
     ("target", np.float64),  # ... its target [rad/s], below 0 if the direction has to change first ...
     ("time_left", np.float64),  # ... and the time [s] until it is there, or is 0 first, or 0
-    ("version", np.int64),  # of the forcing: what is driven by the same version over the same cell moves alike
 ], align=True)
 
 #: The present mode.
@@ -168,35 +161,26 @@ class Scratch(NamedTuple):
 
 
 class Library(NamedTuple):
-    """Series that many segments share, by flow and slot.
-
-    There is one slot for each cell, and one for parts of cells.
+    """Series that many segments share, by flow.
 
     n dynamic coordinates have 2 n components, their positions and then their velocities.
 
     Attributes
     ----------
-    half : ndarray, shape (flows, slots)
-        Half the duration [s] that the free motions belong to; 0 while there are none.
-    free : ndarray, shape (flows, slots, 2 n, 2 n, LENGTH)
-        Motion without load, from a unit of each component in the middle: over the cell, or over the longest segment
-        that the last slot serves.
-    free_end : ndarray, shape (flows, slots, 2 n, 2 n)
+    half : ndarray, shape (flows,)
+        Half the duration [s] of the flow's longest segment, over which the free motions are; 0 while there are none.
+    free : ndarray, shape (flows, 2 n, 2 n, LENGTH)
+        Motion without load, from a unit of each component in the middle.
+    free_end : ndarray, shape (flows, 2 n, 2 n)
         Values of `free` at the segment's end.
-    version : ndarray of int, shape (flows, slots)
-        Version of the forcing that the forced motion belongs to; 0 while there is none.
-    forced : ndarray, shape (flows, slots, 2 n, LENGTH)
-        Motion under the cell's load, from rest at zero in the middle.
-    forced_start : ndarray, shape (flows, slots, 2 n)
-        Values of `forced` at the segment's start.
+    forced : ndarray, shape (2 n, LENGTH)
+        Room for the motion under the present segment's load.
     """
 
     half: np.ndarray
     free: np.ndarray
     free_end: np.ndarray
-    version: np.ndarray
     forced: np.ndarray
-    forced_start: np.ndarray
 
 
 class State(NamedTuple):
@@ -260,13 +244,12 @@ def lasting(state: State) -> list[np.ndarray]:
 
 
 def _empty_library(system: System) -> Library:
-    slots = (int(system.flow.max(initial=0)) + 1, len(system.signals.start))
-    if len(system.rotor.controller):  # whose series begin anew in every segment
-        slots = 1, 1
     components = 2 * int(system.size["dynamic"][0])
-    return Library(half=np.zeros(slots), free=np.zeros((*slots, components, components, LENGTH)),
-                   free_end=np.zeros((*slots, components, components)), version=np.zeros(slots, dtype=np.int64),
-                   forced=np.zeros((*slots, components, LENGTH)), forced_start=np.zeros((*slots, components)))
+    flows = int(system.flow.max(initial=0)) + 1
+    if len(system.rotor.controller):  # whose flows are not linear: nothing is shared
+        flows = 0
+    return Library(half=np.zeros(flows), free=np.zeros((flows, components, components, LENGTH)),
+                   free_end=np.zeros((flows, components, components)), forced=np.zeros((components, LENGTH)))
 
 
 def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode: int) -> State:
@@ -305,7 +288,7 @@ def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode:
     )
     state.ramp["value"] = state.ramp["target"] = ramp_values
     drive = state.now["drive"]
-    drive["direction"] = drive["version"] = 1
+    drive["direction"] = 1
     command_drive(system.signals, drive[0], phase_speed, phase_speed)
     state.now["automaton"]["mode"] = mode
     return state

@@ -141,14 +141,13 @@ def first_ramp(size):
     return 2 * size.coordinates + size.dynamic + 2 * size.signals + size.signal_accelerations
 
 
-#: Half a segment as part of the distance to the signals' nearest singularity: 0.22^LENGTH is rounding.
-STRIDE = 0.22
+#: Half a segment as part of the distance to the signals' nearest singularity: 0.225^LENGTH is rounding. With 0.22 a
+#: cell of the shipped mechanism would take three segments in place of two.
+STRIDE = 0.225
 #: Half a cell as part of the distance from its middle to it: what economization leaves out, 4.2^-LENGTH, is rounding.
 CELL_STRIDE = 0.45
 #: Half the longest segment in units of the mode's fastest time constant: 1.7^LENGTH / LENGTH! is below rounding.
 RATE_LIMIT = 1.7
-#: A segment that is a whole cell may last so many times longer, because its series are economized.
-CELL_RATE = 2.0
 #: No row, no jump, no monitor, no event, no (more) candidates.
 NOTHING = -1
 #: `System.guard_effect` of a guard whose candidates need not satisfy any guard.

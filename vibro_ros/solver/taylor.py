@@ -356,10 +356,9 @@ def solve_by_taylor(system, state, point):
         longest = longest_rotor_segment(system, state)
         trial = min(longest, system.longest_segment[mode], _TRIAL / (1.0 + abs(rate)))
         _fill_known_motor(system, state, trial)
-        segment.flow_start = segment.mode_start = -1.0
-        segment.slot = 0
+        segment.mode_start = -1.0
     else:
-        choose_segment(system, state, False)
+        choose_segment(system, state)
         longest = trial = 2.0 * segment.half
         _fill_known_forcing(system, state, trial)
     for channel in range(2 * size.coordinates):

@@ -19,7 +19,7 @@ from numba.core import cgutils, types
 from numba.core.errors import TypingError
 from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
 
-#: Numbers in a vector. A flow's series is cut where 1.7^n / n! and 0.22^n (`system.STRIDE`) reach rounding.
+#: Numbers in a vector. A flow's series is cut where 1.7^n / n! and 0.225^n (`system.STRIDE`) reach rounding.
 LENGTH = 24
 # The compiler keeps a number that is no power of two of them in registers one by one, so a vector has several parts.
 _WIDTH = 8
