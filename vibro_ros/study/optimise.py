@@ -164,8 +164,8 @@ class Plan:
 
     def score(self, values: np.ndarray) -> float:
         """Score of a robot from its values; a robot that is too slow, or flies too long, is judged by how much so."""
-        slowest = speed(values, self.reading)
-        missing = self._flies(values) + (max(self.least_speed - slowest, 0.0) if self.least_speed > 0.0 else 0.0)
+        quartile = speed(values, self.reading)
+        missing = self._flies(values) + (max(self.least_speed - quartile, 0.0) if self.least_speed > 0.0 else 0.0)
         if missing > 0.0:
             return max(-missing, FAILED)
         return OBJECTIVES[self.scored].score(values, self.reading)
@@ -323,10 +323,10 @@ class FrontRobot:
 def _weighted(plan: Plan, weight: float, points: np.ndarray, values: np.ndarray) -> np.ndarray:
     scores = []
     for point, one in zip(points, values, strict=True):
-        slowest, cost = plan.speed_and_cost(point, one)
-        counts = slowest > 0.0 and np.isfinite(cost)
-        scores.append(float(weight * np.log(slowest) - (1.0 - weight) * np.log(cost)) if counts else
-                      FAILED + max(slowest, FAILED))
+        own_speed, cost = plan.speed_and_cost(point, one)
+        counts = own_speed > 0.0 and np.isfinite(cost)
+        scores.append(float(weight * np.log(own_speed) - (1.0 - weight) * np.log(cost)) if counts else
+                      FAILED + max(own_speed, FAILED))
     return np.array(scores)
 
 
@@ -364,7 +364,7 @@ def non_dominated(pairs: np.ndarray) -> list[int]:
     pairs : ndarray, shape (n, 2)
         Speeds that are not positive, and costs that are not finite, do not count.
     """
-    counted = [number for number, (slowest, cost) in enumerate(pairs) if slowest > 0.0 and np.isfinite(cost)]
+    counted = [number for number, (own_speed, cost) in enumerate(pairs) if own_speed > 0.0 and np.isfinite(cost)]
     found, cheapest = [], np.inf
     for number in sorted(counted, key=lambda one: (-pairs[one][0], pairs[one][1])):
         if pairs[number][1] < cheapest:
@@ -590,7 +590,7 @@ def _question_and_verdict(result: Result) -> list[str]:
     if plan.most_air < 1.0:
         floor += f" A robot that is in the air for more than {100 * plan.most_air:g} % of the time does not count."
     how = "CMA-ES, one weight of speed and cost after the other," if plan.objective == FRONT else (
-        "CMA-ES with BIPOP restarts")
+        "CMA-ES, restarted with twice as many robots a group,")
     asked = (f"P is mean mechanical power: {POWER[plan.reading.power]}. {how} tried {result.robots} robots, each "
             f"from the same {trials.starts} drawn starts over {trials.duration:g} s after {trials.settling:g} s. The "
             f"score is the lower quartile of these starts. Speed counts {_DIRECTIONS[plan.reading.direction]}, and all "

@@ -73,9 +73,9 @@ def speed(values: np.ndarray, reading: Reading) -> float:
 
 def speed_per_power(values: np.ndarray, reading: Reading) -> float:
     """Lower quartile of V/P [m/J]; not above 0 where starts disagree or a power is not above 0."""
-    slowest = speed(values, reading)
-    if slowest <= 0.0:
-        return slowest
+    quartile = speed(values, reading)
+    if quartile <= 0.0:
+        return quartile
     power = values[:, POWERS[reading.power]]
     if power.min() <= 0.0:
         return 0.0  # springs returned stored energy: the time was too short to tell a mean
