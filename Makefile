@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 LOCKS := requirements.txt requirements-$(ROS).txt
 PACKAGES := $(VENV)/packages.done
 READY := $(VENV)/ready.done
-PEER := $(VENV)/peer.done
+HEYOKA := $(VENV)/peer.done
 COMPARED := $(VENV)/compared.done
 STUDY := $(VENV)/study.done
 BROWSER := $(VENV)/browser.done
@@ -45,7 +45,7 @@ view: $(READY) $(TYPES)  ## run a robot and show it in the browser, at the addre
 
 # With another ROS 2 than Jazzy only the tests of ROS run, without the packages whose absence they skip.
 TESTS := $(if $(filter jazzy,$(ROS)),test,test/ros)
-NEEDED := $(if $(filter jazzy,$(ROS)),$(PEER) $(STUDY) $(BROWSER))
+NEEDED := $(if $(filter jazzy,$(ROS)),$(HEYOKA) $(STUDY) $(BROWSER))
 
 # Four workers on two cores, because half of the tests wait for processes.
 test: $(READY) $(TYPES) $(NEEDED)  ## run the tests, four at a time, and those that need a quiet machine alone; with ROS=kilted those of ROS
@@ -86,10 +86,10 @@ conflict-markers:
 package: $(READY)  ## build wheel and sdist into out/dist, and try the wheel's robot from an empty folder; two minutes
 	@$(BIN)/python -m tools.package
 
-bench: $(READY) $(PEER)  ## compare the exact solver's cost with fixed-step Runge-Kutta and heyoka
+bench: $(READY) $(HEYOKA)  ## compare the exact solver's cost with fixed-step Runge-Kutta and heyoka
 	@$(BIN)/python -m benchmark.costs
 
-benchmark: $(READY) $(PEER) $(COMPARED)  ## price accuracy against MuJoCo, Drake, SUNDIALS and others, half an hour; ONLY="6_device mujoco --quick" limits it
+benchmark: $(READY) $(HEYOKA) $(COMPARED)  ## price accuracy against MuJoCo, Drake, SUNDIALS and others, half an hour; ONLY="6_device mujoco --quick" limits it
 	@$(COMPILED)
 	@$(BIN)/python -m benchmark.run $(ONLY)
 
@@ -103,10 +103,10 @@ study: $(READY) $(STUDY)  ## short versions of all studies, figures and tables i
 	@$(BIN)/study basins --quick --set motor.speed=160 --output out/study/short/basins
 	@$(BIN)/study map --quick --output out/study/short/map
 
-documents: $(READY) $(PEER) $(STUDY) $(COMPARED)  ## make every generated page and picture, an hour and a half; ONLY="effects map" makes some
+documents: $(READY) $(HEYOKA) $(STUDY) $(COMPARED)  ## make every generated page and picture, an hour and a half; ONLY="effects map" makes some
 	@$(BIN)/python -m tools.documents $(ONLY)
 
-accuracy paper literature map picture: $(READY) $(PEER) $(STUDY)  ## make one of them: the same as make documents ONLY=...
+accuracy paper literature map picture: $(READY) $(HEYOKA) $(STUDY)  ## make one of them: the same as make documents ONLY=...
 	@$(BIN)/python -m tools.documents $@
 
 clean:  ## remove every .venv and all that is built; out/ stays
@@ -165,7 +165,7 @@ $(BROWSER): requirements-browser.txt $(PACKAGES)
 	@touch $@
 
 # Only what compares needs it, and the test with another vendor's DDS: 115 MB to load.
-$(PEER): requirements-bench.txt $(PACKAGES)
+$(HEYOKA): requirements-bench.txt $(PACKAGES)
 	@echo "setup: installing heyoka, to compare with, and Cyclone DDS, to talk with"
 	@$(PIP) install --only-binary :all: --no-deps --requirement $<
 	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }

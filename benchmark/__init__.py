@@ -1,1 +1,1 @@
-"""Problems with impacts and dry friction, their reference values, and runners for programs that solve them."""
+"""Problems with impacts and dry friction, their reference values, and the programs that solve them."""

@@ -18,7 +18,7 @@ from vibro_ros.accuracy.programs import Answer, Program, Setting
 FOLDER = Path(__file__).with_name("problems")
 #: What is sampled: positions and speeds of upper mass, inclined mass and body, the body along and above the ground.
 COLUMNS = ("u", "du", "w", "dw", "x", "dx", "y", "dy")
-#: Names of the parameters in vibro_ros, whose scenes the runner `exact` and the reference are made from.
+#: Names of the parameters in vibro_ros, whose scenes the program `exact` and the reference are made from.
 NAMES = {
     "m1": "mass.body", "m2": "mass.upper", "m3": "mass.inclined", "l": "crank.radius", "L2": "crank.upper_rod",
     "L3": "crank.inclined_rod", "phi": "guide.angle", "omega": "motor.speed", "g": "gravity", "mu": "ground.friction",

@@ -249,7 +249,7 @@ def prepare(problem: Problem, setting: Setting) -> Callable[[], Answer]:
         the masses or a body that hops.
     """
     scene = problem.scene
-    if fault := unsupported(scene, "baseline"):
+    if fault := unsupported(scene, "rk4_by_hand"):
         raise UnableError(fault)
     if any(scene[f"effects.{side}_contact"] == "restitution" for side in scene.guides):
         for name, values in _KNOWN_WHERE_RIGID.items():

@@ -194,7 +194,7 @@ def main(words: Sequence[str]) -> int:
     folder = docs / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     costs = subprocess.run([sys.executable, "-m", "benchmark.costs"], capture_output=True, text=True, check=True).stdout
-    programs, checks = opponents()
+    programs, checks = compared()
     with row_writer(folder / TABLE) as write:
         for name in sorted(SCENES):
             measure(name, programs, CLOSER_EFFORT if name == CLOSER else EFFORT, write, checks)
@@ -206,7 +206,7 @@ def main(words: Sequence[str]) -> int:
     return 0
 
 
-def opponents() -> tuple[dict[str, Program], list[tuple[Program, Setting]]]:
+def compared() -> tuple[dict[str, Program], list[tuple[Program, Setting]]]:
     """The programs that are compared on scenes, and the checks of the reference, the best first."""
     from benchmark.programs.heyoka import ON_SCENES  # heyoka, which is not installed with the package
 

@@ -1,7 +1,7 @@
 """Which simulators have which parameters.
 
 The device's own methods integrate the compiled equations, so that they have every parameter. Two simulators hold
-equations of their own: the peer (`benchmark/heyoka_robot`) and the baseline (`benchmark/rk4_by_hand.py`). `SUPPORT`
+equations of their own: `benchmark/heyoka_robot` and `benchmark/rk4_by_hand.py`. `SUPPORT`
 says of every parameter which values each of the two has. Of a parameter that the table lacks they have only the
 default, with which a new parameter has no effect, so that a new choice or number is refused until its equations are
 written.
@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from vibro_ros.model.parameter_values import ParameterValues
 from vibro_ros.model.parameters import AS_FORWARD, BY_NAME, Value
 
-SIMULATORS = ("peer", "baseline")
+SIMULATORS = ("heyoka_robot", "rk4_by_hand")
 ANY = None
 _SWITCH = (True, False)
 _CONTACTS = ("none", "restitution", "compliant")
@@ -36,7 +36,7 @@ SUPPORT: Mapping[str, tuple[tuple[Value, ...] | None, ...]] = {
     **dict.fromkeys(("ground.slope", "ground.viscous_friction", "ground.drag", "ground.restitution",
                      "mass.upper_slider", "mass.inclined_slider", "mass.crank_pin"), (ANY, (0.0,))),
     "ground.friction_backward": (ANY, (AS_FORWARD,)),
-    **dict.fromkeys((  # of a dc motor, which the baseline refuses
+    **dict.fromkeys((  # of a dc motor, which `rk4_by_hand` refuses
         "motor.control", "motor.voltage", "motor.supply_voltage", "motor.winding_resistance",
         "motor.winding_inductance", "motor.torque_constant", "motor.gear_ratio", "motor.rotor_inertia",
         "motor.crank_inertia", "motor.damping", "motor.friction", "motor.static_friction", "motor.current_limit",

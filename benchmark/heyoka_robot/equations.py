@@ -127,7 +127,7 @@ class Equations:
     """
 
     def __init__(self, scene: Scene):
-        if fault := unsupported(scene, "peer"):
+        if fault := unsupported(scene, "heyoka_robot"):
             raise ValueError(f"scene {scene.name}: {fault}")
         if scene["effects.friction"] == "stribeck" and scene["effects.normal_force"] == "hop":
             raise ValueError(f"scene {scene.name}: effects.friction: 'stribeck' has no landing in the robot; give "

@@ -1,4 +1,4 @@
-"""Runge-Kutta by hand is a fair opponent: it tends to the exact solution of every scene as its step falls."""
+"""Runge-Kutta by hand is fair: it tends to the exact solution of every scene as its step falls."""
 
 import numpy as np
 import pytest

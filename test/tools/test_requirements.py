@@ -19,7 +19,7 @@ ROSDEP_KEYS = {"PIL": "python3-pil", "mcap": "mcap-ros2-support", "rosbags": "py
                "lz4": "python3-rosbags-pip", "zstandard": "mcap-ros2-support"}
 ROSDEP_KEYS |= {name: f"python3-{name}" for name in ("matplotlib", "numba", "numpy", "scipy", "tornado", "tqdm")}
 LOCKS = [f"requirements{part}.txt" for part in ("", "-jazzy", "-bench", "-browser", "-study")]
-# Of the extras `bench`, `study`, `cluster`, `gym` and `test`; only the rooms peer, study and gym import them, and
+# Of the extras `bench`, `study`, `cluster`, `gym` and `test`; only heyoka_robot, study and gym import them, and
 # `Bag.to_pandas`.
 NO_ROSDEP_KEY = {"heyoka", "cma", "distributed", "gymnasium", "pandas", "pyarrow"}
 

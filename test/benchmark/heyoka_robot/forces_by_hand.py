@@ -1,4 +1,4 @@
-"""All forces of the device, from the equations of docs/robot.md and a state: no code of the solver or of the peer.
+"""All forces of the device, from the equations of docs/robot.md and a state: no code of the solver or of heyoka.
 
 The unknowns are x'', y'', u'', w'', N, F_fr, what a mass presses with on a rigid plate that it rests on, P2 and P3, and
 theta'', in the four rows of the mass matrix, one law each for ground, friction and plates, and the row of the crank, a

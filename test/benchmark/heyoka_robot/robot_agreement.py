@@ -1,6 +1,6 @@
-"""The exact solver and the peer side by side: motion, drives, events, and every force.
+"""The exact solver and heyoka's robot side by side: motion, drives, events, and every force.
 
-The peer's forces are computed by hand from its states. A force is as far off as the position that its springs feel: by
+Heyoka's forces are computed by hand from its states. A force is as far off as the position that its springs feel: by
 1e-4 N in a plate of 1e7 N/m, of some 1e3 N, and by 1e-8 N while the plates are free.
 """
 
@@ -37,22 +37,22 @@ def simulated(scene, times, commands):
 
 
 def motion(scene, run):
-    """The peer's motion, by the names of `Samples`."""
+    """Heyoka's motion, by the names of `Samples`."""
     return Motion(scene, dict(zip(COLUMNS + DRIVEN, np.hstack([run.samples, run.driven]).T, strict=True)))
 
 
 def assert_agreement(scene, duration, commands=(), position=POSITION, place=0.0):
-    """Return what the peer has found.
+    """Return what heyoka's robot has found.
 
     `position` [m] is how far off positions may be. A contact may begin and end as much off as its mass takes
     to move by `place` [m].
     """
     # A controller's samples let the current jump, to either side of which a sample of the motion may belong.
-    times, peer = np.linspace(0.0, duration, 41) + 1.3e-5 * scene.has_rotor, HeyokaRobot(scene, TOLERANCE)
-    contacts = peer.integrate(times, commands).events
+    times, robot = np.linspace(0.0, duration, 41) + 1.3e-5 * scene.has_rotor, HeyokaRobot(scene, TOLERANCE)
+    contacts = robot.integrate(times, commands).events
     contacts = contacts[(contacts["duration"] > SHORTEST) & np.isfinite(contacts["duration"])]
     times = np.unique(np.concatenate([times, contacts["time"] + 0.3 * contacts["duration"]]))
-    run = peer.integrate(times, commands)
+    run = robot.integrate(times, commands)
     samples, events = simulated(scene, times, commands)
     moved = motion(scene, run)
     for name in (*COLUMNS, *DRIVEN):
@@ -69,10 +69,10 @@ def assert_agreement(scene, duration, commands=(), position=POSITION, place=0.0)
              for kind in ("stick", "unloaded", "lift_off", "landing", "crank_stops", "crank_turns")}
     for side in SIDES:
         kind = f"{side}_contact"
-        late = place / passing_speeds(side, peer, run, commands) if place else np.zeros((2, 1))
+        late = place / passing_speeds(side, robot, run, commands) if place else np.zeros((2, 1))
         pairs[kind] = assert_events_agree(kind, events, run.events, position, *late)
     for side in SIDES:
-        assert_peaks_agree(side, peer, run, commands, *pairs[f"{side}_contact"], position)
+        assert_peaks_agree(side, robot, run, commands, *pairs[f"{side}_contact"], position)
     return run
 
 
@@ -100,12 +100,12 @@ def ended(events, kind):
     return events[(events["kind"] == kind) & np.isfinite(events["duration"])]
 
 
-def passing_speeds(side, peer, run, commands):
+def passing_speeds(side, robot, run, commands):
     """Speeds [m/s] at which the masses pass their plates where contacts begin and end, shape (2, n)."""
     contacts = ended(run.events, f"{side}_contact")
     ends = contacts["time"] + contacts["duration"]
     times = np.unique(ends)
-    leaving = motion(peer.scene, peer.integrate(times, commands)).depth(side)[1][np.searchsorted(times, ends)]
+    leaving = motion(robot.scene, robot.integrate(times, commands)).depth(side)[1][np.searchsorted(times, ends)]
     return np.maximum(np.abs([contacts["speed"], leaving]), 1e-30)
 
 
@@ -135,9 +135,9 @@ def assert_forces_agree(times, samples, moved, position):
         assert_close(name, times, samples[name], forces[name], limit)
 
 
-def assert_peaks_agree(side, peer, run, commands, ours, theirs, position):
-    """Greatest forces of contacts: a blow's is infinite, others are looked for in the peer's states."""
-    scene, blows = peer.scene, theirs["duration"] == 0.0
+def assert_peaks_agree(side, robot, run, commands, ours, theirs, position):
+    """Greatest forces of contacts: a blow's is infinite, others are looked for in heyoka's states."""
+    scene, blows = robot.scene, theirs["duration"] == 0.0
     assert np.all(np.isinf(ours["peak_force"]) == blows), side
     ours, theirs = ours[~blows], theirs[~blows]
     if len(ours) == 0:
@@ -152,13 +152,13 @@ def assert_peaks_agree(side, peer, run, commands, ours, theirs, position):
         pieces = smooth_pieces(contact["time"], contact["time"] + contact["duration"], seams)
         grids += [grid(*piece, rate) for piece in pieces]
         owners += [number] * len(pieces)
-    highest = [int(force.argmax()) for force in plate_forces(side, peer, commands, grids)]
+    highest = [int(force.argmax()) for force in plate_forces(side, robot, commands, grids)]
     finer = [np.linspace(grid[max(top - 1, 0)], grid[min(top + 1, len(grid) - 1)], 201)
              for grid, top in zip(grids, highest, strict=True)]
     # a damper takes up its share at once, where the contact begins, of which the grid knows no instant
     peaks = np.where(scene[f"effects.{side}_contact"] == "compliant",
                      scene[f"{side}.plate.damping"] * theirs["speed"], 0.0)
-    np.maximum.at(peaks, owners, [force.max() for force in plate_forces(side, peer, commands, finer)])
+    np.maximum.at(peaks, owners, [force.max() for force in plate_forces(side, robot, commands, finer)])
     # the last grid's instants are 0.01 / POINTS rad apart: at most an eighth of that, squared, is missed
     limit = position * sum(stiffness(scene, one, part) for one, part in springs) + (0.01 / POINTS) ** 2 / 8.0 * peaks
     assert_close(f"peak of {side}_contact", theirs["time"], ours["peak_force"], peaks, limit)
@@ -177,11 +177,11 @@ def grid(begin, end, rate):
     return begin + (end - begin) * np.sort(np.concatenate([near, even, 1.0 - near]))
 
 
-def plate_forces(side, peer, commands, grids):
-    """The plate's forces on the peer's way at the instants of each of `grids`."""
+def plate_forces(side, robot, commands, grids):
+    """The plate's forces on heyoka's way at the instants of each of `grids`."""
     times = np.unique(np.concatenate(grids))
-    times = times[np.append(True, np.diff(times) > 1e-16)]  # what the peer, who counts from a command, tells apart
-    moved = motion(peer.scene, peer.integrate(times, commands))
-    rigid = peer.scene[f"effects.{side}_contact"] == "restitution"
+    times = times[np.append(True, np.diff(times) > 1e-16)]  # what heyoka, who counts from a command, tells apart
+    moved = motion(robot.scene, robot.integrate(times, commands))
+    rigid = robot.scene[f"effects.{side}_contact"] == "restitution"
     forces = moved.forces()[f"{side}_plate_force"] if rigid else moved.push(side)
     return [forces[np.searchsorted(times, grid, side="right") - 1] for grid in grids]

@@ -227,17 +227,17 @@ def test_the_machine_as_shipped_agrees_with_the_peer():
     """A40. From its start at rest to 100 rad/s and back, over 1 s: the motion contracts."""
     scene = vibro_ros.load_scene("machine")
     commands = (0.0, {"motor_speed": 100.0}), (0.7, {"motor_speed": -30.0, "upper_gap": 3e-4})
-    peer = assert_agreement(scene, 1.0, commands)
-    assert count(peer, "landing") > 20
-    assert count(peer, "crank_turns") >= 1
+    robot = assert_agreement(scene, 1.0, commands)
+    assert count(robot, "landing") > 20
+    assert count(robot, "crank_turns") >= 1
 
 
 def test_the_damped_device_agrees_for_longer_than_chaos_would_let_it():
     """2 s; the motion contracts, so that the limits of 0.2 s hold. The plate arrives between two samples: at one, the
     rounding of the instant would decide whether it still moves."""
     scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0})
-    peer = assert_agreement(scene, 2.0, ((0.5, {"motor_speed": 120.0, "upper_gap": 0.00052}),))
-    assert np.count_nonzero(peer.events["kind"] == "upper_contact") > 20
+    robot = assert_agreement(scene, 2.0, ((0.5, {"motor_speed": 120.0, "upper_gap": 0.00052}),))
+    assert np.count_nonzero(robot.events["kind"] == "upper_contact") > 20
 
 
 @pytest.mark.parametrize("seed", [*range(200, 217), *range(218, 224)])
@@ -328,12 +328,12 @@ def test_a_choice_and_a_number_that_the_peer_does_not_have_are_refused(monkeypat
         monkeypatch.setitem(BY_NAME, name, replace(BY_NAME["effects.friction"], name=name, default=0.0))
         scene = vibro_ros.load_scene("paper")
         object.__setattr__(scene, "parameters", {**scene.parameters, name: value})
-        with pytest.raises(ValueError, match=f"scene paper: {name}: {value!r} is not simulated by peer"):
+        with pytest.raises(ValueError, match=f"scene paper: {name}: {value!r} is not simulated by heyoka_robot"):
             HeyokaRobot(scene)
 
 
 def test_every_effect_that_a_scene_may_have_is_compared():
-    """By name and value: who adds one to the model is told here to add it to the peer and to `EFFECTS`."""
+    """By name and value: who adds one to the model is told here to add it to the robot of heyoka and to `EFFECTS`."""
     default = vibro_ros.load_scene("paper")
     compared = {name: {default[name]} for name in default.parameters if name.startswith(("effects.", "start.state"))}
     for changes, _ in EFFECTS.values():
@@ -345,8 +345,8 @@ def test_every_effect_that_a_scene_may_have_is_compared():
 
 
 def test_a_peer_runs_again_from_the_start():
-    peer = HeyokaRobot(vibro_ros.load_scene("unilateral"), tolerance=1e-9)
-    first, second = (peer.integrate(np.arange(41) / 200.0) for _ in range(2))
+    robot = HeyokaRobot(vibro_ros.load_scene("unilateral"), tolerance=1e-9)
+    first, second = (robot.integrate(np.arange(41) / 200.0) for _ in range(2))
     np.testing.assert_array_equal(first.samples, second.samples)
 
 
