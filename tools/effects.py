@@ -33,6 +33,7 @@ SPEED, STARTS = 100.0, 32
 _MOST_NAMED = 4  # motions; of more, a cell tells the slowest and the fastest
 _RUNS_AWAY = 100.0  # m/s, a mean speed that no steady motion has
 _COUNTS = ("states", "modes", "terms", "guards")
+HEADS = ("effect", *_COUNTS, "cost", "motions without it", "motions with it")
 
 
 @dataclass(frozen=True)
@@ -154,19 +155,22 @@ def _run(scene: Scene, duration: float) -> None:
     device.sample(np.arange(round(duration * RATE) + 1) / RATE)
 
 
+def counted(effect: Effect) -> list[str]:
+    """The cells of a row that depend on no run."""
+    with_it, without = map(size, effect.scenes())
+    added = [getattr(with_it, name) - getattr(without, name) for name in _COUNTS]
+    return [effect.name, *(f"{number:+d}" if number else "" for number in added)]
+
+
 def line(effect: Effect, cost: str) -> str:
     """The row of an effect in Markdown; motions with it are told where they are not those of the shipped scene."""
     with_it, without = effect.scenes()
-    more = size(with_it), size(without)
-    added = [getattr(more[0], name) - getattr(more[1], name) for name in _COUNTS]
-    cells = [effect.name, *(f"{number:+d}" if number else "" for number in added), cost, motions(without),
-             motions(with_it) if effect.given else ""]
+    cells = [*counted(effect), cost, motions(without), motions(with_it) if effect.given else ""]
     return f"| {' | '.join(cells)} |"
 
 
 def tables(effects: Iterable[Effect], costs: Iterable[str]) -> str:
     """Markdown: a table for each shipped scene, from effects and their costs in words."""
-    heads = ["effect", *_COUNTS, "cost", "motions without it", "motions with it"]
     parts = []
     for name, rows in itertools.groupby(zip(effects, costs, strict=True), lambda row: row[0].scene):
         whole = size(load_scene(name))
@@ -174,7 +178,7 @@ def tables(effects: Iterable[Effect], costs: Iterable[str]) -> str:
             f"The scene `{name}` has {whole.states} states, {whole.modes} modes, at most {whole.terms} terms and "
             f"{whole.guards} guards in one of them. At {SPEED:g} rad/s it moves with {motions(load_scene(name))} mm/s.",
             "",
-            f"| {' | '.join(heads)} |", "|---" * len(heads) + "|", *(line(*row) for row in rows)]))
+            f"| {' | '.join(HEADS)} |", "|---" * len(HEADS) + "|", *(line(*row) for row in rows)]))
     return "\n\n".join(parts)
 
 
