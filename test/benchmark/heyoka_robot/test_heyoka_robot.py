@@ -398,14 +398,9 @@ def test_a_very_slow_motor_agrees_with_the_peer(name):
 
 
 @pytest.mark.parametrize("name", ["as printed", "unilateral", "hop"])
-def test_masses_that_follow_a_slow_crank_on_their_plates_agree_with_the_peer(name):
-    """In segments that a stiff plate does not cut short, until a plate moves, and again after it has stopped."""
+def test_masses_that_follow_a_slow_crank_on_their_plates_agree_with_heyoka(name):
+    """Until a plate moves, while it does, and after it has stopped."""
     scene = PAPER.with_parameters(SCENES[name] | {
         "motor.speed": 8.0, "start.state": "rest", "upper.gap": -0.01, "inclined.gap": -0.01, "ground.friction": 2.0})
     commands = ((0.15, {"upper_gap": -0.012}), (0.3, {"inclined_gap": -0.008}))
     assert_agreement(scene, 0.5, commands)
-    device = vibro_ros.Simulator(scene)
-    device.advance_to(0.1)
-    before = device.statistics["steps"]
-    device.advance_to(0.15)
-    assert device.statistics["steps"] - before < 20  # those that vibrate: 170
