@@ -216,14 +216,14 @@ EFFECTS = {
 
 
 @pytest.mark.parametrize("name", EFFECTS)
-def test_an_effect_agrees_with_the_peer(name):
+def test_an_effect_agrees_with_heyoka(name):
     """A37, A40. Each effect alone and with those that meet it, with and without commands."""
     changes, commands = EFFECTS[name]
     duration = 0.3 if name.startswith("a body that stops") else 0.2
     assert_agreement(vibro_ros.load_scene("paper").with_parameters(changes), duration, commands)
 
 
-def test_the_machine_as_shipped_agrees_with_the_peer():
+def test_the_machine_as_shipped_agrees_with_heyoka():
     """A40. From its start at rest to 100 rad/s and back, over 1 s: the motion contracts."""
     scene = vibro_ros.load_scene("machine")
     commands = (0.0, {"motor_speed": 100.0}), (0.7, {"motor_speed": -30.0, "upper_gap": 3e-4})
@@ -241,7 +241,7 @@ def test_the_damped_device_agrees_for_longer_than_chaos_would_let_it():
 
 
 @pytest.mark.parametrize("seed", [*range(200, 217), *range(218, 224)])
-def test_a_random_scene_agrees_with_the_peer(seed):
+def test_a_random_scene_agrees_with_heyoka(seed):
     """Over 0.1 s; 1e-10 m, for stiff plates that a mass chatters on. In scene 217, left out, a body hops while a mass
     bounces on it until the order of both is lost in rounding, at 1e-6 m/s: no arithmetic decides the number of bounces.
     """
@@ -269,7 +269,7 @@ def random_extras(pick, changes):
 
 
 @pytest.mark.parametrize("seed", [*range(312, 323), *range(324, 330)])
-def test_a_random_dc_machine_agrees_with_the_peer(seed):
+def test_a_random_dc_machine_agrees_with_heyoka(seed):
     """A40. Over 0.1 s, and as far as the other random scenes. In scene 323, left out, a mass meets its plate so slowly
     that rounding moves the instant by 1e-10 s."""
     changes, commands = draw(seed)
@@ -365,7 +365,7 @@ def count(run, *kinds):
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_the_fastest_motor_agrees_with_the_peer(name):
+def test_the_fastest_motor_agrees_with_heyoka(name):
     """A41. 1e4 rad/s, the highest that may be allowed: 80 turns, in which the masses reach their plates from 0."""
     scene = PAPER.with_parameters(SCENES[name] | {
         "motor.max_speed": 1e4, "motor.speed": 1e4, "start.state": "zero"})
@@ -380,7 +380,7 @@ SLIDER = 0.02 * math.cos(LEAN) + math.sqrt(0.06**2 - (0.02 * math.sin(LEAN)) ** 
 
 # Not where rigid plates throw up a body: bounces that die out, at 1e-9 m/s, decide there when it sticks.
 @pytest.mark.parametrize("name", [name for name in SCENES if name != "rigid and hop"])
-def test_a_very_slow_motor_agrees_with_the_peer(name):
+def test_a_very_slow_motor_agrees_with_heyoka(name):
     """A41. 0.01 rad/s for 5 s: the masses bounce and come to rest, the upper one on its plate, off which its slider
     draws it at last, the inclined one on its slider, which carries it to its plate.
 
