@@ -192,6 +192,8 @@ def test_a_robot_in_a_namespace_under_another_name(start, visit, view):
     assert words.startswith("no robot /r1/vibro_robot") and words.endswith("/r1/crawler")
     page.wait(lambda: page.last("impacts"), "impacts")
     assert page.ask(call="reset")["done"]
+    page.wait_for_rows(50)  # robot time goes on through a reset
+    assert np.allclose(np.diff(column(np.concatenate(page.rows), "time")), 0.005, rtol=0.0, atol=1e-9)
     assert page.ask(command="motor_speed", value=-600.0)["done"]
     page.wait(lambda: any("command refused" in one.get("words", "") for one in list(page.texts)), "the refusal")
     stop(view)

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from scipy.integrate import cumulative_trapezoid
 
 from vibro_ros.bag.reader import Arrays, Bag
+from vibro_ros.recordings.energy import RECEIVED
 from vibro_ros.recordings.summary import impacts_of
 from vibro_ros.simulation.validity import GAP
 
@@ -40,7 +41,6 @@ _NONE = "N \N{LESS-THAN OR EQUAL TO} 0"
 _ACCOUNT_COLOURS = {"motor": "#009e73", "plates": "#999999", "unpaid": "#cc79a7", "drive dampers": "#0072b2",
             "plate dampers": "#d55e00", "friction": "#e69f00", "blows": "#000000", "landings": "#56b4e9",
             "stored": "#f0e442"}
-_GIVES = ("motor", "plates", "unpaid")
 _NEGLIGIBLE = 1e-3  # of the whole: too narrow to be seen
 
 Span = tuple[float, float]
@@ -303,8 +303,8 @@ def draw_energy(axes: Axes, energy: dict[str, Any]) -> None:
 
 def parts_of(accounts: dict[str, float]) -> tuple[dict[str, float], dict[str, float]]:
     """Amounts [J] that were received, and those that were lost or stored, none negative; negligible ones left out."""
-    signed = {name: accounts.get(name.replace(" ", "_"), 0.0) * (1.0 if name in _GIVES else -1.0)
-              for name in _ACCOUNT_COLOURS}
+    keys = {name: name.replace(" ", "_") for name in _ACCOUNT_COLOURS}
+    signed = {name: accounts.get(key, 0.0) * RECEIVED.get(key, -1.0) for name, key in keys.items()}
     signed["motor"] = accounts["motor_delivered"] - accounts["motor_taken_back"]
     least = _NEGLIGIBLE * max(map(abs, signed.values()))
     received = {name: amount for name, amount in signed.items() if amount > least}

@@ -32,7 +32,6 @@ from vibro_ros.messages.topics import (
     INPUTS,
     OF_DC_MOTOR,
     OPERATIONS,
-    ROBOT_TOPICS,
     SAMPLE,
     TOPICS,
     VARIANCES,
@@ -258,7 +257,7 @@ class Rerun:
             Why the message cannot be read, which the robot refused for the same reason; else empty.
         """
         try:
-            message = deserialised(data, TOPICS[OPERATIONS].type if name == OPERATIONS else ROBOT_TOPICS[name])
+            message = deserialised(data, TOPICS[name].type)
             operation = read_operation(message.data) if name == OPERATIONS else None
         except ValueError as error:
             return str(error)
@@ -289,7 +288,7 @@ class Rerun:
                              f"of {most} samples at most; give a bag with the robot's own stamps")
         if headed and tick - self.tick >= LONGEST_PAUSE * self._facts.rate:
             try:
-                headers = [deserialised(data, ROBOT_TOPICS[name]).header.stamp for name, data in self.recorded
+                headers = [deserialised(data, TOPICS[name].type).header.stamp for name, data in self.recorded
                            if name in STAMPED]
             except ValueError:
                 headers = []

@@ -16,7 +16,7 @@ import numpy as np
 
 from vibro_ros.messages.codec import deserialised
 from vibro_ros.messages.operations import FAULT, PUSH, RESET, SET, STATE, TIMEOUT, read_operation
-from vibro_ros.messages.topics import CHECKPOINT, OPERATIONS, ROBOT_TOPICS, TOPICS, commands_in
+from vibro_ros.messages.topics import CHECKPOINT, OPERATIONS, TOPICS, commands_in
 from vibro_ros.model.scene import Scene
 from vibro_ros.recordings.rerun import LONGEST_PAUSE, Rerun
 from vibro_ros.simulation.given_state import UNITS
@@ -188,7 +188,7 @@ class ExactMotion:
                 elif one.name == OPERATIONS:
                     was_reset |= self._operate(k, one.data)
                 elif self._follows_run:
-                    message = deserialised(one.data, ROBOT_TOPICS[one.name])
+                    message = deserialised(one.data, TOPICS[one.name].type)
                     for argument, value in commands_in(one.name, message, self._device.scene)[0].items():
                         with suppress(ValueError):  # the robot refused it as well
                             self._command({argument: value})

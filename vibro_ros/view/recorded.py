@@ -9,7 +9,7 @@ from vibro_ros.bag.reader import COLUMNS, JOINT_QUANTITIES, STAMP, Arrays, Colum
 from vibro_ros.bag.stream import BagStream, robot_topics
 from vibro_ros.messages.frames import JOINTS
 from vibro_ros.messages.robot_messages import PLATES
-from vibro_ros.messages.topics import CHECKPOINT, INPUTS, ROBOT_TOPICS, TOPICS
+from vibro_ros.messages.topics import CHECKPOINT, INPUTS, TOPICS
 from vibro_ros.simulation.samples import FIELDS, resets
 from vibro_ros.simulation.validity import GAP
 from vibro_ros.view.motion import Interpolated, Progress, Span, polynomials_through
@@ -71,7 +71,7 @@ class Recorded:
         names = {self.topics[name]: name for name in wanted if name in self.topics}
         inputs = {self.topics[name]: name for name in (*INPUTS, CHECKPOINT)
                   if name in self.topics and wanted == STATE}
-        series = {topic: Series(ROBOT_TOPICS[name], self._stream.start, columns=columns_of(name))
+        series = {topic: Series(TOPICS[name].type, self._stream.start, columns=columns_of(name))
                   for topic, name in names.items()}
         read = dict.fromkeys([*names, *inputs], 0)
         total = max(1, sum(self._stream.topics[topic].messages for topic in read if topic in self._stream.topics))
