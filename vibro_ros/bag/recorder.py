@@ -419,25 +419,28 @@ class BagWriter:
 
     def _begin_file(self) -> None:
         path = self.folder / f"{self.folder.name}_{self._number}{SUFFIX}"
+        # The texts come first, because they take 20 ms: a process that is killed meanwhile leaves no empty file.
+        about = self._description(FileInformation(path.name, 0, 0))
+        labels = [{"offered_qos_profiles": as_text(one.information.qos).strip(),
+                   "topic_type_hash": one.information.type_hash} for one in self._definitions]
         self._sink = _Sink(path)
         chunk = min(CHUNK_SIZE, self._storage.file_size // 8 or CHUNK_SIZE)
         self._file = Writer(self._sink, chunk, _COMPRESSIONS[self._storage.compression])  # type: ignore[arg-type]
         self._file.start("ros2", "vibro_ros")
         schemas: dict[str, Schema] = {}
         channels = []
-        for definition in self._definitions:
+        for definition, of_topic in zip(self._definitions, labels, strict=True):
             topic, text = definition.information, definition.text.encode()
             if topic.type_name not in schemas:
                 number = self._file.register_schema(topic.type_name, "ros2msg", text)
                 schemas[topic.type_name] = Schema(id=number, data=text, encoding="ros2msg", name=topic.type_name)
             schema = schemas[topic.type_name].id
-            labels = {"offered_qos_profiles": as_text(topic.qos).strip(), "topic_type_hash": topic.type_hash}
-            number = self._file.register_channel(topic.name, topic.encoding, schema, labels)
-            channels.append(Channel(id=number, topic=topic.name, message_encoding=topic.encoding, metadata=labels,
+            number = self._file.register_channel(topic.name, topic.encoding, schema, of_topic)
+            channels.append(Channel(id=number, topic=topic.name, message_encoding=topic.encoding, metadata=of_topic,
                                     schema_id=schema))
         # The Writer puts topics into the first chunk. Here they are on the disk before there is one, and if it is lost.
         self._sink.write(packed(*schemas.values(), *channels))
-        self._note(FileInformation(path.name, 0, 0))
+        self._file.add_metadata(METADATA_NAME, about)
         try:
             self._file.flush()
         except OSError:
@@ -498,7 +501,10 @@ class BagWriter:
 
     def _note(self, file: FileInformation) -> None:
         """Write into the file what the bag says of itself."""
-        self._file.add_metadata(METADATA_NAME, {METADATA_KEY: as_text(self._information([file]))})
+        self._file.add_metadata(METADATA_NAME, self._description(file))
+
+    def _description(self, file: FileInformation) -> dict[str, str]:
+        return {METADATA_KEY: as_text(self._information([file]))}
 
     def _information(self, files: Sequence[FileInformation]) -> dict:
         return bag_information(files, [one.information for one in self._definitions], self._custom)
