@@ -15,6 +15,7 @@ import vibro_ros
 from vibro_ros.configuration.command_choice import CommandChoice
 from vibro_ros.configuration.command_map import PATCHWORK, Axis, read_map
 from vibro_ros.study import map as motions_module
+from vibro_ros.study.execution import Execution
 from vibro_ros.study.map import (
     GAP,
     LEAST_CELLS,
@@ -110,7 +111,7 @@ def test_cells_from_which_a_trial_leads_elsewhere_are_not_sure(monkeypatch):
     command_map = known_map()
     few = replace(command_map.found, sure=command_map.found.sure * (command_map.found.speed_index < 2))
     left, trials = motions_module.proved(replace(command_map, found=few), MapDesign(
-        vibro_ros.load_scene("device"), SIDES, command_map.speeds, command_map.gaps), 3)
+        vibro_ros.load_scene("device"), SIDES, command_map.speeds, command_map.gaps), 3, Execution(2))
     assert trials == [] and left.found.sure.sum() < few.sure.sum()
 
 

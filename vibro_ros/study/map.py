@@ -50,8 +50,6 @@ from vibro_ros.orbits.starts import drawn_start
 from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, check_closes, has_sampled_controller, state_names
 from vibro_ros.process.entry_point import Parser
 from vibro_ros.simulation.motion import SimulationError
-from vibro_ros.simulation.preparation import provide_kernels
-from vibro_ros.simulation.processes import core_count, in_processes
 from vibro_ros.simulation.provenance import software
 from vibro_ros.simulation.simulator import Simulator
 from vibro_ros.study.command import (
@@ -571,7 +569,8 @@ class Trial(NamedTuple):
         return abs(self.got / self.asked - 1.0)
 
 
-def proved(command_map: CommandMap, design: MapDesign, count: int) -> tuple[CommandMap, list[Trial]]:
+def proved(command_map: CommandMap, design: MapDesign, count: int, execution: Execution
+           ) -> tuple[CommandMap, list[Trial]]:
     """The map without cells that are not sure after all, and the trials of its commands, by mean speed.
 
     Parameters
@@ -582,13 +581,14 @@ def proved(command_map: CommandMap, design: MapDesign, count: int) -> tuple[Comm
         The machine and the grid.
     count : int
         Mean speeds to try.
+    execution : Execution
+        Who computes.
     """
     if not has_choice(command_map):
         return command_map, []
     offered = CommandChoice(command_map)
     asked = np.linspace(offered.slowest, offered.fastest, count).tolist()
     done: dict[tuple[float, ...], Trial] = {}
-    provide_kernels("exact")  # once for all that are forked
     while True:
         choices = {}
         if has_choice(command_map):
@@ -598,12 +598,12 @@ def proved(command_map: CommandMap, design: MapDesign, count: int) -> tuple[Comm
                     chosen = choice.commands_for(speed)
                     choices[(speed, *chosen.commands.values())] = (speed, chosen)
         new = [key for key in choices if key not in done]
-        with Progress("commands tried", "job", len(new)) as progress:
-            tried = [choices[key] for key in new]
-            with closing(in_processes(partial(_trial, design), tried, min(core_count(), len(new)) or 1)) as trials:
-                for key, (_, future) in zip(new, trials, strict=True):
-                    done[key] = future.result()
-                    progress.add(1)
+        tried = partial(_trial, design, tuple(choices[key] for key in new))
+        with Progress("commands tried", "job", len(new)) as progress, closing(execution.rows(
+                tried, range(len(new)), STARTS * (SETTLING + MEASURING), ("exact",))) as trials:
+            for key, trial in zip(new, trials, strict=True):
+                done[key] = trial
+                progress.add(1)
         failed = [trial for trial in done.values()
                   if trial.error > MET and command_map.found.sure[list(trial.choice.rows)].all()]
         if not failed:
@@ -613,9 +613,9 @@ def proved(command_map: CommandMap, design: MapDesign, count: int) -> tuple[Comm
         command_map = replace(command_map, found=replace(command_map.found, sure=sure))
 
 
-def _trial(design: MapDesign, one: tuple[float, Choice]) -> Trial:
-    """Give the commands, all at once, to a device after each of the drawn starts."""
-    asked, choice = one
+def _trial(design: MapDesign, every: tuple[tuple[float, Choice], ...], number: int) -> Trial:
+    """Give the commands of a number, all at once, to a device after each of the drawn starts."""
+    asked, choice = every[number]
     motor, gap = list(choice.commands.values())[:2]
     turn, speeds = TURN / motor, []
     duration = turn * round(MEASURING / turn)
@@ -788,7 +788,7 @@ def _map(options: argparse.Namespace) -> int:
             all_ends = tuple(ends(command_map.found, rows, design.speeds, gap_indices))
             points = points_of(design, all_ends, options.output / ENDS, execution)
             command_map = replace(command_map, curves=curves(design, points, gap_indices))
-        command_map, trials = proved(command_map, design, QUICK_PROOFS if options.quick else PROOFS)
+        command_map, trials = proved(command_map, design, QUICK_PROOFS if options.quick else PROOFS, execution)
         write_files(options.output, _files(command_map, rows))
     print("\n".join([*map_in_words(command_map, visits), *trials_in_words(trials)]))
     return 0
