@@ -10,6 +10,7 @@ from robot_bag import START, changed, each, rewritten, robot_bag
 
 import vibro_ros
 from vibro_ros.bag.stream import BagError
+from vibro_ros.view import motion as motion_document
 from vibro_ros.view.bag_motion import bag_motion
 
 RATE = 200.0
@@ -86,8 +87,11 @@ def test_hardly_any_samples(tmp_path, ticks):
     assert motion.header["exact"] and bool(motion.header["pieces"]) == (ticks == 2)
 
 
-@pytest.mark.parametrize("method, is_exact", [("exact", True), ("rk4", False), ("rk4_located", False)])
-def test_a_method_whose_steps_are_too_many_is_said_to_be_drawn_less_finely(tmp_path, method, is_exact):
+@pytest.mark.parametrize("method, most, is_exact", [
+    ("exact", 2000, True), ("rk4", 2000, True), ("rk4_located", 2000, True), ("rk4", 0, False)])
+def test_a_method_whose_steps_are_too_many_is_said_to_be_drawn_less_finely(
+        tmp_path, monkeypatch, method, most, is_exact):
+    monkeypatch.setattr(motion_document, "MOST_OF_STEPS", most)
     scene = vibro_ros.load_scene("device").with_parameters({"solver.method": method})
     motion, _ = read(robot_bag(tmp_path / "bag", scene, 101, {0: {"motor_speed": 100.0}}, RATE))
     header = motion.header
