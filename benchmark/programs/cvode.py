@@ -49,13 +49,17 @@ def _plain(problem, callbacks, rtol):
 
 def _steps(times, callbacks, rtol):
     """One run to the next event as `located.run` takes it, by way of the sampled instants."""
+    # plain functions, because scikit-sundae inspects their arguments for each run, and of numba's for milliseconds
+    def right(t, y, out):
+        callbacks.slope(t, y, out)
+
     def roots(t, y, out):
         callbacks.guards(t, y, out)
 
     roots.direction = [-1] * 4
 
     def integrate(t, y, end, brief):
-        solver = CVODE(callbacks.slope, method="Adams", rtol=max(rtol, 1e-14), atol=_DIGITS * rtol,
+        solver = CVODE(right, method="Adams", rtol=max(rtol, 1e-14), atol=_DIGITS * rtol,
                        max_num_steps=10**6, eventsfn=roots, num_events=4,
                        first_step=brief if brief < end - t else 0.0)
         solver.init_step(t, y)
