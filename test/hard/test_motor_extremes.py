@@ -109,7 +109,7 @@ def test_an_hour_at_motor_speed_zero_changes_no_bit(name):
 @pytest.mark.parametrize(("name", "weight"), [("damped", 0.0), ("device", 9.81)])
 def test_masses_pressed_on_soft_plates_stand_for_an_hour(name, weight, speed):
     """Where springs, plates and weights balance: k (s - u) = k_p (u - E) + m g cos φ. While the motor is off, they are
-    held. At 1e-20 rad/s it hardly turns, and they follow it. In segments of a second, either way."""
+    held, in segments of a second. At 1e-20 rad/s it hardly turns, and moves them, in those of their 370/s."""
     scene = vibro_ros.load_scene(name).with_parameters({
         "motor.speed": speed, "upper.plate.stiffness": 1e4, "inclined.plate.stiffness": 1e4,
         "upper.plate.damping": 20.0, "inclined.plate.damping": 20.0})
@@ -136,7 +136,7 @@ def test_masses_pressed_on_soft_plates_stand_for_an_hour(name, weight, speed):
         assert state.normal_force == pytest.approx(1.18 * 9.81, abs=1e-12)
         assert abs(state.friction_force) < 1e-12
     assert len(device.take_events()) == 0
-    assert 3600 <= device.statistics["steps"] <= 10_000
+    assert 3600 <= device.statistics["steps"] <= (400_000 if speed else 10_000)
 
 
 def slider_of(angle):

@@ -180,7 +180,8 @@ def _set_slider_rates(model: Model, point: np.ndarray, angle: float, speed: floa
         point[model.forms.channels.signal_rate(k)] = slider.slope(angle) * speed
 
 
-def book(scene: Scene, model: Model, state: State, before: np.ndarray, old_mode: int, point: np.ndarray) -> None:
+def book_given_state(scene: Scene, model: Model, state: State, before: np.ndarray, old_mode: int,
+                     point: np.ndarray) -> None:
     """Let the accounts take the change of energy from `before`, in `old_mode`, to `point` as one from outside.
 
     Parameters

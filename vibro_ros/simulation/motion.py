@@ -17,7 +17,7 @@ from vibro_ros.model.modes import MODE_EVENTS
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model, compile_scene
-from vibro_ros.simulation.given_state import book, checked_state, place, started
+from vibro_ros.simulation.given_state import book_given_state, checked_state, place, started
 from vibro_ros.simulation.influences import PATCH, PUSH, SAG, STALL, STUCK, Influences
 from vibro_ros.simulation.readout import Readout, cut_to_laws
 from vibro_ros.simulation.samples import CRANK_ANGLE, EVENT_DTYPE, FIELDS, MOTOR_SPEED, Trace
@@ -248,7 +248,7 @@ class Motion:
         self._stepper.interrupt(self.state, self.time, self.point)
         before, mode = self.point.copy(), int(self.state.now["automaton"]["mode"][0])
         place(self.scene, self.model, self.state, self.point, values, turned="crank_angle" in given)
-        book(self.scene, self.model, self.state, before, mode, self.point)
+        book_given_state(self.scene, self.model, self.state, before, mode, self.point)
         if self._find_place_on_ground():
             self._become(self.scene)
         if "motor_speed" in given and not self.scene.has_rotor:
