@@ -19,8 +19,7 @@ OUTSIDE_WORLD = {"datetime", "io", "logging", "os", "pathlib", "shutil", "socket
 OUTSIDE_WORLD |= {"threading", "time", "yaml", "matplotlib", "rosbags"}  # files, clocks, logs: not for the physics
 FILE_AND_SCREEN = {"open", "print", "input"}
 # Compiled kernels are kept in files.
-EXEMPT = {("vibro_ros.solver.kernel_cache", "os"), ("vibro_ros.solver.kernel_cache", "pathlib.Path"),
-          ("vibro_ros.solver.compilation", "os.environ")}
+EXEMPT = {("vibro_ros.solver.kernel_cache", name) for name in ("os", "pathlib.Path", "shutil", "tempfile")}
 
 
 def drawn_arrows(document: str, head: str = "imports") -> dict[str, set[str]]:

@@ -1,53 +1,51 @@
-"""All kernels of a method are compiled or loaded before the start, some of them by a second process."""
+"""All kernels of a method are compiled and stored before the start, by a process of its own; and run without numba."""
 
 import itertools
+import os
+import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
 
 import numba
+import numpy as np
 import pytest
 
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import compile_scene
-from vibro_ros.simulation import kernels
+from vibro_ros.solver import state
 
 PATIENCE = 600.0  # [s]
 RUN = """
 import vibro_ros
 from vibro_ros.simulation.kernels import compile_kernels
-from vibro_ros.solver.kernel_cache import progress
+from vibro_ros.solver.compilation import progress
 
 compile_kernels({method!r})
-count = len(progress.done) + len(progress.loaded)
+loaded = len(progress.loaded)
 scene = vibro_ros.load_scene("device").with_parameters({{"solver.method": {method!r}}})
 device = vibro_ros.Simulator(scene)
 device.command(motor_speed=100.0, upper_gap=0.001)
-device.advance_to(0.01)
-device.state
-print(len(progress.done) + len(progress.loaded) - count, *sorted(progress.done))
+device.advance_to(0.3)
+print(loaded, len(progress.loaded) - loaded, *progress.done, device.state.body_position.hex())
+"""
+WITHOUT_NUMBA = """
+import vibro_ros
+for name, duration in (("damped", 0.3), ("device", 0.2), ("machine", 0.02)):
+    scene = vibro_ros.load_scene(name)
+    run = vibro_ros.simulate(scene, duration=duration, rate=200.0, commands=[(0.0, {"motor_speed": 100.0})])
+    print(name, len(run.events), run.statistics["steps"], f"{run.body_position[-1]:.10e} {run.upper_position[-1]:.10e}")
 """
 
 
-@pytest.fixture
-def empty(monkeypatch, tmp_path) -> Path:
-    """An empty cache of this test's own, for other processes."""
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    return tmp_path
-
-
-def said(program: str) -> str:
+def said(program: str, **environment: str) -> str:
     """What a program prints."""
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=PATIENCE)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=PATIENCE,
+                          env={**os.environ, **environment})
     assert done.returncode == 0, done.stderr
     return done.stdout
-
-
-def stored(folder: Path) -> set[str]:
-    """Kernels in a cache."""
-    return {file.name.partition("-")[0] for file in folder.glob("*/*.kernel")}
 
 
 def array_types(values: tuple) -> list[str]:
@@ -59,42 +57,47 @@ def array_types(values: tuple) -> list[str]:
 def test_every_scene_takes_the_same_kernels():
     """An array that cannot be written, or is not contiguous, would be one more set of kernels to compile."""
     expected = array_types(compile_scene(Scene()).system)
-    for name, booked in itertools.product(shipped_scenes(), (False, True)):
-        scene = load_scene(name).with_parameters({"solver.accounts": booked})
+    for name, accounts in itertools.product(shipped_scenes(), (False, True)):
+        scene = load_scene(name).with_parameters({"solver.accounts": accounts})
         assert array_types(compile_scene(scene).system) == expected
 
 
-@pytest.mark.parametrize("method", ["exact", "rk4"])
-def test_nothing_is_left_to_be_compiled(method):
-    assert said(RUN.format(method=method)).startswith("0")
+def test_a_first_start_computes_the_bits_of_every_other_and_leaves_nothing_to_be_compiled(tmp_path):
+    """A process that compiles in itself may call parts that were compiled apart, and round in another way."""
+    first, second = (said(RUN.format(method="rk4"), NUMBA_CACHE_DIR=str(tmp_path)).split() for _ in range(2))
+    assert first == ["7", "0", "kernels", first[-1]]
+    assert second == ["7", "0", first[-1]]
 
 
-def test_a_second_process_compiles_all_but_the_longest(empty):
-    assert said(RUN.format(method="rk4")) == "0 advance\n"
-    assert stored(empty) == {"fixed_step.advance", "fixed_step.begin", "fixed_step.interrupt", "segment.read_signals",
-                             "taylor.read_rotor", "events.leave_for_ramp", "readout.read_samples"}
-
-
-def test_a_second_process_ends_with_the_process_that_wants_it(empty):
-    program = ("import os; from vibro_ros.simulation.kernels import _second_process; "
-               "print(_second_process('exact', 2).__enter__().pid, flush=True); os._exit(0)")
-    status = Path(f"/proc/{said(program).strip()}/stat")
-    deadline = time.monotonic() + PATIENCE
+def test_the_process_that_compiles_ends_with_the_one_that_wants_it(tmp_path):
+    program = "from vibro_ros.simulation.kernels import compile_kernels; compile_kernels('exact')"
+    wanting = subprocess.Popen([sys.executable, "-c", program], env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)})
+    children, deadline = Path(f"/proc/{wanting.pid}/task/{wanting.pid}/children"), time.monotonic() + PATIENCE
+    while not (child := children.read_text().split()):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    wanting.send_signal(signal.SIGKILL)
+    wanting.wait()
+    status = Path(f"/proc/{child[0]}/stat")
     while status.exists() and ") Z " not in status.read_text():  # nobody may be there to take its exit code
         assert time.monotonic() < deadline
         time.sleep(0.05)
-    assert stored(empty) == set()
+    assert not list(tmp_path.rglob("*.stored"))
 
 
-def test_a_second_process_is_started_where_it_helps_and_ends_with_the_block(empty, monkeypatch):
-    with pytest.raises(KeyboardInterrupt), kernels._second_process("exact", 2) as second:
-        raise KeyboardInterrupt
-    assert second.returncode == -9
-    with kernels._second_process("exact", 1) as second:
-        assert second is None
-    monkeypatch.setattr(sys, "executable", "/no/such/python")
-    with kernels._second_process("exact", 2) as second:
-        assert second is None
-    monkeypatch.setattr(kernels, "core_count", lambda: 1)
-    with kernels._second_process("exact", 2) as second:
-        assert second is None
+def test_the_kernels_run_as_plain_python():
+    """A debugger steps through what numba compiles elsewhere: the same events, positions to rounding."""
+    assert said(WITHOUT_NUMBA, NUMBA_DISABLE_JIT="1") == said(WITHOUT_NUMBA)
+
+
+def test_vectors_of_numpy_do_what_vectors_in_registers_do():
+    tests = Path(__file__).parents[1] / "solver" / "test_vector.py"
+    done = subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", tests], capture_output=True,
+                          text=True, timeout=PATIENCE, env={**os.environ, "NUMBA_DISABLE_JIT": "1"})
+    assert done.returncode == 0 and "passed" in done.stdout, done.stdout
+
+
+@pytest.mark.parametrize("name", [name for name, one in vars(state).items() if isinstance(one, np.dtype) and one.names])
+def test_no_field_of_a_record_has_the_name_of_an_attribute_of_numpy(name):
+    """Plain Python would read the attribute."""
+    assert not set(getattr(state, name).names) & set(dir(np.record))

@@ -259,6 +259,14 @@ def test_an_iterator_that_is_dropped_leaves_nothing_running():
     assert time.monotonic() - began < 20.0
 
 
+def test_nothing_runs_once_the_last_result_is_there():
+    """Whoever counts the scenes, as zip does, never asks for one more, and may keep the iterator."""
+    runs = vibro_ros.simulate_many(sweep(12), workers=2, **SHORT)
+    for _, _run in zip(range(12), runs, strict=False):
+        pass
+    assert not running()
+
+
 INTERRUPTED_FORK = """
 import os, signal
 from vibro_ros.process import entry_point

@@ -10,7 +10,7 @@ import pytest
 from vibro_ros.process import entry_point
 from vibro_ros.simulation import preparation
 from vibro_ros.simulation.preparation import Preparation
-from vibro_ros.solver.kernel_cache import Progress
+from vibro_ros.solver.compilation import Progress
 
 PATIENCE = 60.0  # [s]
 

@@ -12,7 +12,7 @@ from vibro_ros.model.modes import MODE_EVENTS, Mode, ModeBuilder
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.shock import NonlinearShock
 from vibro_ros.model.slider import Slider, signal_table
-from vibro_ros.solver.compilation import Laid
+from vibro_ros.solver.reference import Laid
 from vibro_ros.solver.system import (
     BY_COMMAND,
     BY_CURRENT,

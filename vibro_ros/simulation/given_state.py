@@ -13,6 +13,7 @@ from vibro_ros.model.scene import NUMBERS, Scene, check_parts, given_start, outs
 from vibro_ros.model.shock import REST_SPEED
 from vibro_ros.model.tables import Model
 from vibro_ros.solver.energy import stored_on_accounts
+from vibro_ros.solver.reference import Laid
 from vibro_ros.solver.rotor import start_rotor
 from vibro_ros.solver.segment import read_signals
 from vibro_ros.solver.state import State, new_state
@@ -45,6 +46,7 @@ def started(scene: Scene, model: Model, point: np.ndarray) -> State:
     state = new_state(system, 0.0 if forms.has_rotor else scene["motor.speed"],
                       np.array([plates[side] for side in forms.plates]), model.initial_mode)
     point[:], point[channels.one] = 0.0, 1.0
+    tables = model.laid.layout, Laid(state).layout
     if forms.has_rotor:
         start_rotor(system, state, scene[scene.motor_command.replace("_", ".")])
     if scene["start.state"] == "given":
@@ -54,10 +56,10 @@ def started(scene: Scene, model: Model, point: np.ndarray) -> State:
         sliders = point[channels.signal(0):channels.signal(len(model.sliders))]
         if forms.has_rotor:
             point[channels.velocity(forms.phase)] = scene["motor.speed"]
-            read_rotor(system, state, point)
+            read_rotor(*tables, point)
             state.now["automaton"]["mode"] = _first_mode(model, point)
         else:
-            read_signals(system, state, sliders)
+            read_signals(*tables, sliders)
         _set_slider_rates(model, point, 0.0, scene["motor.speed"])
         point[channels.ramp(0):channels.ramp(channels.ramps)] = state.ramp["value"]
         if scene["start.state"] == "rest":

@@ -22,12 +22,12 @@ from vibro_ros.simulation.influences import PATCH, PUSH, SAG, STALL, STUCK, Infl
 from vibro_ros.simulation.readout import Readout, cut_to_laws
 from vibro_ros.simulation.samples import CRANK_ANGLE, EVENT_DTYPE, FIELDS, MOTOR_SPEED, Trace
 from vibro_ros.solver import event_loop
-from vibro_ros.solver.compilation import Laid
 from vibro_ros.solver.drive import command_drive, speed_and_target
 from vibro_ros.solver.energy import SPLIT, stored_on_accounts
 from vibro_ros.solver.events import EVENT_COLUMNS, MONITOR_KIND, PHASE_KIND, RAMP_KIND, leave_for_ramp
 from vibro_ros.solver.lowpass import filtered_rates, new_filters
 from vibro_ros.solver.methods import SCHEMES, Exact, FixedStep, Stepper
+from vibro_ros.solver.reference import Laid
 from vibro_ros.solver.rotor import command_rotor, give_integral
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.state import State, lasting, new_state
@@ -77,7 +77,7 @@ def new_stepper(scene: Scene, model: Model) -> Stepper:
     name, step = scene["solver.method"], scene["solver.step"]
     if name == "exact":
         return Exact(model.laid)
-    return FixedStep(model.system, SCHEMES[name], step)
+    return FixedStep(model.laid, SCHEMES[name], step)
 
 
 class Motion:
@@ -302,7 +302,7 @@ class Motion:
         speed, difference = self.scene["gap_actuator.speed"], target - ramp["value"]
         rate = math.copysign(speed, difference) if difference != 0.0 else 0.0
         if rate != ramp["rate"]:  # else a mass that rests on the plate rests on
-            ended = leave_for_ramp(self.model.system, self.state, plate, self.point, self._room, 0)
+            ended = leave_for_ramp(self.model.laid.layout, Laid(self.state).layout, plate, self.point, self._room, 0)
             self.events.add(self._room[:ended])
         ramp["target"], ramp["rate"], ramp["time_left"] = target, rate, abs(difference) / speed
 

@@ -13,14 +13,12 @@ from typing import Generic, TypeVar, cast
 
 from vibro_ros.process.entry_point import say
 from vibro_ros.simulation.kernels import compile_kernels, compiled_methods
-from vibro_ros.solver.compilation import PLAIN
-from vibro_ros.solver.kernel_cache import progress
+from vibro_ros.solver.compilation import progress
 
 POLL = 0.05  # s, between two looks whether the work is done
 REPORTS = 10.0  # s, between two lines that say how far it is
 RENEWAL = 0.5  # s, after which the one line on a terminal is written again
-_FIRST = (f"the plain road, because {PLAIN}: a start takes minutes and a run ten times as long" if PLAIN else
-          "the first start after an update takes half a minute")
+_FIRST = 1.0  # s, after which kernels are being compiled, not loaded
 _STACK = 64 * 2**20  # bytes; the compiler's recursion is deep, and the usual stack of a thread is 2 MiB in some shells
 
 Result = TypeVar("Result")
@@ -37,7 +35,8 @@ class CompilationReport:
 
     def __init__(self, tell: Callable[[str], object]):
         self._tell, self._terminal = tell, sys.stderr.isatty()
-        self._begun, self._due, self._compiled = time.monotonic(), 0.0, len(progress.done)
+        self._begun, self._compiled = time.monotonic(), len(progress.done)
+        self._due, self._told = self._begun + _FIRST, False
 
     def look(self) -> None:
         """Say how far it is, if that is due."""
@@ -45,8 +44,9 @@ class CompilationReport:
         if not under_way or now < self._due:
             return
         text = f"compiling {under_way[0]}, {now - self._begun:.0f} s so far"
-        if not self._due:
-            self._tell(f"compiling: {_FIRST}; Ctrl-C stops it")
+        if not self._told:
+            self._tell("compiling: the first start after an update takes half a minute; Ctrl-C stops it")
+            self._told = True
         elif self._terminal:  # the cursor goes back, so that whatever is written next takes the line's place
             self._renew(text)
         else:
@@ -55,7 +55,7 @@ class CompilationReport:
 
     def end(self) -> None:
         """Say why kernels are not kept."""
-        if self._terminal and self._due:
+        if self._terminal and self._told:
             self._renew("")
         if progress.unwritable and len(progress.done) > self._compiled:
             self._tell(f"the compiled kernels cannot be kept: {progress.unwritable}; every start compiles them again. "

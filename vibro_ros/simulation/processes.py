@@ -15,7 +15,7 @@ import signal
 import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
-from concurrent.futures import BrokenExecutor, Executor, Future
+from concurrent.futures import BrokenExecutor, Executor, Future, wait
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any
@@ -38,9 +38,12 @@ def core_count() -> int:
     return len(os.sched_getaffinity(0))
 
 
-def in_order(executor: Executor, function: Callable, items: Iterable,
-             ahead: int) -> Generator[tuple[Any, Future], None, None]:
+def in_order(executor: Executor, function: Callable, items: Iterable, ahead: int,
+             when_done: Callable[[], None] = lambda: None) -> Generator[tuple[Any, Future], None, None]:
     """Apply `function` to each of `items`, at most `ahead` of them beyond the one that is due.
+
+    `when_done` is called when all is computed, before the last is yielded: whoever knows how many there are, as
+    ``zip(names, runs)`` does, does not ask for one more.
 
     Yields
     ------
@@ -68,6 +71,9 @@ def in_order(executor: Executor, function: Callable, items: Iterable,
             if len(due) > ahead:
                 yield due.popleft()
         while due:
+            if len(due) == 1 and error is None:
+                wait([due[0][1]])
+                when_done()
             yield due.popleft()
             interrupt_again()
         if error is not None:
@@ -78,10 +84,10 @@ def in_order(executor: Executor, function: Callable, items: Iterable,
 
 
 def in_processes(function: Callable, items: Iterable, workers: int) -> Generator[tuple[Any, Future], None, None]:
-    """`in_order` in so many processes, or in this one; they end with the last item, or when the iterator is closed or
-    dropped."""
+    """`in_order` in so many processes, or in this one; they end before the last item is yielded, or when the iterator
+    is closed or dropped."""
     with Forks(workers, function) if workers > 1 else InThisProcess() as executor:
-        yield from in_order(executor, function, items, AHEAD * workers if workers > 1 else 0)
+        yield from in_order(executor, function, items, AHEAD * workers if workers > 1 else 0, executor.shutdown)
 
 
 class InThisProcess(Executor):

@@ -1,139 +1,121 @@
-"""How kernels are compiled: by numba's private parts, or by the plain road, which any numba has.
+"""How kernels are compiled: parts, and entries that Python calls, by numba's documented interface alone.
 
-The plain road is `numba.njit(cache=True)` and nothing private. Its kernels compute the same, compile in minutes and
-take ten times as long. It is taken if numba lacks a private part that `numba_private` relies on, or if the environment
-variable `VIBRO_ROS_KERNELS` is `plain`. So a new numba never stops a robot.
+A part is a Python function that numba compiles into the kernels that call it. An entry is compiled as a whole, with all
+its parts, and stored. Kernels cannot allocate: numba then leaves out reference counts, which take half of the time.
+
+`NUMBA_DISABLE_JIT=1` compiles nothing: a debugger steps from `simulate` into every kernel.
 """
 
 from collections.abc import Callable
-from os import environ
-from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
 import numba
+from numba.extending import register_jitable
 
-from vibro_ros.solver.kernel_cache import KernelFolder, cache_folder, progress
+from vibro_ros.solver.kernel_cache import KernelStore
 
-_FOLDER = KernelFolder(cache_folder(numba.config.CACHE_DIR))
 _CONTRACT = {"contract"}  # multiply and add may be fused, but not reordered
-
-
-def _reason_for_plain_road() -> str:
-    if environ.get("VIBRO_ROS_KERNELS") == "plain":
-        return "VIBRO_ROS_KERNELS is plain"
-    try:
-        from vibro_ros.solver import numba_private
-    except Exception as error:
-        return f"numba {numba.__version__} lacks a part ({error})"
-    missing = "" if numba.__version__ in numba_private.TESTED else numba_private.missing_parts()
-    return f"numba {numba.__version__}: {missing}" if missing else ""
-
-
-#: Why kernels take the plain road; empty if they do not.
-PLAIN = _reason_for_plain_road()
-if not PLAIN:
-    from vibro_ros.solver import numba_private
-
-
-def _compiled_part(function: Callable, fastmath, inlined: bool = True):
-    if PLAIN:
-        return numba.njit(error_model="numpy", fastmath=fastmath)(function)
-    return numba_private.compiled_part(function, fastmath, inlined)
+_OPTIONS = {"error_model": "numpy", "_nrt": False}
 
 
 def kernel(function):
-    """Compile a kernel that is part of others."""
-    return _compiled_part(function, _CONTRACT)
+    """Let kernels call a function, which becomes a part of them."""
+    return register_jitable(fastmath=_CONTRACT, **_OPTIONS)(function)
 
 
 def rounding_kernel(function):
-    """Compile a kernel that rounds every product, so that equal products cancel to exactly zero."""
-    return _compiled_part(function, False)
+    """A part that rounds every product, so that equal products cancel to exactly zero."""
+    return register_jitable(fastmath=False, **_OPTIONS)(function)
 
 
 def sum_kernel(function):
-    """Compile a plain sum, in which the order of the terms does not matter and several are added at once."""
-    return _compiled_part(function, _CONTRACT | {"reassoc", "nsz"})
+    """A part that is a plain sum, in which the order of the terms does not matter and several are added at once."""
+    return register_jitable(fastmath=_CONTRACT | {"reassoc", "nsz"}, **_OPTIONS)(function)
 
 
-def called_kernel(function):
-    """Compile a kernel that is called, not inlined: one that few systems need is not compiled into every caller."""
-    return _compiled_part(function, _CONTRACT, inlined=False)
-
-
-def entry_kernel(function):
-    """Compile a kernel that Python calls, and store the kernel with all that is inlined into it.
-
-    Kernels call a `kernel`, not this.
-    """
-    if PLAIN:
-        return stored_kernel(function, _CONTRACT)
-    return numba_private.compiled_entry(function, _CONTRACT, _FOLDER)
-
-
-def stored_kernel(function, fastmath=False):
-    """Compile a function that needs no part of the solver, as numba itself does, and store it."""
-    options = {"error_model": "numpy", "fastmath": fastmath}
-    if not PLAIN:
-        return numba_private.stored(numba.njit(**options)(function), _FOLDER)
-    progress.unwritable = _FOLDER.make() or _FOLDER.distrust_inside()
-    usual = numba.config.CACHE_DIR
-    try:
-        numba.config.CACHE_DIR = str(_FOLDER.path)  # whose name changes with the sources of the parts
-        return numba.njit(cache=not progress.unwritable, **options)(function)
-    finally:
-        numba.config.CACHE_DIR = usual
-
-
-class Laid:
-    """A named tuple of arrays, laid out in memory once for the kernels that Python calls.
-
-    Parameters
-    ----------
-    values : NamedTuple
-        Its arrays stay where they are; what they hold may change.
+class Progress:
+    """The kernels that this process has compiled or loaded, and those that it compiles now.
 
     Attributes
     ----------
-    values : NamedTuple
-        The same.
-    layout : ndarray, shape (numbers,), or NamedTuple
-        What an entry kernel takes in its place; not for longer than this is there, which keeps the arrays.
+    under_way, done, loaded : list of str
+        Kernels that are being compiled or looked for, that have been compiled, and that were in the cache.
+    unwritable : str
+        Why compiled kernels are not stored: folder and reason; empty if they are.
     """
 
-    def __init__(self, values: NamedTuple):
-        self.values = values
-        self.layout: Any = values if PLAIN else numba_private.layout(values)
+    def __init__(self):
+        self.under_way: list[str] = []
+        self.done: list[str] = []
+        self.loaded: list[str] = []
+        self.unwritable = ""
 
-    def __reduce__(self) -> tuple:
-        """A copy keeps its own arrays."""
-        return Laid, (self.values,)
+
+progress = Progress()
+"""The progress of this process."""
+
+_store = None if numba.config.DISABLE_JIT else KernelStore(numba.config.CACHE_DIR)
+progress.unwritable = _store.unusable if _store else ""
+
+
+def entry_kernel(function):
+    """Compile a kernel that Python calls, and store it with all its parts.
+
+    Of a named tuple it takes the `reference.Laid.layout`. Kernels call a `kernel`, not this.
+    """
+    usual = numba.config.CACHE_DIR
+    try:
+        numba.config.CACHE_DIR = str(_store.path) if _store else usual
+        return numba.njit(cache=True, fastmath=_CONTRACT, **_OPTIONS)(function)
+    finally:
+        numba.config.CACHE_DIR = usual
 
 
 # For those who compile kernels before a clock starts
 
 
-def entry_types(entry, arguments: tuple) -> tuple:
-    """The types for which an entry kernel is compiled when it is called with these arguments."""
-    return tuple(map(numba.typeof, arguments)) if PLAIN else numba_private.entry_types(entry, arguments)
+def store_environment() -> dict[str, str]:
+    """What a process that compiles for this one needs in its environment."""
+    return {"NUMBA_CACHE_DIR": _store.chosen} if _store and _store.chosen else {}
 
 
-def is_stored(entry, kinds: tuple) -> bool:
-    """Whether a compiled entry kernel is stored, as far as that can be known."""
-    return False if PLAIN else numba_private.is_stored(entry, kinds)
+def is_stored(family: str) -> bool:
+    """Whether a process has stored all kernels of a family, or nothing is compiled at all."""
+    return _store is None or _store.has(family)
 
 
-def compile_entry(entry, kinds: tuple) -> None:
-    """Compile an entry kernel, or load it, if neither was done before."""
-    if not PLAIN:
-        entry.compile(kinds)
+def mark_as_stored(family: str) -> None:
+    """Tell other processes that all kernels of a family are stored."""
+    if _store and not progress.unwritable:
+        _store.mark(family)
+
+
+def compile_entry(entry: Callable, arguments: tuple) -> None:
+    """Load an entry kernel for arguments of these types, or compile it, if neither was done before.
+
+    A stored kernel that cannot be read is damaged: all are thrown away, and this one is compiled again.
+    """
+    kinds = tuple(map(numba.typeof, arguments))
+    if _store is None or kinds in entry.overloads:
         return
     progress.under_way.append(entry.__name__)
     try:
-        entry.compile(kinds)
-        (progress.loaded if entry.stats.cache_hits else progress.done).append(entry.__name__)
+        _compile(entry, kinds)
+    except Exception:
+        _store.discard()
+        _compile(entry, kinds)
     finally:
         progress.under_way.pop()
+    (progress.loaded if entry.stats.cache_hits else progress.done).append(entry.__name__)
+
+
+def _compile(entry, kinds: tuple) -> None:
+    try:
+        entry.compile(kinds)
+    except OSError as error:
+        if kinds not in entry.overloads:
+            raise
+        progress.unwritable = f"{_store.path}: {error.strerror}"  # it was compiled, and could not be stored
 
 
 # For those who must know how kernels round

@@ -16,7 +16,7 @@ given back pass the same shaft, and the sum alone hides both.
 
 import numpy as np
 
-from vibro_ros.solver.compilation import called_kernel, kernel
+from vibro_ros.solver.compilation import kernel
 from vibro_ros.solver.polynomial import fill_form, products, value
 from vibro_ros.solver.system import System, first_ramp, form_value
 from vibro_ros.solver.vector import LENGTH, indices_above, repeated, store, total, vector
@@ -44,7 +44,7 @@ def _power(system, state, k, start, x):
     return products(force, rate, repeated(start + half) + half * vector(_NODES))
 
 
-@called_kernel
+@kernel
 def _fill_split_power(system, state, start, x, target):
     """Fill `target` with the split power at Gauss's nodes from the local time `start` to `x`."""
     power = repeated(0.0)
@@ -68,7 +68,7 @@ def _split_work(system, state, start, x):
     return _work(state, vector(power), start, x)
 
 
-@called_kernel
+@kernel
 def _split_power_at(system, state, x):
     """The split power at the local time `x`."""
     table, mode, force, power = system.accounts, state.now[0].automaton.mode, state.scratch.room[0].force[:], 0.0
@@ -95,7 +95,7 @@ def _zero_between(system, state, a, b, at_a, at_b):
     return x
 
 
-@called_kernel
+@kernel
 def _magnitude(system, state, start, x):
     """Integral of the magnitude of the split power, which is in the scratch, from the local time `start` to `x`.
 
@@ -116,7 +116,7 @@ def _magnitude(system, state, start, x):
     return magnitude + abs(_split_work(system, state, since, x))
 
 
-@called_kernel
+@kernel
 def _book(system, state, x, accounts):
     start, powers = accounts.booked, state.scratch.room[0].power[:]
     if x <= start:
@@ -140,7 +140,7 @@ def book_work(system, state, x, accounts):
         _book(system, state, x, accounts)
 
 
-@called_kernel
+@kernel
 def _book_jump(system, state, mode, point, after):
     table, accounts, previous = system.accounts, state.now[0].accounts, state.now[0].automaton.mode
     jump, split = table.jump[previous, state.now[0].automaton.guard], 0.0

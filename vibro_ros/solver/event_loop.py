@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from vibro_ros.solver.compilation import Laid, entry_kernel, kernel
+from vibro_ros.solver.compilation import entry_kernel, kernel
 from vibro_ros.solver.energy import book_jump, book_work
 from vibro_ros.solver.events import (
     EVENT_COLUMNS,
@@ -31,11 +31,12 @@ from vibro_ros.solver.flow import hold_dynamic, solve_driven, solve_dynamic
 from vibro_ros.solver.guards import find_next_event
 from vibro_ros.solver.lowpass import end_mode, filter_up_to
 from vibro_ros.solver.polynomial import value
+from vibro_ros.solver.reference import Laid
 from vibro_ros.solver.rest import is_at_rest, lengthen_segment
 from vibro_ros.solver.rotor import read_phase
 from vibro_ros.solver.segment import advance_forcing, choose_segment, fill_forcing, local_time, phase_at
-from vibro_ros.solver.state import UNKNOWN
-from vibro_ros.solver.system import NOTHING, first_ramp
+from vibro_ros.solver.state import UNKNOWN, state_of
+from vibro_ros.solver.system import NOTHING, first_ramp, system_of
 from vibro_ros.solver.taylor import end_where_term_returns, is_linear, solve_by_taylor
 
 #: `AUTOMATON.begins`: nothing; a mode, while the flow goes on; a flow, and a mode with it.
@@ -194,6 +195,7 @@ def advance(system, state, times, point, points, modes, phases, events):
     (int, int, int)
         Why it returned, number of samples taken, number of events recorded.
     """
+    system, state = system_of(system), state_of(state)
     count, k = np.int64(0), np.int64(0)  # literals would be one more signature to compile
     segment, automaton = state.now[0].segment, state.now[0].automaton
     # The most that one event records: a change of mode, a blow, every monitor, every ramp and its release, the speed.
@@ -255,6 +257,7 @@ def interrupt(system, state, time, point):
     For a command: set the new rates after this, then call `events.leave_for_ramp` for every ramp whose rate
     changes, and `begin_segment` with `point`.
     """
+    system, state = system_of(system), state_of(state)
     segment = state.now[0].segment
     x = max(local_time(state, time), segment.mode_start)
     _read(system, state, x, point)
@@ -269,4 +272,5 @@ def interrupt(system, state, time, point):
 @entry_kernel
 def filter_rates(system, state, time):
     """Let the filters of `State.lowpass` stand at `time`, up to where `advance` has passed all events."""
+    system, state = system_of(system), state_of(state)
     filter_up_to(system, state, max(local_time(state, time), state.now[0].segment.mode_start))

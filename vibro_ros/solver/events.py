@@ -13,7 +13,8 @@ from vibro_ros.solver.guards import guard_value, maximum
 from vibro_ros.solver.polynomial import fill_form
 from vibro_ros.solver.segment import instant
 from vibro_ros.solver.shock import outcomes, strike
-from vibro_ros.solver.system import NOTHING, first_acceleration, form_magnitude, form_value
+from vibro_ros.solver.state import state_of
+from vibro_ros.solver.system import NOTHING, first_acceleration, form_magnitude, form_value, system_of
 from vibro_ros.solver.taylor import decays, evaluate
 
 #: What `transition` decides: no guard fires, and the mode goes on in the next segment; ...
@@ -164,6 +165,7 @@ def _enter_after_ramp(system, state, ramp, point, events, count):
 @entry_kernel
 def leave_for_ramp(system, state, ramp, point, events, count):
     """Enter the mode that follows a command to a ramp: `_enter_after_ramp`, for Python."""
+    system, state = system_of(system), state_of(state)
     return _enter_after_ramp(system, state, ramp, point, events, count)
 
 

@@ -15,10 +15,12 @@ from vibro_ros.solver.compilation import entry_kernel, kernel
 from vibro_ros.solver.event_loop import DIVERGED, EVENTS_FULL, REACHED, is_finite
 from vibro_ros.solver.events import choose_candidate, jump, record_mode_change, record_reached
 from vibro_ros.solver.guards import guard_value
+from vibro_ros.solver.reference import reference_to
 from vibro_ros.solver.right_hand_side import accelerate, advance_values, fill_forcing_at, phase_after
 from vibro_ros.solver.rotor import enter_rotor, read_phase
 from vibro_ros.solver.segment import advance_clock, local_time
-from vibro_ros.solver.system import NOTHING, System, channels_of, form_value
+from vibro_ros.solver.state import state_of
+from vibro_ros.solver.system import NOTHING, System, channels_of, form_value, system_of
 
 # Changes of mode at the end of one step, after which the next step is taken whatever the guards say.
 _MOST_CHANGES = 8
@@ -56,7 +58,7 @@ def _resting_candidate(system, state, step):
     change = 0.0
     for i in range(system.size[0].dynamic):
         change += system.approach[struck, coordinates + i] * step.start_acceleration[i]
-    if form_value(system.approach[struck], z) > _STEPS_TO_REST * step.length * abs(change):
+    if form_value(system.approach[struck], z) > _STEPS_TO_REST * step.length[0] * abs(change):
         return NOTHING
     for c in range(system.candidate.shape[2]):
         target = system.candidate[mode, guard, c]
@@ -115,9 +117,9 @@ def _pass_step(system, state, step, events, count):
 
 @kernel
 def _finish_step(system, state, step):
-    state.now[0].segment.half = 0.5 * step.length
+    state.now[0].segment.half = 0.5 * step.length[0]
     take_step(system, state, step)
-    if step.scheme == RK4_LOCATED:
+    if step.scheme[0] == RK4_LOCATED:
         _end_at_event(system, state, step)
     accelerate(system, state, state.now[0].automaton.mode, step.end, step.end_acceleration)
     state.now[0].automaton.segments += 1
@@ -131,7 +133,7 @@ def _end_at_event(system, state, step):
         step.located[0] = 0
         return
     step.located[0] = in_row + 1
-    segment, before, after = state.now[0].segment, 0.0, 0.5 * step.length
+    segment, before, after = state.now[0].segment, 0.0, 0.5 * step.length[0]
     for _ in range(_HALVINGS):
         segment.half = 0.5 * (before + after)
         take_step(system, state, step)
@@ -146,7 +148,8 @@ def _end_at_event(system, state, step):
 @entry_kernel
 def begin(system, state, step, point):
     """Begin the grid now, with the positions and velocities of `point`, shape (channels,)."""
-    state.now[0].segment.half = 0.5 * step.length
+    system, state, step = system_of(system), state_of(state), step_of(step)
+    state.now[0].segment.half = 0.5 * step.length[0]
     state.now[0].segment.next_event = -1.0  # events are recorded at a step's start
     for channel in range(2 * system.size[0].coordinates):
         step.start[channel] = point[channel]
@@ -187,6 +190,7 @@ def _read(system, state, step, x, z):
 @entry_kernel
 def advance(system, state, step, times, points, modes, phases, events):
     """Take all steps up to the last of `times` and sample there; as `event_loop.advance`."""
+    system, state, step = system_of(system), state_of(state), step_of(step)
     count = np.int64(0)  # a literal would be one more signature to compile
     # The most that a step records: each change of mode a blow, itself and every monitor; then ramps and the speed.
     room = len(events) - (_MOST_CHANGES + 1) * (2 + len(state.monitor)) - 2 * len(state.ramp)
@@ -211,6 +215,7 @@ def advance(system, state, step, times, points, modes, phases, events):
 def interrupt(system, state, step, time, point):
     """Move clock and forcing to `time`, within the present step, and read all channels there into `point`; as
     `event_loop.interrupt`, and `begin` is to follow."""
+    system, state, step = system_of(system), state_of(state), step_of(step)
     segment = state.now[0].segment
     x = local_time(state, time)
     _read(system, state, step, x, point)
@@ -228,9 +233,9 @@ class Step(NamedTuple):
 
     Attributes
     ----------
-    scheme : int
+    scheme : ndarray of int, shape (1,)
         How to step.
-    length : float
+    length : ndarray, shape (1,)
         Length of a step [s].
     start, end : ndarray, shape (channels,)
         All channels at both ends of the present step, in the mode in which the step is taken.
@@ -246,8 +251,8 @@ class Step(NamedTuple):
         Steps in a row that have ended at events.
     """
 
-    scheme: int
-    length: float
+    scheme: np.ndarray
+    length: np.ndarray
     start: np.ndarray
     end: np.ndarray
     start_acceleration: np.ndarray
@@ -259,6 +264,10 @@ class Step(NamedTuple):
     located: np.ndarray
 
 
+#: Makes a reference of a laid out `Step`, in kernels.
+step_of = reference_to(Step)
+
+
 def new_step(system: System, scheme: int, length: float) -> Step:
     """Room for steps of `length` [s] by `scheme`."""
     channels = channels_of(system.size)
@@ -266,8 +275,8 @@ def new_step(system: System, scheme: int, length: float) -> Step:
     start, end, stage = np.zeros((3, count))
     start_acceleration, end_acceleration, stage_acceleration, velocity_sum, acceleration_sum = np.zeros((
         5, coordinates))
-    return Step(scheme, length, start, end, start_acceleration, end_acceleration, stage, stage_acceleration,
-                velocity_sum, acceleration_sum, np.zeros(1, np.int64))
+    return Step(np.array([scheme]), np.array([length]), start, end, start_acceleration, end_acceleration, stage,
+                stage_acceleration, velocity_sum, acceleration_sum, np.zeros(1, np.int64))
 
 
 @kernel

@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from vibro_ros.solver.compilation import called_kernel, kernel
+from vibro_ros.solver.compilation import kernel
 from vibro_ros.solver.polynomial import value, values
 from vibro_ros.solver.state import LOWPASS, UNKNOWN
 from vibro_ros.solver.vector import LENGTH, indices_above, lowered, repeated, store, total, vector
@@ -46,7 +46,7 @@ def new_filters(channels: list[int], rate: float, point: np.ndarray) -> np.ndarr
 
 def filtered_rates(filters: np.ndarray) -> np.ndarray:
     """What the filters let pass of the rates, shape (filters,), where they stand."""
-    return math.sqrt(2.0) * filters["rate"] * filters["imaginary"]
+    return math.sqrt(2.0) * filters["rate"] * filters["quadrature"]
 
 
 @kernel
@@ -58,7 +58,7 @@ def end_mode(system, state, x):
             state.lowpass[k].reached = UNKNOWN
 
 
-@called_kernel
+@kernel
 def filter_up_to(system, state, x):
     """Let the filters stand at the local time `x` of the present mode."""
     segment, room = state.now[0].segment, state.scratch.room[0]
@@ -66,7 +66,7 @@ def filter_up_to(system, state, x):
         one = state.lowpass[k]
         channel, start = one.channel, max(one.reached, segment.mode_start)
         before = value(state.z[channel], start)
-        one.real += before - one.value  # where the mode began, the channel may have jumped
+        one.in_phase += before - one.value  # where the mode began, the channel may have jumped
         one.value = value(state.z[channel], x) if x > start else before
         one.reached = x
         if x <= start:
@@ -87,12 +87,12 @@ def filter_up_to(system, state, x):
                 response[0, n], response[1, n] = real, imaginary
                 real, imaginary = ((real + imaginary) * turn / (n + 1), (imaginary - real) * turn / (n + 1))
         for step in range(count):
-            in_middle = one.real * to_end - one.imaginary * to_end_turned
-            turned = one.real * to_end_turned + one.imaginary * to_end
+            in_middle = one.in_phase * to_end - one.quadrature * to_end_turned
+            turned = one.in_phase * to_end_turned + one.quadrature * to_end
             if not rests:
                 nodes = repeated(start + (step + 0.5) * width) + 0.5 * width * vector(_NODES)
                 weighted = values(rate, nodes) * vector(_WEIGHTS)
                 in_middle += 0.5 * width * total(weighted * values(response[0], vector(_NODES)))
                 turned += 0.5 * width * total(weighted * values(response[1], vector(_NODES)))
-            one.real = in_middle * to_end - turned * to_end_turned
-            one.imaginary = in_middle * to_end_turned + turned * to_end
+            one.in_phase = in_middle * to_end - turned * to_end_turned
+            one.quadrature = in_middle * to_end_turned + turned * to_end

@@ -30,10 +30,9 @@ from typing import Protocol
 import numpy as np
 
 from vibro_ros.solver import event_loop, fixed_step
-from vibro_ros.solver.compilation import Laid
 from vibro_ros.solver.fixed_step import RK4, RK4_LOCATED, new_step
+from vibro_ros.solver.reference import Laid
 from vibro_ros.solver.state import State, numbers_of
-from vibro_ros.solver.system import System
 
 #: Methods of fixed step, by name.
 SCHEMES = {"rk4": RK4, "rk4_located": RK4_LOCATED}
@@ -61,12 +60,24 @@ class Stepper(Protocol):
         with; `arguments` are those of `advance` but for the state."""
 
 
-class Exact:
-    """The event loop."""
+class _LaidOut:
+    """What both methods need: the tables and the state as kernels take them."""
 
     def __init__(self, system: Laid):
         self._system = system
         self._state: Laid | None = None  # the one that was stepped last
+
+    def _laid(self, state: State) -> Laid:
+        if self._state is None or self._state.values is not state:
+            self._state = Laid(state)
+        return self._state
+
+    def _tables(self, state: State) -> tuple:
+        return self._system.layout, self._laid(state).layout
+
+
+class Exact(_LaidOut):
+    """The event loop."""
 
     def begin(self, state, point):
         """See `Stepper`."""
@@ -74,16 +85,15 @@ class Exact:
 
     def advance(self, state, times, point, points, modes, phases, events):
         """See `Stepper`."""
-        return event_loop.advance(self._system.layout, self._laid(state).layout, times, point, points, modes, phases,
-                                  events)
+        return event_loop.advance(*self._tables(state), times, point, points, modes, phases, events)
 
     def interrupt(self, state, time, point):
         """See `Stepper`."""
-        event_loop.interrupt(self._system.layout, self._laid(state).layout, time, point)
+        event_loop.interrupt(*self._tables(state), time, point)
 
     def filter_rates(self, state, time):
         """Let the filters of `State.lowpass` stand at `time`."""
-        event_loop.filter_rates(self._system.layout, self._laid(state).layout, time)
+        event_loop.filter_rates(*self._tables(state), time)
 
     @property
     def memory(self):
@@ -93,43 +103,43 @@ class Exact:
     def calls(self, state, arguments):
         """See `Stepper`."""
         _, point, *_ = arguments
-        tables = self._system.layout, self._laid(state).layout
+        tables = self._tables(state)
         return [(event_loop.advance, (*tables, *arguments)), (event_loop.interrupt, (*tables, 0.0, point))]
 
-    def _laid(self, state: State) -> Laid:
-        if self._state is None or self._state.values is not state:
-            self._state = Laid(state)
-        return self._state
 
-
-class FixedStep:
+class FixedStep(_LaidOut):
     """Steps of `step` [s] by one of `SCHEMES`."""
 
-    def __init__(self, system: System, scheme: int, step: float):
-        self._system = system
-        self._step = new_step(system, scheme, step)
+    def __init__(self, system: Laid, scheme: int, step: float):
+        super().__init__(system)
+        self._step = Laid(new_step(system.values, scheme, step))
 
     def begin(self, state, point):
         """See `Stepper`."""
-        fixed_step.begin(self._system, state, self._step, point)
+        fixed_step.begin(*self._tables(state), point)
         return event_loop.REACHED
 
     def advance(self, state, times, point, points, modes, phases, events):
         """See `Stepper`."""
-        return fixed_step.advance(self._system, state, self._step, times, points, modes, phases, events)
+        return fixed_step.advance(*self._tables(state), times, points, modes, phases, events)
 
     def interrupt(self, state, time, point):
         """See `Stepper`."""
-        fixed_step.interrupt(self._system, state, self._step, time, point)
+        fixed_step.interrupt(*self._tables(state), time, point)
 
     @property
     def memory(self):
         """See `Stepper`."""
-        return numbers_of(values for values in self._step if isinstance(values, np.ndarray))
+        step = self._step.values
+        return numbers_of(values for name, values in zip(step._fields, step, strict=True)
+                          if name not in ("scheme", "length"))
 
     def calls(self, state, arguments):
         """See `Stepper`."""
         times, point, *rest = arguments
-        return [(fixed_step.advance, (self._system, state, self._step, times, *rest)),
-                (fixed_step.begin, (self._system, state, self._step, point)),
-                (fixed_step.interrupt, (self._system, state, self._step, 0.0, point))]
+        tables = self._tables(state)
+        return [(fixed_step.advance, (*tables, times, *rest)), (fixed_step.begin, (*tables, point)),
+                (fixed_step.interrupt, (*tables, 0.0, point))]
+
+    def _tables(self, state):
+        return *super()._tables(state), self._step.layout

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from vibro_ros.solver.compilation import called_kernel, kernel, rounding_kernel
+from vibro_ros.solver.compilation import kernel, rounding_kernel
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.state import MOST_ROTOR_SIGNALS, State
 from vibro_ros.solver.system import BY_COMMAND, BY_VOLTAGE, System, first_signal
@@ -187,7 +187,7 @@ def read_phase(system, point):
     return point[phase], point[system.size[0].coordinates + phase]
 
 
-@called_kernel
+@kernel
 def enter_rotor(system, state, point):
     """Before a segment, or a step, that starts at `point`: count turns, and take a sample that is due."""
     _count_turns(system, state, point)

@@ -8,7 +8,7 @@ The known forcing, which is periodic signals of the phase and ramps, is written 
 
 import math
 
-from vibro_ros.solver.compilation import called_kernel, entry_kernel, kernel
+from vibro_ros.solver.compilation import entry_kernel, kernel
 from vibro_ros.solver.drive import (
     advance_speed,
     enter_next_cell,
@@ -18,7 +18,8 @@ from vibro_ros.solver.drive import (
     time_to_advance,
 )
 from vibro_ros.solver.polynomial import SECOND, differentiate, displace, recentre, scale_argument, value
-from vibro_ros.solver.system import first_ramp, first_signal
+from vibro_ros.solver.state import state_of
+from vibro_ros.solver.system import first_ramp, first_signal, system_of
 from vibro_ros.solver.vector import LENGTH, total, vector
 
 #: A segment without a fast motion, a signal or a ramp to end it ends after this time [s].
@@ -115,7 +116,7 @@ def _size(shift, terms):
     return size
 
 
-@called_kernel
+@kernel
 def _fill_changing_signals(system, state):
     segment, drive, shift = state.now[0].segment, state.now[0].drive, state.scratch.room[0].shift[:]
     first, width = first_signal(system.size[0]), _cell_width(system, drive)
@@ -141,7 +142,7 @@ def _fill_signals(system, state):
                     drive.direction * slope, 0.0)
 
 
-@called_kernel
+@kernel
 def _raise_acceleration_scales(system, state):
     """Let the signals' accelerations have the scale of their terms over the cell: in a short segment about a zero they
     are sums of these, and much smaller."""
@@ -178,6 +179,7 @@ def fill_forcing(system, state):
 @entry_kernel
 def read_signals(system, state, values):
     """Values of the signals now, before the first segment: the very bits that the segment's flow starts with."""
+    system, state = system_of(system), state_of(state)
     choose_segment(system, state)
     fill_forcing(system, state)
     for k in range(system.size[0].signals):

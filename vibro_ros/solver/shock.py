@@ -29,7 +29,7 @@ compression ends where y' vanishes: an equation for p, whose curvature has one s
 
 import math
 
-from vibro_ros.solver.compilation import called_kernel, kernel
+from vibro_ros.solver.compilation import kernel
 from vibro_ros.solver.rotor import slope_row
 from vibro_ros.solver.system import NOTHING, first_ramp, first_signal
 from vibro_ros.solver.taylor import evaluate
@@ -82,7 +82,7 @@ def _until_stop(start, rate, decay, unit):
     return stop if rate == 0.0 else math.log1p(rate * stop) / rate
 
 
-@called_kernel
+@kernel
 def _slip_by_decay(shock, along, across, up, sign, speed, rise, impulse):
     """`_slip` with friction that falls with the speed."""
     side = 0 if sign > 0.0 else 1
@@ -138,7 +138,7 @@ def _slip(shock, along, across, up, sign, speed, rise, impulse):
     return 0.0, until, of_rise * until, True
 
 
-@called_kernel
+@kernel
 def land(shock, along, across, up, speed, fall):
     """The body's velocity after a landing.
 
@@ -188,7 +188,7 @@ def land(shock, along, across, up, speed, fall):
             rebounds, rise, left = True, math.inf, shock.restitution * given
 
 
-@called_kernel
+@kernel
 def strike(system, state, number, point, after):
     """Fill `after` with the channels that follow `point` by a shock; return which of the shock's candidates follows."""
     size, table = system.size[0], system.shock

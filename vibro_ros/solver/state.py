@@ -19,24 +19,25 @@ from typing import NamedTuple
 import numpy as np
 
 from vibro_ros.solver.drive import command_drive
-from vibro_ros.solver.system import System, channels_of
+from vibro_ros.solver.reference import reference_to
+from vibro_ros.solver.system import System, channels_of, record
 from vibro_ros.solver.vector import LENGTH
 
 #: Dynamic coordinates that a system has at most.
 MOST_DYNAMIC = 8
 
 #: The present segment.
-SEGMENT = np.dtype([
+SEGMENT = record([
     ("start", np.float64),  # instant [s] of the local time -1 ...
     ("residue", np.float64),  # ... and what rounding took from the sum: an hour of segments must not move the clock
     ("half", np.float64),  # half the duration [s]
     ("mode_start", np.float64),  # local time at which the mode started
     ("next_event", np.float64),  # local time of the next event: of the first root of a guard, else 1
     ("cell_left", np.float64),  # time [s] from the segment's start to the cell's end
-], align=True)
+])
 
 #: The phase of the signals, and how its speed changes.
-DRIVE = np.dtype([
+DRIVE = record([
     ("cell", np.int64),  # of `SignalTable`
     ("turns", np.int64),  # periods that are over, below 0 backwards
     ("direction", np.int64),  # 1, or -1 backwards: what follows is counted along it
@@ -47,30 +48,30 @@ DRIVE = np.dtype([
     ("lag", np.float64),  # ... or the time constant [s] with which it approaches its target instead, or 0 ...
     ("target", np.float64),  # ... its target [rad/s], below 0 if the direction has to change first ...
     ("time_left", np.float64),  # ... and the time [s] until it is there, or is 0 first, or 0
-], align=True)
+])
 
 #: The present mode.
-AUTOMATON = np.dtype([
+AUTOMATON = record([
     ("mode", np.int64),  # the present mode
     ("guard", np.int64),  # the mode's guard that turns negative at `next_event`, or `NOTHING`
     ("begins", np.int64),  # which of mode and flow begins at the segment's start: see `event_loop.FLOW_BEGINS`
     ("standstills", np.int64),  # events in a row without any progress of time
     ("segments", np.int64),  # that have been solved, since the state is new
-], align=True)
+])
 
 #: Accounts that a system has at most.
 MOST_ACCOUNTS = 12
 
 #: The energy accounts [J].
-ACCOUNTS = np.dtype([
+ACCOUNTS = record([
     ("booked", np.float64),  # local time up to which the present flow is booked
     ("stored", np.float64),  # energy stored at the start
     ("magnitude", np.float64),  # integral of the magnitude of the split power, so far
     ("work", np.float64, (MOST_ACCOUNTS,)),  # on each account, so far
-], align=True)
+])
 
 #: The motor of a rotor, and what it was asked for.
-MOTOR = np.dtype([
+MOTOR = record([
     ("target", np.float64),  # commanded speed [rad/s], or voltage [V]
     ("reference", np.float64),  # speed [rad/s] that the controller follows, at the instant ...
     ("since", np.float64),  # ... [s], from which on ...
@@ -79,38 +80,37 @@ MOTOR = np.dtype([
     ("before", np.float64),  # ... and as the last one found it
     ("held", np.float64),  # voltage [V] or current [A] until the next sample
     ("samples", np.int64),  # taken so far: the next one is due after so many periods
-], align=True)
+])
 
 #: What `State.now` holds. A kernel reads a field as `state.now[0].segment.half`, Python as
-#: `state.now["segment"]["half"][0]`: an array of one record, because numba takes 4 µs a call to accept a record, and a
-#: single array, because numba takes 0.4 µs a call for each.
-NOW = np.dtype([("segment", SEGMENT), ("drive", DRIVE), ("automaton", AUTOMATON), ("accounts", ACCOUNTS),
-                 ("motor", MOTOR)], align=True)
+#: `state.now["segment"]["half"][0]`.
+NOW = record([("segment", SEGMENT), ("drive", DRIVE), ("automaton", AUTOMATON), ("accounts", ACCOUNTS),
+                 ("motor", MOTOR)])
 
 #: What `State.ramp` holds of each ramp.
-RAMP = np.dtype([
+RAMP = record([
     ("value", np.float64),  # at the segment's start
     ("rate", np.float64),  # per second; 0 at rest
     ("target", np.float64),
     ("time_left", np.float64),  # time [s] until it is at its target
-], align=True)
+])
 
 #: What `State.monitor` holds of each monitor that is on.
-MONITOR = np.dtype([
+MONITOR = record([
     ("since", np.float64),  # instant [s] at which the monitor was switched on
     ("approach", np.float64),  # what `System.approach` was then
     ("peak", np.float64),  # largest value since then
-], align=True)
+])
 
 #: What `State.lowpass` holds of each low-pass filter: see `lowpass`.
-LOWPASS = np.dtype([
+LOWPASS = record([
     ("channel", np.int64),  # whose rate is filtered
     ("rate", np.float64),  # magnitude [1/s] of the filter's poles; the same for all filters of a state
-    ("real", np.float64),  # the filter's complex state, in the unit of the channel ...
-    ("imaginary", np.float64),
+    ("in_phase", np.float64),  # the filter's complex state, in the unit of the channel ...
+    ("quadrature", np.float64),
     ("value", np.float64),  # the channel where the filter stands ...
     ("reached", np.float64),  # ... local time of that, or `UNKNOWN` where the mode has just begun
-], align=True)
+])
 
 #: Signals of a rotor, at most: two sliders, and a pin's two directions. Rows for series: five for each, three for the
 #: phase's, four for a decaying term and for what these two add to other channels.
@@ -119,7 +119,7 @@ SERIES = 3 + 5 * MOST_ROTOR_SIGNALS + 4
 
 #: What `Scratch.room` holds: arrays with one purpose each. A kernel takes one as `room.guard[:]`, because numba would
 #: compile every kernel that gets the array once more for the type of a record's field.
-ROOM = np.dtype([
+ROOM = record([
     ("load", np.float64, (MOST_DYNAMIC, LENGTH)),  # of each dynamic coordinate
     ("free_at_start", np.float64, (2 * MOST_DYNAMIC,)),  # of `flow`: components of the free motion at the start ...
     ("free_at_middle", np.float64, (2 * MOST_DYNAMIC,)),  # ... and in the segment's middle
@@ -137,7 +137,7 @@ ROOM = np.dtype([
     ("lowpass_response", np.float64, (2, LENGTH)),  # ... and the response to a step, real and imaginary
     ("series", np.float64, (SERIES, LENGTH + 1)),  # of `rotor` and `taylor`, ...
     ("mirrored", np.float64, (SERIES, 2 * LENGTH)),  # ... and those of `rotor` from their ends
-], align=True)
+])
 
 
 class Scratch(NamedTuple):
@@ -219,6 +219,9 @@ class State(NamedTuple):
     library: Library
     scratch: Scratch
 
+
+#: Makes a reference of a laid out `State`, in kernels.
+state_of = reference_to(State)
 
 #: Root of a guard that has not been searched in this segment; smaller than any local time.
 UNKNOWN = -2.0

@@ -24,6 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibro_ros.solver.compilation import kernel, sum_kernel
+from vibro_ros.solver.reference import reference_to
 
 
 class Channels(NamedTuple):
@@ -106,8 +107,13 @@ class Channels(NamedTuple):
         return self.count - 1
 
 
+def record(fields: list[tuple]) -> np.dtype:
+    """The type of records with such fields, which Python reads as kernels do: `one.field`."""
+    return np.dtype((np.record, np.dtype(fields, align=True)))
+
+
 #: `Channels` as kernels read it: `system.size[0].coordinates`.
-SIZE = np.dtype([(name, np.int64) for name in Channels._fields], align=True)
+SIZE = record([(name, np.int64) for name in Channels._fields])
 
 
 def size_of(channels: Channels) -> np.ndarray:
@@ -198,7 +204,7 @@ class Decay(NamedTuple):
 BY_COMMAND, BY_VOLTAGE, BY_CURRENT = 0, 1, 2
 
 #: A sampled controller.
-CONTROLLER = np.dtype([
+CONTROLLER = record([
     ("law", np.int64),  # BY_COMMAND, BY_VOLTAGE or BY_CURRENT
     ("period", np.float64),  # of the samples [s]
     ("proportional", np.float64),  # gain
@@ -208,7 +214,7 @@ CONTROLLER = np.dtype([
     ("constant", np.float64),  # voltage over speed, and torque over current [V s]
     ("resistance", np.float64),  # [ohm]
     ("limit", np.float64),  # largest current [A]
-], align=True)
+])
 
 
 class Rotor(NamedTuple):
@@ -247,7 +253,7 @@ class Rotor(NamedTuple):
 
 
 #: A blow that throws a coordinate back from a ramp, or a landing; either changes the velocity of the body.
-SHOCK = np.dtype([
+SHOCK = record([
     ("struck", np.int64), ("plate", np.int64),  # coordinate that is thrown back, and ramp; NOTHING for a landing
     ("impulse", np.float64, (2,)),  # on the body, of a unit of the change of the coordinate's speed
     ("lifts", np.bool_),  # whether the ground lets go of the body in a blow
@@ -259,7 +265,7 @@ SHOCK = np.dtype([
     ("decay_speed", np.float64),  # by which the friction falls from static to kinetic; 0 if it is kinetic at any speed
     ("has_friction", np.bool_), ("has_bearing", np.bool_),  # whether the bearing has states of its own
     ("states", np.int64),  # 1; or 2, forwards and backwards; or 3, at rest as well
-], align=True)
+])
 
 
 class Shock(NamedTuple):
@@ -428,6 +434,10 @@ class System(NamedTuple):
     decay: Decay
     rotor: Rotor
     shock: Shock
+
+
+#: Makes a reference of a laid out `System`, in kernels.
+system_of = reference_to(System)
 
 
 def no_rotor(count: int) -> Rotor:

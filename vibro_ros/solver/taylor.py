@@ -23,7 +23,7 @@ import math
 
 import numpy as np
 
-from vibro_ros.solver.compilation import called_kernel, entry_kernel, kernel
+from vibro_ros.solver.compilation import entry_kernel, kernel
 from vibro_ros.solver.guards import NO_ROOT, NOISE, first_root
 from vibro_ros.solver.polynomial import differentiate, recentre, scale_argument
 from vibro_ros.solver.rotor import (
@@ -37,7 +37,7 @@ from vibro_ros.solver.rotor import (
     turn_signals,
 )
 from vibro_ros.solver.segment import choose_segment, fill_forcing
-from vibro_ros.solver.state import MOST_DYNAMIC
+from vibro_ros.solver.state import MOST_DYNAMIC, state_of
 from vibro_ros.solver.system import (
     NOTHING,
     first_acceleration,
@@ -45,6 +45,7 @@ from vibro_ros.solver.system import (
     first_signal,
     form_magnitude,
     sparse_magnitude,
+    system_of,
 )
 from vibro_ros.solver.vector import LENGTH, store, vector
 
@@ -188,7 +189,7 @@ def _fill_accelerations(system, mode, z, n, series, mirrored, loads, has_term, o
         z[first + phase, n] = change
 
 
-@called_kernel
+@kernel
 def fill_series(system, mode, duration, orders, z, room):
     """Coefficients of the channels, but of driven coordinates, in y = 0 ... 1 over `duration` [s].
 
@@ -345,7 +346,7 @@ def _fill_known_forcing(system, state, duration):
         z[channel, 1] *= 2.0
 
 
-@called_kernel
+@kernel
 def solve_by_taylor(system, state, point):
     """Begin a segment at `point`, where the flow starts: its duration, and the series of all that moves by itself."""
     size, now, z, room = system.size[0], state.now[0], state.z, state.scratch.room[0]
@@ -415,4 +416,5 @@ def evaluate(system, state, mode, point):
 @entry_kernel
 def read_rotor(system, state, point):
     """`evaluate`, for Python, in the present mode: the very bits that the next segment begins with."""
+    system, state = system_of(system), state_of(state)
     evaluate(system, state, state.now[0].automaton.mode, point)

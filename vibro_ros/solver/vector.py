@@ -8,12 +8,16 @@ In kernels, vectors are added, subtracted and multiplied, number by number, and 
 
     store(target, vector(p) + 2.0 * (vector(q) * powers(x)))
 
-This module uses numba's documented interface for extensions alone.
+This module uses numba's documented interface for extensions alone. Where numba compiles nothing, a vector is an array,
+and each function is the one of numpy that stands beside it.
 """
 
 import itertools
 import operator
+from collections.abc import Callable
 
+import numba
+import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.errors import TypingError
@@ -80,7 +84,12 @@ def _check(array):
         raise TypingError(f"a vector's array is contiguous and of doubles, not {array}")
 
 
-@intrinsic
+def _instead_of(plain: Callable) -> Callable:
+    """Let kernels take the decorated intrinsic, or `plain` where nothing is compiled."""
+    return (lambda _: plain) if numba.config.DISABLE_JIT else intrinsic
+
+
+@_instead_of(lambda array: array[:LENGTH].copy())
 def vector(_, array):
     """The vector of an array's LENGTH numbers."""
     def generate(context, builder, sign, arguments):
@@ -92,7 +101,7 @@ def vector(_, array):
     return _VECTOR(array), generate
 
 
-@intrinsic
+@_instead_of(lambda array, numbers: np.copyto(array[:LENGTH], numbers))
 def store(_, array, numbers):
     """Put a vector into an array of LENGTH numbers."""
     def generate(context, builder, sign, arguments):
@@ -104,7 +113,7 @@ def store(_, array, numbers):
     return types.void(array, numbers), generate
 
 
-@intrinsic
+@_instead_of(np.sum)
 def total(_, numbers):
     """Sum of the numbers; always in the same order, whatever the processor."""
     def generate(context, builder, sign, arguments):
@@ -117,7 +126,7 @@ def total(_, numbers):
     return types.float64(numbers), generate
 
 
-@intrinsic
+@_instead_of(lambda numbers: np.append(0.0, numbers[:-1]))
 def raised(_, numbers):
     """Every number moved to the next index; the first becomes zero, and the last is lost."""
     def generate(context, builder, sign, arguments):
@@ -127,7 +136,7 @@ def raised(_, numbers):
     return _VECTOR(numbers), generate
 
 
-@intrinsic
+@_instead_of(lambda numbers: np.append(numbers[1:], 0.0))
 def lowered(_, numbers):
     """Every number moved to the index before; the last becomes zero, and the first is lost."""
     def generate(context, builder, sign, arguments):
@@ -137,7 +146,7 @@ def lowered(_, numbers):
     return _VECTOR(numbers), generate
 
 
-@intrinsic
+@_instead_of(lambda numbers, number: np.append(number, numbers[1:]))
 def with_first(_, numbers, number):
     """The vector with its first number replaced."""
     def generate(context, builder, sign, arguments):
@@ -146,7 +155,7 @@ def with_first(_, numbers, number):
     return _VECTOR(numbers, types.float64), generate
 
 
-@intrinsic
+@_instead_of(lambda numbers: numbers[-1])
 def last(_, numbers):
     """The last number."""
     def generate(context, builder, sign, arguments):
@@ -155,7 +164,7 @@ def last(_, numbers):
     return types.float64(numbers), generate
 
 
-@intrinsic
+@_instead_of(lambda numbers, limit: sum(1 << n for n in range(LENGTH) if numbers[n] > limit))
 def indices_above(_, numbers, limit):
     """An integer whose bit n is set where number n is greater than `limit`."""
     def generate(context, builder, sign, arguments):
@@ -167,7 +176,7 @@ def indices_above(_, numbers, limit):
     return types.int64(numbers, types.float64), generate
 
 
-@intrinsic
+@_instead_of(lambda bits: (bits & -bits).bit_length() - 1 if bits else 64)
 def first_index(_, bits):
     """Index of the lowest bit that is set; LENGTH or more if none is."""
     def generate(context, builder, sign, arguments):
@@ -175,7 +184,7 @@ def first_index(_, bits):
     return types.int64(types.int64), generate
 
 
-@intrinsic
+@_instead_of(lambda number: np.full(LENGTH, number))
 def repeated(_, number):
     """The vector of equal numbers."""
     def generate(context, builder, sign, arguments):
@@ -183,7 +192,7 @@ def repeated(_, number):
     return _VECTOR(types.float64), generate
 
 
-@intrinsic
+@_instead_of(lambda x: np.cumprod(np.append(1.0, np.full(LENGTH - 1, x))))
 def powers(_, x):
     """The vector 1, x, x², ..."""
     def generate(context, builder, sign, arguments):
