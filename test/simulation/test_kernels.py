@@ -36,7 +36,7 @@ import vibro_ros
 for name, duration in (("damped", 0.3), ("device", 0.2), ("machine", 0.02)):
     scene = vibro_ros.load_scene(name)
     run = vibro_ros.simulate(scene, duration=duration, rate=200.0, commands=[(0.0, {"motor_speed": 100.0})])
-    print(name, len(run.events), run.statistics["steps"], f"{run.body_position[-1]:.10e} {run.upper_position[-1]:.10e}")
+    print(name, len(run.events), run.statistics["steps"], f"{run.body_position[-1]:.12f} {run.upper_position[-1]:.12f}")
 """
 
 
