@@ -21,6 +21,7 @@ def progress(monkeypatch) -> Progress:
     planted = Progress()
     monkeypatch.setattr(preparation, "progress", planted)
     monkeypatch.setattr(preparation, "REPORTS", 0.0)
+    monkeypatch.setattr(preparation, "FIRST", 0.0)
     return planted
 
 

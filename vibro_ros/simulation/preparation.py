@@ -18,7 +18,7 @@ from vibro_ros.solver.compilation import progress
 POLL = 0.05  # s, between two looks whether the work is done
 REPORTS = 10.0  # s, between two lines that say how far it is
 RENEWAL = 0.5  # s, after which the one line on a terminal is written again
-_FIRST = 1.0  # s, after which kernels are being compiled, not loaded
+FIRST = 1.0  # s, after which kernels are not loaded but compiled, and that is said
 _STACK = 64 * 2**20  # bytes; the compiler's recursion is deep, and the usual stack of a thread is 2 MiB in some shells
 
 Result = TypeVar("Result")
@@ -36,7 +36,7 @@ class CompilationReport:
     def __init__(self, tell: Callable[[str], object]):
         self._tell, self._terminal = tell, sys.stderr.isatty()
         self._begun, self._compiled = time.monotonic(), len(progress.done)
-        self._due, self._told = self._begun + _FIRST, False
+        self._due, self._told = self._begun + FIRST, False
 
     def look(self) -> None:
         """Say how far it is, if that is due."""
