@@ -51,9 +51,9 @@ EFFORT = Effort(repeats=3, patience_for_averages=3.0)
 #: The scene whose mean speed is looked at more closely, and steps [s] of rk4 whose paths are drawn.
 CLOSER, CLOSER_EFFORT, STEPS = "paper", replace(EFFORT, starts=64, patience_for_averages=60.0), (2e-4, 1e-4, 5e-5, 1e-5)
 SLOPE = ("A factor is ten to the power of minus the slope of log cost over log error of every position, fitted in each "
-         "scene between the errors named. The range over the scenes is Student's 95 % interval as if they had been "
-         "drawn; they are one machine with other effects, so that it says how much these scenes differ, and nothing of "
-         "another machine.")
+         "scene between the errors named. The range over the scenes is Student's 95 % interval. The scenes are "
+         "variants of one machine and no random sample, so that the range says how much these scenes differ, and "
+         "nothing of another machine.")
 
 
 def by_scene(rows: Sequence[Row]) -> dict[str, list[Row]]:

@@ -448,8 +448,8 @@ MEASURES: dict[str, Measure] = {
                            lambda seen: seen.standing / seen.window.duration),
     "air_share": Measure("1", "share of the time in which the body is in the air (rule hop)", (),
                          lambda seen: seen.airborne / seen.window.duration),
-    "mean_load": Measure("1", "mean N over the weight, 1 in every steady motion on a real ground: more under the rule "
-                         "unilateral is support that nothing pays for; NaN without gravity", (LOAD,),
+    "mean_load": Measure("1", "mean N over the weight: 1 in every steady motion on a real ground, more where the rule "
+                         "unilateral holds the body down; NaN without gravity", (LOAD,),
                          lambda seen: seen.loads.mean),
     "unloaded_share": Measure("1", f"share of {_LOADS_PER_TURN} instants a turn at which N is not above 0; NaN without "
                               "gravity", (LOAD,), lambda seen: seen.loads.unloaded),

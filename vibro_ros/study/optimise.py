@@ -578,7 +578,7 @@ def document(result: Result) -> str:
 
 
 def title(plan: Plan) -> str:
-    """What is sought."""
+    """Heading of the summary: the objective and the scene."""
     what = "the front of speed and cost of transport" if plan.objective == FRONT else OBJECTIVES[plan.objective].does
     return f"Optimum: {what}, scene {plan.space.scene.name}"
 

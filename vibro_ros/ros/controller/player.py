@@ -72,9 +72,9 @@ class RosTime:
         self.elapsed()
 
     def elapsed(self) -> float:
-        """ROS time [s] since time 0; before all times as long as none was heard.
+        """ROS time [s] since time 0; minus infinity until the first ROS time is heard.
 
-        A script that began earlier would begin at whatever time of a running simulation comes first, which differs
+        A script that began before that would begin at whatever time of a running simulation comes first, which differs
         from run to run.
 
         Raises
