@@ -16,7 +16,9 @@ from tools.api_page import api_page
 
 ROOT = Path(__file__).resolve().parents[1]
 #: Pages outside docs/, by their names on the site.
-OUTSIDE = {"README.md": "index.md", "CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
+OUTSIDE = {"README.md": "index.md", "CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md",
+           "SECURITY.md": "security.md", "QUALITY_DECLARATION.md": "quality_declaration.md",
+           "CODE_OF_CONDUCT.md": "code_of_conduct.md"}
 _LINK = re.compile(r"(?P<shown>!?\[[^]]*\])\((?P<path>[^)#:\s]+)(?P<anchor>#[^)\s]*)?\)")
 _CODE = re.compile(r"(^```.*?^```|`[^`\n]+`)", re.MULTILINE | re.DOTALL)
 _log = logging.getLogger("mkdocs.hooks.site")
