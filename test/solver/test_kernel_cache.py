@@ -12,9 +12,9 @@ from vibro_ros.solver.kernel_cache import KernelStore
 
 PROGRAM = """
 import resource, sys
-from vibro_ros.solver.compilation import compile_entry, entry_kernel, progress
+from vibro_ros.solver.compilation import compile_entry, entry, progress
 
-@entry_kernel
+@entry
 def twice(x):
     return 2.0 * x
 

@@ -13,7 +13,7 @@ from vibro_ros.model.modes import OUTPUTS
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model
 from vibro_ros.simulation.samples import FIELDS, Trace
-from vibro_ros.solver.compilation import entry_kernel, rounding_kernel
+from vibro_ros.solver.compilation import entry, rounding_part
 
 _TIME, _ANGLE, _SPEED, _POWER, _TORQUE, _NORMAL, _VOLTAGE, _CURRENT, _ELECTRICAL = (FIELDS.index(name) for name in (
     "time", "crank_angle", "motor_speed", "motor_power", "motor_torque", "normal_force", "motor_voltage",
@@ -122,13 +122,13 @@ def cut_to_laws(scene: Scene, pressed_only: bool, quantities: MutableMapping[str
             quantities[f"{side}_plate_force"] = np.maximum(quantities[f"{side}_plate_force"], 0.0)
 
 
-@rounding_kernel
+@rounding_part
 def _plus_product(sum_so_far, one, other):
     """Every product is rounded, so that equal ones cancel to exactly zero."""
     return sum_so_far + one * other
 
 
-@entry_kernel
+@entry
 def read_samples(forms, terms, pressed_only, drives, linkage, slopes, times, points, modes, phases, values):
     """Values of all `FIELDS` at sampled instants.
 

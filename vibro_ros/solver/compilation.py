@@ -18,17 +18,17 @@ _CONTRACT = {"contract"}  # multiply and add may be fused, but not reordered
 _OPTIONS = {"error_model": "numpy", "_nrt": False}
 
 
-def kernel(function):
+def part(function):
     """Let kernels call a function, which becomes a part of them."""
     return register_jitable(fastmath=_CONTRACT, **_OPTIONS)(function)
 
 
-def rounding_kernel(function):
+def rounding_part(function):
     """A part that rounds every product, so that equal products cancel to exactly zero."""
     return register_jitable(fastmath=False, **_OPTIONS)(function)
 
 
-def sum_kernel(function):
+def sum_part(function):
     """A part that is a plain sum, in which the order of the terms does not matter and several are added at once."""
     return register_jitable(fastmath=_CONTRACT | {"reassoc", "nsz"}, **_OPTIONS)(function)
 
@@ -58,10 +58,10 @@ _store = None if numba.config.DISABLE_JIT else KernelStore(numba.config.CACHE_DI
 progress.unwritable = _store.unusable if _store else ""
 
 
-def entry_kernel(function):
+def entry(function):
     """Compile a kernel that Python calls, and store it with all its parts.
 
-    Of a named tuple it takes the `reference.Laid.layout`. Kernels call a `kernel`, not this.
+    Of a named tuple it takes the `reference.Laid.layout`. Kernels call a `part`, not this.
     """
     usual = numba.config.CACHE_DIR
     try:
@@ -90,30 +90,30 @@ def mark_as_stored(family: str) -> None:
         _store.mark(family)
 
 
-def compile_entry(entry: Callable, arguments: tuple) -> None:
-    """Load an entry kernel for arguments of these types, or compile it, if neither was done before.
+def compile_entry(kernel: Callable, arguments: tuple) -> None:
+    """Load an entry for arguments of these types, or compile it, if neither was done before.
 
     A stored kernel that cannot be read is damaged: all are thrown away, and this one is compiled again.
     """
     kinds = tuple(map(numba.typeof, arguments))
-    if _store is None or kinds in entry.overloads:
+    if _store is None or kinds in kernel.overloads:
         return
-    progress.under_way.append(entry.__name__)
+    progress.under_way.append(kernel.__name__)
     try:
-        _compile(entry, kinds)
+        _compile(kernel, kinds)
     except Exception:
         _store.discard()
-        _compile(entry, kinds)
+        _compile(kernel, kinds)
     finally:
         progress.under_way.pop()
-    (progress.loaded if entry.stats.cache_hits else progress.done).append(entry.__name__)
+    (progress.loaded if kernel.stats.cache_hits else progress.done).append(kernel.__name__)
 
 
-def _compile(entry, kinds: tuple) -> None:
+def _compile(kernel, kinds: tuple) -> None:
     try:
-        entry.compile(kinds)
+        kernel.compile(kinds)
     except OSError as error:
-        if kinds not in entry.overloads:
+        if kinds not in kernel.overloads:
             raise
         progress.unwritable = f"{_store.path}: {error.strerror}"  # it was compiled, and could not be stored
 
@@ -124,7 +124,7 @@ def _compile(entry, kinds: tuple) -> None:
 _FEATURES = ("avx", "avx2", "avx512f", "avx512vl", "fma", "neon", "sve", "sve2")
 
 
-@entry_kernel
+@entry
 def _sum_of_products(a, b, c):
     return a * b + c
 

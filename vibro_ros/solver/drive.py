@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from vibro_ros.solver.compilation import kernel
+from vibro_ros.solver.compilation import part
 from vibro_ros.solver.system import STRIDE, SignalTable
 from vibro_ros.solver.vector import LENGTH
 
@@ -55,7 +55,7 @@ def command_drive(signals: SignalTable, drive: np.void, speed: float, target: fl
         drive["time_left"] = abs(max(target, 0.0) - speed) / acceleration
 
 
-@kernel
+@part
 def enter_next_cell(system, drive):
     """Let the segment start where the next cell does."""
     drive.offset = 0.0
@@ -68,7 +68,7 @@ def enter_next_cell(system, drive):
         drive.turns -= 1
 
 
-@kernel
+@part
 def phase_advance(drive, elapsed):
     """Advance of the phase [rad] in `elapsed` [s] from the segment's start, and the speed [rad/s] then; also beyond the
     instant at which the direction changes, up to `settling_time`."""
@@ -81,13 +81,13 @@ def phase_advance(drive, elapsed):
     return elapsed * (speed + 0.5 * change * elapsed), max(min(0.0, target), speed + change * elapsed)
 
 
-@kernel
+@part
 def _rising_time(target, acceleration, lag):
     """Time [s] in which the speed rises from 0 to its target."""
     return _TIME_CONSTANTS * lag if lag > 0.0 else target / acceleration
 
 
-@kernel
+@part
 def settling_time(drive):
     """Time [s] until the speed is at its target, in whichever direction; 0 if it does not change."""
     if drive.time_left == 0.0 or drive.target >= 0.0:
@@ -95,7 +95,7 @@ def settling_time(drive):
     return drive.time_left + _rising_time(-drive.target, -drive.acceleration, drive.lag)
 
 
-@kernel
+@part
 def advance_speed(drive, elapsed, speed):
     """Set the speed, after `elapsed` [s] of a change, to `speed` [rad/s]; return whether it is at its target now.
 
@@ -127,7 +127,7 @@ def advance_speed(drive, elapsed, speed):
     return True
 
 
-@kernel
+@part
 def _ramped_time_to_advance(distance, speed, change):
     """Time [s] in which the phase advances by `distance` [rad] at a constant rate of change of its speed; infinite if
     the phase stops before."""
@@ -138,7 +138,7 @@ def _ramped_time_to_advance(distance, speed, change):
     return 2.0 * distance / rate if rate > 0.0 else math.inf
 
 
-@kernel
+@part
 def time_to_advance(drive, distance):
     """Time [s] in which the phase advances by `distance` [rad]; infinite if the phase stops before."""
     if drive.lag == 0.0:
@@ -157,7 +157,7 @@ def time_to_advance(drive, distance):
     return time
 
 
-@kernel
+@part
 def resolved_time(drive, reach):
     """Longest time [s] over which a signal's series in time reaches rounding at its last term.
 
@@ -173,7 +173,7 @@ def resolved_time(drive, reach):
     return 2.0 * STRIDE * _ramped_time_to_advance(reach, drive.speed, change_from_middle)
 
 
-@kernel
+@part
 def _fill_change(drive, speed, half, width, series):
     """Fill `series` with what the change of the speed adds to the phase, about an instant at which it is `speed`.
 
@@ -193,7 +193,7 @@ def _fill_change(drive, speed, half, width, series):
     return terms
 
 
-@kernel
+@part
 def fill_shift(drive, half, width, shift):
     """Write the phase over a segment of the duration 2 `half` [s] as middle + slope (x + shift(x)).
 

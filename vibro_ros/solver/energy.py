@@ -16,7 +16,7 @@ given back pass the same shaft, and the sum alone hides both.
 
 import numpy as np
 
-from vibro_ros.solver.compilation import kernel
+from vibro_ros.solver.compilation import part
 from vibro_ros.solver.polynomial import fill_form, products, value
 from vibro_ros.solver.system import System, first_ramp, form_value
 from vibro_ros.solver.vector import LENGTH, indices_above, repeated, store, total, vector
@@ -32,7 +32,7 @@ SPLIT, RAMPS = 0, 1
 _STEPS = 8
 
 
-@kernel
+@part
 def _power(system, state, k, start, x):
     """The vector of the k-th power at Gauss's nodes from the local time `start` to `x`."""
     table, mode = system.accounts, state.now[0].automaton.mode
@@ -44,7 +44,7 @@ def _power(system, state, k, start, x):
     return products(force, rate, repeated(start + half) + half * vector(_NODES))
 
 
-@kernel
+@part
 def _fill_split_power(system, state, start, x, target):
     """Fill `target` with the split power at Gauss's nodes from the local time `start` to `x`."""
     power = repeated(0.0)
@@ -54,13 +54,13 @@ def _fill_split_power(system, state, start, x, target):
     store(target, power)
 
 
-@kernel
+@part
 def _work(state, power, start, x):
     """Integral of a vector of powers at Gauss's nodes from the local time `start` to `x`."""
     return total(power * vector(_WEIGHTS)) * (0.5 * (x - start)) * state.now[0].segment.half
 
 
-@kernel
+@part
 def _split_work(system, state, start, x):
     """Integral of the split power from the local time `start` to `x`."""
     power = state.scratch.room[0].part_power[:]
@@ -68,7 +68,7 @@ def _split_work(system, state, start, x):
     return _work(state, vector(power), start, x)
 
 
-@kernel
+@part
 def _split_power_at(system, state, x):
     """The split power at the local time `x`."""
     table, mode, force, power = system.accounts, state.now[0].automaton.mode, state.scratch.room[0].force[:], 0.0
@@ -78,7 +78,7 @@ def _split_power_at(system, state, x):
     return power
 
 
-@kernel
+@part
 def _zero_between(system, state, a, b, at_a, at_b):
     """Local time of a zero of the split power between `a` and `b`, where it has opposite signs (Illinois method)."""
     x = b
@@ -95,7 +95,7 @@ def _zero_between(system, state, a, b, at_a, at_b):
     return x
 
 
-@kernel
+@part
 def _magnitude(system, state, start, x):
     """Integral of the magnitude of the split power, which is in the scratch, from the local time `start` to `x`.
 
@@ -116,7 +116,7 @@ def _magnitude(system, state, start, x):
     return magnitude + abs(_split_work(system, state, since, x))
 
 
-@kernel
+@part
 def _book(system, state, x, accounts):
     start, powers = accounts.booked, state.scratch.room[0].power[:]
     if x <= start:
@@ -133,14 +133,14 @@ def _book(system, state, x, accounts):
     accounts.booked = x
 
 
-@kernel
+@part
 def book_work(system, state, x, accounts):
     """Book the work of the present mode up to the local time `x`, where the mode or the flow ends, on `accounts`."""
     if len(system.accounts.account) > 0:
         _book(system, state, x, accounts)
 
 
-@kernel
+@part
 def _book_jump(system, state, mode, point, after):
     table, accounts, previous = system.accounts, state.now[0].accounts, state.now[0].automaton.mode
     jump, split = table.jump[previous, state.now[0].automaton.guard], 0.0
@@ -161,7 +161,7 @@ def _book_jump(system, state, mode, point, after):
         accounts.work[jump[r]] -= work
 
 
-@kernel
+@part
 def book_jump(system, state, mode, point, after):
     """Book what changes at once where a guard leads from `point` to `mode`, which starts with the channels `after`."""
     if len(system.accounts.account) > 0:

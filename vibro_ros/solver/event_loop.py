@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from vibro_ros.solver.compilation import entry_kernel, kernel
+from vibro_ros.solver.compilation import entry, part
 from vibro_ros.solver.energy import book_jump, book_work
 from vibro_ros.solver.events import (
     EVENT_COLUMNS,
@@ -59,7 +59,7 @@ _NO_TIMES, _NO_EVENTS = np.empty(0), np.empty((0, EVENT_COLUMNS))
 _NO_SAMPLES = np.empty((0, 0)), np.empty(0, dtype=np.int64), np.empty((0, 3))
 
 
-@kernel
+@part
 def _solve_up_to_driven(system, state, point):
     """Set up a segment that holds or moves the dynamic coordinates."""
     if not is_linear(system, state.now[0].automaton.mode, point):
@@ -78,7 +78,7 @@ def _solve_up_to_driven(system, state, point):
         solve_dynamic(system, state, point)
 
 
-@kernel
+@part
 def _begin_mode(system, state, point, same_flow):
     """Begin the present mode at `point`, within the present segment if its flow goes on; False if a root search
     failed."""
@@ -100,7 +100,7 @@ def _begin_mode(system, state, point, same_flow):
     return True
 
 
-@kernel
+@part
 def _read(system, state, x, point):
     """Values of the first len(point) channels at the local time `x`; at the mode's start, the bits it started with."""
     ramps = first_ramp(system.size[0])
@@ -115,7 +115,7 @@ def _read(system, state, x, point):
             point[channel] = state.mode_point[channel]
 
 
-@kernel
+@part
 def _read_phase(system, state, x, point, phase):
     """Turns, the phase past the start of the turn and its rate, at the local time `x`, where `point` was read."""
     phase[0] = state.now[0].drive.turns
@@ -125,7 +125,7 @@ def _read_phase(system, state, x, point, phase):
         phase[1], phase[2] = phase_at(system, state, x)
 
 
-@kernel
+@part
 def _pass_event(system, state, point, events, count):
     """Pass the next event, be it the segment's end or a change of mode; returns what begins, and the number of events.
 
@@ -158,7 +158,7 @@ def _pass_event(system, state, point, events, count):
     return FLOW_BEGINS, record_reached(system, state, reached, point, events, count) if reached else count
 
 
-@kernel
+@part
 def is_finite(point):
     """Whether every channel is a finite number."""
     total = 0.0
@@ -167,7 +167,7 @@ def is_finite(point):
     return math.isfinite(total)
 
 
-@entry_kernel
+@entry
 def advance(system, state, times, point, points, modes, phases, events):
     """Pass all events up to the last of `times` and sample there.
 
@@ -250,7 +250,7 @@ def begin_segment(system: Laid, state: Laid, point: np.ndarray) -> int:
     return advance(system.layout, state.layout, _NO_TIMES, point, *_NO_SAMPLES, _NO_EVENTS)[0]
 
 
-@entry_kernel
+@entry
 def interrupt(system, state, time, point):
     """Move clock and forcing to `time`, within the present segment, and read all channels there into `point`.
 
@@ -269,7 +269,7 @@ def interrupt(system, state, time, point):
     segment.start, segment.residue = time, 0.0  # or a sample now could lie before what follows at once
 
 
-@entry_kernel
+@entry
 def filter_rates(system, state, time):
     """Let the filters of `State.lowpass` stand at `time`, up to where `advance` has passed all events."""
     system, state = system_of(system), state_of(state)

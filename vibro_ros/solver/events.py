@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from vibro_ros.solver.compilation import entry_kernel, kernel
+from vibro_ros.solver.compilation import entry, part
 from vibro_ros.solver.guards import guard_value, maximum
 from vibro_ros.solver.polynomial import fill_form
 from vibro_ros.solver.segment import instant
@@ -24,21 +24,21 @@ FLOW_GOES_ON = 1
 FLOW_ENDS = 2
 
 
-@kernel
+@part
 def _fill_magnitude(state, point):
     """Magnitude of the terms that make up each channel at `point`."""
     for channel in range(len(point)):
         state.scratch.magnitude[channel] = abs(point[channel]) + state.scale[channel]
 
 
-@kernel
+@part
 def _holds(system, state, row, point):
     """Whether a guard row is not negative at `point`, to rounding."""
     total, noise = guard_value(system, row, point, state.scratch.magnitude)
     return total >= -noise
 
 
-@kernel
+@part
 def _accelerate(system, state, mode, point):
     """Set the accelerations of the dynamic coordinates at `point` to those of `mode`, and all magnitudes."""
     first, magnitude = first_acceleration(system.size[0]), state.scratch.magnitude
@@ -62,7 +62,7 @@ def _accelerate(system, state, mode, point):
         magnitude[first + i] = scale
 
 
-@kernel
+@part
 def jump(system, state, candidate, point, after):
     """Fill `after` with the channels that follow `point` by the jump to a candidate of the firing guard.
 
@@ -80,14 +80,14 @@ def jump(system, state, candidate, point, after):
     return candidate
 
 
-@kernel
+@part
 def _valid_candidate(system, state, candidate, point, after):
     """The candidate of the firing guard to which `jump` leads if it may be entered from `point`, else `NOTHING`; fills
     `after`, as `jump` does."""
     mode, guard = state.now[0].automaton.mode, state.now[0].automaton.guard
     _fill_magnitude(state, point)
-    for entry in system.entry[mode, guard, candidate]:
-        if entry != NOTHING and not _holds(system, state, entry, point):
+    for row in system.entry[mode, guard, candidate]:
+        if row != NOTHING and not _holds(system, state, row, point):
             return NOTHING
     entered = jump(system, state, candidate, point, after)
     target = system.candidate[mode, guard, entered]
@@ -99,7 +99,7 @@ def _valid_candidate(system, state, candidate, point, after):
     return entered
 
 
-@kernel
+@part
 def choose_candidate(system, state, point, after):
     """Number of the firing guard's first valid candidate, else of its last; fills `after`, as `jump` does."""
     mode, guard = state.now[0].automaton.mode, state.now[0].automaton.guard
@@ -115,7 +115,7 @@ def choose_candidate(system, state, point, after):
         last = following
 
 
-@kernel
+@part
 def _keeps_flow(system, state, mode, point, after):
     """Whether `mode`, entered at `after`, continues the dynamic coordinates' motion as it is at `point`."""
     if system.flow[state.now[0].automaton.mode] != system.flow[mode]:
@@ -127,7 +127,7 @@ def _keeps_flow(system, state, mode, point, after):
     return True
 
 
-@kernel
+@part
 def transition(system, state, point, after):
     """Decide what follows the next event, where all channels have the values of `point`.
 
@@ -152,7 +152,7 @@ def transition(system, state, point, after):
     return FLOW_ENDS, target
 
 
-@kernel
+@part
 def _enter_after_ramp(system, state, ramp, point, events, count):
     """At the segment's start, enter the mode that follows when the rate of a ramp changes; returns the number of
     events."""
@@ -162,14 +162,14 @@ def _enter_after_ramp(system, state, ramp, point, events, count):
     return count
 
 
-@entry_kernel
+@entry
 def leave_for_ramp(system, state, ramp, point, events, count):
     """Enter the mode that follows a command to a ramp: `_enter_after_ramp`, for Python."""
     system, state = system_of(system), state_of(state)
     return _enter_after_ramp(system, state, ramp, point, events, count)
 
 
-@kernel
+@part
 def record_reached(system, state, reached, point, events, count):
     """Record at the segment's start what `segment.advance_forcing` has `reached`; returns the number of events."""
     time = instant(state, -1.0)
@@ -191,7 +191,7 @@ PHASE_KIND = 300
 EVENT_COLUMNS = 5
 
 
-@kernel
+@part
 def update_peaks(system, state, x):
     """Raise the peaks of the monitors that are on by the flow of this segment, which ends at the local time `x`."""
     mode, room = state.now[0].automaton.mode, state.scratch.room[0]
@@ -203,7 +203,7 @@ def update_peaks(system, state, x):
             state.monitor[k].peak = max(state.monitor[k].peak, peak)
 
 
-@kernel
+@part
 def record(events, count, time, kind, approach, peak, duration):
     """Append an event; returns the new number of events."""
     events[count, 0] = time
@@ -214,7 +214,7 @@ def record(events, count, time, kind, approach, peak, duration):
     return count + 1
 
 
-@kernel
+@part
 def record_mode_change(system, state, mode, point, events, count):
     """Record that the next event, at `point`, leads to `mode`, and switch the monitors; returns the number of
     events."""
@@ -232,7 +232,7 @@ def record_mode_change(system, state, mode, point, events, count):
     return switch_monitors(system, state, mode, time, point, events, count)
 
 
-@kernel
+@part
 def switch_monitors(system, state, mode, time, point, events, count):
     """Switch on the monitors that `mode`, entered at `time` [s], needs; record those that end. Returns the number
     of events."""

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibro_ros.solver.compilation import entry_kernel, kernel
+from vibro_ros.solver.compilation import entry, part
 from vibro_ros.solver.event_loop import DIVERGED, EVENTS_FULL, REACHED, is_finite
 from vibro_ros.solver.events import choose_candidate, jump, record_mode_change, record_reached
 from vibro_ros.solver.guards import guard_value
@@ -32,7 +32,7 @@ _HALVINGS, _MOST_LOCATED = 40, 16
 _STEPS_TO_REST = 2.0
 
 
-@kernel
+@part
 def _broken_guard(system, state, z):
     """The mode's first guard that is negative by more than its rounding error, or `NOTHING`."""
     magnitude = state.scratch.magnitude
@@ -48,7 +48,7 @@ def _broken_guard(system, state, z):
     return NOTHING
 
 
-@kernel
+@part
 def _resting_candidate(system, state, step):
     """The candidate of a blow without a rebound, if the blow is so slow that steps cannot resolve a bounce."""
     mode, guard = state.now[0].automaton.mode, state.now[0].automaton.guard
@@ -67,7 +67,7 @@ def _resting_candidate(system, state, step):
     return NOTHING
 
 
-@kernel
+@part
 def _change_modes(system, state, step, events, count):
     """Enter the mode that the step's start is in; returns the number of events."""
     z, automaton, after = step.start, state.now[0].automaton, state.scratch.after
@@ -89,7 +89,7 @@ def _change_modes(system, state, step, events, count):
     return count
 
 
-@kernel
+@part
 def _pass_step(system, state, step, events, count):
     mode, duration = state.now[0].automaton.mode, 2.0 * state.now[0].segment.half
     reached = advance_values(system, state, duration)
@@ -115,7 +115,7 @@ def _pass_step(system, state, step, events, count):
     return count
 
 
-@kernel
+@part
 def _finish_step(system, state, step):
     state.now[0].segment.half = 0.5 * step.length[0]
     take_step(system, state, step)
@@ -125,7 +125,7 @@ def _finish_step(system, state, step):
     state.now[0].automaton.segments += 1
 
 
-@kernel
+@part
 def _end_at_event(system, state, step):
     """Shorten the step to the first instant, by bisection, at which a guard of its mode is broken."""
     in_row = step.located[0]
@@ -145,7 +145,7 @@ def _end_at_event(system, state, step):
     take_step(system, state, step)
 
 
-@entry_kernel
+@entry
 def begin(system, state, step, point):
     """Begin the grid now, with the positions and velocities of `point`, shape (channels,)."""
     system, state, step = system_of(system), state_of(state), step_of(step)
@@ -160,7 +160,7 @@ def begin(system, state, step, point):
     _finish_step(system, state, step)
 
 
-@kernel
+@part
 def _interpolate(step, length, coordinates, s, z):
     """Positions and velocities at the part s of the step of `length` [s], 0 to 1."""
     start, end, h = step.start, step.end, length
@@ -174,7 +174,7 @@ def _interpolate(step, length, coordinates, s, z):
         z[v] += first * step.start_acceleration[i] + last * step.end_acceleration[i]
 
 
-@kernel
+@part
 def _read(system, state, step, x, z):
     if x <= -1.0:
         for channel in range(len(z)):
@@ -187,7 +187,7 @@ def _read(system, state, step, x, z):
     accelerate(system, state, state.now[0].automaton.mode, z, step.stage_acceleration)
 
 
-@entry_kernel
+@entry
 def advance(system, state, step, times, points, modes, phases, events):
     """Take all steps up to the last of `times` and sample there; as `event_loop.advance`."""
     system, state, step = system_of(system), state_of(state), step_of(step)
@@ -211,7 +211,7 @@ def advance(system, state, step, times, points, modes, phases, events):
     return REACHED, len(times), count
 
 
-@entry_kernel
+@entry
 def interrupt(system, state, step, time, point):
     """Move clock and forcing to `time`, within the present step, and read all channels there into `point`; as
     `event_loop.interrupt`, and `begin` is to follow."""
@@ -279,7 +279,7 @@ def new_step(system: System, scheme: int, length: float) -> Step:
                 stage_acceleration, velocity_sum, acceleration_sum, np.zeros(1, np.int64))
 
 
-@kernel
+@part
 def take_step(system, state, step):
     """Fill `Step.end` by the classical Runge-Kutta method of fourth order, for q' = v and v' = a at once."""
     coordinates, mode = system.size[0].coordinates, state.now[0].automaton.mode
@@ -291,13 +291,13 @@ def take_step(system, state, step):
         accelerations[i] = rate[i] = step.start_acceleration[i]
         stage[coordinates + i] = start[coordinates + i]
     for k in range(1, 4):
-        part = h if k == 3 else 0.5 * h
+        duration = h if k == 3 else 0.5 * h
         weight = 1.0 if k == 3 else 2.0
         for i in range(coordinates):
-            stage[i] = start[i] + part * stage[coordinates + i]
-            stage[coordinates + i] = start[coordinates + i] + part * rate[i]
+            stage[i] = start[i] + duration * stage[coordinates + i]
+            stage[coordinates + i] = start[coordinates + i] + duration * rate[i]
         if k != 2:  # the second half step is at the instant of the first
-            fill_forcing_at(system, state, part, stage)
+            fill_forcing_at(system, state, duration, stage)
         accelerate(system, state, mode, stage, rate)
         for i in range(coordinates):
             speeds[i] += weight * stage[coordinates + i]

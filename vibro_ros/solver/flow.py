@@ -12,14 +12,14 @@ free motion over the longest segment of its flow. The free motions from a unit o
 once a flow, and kept in the `Library`.
 """
 
-from vibro_ros.solver.compilation import kernel, rounding_kernel
+from vibro_ros.solver.compilation import part, rounding_part
 from vibro_ros.solver.polynomial import INVERSE, differentiate, fill_form, integrate_through, value
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.system import first_acceleration, form_magnitude, sparse_magnitude
 from vibro_ros.solver.vector import LENGTH, powers, store, total, vector, with_first
 
 
-@kernel
+@part
 def _compensated_sum(p):
     """Sum of the coefficients, rounded once (Neumaier): an error would be the same in every segment and add up."""
     result, lost = 0.0, 0.0
@@ -30,7 +30,7 @@ def _compensated_sum(p):
     return result + lost
 
 
-@kernel
+@part
 def _provide_free_motion(system, state, flow):
     library, segment = state.library, state.now[0].segment
     half = 0.5 * min(LONGEST_SEGMENT, system.longest_segment[state.now[0].automaton.mode])
@@ -50,7 +50,7 @@ def _provide_free_motion(system, state, flow):
     segment.half = present
 
 
-@kernel
+@part
 def fill_loads(system, state):
     """Fill the scratch with the loads of the dynamic coordinates."""
     mode, load = state.now[0].automaton.mode, state.scratch.room[0].load[:]
@@ -59,13 +59,13 @@ def fill_loads(system, state):
             load[i, :] = 0.0
 
 
-@kernel
+@part
 def _component(system, c):
     coordinates, dynamic = system.size[0].coordinates, system.size[0].dynamic
     return c if c < dynamic else coordinates + c - dynamic
 
 
-@kernel
+@part
 def _solve_forced_motion(system, state, motion, point):
     """Fill `motion` with the motion under the segment's loads that has the components of `point` in the middle: rest is
     found as rest, exactly."""
@@ -75,7 +75,7 @@ def _solve_forced_motion(system, state, motion, point):
     solve_series(system, state, motion)
 
 
-@kernel
+@part
 def _needs_free_motion(system, state, forced, point):
     """Store the difference between `point` and the forced motion at the segment's start; return whether it is not
     zero."""
@@ -86,7 +86,7 @@ def _needs_free_motion(system, state, forced, point):
     return needed
 
 
-@kernel
+@part
 def _coupled_components(system, state, c):
     """First and step of the components that component c depends on: all, or its coordinate's position and velocity
     if the coordinates are not coupled."""
@@ -96,7 +96,7 @@ def _coupled_components(system, state, c):
     return (c if c < dynamic else c - dynamic), dynamic
 
 
-@kernel
+@part
 def _free_motion(free, c, first, step, middle):
     """The vector of component c of the free motion with these components in the middle."""
     motion = middle[first] * vector(free[first, c])
@@ -105,18 +105,18 @@ def _free_motion(free, c, first, step, middle):
     return motion
 
 
-@kernel
-def _carry_to_middle(system, state, free, free_end, part):
+@part
+def _carry_to_middle(system, state, free, free_end, ratio):
     """Store the free motion's value in the segment's middle, from its value at the start.
 
     The free motion does not depend on time: what a unit becomes between start and middle is what a unit in the middle
-    becomes in as long a time after it. The segment is the `part` of that of the free motions.
+    becomes in as long a time after it. `ratio` is the duration of the segment over theirs.
     """
     room = state.scratch.room[0]
-    at_start, at_middle, weights = room.free_at_start[:], room.free_at_middle[:], powers(part)
+    at_start, at_middle, weights = room.free_at_start[:], room.free_at_middle[:], powers(ratio)
     for c in range(len(free)):
         first, step = _coupled_components(system, state, c)
-        if part == 1.0:
+        if ratio == 1.0:
             at_middle[c] = 0.0
             for j in range(first, len(free), step):
                 at_middle[c] += free_end[j, c] * at_start[j]
@@ -124,7 +124,7 @@ def _carry_to_middle(system, state, free, free_end, part):
             at_middle[c] = total(_free_motion(free, c, first, step, at_start) * weights)
 
 
-@kernel
+@part
 def _pass_through(system, state, point):
     """Adjust the constant terms, by a rounding or two, so that the series pass through `point` at the start.
 
@@ -136,7 +136,7 @@ def _pass_through(system, state, point):
         state.z[channel, 0] = point[channel] - total(vector(state.z[channel]) * powers_above_zero)
 
 
-@kernel
+@part
 def _set_scales(system, state, i, position, velocity, duration, share):
     """Set the scales of coordinate i, of its position and its velocity, from the magnitudes of their own terms.
 
@@ -154,14 +154,14 @@ def _set_scales(system, state, i, position, velocity, duration, share):
     state.scale[i] = max(position, share * state.scale[i])
 
 
-@kernel
+@part
 def _share_that_stays(state):
     """Share of its scale that a dynamic coordinate keeps: all of it if the previous segment had zero length, because a
     number that was zero to rounding there, and led here, is zero here; else half."""
     return 0.5 if state.now[0].automaton.standstills == 0 else 1.0
 
 
-@kernel
+@part
 def fill_accelerations(system, state):
     """Series and scales of the dynamic coordinates' accelerations, from their velocities."""
     coordinates, first = system.size[0].coordinates, first_acceleration(system.size[0])
@@ -170,23 +170,23 @@ def fill_accelerations(system, state):
         state.scale[first + i] = form_magnitude(system.acceleration[state.now[0].automaton.mode, i], state.scale)
 
 
-@kernel
+@part
 def solve_dynamic(system, state, point):
     """Series of the dynamic coordinates that pass through `point` at the segment's start."""
     z, library, flow = state.z, state.library, system.flow[state.now[0].automaton.mode]
     _provide_free_motion(system, state, flow)
-    forced, free, part = library.forced, library.free[flow], state.now[0].segment.half / library.half[flow]
+    forced, free, ratio = library.forced, library.free[flow], state.now[0].segment.half / library.half[flow]
     _solve_forced_motion(system, state, forced, point)
     needs_free = _needs_free_motion(system, state, forced, point)
     if needs_free:
-        _carry_to_middle(system, state, free, library.free_end[flow], part)
+        _carry_to_middle(system, state, free, library.free_end[flow], ratio)
     for c in range(2 * system.size[0].dynamic):
         channel = _component(system, c)
         if needs_free:
-            # The free motion over the `part` about the middle of its segment.
+            # The free motion over the part about the middle of its segment.
             first, step = _coupled_components(system, state, c)
             motion = _free_motion(free, c, first, step, state.scratch.room[0].free_at_middle[:])
-            store(z[channel], vector(forced[c]) + motion * powers(part))
+            store(z[channel], vector(forced[c]) + motion * powers(ratio))
         else:
             store(z[channel], vector(forced[c]))
     duration, share = 2.0 * state.now[0].segment.half, _share_that_stays(state)
@@ -198,7 +198,7 @@ def solve_dynamic(system, state, point):
     fill_accelerations(system, state)
 
 
-@kernel
+@part
 def hold_dynamic(system, state, held):
     """Series of the dynamic coordinates that stay at the positions in `held`.
 
@@ -216,7 +216,7 @@ def hold_dynamic(system, state, held):
         state.z[first + i], state.scale[first + i] = 0.0, 0.0
 
 
-@kernel
+@part
 def solve_driven(system, state, point):
     """Series of the driven coordinates that pass through `point` at the mode's start."""
     coordinates, mode = system.size[0].coordinates, state.now[0].automaton.mode
@@ -235,7 +235,7 @@ def solve_driven(system, state, point):
         _set_scales(system, state, i, abs(point[i]), abs(point[coordinates + i]), 2.0 * half, 0.0)
 
 
-@rounding_kernel  # a mass at rest on its slider feels exactly no force
+@rounding_part  # a mass at rest on its slider feels exactly no force
 def _solve_oscillator(load, stiffness, damping, half, q, v):
     """Series of q and v = q' with q'' = load + stiffness q + damping v, from their constant terms."""
     position, velocity = q[0], v[0]
@@ -248,7 +248,7 @@ def _solve_oscillator(load, stiffness, damping, half, q, v):
         v[n + 1] = velocity
 
 
-@kernel
+@part
 def _solve_coupled(loads, row, half, coordinates, dynamic, motion):
     """Series of coordinates that enter each other's equations; `loads` has a row for each, `motion` two."""
     for n in range(LENGTH - 1):
@@ -262,7 +262,7 @@ def _solve_coupled(loads, row, half, coordinates, dynamic, motion):
             motion[i, n + 1] = motion[dynamic + i, n] * step
 
 
-@kernel
+@part
 def solve_series(system, state, motion):
     """Series of the components of a motion from their constant terms, under the loads in the scratch."""
     coordinates, dynamic = system.size[0].coordinates, system.size[0].dynamic

@@ -6,7 +6,7 @@ first: no crossing is stepped over, and a graze is told from a hit.
 
 import numpy as np
 
-from vibro_ros.solver.compilation import kernel
+from vibro_ros.solver.compilation import part
 from vibro_ros.solver.polynomial import (
     SECOND,
     differentiate,
@@ -32,14 +32,14 @@ _DOUBT = 8.0  # rounding errors
 _SIMULTANEOUS = 16.0 * EPSILON
 
 
-@kernel
+@part
 def guard_value(system, row, point, magnitude):
     """Value of a guard row at a point and its rounding error, from the magnitude of the terms of each channel."""
     total, terms = value_and_magnitude(system.row[row], system.row_terms[row], point, magnitude)
     return total, NOISE * terms
 
 
-@kernel
+@part
 def _guard_root(system, state, row):
     """First root of a guard row between the mode's start and the next event; remembered until its polynomial
     changes."""
@@ -56,7 +56,7 @@ def _guard_root(system, state, row):
     return root
 
 
-@kernel
+@part
 def find_next_event(system, state):
     """Set the next event to the earliest root of the mode's guards, else to the segment's end; False if a root search
     failed."""
@@ -113,7 +113,7 @@ _SHARE_OF_VALUE = np.where(_ORDER == 0, 1.0, np.where(_ORDER % 2 == 0, 0.5, 0.0)
 _SHARE_OF_MAGNITUDE = np.where(_ORDER == 0, 0.0, np.where(_ORDER % 2 == 0, 0.5, 1.0))
 
 
-@kernel
+@part
 def _safe_step(f, d, dd, third, reach):
     """How far f + d s + dd s²/2 - third s³/6, a lower bound of the guard, stays positive within `reach`.
 
@@ -132,19 +132,19 @@ def _safe_step(f, d, dd, third, reach):
     return min(reach, (d + root) / (-2.0 * m)) if root > 0.0 else reach  # 0: squares below the smallest number
 
 
-@kernel
+@part
 def _lower_bound(p):
     """A value below p everywhere on [-1, 1]."""
     return total(vector(_SHARE_OF_VALUE) * vector(p) - vector(_SHARE_OF_MAGNITUDE) * abs(vector(p)))
 
 
-@kernel
+@part
 def _upper_bound(p):
     """A value above p everywhere on [-1, 1]."""
     return total(vector(_SHARE_OF_VALUE) * vector(p) + vector(_SHARE_OF_MAGNITUDE) * abs(vector(p)))
 
 
-@kernel
+@part
 def _passed_touch(p, f, d, dd):
     """How far to go from f <= 0 to pass a minimum that is zero to rounding; 0 if p falls below that."""
     doubt = _TOUCH * sum_of_magnitudes(p)
@@ -153,7 +153,7 @@ def _passed_touch(p, f, d, dd):
     return ((d * d + 2.0 * dd * (2.0 * doubt - f))**0.5 - d) / dd
 
 
-@kernel
+@part
 def _march(p, a, limit):
     """First root of p, positive at a, in (a, limit], by steps that a bound on p''' proves to be free of roots.
 
@@ -192,7 +192,7 @@ def _march(p, a, limit):
     return SEARCH_FAILED
 
 
-@kernel
+@part
 def _evaluate_at_nodes(p, noise, values):
     """Fill `values` with p at all nodes; return how far p may lie beyond both its values between two neighbours."""
     even, odd = p[0] * vector(_POWERS_OF_NODES[0]), p[1] * vector(_POWERS_OF_NODES[1])
@@ -204,7 +204,7 @@ def _evaluate_at_nodes(p, noise, values):
     return 0.125 * _SPACING * _SPACING * bound + noise
 
 
-@kernel
+@part
 def _next_node(x):
     """Index of the first node beyond x < 1."""
     k = int((x + 1.0) / _SPACING)
@@ -213,7 +213,7 @@ def _next_node(x):
     return k
 
 
-@kernel
+@part
 def _only_root(p, left, right, start):
     """Root of p in [left, right], where p falls all the way, by Halley's method from `start`; `NO_ROOT` if the steps
     do not settle."""
@@ -227,7 +227,7 @@ def _only_root(p, left, right, start):
     return NO_ROOT
 
 
-@kernel
+@part
 def _search(p, a, f, limit, noise, values):
     """First root of p, which is f > 0 at a, in (a, limit]."""
     bend = _evaluate_at_nodes(p, noise, values)
@@ -245,7 +245,7 @@ def _search(p, a, f, limit, noise, values):
     return _march(p, left, limit)
 
 
-@kernel
+@part
 def first_root(p, a, limit, noise, work):
     """First local time in [a, limit] at which the guard p turns negative.
 
@@ -289,7 +289,7 @@ def first_root(p, a, limit, noise, work):
     return NO_ROOT
 
 
-@kernel
+@part
 def _highest_turning_point(p, slope, a, b, noise, work):
     """Largest value of p at a and at its turning points in (a, b), one after the other."""
     best = -np.inf
@@ -302,7 +302,7 @@ def _highest_turning_point(p, slope, a, b, noise, work):
         store(slope, -1.0 * vector(slope))
 
 
-@kernel
+@part
 def maximum(p, a, b, work):
     """Largest value of p on [a, b]: the ends and every turning point between them.
 

@@ -1,6 +1,6 @@
 """Where compiled kernels are kept: a folder that only this user can have written.
 
-numba's own cache stores them. It looks at the file of an entry kernel alone, not at those of its parts, so the folder
+numba's own cache stores them. It looks at the file of an entry alone, not at those of its parts, so the folder
 is named by the digest of all sources of this room. And it runs what it finds, machine code, so that whoever can write
 to the folder, or rename a folder above it, can run code as this user: such a folder is not used.
 """

@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from vibro_ros.solver.compilation import kernel
+from vibro_ros.solver.compilation import part
 from vibro_ros.solver.polynomial import value, values
 from vibro_ros.solver.state import LOWPASS, UNKNOWN
 from vibro_ros.solver.vector import LENGTH, indices_above, lowered, repeated, store, total, vector
@@ -49,7 +49,7 @@ def filtered_rates(filters: np.ndarray) -> np.ndarray:
     return math.sqrt(2.0) * filters["rate"] * filters["quadrature"]
 
 
-@kernel
+@part
 def end_mode(system, state, x):
     """Let the filters stand at the local time `x`, where the mode ends."""
     if len(state.lowpass) > 0:
@@ -58,7 +58,7 @@ def end_mode(system, state, x):
             state.lowpass[k].reached = UNKNOWN
 
 
-@kernel
+@part
 def filter_up_to(system, state, x):
     """Let the filters stand at the local time `x` of the present mode."""
     segment, room = state.now[0].segment, state.scratch.room[0]

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from vibro_ros.solver.compilation import kernel
+from vibro_ros.solver.compilation import part
 from vibro_ros.solver.vector import LENGTH, last, lowered, powers, raised, repeated, store, total, vector, with_first
 
 
@@ -58,13 +58,13 @@ _BINOMIAL = np.array([[float(math.comb(k, n)) for k in range(LENGTH)] for n in r
 _CHOICES = np.array([[float(math.comb(n + k, k)) for n in range(LENGTH)] for k in range(LENGTH)])
 
 
-@kernel
+@part
 def value(p, x):
     """p(x), to rounding of its largest term."""
     return total(vector(p) * powers(x))
 
 
-@kernel
+@part
 def products(p, q, nodes):
     """The vector of p(x) q(x) for a vector of `nodes` x.
 
@@ -79,7 +79,7 @@ def products(p, q, nodes):
     return (even_p + nodes * odd_p) * (even_q + nodes * odd_q)
 
 
-@kernel
+@part
 def values(p, nodes):
     """The vector of p(x) for a vector of `nodes` x: p(x) = E(x²) + x O(x²), of two series of half the length."""
     squares, even, odd = nodes * nodes, repeated(p[LENGTH - 2]), repeated(p[LENGTH - 1])
@@ -88,7 +88,7 @@ def values(p, nodes):
     return even + nodes * odd
 
 
-@kernel
+@part
 def value_and_derivatives(p, x):
     """p(x), to a rounding of its largest term, p'(x) and p''(x).
 
@@ -103,13 +103,13 @@ def value_and_derivatives(p, x):
     return even + x * odd, slope, bend
 
 
-@kernel
+@part
 def sum_of_magnitudes(p):
     """Sum of |p[n]|, a bound of |p| on [-1, 1]."""
     return total(abs(vector(p)))
 
 
-@kernel
+@part
 def divide_by_root(p, a):
     """Replace p by p / (x - a), dropping the remainder p(a)."""
     carry = 0.0
@@ -119,7 +119,7 @@ def divide_by_root(p, a):
         carry = carry * a + coefficient
 
 
-@kernel
+@part
 def fill_form(form, channels, z, target):
     """target = sum of form[c] z[c] over the leading `channels` that are not negative; returns whether there are any."""
     c = channels[0]
@@ -135,7 +135,7 @@ def fill_form(form, channels, z, target):
     return True
 
 
-@kernel
+@part
 def recentre(polynomials, x, terms, targets):
     """First `terms` coefficients of p(x + y), as polynomials of y, of every p; the others become zero."""
     targets[:] = 0.0
@@ -147,7 +147,7 @@ def recentre(polynomials, x, terms, targets):
         higher = raised(higher)
 
 
-@kernel
+@part
 def displace(p, shift, terms, order, room, target):
     """Coefficients of target(x) = p(x + shift(x)), by Taylor's formula up to the `order`-th power of the shift.
 
@@ -165,19 +165,19 @@ def displace(p, shift, terms, order, room, target):
     store(target, result)
 
 
-@kernel
+@part
 def scale_argument(p, a, target):
     """target(y) = p(a y)."""
     store(target, vector(p) * powers(a))
 
 
-@kernel
+@part
 def differentiate(p, half, target):
     """Coefficients of the time derivative of p over a segment that lasts 2 `half`."""
     store(target, (1.0 / half) * lowered(vector(_ORDER) * vector(p)))
 
 
-@kernel
+@part
 def integrate_through(p, half, x, wanted, target):
     """Coefficients of the time integral of p over a segment that lasts 2 `half`; the integral is `wanted` at x, and its
     term beyond the length is economized."""

@@ -5,7 +5,7 @@ one field of a system would take four hundred arguments, and a call from Python 
 *layout* lists, in one array of integers, where each array of the tuple begins and how long it is. A kernel that Python
 calls takes the layout and makes a reference of it; `system.row` is then read through the layout:
 
-    @entry_kernel
+    @entry
     def advance(system, state):
         system, state = system_of(system), state_of(state)
 
@@ -67,7 +67,7 @@ class Laid:
     values : NamedTuple
         The same.
     layout : ndarray of int, shape (numbers,), or NamedTuple
-        What an entry kernel takes in its place; not for longer than this is there, which keeps the arrays.
+        What an entry takes in its place; not for longer than this is there, which keeps the arrays.
 
     Raises
     ------

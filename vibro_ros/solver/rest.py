@@ -8,7 +8,7 @@ the forces balance, in segments of up to a second.
 
 import math
 
-from vibro_ros.solver.compilation import kernel, rounding_kernel
+from vibro_ros.solver.compilation import part, rounding_part
 from vibro_ros.solver.guards import EPSILON
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.system import first_signal, form_magnitude
@@ -21,7 +21,7 @@ _MOST_SEGMENTS = 1e4
 _MOST_SWEEPS = 20
 
 
-@kernel
+@part
 def _is_driven(state):
     drive = state.now[0].drive
     if drive.speed != 0.0 or drive.time_left > 0.0:
@@ -32,7 +32,7 @@ def _is_driven(state):
     return False
 
 
-@kernel
+@part
 def acceleration_noise(system, state, i, magnitude):
     """What rounding leaves of the acceleration of dynamic coordinate i, however long its motion has died away."""
     mode, coordinates = state.now[0].automaton.mode, system.size[0].coordinates
@@ -44,7 +44,7 @@ def acceleration_noise(system, state, i, magnitude):
     return _ROUNDING * (1.0 + math.sqrt(segments)) * form_magnitude(row, magnitude)
 
 
-@rounding_kernel  # a mass at rest on its slider feels exactly no force
+@rounding_part  # a mass at rest on its slider feels exactly no force
 def _acceleration(row, held):
     total = 0.0
     for channel in range(len(held)):
@@ -52,7 +52,7 @@ def _acceleration(row, held):
     return total
 
 
-@kernel
+@part
 def _is_settled(system, state, i, speed, held, magnitude):
     """Whether dynamic coordinate i, which moves at `speed`, stays where it is, to rounding.
 
@@ -64,7 +64,7 @@ def _is_settled(system, state, i, speed, held, magnitude):
     return speed == 0.0 or (row[i] < 0.0 and abs(speed) * math.sqrt(-row[i]) <= noise)
 
 
-@kernel
+@part
 def _balance(system, state, held):
     """Move each dynamic coordinate to where its acceleration is zero: by the rounding that `_is_settled` allows."""
     mode = state.now[0].automaton.mode
@@ -80,7 +80,7 @@ def _balance(system, state, held):
             return
 
 
-@kernel
+@part
 def is_at_rest(system, state, point, held):
     """Whether the dynamic coordinates rest at the positions and velocities of `point`, under the segment's forcing.
 
@@ -100,7 +100,7 @@ def is_at_rest(system, state, point, held):
     return True
 
 
-@kernel
+@part
 def lengthen_segment(state):
     """Let the segment last as long as any."""
     state.now[0].segment.half = 0.5 * LONGEST_SEGMENT

@@ -4,7 +4,7 @@ In the methods of fixed step a *segment* is a step. A step may be longer than a 
 the phase's speed.
 """
 
-from vibro_ros.solver.compilation import kernel
+from vibro_ros.solver.compilation import part
 from vibro_ros.solver.drive import advance_speed, settling_time
 from vibro_ros.solver.polynomial import value_and_derivatives
 from vibro_ros.solver.segment import advance_ramps, phase_at
@@ -12,7 +12,7 @@ from vibro_ros.solver.system import first_acceleration, first_ramp, first_signal
 from vibro_ros.solver.taylor import decays, evaluate
 
 
-@kernel
+@part
 def phase_after(system, state, elapsed):
     """Phase past the start of the turn [rad] and its rate [rad/s], `elapsed` [s] after the step's start."""
     drive, half = state.now[0].drive, state.now[0].segment.half
@@ -26,7 +26,7 @@ def phase_after(system, state, elapsed):
     return phase_at(system, state, elapsed / half - 1.0)
 
 
-@kernel
+@part
 def _change_of_speed(drive, elapsed, speed):
     """Rate [rad/s²] at which the phase's speed, now `speed`, changes `elapsed` [s] after the step's start."""
     if elapsed >= settling_time(drive):
@@ -36,7 +36,7 @@ def _change_of_speed(drive, elapsed, speed):
     return drive.direction * drive.acceleration
 
 
-@kernel
+@part
 def _cell_of(start, phase, cell):
     """The cell of a phase, found from another `cell`, the turns that lie between them, and the phase within its turn.
     """
@@ -56,7 +56,7 @@ def _cell_of(start, phase, cell):
     return cell, turns, phase
 
 
-@kernel
+@part
 def fill_forcing_at(system, state, elapsed, z):
     """Set the channels of signals, ramps, held value and the constant to their values `elapsed` [s] after the step's
     start; those of a rotor's signals follow with its accelerations."""
@@ -78,7 +78,7 @@ def fill_forcing_at(system, state, elapsed, z):
             z[first + 2 * signals + k] = (curvature * scale * speed * speed + slope * change) * scale
 
 
-@kernel
+@part
 def _fill_ramps_at(system, state, elapsed, z):
     first, ramps = first_ramp(system.size[0]), system.size[0].ramps
     for k in range(ramps):
@@ -90,7 +90,7 @@ def _fill_ramps_at(system, state, elapsed, z):
     z[len(z) - 1] = 1.0
 
 
-@kernel
+@part
 def accelerate(system, state, mode, z, accelerations):
     """Accelerations of all coordinates in `mode`, from the other channels of z.
 
@@ -108,7 +108,7 @@ def accelerate(system, state, mode, z, accelerations):
         accelerations[i] = form_value(system.acceleration[mode, i], z)
 
 
-@kernel
+@part
 def advance_values(system, state, elapsed):
     """Move phase and ramps by `elapsed` [s], but not the clock; return what has been reached, as
     `segment.advance_forcing` does."""

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from vibro_ros.solver.compilation import kernel, rounding_kernel
+from vibro_ros.solver.compilation import part, rounding_part
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.state import MOST_ROTOR_SIGNALS, State
 from vibro_ros.solver.system import BY_COMMAND, BY_VOLTAGE, System, first_signal
@@ -34,7 +34,7 @@ _RATE = 2  # row of the phase's rate, mirrored only
 SERIES_OF_ROTOR = _SIGNALS + _PER_SIGNAL * MOST_ROTOR_SIGNALS
 
 
-@kernel
+@part
 def product_coefficient(p, mirrored, n):
     """Coefficient n of the product of two series, of which every coefficient that is not known yet is zero; n is at
     most LENGTH, whose own coefficients do not count.
@@ -45,13 +45,13 @@ def product_coefficient(p, mirrored, n):
     return total(_terms(p, mirrored, n))
 
 
-@kernel
+@part
 def _terms(p, mirrored, n):
     """The terms of that sum."""
     return vector(p) * vector(mirrored[LENGTH - n:])
 
 
-@kernel
+@part
 def _begin_signal(system, k, series, mirrored):
     """Coefficient 0 of signal k and of its slope, from those of the phase's cosine and sine."""
     a, cosine, sine, b = (system.rotor.signal[k, 0], system.rotor.signal[k, 1], system.rotor.signal[k, 2],
@@ -66,7 +66,7 @@ def _begin_signal(system, k, series, mirrored):
     _put_signal(k, 0, along, across, root, signal, -across * signal / root, series, mirrored)
 
 
-@kernel
+@part
 def _put_signal(k, n, along, across, root, signal, slope, series, mirrored):
     row = _SIGNALS + _PER_SIGNAL * k
     series[row, n], series[row + 1, n], series[row + 2, n] = along, across, root
@@ -75,13 +75,13 @@ def _put_signal(k, n, along, across, root, signal, slope, series, mirrored):
     mirrored[row + 3, LENGTH - n], mirrored[row + 4, LENGTH - n] = signal, slope
 
 
-@kernel
+@part
 def slope_row(k):
     """Row of the series of the slope of signal k over the phase."""
     return _SIGNALS + _PER_SIGNAL * k + 4
 
 
-@kernel
+@part
 def begin_signals(system, z, series, mirrored):
     """Constant terms of the phase's cosine and sine and of all signals, from that of the phase."""
     phase = z[system.size[0].dynamic - 2, 0]
@@ -90,7 +90,7 @@ def begin_signals(system, z, series, mirrored):
         _begin_signal(system, k, series, mirrored)
 
 
-@kernel
+@part
 def turn_signals(system, z, n, step, series, mirrored):
     """Coefficients n + 1 of the phase's cosine and sine and of all signals, from its rate's up to n; coefficient n of
     the channels of the signals, their rates and, but for the part of the phase's acceleration, their accelerations.
@@ -130,7 +130,7 @@ def turn_signals(system, z, n, step, series, mirrored):
     series[_COSINE, n + 1], series[_SINE, n + 1], turned[LENGTH - n] = cosine, sine, rate
 
 
-@kernel
+@part
 def _count_turns(system, state, point):
     """Keep the phase within a turn, where its digits are as fine as they can be."""
     phase, drive = system.size[0].dynamic - 2, state.now[0].drive
@@ -142,14 +142,14 @@ def _count_turns(system, state, point):
         drive.turns -= 1
 
 
-@rounding_kernel
+@rounding_part
 def _reference(target, reference, slope, elapsed):
     """Speed [rad/s] that the controller follows `elapsed` [s] after a command, and its rate of change [rad/s²]."""
     moved = reference + slope * elapsed
     return (target, 0.0) if slope == 0.0 or (target - moved) * slope <= 0.0 else (moved, slope)
 
 
-@rounding_kernel  # a clamped value is compared with itself
+@rounding_part  # a clamped value is compared with itself
 def _take_sample(controller, motor, time, speed):
     """Take a sample of the speed [rad/s] at `time` [s]: set what is held, and the controller's integral."""
     reference, slope = _reference(motor.target, motor.reference, motor.slope, time - motor.since)
@@ -171,7 +171,7 @@ def _take_sample(controller, motor, time, speed):
     motor.samples += 1
 
 
-@kernel
+@part
 def _time_to_sample(system, state):
     """Time [s] until the next sample is due; infinite without samples."""
     segment, controller = state.now[0].segment, system.rotor.controller[0]
@@ -180,14 +180,14 @@ def _time_to_sample(system, state):
     return (state.now[0].motor.samples * controller.period - segment.start) - segment.residue
 
 
-@kernel
+@part
 def read_phase(system, point):
     """Phase [rad] and its rate [rad/s] at `point`."""
     phase = system.size[0].dynamic - 2
     return point[phase], point[system.size[0].coordinates + phase]
 
 
-@kernel
+@part
 def enter_rotor(system, state, point):
     """Before a segment, or a step, that starts at `point`: count turns, and take a sample that is due."""
     _count_turns(system, state, point)
@@ -196,7 +196,7 @@ def enter_rotor(system, state, point):
         _take_sample(controller, motor, motor.samples * controller.period, rate)
 
 
-@kernel
+@part
 def longest_rotor_segment(system, state):
     """How long [s] a segment may last, as far as samples and ramps go."""
     duration = min(LONGEST_SEGMENT, _time_to_sample(system, state))

@@ -8,7 +8,7 @@ The known forcing, which is periodic signals of the phase and ramps, is written 
 
 import math
 
-from vibro_ros.solver.compilation import entry_kernel, kernel
+from vibro_ros.solver.compilation import entry, part
 from vibro_ros.solver.drive import (
     advance_speed,
     enter_next_cell,
@@ -26,21 +26,21 @@ from vibro_ros.solver.vector import LENGTH, total, vector
 LONGEST_SEGMENT = 1.0
 
 
-@kernel
+@part
 def local_time(state, time):
     """Local time of the instant `time` [s]: -1 at the segment's start, 1 at its end."""
     segment = state.now[0].segment
     return ((time - segment.start) - segment.residue) / segment.half - 1.0
 
 
-@kernel
+@part
 def instant(state, x):
     """Instant [s] of the local time `x`."""
     segment = state.now[0].segment
     return segment.start + (segment.residue + segment.half * (x + 1.0))
 
 
-@kernel
+@part
 def advance_clock(state, elapsed):
     """Move the segment's start by `elapsed` [s] and store what rounding takes from the sum."""
     segment = state.now[0].segment
@@ -50,12 +50,12 @@ def advance_clock(state, elapsed):
     segment.start = total
 
 
-@kernel
+@part
 def _cell_width(system, drive):
     return system.signals.start[drive.cell + 1] - system.signals.start[drive.cell]
 
 
-@kernel
+@part
 def choose_segment(system, state):
     """Let the segment, whose mode starts with it, last as long as the flow's series and the forcing allow."""
     segment, drive = state.now[0].segment, state.now[0].drive
@@ -77,7 +77,7 @@ def choose_segment(system, state):
 _ROUNDING = math.log(1e-18)
 
 
-@kernel
+@part
 def _significant_terms(ratio):
     """Number of terms of a signal's series that matter over a segment.
 
@@ -88,7 +88,7 @@ def _significant_terms(ratio):
     return min(LENGTH, int(_ROUNDING / math.log(ratio)) + 2) if ratio < 0.17 else LENGTH
 
 
-@kernel
+@part
 def _fill_parts(system, state, polynomials, middle, slope, shift_size):
     """Polynomials of the signals over a part of the cell, from those over all of it; a negative slope mirrors them."""
     drive, first = state.now[0].drive, first_signal(system.size[0])
@@ -99,7 +99,7 @@ def _fill_parts(system, state, polynomials, middle, slope, shift_size):
         scale_argument(targets[k], slope, targets[k])
 
 
-@kernel
+@part
 def _displace_all(state, polynomials, ratio, terms, size, targets):
     """Shift the argument of each of `polynomials`, whose coefficients shrink by `ratio`, by the scratch's shift."""
     room, order = state.scratch.room[0], _significant_terms(ratio * size) - 1
@@ -107,7 +107,7 @@ def _displace_all(state, polynomials, ratio, terms, size, targets):
         displace(polynomials[k], room.shift[:], terms, order, room.displaced[:], targets[k])
 
 
-@kernel
+@part
 def _size(shift, terms):
     """Bound of the shift on [-1, 1]."""
     size = 0.0
@@ -116,7 +116,7 @@ def _size(shift, terms):
     return size
 
 
-@kernel
+@part
 def _fill_changing_signals(system, state):
     segment, drive, shift = state.now[0].segment, state.now[0].drive, state.scratch.room[0].shift[:]
     first, width = first_signal(system.size[0]), _cell_width(system, drive)
@@ -130,7 +130,7 @@ def _fill_changing_signals(system, state):
         _displace_all(state, targets, ratio, terms, size, targets)
 
 
-@kernel
+@part
 def _fill_signals(system, state):
     segment, drive = state.now[0].segment, state.now[0].drive
     if drive.time_left > 0.0:
@@ -142,7 +142,7 @@ def _fill_signals(system, state):
                     drive.direction * slope, 0.0)
 
 
-@kernel
+@part
 def _raise_acceleration_scales(system, state):
     """Let the signals' accelerations have the scale of their terms over the cell: in a short segment about a zero they
     are sums of these, and much smaller."""
@@ -153,7 +153,7 @@ def _raise_acceleration_scales(system, state):
         state.scale[first + k] += terms * speed * speed
 
 
-@kernel
+@part
 def fill_forcing(system, state):
     """Polynomials of the signals, the ramps, their rates and the constant over the segment."""
     half, z = state.now[0].segment.half, state.z
@@ -176,7 +176,7 @@ def fill_forcing(system, state):
         _raise_acceleration_scales(system, state)
 
 
-@entry_kernel
+@entry
 def read_signals(system, state, values):
     """Values of the signals now, before the first segment: the very bits that the segment's flow starts with."""
     system, state = system_of(system), state_of(state)
@@ -186,7 +186,7 @@ def read_signals(system, state, values):
         values[k] = value(state.z[first_signal(system.size[0]) + k], -1.0)
 
 
-@kernel
+@part
 def advance_ramps(state, elapsed):
     """Move the ramps by `elapsed` [s]; bit k of the result is set when ramp k has reached its target."""
     reached = 0
@@ -202,7 +202,7 @@ def advance_ramps(state, elapsed):
     return reached
 
 
-@kernel
+@part
 def advance_forcing(system, state, x):
     """Let the next segment start at the local time `x`: move the clock, the phase and the ramps.
 
@@ -230,7 +230,7 @@ def advance_forcing(system, state, x):
     return reached
 
 
-@kernel
+@part
 def phase_at(system, state, x):
     """Phase past the start of the turn [rad] and its rate [rad/s], below 0 backwards, at the local time `x`."""
     drive = state.now[0].drive

@@ -29,7 +29,7 @@ compression ends where y' vanishes: an equation for p, whose curvature has one s
 
 import math
 
-from vibro_ros.solver.compilation import kernel
+from vibro_ros.solver.compilation import part
 from vibro_ros.solver.rotor import slope_row
 from vibro_ros.solver.system import NOTHING, first_ramp, first_signal
 from vibro_ros.solver.taylor import evaluate
@@ -43,7 +43,7 @@ _LARGE = 500.0
 _LEAST = -1.0 + 0.5 * _EPSILON
 
 
-@kernel
+@part
 def outcomes(system, mode, guard, candidate):
     """How many candidates of a guard, from `candidate` on, belong to one shock, which decides between them; 1 without a
     shock."""
@@ -53,7 +53,7 @@ def outcomes(system, mode, guard, candidate):
     return shock.states * (2 if shock.has_bearing else 1)
 
 
-@kernel
+@part
 def _slowed(start, rate, decay, unit, p):
     """Speed [m/s] of a body that has slipped for `p` from the speed `start`, with v = unit ln(w) and w' = -rate w -
     decay."""
@@ -69,7 +69,7 @@ def _slowed(start, rate, decay, unit, p):
     return max(0.0, start - unit * exponent + unit * math.log1p(max(-decay * change, _LEAST)))
 
 
-@kernel
+@part
 def _until_stop(start, rate, decay, unit):
     """p at which a body that slips stops; infinite if the shock drives the body on."""
     ratio = start / unit
@@ -82,7 +82,7 @@ def _until_stop(start, rate, decay, unit):
     return stop if rate == 0.0 else math.log1p(rate * stop) / rate
 
 
-@kernel
+@part
 def _slip_by_decay(shock, along, across, up, sign, speed, rise, impulse):
     """`_slip` with friction that falls with the speed."""
     side = 0 if sign > 0.0 else 1
@@ -114,7 +114,7 @@ def _slip_by_decay(shock, along, across, up, sign, speed, rise, impulse):
     return sign * after, rise, up * p, False
 
 
-@kernel
+@part
 def _slip(shock, along, across, up, sign, speed, rise, impulse):
     """A body that slips in the direction `sign` from `speed` until it stops, or until y' has grown by `rise`, or P_y by
     `impulse`, of which one is infinite.
@@ -138,7 +138,7 @@ def _slip(shock, along, across, up, sign, speed, rise, impulse):
     return 0.0, until, of_rise * until, True
 
 
-@kernel
+@part
 def land(shock, along, across, up, speed, fall):
     """The body's velocity after a landing.
 
@@ -188,7 +188,7 @@ def land(shock, along, across, up, speed, fall):
             rebounds, rise, left = True, math.inf, shock.restitution * given
 
 
-@kernel
+@part
 def strike(system, state, number, point, after):
     """Fill `after` with the channels that follow `point` by a shock; return which of the shock's candidates follows."""
     size, table = system.size[0], system.shock

@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibro_ros.solver.compilation import kernel, sum_kernel
+from vibro_ros.solver.compilation import part, sum_part
 from vibro_ros.solver.reference import reference_to
 
 
@@ -129,19 +129,19 @@ def channels_of(size: np.ndarray) -> Channels:
 # Where the channels of one kind begin, for kernels, which can call no methods.
 
 
-@kernel
+@part
 def first_acceleration(size):
     """Channel of the first dynamic coordinate's acceleration."""
     return 2 * size.coordinates
 
 
-@kernel
+@part
 def first_signal(size):
     """Channel of the first signal; those of the signals' rates, and of their accelerations, follow the signals."""
     return 2 * size.coordinates + size.dynamic
 
 
-@kernel
+@part
 def first_ramp(size):
     """Channel of the first ramp; those of the ramps' rates follow the ramps."""
     return 2 * size.coordinates + size.dynamic + 2 * size.signals + size.signal_accelerations
@@ -528,7 +528,7 @@ def flow_numbers(equations: np.ndarray) -> np.ndarray:
     return np.array([numbers.setdefault(rows.tobytes(), len(numbers)) for rows in equations])
 
 
-@sum_kernel
+@sum_part
 def form_value(row, point):
     """Value of a linear form at a point."""
     total = 0.0
@@ -537,7 +537,7 @@ def form_value(row, point):
     return total
 
 
-@sum_kernel
+@sum_part
 def form_magnitude(row, magnitude):
     """Sum of |row| magnitude: of the terms that make up a form, if those of each channel have this magnitude."""
     total = 0.0
@@ -546,7 +546,7 @@ def form_magnitude(row, magnitude):
     return total
 
 
-@kernel
+@part
 def sparse_magnitude(row, terms, magnitude):
     """`form_magnitude` of a form that reads the channels in `terms` alone."""
     total = 0.0
@@ -557,7 +557,7 @@ def sparse_magnitude(row, terms, magnitude):
     return total
 
 
-@kernel
+@part
 def value_and_magnitude(row, terms, point, magnitude):
     """Value of a form at a point and the magnitude of its terms, from the channels in `terms` alone."""
     total = 0.0

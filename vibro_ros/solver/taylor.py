@@ -23,7 +23,7 @@ import math
 
 import numpy as np
 
-from vibro_ros.solver.compilation import entry_kernel, kernel
+from vibro_ros.solver.compilation import entry, part
 from vibro_ros.solver.guards import NO_ROOT, NOISE, first_root
 from vibro_ros.solver.polynomial import differentiate, recentre, scale_argument
 from vibro_ros.solver.rotor import (
@@ -76,7 +76,7 @@ _EXPONENTIAL, _FACTOR = SERIES_OF_ROTOR, SERIES_OF_ROTOR + 1
 _OF_PHASE, _OF_TERM, _LOADS = SERIES_OF_ROTOR + 2, SERIES_OF_ROTOR + 3, MOST_DYNAMIC
 
 
-@kernel
+@part
 def _row_at(row, terms, z, n):
     """Coefficient n of a form."""
     result = 0.0
@@ -87,19 +87,19 @@ def _row_at(row, terms, z, n):
     return result
 
 
-@kernel
+@part
 def decays(system, mode):
     """Whether the mode has a decaying term."""
     return len(system.decay.rate) > 0 and system.decay.rate[mode] != 0.0
 
 
-@kernel
+@part
 def _has_faded(system, mode, speed):
     """Whether the mode's decaying term is left out at this velocity of its coordinate."""
     return -system.decay.rate[mode] * speed > _WELL_OVER
 
 
-@kernel
+@part
 def is_linear(system, mode, point):
     """Whether the flow that begins at `point` is linear."""
     if system.size[0].rotors > 0:
@@ -108,7 +108,7 @@ def is_linear(system, mode, point):
         system, mode, point[system.size[0].coordinates + system.decay.coordinate[0]])
 
 
-@kernel
+@part
 def _respond(system, mode, series, of_phase, has_term, response):
     """Store what a unit of the phase's acceleration (`of_phase`), or of d, adds to the other accelerations and to the
     loads of the signals; return what it adds to the torque and to f."""
@@ -136,7 +136,7 @@ def _respond(system, mode, series, of_phase, has_term, response):
     return torque, factor
 
 
-@kernel
+@part
 def _fill_accelerations(system, mode, z, n, series, mirrored, loads, has_term, of_phase, of_term):
     """Coefficient n of the accelerations of masses and phase, of d, of the torque, and of the signals' loads.
 
@@ -189,7 +189,7 @@ def _fill_accelerations(system, mode, z, n, series, mirrored, loads, has_term, o
         z[first + phase, n] = change
 
 
-@kernel
+@part
 def fill_series(system, mode, duration, orders, z, room):
     """Coefficients of the channels, but of driven coordinates, in y = 0 ... 1 over `duration` [s].
 
@@ -246,40 +246,40 @@ def fill_series(system, mode, duration, orders, z, room):
             series[_EXPONENTIAL, n + 1] = system.decay.rate[mode] * growth / (n + 1)
 
 
-@kernel
+@part
 def _resolved_part(p):
     """How much of y = 0 ... 1 a series may span, so that its last coefficients are rounding."""
-    part, before = _LONGER, 0.0
+    ratio, before = _LONGER, 0.0
     for _ in range(_MOST_REFINEMENTS):
         size, power = 0.0, 1.0
         for n in range(LENGTH // 2):
             size += abs(p[n]) * power
-            power *= part
-        before = part
+            power *= ratio
+        before = ratio
         last, last_but_one = abs(p[LENGTH - 1]), abs(p[LENGTH - 2])
         if last > _VANISHING:
-            part = min(part, (_LAST * size / last) ** (1.0 / (LENGTH - 1)))
+            ratio = min(ratio, (_LAST * size / last) ** (1.0 / (LENGTH - 1)))
         if last_but_one > _VANISHING:
-            part = min(part, (_LAST / _FALL * size / last_but_one) ** (1.0 / (LENGTH - 2)))
-        if part >= _SETTLED * before:
+            ratio = min(ratio, (_LAST / _FALL * size / last_but_one) ** (1.0 / (LENGTH - 2)))
+        if ratio >= _SETTLED * before:
             break
-    return part
+    return ratio
 
 
-@kernel
-def _to_local_time(z, part):
-    """Turn the coefficients in y = 0 ... 1 over a trial into those in x = -1 ... 1 over `part` of it."""
+@part
+def _to_local_time(z, ratio):
+    """Turn the coefficients in y = 0 ... 1 over a trial into those in x = -1 ... 1 over the part `ratio` of it."""
     for channel in range(len(z)):
         p = z[channel]
         scaled = p[0] * vector(_FROM_START[0])
-        power = part
+        power = ratio
         for n in range(1, LENGTH):
             scaled = scaled + (p[n] * power) * vector(_FROM_START[n])
-            power *= part
+            power *= ratio
         store(p, scaled)
 
 
-@kernel
+@part
 def _set_scales(system, state):
     """Magnitudes of the terms that make up each channel, of which guards take their rounding error."""
     size, z, scale, mode = system.size[0], state.z, state.scale, state.now[0].automaton.mode
@@ -317,7 +317,7 @@ def _set_scales(system, state):
         scale[i] += scale[size.coordinates + i] * duration
 
 
-@kernel
+@part
 def _fill_known_motor(system, state, trial):
     """Constant terms of what a rotor's series begin with, and the ramps' slopes over the `trial` [s]."""
     size, z = system.size[0], state.z
@@ -330,7 +330,7 @@ def _fill_known_motor(system, state, trial):
     z[len(z) - 1, 0] = 1.0
 
 
-@kernel
+@part
 def _fill_known_forcing(system, state, duration):
     """Forcing over the segment, which lasts `duration` [s], in y = 0 ... 1."""
     size, z, moved = system.size[0], state.z, state.scratch.room[0].load[:]
@@ -346,7 +346,7 @@ def _fill_known_forcing(system, state, duration):
         z[channel, 1] *= 2.0
 
 
-@kernel
+@part
 def solve_by_taylor(system, state, point):
     """Begin a segment at `point`, where the flow starts: its duration, and the series of all that moves by itself."""
     size, now, z, room = system.size[0], state.now[0], state.z, state.scratch.room[0]
@@ -364,31 +364,31 @@ def solve_by_taylor(system, state, point):
         _fill_known_forcing(system, state, trial)
     for channel in range(2 * size.coordinates):
         z[channel, 0] = point[channel]
-    part = 0.0
+    ratio = 0.0
     for _ in range(_MOST_TRIALS):
         fill_series(system, mode, trial, LENGTH, z, room)
-        part = longest / trial
+        ratio = longest / trial
         for i in range(size.dynamic):
-            part = min(part, _resolved_part(z[size.coordinates + i]))
+            ratio = min(ratio, _resolved_part(z[size.coordinates + i]))
         if decays(system, mode):
-            part = min(part, _resolved_part(z[size.coordinates + system.decay.coordinate[0]]))
-        if part > _SHORTER:
+            ratio = min(ratio, _resolved_part(z[size.coordinates + system.decay.coordinate[0]]))
+        if ratio > _SHORTER:
             break
         trial *= _SHORTER
         for channel in range(len(z)):
             scale_argument(z[channel], _SHORTER, z[channel])
-    if not part > 0.0 or (size.rotors > 0 and abs(read_phase(system, point)[1]) > _RUNAWAY):
+    if not ratio > 0.0 or (size.rotors > 0 and abs(read_phase(system, point)[1]) > _RUNAWAY):
         point[0] = math.nan  # the run ends here
     if size.rotors > 0:
         point[size.coordinates + size.dynamic - 1] = z[size.coordinates + size.dynamic - 1, 0]  # a current may jump
     for channel in range(len(state.mode_point)):
         state.mode_point[channel] = point[channel]
-    _to_local_time(z, part)
-    segment.half = 0.5 * (longest if part * trial >= longest else part * trial)
+    _to_local_time(z, ratio)
+    segment.half = 0.5 * (longest if ratio * trial >= longest else ratio * trial)
     _set_scales(system, state)
 
 
-@kernel
+@part
 def end_where_term_returns(system, state):
     """End the segment, if it goes on without the mode's decaying term, where that matters again."""
     segment, automaton, mode = state.now[0].segment, state.now[0].automaton, state.now[0].automaton.mode
@@ -407,13 +407,13 @@ def end_where_term_returns(system, state):
         automaton.guard = NOTHING
 
 
-@kernel
+@part
 def evaluate(system, state, mode, point):
     """Fill the channels at `point` that follow from positions, velocities and what is known in time in `mode`."""
     fill_series(system, mode, 1.0, 1, point.reshape((len(point), 1)), state.scratch.room[0])
 
 
-@entry_kernel
+@entry
 def read_rotor(system, state, point):
     """`evaluate`, for Python, in the present mode: the very bits that the next segment begins with."""
     system, state = system_of(system), state_of(state)
