@@ -113,8 +113,8 @@ def build(channels, modes, guards=(), signals=None, monitor=None, decay=None):
 def _no_accounts(modes, guards, channels):
     form, none = np.zeros((0, channels.count)), np.zeros(0, dtype=int)
     force = np.zeros((modes, 0, channels.count))
-    return AccountTable(force=force, terms=terms(force), rate=none, account=none, stretch=form,
-                        stiffness=np.zeros((modes, 0)), potential=np.zeros(channels.count),
+    return AccountTable(force=force, terms=terms(force), rate=none, account=none, stored_form=form,
+                        stored_weight=np.zeros((modes, 0)), stored_linear=np.zeros(channels.count),
                         jump=np.zeros((modes, guards, 0), dtype=int), momentum=form, struck=none)
 
 

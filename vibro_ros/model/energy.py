@@ -46,11 +46,11 @@ def account_table(builder: ModeBuilder, scene: Scene, guards: dict[str, np.ndarr
     powers = list(_powers(builder, scene)) if booked else []
     stored = list(_stored(builder, scene)) if booked else []
     force = np.zeros((modes, len(powers), forms.channels.count))
-    stiffness = np.zeros((modes, len(stored)))
+    stored_weight = np.zeros((modes, len(stored)))
     for p, (_, form, _) in enumerate(powers):
         force[:, p] = form
     for e, (_, weight, _) in enumerate(stored):
-        stiffness[:, e] = weight
+        stored_weight[:, e] = weight
     # The momentum of a mass along its guide [N s], by which a shock of its plate is known.
     body, plates = forms.body_velocity(), forms.plates if booked else ()
     momenta = [scene[f"mass.{side}"] * (forms.velocity(forms.guides.index(side)) + (
@@ -60,14 +60,14 @@ def account_table(builder: ModeBuilder, scene: Scene, guards: dict[str, np.ndarr
     if scene["effects.mass_weight"]:
         weights += [part.mass * float(np.dot(part.direction, scene.gravity)) * forms.units[
             forms.channels.signal(part.signal)] for part in forms.linkage]
-    potential = sum(weights, _height(forms, scene))
+    stored_linear = sum(weights, _height(forms, scene))
     return AccountTable(
         force=force, terms=terms(force),
         rate=np.array([rate for *_, rate in powers], dtype=np.int64),
         account=np.array([account for account, *_ in powers], dtype=np.int64),
-        stretch=np.array([form for form, *_ in stored]).reshape(len(stored), forms.channels.count),
-        stiffness=stiffness,
-        potential=np.array(potential if booked else forms.zero),
+        stored_form=np.array([form for form, *_ in stored]).reshape(len(stored), forms.channels.count),
+        stored_weight=stored_weight,
+        stored_linear=np.array(stored_linear if booked else forms.zero),
         jump=_jump_accounts(builder, guards, np.array([account for *_, account in stored], dtype=np.int64)),
         momentum=np.array(momenta).reshape(len(momenta), forms.channels.count),
         struck=np.arange(len(momenta), dtype=np.int64))

@@ -144,9 +144,9 @@ def book_work(system, state, x, accounts):
 def _book_jump(system, state, mode, point, after):
     table, accounts, previous = system.accounts, state.now[0].accounts, state.now[0].automaton.mode
     jump, split = table.jump[previous, state.now[0].automaton.guard], 0.0
-    for e in range(len(table.stretch)):
-        before, then = form_value(table.stretch[e], point), form_value(table.stretch[e], after)
-        change = table.stiffness[mode, e] * then * then - table.stiffness[previous, e] * before * before
+    for e in range(len(table.stored_form)):
+        before, then = form_value(table.stored_form[e], point), form_value(table.stored_form[e], after)
+        change = table.stored_weight[mode, e] * then * then - table.stored_weight[previous, e] * before * before
         if jump[e] == SPLIT:
             split += 0.5 * change
         else:
@@ -171,4 +171,4 @@ def book_jump(system, state, mode, point, after):
 def stored_on_accounts(system: System, mode: int, point: np.ndarray) -> float:
     """E [J] of the accounts in `mode` where the channels have the values of `point`."""
     table = system.accounts
-    return float(0.5 * table.stiffness[mode] @ (table.stretch @ point) ** 2 + table.potential @ point)
+    return float(0.5 * table.stored_weight[mode] @ (table.stored_form @ point) ** 2 + table.stored_linear @ point)

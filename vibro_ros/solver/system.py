@@ -308,11 +308,11 @@ class AccountTable(NamedTuple):
         Channel of the velocity along the force.
     account : ndarray of int, shape (p,)
         Account on which the force's work is booked.
-    stretch : ndarray, shape (e, channels)
+    stored_form : ndarray, shape (e, channels)
         Forms e of the stored energy, sum of w (e z)² / 2 + b z.
-    stiffness : ndarray, shape (m, e)
+    stored_weight : ndarray, shape (m, e)
         The weights w.
-    potential : ndarray, shape (channels,)
+    stored_linear : ndarray, shape (channels,)
         The form b.
     jump : ndarray of int, shape (m, g, e)
         Account on which the change of a stored energy is booked when a guard fires.
@@ -327,9 +327,9 @@ class AccountTable(NamedTuple):
     terms: np.ndarray
     rate: np.ndarray
     account: np.ndarray
-    stretch: np.ndarray
-    stiffness: np.ndarray
-    potential: np.ndarray
+    stored_form: np.ndarray
+    stored_weight: np.ndarray
+    stored_linear: np.ndarray
     jump: np.ndarray
     momentum: np.ndarray
     struck: np.ndarray
