@@ -24,7 +24,7 @@ from vibro_ros.model.modes import ModeBuilder
 from vibro_ros.model.scene import Scene
 from vibro_ros.solver.system import NOTHING, AccountTable, terms
 
-#: The accounts, by their numbers in the solver: `solver.accounts.SPLIT` and `RAMPS` come first.
+#: The accounts, by their numbers in the solver: `solver.energy.MOTOR` and `RAMPS` come first.
 ACCOUNTS = ("motor", "plates", "drive_dampers", "plate_dampers", "friction", "blows", "landings", "unpaid", "supply",
             "copper", "bearing")
 #: Those of a dc motor.

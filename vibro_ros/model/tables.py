@@ -108,8 +108,8 @@ def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float
     system = System(
         size=size_of(channels),
         acceleration=acceleration,
-        reads=terms(acceleration),
-        terms=acceleration_terms(acceleration, channels),
+        reads_all=terms(acceleration),
+        reads_forcing=acceleration_terms(acceleration, channels),
         flow=flow,
         coupled=couplings(acceleration, channels),
         longest_segment=longest_segments(acceleration[first], channels)[flow],

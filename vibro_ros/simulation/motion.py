@@ -23,7 +23,7 @@ from vibro_ros.simulation.readout import Readout, cut_to_laws
 from vibro_ros.simulation.samples import CRANK_ANGLE, EVENT_DTYPE, FIELDS, MOTOR_SPEED, Trace
 from vibro_ros.solver import event_loop
 from vibro_ros.solver.drive import command_drive, speed_and_target
-from vibro_ros.solver.energy import SPLIT, stored_on_accounts
+from vibro_ros.solver.energy import MOTOR, stored_on_accounts
 from vibro_ros.solver.events import EVENT_COLUMNS, MONITOR_KIND, PHASE_KIND, RAMP_KIND, leave_for_ramp
 from vibro_ros.solver.lowpass import filtered_rates, new_filters
 from vibro_ros.solver.methods import SCHEMES, Exact, FixedStep, Stepper
@@ -678,7 +678,7 @@ def energy_accounts(model: Model, state: State, time: float) -> dict[str, float]
     accounts, mode = ended.now["accounts"][0], int(ended.now["automaton"]["mode"][0])
     work, magnitude = dict(zip(ACCOUNTS, map(float, accounts["work"]), strict=False)), float(accounts["magnitude"])
     stored = stored_on_accounts(model.system, mode, point) - float(accounts["stored"])
-    net = work.pop(ACCOUNTS[SPLIT])
+    net = work.pop(ACCOUNTS[MOTOR])
     if not model.forms.has_rotor:
         work = {name: amount for name, amount in work.items() if name not in OF_DC_MOTOR}
     # What a dc motor's crank gives the sliders, its rotor and its winding lose: they get it from the supply.

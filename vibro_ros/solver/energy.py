@@ -10,7 +10,7 @@ and what is missing, the *residual*, is the solver's error, found without knowin
 of the squares alone: a height that jumps, as in a landing above the ground, is missing, too.
 
 The power of a force is a product of two polynomials, the force and the velocity along it, so that Gauss's rule gives
-its work exactly. The power of the account `SPLIT` is also integrated in magnitude: what a drive gives and what it is
+its work exactly. The power of the account `MOTOR` is also integrated in magnitude: what a drive gives and what it is
 given back pass the same shaft, and the sum alone hides both.
 """
 
@@ -26,9 +26,9 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(LENGTH)
 
 
 #: The account whose power is also integrated in magnitude, and that of the work of ramps.
-SPLIT, RAMPS = 0, 1
+MOTOR, RAMPS = 0, 1
 
-# Steps of the search for a zero of the split power. A zero that is off by d costs d² of the magnitude alone.
+# Steps of the search for a zero of the motor's power. A zero that is off by d costs d² of the magnitude alone.
 _STEPS = 8
 
 
@@ -45,11 +45,11 @@ def _power(system, state, k, start, x):
 
 
 @part
-def _fill_split_power(system, state, start, x, target):
-    """Fill `target` with the split power at Gauss's nodes from the local time `start` to `x`."""
+def _fill_motor_power(system, state, start, x, target):
+    """Fill `target` with the motor's power at Gauss's nodes from the local time `start` to `x`."""
     power = repeated(0.0)
     for k in range(len(system.accounts.account)):
-        if system.accounts.account[k] == SPLIT:
+        if system.accounts.account[k] == MOTOR:
             power = power + _power(system, state, k, start, x)
     store(target, power)
 
@@ -61,30 +61,30 @@ def _work(state, power, start, x):
 
 
 @part
-def _split_work(system, state, start, x):
-    """Integral of the split power from the local time `start` to `x`."""
+def _motor_work(system, state, start, x):
+    """Integral of the motor's power from the local time `start` to `x`."""
     power = state.scratch.room[0].part_power[:]
-    _fill_split_power(system, state, start, x, power)
+    _fill_motor_power(system, state, start, x, power)
     return _work(state, vector(power), start, x)
 
 
 @part
-def _split_power_at(system, state, x):
-    """The split power at the local time `x`."""
+def _motor_power_at(system, state, x):
+    """The motor's power at the local time `x`."""
     table, mode, force, power = system.accounts, state.now[0].automaton.mode, state.scratch.room[0].force[:], 0.0
     for k in range(len(table.account)):
-        if table.account[k] == SPLIT and fill_form(table.force[mode, k], table.terms[mode, k], state.z, force):
+        if table.account[k] == MOTOR and fill_form(table.force[mode, k], table.terms[mode, k], state.z, force):
             power += value(force, x) * value(state.z[table.rate[k]], x)
     return power
 
 
 @part
 def _zero_between(system, state, a, b, at_a, at_b):
-    """Local time of a zero of the split power between `a` and `b`, where it has opposite signs (Illinois method)."""
+    """Local time of a zero of the motor's power between `a` and `b`, where it has opposite signs (Illinois method)."""
     x = b
     for _ in range(_STEPS):
         x = b - at_b * (b - a) / (at_b - at_a)
-        at_x = _split_power_at(system, state, x)
+        at_x = _motor_power_at(system, state, x)
         if at_x == 0.0:
             break
         if (at_x > 0.0) != (at_b > 0.0):
@@ -97,23 +97,23 @@ def _zero_between(system, state, a, b, at_a, at_b):
 
 @part
 def _magnitude(system, state, start, x):
-    """Integral of the magnitude of the split power, which is in the scratch, from the local time `start` to `x`.
+    """Integral of the magnitude of the motor's power, which is in the scratch, from the local time `start` to `x`.
 
     The sign is taken at Gauss's nodes and at both ends. Two zeros between neighbours go unseen, but there
     the power is as small as the neighbours are close.
     """
     powers, magnitude = state.scratch.room[0].power[:], 0.0
-    since, last, at_last = start, start, _split_power_at(system, state, start)
+    since, last, at_last = start, start, _motor_power_at(system, state, start)
     for n in range(LENGTH + 1):
         now = 0.5 * (start + x) + 0.5 * (x - start) * _NODES[n] if n < LENGTH else x
-        at_now = powers[n] if n < LENGTH else _split_power_at(system, state, x)
+        at_now = powers[n] if n < LENGTH else _motor_power_at(system, state, x)
         if (at_now > 0.0 and at_last < 0.0) or (at_now < 0.0 and at_last > 0.0):
             zero = _zero_between(system, state, last, now, at_last, at_now)
-            magnitude += abs(_split_work(system, state, since, zero))
+            magnitude += abs(_motor_work(system, state, since, zero))
             since = zero
         if at_now != 0.0:
             last, at_last = now, at_now
-    return magnitude + abs(_split_work(system, state, since, x))
+    return magnitude + abs(_motor_work(system, state, since, x))
 
 
 @part
@@ -122,12 +122,12 @@ def _book(system, state, x, accounts):
     if x <= start:
         return
     for k in range(len(system.accounts.account)):
-        if system.accounts.account[k] != SPLIT:
+        if system.accounts.account[k] != MOTOR:
             accounts.work[system.accounts.account[k]] += _work(state, _power(system, state, k, start, x), start, x)
-    _fill_split_power(system, state, start, x, powers)
+    _fill_motor_power(system, state, start, x, powers)
     forwards, backwards = indices_above(vector(powers), 0.0), indices_above(-1.0 * vector(powers), 0.0)
     work = _work(state, vector(powers), start, x)
-    accounts.work[SPLIT] += work
+    accounts.work[MOTOR] += work
     # Between two nodes of equal sign no zero is searched, so that only a change of sign costs more than the sum.
     accounts.magnitude += _magnitude(system, state, start, x) if forwards and backwards else abs(work)
     accounts.booked = x
@@ -143,16 +143,16 @@ def book_work(system, state, x, accounts):
 @part
 def _book_jump(system, state, mode, point, after):
     table, accounts, previous = system.accounts, state.now[0].accounts, state.now[0].automaton.mode
-    jump, split = table.jump[previous, state.now[0].automaton.guard], 0.0
+    jump, by_motor = table.jump[previous, state.now[0].automaton.guard], 0.0
     for e in range(len(table.stored_form)):
         before, then = form_value(table.stored_form[e], point), form_value(table.stored_form[e], after)
         change = table.stored_weight[mode, e] * then * then - table.stored_weight[previous, e] * before * before
-        if jump[e] == SPLIT:
-            split += 0.5 * change
+        if jump[e] == MOTOR:
+            by_motor += 0.5 * change
         else:
             accounts.work[jump[e]] += 0.5 * change
-    accounts.work[SPLIT] += split
-    accounts.magnitude += abs(split)
+    accounts.work[MOTOR] += by_motor
+    accounts.magnitude += abs(by_motor)
     rates = first_ramp(system.size[0]) + system.size[0].ramps
     for r in range(len(table.struck)):
         shock = form_value(table.momentum[r], after) - form_value(table.momentum[r], point)

@@ -53,7 +53,7 @@ ROOT_LOST = 4
 SYSTEM_ENDS = 5
 
 #: Events in a row at one instant after which the loop gives up; a legal cascade takes a handful.
-_MOST_STANDSTILLS = 200
+_MOST_EVENTS_WITHOUT_PROGRESS = 200
 
 _NO_TIMES, _NO_EVENTS = np.empty(0), np.empty((0, EVENT_COLUMNS))
 _NO_SAMPLES = np.empty((0, 0)), np.empty(0, dtype=np.int64), np.empty((0, 3))
@@ -139,7 +139,8 @@ def _pass_event(system, state, point, events, count):
     end_mode(system, state, x)
     # Which mode follows, after which jump: `after`.
     outcome, mode = transition(system, state, point, after)
-    automaton.standstills = automaton.standstills + 1 if fires and x == segment.mode_start else 0
+    stands = fires and x == segment.mode_start
+    automaton.events_without_progress = automaton.events_without_progress + 1 if stands else 0
     # Close the books of what ends: peaks of the flow, the event itself, and what a jump changes at once.
     if outcome != FLOW_GOES_ON:
         update_peaks(system, state, x)
@@ -206,7 +207,7 @@ def advance(system, state, times, point, points, modes, phases, events):
             if not _begin_mode(system, state, point, automaton.begins == MODE_BEGINS):
                 return ROOT_LOST, k, count
             automaton.begins = UNDER_WAY
-            if automaton.standstills > _MOST_STANDSTILLS:
+            if automaton.events_without_progress > _MOST_EVENTS_WITHOUT_PROGRESS:
                 return STUCK, k, count
             if not is_finite(point):
                 return DIVERGED, k, count
@@ -264,7 +265,7 @@ def interrupt(system, state, time, point):
     update_peaks(system, state, x)
     book_work(system, state, x, state.now[0].accounts)
     end_mode(system, state, x)
-    state.now[0].automaton.standstills = 0  # what a command sets off is no part of the cascade before it
+    state.now[0].automaton.events_without_progress = 0  # what a command sets off is no part of the cascade before it
     advance_forcing(system, state, x)
     segment.start, segment.residue = time, 0.0  # or a sample now could lie before what follows at once
 

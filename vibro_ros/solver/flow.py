@@ -55,7 +55,7 @@ def fill_loads(system, state):
     """Fill the scratch with the loads of the dynamic coordinates."""
     mode, load = state.now[0].automaton.mode, state.scratch.room[0].load[:]
     for i in range(system.size[0].dynamic):
-        if not fill_form(system.acceleration[mode, i], system.terms[mode, i], state.z, load[i]):
+        if not fill_form(system.acceleration[mode, i], system.reads_forcing[mode, i], state.z, load[i]):
             load[i, :] = 0.0
 
 
@@ -144,7 +144,8 @@ def _set_scales(system, state, i, position, velocity, duration, share):
     coordinate's own damping is left out, because the scale would feed on itself. `share` of the scale that the previous
     segment left stays, however small the terms are.
     """
-    row, terms = system.acceleration[state.now[0].automaton.mode, i], system.terms[state.now[0].automaton.mode, i]
+    mode = state.now[0].automaton.mode
+    row, terms = system.acceleration[mode, i], system.reads_forcing[mode, i]
     rate = system.size[0].coordinates + i
     if row[i] < 0.0:
         duration = min(duration, (-row[i])**-0.5)
@@ -158,7 +159,7 @@ def _set_scales(system, state, i, position, velocity, duration, share):
 def _share_that_stays(state):
     """Share of its scale that a dynamic coordinate keeps: all of it if the previous segment had zero length, because a
     number that was zero to rounding there, and led here, is zero here; else half."""
-    return 0.5 if state.now[0].automaton.standstills == 0 else 1.0
+    return 0.5 if state.now[0].automaton.events_without_progress == 0 else 1.0
 
 
 @part
@@ -226,7 +227,7 @@ def solve_driven(system, state, point):
     for i in range(system.size[0].dynamic, coordinates):
         row = system.acceleration[mode, i]
         rate = z[coordinates + i]
-        if fill_form(row, system.terms[mode, i], z, acceleration):
+        if fill_form(row, system.reads_forcing[mode, i], z, acceleration):
             integrate_through(acceleration, half, start, point[coordinates + i], rate)
         else:
             rate[:] = 0.0

@@ -26,7 +26,7 @@ NOISE = 16.0 * EPSILON
 
 # Events in a row at one instant after which a guard must be below zero by more than its rounding error: modes whose
 # guards contradict each other within it would take turns for ever.
-_DOUBTFUL_STANDSTILLS = 10
+_EVENTS_BEFORE_DOUBT = 10
 _DOUBT = 8.0  # rounding errors
 # Roots no further apart than rounding are simultaneous: the guard that its mode names first decides.
 _SIMULTANEOUS = 16.0 * EPSILON
@@ -49,7 +49,7 @@ def _guard_root(system, state, row):
     guard = room.guard[:]
     fill_form(system.row[row], system.row_terms[row], state.z, guard)
     noise = NOISE * sparse_magnitude(system.row[row], system.row_terms[row], state.scale)
-    if state.now[0].automaton.standstills > _DOUBTFUL_STANDSTILLS:
+    if state.now[0].automaton.events_without_progress > _EVENTS_BEFORE_DOUBT:
         guard[0] += _DOUBT * noise
     root = first_root(guard, segment.mode_start, segment.next_event, noise, room.search[:])
     state.root[row] = UNKNOWN if root == NO_ROOT and segment.next_event < 1.0 else root

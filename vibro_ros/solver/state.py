@@ -55,7 +55,7 @@ AUTOMATON = record([
     ("mode", np.int64),  # the present mode
     ("guard", np.int64),  # the mode's guard that turns negative at `next_event`, or `NOTHING`
     ("begins", np.int64),  # which of mode and flow begins at the segment's start: see `event_loop.FLOW_BEGINS`
-    ("standstills", np.int64),  # events in a row without any progress of time
+    ("events_without_progress", np.int64),  # events in a row at one instant
     ("segments", np.int64),  # that have been solved, since the state is new
 ])
 
@@ -66,7 +66,7 @@ MOST_ACCOUNTS = 12
 ACCOUNTS = record([
     ("booked", np.float64),  # local time up to which the present flow is booked
     ("stored", np.float64),  # energy stored at the start
-    ("magnitude", np.float64),  # integral of the magnitude of the split power, so far
+    ("magnitude", np.float64),  # integral of the magnitude of the motor's power, so far
     ("work", np.float64, (MOST_ACCOUNTS,)),  # on each account, so far
 ])
 
@@ -131,7 +131,7 @@ ROOM = record([
     ("peak", np.float64, (LENGTH,)),  # quantity whose peak is searched
     ("peak_search", np.float64, (3, LENGTH)),  # of `guards.maximum`
     ("force", np.float64, (LENGTH,)),  # of which the accounts need the power
-    ("power", np.float64, (LENGTH,)),  # of `energy`: the split power at the nodes of a flow ...
+    ("power", np.float64, (LENGTH,)),  # of `energy`: the motor's power at the nodes of a flow ...
     ("part_power", np.float64, (LENGTH,)),  # ... and of a part in which it keeps its sign
     ("lowpass_rate", np.float64, (LENGTH,)),  # of `lowpass`: rate of a channel, ...
     ("lowpass_response", np.float64, (2, LENGTH)),  # ... and the response to a step, real and imaginary

@@ -350,9 +350,9 @@ class System(NamedTuple):
         Whether dynamic coordinates enter each other's equations.
     longest_segment : ndarray, shape (m,)
         Longest segment [s] that the series of the mode's flow resolves to rounding.
-    reads : ndarray of int, shape (m, coordinates, channels)
+    reads_all : ndarray of int, shape (m, coordinates, channels)
         Channels that the rows of A read, padded with `NOTHING`.
-    terms : ndarray of int, shape (m, coordinates, channels)
+    reads_forcing : ndarray of int, shape (m, coordinates, channels)
         The same, but of dynamic coordinates only the forcing of their linear flow.
     row : ndarray, shape (rows, channels)
         Distinct rows of G.
@@ -409,8 +409,8 @@ class System(NamedTuple):
     flow: np.ndarray
     coupled: np.ndarray
     longest_segment: np.ndarray
-    reads: np.ndarray
-    terms: np.ndarray
+    reads_all: np.ndarray
+    reads_forcing: np.ndarray
     row: np.ndarray
     row_terms: np.ndarray
     driven: np.ndarray
@@ -466,7 +466,7 @@ def _terms_by_zeros(zeros: bytes, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def acceleration_terms(acceleration: np.ndarray, channels: Channels) -> np.ndarray:
-    """`System.terms` of `System.acceleration`.
+    """`System.reads_forcing` of `System.acceleration`.
 
     Raises
     ------

@@ -152,7 +152,7 @@ def _fill_accelerations(system, mode, z, n, series, mirrored, loads, has_term, o
             for j in range(n):
                 z[decay, n] += f[j] * e[n - j]
     for i in range(masses):
-        z[first + i, n] = _row_at(system.acceleration[mode, i], system.reads[mode, i], z, n)
+        z[first + i, n] = _row_at(system.acceleration[mode, i], system.reads_all[mode, i], z, n)
     if size.rotors > 0:
         z[torque, n] = 0.0
         for k in range(size.signals):
@@ -160,7 +160,7 @@ def _fill_accelerations(system, mode, z, n, series, mirrored, loads, has_term, o
             loads[k, n] = load = _row_at(system.rotor.load[mode, k], system.rotor.load_terms[mode, k], z, n)
             z[torque, n] += known + load * series[slope_row(k), 0]
         row = system.acceleration[mode, phase]
-        change, pull = _row_at(row, system.reads[mode, phase], z, n), row[torque]
+        change, pull = _row_at(row, system.reads_all[mode, phase], z, n), row[torque]
     # Then what these two decide together: change = ... + pull T, and term = e[0] f[n].
     own = 1.0 - pull * of_phase[0]
     if has_term:
@@ -229,7 +229,7 @@ def fill_series(system, mode, duration, orders, z, room):
                 z[coordinates + charge, n] = _row_at(system.rotor.current[mode], system.rotor.current_terms[mode], z, n)
         _fill_accelerations(system, mode, z, n, series, mirrored, loads, has_term, of_phase, of_term)
         if size.rotors > 0:
-            z[first + charge, n] = _row_at(system.acceleration[mode, charge], system.reads[mode, charge], z, n)
+            z[first + charge, n] = _row_at(system.acceleration[mode, charge], system.reads_all[mode, charge], z, n)
         if n + 1 == orders:
             return
         for i in range(size.dynamic):
@@ -239,7 +239,7 @@ def fill_series(system, mode, duration, orders, z, room):
             if body >= size.dynamic:
                 z[body, n + 1] = step * z[coordinates + body, n]
                 z[coordinates + body, n + 1] = step * _row_at(
-                    system.acceleration[mode, body], system.reads[mode, body], z, n)
+                    system.acceleration[mode, body], system.reads_all[mode, body], z, n)
             growth = 0.0
             for j in range(n + 1):
                 growth += (j + 1) * z[coordinates + body, j + 1] * series[_EXPONENTIAL, n - j]
