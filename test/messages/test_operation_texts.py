@@ -69,10 +69,10 @@ def test_parameters_that_no_robot_took_change_nothing(parameters: dict):
     'fault {"fault": "sensor_dropout", "duration": 1.0, "of": "imu", "value": 0.0, "from_x": 0.0, "to_x": 0.0}'])
 def test_incidents_that_cannot_be_change_nothing(text: str):
     device = vibro_ros.Simulator(vibro_ros.load_scene("device"))
-    before = device.state, device.influences
+    before = device.state, device.disturbances
     with pytest.raises(ValueError, match="give|choose|does not have"):
         perform(read_operation(text), device)
-    assert (device.state, device.influences) == before
+    assert (device.state, device.disturbances) == before
 
 
 @pytest.mark.parametrize("text", ["pause", "resume", "step 3", 'set {"rate.real_time_factor": 3.0}', "set {}",

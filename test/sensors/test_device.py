@@ -161,7 +161,7 @@ def test_faults():
     device.fail("sensor_dropout", 0.1, "encoder")
     assert [row[0] for row in heard(device, 0.25, 0.1)["encoder"]] == [k / 100.0 for k in range(20, 26)]
     device.fail("sensor_freeze", 0.1, "encoder")
-    assert device.influences == {"sensor_freeze of encoder": 0.35}
+    assert device.disturbances == {"sensor_freeze of encoder": 0.35}
     frozen = heard(device, 0.345, 0.01)["encoder"]
     assert {row[1:] for row in frozen} == {healthy[25][1:]} and [row[0] for row in frozen] == [
         k / 100.0 for k in range(26, 35)]
@@ -180,9 +180,9 @@ def test_a_fault_that_cannot_be_is_refused():
                              (("sensor_dropout", math.inf, "encoder"), "not finite")):
         with pytest.raises(ValueError, match=words):
             device.fail(*arguments)
-    assert device.influences == {}
+    assert device.disturbances == {}
     device.fail("plate_stuck", 0.5, "upper")
-    assert device.influences == {"plate_stuck of upper": 0.5}
+    assert device.disturbances == {"plate_stuck of upper": 0.5}
 
 
 def test_a_body_at_rest_feels_its_weight_along_the_slope():

@@ -59,7 +59,7 @@ def test_a_patch_that_ends_in_time_lasts_to_the_instant():
     arrival = (2.0 - math.sqrt(4.0 - 2.0 * deceleration * 0.1)) / deceleration
     speed = 2.0 - deceleration * arrival
     device.advance_to(3.0)
-    assert not device.influences
+    assert not device.disturbances
     expected = 0.1 + speed * (0.25 - arrival) + speed**2 / (2.0 * deceleration)
     assert device.state.body_position == pytest.approx(expected, abs=1e-12)
 
@@ -112,7 +112,7 @@ def test_a_body_that_is_put_on_a_patch_feels_it_and_a_floor_that_changes_is_that
     device.set_parameters({"ground.friction": 0.7})
     assert device.state.friction_force == pytest.approx(0.1 * weight, rel=1e-13)
     device.fail("friction_patch", 0.0)
-    assert device.state.friction_force == pytest.approx(0.7 * weight, rel=1e-13) and not device.influences
+    assert device.state.friction_force == pytest.approx(0.7 * weight, rel=1e-13) and not device.disturbances
 
 
 def test_a_body_that_lands_on_ice_after_a_flight_over_its_edge_keeps_its_momentum():
@@ -175,14 +175,14 @@ def test_the_same_bits_however_time_is_cut_up_and_from_a_checkpoint(scene: str, 
         assert cut.state.body_position == samples.body_position[k]
         assert (cut.state.normal_force, cut.state.friction_force) == (samples.normal_force[k],
                                                                       samples.friction_force[k])
-        if cut.influences and (place := cut._motion.influences.table[-1, 4]) not in places:
+        if cut.disturbances and (place := cut._motion.disturbances.table[-1, 4]) not in places:
             places.add(place)
             checkpoint = cut.checkpoint()
             restored.restore(checkpoint)
             assert restored.checkpoint().tolist() == checkpoint.tolist()
             restored.advance_to(times[-1])
             assert restored.state == whole.state
-    assert len(places) > 1 and not cut.influences
+    assert len(places) > 1 and not cut.disturbances
     assert cut.state == whole.state
     untouched.advance_to(times[-1])
     assert untouched.state.body_position != whole.state.body_position
@@ -285,7 +285,7 @@ def test_a_checkpoint_of_a_patch_that_nobody_could_have_is_refused():
     device.fail("friction_patch", 5.0, value=0.1, from_x=0.5, to_x=1.0)
     device.advance_to(0.1)
     good = device.checkpoint()
-    first = 1 + 5 * 5  # behind the time and the other influences
+    first = 1 + 5 * 5  # behind the time and the other disturbances
     assert good[first:first + 5].tolist() == [5.0, 0.1, 0.5, 1.0, -1.0]
     for place, wrong in ((0, 1e7), (0, -1.0), (1, -0.1), (1, math.nan), (1, 900.0), (2, 1.0), (2, math.nan),
                          (3, math.inf), (3, 1e7), (4, 0.5), (4, 2.0), (4, math.nan)):

@@ -326,7 +326,7 @@ class SensedSimulator(Simulator):
         >>> scene = vibro_ros.load_scene("device").with_parameters({"sensors.tracking.rate": 100.0})
         >>> device = vibro_ros.SensedSimulator(scene)
         >>> device.fail("sensor_dropout", duration=0.5, of="tracking")
-        >>> device.influences
+        >>> device.disturbances
         {'sensor_dropout of tracking': 0.5}
         >>> device.advance_to(1.0)
         >>> len(device.take_measurements())  # of 101; the first came out before the fault
@@ -342,11 +342,11 @@ class SensedSimulator(Simulator):
             self._sensors[incident.of].fail(incident.fault, self.time + incident.duration, incident.value)
 
     @property
-    def influences(self) -> dict[str, float]:
-        """As `Simulator.influences`, and faults of sensors."""
+    def disturbances(self) -> dict[str, float]:
+        """As `Simulator.disturbances`, and faults of sensors."""
         lasting = {f"{fault} of {name}": until for name, sensor in self._sensors.items()
                    for fault, until in sensor.failing.items() if until > self.time}
-        return {**super().influences, **lasting}
+        return {**super().disturbances, **lasting}
 
     def advance_to(self, time: float) -> None:
         """As `Simulator.advance_to`; sensors measure on the way."""

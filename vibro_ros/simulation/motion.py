@@ -17,8 +17,8 @@ from vibro_ros.model.modes import MODE_EVENTS
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model, compile_scene
+from vibro_ros.simulation.disturbances import PATCH, PUSH, SAG, STALL, STUCK, Disturbances
 from vibro_ros.simulation.given_state import book_given_state, checked_state, place, started
-from vibro_ros.simulation.influences import PATCH, PUSH, SAG, STALL, STUCK, Influences
 from vibro_ros.simulation.readout import Readout, cut_to_laws
 from vibro_ros.simulation.samples import CRANK_ANGLE, EVENT_DTYPE, FIELDS, MOTOR_SPEED, Trace
 from vibro_ros.solver import event_loop
@@ -102,8 +102,8 @@ class Motion:
         Every channel at the end of the last advance or at the last command.
     events : EventLog
         What has happened.
-    influences : Influences
-        What lasts for a while, whose ends are to be passed by `end_influences`.
+    disturbances : Disturbances
+        What lasts for a while, whose ends are to be passed by `end_disturbances`.
     """
 
     def __init__(self, scene: Scene, bandwidth: float = 0.0):
@@ -111,7 +111,7 @@ class Motion:
         self._restored = False
         self._cuts_forces = scene["solver.method"] != "exact"
         self._room = np.empty((EVENTS_AT_ONCE, EVENT_COLUMNS))
-        self.influences = Influences()
+        self.disturbances = Disturbances()
         self._set_up(scene)
         self.point = np.zeros(self.model.forms.channels.count)
         state = started(scene, self.model, self.point)
@@ -123,7 +123,7 @@ class Motion:
 
     def _set_up(self, scene: Scene) -> None:
         self.scene = scene
-        self._compiled = self.influences.equations(scene)
+        self._compiled = self.disturbances.equations(scene)
         self.model: Model = compile_scene(*self._compiled)
         self._stepper = new_stepper(scene, self.model)
         self._readout = Readout(self.model)
@@ -171,15 +171,15 @@ class Motion:
     def _become(self, scene: Scene) -> None:
         old = self.model
         self._sampled = False
-        if self.influences.equations(scene) == self._compiled:
+        if self.disturbances.equations(scene) == self._compiled:
             self.scene = scene
         else:
             self._set_up(scene)
             self.state, self.point = carried_over(old, self.state, self.point, self.model)
 
-    def influence(self, name: str, of: str, until: float, numbers: tuple[float, ...] = ()) -> None:
-        """Let one of `influences.ROWS` last from now until the instant `until` [s], in place of what it was; an instant
-        that does not lie ahead ends it.
+    def disturb(self, name: str, of: str, until: float, numbers: tuple[float, ...] = ()) -> None:
+        """Let one of `disturbances.ROWS` last from now until the instant `until` [s], in place of what it was; an
+        instant that does not lie ahead ends it.
 
         Parameters
         ----------
@@ -195,7 +195,7 @@ class Motion:
         plate = self._plate_target(side) if side else 0.0
         self._stepper.interrupt(self.state, self.time, self.point)
         self._sampled = False
-        self.influences.write(name, of, until if until > self.time else 0.0, numbers)
+        self.disturbances.write(name, of, until if until > self.time else 0.0, numbers)
         if name == PATCH:
             self._find_place_on_ground()
         if name in (PUSH, SAG, PATCH) or (name == STALL and self.scene.has_rotor):
@@ -206,19 +206,19 @@ class Motion:
             self._command_plate(side, plate)
         self._begin_segment(self.state)
 
-    def end_influences(self) -> None:
+    def end_disturbances(self) -> None:
         """Advance to the next end, and end what ends there."""
-        self._go_to(self.influences.next_end)
-        for (name, of), until in self.influences.lasting().items():
+        self._go_to(self.disturbances.next_end)
+        for (name, of), until in self.disturbances.lasting().items():
             if until <= self.time:
-                self.influence(name, of, 0.0)
+                self.disturb(name, of, 0.0)
 
     def _find_place_on_ground(self) -> bool:
         """Note where the body is on ground with a patch; whether there is one."""
-        lasts = (PATCH, "") in self.influences.lasting()
+        lasts = (PATCH, "") in self.disturbances.lasting()
         if lasts:
             position = self.model.forms.channels.position(self.model.forms.body)
-            self.influences.find_place(float(self.point[position]))
+            self.disturbances.find_place(float(self.point[position]))
         return lasts
 
     def _cross_edge(self) -> None:
@@ -228,7 +228,7 @@ class Motion:
         forwards = system.row[system.guard[automaton["mode"], automaton["guard"]], position] < 0.0
         # Exactly, or rounding could put the body back behind the edge.
         self.point[position] = self._compiled[2][int(forwards)]
-        self.influences.row(PATCH)[4] += 1.0 if forwards else -1.0
+        self.disturbances.row(PATCH)[4] += 1.0 if forwards else -1.0
         self.time = float(self.state.now["segment"]["start"][0])
         self._become(self.scene)
         self._begin_segment(self.state)
@@ -265,7 +265,7 @@ class Motion:
         """Speed [rad/s] that the motor was asked for, or voltage [V] if that is what commands it."""
         if self.scene.has_rotor:
             return float(self.state.now["motor"]["target"][0])
-        asked = self.influences.asked(STALL)
+        asked = self.disturbances.asked(STALL)
         return speed_and_target(self.state.now["drive"][0])[1] if asked is None else asked
 
     @property
@@ -278,7 +278,7 @@ class Motion:
         if self.scene.has_rotor:
             command_rotor(self.model.system, self.state, self.time, target, self.scene["motor.acceleration"])
             return
-        signals, drive, stall = self.model.system.signals, self.state.now["drive"][0], self.influences.row(STALL)
+        signals, drive, stall = self.model.system.signals, self.state.now["drive"][0], self.disturbances.row(STALL)
         if stall[0]:
             stall[1], target = target, 0.0
         speed = speed_and_target(drive)[0] if speed is None else speed
@@ -291,11 +291,11 @@ class Motion:
 
     def _plate_target(self, side: str) -> float:
         """Where the plate was sent [m]."""
-        asked = self.influences.asked(STUCK, side)
+        asked = self.disturbances.asked(STUCK, side)
         return float(self.state.ramp["target"][self.model.forms.plates.index(side)]) if asked is None else asked
 
     def _command_plate(self, side: str, target: float) -> None:
-        plate, stuck = self.model.forms.plates.index(side), self.influences.row(STUCK, side)
+        plate, stuck = self.model.forms.plates.index(side), self.disturbances.row(STUCK, side)
         ramp = self.state.ramp[plate]
         if stuck[0]:
             stuck[1], target = target, float(ramp["value"])
@@ -309,18 +309,18 @@ class Motion:
     def lasting(self) -> list[np.ndarray]:
         """Return the arrays, to be read or overwritten, that the future depends on besides time, scene and commands.
 
-        The first is the table of `influences`; when it is overwritten, `influences_overwritten` gives the arrays that
-        follow it.
+        The first is the table of `disturbances`; when it is overwritten, `disturbances_overwritten` gives the arrays
+        that follow it.
         """
-        return [self.influences.table, self.point, *lasting(self.state), *self._stepper.memory]
+        return [self.disturbances.table, self.point, *lasting(self.state), *self._stepper.memory]
 
-    def influences_overwritten(self) -> None:
-        """Compile the scene with the influences that were written, unless `is_possible` is to refuse it.
+    def disturbances_overwritten(self) -> None:
+        """Compile the scene with the disturbances that were written, unless `is_possible` is to refuse it.
 
         The present state, which may be of no device, is not carried over: all of it is overwritten next.
         """
-        possible = self.influences.are_possible(self.scene, self.model.forms, self.time)
-        if possible and self.influences.equations(self.scene) != self._compiled:
+        possible = self.disturbances.are_possible(self.scene, self.model.forms, self.time)
+        if possible and self.disturbances.equations(self.scene) != self._compiled:
             ramps, lowpass = self.state.ramp["value"], self.state.lowpass
             self._set_up(self.scene)
             self.state = new_state(self.model.system, 0.0, ramps, self.model.initial_mode)._replace(lowpass=lowpass)
@@ -329,7 +329,7 @@ class Motion:
     def lasting_overwritten(self) -> None:
         """Begin to go on from what was written into the arrays of `lasting`."""
         self._sampled, self._restored = False, True
-        self.influences.look_for_next_end()
+        self.disturbances.look_for_next_end()
 
     def is_possible(self) -> bool:
         """Whether a device can go on from what was written into the arrays of `lasting`: a bag may be forged.
@@ -361,7 +361,7 @@ class Motion:
         endless = np.count_nonzero(~(np.abs(numbers) <= _LARGEST))
         return (all(low <= number <= high for number, low, high in spans)
                 and drive["lag"] in (0.0, scene["motor.time_constant"])
-                and self.influences.are_possible(scene, self.model.forms, self.time)
+                and self.disturbances.are_possible(scene, self.model.forms, self.time)
                 and endless == (segment["cell_left"] > _LARGEST))  # of a crank that stands, or nearly so
 
     def _motor_spans(self, motor: np.void, start: float) -> list[tuple[float, float, float]]:
@@ -397,7 +397,7 @@ class Motion:
         """Advance to each of `times` [s], ascending, and return the fields of `Samples` there."""
         found = []
         while True:
-            before = int(np.searchsorted(times, self.influences.next_end))  # a sample at an end is of what follows
+            before = int(np.searchsorted(times, self.disturbances.next_end))  # a sample at an end is of what follows
             trace = self.new_trace(before)
             taken = self.advance(times[:before], trace)
             found.append(self.quantities(times[:taken], trace.part(0, taken)))
@@ -406,7 +406,7 @@ class Motion:
             if taken < before:
                 self._cross_edge()
             else:
-                self.end_influences()
+                self.end_disturbances()
             times = times[taken:]
         if len(found) == 1:
             return found[0]
@@ -414,8 +414,8 @@ class Motion:
 
     def advance_to(self, time: float) -> None:
         """Advance to `time` [s], and keep what is sampled there for `now`."""
-        while self.influences.next_end <= time:
-            self.end_influences()
+        while self.disturbances.next_end <= time:
+            self.end_disturbances()
         self._go_to(time)
         self._sampled = True
 
@@ -445,10 +445,10 @@ class Motion:
             # An event lies at the segment's end to rounding; the next float is behind it.
             time = (max(self.time, start + half * (1.0 + x)) if x is not None else
                     max(math.nextafter(self.time, math.inf), start + half * (1.0 + end)))
-            if x is None and hops and self.influences.next_end == math.inf:
+            if x is None and hops and self.disturbances.next_end == math.inf:
                 hops = self._hop(turn, angle, latest)
                 continue
-            before = min(latest, self.influences.next_end)
+            before = min(latest, self.disturbances.next_end)
             self.advance_to(min(time, before))
             if x is not None and time <= before:
                 return True

@@ -10,7 +10,7 @@ import numpy as np
 from vibro_ros.model.faults import DEVICE, DURATION, FAULTS, FORCE, checked_incident
 from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.model.scene import Scene, check_scene
-from vibro_ros.simulation.influences import PATCH, PUSH, SAG, STALL, patched
+from vibro_ros.simulation.disturbances import PATCH, PUSH, SAG, STALL, patched
 from vibro_ros.simulation.motion import Motion
 from vibro_ros.simulation.preparation import provide_kernels
 from vibro_ros.simulation.samples import LATEST, Samples, checked_times, one_sample
@@ -144,7 +144,7 @@ class Simulator:
         >>> device.supply_voltage
         9.0
         """
-        return self._motion.influences.supply_voltage_of(self.scene)
+        return self._motion.disturbances.supply_voltage_of(self.scene)
 
     def command(self, motor_speed: float | None = None, upper_gap: float | None = None,
                 inclined_gap: float | None = None, motor_voltage: float | None = None) -> None:
@@ -292,7 +292,7 @@ class Simulator:
         if upwards and not self.scene.body_hops:
             raise ValueError(f"force_z: {upwards:g} N, but the body of this scene stays on the ground; leave it out, "
                              "or choose effects.normal_force hop")
-        self._motion.influence(PUSH, "", self.time + lasts, (along_x, upwards))
+        self._motion.disturb(PUSH, "", self.time + lasts, (along_x, upwards))
 
     def fail(self, fault: str, duration: float, of: str = "", value: float = 0.0, from_x: float = 0.0,
              to_x: float = 0.0) -> None:
@@ -325,10 +325,10 @@ class Simulator:
         --------
         >>> device = vibro_ros.Simulator(vibro_ros.load_scene("damped"))
         >>> device.fail("motor_stall", duration=0.5)
-        >>> device.state.motor_speed, device.influences
+        >>> device.state.motor_speed, device.disturbances
         (0.0, {'motor_stall': 0.5})
         >>> device.advance_to(0.6)
-        >>> device.state.motor_speed, device.influences
+        >>> device.state.motor_speed, device.disturbances
         (100.0, {})
         """
         name, lasts, part, number, *place = checked_incident(fault, duration, of, value, from_x, to_x)
@@ -346,21 +346,21 @@ class Simulator:
         if name == SAG and number > self.scene["motor.supply_voltage"]:
             raise ValueError(f"value: {number:g} V is above motor.supply_voltage, and no sag; give at most "
                              f"{self.scene['motor.supply_voltage']:g} V")
-        self._motion.influence(name, part, self.time + lasts, (number, *place) if name == PATCH else (number,))
+        self._motion.disturb(name, part, self.time + lasts, (number, *place) if name == PATCH else (number,))
 
     @property
-    def influences(self) -> dict[str, float]:
+    def disturbances(self) -> dict[str, float]:
         """What lasts now, a push or faults of the device, and the instants [s] at which they end.
 
         Examples
         --------
         >>> device = vibro_ros.Simulator(vibro_ros.load_scene("damped"))
         >>> device.fail("plate_stuck", duration=0.5, of="upper")
-        >>> device.influences
+        >>> device.disturbances
         {'plate_stuck of upper': 0.5}
         """
         return {f"{name} of {of}" if of else name: until
-                for (name, of), until in self._motion.influences.lasting().items()}
+                for (name, of), until in self._motion.disturbances.lasting().items()}
 
     def reset(self) -> None:
         """Put the device back to its start: time 0, the state and the commands of the scene's parameters, no events.
@@ -425,11 +425,11 @@ class Simulator:
         self._motion.events.drop_untaken()
 
     def _overwrite(self, checkpoint: np.ndarray) -> None:
-        influences, end = self._motion.influences.table, 1
-        if np.ndim(checkpoint) == 1 and len(checkpoint) > influences.size:  # which decide how many numbers follow
+        disturbances, end = self._motion.disturbances.table, 1
+        if np.ndim(checkpoint) == 1 and len(checkpoint) > disturbances.size:  # which decide how many numbers follow
             self._motion.time = float(checkpoint[0])
-            influences[...] = checkpoint[end:end + influences.size].reshape(influences.shape)
-            self._motion.influences_overwritten()
+            disturbances[...] = checkpoint[end:end + disturbances.size].reshape(disturbances.shape)
+            self._motion.disturbances_overwritten()
         parts = self._motion.lasting()
         size = 1 + sum(part.size for part in parts)
         if np.shape(checkpoint) != (size,):

@@ -126,7 +126,7 @@ class Diagnostics:
         """A push and faults that last, and the instants of robot time [s] at which they end."""
         run, time = self._run, self._run.robot_time
         stamps = {name: time.stamp_of(until) for name, until in self._lasts.items()}
-        stamps |= run.commands.influences
+        stamps |= run.commands.disturbances
         return {name: (stamp - time.start) / SECOND for name, stamp in stamps.items() if stamp > time.stamp}
 
     def _behind(self) -> float:

@@ -140,7 +140,7 @@ class Run:
         self._resumes = False  # as soon as the nodes of the lock-step have answered
         self._samples: deque[np.ndarray] = deque(maxlen=MOST_KEPT)
         self._keeps_samples = device.scene.body_hops or device.scene.has_rotor  # for `validity_of`
-        self._facts = device.statistics, device.influences
+        self._facts = device.statistics, device.disturbances
         self._speed = 0.0  # of the crank at the last sample [rad/s]
         self._stalls = StallReport(node.get_logger().warning)
         self._stopped = threading.Event()
@@ -218,7 +218,7 @@ class Run:
     def device_facts(self) -> tuple[dict[str, Any], dict[str, float]]:
         """The device's statistics and what lasts now; those of the last call while a tick takes long."""
         if self.lock.acquire(timeout=LOCK_TIMEOUT):
-            self._facts = self.device.statistics, self.device.influences
+            self._facts = self.device.statistics, self.device.disturbances
             self.lock.release()
         return self._facts
 

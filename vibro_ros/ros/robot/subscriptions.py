@@ -43,13 +43,13 @@ class CommandSubscriptions:
 
     `topics` has the resolved name of each command's topic. `accepted` counts the commands that took effect, by name,
     `refused` those that the device refused, or that were no number, `lost` those that the fault `lost_commands` took;
-    `influences` are faults of commands that last, and the instants at which they end, as stamps [ns].
+    `disturbances` are faults of commands that last, and the instants at which they end, as stamps [ns].
     """
 
     def __init__(self, node: Node, scene: Scene):
         self._log = node.get_logger()
         self.refused, self.accepted = 0, Counter[str]()
-        self.lost, self.influences = 0, dict[str, int]()
+        self.lost, self.disturbances = 0, dict[str, int]()
         self._delay, self._arrivals = 0, count()
         self._late: list[tuple[int, int, str, bytes]] = []  # a heap by the instants of effect
         self._throttles = {name: Throttle() for name in COMMANDS}
@@ -66,22 +66,22 @@ class CommandSubscriptions:
             *_, name, data = heappop(self._late)
             self._take(device, name, data, stamp, record)
         for name, data in self._arrived():
-            if self.influences.get("lost_commands", 0) > stamp:
+            if self.disturbances.get("lost_commands", 0) > stamp:
                 self.lost += 1
-            elif self.influences.get("late_commands", 0) > stamp:
+            elif self.disturbances.get("late_commands", 0) > stamp:
                 self._keep(stamp + self._delay, name, data)
             else:
                 self._take(device, name, data, stamp, record)
 
     def fail(self, incident: Incident, stamp: int) -> None:
         """Let commands be late or get lost from `stamp` [ns] on."""
-        self.influences[incident.fault] = stamp + round(1e9 * incident.duration)
+        self.disturbances[incident.fault] = stamp + round(1e9 * incident.duration)
         if incident.fault == "late_commands" and incident.duration:
             self._delay = round(1e9 * incident.value)
 
     def recover(self) -> None:
         """End all faults; commands that are still to come are dropped."""
-        self.influences.clear()
+        self.disturbances.clear()
         self._late.clear()
 
     def _keep(self, due: int, name: str, data: bytes) -> None:

@@ -1,8 +1,8 @@
-"""What influences a motion for a while: a push, a motor that stalls, a plate that sticks, a supply that sags, ice.
+"""What disturbs a motion for a while: a push, a motor that stalls, a plate that sticks, a supply that sags, ice.
 
 They are one table of numbers, which a checkpoint holds. Each row ends at an instant of its own. A motor that stalls and
-a plate that sticks remember in it what they were asked for. The others change the equations: `Influences.equations` has
-what is to be compiled then.
+a plate that sticks remember in it what they were asked for. The others change the equations: `Disturbances.equations`
+has what is to be compiled then.
 """
 
 import math
@@ -21,7 +21,7 @@ ROWS = ((PUSH, ""), (STALL, ""), (STUCK, "upper"), (STUCK, "inclined"), (SAG, ""
 SEIZED = {"motor.friction": 1e4, "motor.static_friction": 1e4}
 
 
-class Influences:
+class Disturbances:
     """What lasts now, of `ROWS`.
 
     Attributes

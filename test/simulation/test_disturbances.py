@@ -107,7 +107,7 @@ def test_the_same_bits_however_time_is_cut_up_and_from_a_checkpoint(scene: str, 
         if k == 20:
             checkpoint = cut.checkpoint()
     restored.restore(checkpoint)
-    assert restored.influences and not cut.influences
+    assert restored.disturbances and not cut.disturbances
     restored.advance_to(times[-1])
     assert restored.state == cut.state == whole.state
 
@@ -123,7 +123,7 @@ def test_what_failed_follows_its_last_command_afterwards():
     assert device.state.motor_speed == 0.0 and device.state.inclined_plate_position == place
     device.set_parameters({"ground.friction": 0.1})
     device.advance_to(2.0)
-    assert device.state.motor_speed == 80.0 and not device.influences
+    assert device.state.motor_speed == 80.0 and not device.disturbances
     assert device.state.inclined_plate_position == device.scene["crank.inclined_rod"] + 0.001
 
 
@@ -133,7 +133,7 @@ def test_a_duration_of_zero_and_a_reset_end_what_lasts():
         device.push(5.0, force_x=1.0)
         device.fail("motor_stall", 5.0)
         which()
-    assert not device.influences
+    assert not device.disturbances
     for one in (device, untouched):
         one.advance_to(0.2)
     assert device.state == untouched.state
