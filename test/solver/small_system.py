@@ -17,12 +17,12 @@ from vibro_ros.solver.system import (
     SignalTable,
     System,
     acceleration_terms,
+    counts_of,
     couplings,
     flow_numbers,
     longest_segments,
     no_rotor,
     no_shock,
-    size_of,
     terms,
 )
 from vibro_ros.solver.vector import LENGTH
@@ -92,7 +92,7 @@ def build(channels, modes, guards=(), signals=None, monitor=None, decay=None):
     watched = 0 if monitor is None else 1
     watch = np.zeros((count, 0, channels.count)) if monitor is None else np.tile(monitor[0], (count, 1, 1))
     return System(
-        size=size_of(channels), acceleration=acceleration, reads_all=terms(acceleration),
+        counts=counts_of(channels), acceleration=acceleration, reads_all=terms(acceleration),
         reads_forcing=acceleration_terms(acceleration, channels),
         flow=flow_numbers(acceleration[:, :channels.dynamic] if decay is None else acceleration),
         longest_segment=longest_segments(acceleration, channels),

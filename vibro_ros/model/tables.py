@@ -25,12 +25,12 @@ from vibro_ros.solver.system import (
     Shock,
     System,
     acceleration_terms,
+    counts_of,
     couplings,
     flow_numbers,
     longest_segments,
     no_rotor,
     no_shock,
-    size_of,
     terms,
 )
 
@@ -106,7 +106,7 @@ def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float
     first = np.unique(flow, return_index=True)[1]  # mode of each flow
     guards, shock = _guard_tables(builder)
     system = System(
-        size=size_of(channels),
+        counts=counts_of(channels),
         acceleration=acceleration,
         reads_all=terms(acceleration),
         reads_forcing=acceleration_terms(acceleration, channels),

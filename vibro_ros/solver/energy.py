@@ -153,7 +153,7 @@ def _book_jump(system, state, mode, point, after):
             accounts.work[jump[e]] += 0.5 * change
     accounts.work[MOTOR] += by_motor
     accounts.magnitude += abs(by_motor)
-    rates = first_ramp(system.size[0]) + system.size[0].ramps
+    rates = first_ramp(system.counts[0]) + system.counts[0].ramps
     for r in range(len(table.struck)):
         shock = form_value(table.momentum[r], after) - form_value(table.momentum[r], point)
         work = shock * point[rates + table.struck[r]]

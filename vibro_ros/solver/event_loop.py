@@ -65,7 +65,7 @@ def _solve_up_to_driven(system, state, point):
     if not is_linear(system, state.now[0].automaton.mode, point):
         solve_by_taylor(system, state, point)
         return
-    if system.size[0].decays > 0:  # not in this mode, or no longer
+    if system.counts[0].decays > 0:  # not in this mode, or no longer
         state.z[len(state.z) - 2] = 0.0
     # How long the forcing and the flow's series allow; as long as any, where the dynamic coordinates are at rest.
     choose_segment(system, state)
@@ -103,8 +103,8 @@ def _begin_mode(system, state, point, same_flow):
 @part
 def _read(system, state, x, point):
     """Values of the first len(point) channels at the local time `x`; at the mode's start, the bits it started with."""
-    ramps = first_ramp(system.size[0])
-    end = ramps + 2 * system.size[0].ramps
+    ramps = first_ramp(system.counts[0])
+    end = ramps + 2 * system.counts[0].ramps
     for channel in range(len(point)):
         if ramps <= channel < end:  # ramps and their rates are straight lines
             point[channel] = state.z[channel, 0] + state.z[channel, 1] * x
@@ -119,7 +119,7 @@ def _read(system, state, x, point):
 def _read_phase(system, state, x, point, phase):
     """Turns, the phase past the start of the turn and its rate, at the local time `x`, where `point` was read."""
     phase[0] = state.now[0].drive.turns
-    if system.size[0].rotors > 0:
+    if system.counts[0].rotors > 0:
         phase[1], phase[2] = read_phase(system, point)
     else:
         phase[1], phase[2] = phase_at(system, state, x)
@@ -134,7 +134,7 @@ def _pass_event(system, state, point, events, count):
     segment, automaton, after = state.now[0].segment, state.now[0].automaton, state.scratch.after
     x, fires = segment.next_event, automaton.guard != NOTHING
     # Where the system is. At a segment's end the next segment needs the positions and velocities alone.
-    _read(system, state, x, point if fires else point[:2 * system.size[0].coordinates])
+    _read(system, state, x, point if fires else point[:2 * system.counts[0].coordinates])
     book_work(system, state, x, state.now[0].accounts)
     end_mode(system, state, x)
     # Which mode follows, after which jump: `after`.

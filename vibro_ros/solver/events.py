@@ -41,17 +41,17 @@ def _holds(system, state, row, point):
 @part
 def _accelerate(system, state, mode, point):
     """Set the accelerations of the dynamic coordinates at `point` to those of `mode`, and all magnitudes."""
-    first, magnitude = first_acceleration(system.size[0]), state.scratch.magnitude
-    if system.size[0].rotors > 0 or decays(system, mode):
+    first, magnitude = first_acceleration(system.counts[0]), state.scratch.magnitude
+    if system.counts[0].rotors > 0 or decays(system, mode):
         evaluate(system, state, mode, point)
         _fill_magnitude(state, point)
         if decays(system, mode):  # the term is a form of what it moves
             magnitude[len(point) - 2] += form_magnitude(system.decay.factor[mode], magnitude)
-            for i in range(system.size[0].dynamic - 2 * system.size[0].rotors):
+            for i in range(system.counts[0].dynamic - 2 * system.counts[0].rotors):
                 magnitude[first + i] = form_magnitude(system.acceleration[mode, i], magnitude)
         return
     _fill_magnitude(state, point)
-    for i in range(system.size[0].dynamic):
+    for i in range(system.counts[0].dynamic):
         total = 0.0
         scale = 0.0
         for channel in range(len(point)):
@@ -75,7 +75,7 @@ def jump(system, state, candidate, point, after):
         after[channel] = point[channel]
     matrix = system.jump[mode, guard, candidate]
     if matrix != NOTHING:
-        for channel in range(2 * system.size[0].coordinates):
+        for channel in range(2 * system.counts[0].coordinates):
             after[channel] = form_value(system.jump_matrix[matrix, channel], point)
     return candidate
 
@@ -120,8 +120,8 @@ def _keeps_flow(system, state, mode, point, after):
     """Whether `mode`, entered at `after`, continues the dynamic coordinates' motion as it is at `point`."""
     if system.flow[state.now[0].automaton.mode] != system.flow[mode]:
         return False
-    coordinates = system.size[0].coordinates
-    for i in range(system.size[0].dynamic):
+    coordinates = system.counts[0].coordinates
+    for i in range(system.counts[0].dynamic):
         if after[i] != point[i] or after[coordinates + i] != point[coordinates + i]:
             return False
     return True

@@ -52,11 +52,11 @@ def _broken_guard(system, state, z):
 def _resting_candidate(system, state, step):
     """The candidate of a blow without a rebound, if the blow is so slow that steps cannot resolve a bounce."""
     mode, guard = state.now[0].automaton.mode, state.now[0].automaton.guard
-    struck, coordinates, z = system.blow_monitor[mode, guard], system.size[0].coordinates, step.start
+    struck, coordinates, z = system.blow_monitor[mode, guard], system.counts[0].coordinates, step.start
     if struck == NOTHING:
         return NOTHING
     change = 0.0
-    for i in range(system.size[0].dynamic):
+    for i in range(system.counts[0].dynamic):
         change += system.approach[struck, coordinates + i] * step.start_acceleration[i]
     if form_value(system.approach[struck], z) > _STEPS_TO_REST * step.length[0] * abs(change):
         return NOTHING
@@ -82,7 +82,7 @@ def _change_modes(system, state, step, events, count):
             candidate = jump(system, state, candidate, z, after)
         mode = system.candidate[automaton.mode, guard, candidate]
         count = record_mode_change(system, state, mode, z, events, count)
-        for channel in range(2 * system.size[0].coordinates):
+        for channel in range(2 * system.counts[0].coordinates):
             z[channel] = after[channel]
         automaton.mode = mode
         accelerate(system, state, mode, z, step.start_acceleration)
@@ -98,7 +98,7 @@ def _pass_step(system, state, step, events, count):
     for channel in range(len(step.start)):
         step.start[channel] = step.end[channel]
     if state.now[0].automaton.mode == mode:
-        for i in range(system.size[0].coordinates):
+        for i in range(system.counts[0].coordinates):
             step.start_acceleration[i] = step.end_acceleration[i]
     else:
         mode = state.now[0].automaton.mode
@@ -106,7 +106,7 @@ def _pass_step(system, state, step, events, count):
     for k in range(len(state.monitor)):
         if system.monitored[mode, k]:
             state.monitor[k].peak = max(state.monitor[k].peak, form_value(system.monitor[mode, k], step.start))
-    if system.size[0].rotors > 0:
+    if system.counts[0].rotors > 0:
         enter_rotor(system, state, step.start)
         fill_forcing_at(system, state, 0.0, step.start)
         accelerate(system, state, mode, step.start, step.start_acceleration)
@@ -151,9 +151,9 @@ def begin(system, state, step, point):
     system, state, step = system_of(system), state_of(state), step_of(step)
     state.now[0].segment.half = 0.5 * step.length[0]
     state.now[0].segment.next_event = -1.0  # events are recorded at a step's start
-    for channel in range(2 * system.size[0].coordinates):
+    for channel in range(2 * system.counts[0].coordinates):
         step.start[channel] = point[channel]
-    if system.size[0].rotors > 0:
+    if system.counts[0].rotors > 0:
         enter_rotor(system, state, step.start)
     fill_forcing_at(system, state, 0.0, step.start)
     accelerate(system, state, state.now[0].automaton.mode, step.start, step.start_acceleration)
@@ -182,7 +182,7 @@ def _read(system, state, step, x, z):
         return
     for channel in range(len(z)):
         z[channel] = 0.0  # where it is multiplied by zero it may still not be NaN
-    _interpolate(step, 2.0 * state.now[0].segment.half, system.size[0].coordinates, 0.5 * (x + 1.0), z)
+    _interpolate(step, 2.0 * state.now[0].segment.half, system.counts[0].coordinates, 0.5 * (x + 1.0), z)
     fill_forcing_at(system, state, state.now[0].segment.half * (x + 1.0), z)
     accelerate(system, state, state.now[0].automaton.mode, z, step.stage_acceleration)
 
@@ -205,7 +205,7 @@ def advance(system, state, step, times, points, modes, phases, events):
         _read(system, state, step, x, points[k])
         modes[k] = state.now[0].automaton.mode
         phase, speed = phase_after(system, state, max(0.0, state.now[0].segment.half * (x + 1.0)))
-        if system.size[0].rotors > 0:
+        if system.counts[0].rotors > 0:
             phase, speed = read_phase(system, points[k])
         phases[k, 0], phases[k, 1], phases[k, 2] = state.now[0].drive.turns, phase, speed
     return REACHED, len(times), count
@@ -270,7 +270,7 @@ step_of = reference_to(Step)
 
 def new_step(system: System, scheme: int, length: float) -> Step:
     """Room for steps of `length` [s] by `scheme`."""
-    channels = channels_of(system.size)
+    channels = channels_of(system.counts)
     count, coordinates = channels.count, channels.coordinates
     start, end, stage = np.zeros((3, count))
     start_acceleration, end_acceleration, stage_acceleration, velocity_sum, acceleration_sum = np.zeros((
@@ -282,7 +282,7 @@ def new_step(system: System, scheme: int, length: float) -> Step:
 @part
 def take_step(system, state, step):
     """Fill `Step.end` by the classical Runge-Kutta method of fourth order, for q' = v and v' = a at once."""
-    coordinates, mode = system.size[0].coordinates, state.now[0].automaton.mode
+    coordinates, mode = system.counts[0].coordinates, state.now[0].automaton.mode
     h = 2.0 * state.now[0].segment.half
     start, end, stage, rate = step.start, step.end, step.stage, step.stage_acceleration
     speeds, accelerations = step.velocity_sum, step.acceleration_sum

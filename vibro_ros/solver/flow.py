@@ -37,7 +37,7 @@ def _provide_free_motion(system, state, flow):
     if library.half[flow] == half:
         return
     library.half[flow] = half
-    components = 2 * system.size[0].dynamic
+    components = 2 * system.counts[0].dynamic
     state.scratch.room[0].load[:] = 0.0
     present, segment.half = segment.half, half
     for j in range(components):
@@ -54,14 +54,14 @@ def _provide_free_motion(system, state, flow):
 def fill_loads(system, state):
     """Fill the scratch with the loads of the dynamic coordinates."""
     mode, load = state.now[0].automaton.mode, state.scratch.room[0].load[:]
-    for i in range(system.size[0].dynamic):
+    for i in range(system.counts[0].dynamic):
         if not fill_form(system.acceleration[mode, i], system.reads_forcing[mode, i], state.z, load[i]):
             load[i, :] = 0.0
 
 
 @part
 def _component(system, c):
-    coordinates, dynamic = system.size[0].coordinates, system.size[0].dynamic
+    coordinates, dynamic = system.counts[0].coordinates, system.counts[0].dynamic
     return c if c < dynamic else coordinates + c - dynamic
 
 
@@ -90,7 +90,7 @@ def _needs_free_motion(system, state, forced, point):
 def _coupled_components(system, state, c):
     """First and step of the components that component c depends on: all, or its coordinate's position and velocity
     if the coordinates are not coupled."""
-    dynamic = system.size[0].dynamic
+    dynamic = system.counts[0].dynamic
     if system.coupled[state.now[0].automaton.mode]:
         return 0, 1
     return (c if c < dynamic else c - dynamic), dynamic
@@ -131,7 +131,7 @@ def _pass_through(system, state, point):
     Carried to the middle and back, the values would be off by the same rounding in every segment of the kind.
     """
     powers_above_zero = with_first(powers(-1.0), 0.0)
-    for c in range(2 * system.size[0].dynamic):
+    for c in range(2 * system.counts[0].dynamic):
         channel = _component(system, c)
         state.z[channel, 0] = point[channel] - total(vector(state.z[channel]) * powers_above_zero)
 
@@ -146,7 +146,7 @@ def _set_scales(system, state, i, position, velocity, duration, share):
     """
     mode = state.now[0].automaton.mode
     row, terms = system.acceleration[mode, i], system.reads_forcing[mode, i]
-    rate = system.size[0].coordinates + i
+    rate = system.counts[0].coordinates + i
     if row[i] < 0.0:
         duration = min(duration, (-row[i])**-0.5)
     velocity += sparse_magnitude(row, terms, state.scale) * duration
@@ -165,8 +165,8 @@ def _share_that_stays(state):
 @part
 def fill_accelerations(system, state):
     """Series and scales of the dynamic coordinates' accelerations, from their velocities."""
-    coordinates, first = system.size[0].coordinates, first_acceleration(system.size[0])
-    for i in range(system.size[0].dynamic):
+    coordinates, first = system.counts[0].coordinates, first_acceleration(system.counts[0])
+    for i in range(system.counts[0].dynamic):
         differentiate(state.z[coordinates + i], state.now[0].segment.half, state.z[first + i])
         state.scale[first + i] = form_magnitude(system.acceleration[state.now[0].automaton.mode, i], state.scale)
 
@@ -181,7 +181,7 @@ def solve_dynamic(system, state, point):
     needs_free = _needs_free_motion(system, state, forced, point)
     if needs_free:
         _carry_to_middle(system, state, free, library.free_end[flow], ratio)
-    for c in range(2 * system.size[0].dynamic):
+    for c in range(2 * system.counts[0].dynamic):
         channel = _component(system, c)
         if needs_free:
             # The free motion over the part about the middle of its segment.
@@ -191,8 +191,8 @@ def solve_dynamic(system, state, point):
         else:
             store(z[channel], vector(forced[c]))
     duration, share = 2.0 * state.now[0].segment.half, _share_that_stays(state)
-    for i in range(system.size[0].dynamic):
-        rate = system.size[0].coordinates + i
+    for i in range(system.counts[0].dynamic):
+        rate = system.counts[0].coordinates + i
         _set_scales(system, state, i, abs(z[i, 0]) + abs(z[i, 1]), abs(z[rate, 0]) + abs(z[rate, 1]), duration, share)
     if needs_free:
         _pass_through(system, state, point)
@@ -207,9 +207,9 @@ def hold_dynamic(system, state, held):
     a second their rounding would count as micrometres of a driven body's height, and the body would land above the
     ground.
     """
-    coordinates, share = system.size[0].coordinates, _share_that_stays(state)
-    first = first_acceleration(system.size[0])
-    for i in range(system.size[0].dynamic):
+    coordinates, share = system.counts[0].coordinates, _share_that_stays(state)
+    first = first_acceleration(system.counts[0])
+    for i in range(system.counts[0].dynamic):
         state.z[i] = 0.0
         state.z[i, 0] = held[i]
         state.z[coordinates + i] = 0.0
@@ -220,11 +220,11 @@ def hold_dynamic(system, state, held):
 @part
 def solve_driven(system, state, point):
     """Series of the driven coordinates that pass through `point` at the mode's start."""
-    coordinates, mode = system.size[0].coordinates, state.now[0].automaton.mode
+    coordinates, mode = system.counts[0].coordinates, state.now[0].automaton.mode
     z, segment = state.z, state.now[0].segment
     half, start = segment.half, segment.mode_start
     acceleration = state.scratch.room[0].acceleration[:]
-    for i in range(system.size[0].dynamic, coordinates):
+    for i in range(system.counts[0].dynamic, coordinates):
         row = system.acceleration[mode, i]
         rate = z[coordinates + i]
         if fill_form(row, system.reads_forcing[mode, i], z, acceleration):
@@ -266,7 +266,7 @@ def _solve_coupled(loads, row, half, coordinates, dynamic, motion):
 @part
 def solve_series(system, state, motion):
     """Series of the components of a motion from their constant terms, under the loads in the scratch."""
-    coordinates, dynamic = system.size[0].coordinates, system.size[0].dynamic
+    coordinates, dynamic = system.counts[0].coordinates, system.counts[0].dynamic
     mode, half, load = state.now[0].automaton.mode, state.now[0].segment.half, state.scratch.room[0].load[:]
     rows = system.acceleration[mode]
     if system.coupled[mode]:

@@ -35,7 +35,7 @@ def _is_driven(state):
 @part
 def acceleration_noise(system, state, i, magnitude):
     """What rounding leaves of the acceleration of dynamic coordinate i, however long its motion has died away."""
-    mode, coordinates = state.now[0].automaton.mode, system.size[0].coordinates
+    mode, coordinates = state.now[0].automaton.mode, system.counts[0].coordinates
     row = system.acceleration[mode, i]
     stiffness, damping = -row[i], -row[coordinates + i]
     # Below and beyond critical damping the slower part of the motion ends at these rates [1/s].
@@ -70,7 +70,7 @@ def _balance(system, state, held):
     mode = state.now[0].automaton.mode
     for _ in range(_MOST_SWEEPS):
         moved = False
-        for i in range(system.size[0].dynamic):
+        for i in range(system.counts[0].dynamic):
             row = system.acceleration[mode, i]
             if row[i] < 0.0:
                 balanced = held[i] - _acceleration(row, held) / row[i]
@@ -86,7 +86,7 @@ def is_at_rest(system, state, point, held):
 
     `held`, shape (channels,), receives the positions at which they stay.
     """
-    dynamic, coordinates, first = system.size[0].dynamic, system.size[0].coordinates, first_signal(system.size[0])
+    dynamic, coordinates, first = system.counts[0].dynamic, system.counts[0].coordinates, first_signal(system.counts[0])
     if dynamic == 0 or _is_driven(state):
         return False
     magnitude = state.scratch.magnitude

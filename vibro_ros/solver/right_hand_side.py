@@ -16,7 +16,7 @@ from vibro_ros.solver.taylor import decays, evaluate
 def phase_after(system, state, elapsed):
     """Phase past the start of the turn [rad] and its rate [rad/s], `elapsed` [s] after the step's start."""
     drive, half = state.now[0].drive, state.now[0].segment.half
-    if system.size[0].rotors > 0:  # whose phase is a coordinate
+    if system.counts[0].rotors > 0:  # whose phase is a coordinate
         return 0.0, 0.0
     change = settling_time(drive)
     if 0.0 < change < elapsed:
@@ -61,10 +61,10 @@ def fill_forcing_at(system, state, elapsed, z):
     """Set the channels of signals, ramps, held value and the constant to their values `elapsed` [s] after the step's
     start; those of a rotor's signals follow with its accelerations."""
     _fill_ramps_at(system, state, elapsed, z)
-    if system.size[0].rotors > 0:
-        z[first_ramp(system.size[0]) + 2 * system.size[0].ramps + 1] = state.now[0].motor.held
+    if system.counts[0].rotors > 0:
+        z[first_ramp(system.counts[0]) + 2 * system.counts[0].ramps + 1] = state.now[0].motor.held
         return
-    start, signals, first = system.signals.start, system.size[0].signals, first_signal(system.size[0])
+    start, signals, first = system.signals.start, system.counts[0].signals, first_signal(system.counts[0])
     phase, speed = phase_after(system, state, elapsed)
     cell, _, phase = _cell_of(start, phase, state.now[0].drive.cell)
     scale = 2.0 / (start[cell + 1] - start[cell])
@@ -73,14 +73,14 @@ def fill_forcing_at(system, state, elapsed, z):
         value, slope, curvature = value_and_derivatives(system.signals.series[cell, k], y)
         z[first + k] = value
         z[first + signals + k] = slope * scale * speed
-        if system.size[0].signal_accelerations > 0:
+        if system.counts[0].signal_accelerations > 0:
             change = _change_of_speed(state.now[0].drive, elapsed, speed)
             z[first + 2 * signals + k] = (curvature * scale * speed * speed + slope * change) * scale
 
 
 @part
 def _fill_ramps_at(system, state, elapsed, z):
-    first, ramps = first_ramp(system.size[0]), system.size[0].ramps
+    first, ramps = first_ramp(system.counts[0]), system.counts[0].ramps
     for k in range(ramps):
         ramp = state.ramp[k]
         moving = ramp.rate != 0.0 and elapsed < ramp.time_left
@@ -96,14 +96,14 @@ def accelerate(system, state, mode, z, accelerations):
 
     z receives the accelerations of the dynamic coordinates, the decaying term and what follows from a rotor's phase.
     """
-    coordinates, dynamic = system.size[0].coordinates, system.size[0].dynamic
-    if system.size[0].rotors > 0 or decays(system, mode):
+    coordinates, dynamic = system.counts[0].coordinates, system.counts[0].dynamic
+    if system.counts[0].rotors > 0 or decays(system, mode):
         evaluate(system, state, mode, z)
         for i in range(dynamic):
-            accelerations[i] = z[first_acceleration(system.size[0]) + i]
+            accelerations[i] = z[first_acceleration(system.counts[0]) + i]
     else:
         for i in range(dynamic):
-            accelerations[i] = z[first_acceleration(system.size[0]) + i] = form_value(system.acceleration[mode, i], z)
+            accelerations[i] = z[first_acceleration(system.counts[0]) + i] = form_value(system.acceleration[mode, i], z)
     for i in range(dynamic, coordinates):
         accelerations[i] = form_value(system.acceleration[mode, i], z)
 
@@ -112,7 +112,7 @@ def accelerate(system, state, mode, z, accelerations):
 def advance_values(system, state, elapsed):
     """Move phase and ramps by `elapsed` [s], but not the clock; return what has been reached, as
     `segment.advance_forcing` does."""
-    if system.size[0].rotors > 0:
+    if system.counts[0].rotors > 0:
         return advance_ramps(state, elapsed)
     drive, start = state.now[0].drive, system.signals.start
     phase, speed = phase_after(system, state, elapsed)

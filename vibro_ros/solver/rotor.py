@@ -84,9 +84,9 @@ def slope_row(k):
 @part
 def begin_signals(system, z, series, mirrored):
     """Constant terms of the phase's cosine and sine and of all signals, from that of the phase."""
-    phase = z[system.size[0].dynamic - 2, 0]
+    phase = z[system.counts[0].dynamic - 2, 0]
     series[_COSINE, 0], series[_SINE, 0] = math.cos(phase), math.sin(phase)
-    for k in range(system.size[0].signals):
+    for k in range(system.counts[0].signals):
         _begin_signal(system, k, series, mirrored)
 
 
@@ -98,17 +98,18 @@ def turn_signals(system, z, n, step, series, mirrored):
     Every sum over known coefficients comes before what the newest ones add to it: a vector that is read just after one
     of its numbers was written would wait for that.
     """
-    size = system.size[0]
-    rate, first = z[size.coordinates + size.dynamic - 2, n], first_signal(size)
+    counts = system.counts[0]
+    rate, first = z[counts.coordinates + counts.dynamic - 2, n], first_signal(counts)
     turned = mirrored[_RATE]
     cosine = -step * (product_coefficient(series[_SINE], turned, n) + series[_SINE, 0] * rate)
     sine = step * (product_coefficient(series[_COSINE], turned, n) + series[_COSINE, 0] * rate)
-    for k in range(size.signals):
+    for k in range(counts.signals):
         row = _SIGNALS + _PER_SIGNAL * k
         b, slopes = system.rotor.signal[k, 3], series[row + 4]
         z[first + k, n] = series[row + 3, n]
-        z[first + size.signals + k, n] = product_coefficient(slopes, turned, n) + slopes[0] * rate
-        change = product_coefficient(slopes, turned, n + 1) + slopes[1] * rate if size.signal_accelerations > 0 else 0.0
+        z[first + counts.signals + k, n] = product_coefficient(slopes, turned, n) + slopes[0] * rate
+        change = (product_coefficient(slopes, turned, n + 1) + slopes[1] * rate
+                  if counts.signal_accelerations > 0 else 0.0)
         along = system.rotor.signal[k, 0] * (system.rotor.signal[k, 1] * cosine + system.rotor.signal[k, 2] * sine)
         across = system.rotor.signal[k, 0] * (system.rotor.signal[k, 1] * sine - system.rotor.signal[k, 2] * cosine)
         if b < 0.0:
@@ -123,9 +124,9 @@ def turn_signals(system, z, n, step, series, mirrored):
             signal = along + root
             slope = -inverse * (quotient + series[row + 1, 0] * signal + across * series[row + 3, 0]
                                 + slopes[0] * root)
-        if size.signal_accelerations > 0:
+        if counts.signal_accelerations > 0:
             of_first = rate if n == 0 else turned[LENGTH]
-            z[first + 2 * size.signals + k, n] = (change + slope * of_first) / step
+            z[first + 2 * counts.signals + k, n] = (change + slope * of_first) / step
         _put_signal(k, n + 1, along, across, root, signal, slope, series, mirrored)
     series[_COSINE, n + 1], series[_SINE, n + 1], turned[LENGTH - n] = cosine, sine, rate
 
@@ -133,7 +134,7 @@ def turn_signals(system, z, n, step, series, mirrored):
 @part
 def _count_turns(system, state, point):
     """Keep the phase within a turn, where its digits are as fine as they can be."""
-    phase, drive = system.size[0].dynamic - 2, state.now[0].drive
+    phase, drive = system.counts[0].dynamic - 2, state.now[0].drive
     while _TURN <= point[phase] < _LOST:
         point[phase] -= _TURN
         drive.turns += 1
@@ -183,8 +184,8 @@ def _time_to_sample(system, state):
 @part
 def read_phase(system, point):
     """Phase [rad] and its rate [rad/s] at `point`."""
-    phase = system.size[0].dynamic - 2
-    return point[phase], point[system.size[0].coordinates + phase]
+    phase = system.counts[0].dynamic - 2
+    return point[phase], point[system.counts[0].coordinates + phase]
 
 
 @part

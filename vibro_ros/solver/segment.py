@@ -91,7 +91,7 @@ def _significant_terms(ratio):
 @part
 def _fill_parts(system, state, polynomials, middle, slope, shift_size):
     """Polynomials of the signals over a part of the cell, from those over all of it; a negative slope mirrors them."""
-    drive, first = state.now[0].drive, first_signal(system.size[0])
+    drive, first = state.now[0].drive, first_signal(system.counts[0])
     targets = state.z[first:first + len(polynomials)]
     ratio = 0.5 * _cell_width(system, drive) * abs(slope) * (1.0 + shift_size) / system.signals.reach[drive.cell]
     recentre(polynomials, middle, _significant_terms(ratio), targets)
@@ -119,8 +119,8 @@ def _size(shift, terms):
 @part
 def _fill_changing_signals(system, state):
     segment, drive, shift = state.now[0].segment, state.now[0].drive, state.scratch.room[0].shift[:]
-    first, width = first_signal(system.size[0]), _cell_width(system, drive)
-    targets = state.z[first:first + system.size[0].signals]
+    first, width = first_signal(system.counts[0]), _cell_width(system, drive)
+    targets = state.z[first:first + system.counts[0].signals]
     middle, slope, terms = fill_shift(drive, segment.half, width, shift)
     size = _size(shift, terms)
     _fill_parts(system, state, system.signals.series[drive.cell], drive.direction * middle, drive.direction * slope,
@@ -146,9 +146,9 @@ def _fill_signals(system, state):
 def _raise_acceleration_scales(system, state):
     """Let the signals' accelerations have the scale of their terms over the cell: in a short segment about a zero they
     are sums of these, and much smaller."""
-    drive, first = state.now[0].drive, first_signal(system.size[0]) + 2 * system.size[0].signals
+    drive, first = state.now[0].drive, first_signal(system.counts[0]) + 2 * system.counts[0].signals
     speed = max(abs(drive.speed), abs(drive.target)) * 2.0 / _cell_width(system, drive)
-    for k in range(system.size[0].signal_accelerations):
+    for k in range(system.counts[0].signal_accelerations):
         terms = total(vector(SECOND) * abs(vector(system.signals.series[drive.cell, k])))
         state.scale[first + k] += terms * speed * speed
 
@@ -157,22 +157,22 @@ def _raise_acceleration_scales(system, state):
 def fill_forcing(system, state):
     """Polynomials of the signals, the ramps, their rates and the constant over the segment."""
     half, z = state.now[0].segment.half, state.z
-    first, signals, ramps = first_signal(system.size[0]), system.size[0].signals, system.size[0].ramps
+    first, signals, ramps = first_signal(system.counts[0]), system.counts[0].signals, system.counts[0].ramps
     _fill_signals(system, state)
     for channel in range(first, first + signals):
         differentiate(z[channel], half, z[channel + signals])
-    for channel in range(first + signals, first + signals + system.size[0].signal_accelerations):
+    for channel in range(first + signals, first + signals + system.counts[0].signal_accelerations):
         differentiate(z[channel], half, z[channel + signals])
     for k in range(ramps):
         ramp = state.ramp[k]
-        channel = first_ramp(system.size[0]) + k
+        channel = first_ramp(system.counts[0]) + k
         z[channel, 0] = ramp.value + ramp.rate * half
         z[channel, 1] = ramp.rate * half
         z[channel + ramps, 0] = ramp.rate
     z[len(z) - 1, 0] = 1.0
     for channel in range(first, len(z)):
         state.scale[channel] = abs(z[channel, 0]) + abs(z[channel, 1])
-    if system.size[0].signal_accelerations > 0:
+    if system.counts[0].signal_accelerations > 0:
         _raise_acceleration_scales(system, state)
 
 
@@ -182,8 +182,8 @@ def read_signals(system, state, values):
     system, state = system_of(system), state_of(state)
     choose_segment(system, state)
     fill_forcing(system, state)
-    for k in range(system.size[0].signals):
-        values[k] = value(state.z[first_signal(system.size[0]) + k], -1.0)
+    for k in range(system.counts[0].signals):
+        values[k] = value(state.z[first_signal(system.counts[0]) + k], -1.0)
 
 
 @part
@@ -213,7 +213,7 @@ def advance_forcing(system, state, x):
     """
     drive = state.now[0].drive
     elapsed = state.now[0].segment.half * (x + 1.0)
-    if system.size[0].rotors > 0:  # whose phase is a coordinate
+    if system.counts[0].rotors > 0:  # whose phase is a coordinate
         advance_clock(state, elapsed)
         return advance_ramps(state, elapsed)
     advance, speed = phase_advance(drive, elapsed)

@@ -191,12 +191,12 @@ def land(shock, along, across, up, speed, fall):
 @part
 def strike(system, state, number, point, after):
     """Fill `after` with the channels that follow `point` by a shock; return which of the shock's candidates follows."""
-    size, table = system.size[0], system.shock
-    shock, coordinates, phase = table.numbers[number], size.coordinates, size.dynamic - 2
+    counts, table = system.counts[0], system.shock
+    shock, coordinates, phase = table.numbers[number], counts.coordinates, counts.dynamic - 2
     inertia, of_speed, of_rise, series = shock.rotor, 0.0, 0.0, state.scratch.room[0].series[:]
-    if size.rotors > 0:
+    if counts.rotors > 0:
         evaluate(system, state, state.now[0].automaton.mode, point)
-        for k in range(size.signals):
+        for k in range(counts.signals):
             slope = series[slope_row(k), 0]
             inertia += table.mass[k] * slope * slope
             of_speed += table.momentum[k, 0] * slope
@@ -216,10 +216,10 @@ def strike(system, state, number, point, after):
         if shock.body != NOTHING:
             after[coordinates + shock.body] = speed_after
     else:
-        plate, struck = first_ramp(size) + shock.plate, coordinates + shock.struck
-        approach = point[struck] - point[plate + size.ramps]
+        plate, struck = first_ramp(counts) + shock.plate, coordinates + shock.struck
+        approach = point[struck] - point[plate + counts.ramps]
         after[shock.struck] = point[plate]
-        after[struck] = point[plate + size.ramps] - shock.restitution * approach
+        after[struck] = point[plate + counts.ramps] - shock.restitution * approach
         impulse = (1.0 + shock.restitution) * approach
         if shock.lifts:
             area = along * up - across * across
@@ -231,13 +231,13 @@ def strike(system, state, number, point, after):
         if shock.body != NOTHING:
             after[coordinates + shock.body] += change
             outcome = 1 if after[coordinates + shock.body] < 0.0 else 0
-    for i in range(size.dynamic):
+    for i in range(counts.dynamic):
         after[coordinates + i] -= table.direction[number, i, 0] * change - table.direction[number, i, 1] * drop
     outcome = min(outcome, shock.states - 1)
-    if size.rotors == 0:
+    if counts.rotors == 0:
         return outcome
     rate = point[coordinates + phase] - (of_speed * change - of_rise * drop) / inertia
     after[coordinates + phase] = rate
-    for k in range(size.signals):
-        after[first_signal(size) + size.signals + k] = series[slope_row(k), 0] * rate
+    for k in range(counts.signals):
+        after[first_signal(counts) + counts.signals + k] = series[slope_row(k), 0] * rate
     return 2 * outcome + (1 if rate < 0.0 else 0) if shock.has_bearing else outcome

@@ -245,7 +245,7 @@ def lasting(state: State) -> list[np.ndarray]:
 
 
 def _empty_library(system: System) -> Library:
-    components = 2 * int(system.size["dynamic"][0])
+    components = 2 * int(system.counts["dynamic"][0])
     flows = int(system.flow.max(initial=0)) + 1
     if len(system.rotor.controller):  # whose flows are not linear: nothing is shared
         flows = 0
@@ -272,7 +272,7 @@ def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode:
     ValueError
         For a system of more than `MOST_DYNAMIC` dynamic coordinates.
     """
-    channels = channels_of(system.size)
+    channels = channels_of(system.counts)
     if channels.dynamic > MOST_DYNAMIC:
         raise ValueError(f"the system has {channels.dynamic} dynamic coordinates; give at most {MOST_DYNAMIC}")
     state = State(

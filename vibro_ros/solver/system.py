@@ -112,39 +112,39 @@ def record(fields: list[tuple]) -> np.dtype:
     return np.dtype((np.record, np.dtype(fields, align=True)))
 
 
-#: `Channels` as kernels read it: `system.size[0].coordinates`.
-SIZE = record([(name, np.int64) for name in Channels._fields])
+#: `Channels` as kernels read it: `system.counts[0].coordinates`.
+COUNTS = record([(name, np.int64) for name in Channels._fields])
 
 
-def size_of(channels: Channels) -> np.ndarray:
-    """`System.size` of a system with these channels."""
-    return np.array([tuple(channels)], SIZE)
+def counts_of(channels: Channels) -> np.ndarray:
+    """`System.counts` of a system with these channels."""
+    return np.array([tuple(channels)], COUNTS)
 
 
-def channels_of(size: np.ndarray) -> Channels:
-    """Where each channel of a system with this `System.size` stands in z."""
-    return Channels(*(int(number) for number in size[0]))
+def channels_of(counts: np.ndarray) -> Channels:
+    """Where each channel of a system with this `System.counts` stands in z."""
+    return Channels(*(int(number) for number in counts[0]))
 
 
 # Where the channels of one kind begin, for kernels, which can call no methods.
 
 
 @part
-def first_acceleration(size):
+def first_acceleration(counts):
     """Channel of the first dynamic coordinate's acceleration."""
-    return 2 * size.coordinates
+    return 2 * counts.coordinates
 
 
 @part
-def first_signal(size):
+def first_signal(counts):
     """Channel of the first signal; those of the signals' rates, and of their accelerations, follow the signals."""
-    return 2 * size.coordinates + size.dynamic
+    return 2 * counts.coordinates + counts.dynamic
 
 
 @part
-def first_ramp(size):
+def first_ramp(counts):
     """Channel of the first ramp; those of the ramps' rates follow the ramps."""
-    return 2 * size.coordinates + size.dynamic + 2 * size.signals + size.signal_accelerations
+    return 2 * counts.coordinates + counts.dynamic + 2 * counts.signals + counts.signal_accelerations
 
 
 #: Half a segment as part of the distance to the signals' nearest singularity: 0.225^LENGTH is rounding. With 0.22 a
@@ -340,7 +340,7 @@ class System(NamedTuple):
 
     Attributes
     ----------
-    size : ndarray of SIZE, shape (1,)
+    counts : ndarray of COUNTS, shape (1,)
         Numbers of coordinates, dynamic coordinates, signals, ramps, decaying terms and accelerations of signals.
     acceleration : ndarray, shape (m, coordinates, channels)
         Rows of A.
@@ -404,7 +404,7 @@ class System(NamedTuple):
         The shocks that no jump matrix gives.
     """
 
-    size: np.ndarray
+    counts: np.ndarray
     acceleration: np.ndarray
     flow: np.ndarray
     coupled: np.ndarray

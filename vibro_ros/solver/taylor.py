@@ -102,19 +102,20 @@ def _has_faded(system, mode, speed):
 @part
 def is_linear(system, mode, point):
     """Whether the flow that begins at `point` is linear."""
-    if system.size[0].rotors > 0:
+    if system.counts[0].rotors > 0:
         return False
     return not decays(system, mode) or _has_faded(
-        system, mode, point[system.size[0].coordinates + system.decay.coordinate[0]])
+        system, mode, point[system.counts[0].coordinates + system.decay.coordinate[0]])
 
 
 @part
 def _respond(system, mode, series, of_phase, has_term, response):
     """Store what a unit of the phase's acceleration (`of_phase`), or of d, adds to the other accelerations and to the
     loads of the signals; return what it adds to the torque and to f."""
-    size, torque, factor = system.size[0], 0.0, 0.0
-    first, of_signals, decay = first_acceleration(size), first_signal(size) + 2 * size.signals, system.row.shape[1] - 2
-    masses, shaken = size.dynamic - 2 * size.rotors, size.signals if of_phase and size.signal_accelerations > 0 else 0
+    counts, torque, factor = system.counts[0], 0.0, 0.0
+    first, of_signals = first_acceleration(counts), first_signal(counts) + 2 * counts.signals
+    masses, decay = counts.dynamic - 2 * counts.rotors, system.row.shape[1] - 2
+    shaken = counts.signals if of_phase and counts.signal_accelerations > 0 else 0
     for i in range(masses):
         response[i] = 0.0 if of_phase else system.acceleration[mode, i, decay]
         for k in range(shaken):
@@ -124,8 +125,8 @@ def _respond(system, mode, series, of_phase, has_term, response):
     for k in range(shaken):
         if has_term:
             factor += system.decay.factor[mode, of_signals + k] * series[slope_row(k), 0]
-    if size.rotors > 0:
-        for k in range(size.signals):
+    if counts.rotors > 0:
+        for k in range(counts.signals):
             load = 0.0 if of_phase else system.rotor.load[mode, k, decay]
             for j in range(shaken):
                 load += system.rotor.load[mode, k, of_signals + j] * series[slope_row(j), 0]
@@ -142,20 +143,20 @@ def _fill_accelerations(system, mode, z, n, series, mirrored, loads, has_term, o
 
     `of_phase` and `of_term` are what a unit of the phase's acceleration, and of d, adds to the torque and to f.
     """
-    size, e, f = system.size[0], series[_EXPONENTIAL], series[_FACTOR]
-    phase, first, torque = size.dynamic - 2, first_acceleration(size), first_ramp(size) + 2 * size.ramps
-    masses, decay, pull, change, term = size.dynamic - 2 * size.rotors, len(z) - 2, 0.0, 0.0, 0.0
+    counts, e, f = system.counts[0], series[_EXPONENTIAL], series[_FACTOR]
+    phase, first, torque = counts.dynamic - 2, first_acceleration(counts), first_ramp(counts) + 2 * counts.ramps
+    masses, decay, pull, change, term = counts.dynamic - 2 * counts.rotors, len(z) - 2, 0.0, 0.0, 0.0
     # First without coefficient n of the phase's acceleration, and without what coefficient n of f adds to that of d.
-    if size.decays > 0:
+    if counts.decays > 0:
         z[decay, n] = 0.0
         if has_term:
             for j in range(n):
                 z[decay, n] += f[j] * e[n - j]
     for i in range(masses):
         z[first + i, n] = _row_at(system.acceleration[mode, i], system.reads_all[mode, i], z, n)
-    if size.rotors > 0:
+    if counts.rotors > 0:
         z[torque, n] = 0.0
-        for k in range(size.signals):
+        for k in range(counts.signals):
             known = product_coefficient(loads[k], mirrored[slope_row(k)], n)  # before the load's own is there
             loads[k, n] = load = _row_at(system.rotor.load[mode, k], system.rotor.load_terms[mode, k], z, n)
             z[torque, n] += known + load * series[slope_row(k), 0]
@@ -172,18 +173,18 @@ def _fill_accelerations(system, mode, z, n, series, mirrored, loads, has_term, o
         z[decay, n] += term
         for i in range(masses):
             z[first + i, n] += series[_OF_TERM, i] * term
-        if size.rotors > 0:
+        if counts.rotors > 0:
             z[torque, n] += of_term[0] * term
-            for k in range(size.signals):
+            for k in range(counts.signals):
                 loads[k, n] += series[_OF_TERM, _LOADS + k] * term
-    elif size.signal_accelerations > 0:
+    elif counts.signal_accelerations > 0:
         change /= own
-    if size.rotors > 0:
-        if size.signal_accelerations > 0:
+    if counts.rotors > 0:
+        if counts.signal_accelerations > 0:
             for i in range(masses):
                 z[first + i, n] += series[_OF_PHASE, i] * change
-            for k in range(size.signals):
-                z[first_signal(size) + 2 * size.signals + k, n] += series[slope_row(k), 0] * change
+            for k in range(counts.signals):
+                z[first_signal(counts) + 2 * counts.signals + k, n] += series[slope_row(k), 0] * change
                 loads[k, n] += series[_OF_PHASE, _LOADS + k] * change
             z[torque, n] += of_phase[0] * change
         z[first + phase, n] = change
@@ -206,37 +207,37 @@ def fill_series(system, mode, duration, orders, z, room):
     room : record
         The scratch's; its `series`, `mirrored` and `load` are overwritten.
     """
-    size, series, mirrored, loads = system.size[0], room.series[:], room.mirrored[:], room.load[:]
-    coordinates, first, charge, body = size.coordinates, first_acceleration(size), size.dynamic - 1, 0
+    counts, series, mirrored, loads = system.counts[0], room.series[:], room.mirrored[:], room.load[:]
+    coordinates, first, charge, body = counts.coordinates, first_acceleration(counts), counts.dynamic - 1, 0
     has_term, of_phase, of_term = False, (0.0, 0.0), (0.0, 0.0)
-    if size.rotors > 0:
+    if counts.rotors > 0:
         series[:], mirrored[:], loads[:] = 0.0, 0.0, 0.0
     if decays(system, mode):
         body = system.decay.coordinate[0]
         has_term = not _has_faded(system, mode, z[coordinates + body, 0])
         # A speed beyond zero is rounding, or a step of fixed length that has passed the stop.
         series[_EXPONENTIAL, 0] = math.exp(min(system.decay.rate[mode] * z[coordinates + body, 0], 0.0))
-    if size.rotors > 0:
+    if counts.rotors > 0:
         begin_signals(system, z, series, mirrored)
         of_phase = _respond(system, mode, series, True, has_term, series[_OF_PHASE])
     if has_term:
         of_term = _respond(system, mode, series, False, True, series[_OF_TERM])
     for n in range(orders):
         step = duration / (n + 1)
-        if size.rotors > 0:
+        if counts.rotors > 0:
             turn_signals(system, z, n, step, series, mirrored)
             if system.rotor.algebraic[mode]:
                 z[coordinates + charge, n] = _row_at(system.rotor.current[mode], system.rotor.current_terms[mode], z, n)
         _fill_accelerations(system, mode, z, n, series, mirrored, loads, has_term, of_phase, of_term)
-        if size.rotors > 0:
+        if counts.rotors > 0:
             z[first + charge, n] = _row_at(system.acceleration[mode, charge], system.reads_all[mode, charge], z, n)
         if n + 1 == orders:
             return
-        for i in range(size.dynamic):
+        for i in range(counts.dynamic):
             z[i, n + 1] = step * z[coordinates + i, n]
             z[coordinates + i, n + 1] = step * z[first + i, n]
         if has_term:
-            if body >= size.dynamic:
+            if body >= counts.dynamic:
                 z[body, n + 1] = step * z[coordinates + body, n]
                 z[coordinates + body, n + 1] = step * _row_at(
                     system.acceleration[mode, body], system.reads_all[mode, body], z, n)
@@ -282,17 +283,18 @@ def _to_local_time(z, ratio):
 @part
 def _set_scales(system, state):
     """Magnitudes of the terms that make up each channel, of which guards take their rounding error."""
-    size, z, scale, mode = system.size[0], state.z, state.scale, state.now[0].automaton.mode
-    first, torque, masses = first_acceleration(size), first_ramp(size) + 2 * size.ramps, size.dynamic - 2 * size.rotors
-    known = first_signal(size) if size.rotors > 0 else len(z)  # without a rotor, the forcing has its scales
+    counts, z, scale, mode = system.counts[0], state.z, state.scale, state.now[0].automaton.mode
+    first, torque = first_acceleration(counts), first_ramp(counts) + 2 * counts.ramps
+    coordinates, masses = counts.coordinates, counts.dynamic - 2 * counts.rotors
+    known = first_signal(counts) if counts.rotors > 0 else len(z)  # without a rotor, the forcing has its scales
     for channel in range(len(z)):
-        if channel < size.dynamic or size.coordinates <= channel < size.coordinates + size.dynamic or known <= channel:
+        if channel < counts.dynamic or coordinates <= channel < coordinates + counts.dynamic or known <= channel:
             scale[channel] = abs(z[channel, 0]) + abs(z[channel, 1])
-    if size.rotors > 0 and size.signal_accelerations > 0:  # differences of larger terms
-        rate = scale[size.coordinates + size.dynamic - 2]
-        for k in range(size.signals):
-            scale[first_signal(size) + 2 * size.signals + k] += system.rotor.signal[k, 0] * rate * rate
-    if size.decays > 0:
+    if counts.rotors > 0 and counts.signal_accelerations > 0:  # differences of larger terms
+        rate = scale[coordinates + counts.dynamic - 2]
+        for k in range(counts.signals):
+            scale[first_signal(counts) + 2 * counts.signals + k] += system.rotor.signal[k, 0] * rate * rate
+    if counts.decays > 0:
         scale[len(z) - 2] = 0.0
         if decays(system, mode):  # f, whose terms may be those that d moves; e is 1 at most
             for i in range(masses):
@@ -300,48 +302,48 @@ def _set_scales(system, state):
             scale[len(z) - 2] = form_magnitude(system.decay.factor[mode], scale)
     for i in range(masses):
         scale[first + i] = form_magnitude(system.acceleration[mode, i], scale)
-    if size.rotors > 0:
-        for k in range(size.signals):
+    if counts.rotors > 0:
+        for k in range(counts.signals):
             a, b = system.rotor.signal[k, 0], system.rotor.signal[k, 3]
             slope = a * (1.0 + a / math.sqrt(b)) if b > 0.0 else a  # the largest
             load = sparse_magnitude(system.rotor.load[mode, k], system.rotor.load_terms[mode, k], scale)
             scale[torque] += slope * load
-        for i in range(masses, size.dynamic):
+        for i in range(masses, counts.dynamic):
             scale[first + i] = form_magnitude(system.acceleration[mode, i], scale)
     # A force is rounded, and moves what no spring of its own holds, for as long as the segment lasts.
-    for i in range(size.dynamic):
+    for i in range(counts.dynamic):
         duration, stiffness = 2.0 * state.now[0].segment.half, -system.acceleration[mode, i, i]
         if stiffness > 0.0:
             duration = min(duration, stiffness**-0.5)
-        scale[size.coordinates + i] += scale[first + i] * duration
-        scale[i] += scale[size.coordinates + i] * duration
+        scale[coordinates + i] += scale[first + i] * duration
+        scale[i] += scale[coordinates + i] * duration
 
 
 @part
 def _fill_known_motor(system, state, trial):
     """Constant terms of what a rotor's series begin with, and the ramps' slopes over the `trial` [s]."""
-    size, z = system.size[0], state.z
+    counts, z = system.counts[0], state.z
     z[:] = 0.0
-    for k in range(size.ramps):
-        channel = first_ramp(size) + k
+    for k in range(counts.ramps):
+        channel = first_ramp(counts) + k
         z[channel, 0], z[channel, 1] = state.ramp[k].value, state.ramp[k].rate * trial
-        z[channel + size.ramps, 0] = state.ramp[k].rate
-    z[first_ramp(size) + 2 * size.ramps + 1, 0] = state.now[0].motor.held
+        z[channel + counts.ramps, 0] = state.ramp[k].rate
+    z[first_ramp(counts) + 2 * counts.ramps + 1, 0] = state.now[0].motor.held
     z[len(z) - 1, 0] = 1.0
 
 
 @part
 def _fill_known_forcing(system, state, duration):
     """Forcing over the segment, which lasts `duration` [s], in y = 0 ... 1."""
-    size, z, moved = system.size[0], state.z, state.scratch.room[0].load[:]
-    first, ramp = first_signal(size), first_ramp(size)
+    counts, z, moved = system.counts[0], state.z, state.scratch.room[0].load[:]
+    first, ramp = first_signal(counts), first_ramp(counts)
     fill_forcing(system, state)
-    for channel in range(first, first + size.signals):
+    for channel in range(first, first + counts.signals):
         recentre(z[channel:channel + 1], -1.0, LENGTH, moved[:1])
         scale_argument(moved[0], 2.0, z[channel])
-    for channel in range(first, first + size.signals + size.signal_accelerations):
-        differentiate(z[channel], duration, z[channel + size.signals])
-    for channel in range(ramp, ramp + size.ramps):
+    for channel in range(first, first + counts.signals + counts.signal_accelerations):
+        differentiate(z[channel], duration, z[channel + counts.signals])
+    for channel in range(ramp, ramp + counts.ramps):
         z[channel, 0] -= z[channel, 1]
         z[channel, 1] *= 2.0
 
@@ -349,9 +351,9 @@ def _fill_known_forcing(system, state, duration):
 @part
 def solve_by_taylor(system, state, point):
     """Begin a segment at `point`, where the flow starts: its duration, and the series of all that moves by itself."""
-    size, now, z, room = system.size[0], state.now[0], state.z, state.scratch.room[0]
+    counts, now, z, room = system.counts[0], state.now[0], state.z, state.scratch.room[0]
     mode, segment = now.automaton.mode, now.segment
-    if size.rotors > 0:
+    if counts.rotors > 0:
         enter_rotor(system, state, point)
         _, rate = read_phase(system, point)
         longest = longest_rotor_segment(system, state)
@@ -362,25 +364,26 @@ def solve_by_taylor(system, state, point):
         choose_segment(system, state)
         longest = trial = 2.0 * segment.half
         _fill_known_forcing(system, state, trial)
-    for channel in range(2 * size.coordinates):
+    for channel in range(2 * counts.coordinates):
         z[channel, 0] = point[channel]
     ratio = 0.0
     for _ in range(_MOST_TRIALS):
         fill_series(system, mode, trial, LENGTH, z, room)
         ratio = longest / trial
-        for i in range(size.dynamic):
-            ratio = min(ratio, _resolved_part(z[size.coordinates + i]))
+        for i in range(counts.dynamic):
+            ratio = min(ratio, _resolved_part(z[counts.coordinates + i]))
         if decays(system, mode):
-            ratio = min(ratio, _resolved_part(z[size.coordinates + system.decay.coordinate[0]]))
+            ratio = min(ratio, _resolved_part(z[counts.coordinates + system.decay.coordinate[0]]))
         if ratio > _SHORTER:
             break
         trial *= _SHORTER
         for channel in range(len(z)):
             scale_argument(z[channel], _SHORTER, z[channel])
-    if not ratio > 0.0 or (size.rotors > 0 and abs(read_phase(system, point)[1]) > _RUNAWAY):
+    if not ratio > 0.0 or (counts.rotors > 0 and abs(read_phase(system, point)[1]) > _RUNAWAY):
         point[0] = math.nan  # the run ends here
-    if size.rotors > 0:
-        point[size.coordinates + size.dynamic - 1] = z[size.coordinates + size.dynamic - 1, 0]  # a current may jump
+    if counts.rotors > 0:
+        current = counts.coordinates + counts.dynamic - 1
+        point[current] = z[current, 0]  # which may jump
     for channel in range(len(state.mode_point)):
         state.mode_point[channel] = point[channel]
     _to_local_time(z, ratio)
@@ -394,7 +397,7 @@ def end_where_term_returns(system, state):
     segment, automaton, mode = state.now[0].segment, state.now[0].automaton, state.now[0].automaton.mode
     if not decays(system, mode) or segment.next_event <= segment.mode_start:
         return
-    rate, velocity = system.decay.rate[mode], system.size[0].coordinates + system.decay.coordinate[0]
+    rate, velocity = system.decay.rate[mode], system.counts[0].coordinates + system.decay.coordinate[0]
     if not _has_faded(system, mode, state.mode_point[velocity]):
         return
     guard = state.scratch.room[0].guard[:]
