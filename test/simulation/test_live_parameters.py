@@ -29,8 +29,10 @@ def test_another_floor_goes_on_from_the_same_state_and_keeps_the_energy_balance(
         before = device.state
         device.set_parameters({"ground.friction": friction})
         after = device.state
-        for name in ("body_position", "body_velocity", "upper_position", "inclined_velocity", "crank_angle"):
+        for name in ("body_position", "body_velocity", "upper_position", "inclined_velocity"):
             assert getattr(before, name) == getattr(after, name)
+        # The segment that begins here counts the phase from another place: the last digit of its sum may differ.
+        assert after.crank_angle == pytest.approx(before.crank_angle, rel=3e-16, abs=0.0)
         device.advance_to(device.time + 0.05)
     assert abs(device.statistics["energy_accounts"]["residual"]) < 1e-12  # J, of some joules exchanged
 

@@ -21,7 +21,6 @@ def progress(monkeypatch) -> Progress:
     planted = Progress()
     monkeypatch.setattr(preparation, "progress", planted)
     monkeypatch.setattr(preparation, "REPORTS", 0.0)
-    monkeypatch.setattr(preparation, "FIRST", 0.0)
     return planted
 
 

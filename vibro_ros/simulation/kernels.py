@@ -39,9 +39,15 @@ def compile_kernels(method: str = "exact") -> None:
     """Compile the numerical kernels of a `solver.method`, or load them from the cache; the first time, in a process."""
     if method in compiled_methods:
         return
-    if not is_stored(method):
-        _store_in_a_process(method)
-    _compile_all(method)  # that is, load, unless the process has failed: then its error comes here
+    if is_stored(method):
+        _compile_all(method)  # that is, load
+    else:
+        progress.under_way.append("kernels")
+        try:
+            _store_in_a_process(method)
+            _compile_all(method)  # that is, load, unless the process has failed: then its error comes here
+        finally:
+            progress.under_way.pop()
     compiled_methods.add(method)
 
 
@@ -59,18 +65,14 @@ def _store_in_a_process(method: str) -> None:
     """Compile and store all kernels; the process finds this package where this one does."""
     program = f"from vibro_ros.simulation.kernels import store_kernels; store_kernels({method!r})"
     environment = {**os.environ, **store_environment(), "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    progress.under_way.append("kernels")
-    try:
-        with suppress(OSError), subprocess.Popen(
-                [sys.executable, "-c", program], env=environment, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL, start_new_session=True) as process:
-            try:
-                process.wait()
-            finally:
-                process.kill()
-        progress.done.append("kernels")
-    finally:
-        progress.under_way.pop()
+    with suppress(OSError), subprocess.Popen(
+            [sys.executable, "-c", program], env=environment, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL, start_new_session=True) as process:
+        try:
+            process.wait()
+        finally:
+            process.kill()
+    progress.done.append("kernels")
 
 
 def store_kernels(method: str) -> None:

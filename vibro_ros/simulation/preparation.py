@@ -18,7 +18,6 @@ from vibro_ros.solver.compilation import progress
 POLL = 0.05  # s, between two looks whether the work is done
 REPORTS = 10.0  # s, between two lines that say how far it is
 RENEWAL = 0.5  # s, after which the one line on a terminal is written again
-FIRST = 1.0  # s, after which kernels are not loaded but compiled, and that is said
 _STACK = 64 * 2**20  # bytes; the compiler's recursion is deep, and the usual stack of a thread is 2 MiB in some shells
 
 Result = TypeVar("Result")
@@ -35,8 +34,7 @@ class CompilationReport:
 
     def __init__(self, tell: Callable[[str], object]):
         self._tell, self._terminal = tell, sys.stderr.isatty()
-        self._begun, self._compiled = time.monotonic(), len(progress.done)
-        self._due, self._told = self._begun + FIRST, False
+        self._begun, self._due, self._compiled = time.monotonic(), 0.0, len(progress.done)
 
     def look(self) -> None:
         """Say how far it is, if that is due."""
@@ -44,9 +42,8 @@ class CompilationReport:
         if not under_way or now < self._due:
             return
         text = f"compiling {under_way[0]}, {now - self._begun:.0f} s so far"
-        if not self._told:
+        if not self._due:
             self._tell("compiling: the first start after an update takes half a minute; Ctrl-C stops it")
-            self._told = True
         elif self._terminal:  # the cursor goes back, so that whatever is written next takes the line's place
             self._renew(text)
         else:
@@ -55,7 +52,7 @@ class CompilationReport:
 
     def end(self) -> None:
         """Say why kernels are not kept."""
-        if self._terminal and self._told:
+        if self._terminal and self._due:
             self._renew("")
         if progress.unwritable and len(progress.done) > self._compiled:
             self._tell(f"the compiled kernels cannot be kept: {progress.unwritable}; every start compiles them again. "

@@ -39,7 +39,7 @@ class Progress:
     Attributes
     ----------
     under_way, done, loaded : list of str
-        Kernels that are being compiled or looked for, that have been compiled, and that were in the cache.
+        Kernels that are being compiled, that have been compiled, and that were in the cache.
     unwritable : str
         Why compiled kernels are not stored: folder and reason; empty if they are.
     """
@@ -98,14 +98,15 @@ def compile_entry(kernel: Callable, arguments: tuple) -> None:
     kinds = tuple(map(numba.typeof, arguments))
     if _store is None or kinds in kernel.overloads:
         return
-    progress.under_way.append(kernel.__name__)
     try:
         _compile(kernel, kinds)
     except Exception:
         _store.discard()
-        _compile(kernel, kinds)
-    finally:
-        progress.under_way.pop()
+        progress.under_way.append(kernel.__name__)
+        try:
+            _compile(kernel, kinds)
+        finally:
+            progress.under_way.pop()
     (progress.loaded if kernel.stats.cache_hits else progress.done).append(kernel.__name__)
 
 
