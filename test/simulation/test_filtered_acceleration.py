@@ -108,3 +108,14 @@ def test_a_forged_filter_is_refused():
 def test_no_filter_by_steps_of_fixed_length():
     with pytest.raises(ValueError, match="choose exact"):
         Simulator(load_scene("paper").with_parameters({"solver.method": "rk4"}), BANDWIDTH)
+
+
+def test_whoever_reads_the_energy_leaves_the_filter_alone():
+    """The accounts end a copy of the mode, and with the mode its filters."""
+    scene = load_scene("device").with_parameters({"motor.speed": 100.0, "solver.accounts": True})
+    device, left_alone = Simulator(scene, BANDWIDTH), Simulator(scene, BANDWIDTH)
+    for tick in range(1, 101):
+        for one in (device, left_alone):
+            one.advance_to(0.005 * tick)
+        assert abs(device.statistics["energy_accounts"]["residual"]) < 1e-9
+    assert device.filtered_acceleration() == left_alone.filtered_acceleration()
