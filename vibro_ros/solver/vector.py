@@ -19,8 +19,8 @@ from collections.abc import Callable
 import numba
 import numpy as np
 from llvmlite import ir
-from numba.core import cgutils, types
-from numba.core.errors import TypingError
+from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
 
 #: Numbers in a vector. A flow's series is cut where 1.7^n / n! and 0.225^n (`system.STRIDE`) reach rounding.
@@ -81,7 +81,7 @@ def _part_pointers(context, builder, array_type, array):
 
 def _check(array):
     if array.layout != "C" or array.dtype != types.float64:
-        raise TypingError(f"a vector's array is contiguous and of doubles, not {array}")
+        raise numba.TypingError(f"a vector's array is contiguous and of doubles, not {array}")
 
 
 def _instead_of(plain: Callable) -> Callable:
