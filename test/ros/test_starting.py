@@ -41,7 +41,7 @@ def test_a_robot_that_compiles_says_so_does_not_listen_and_ends_at_once_and_the_
                                                                                                  tmp_path):
     robot = start("robot")
     line = robot.wait_for("compiling")
-    assert line.endswith("compiling: the first start after an update takes half a minute; Ctrl-C stops it")
+    assert line.endswith("compiling: the first start after an update takes a minute; Ctrl-C stops it")
     publisher = bench.node.create_publisher(Float64, "motor_speed", 10)
     bench.spin_until(lambda: bench.node.count_publishers("odom") == 1, "the robot in the graph")
     controller = start("controller", "crawl")

@@ -37,7 +37,7 @@ def test_how_far_it_is(progress):
     progress.under_way.append("advance")
     work = Preparation(lambda: go_on.wait(PATIENCE), said.append)
     assert not work.done()
-    assert said.pop() == "compiling: the first start after an update takes half a minute; Ctrl-C stops it"
+    assert said.pop() == "compiling: the first start after an update takes a minute; Ctrl-C stops it"
     assert not work.done()
     assert said.pop() == "compiling advance, 0 s so far"
     go_on.set()

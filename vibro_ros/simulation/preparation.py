@@ -43,7 +43,7 @@ class CompilationReport:
             return
         text = f"compiling {under_way[0]}, {now - self._begun:.0f} s so far"
         if not self._due:
-            self._tell("compiling: the first start after an update takes half a minute; Ctrl-C stops it")
+            self._tell("compiling: the first start after an update takes a minute; Ctrl-C stops it")
         elif self._terminal:  # the cursor goes back, so that whatever is written next takes the line's place
             self._renew(text)
         else:
