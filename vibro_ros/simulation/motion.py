@@ -671,8 +671,8 @@ def energy_accounts(model: Model, state: State, time: float) -> dict[str, float]
         What `Simulator.statistics` describes.
     """
     # A command at this instant would book all work up to here: it is given to a copy.
-    ended = state._replace(**{name: values.copy() for name, values in zip(state._fields, state, strict=True)
-                              if isinstance(values, np.ndarray)})
+    ended = state._replace(**{name: getattr(state, name).copy()
+                              for name in state._fields if name not in ("library", "scratch")})
     point = np.zeros(model.forms.channels.count)
     event_loop.interrupt(model.laid.layout, Laid(ended).layout, time, point)
     accounts, mode = ended.now["accounts"][0], int(ended.now["automaton"]["mode"][0])
