@@ -38,7 +38,7 @@ def test_the_last_diagnostics_of_a_recording_that_failed_at_its_end_arrive(start
 
 
 def test_diagnostics_tell_how_it_goes(start, listener, bench, tmp_path):
-    robot = start("robot", "--ros-args", "-p", "motor.speed:=100.0",
+    robot = start("robot", "--ros-args", "-p", "motor.speed:=100.0", "-p", "solver.accounts:=true",
                   "-p", "qos_overrides./motor_speed.subscription.reliability:=best_effort")
     hasty = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
     speed = bench.node.create_publisher(Float64, "motor_speed", hasty)

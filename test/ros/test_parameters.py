@@ -114,7 +114,7 @@ def test_what_somebody_types_is_refused_in_words_that_help_and_every_parameter_i
     values = parameters.dump()
     scene = load_scene("damped").with_parameters({"mass.body": 3.0})
     expected = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS} | dict(scene.parameters)
-    expected |= {"record.enabled": False, "scene": "damped", "solver.accounts": True}
+    expected |= {"record.enabled": False, "scene": "damped"}
     for parameter, shown in zip(TABLE, parameters.describe([one.name for one in TABLE]), strict=True):
         value = values[parameter.name]
         assert (tuple(value) if isinstance(value, list) else value) == expected[parameter.name]
@@ -147,5 +147,4 @@ def test_one_file_is_one_robot_by_every_road(start, parameters, tmp_path):
         stop(robot)
     expected = {**load_scene("unilateral").parameters, "guide.angle": 1.2, "gravity": 3.7}
     for road, values in roads.items():
-        expected["solver.accounts"] = road != "load_scene"
         assert {parameter.name: values[parameter.name] for parameter in SCENE_PARAMETERS} == expected, road

@@ -98,13 +98,6 @@ def test_other_parameters_are_written_to_a_new_bag(recorded, capsys):
     assert replay.main([str(folders[0])]) == 0  # a whole bag, which can be replayed itself
 
 
-def test_another_method_replays_without_the_accounts_that_the_robot_keeps(recorded):
-    assert json.loads(read_bag(recorded).metadata["parameters"])["solver.accounts"] is True
-    assert replay.main([str(recorded), "--set", "solver.method=rk4"]) == 0
-    made = json.loads(read_bag(recorded.with_name(f"{recorded.name}_replay")).metadata["parameters"])
-    assert (made["solver.method"], made["solver.accounts"]) == ("rk4", False)
-
-
 @pytest.mark.parametrize(("words", "reason"), [
     (["--set", "guide.angel=1.2"], "guide.angel: unknown parameter; did you mean guide.angle?"),
     (["--set", "guide.angle=steep"], "guide.angle: 'steep' is not a number"),

@@ -123,8 +123,6 @@ def _configure(node: GuardedNode, words: Sequence[str]) -> tuple[dict[str, Value
     own_name = node.get_fully_qualified_name()
     settings["scene"] = scene_origin(settings["scene"], folder_of("scene", words, own_name))
     scene = load_scene(settings["scene"], own_name).with_parameters(overrides)
-    if scene["solver.method"] == "exact" and "solver.accounts" not in overrides:  # for diagnostics; motion is the same
-        scene = scene.with_parameters({"solver.accounts": True})
     declare(node, DEVICE_PARAMETERS, settings)
     declare(node, SCENE_PARAMETERS, scene.parameters)
     node.add_on_set_parameters_callback(refuse_while_starting)
