@@ -112,7 +112,7 @@ def what_if(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str]:
                              f"the scene, such as guide.angle=1.2, or record again with -p {name}:={value}")
     with BagStream(bag) as stream:
         facts = recorded_run(stream)
-        scene = _changed(facts.scene, changes)
+        scene = facts.scene.with_parameters(changes)
         facts = replace(facts, topics=_sensor_topics(facts, scene) | facts.topics)
         if stream.start > facts.start:
             raise BagError(f"{bag}: begins {(stream.start - facts.start) * 1e-9:.3f} s after the robot started, and "
@@ -153,13 +153,6 @@ def _topics(stream: BagStream, facts: RecordedRun) -> dict[str, Topic]:
     return {name: Topic(names[name], topic.type, depths.get(names[name], QOS_DEPTH), topic.quality.transient_local)
             for name, topic in TOPICS.items()  # a bag of an earlier version has fewer
             if name in names and name != CHECKPOINT}
-
-
-def _changed(scene: Scene, changes: Mapping[str, object]) -> Scene:
-    """`scene` with `changes`; without the energy accounts that the robot keeps, if they choose a method without any."""
-    if changes.get("solver.method", "exact") != "exact":
-        changes = {"solver.accounts": False, **changes}
-    return scene.with_parameters(changes)
 
 
 def _sensor_topics(facts: RecordedRun, scene: Scene) -> dict[str, str]:
