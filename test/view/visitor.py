@@ -7,7 +7,7 @@ import re
 import socket
 import struct
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from urllib.parse import urlsplit
@@ -153,15 +153,19 @@ class Visit:
 
     def wait_for(self, kind: str, patience: float = PATIENCE, **fields: object) -> dict:
         """The next message of a kind in which these fields have these values."""
+        return self.wait_for_one_of((kind,), patience, **fields)
+
+    def wait_for_one_of(self, kinds: Sequence[str], patience: float = PATIENCE, **fields: object) -> dict:
+        """The next message of one of these kinds, in which these fields have these values."""
         deadline = time.monotonic() + patience
         while time.monotonic() < deadline:
             frame = self.receive(deadline - time.monotonic())
-            assert frame is not None, f"closed with {self.closed_with} before {kind!r}"
+            assert frame is not None, f"closed with {self.closed_with} before {kinds}"
             if frame[0] == TEXT:
                 message = json.loads(frame[1])
-                if message["kind"] == kind and all(message.get(name) == value for name, value in fields.items()):
+                if message["kind"] in kinds and all(message.get(name) == value for name, value in fields.items()):
                     return message
-        raise AssertionError(f"no {kind!r} with {fields} within {patience} s")
+        raise AssertionError(f"no {kinds} with {fields} within {patience} s")
 
     def wait_for_end(self, patience: float = PATIENCE) -> int:
         """The code with which the server closes; 1006 where it does so without a word."""
