@@ -127,8 +127,8 @@ def document(results: Mapping[str, Numbers], watched: Mapping[str, Sequence[Numb
         f"![Speed and cost of transport]({FOLDER}/{FRONTS})",
         "## The searches",
         "Beside the paper's optimum, φ = 80°, m3 = 0.02 kg, l = 0.06 m, under the same forces, at the best of its "
-        f"{len(BEGINS)} starts; each optimum's motions, parameters, verification under other forces, energies and "
-        f"sensitivities stand in `docs/{FOLDER}/NAME.json`, its scene in `NAME.yaml`:",
+        f"{len(BEGINS)} starts; each optimum's motions, parameters and verification under other forces "
+        f"stand in `docs/{FOLDER}/NAME.json`, its scene in `NAME.yaml`:",
         summary_table(results, watched, papers), f"```bash\n{commands}\n```"]) + "\n"
 
 

@@ -1,4 +1,4 @@
-"""The optimum is verified, perturbed and written by what it really is."""
+"""The optimum is verified and written by what it really is."""
 
 import contextlib
 import io
@@ -14,15 +14,10 @@ from vibro_ros.study.execution import Execution
 from vibro_ros.study.space import VARIABLES, Space
 from vibro_ros.study.trials import (
     MEASURED,
-    PERTURBATION,
     VERIFYING,
     Reading,
     Trials,
-    neighbourhood,
-    one_at_a_time,
-    perturbed,
     readings,
-    robot_count,
     values_of,
     values_of_many,
     verified,
@@ -89,17 +84,6 @@ def test_no_cost_of_transport_where_energy_does_not_balance():
     assert math.isfinite(next(row.cost for row in rows if "`device`" in row.reading))
 
 
-def test_perturbed_robots_can_be_built_even_beyond_the_bounds():
-    corners = np.random.default_rng(3).integers(0, 2, (40, 17))
-    for corner in corners:
-        parameters = SPACE.parameters(corner)
-        for _, _, robot in one_at_a_time(SPACE, parameters):
-            assert robot["crank.radius"] <= min(robot["crank.upper_rod"], robot["crank.inclined_rod"])
-    lowest = SPACE.parameters([0.0] * 17)
-    assert perturbed(SPACE, lowest, {"mass.upper": -1.0})["mass.upper"] == lowest["mass.upper"] * (1.0 - PERTURBATION)
-    assert perturbed(SPACE, lowest, {}).parameters == SPACE.scene.with_parameters(lowest).parameters
-
-
 def test_robots_that_cannot_be_built_are_passed_over():
     """Much friction jams some guide angles (Painlevé's paradox), which no bounds of the space know."""
     space = Space(SCENE.with_parameters({"ground.friction": 12.0, "ground.static_friction": 12.0}))
@@ -110,34 +94,12 @@ def test_robots_that_cannot_be_built_are_passed_over():
     assert 0 < sum(robot is not None for robot in built) < 12
     for robot in built:
         assert np.isfinite(values_of(robot, SHORT)).all() == (robot is not None)
-    assert perturbed(space, space.parameters(points[0]), {}) is None
 
 
 def test_without_weight_there_is_no_cost_of_transport():
     space = Space(SCENE.with_parameters({"gravity": 0.0}), VARIABLES[:1])
     rows = verified(space, {"mass.upper": 0.1}, Reading(), SHORT, Execution(1), Counting())
     assert all(math.isnan(row.cost) for row in rows)
-
-
-def test_sobols_indices_find_what_matters(monkeypatch):
-    """Of a score that is linear in two parameters, known shares: 0.9 and 0.1."""
-    space, shares = Space(SCENE, VARIABLES[:3]), {"mass.upper": 3.0, "mass.inclined": 1.0}
-    optimum = of_scene(space)
-
-    def values_of_many(robots, trials, _):
-        for robot in robots:
-            shift = sum(share * (robot[name] / optimum[name] - 1.0) for name, share in shares.items())
-            yield np.full((1, 1), 10.0 + shift)
-
-    monkeypatch.setattr("vibro_ros.study.trials.values_of_many", values_of_many)
-    progress = Counting()
-    around = neighbourhood(space, optimum, lambda values: float(values.mean()), SHORT, 256, 0, Execution(1), progress)
-    upper, inclined, rod = around.sensitivities
-    assert (upper.first, inclined.first, rod.first) == pytest.approx((0.9, 0.1, 0.0), abs=0.03)
-    assert (upper.total, inclined.total, rod.total) == pytest.approx((0.9, 0.1, 0.0), abs=0.03)
-    assert (upper.lower, upper.upper) == pytest.approx((0.985, 1.015))
-    assert around.median == pytest.approx(1.0, abs=1e-3)
-    assert progress.count == robot_count(space, 256) == 1 + 6 + around.robots
 
 
 OPTIONS = "--quick --budget 24 --starts 2 --workers 1 --seed 1 --vary crank.radius=0.005:0.02 --fix upper.gap=0.001"
@@ -150,14 +112,13 @@ def folder(tmp_path_factory):
     with contextlib.redirect_stdout(said):
         assert command.main([*OPTIONS.split(), "--output", str(found)]) == 0
     bounds = said.getvalue().splitlines()[-1]
-    assert bounds in (found / "optimum.md").read_text() and ("on a bound" in bounds)
+    assert bounds in (found / "optimum.md").read_text() and "the range of" in bounds
     return found
 
 
 def test_everything_is_written_and_of_one_robot(folder):
     assert {path.name for path in folder.iterdir()} == {
-        "optimum.md", "optimum.yaml", "optimum.json", "convergence.png", "sensitivity.png", "front.png",
-        "candidates"}
+        "optimum.md", "optimum.yaml", "optimum.json", "convergence.png", "front.png", "candidates"}
     robot, numbers = load_scene(folder / "optimum.yaml"), json.loads((folder / "optimum.json").read_text())
     assert all(robot[name] == value for name, value in numbers["optimum"].items())
     assert 0.005 <= robot["crank.radius"] <= 0.02 and robot["upper.gap"] == 0.001

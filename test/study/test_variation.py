@@ -11,7 +11,8 @@ from vibro_ros.study.sweep import Design, study_of
 from vibro_ros.study.variation import (
     Axis,
     Range,
-    beyond_the_edge,
+    at_the_edge,
+    ends_at,
     sampling,
     sampling_in_words,
     varied,
@@ -84,9 +85,9 @@ def test_an_extreme_at_an_end_of_a_scan_is_said():
     """A number has ends, of which every point of a scan of one value would be one; a text has none."""
     values = {"guide.angle": [0.5, 0.5, 1.0, 1.0], "effects.normal_force": ["hop", "printed"] * 2,
               "mass.upper": [0.1] * 4, "mass.inclined": [0.1, 0.2, 0.3, 0.2]}
-    assert beyond_the_edge("the largest x", values, 2) == (
-        "the largest x is at an end of guide.angle, mass.inclined, so that a better one may lie beyond")
-    assert beyond_the_edge("the largest x", {**values, "guide.angle": [0.0, 0.5, 1.0, 2.0]}, 1) == ""
+    assert at_the_edge("the largest x", ends_at(values, 2)) == (
+        "the largest x is at the end of the range of guide.angle, mass.inclined: it may still rise beyond")
+    assert at_the_edge("the largest x", ends_at({**values, "guide.angle": [0.0, 0.5, 1.0, 2.0]}, 1)) == ""
 
 
 @pytest.mark.parametrize(("given", "words"), [

@@ -52,7 +52,7 @@ from vibro_ros.study.command import (
 from vibro_ros.study.execution import Execution, Results, fingerprint
 from vibro_ros.study.figures import BLUE, VERMILION, new_figure, of_parameter, png, tidy
 from vibro_ros.study.table import KEY, Field, Study, are, computed, file_of, parameter_field, read, stored
-from vibro_ros.study.variation import Axis, beyond_the_edge, varied_in_words, whole_number
+from vibro_ros.study.variation import Axis, at_the_edge, ends_at, varied_in_words, whole_number
 
 UP, DOWN = "up", "down"
 #: Most turns that a motion may be given to settle.
@@ -464,7 +464,7 @@ def in_words(found: Diagram) -> Iterator[str]:
             values = dict.fromkeys(f"{design.value(one.number):.6g}" for one in chosen)
             yield f"{said}: at {', '.join(values)}{f' {unit}' if unit else ''}"
     fastest = max(found.visits, key=lambda one: abs(one.motion.mean_speed))
-    if edge := beyond_the_edge("the largest mean speed", {name: design.axis.values}, design.place(fastest.number)):
+    if edge := at_the_edge("the largest mean speed", ends_at({name: design.axis.values}, design.place(fastest.number))):
         yield edge
     unsettled = sum(not one.settled for one in found.visits)
     if unsettled:

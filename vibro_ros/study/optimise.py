@@ -1,4 +1,4 @@
-"""``study optimise``: search for the best robot, verify it, perturb it, and write what was found.
+"""``study optimise``: search for the best robot, verify it, and write what was found.
 
 A search proposes groups of robots by CMA-ES (`proposals`); group n is block n of a `table.Study`. A search that goes on
 proposes the same robots again, because every draw is seeded and scores are the same to the last bit, and reads their
@@ -45,33 +45,27 @@ from vibro_ros.study.figures import BLACK, GRID, SKY, VERMILION, new_figure, png
 from vibro_ros.study.space import Space, chosen_variables
 from vibro_ros.study.table import NUMBERS, Field, Study, are, stored
 from vibro_ros.study.trials import (
-    ACCOUNTS,
     AIR,
     CHOOSING,
     DIRECTIONS,
     FAILED,
     MEASURED,
     OBJECTIVES,
-    PERTURBATION,
     POWERS,
     QUANTILE,
-    Behaviour,
     Mean,
-    Neighbourhood,
     Reading,
     Trials,
     Verified,
-    behaviour_of,
     check_reaction,
     cost_of_transport,
-    neighbourhood,
     readings,
-    robot_count,
     speed,
     values_of,
     values_of_many,
     verified,
 )
+from vibro_ros.study.variation import at_the_edge
 
 #: The objective of two numbers, beside those of `OBJECTIVES`.
 FRONT = "front"
@@ -89,10 +83,8 @@ class Effort:
         The runs of a candidate.
     finalists : int
         Candidates among which fresh starts choose.
-    choosing, verifying, perturbing : Trials
-        The runs of a finalist, of the optimum and those it is compared with, and of a perturbed optimum.
-    samples : int
-        Points of the Sobol sequence around the optimum, a power of two.
+    choosing, verifying : Trials
+        The runs of a finalist, and of the optimum.
     """
 
     budget: int = 3000
@@ -100,14 +92,11 @@ class Effort:
     finalists: int = 12
     choosing: Trials = Trials(starts=8, settling=4.0, duration=8.0)
     verifying: Trials = Trials(starts=16, settling=4.0, duration=10.0)
-    perturbing: Trials = Trials(starts=4)
-    samples: int = 32
 
 
 QUICK = Effort(budget=120, trials=Trials(starts=3, settling=1.5, duration=2.0), finalists=3,
                choosing=Trials(starts=4, settling=2.0, duration=4.0),
-               verifying=Trials(starts=6, settling=2.0, duration=6.0),
-               perturbing=Trials(starts=2, settling=1.5, duration=2.0), samples=4)
+               verifying=Trials(starts=6, settling=2.0, duration=6.0))
 """For a look at everything within a minute or two; the optimum is not found."""
 
 
@@ -382,10 +371,6 @@ def _spread(numbers: list[int], pairs: list[tuple[float, float]]) -> list[int]:
     return [numbers[place] for place in sorted(nearest)]
 
 
-#: Parts of a search after which its best score is noted.
-MILESTONES = (0.25, 0.5, 0.75, 1.0)
-
-
 @dataclass(frozen=True)
 class Result:
     """What a study has found.
@@ -396,20 +381,14 @@ class Result:
         What was asked for.
     robots : int
         Number of candidates.
-    best_scores : tuple of float
-        Best score after each of `MILESTONES` parts of the candidates.
     optimum : mapping
         Varied parameters of the best.
     robot : Scene
         The best.
     on_bound : tuple of str
         For each variable `low`, `high` or an empty text.
-    behaviour : Behaviour
-        How the best moves, and where its energy goes.
     verified : tuple of Verified
         Attractors of the best under other readings of the forces, from fresh starts.
-    around : Neighbourhood
-        The best, perturbed.
     front : tuple of FrontRobot
         Robots of which none is both faster and cheaper than another, from fresh starts; empty where energy does not
         balance.
@@ -417,13 +396,10 @@ class Result:
 
     plan: Plan
     robots: int
-    best_scores: tuple[float, ...]
     optimum: Mapping[str, float]
     robot: Scene
     on_bound: tuple[str, ...]
-    behaviour: Behaviour
     verified: tuple[Verified, ...]
-    around: Neighbourhood
     front: tuple[FrontRobot, ...]
 
 
@@ -453,16 +429,11 @@ def studied(plan: Plan, folder: Path, execution: Execution) -> tuple[Result, Can
     optimum, effort, space = plan.space.parameters(point), plan.effort, plan.space
     with stage("verification", len(readings(space.scene))) as progress:
         rows = verified(space, optimum, plan.reading, effort.verifying, execution, progress)
-    with stage("perturbation", robot_count(space, effort.samples)) as progress:
-        around = neighbourhood(space, optimum, plan.score, effort.perturbing, effort.samples, plan.seed, execution,
-                               progress)
     front: list[FrontRobot] = []
     if space.scene["effects.reaction"]:
         with stage("front", SHOWN) as progress:
             front = front_of(plan, candidates, execution, progress)
-    ends = [max(1, round(part * len(scores))) for part in MILESTONES]
-    return Result(plan, len(scores), tuple(float(scores[:end].max()) for end in ends), optimum, space.robot(point),
-                  tuple(space.on_bound(point)), behaviour_of(space.robot(point), effort.verifying), tuple(rows), around,
+    return Result(plan, len(scores), optimum, space.robot(point), tuple(space.on_bound(point)), tuple(rows),
                   tuple(front)), candidates
 
 
@@ -511,9 +482,8 @@ def result_file(result: Result) -> bytes:
     front = [{"speed": one.speed, "cost": one.cost, "power": one.power,
               "parameters": {variable.name: one.robot[variable.name] for variable in result.plan.space.variables}}
              for one in result.front]
-    whole = {"robots": result.robots, "best_scores": list(result.best_scores), "optimum": dict(result.optimum),
-             "behaviour": asdict(result.behaviour), "verified": [asdict(row) for row in result.verified],
-             "around": asdict(result.around), "front": front}
+    whole = {"robots": result.robots, "optimum": dict(result.optimum),
+             "verified": [asdict(row) for row in result.verified], "front": front}
     return (json.dumps(_finite(whole), indent=1, allow_nan=False) + "\n").encode()
 
 
@@ -570,8 +540,7 @@ def _motion(row: Verified) -> str:
 def document(result: Result) -> str:
     """The summary of a search."""
     parts = [f"# {title(result.plan)}", *_question_and_verdict(result), "## Parameters", *_parameters(result),
-             "## Verification", *_verification(result), "## Motion and energy", *_motion_and_energy(result.behaviour),
-             "## Neighbourhood", *_neighbourhood(result.around)]
+             "## Verification", *_verification(result)]
     if result.front:
         parts += ["## Speed against cost of transport", *_front(result.front)]
     return "\n\n".join(parts) + "\n"
@@ -606,17 +575,10 @@ def _yield(row: Verified) -> str:
 
 
 def on_bounds(result: Result) -> str:
-    """Which parameters of the optimum lie on a bound, and what the score would gain beyond it."""
-    ends = {variable.name: end for variable, end in zip(result.plan.space.variables, result.on_bound, strict=True)
-            if end}
-    if not ends:
-        return "No parameter lies on a bound."
-    alone = {one.name: one for one in result.around.sensitivities}
-    gain, where = max((alone[name].lower if end == "low" else alone[name].upper, name) for name, end in ends.items())
-    listed = ", ".join(f"`{name}` ({_ENDS[end]})" for name, end in ends.items())
-    beyond = f"`{where}` gains most, {100 * (gain - 1.0):.1f} % of the score" if gain > 1.0 else "none gains"
-    return (f"{len(ends)} of {len(result.on_bound)} parameters lie on a bound, and are the bounds' choice as much as "
-            f"the robot's: {listed}. {100 * PERTURBATION:g} % beyond, {beyond}.")
+    """Which parameters of the optimum lie on a bound, beyond which the score may still rise."""
+    ends = [f"{variable.name} ({_ENDS[end]})" for variable, end in zip(
+        result.plan.space.variables, result.on_bound, strict=True) if end]
+    return at_the_edge("the best score", ends) or "The optimum lies within the range of every parameter."
 
 
 def _parameters(result: Result) -> list[str]:
@@ -645,29 +607,6 @@ def _verification(result: Result) -> list[str]:
           _number(row.load), f"{100 * row.unloaded:.0f}", f"{100 * row.air:.0f}", _with_spread(row.power),
           _with_spread(row.delivered), _with_spread(row.ratio) if math.isfinite(row.cost) else "-", _number(row.cost)]
          for row in result.verified))]
-
-
-def _motion_and_energy(found: Behaviour) -> list[str]:
-    seen = found.measures
-    sides = " and ".join(f"the {side} mass {_number(seen[f'{side}_impacts'])} times a turn with up to "
-                         f"{_number(seen[f'{side}_peak_force'])} N" for side in ("upper", "inclined"))
-    said = (f"From one start {sides} strike their plates; the body is in the air for {100 * seen['air_share']:.0f} % "
-            f"of the time and stands still for {100 * seen['stick_share']:.0f} %.")
-    return [said, _table(["energy from one start", "mean power [W]"], (
-        [words, _number(found.powers[name])] for name, words in ACCOUNTS.items() if name in found.powers))]
-
-
-def _neighbourhood(around: Neighbourhood) -> list[str]:
-    worst = min((min(one.lower, one.upper), one.name) for one in around.sensitivities)
-    said = (f"Of {around.robots} robots within {100 * PERTURBATION:g} % in every parameter at once, half keep at least "
-            f"{100 * around.median:.0f} % of the optimum's score and 95 % keep {100 * around.poorest:.0f} %. Alone, "
-            f"`{worst[1]}` costs most: {100 * worst[0]:.0f} % are left.")
-    shift = f"{100 * PERTURBATION:g} %"
-    return [said, _table(
-        ["parameter", f"score at -{shift}", f"score at +{shift}", "first-order index", "total index"],
-        ([f"`{one.name}`", _number(one.lower), _number(one.upper), f"{one.first:.2f} ± {one.first_spread:.2f}",
-          f"{one.total:.2f} ± {one.total_spread:.2f}"]
-         for one in sorted(around.sensitivities, key=lambda one: -one.total)))]
 
 
 def _front(front: Sequence[FrontRobot]) -> list[str]:
@@ -729,21 +668,6 @@ def draw_front(result: Result, candidates: Candidates, title: str) -> Figure:
     return figure
 
 
-def draw_sensitivity(around: Neighbourhood, title: str) -> Figure:
-    """Sobol's indices of every parameter, the largest on top."""
-    rows = sorted(around.sensitivities, key=lambda one: one.total)
-    figure, axes = _figure(8.0, 1.5 + 0.3 * len(rows))
-    places = np.arange(len(rows))
-    axes.barh(places + 0.2, [one.total for one in rows], 0.4, xerr=[one.total_spread for one in rows], color=_OTHER,
-              label="total")
-    axes.barh(places - 0.2, [one.first for one in rows], 0.4, xerr=[one.first_spread for one in rows], color=_ALL,
-              label="first order")
-    axes.set_yticks(places, [one.name for one in rows])
-    axes.set(xlabel=f"Sobol index within {100 * PERTURBATION:g} % of the optimum, 95 % intervals", title=title)
-    axes.legend(frameon=False, loc="lower right")
-    return figure
-
-
 FOLDER, TEXT, SCENE, NUMBERS = "candidates", "optimum.md", "optimum.yaml", "optimum.json"
 _MOST = {"budget": 10**6, "starts": 1000, "seed": 2**31 - 2}
 _LEAST = {"budget": 1, "starts": 2, "seed": 0}
@@ -800,8 +724,7 @@ def sought(scene: Scene) -> Scene:
 def files_of(result: Result, candidates: Candidates) -> dict[str, bytes]:
     """Text, scene, numbers and pictures of a result, by the names of their files."""
     head = title(result.plan)
-    pictures = {"convergence.png": draw_convergence(result.plan, candidates, head),
-                "sensitivity.png": draw_sensitivity(result.around, head)}
+    pictures = {"convergence.png": draw_convergence(result.plan, candidates, head)}
     if result.front:
         pictures["front.png"] = draw_front(result, candidates, head)
     return {TEXT: document(result).encode(), SCENE: scene_file(result.robot, f"{head}; found by `study optimise`."),
@@ -838,8 +761,8 @@ def parser() -> Parser:
     """The command line of the study."""
     default = Effort()
     own = study_parser(
-        "optimise", "Search for the fastest or thriftiest robot, verify the optimum from fresh starts, "
-        "perturb it, and write text, pictures and a scene file.", "a run failed")
+        "optimise", "Search for the fastest or thriftiest robot, verify the optimum from fresh starts, and write text, "
+        "pictures and a scene file.", "a run failed")
     own.add_argument("--scene", default="device", metavar="NAME", help="shipped scene or scene file that gives "
                         "everything that is not varied (default: %(default)s)")
     objectives = "; ".join(f"{name}: {one.does}" for name, one in OBJECTIVES.items())

@@ -74,7 +74,8 @@ from vibro_ros.study.variation import (
     Axis,
     Range,
     Sampling,
-    beyond_the_edge,
+    at_the_edge,
+    ends_at,
     sampling,
     sampling_in_words,
     varied,
@@ -508,9 +509,8 @@ def in_words(found: Summary) -> list[str]:
             continue
         least, most = int(np.nanargmin(found.mean[name])), int(np.nanargmax(found.mean[name]))
         lines.append(f"{name}: from {_at(found, name, least)} to {_at(found, name, most)}")
-        for what, row in (("least", least), ("largest", most)):
-            if edge := beyond_the_edge(f"the {what} {name}", found.parameters, int(found.point[row])):
-                lines.append(edge)
+        for what, row, direction in (("least", least, "fall"), ("largest", most, "rise")):
+            lines.append(at_the_edge(f"the {what} {name}", ends_at(found.parameters, int(found.point[row])), direction))
         if name == EXPONENT and (unknown := _of_unknown_sign(found)):
             lines.append(f"{name}: sign not known at {unknown} of {design.points} points")
     for count, what, texts in ((found.failed.sum(), "runs could not go on", [
@@ -521,7 +521,7 @@ def in_words(found: Summary) -> list[str]:
             lines.append(f"{count} {what}, such as: {texts[0]}")
     if found.warnings:
         lines.append(f"warning: {found.warnings[0]}")
-    return lines
+    return list(filter(None, lines))
 
 
 def _shown(design: Design) -> list[str]:

@@ -1,8 +1,7 @@
 """Trials of a robot: its values from drawn starts, its score, and what an optimum is worth.
 
 A robot's values are `MEASURED` from each start of some `Trials`; an `Objective` makes a score of them, by the poorer
-quarter of the starts. `verified` tells the attractors of an optimum under several readings of the forces,
-`neighbourhood` perturbs it, and `behaviour_of` says how it moves and where its energy goes.
+quarter of the starts. `verified` tells the attractors of an optimum under several readings of the forces.
 """
 
 import contextlib
@@ -13,20 +12,16 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.stats import qmc, sobol_indices
 
 from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.attractors import Attractor, grouped
 from vibro_ros.orbits.chaos import half_interval
 from vibro_ros.simulation.motion import SimulationError
-from vibro_ros.study.command import (
-    Progress,
-)
+from vibro_ros.study.command import Progress
 from vibro_ros.study.execution import Execution
-from vibro_ros.study.measures import device_at_start, measure, measure_with_motion
-from vibro_ros.study.space import Space, Variable
+from vibro_ros.study.measures import measure, measure_with_motion
+from vibro_ros.study.space import Space
 
 #: Measures that every score is made of, the columns of the values of a robot.
 MEASURED = ("mean_speed", "mean_power", "delivered_power", "air_share")
@@ -161,36 +156,32 @@ class Trials:
         return self.starts * (self.settling + self.duration)
 
 
-def values_of(scene: Scene | None, trials: Trials, measures: Sequence[str] = MEASURED) -> np.ndarray:
-    """Measures of a robot from each start, shape (starts, measures).
+def values_of(scene: Scene | None, trials: Trials) -> np.ndarray:
+    """`MEASURED` of a robot from each start, shape (starts, measures).
 
     NaN if a run cannot go on, and for a robot that cannot be built (None).
     """
-    nothing = np.full((trials.starts, len(measures)), np.nan)
+    nothing = np.full((trials.starts, len(MEASURED)), np.nan)
     if scene is None:
         return nothing
     try:
-        rows = [measure(scene, measures, trials.settling, trials.duration, trials.first + number)
+        rows = [measure(scene, MEASURED, trials.settling, trials.duration, trials.first + number)
                 for number in range(trials.starts)]
     except SimulationError:
         return nothing
-    return np.array([[row[name] for name in measures] for row in rows])
+    return np.array([[row[name] for name in MEASURED] for row in rows])
 
 
-def values_of_many(scenes: Sequence[Scene | None], trials: Trials, execution: Execution,
-                   measures: Sequence[str] = MEASURED) -> Generator[np.ndarray, None, None]:
-    """Yield `values_of` of each of `scenes`, in their order."""
-    methods = {scene["solver.method"]: None for scene in scenes if scene is not None}
-    return execution.rows(partial(_values_at, tuple(scenes), trials, measures), range(len(scenes)), trials.run_time,
-                          tuple(methods))
+def values_of_many(scenes: Sequence[Scene], trials: Trials, execution: Execution) -> Generator[np.ndarray, None, None]:
+    """Yield `values_of` of each of `scenes`, which have one method, in their order."""
+    return execution.rows(partial(_values_at, tuple(scenes), trials), range(len(scenes)), trials.run_time,
+                          tuple({scene["solver.method"] for scene in scenes}))
 
 
-def _values_at(scenes: tuple[Scene | None, ...], trials: Trials, measures: Sequence[str], number: int) -> np.ndarray:
-    return values_of(scenes[number], trials, measures)
+def _values_at(scenes: tuple[Scene, ...], trials: Trials, number: int) -> np.ndarray:
+    return values_of(scenes[number], trials)
 
 
-PERTURBATION = 0.05
-"""Parts of a value, or of half a linear interval, by which a parameter is perturbed."""
 _LOADS = ("mean_load", "unloaded_share")
 
 
@@ -323,209 +314,3 @@ def _verified(words: str, scene: Scene, attractor: Attractor, values: np.ndarray
         mean(values[:, 1]), mean(values[:, 2]), ratio,
         float(power.mean() / (weight * abs(speed.mean()))) if pays else math.nan,
         *map(float, values[:, [len(MEASURED), len(MEASURED) + 1, AIR]].mean(axis=0)))
-
-
-def perturbed(space: Space, parameters: Mapping[str, float], shifts: Mapping[str, float]) -> Scene | None:
-    """The robot with some parameters perturbed, also beyond their bounds; None where limits that join them refuse it.
-
-    Parameters
-    ----------
-    space : Space
-        Of the robot.
-    parameters : mapping
-        Its varied parameters.
-    shifts : mapping
-        Name to the shift, -1 to 1, in `PERTURBATION`s.
-    """
-    by_name = {variable.name: variable for variable in space.variables}
-    values = {name: _shifted(space, by_name[name], value, shifts.get(name, 0.0), parameters)
-              for name, value in parameters.items()}
-    values = {name: min(max(value, BY_NAME[name].minimum), BY_NAME[name].maximum) for name, value in values.items()}
-    full = {**space.scene.parameters, **values}
-    upper, inclined = full["crank.upper_rod"], full["crank.inclined_rod"]
-    lengths = {"crank.radius": min(full["crank.radius"], upper, inclined),
-               "upper.gap": min(max(full["upper.gap"], -upper), upper),
-               "inclined.gap": min(max(full["inclined.gap"], -inclined), inclined)}
-    try:
-        return space.scene.with_parameters({**values, **lengths})
-    except ValueError:
-        return None
-
-
-def _shifted(space: Space, variable: Variable, value: float, shift: float, parameters: Mapping[str, float]) -> float:
-    if variable.logarithmic:
-        return value * (1.0 + PERTURBATION * shift)
-    low, high = space.interval(variable, parameters)
-    return value + PERTURBATION * shift * (high - low) / 2.0
-
-
-def one_at_a_time(space: Space, parameters: Mapping[str, float]) -> Sequence[tuple[str, float, Scene | None]]:
-    """Each varied parameter perturbed downwards and upwards: its name, the shift, the robot."""
-    return [(variable.name, shift, perturbed(space, parameters, {variable.name: shift}))
-            for variable in space.variables for shift in (-1.0, 1.0)]
-
-
-_QUANTILES = (0.05, 0.5)
-_RESAMPLES, _NORMAL = 100, 1.959963984540054  # of the bootstrap, and 95 % of the normal distribution
-
-
-@dataclass(frozen=True)
-class Sensitivity:
-    """What a parameter of the optimum does to the score.
-
-    Attributes
-    ----------
-    name : str
-        Of the parameter.
-    lower, upper : float
-        Score with this parameter alone perturbed downwards and upwards, over that of the optimum; dimensionless.
-    first, first_spread : float
-        First-order index, and half the width of its 95 % interval; dimensionless.
-    total, total_spread : float
-        Total index, and half the width of its 95 % interval; dimensionless.
-    """
-
-    name: str
-    lower: float
-    upper: float
-    first: float
-    first_spread: float
-    total: float
-    total_spread: float
-
-
-@dataclass(frozen=True)
-class Neighbourhood:
-    """The robots around an optimum.
-
-    Attributes
-    ----------
-    score : float
-        Of the optimum from the same starts, in the objective's unit.
-    sensitivities : tuple of Sensitivity
-        One a varied parameter.
-    robots : int
-        Number of robots that were drawn.
-    poorest, median : float
-        Score that 95 %, and half, of the robots around exceed, over that of the optimum; dimensionless.
-    """
-
-    score: float
-    sensitivities: tuple[Sensitivity, ...]
-    robots: int
-    poorest: float
-    median: float
-
-
-def robot_count(space: Space, samples: int) -> int:
-    """Number of robots that `neighbourhood` simulates."""
-    return 1 + 2 * space.dimension + samples * (space.dimension + 2)
-
-
-def neighbourhood(space: Space, optimum: Mapping[str, float], score: Callable[[np.ndarray], float], trials: Trials,
-                  samples: int, seed: int, execution: Execution, progress: Progress) -> Neighbourhood:
-    """Perturb an optimum.
-
-    Parameters
-    ----------
-    space : Space
-        What is varied.
-    optimum : mapping
-        Values of the varied parameters.
-    score : callable
-        Of a robot's values; a robot that cannot be built, or whose score is below 0, counts as 0.
-    trials : Trials
-        Its starts are counted from `VERIFYING` on.
-    samples : int
-        Points of a Sobol sequence, a power of two; each makes dimension + 2 robots.
-    seed : int
-        Of the sequence's scrambling.
-    execution : Execution
-        Who computes.
-    progress : Progress
-        Counts every robot.
-    """
-    names, dimension = [variable.name for variable in space.variables], space.dimension
-    shifts = _saltelli_sample(dimension, samples, seed)
-    robots = [perturbed(space, optimum, {}), *(robot for _, _, robot in one_at_a_time(space, optimum)),
-              *(perturbed(space, optimum, dict(zip(names, shift, strict=True)))
-                for shift in shifts.reshape(-1, dimension))]
-    scores = []
-    for values in values_of_many(robots, replace(trials, first=VERIFYING), execution):
-        scores.append(max(score(values), 0.0))
-        progress.add(1)
-    alone, together = np.array(scores[1:1 + 2 * dimension]), np.array(scores[1 + 2 * dimension:])
-    rows = zip(names, alone.reshape(-1, 2) / scores[0], _indices(together.reshape(dimension + 2, samples), seed),
-               strict=True)
-    poorest, median = np.quantile(together, _QUANTILES) / scores[0]
-    return Neighbourhood(
-        float(scores[0]), tuple(Sensitivity(name, *map(float, (*pair, *index))) for name, pair, index in rows),
-        len(together), float(poorest), float(median))
-
-
-def _saltelli_sample(dimension: int, samples: int, seed: int) -> np.ndarray:
-    """Points from -1 to 1 for `_indices`, shape (dimension + 2, samples, dimension): two independent sets, then the
-    first one with each column in turn that of the second."""
-    first, second = np.split(2.0 * qmc.Sobol(2 * dimension, seed=seed).random(samples) - 1.0, 2, axis=1)
-    mixed = np.repeat(first[None], dimension, axis=0)
-    for column in range(dimension):
-        mixed[column, :, column] = second[:, column]
-    return np.concatenate([first[None], second[None], mixed])
-
-
-def _indices(scores: np.ndarray, seed: int) -> np.ndarray:
-    """First-order and total indices of the scores at the points of `_saltelli_sample`, and half their 95 % intervals by
-    a seeded bootstrap: shape (dimension, 4), in the order first, its half, total, its half; all 0 of equal scores."""
-    def indices(of: np.ndarray) -> np.ndarray:
-        found = sobol_indices(func={"f_A": of[:1], "f_B": of[1:2], "f_AB": of[2:, None]}, n=of.shape[1])
-        return np.nan_to_num(np.stack([np.ravel(found.first_order), np.ravel(found.total_order)]))
-
-    draw, count = np.random.default_rng(seed), scores.shape[1]
-    with np.errstate(all="ignore"):
-        found = indices(scores)
-        again = np.array([indices(scores[:, draw.integers(0, count, count)]) for _ in range(_RESAMPLES)])
-    halves = _NORMAL * again.std(axis=0)
-    return np.column_stack([found[0], halves[0], found[1], halves[1]])
-
-
-_MEASURES = ("upper_impacts", "inclined_impacts", "upper_peak_force", "inclined_peak_force", "stick_share", "air_share")
-#: The accounts of energy that are shown, in the words of the tables.
-ACCOUNTS = {"motor_delivered": "motor delivers", "motor_taken_back": "springs return to the motor",
-            "unpaid": "unpaid (artefact without reaction)", "drive_dampers": "lost in drive dampers",
-            "plate_dampers": "lost in plate dampers", "friction": "lost by ground friction", "blows": "lost in blows",
-            "landings": "lost in landings", "stored": "stored"}
-
-
-@dataclass(frozen=True)
-class Behaviour:
-    """A robot from one start.
-
-    Attributes
-    ----------
-    measures : mapping
-        Values of `study.measures` by name.
-    powers : mapping
-        Mean power [W] of each of `ACCOUNTS`; empty where the scene's method keeps no accounts.
-    """
-
-    measures: Mapping[str, float]
-    powers: Mapping[str, float]
-
-
-def behaviour_of(scene: Scene, trials: Trials) -> Behaviour:
-    """Behaviour of a robot from the first start of `VERIFYING`; times as in `trials`.
-
-    Raises
-    ------
-    SimulationError
-        If a run cannot go on.
-    """
-    measures = measure(scene, _MEASURES, trials.settling, trials.duration, VERIFYING)
-    if scene["solver.method"] != "exact":
-        return Behaviour(measures, {})
-    device = device_at_start(scene.with_parameters({"solver.accounts": True}), VERIFYING)
-    booked = []
-    for time in (trials.settling, trials.settling + trials.duration):
-        device.advance_to(time)
-        booked.append(device.statistics["energy_accounts"])
-    return Behaviour(measures, {name: (booked[1][name] - booked[0][name]) / trials.duration for name in ACCOUNTS})

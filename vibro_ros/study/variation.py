@@ -179,21 +179,18 @@ def sampling_in_words(text: str) -> Sampling:
     return sampling(method, count, seed)
 
 
-def beyond_the_edge(what: str, values: Mapping[str, Sequence[Value]], at: int) -> str:
-    """A sentence where an extreme of a scan lies at an end of what was scanned, so that a larger one may lie beyond.
+def ends_at(values: Mapping[str, Sequence[Value]], at: int) -> list[str]:
+    """The scanned parameters of which the point `at` has the least or the largest value; texts have no ends.
 
-    Parameters
-    ----------
-    what : str
-        What is extreme, such as ``the largest mean_speed``.
-    values : mapping
-        By scanned parameter its value at every point; only numbers have ends.
-    at : int
-        The point of the extreme.
+    `values` has, by scanned parameter, its value at every point.
     """
     numbers = [name for name, every in values.items() if isinstance(every[0], float) and len(set(every)) > 1]
-    ends = [name for name in numbers if values[name][at] in (min(values[name]), max(values[name]))]  # type: ignore
-    return f"{what} is at an end of {', '.join(ends)}, so that a better one may lie beyond" if ends else ""
+    return [name for name in numbers if values[name][at] in (min(values[name]), max(values[name]))]  # type: ignore
+
+
+def at_the_edge(what: str, ends: Sequence[str], direction: str = "rise") -> str:
+    """A sentence where an extreme of a scan, `what`, is at an end of what was scanned, so that it is no optimum."""
+    return f"{what} is at the end of the range of {', '.join(ends)}: it may still {direction} beyond" if ends else ""
 
 
 def whole_number(what: str, value: object, least: int, most: int) -> int:
