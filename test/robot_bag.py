@@ -96,9 +96,8 @@ def since(time: float) -> Callable[[list[Message]], list[Message]]:
 def _written(folder: Path, topics: Sequence[Topic], messages: Iterable[Message], custom: dict[str, str],
              storage: Storage) -> Path:
     writer = BagWriter(folder, defined(topics), custom, storage)
-    numbers = {topic.name: number for number, topic in enumerate(topics, start=1)}
     for count, (topic, stamp, data) in enumerate(messages):
-        writer.write(numbers[topic], stamp, bytes(data))
+        writer.write(topic, stamp, bytes(data))
         if count % 100 == 0:
             writer.flush()  # a chunk each
     writer.flush()

@@ -97,8 +97,8 @@ def unsealed(tmp_path, published, start_ns):
         folder = tmp_path / name
         sent = [("/motor_power", start_ns + i * 5_000_000, published["/motor_power"](i)) for i in range(samples)]
         writer = BagWriter(folder, defined(POWER), {"scene": "device"}, storage)
-        for i, (_, stamp, data) in enumerate(sent):
-            writer.write(1, stamp, data)
+        for i, message in enumerate(sent):
+            writer.write(*message)
             if i in (samples // 2, samples - 1):
                 writer.flush()  # a chunk of its own
         writer.abandon()

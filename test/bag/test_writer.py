@@ -38,9 +38,9 @@ def write(folder: Path, storage: Storage, published, start_ns, samples: int = 40
     writer = BagWriter(folder, TOPICS, {"scene": "device"}, storage)
     sent = []
     for i in range(samples):
-        for number, topic in enumerate(("/odom", "/motor_power"), start=1):
+        for topic in ("/odom", "/motor_power"):
             sent.append((topic, start_ns + i * PERIOD, published[topic](i)))
-            writer.write(number, *sent[-1][1:])
+            writer.write(*sent[-1])
         if i % 20 == 0:
             writer.flush()
     writer.flush()
@@ -88,7 +88,7 @@ def test_size_is_that_of_the_compressed_file(tmp_path, start_ns):
     writer = BagWriter(tmp_path / "run", TOPICS, {}, Storage(compression="zstd", max_size=100_000))
     random = np.random.default_rng(1)
     for i in range(400):  # about 300 kB after compression, 1.2 MB before
-        writer.write(2, start_ns + i * PERIOD, random.bytes(700) + bytes(2300))
+        writer.write("/motor_power", start_ns + i * PERIOD, random.bytes(700) + bytes(2300))
         writer.flush()
     writer.close({})
     sizes = [path.stat().st_size for path in sorted((tmp_path / "run").glob("*.mcap"))]
@@ -109,7 +109,7 @@ def test_chunks_have_a_checksum_and_an_index_of_every_message(tmp_path, publishe
 def test_a_long_silence_of_flush_does_not_fill_the_memory(tmp_path, start_ns):
     writer = BagWriter(tmp_path / "run", TOPICS, {}, Storage())
     for i in range(4):
-        writer.write(1, start_ns + i, bytes(CHUNK_SIZE))
+        writer.write("/odom", start_ns + i, bytes(CHUNK_SIZE))
     assert writer.stored >= 3
     writer.close({})
 
@@ -156,7 +156,7 @@ def test_the_oldest_files_go_before_a_bag_exceeds_its_limit(tmp_path, published,
     writer = BagWriter(folder, TOPICS, {}, Storage(max_bytes=limit, **given))
     count = 2000  # about 1.6 MB
     for i in range(count):
-        writer.write(1, start_ns + i * PERIOD, published["/odom"](i))
+        writer.write("/odom", start_ns + i * PERIOD, published["/odom"](i))
         if i % 50 == 0:
             writer.flush()
             assert sum(path.stat().st_size for path in folder.iterdir()) <= limit
@@ -193,7 +193,7 @@ def test_messages_out_of_order_do_not_make_files_overlap(tmp_path, published, st
     folder = tmp_path / "run"
     writer = BagWriter(folder, TOPICS, {}, Storage(max_duration=0.1))
     for i in (0, 30, 20, 10, 40):  # x 5 ms: 30 begins a file, 20 and 10 come late
-        writer.write(2, start_ns + i * PERIOD, published["/motor_power"](i))
+        writer.write("/motor_power", start_ns + i * PERIOD, published["/motor_power"](i))
     writer.flush()
     writer.close({})
     assert len(by_rosbags(folder)) == 5
@@ -214,7 +214,7 @@ def test_what_becomes_known_later_is_known_of_a_killed_and_of_a_sealed_bag(tmp_p
     for name, killed in (("killed", True), ("sealed", False)):
         writer = BagWriter(tmp_path / name, defined(POWER), {"scene": "device", "start": "1"}, Storage())
         writer.describe({"start": "5"})
-        writer.write(1, 7, bytes(12))
+        writer.write("/motor_power", 7, bytes(12))
         writer.flush()
         if killed:
             writer.abandon()

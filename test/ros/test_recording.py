@@ -80,7 +80,7 @@ def test_recordings_that_cannot_be_are_refused(bench, wrong, reason):
 def test_bags_left_unsealed_are_sealed_if_the_robot_is_told_to(bench, topics, tmp_path, monkeypatch):
     folder = tmp_path / "vibro_robot_1"
     writer = BagWriter(folder, defined(topics), {}, Storage())
-    writer.write(1, 1, bytes(100))
+    writer.write(topics[0].name, 1, bytes(100))
     writer.flush()
     offer_recovery(tmp_path, True, bench.node.get_logger())
     assert not (folder / "metadata.yaml").exists()  # it is in use

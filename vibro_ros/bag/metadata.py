@@ -62,14 +62,6 @@ class TopicInformation:
 
 
 @dataclass(frozen=True)
-class Definition:
-    """A topic with all that a bag's file holds of it; `text` is the message definition (ros2msg)."""
-
-    information: TopicInformation
-    text: str
-
-
-@dataclass(frozen=True)
 class FileInformation:
     """One file of a bag: its name, times of the first and last message [ns] (0 when empty), messages by topic."""
 
@@ -84,8 +76,8 @@ class FileInformation:
         return sum(self.counts.values())
 
 
-def defined(topics: Sequence[Topic]) -> list[Definition]:
-    """The definitions of `topics`.
+def defined(topics: Sequence[Topic]) -> list[TopicInformation]:
+    """What a bag will say of the topics that are to be recorded.
 
     Raises
     ------
@@ -98,16 +90,25 @@ def defined(topics: Sequence[Topic]) -> list[Definition]:
             raise ValueError(f"{topic.name}: unknown message type {topic.type_name!r}; give one of ROS 2 Jazzy's")
         if names.count(topic.name) > 1:
             raise ValueError(f"{topic.name}: given twice; a topic is recorded once")
-    definitions = []
-    for topic in topics:
-        text, _ = jazzy_types().generate_msgdef(topic.type_name, ros_version=2)
-        qos = {"history": "keep_last", "depth": topic.qos_depth, "reliability": "reliable",
-               "durability": _TRANSIENT_LOCAL if topic.transient_local else "volatile",
-               "deadline": dict(_FOREVER), "lifespan": dict(_FOREVER), "liveliness": "automatic",
-               "liveliness_lease_duration": dict(_FOREVER), "avoid_ros_namespace_conventions": False}
-        digest = jazzy_types().hash_rihs01(topic.type_name)
-        definitions.append(Definition(TopicInformation(topic.name, topic.type_name, [qos], digest), text))
-    return definitions
+    return [TopicInformation(topic.name, topic.type_name, [_offered_qos(topic)],
+                             jazzy_types().hash_rihs01(topic.type_name)) for topic in topics]
+
+
+def _offered_qos(topic: Topic) -> dict:
+    return {"history": "keep_last", "depth": topic.qos_depth, "reliability": "reliable",
+            "durability": _TRANSIENT_LOCAL if topic.transient_local else "volatile",
+            "deadline": dict(_FOREVER), "lifespan": dict(_FOREVER), "liveliness": "automatic",
+            "liveliness_lease_duration": dict(_FOREVER), "avoid_ros_namespace_conventions": False}
+
+
+def definition_text(type_name: str) -> str:
+    """A message definition as MCAP files keep it (ros2msg)."""
+    return jazzy_types().generate_msgdef(type_name, ros_version=2)[0]
+
+
+def label(topic: TopicInformation) -> dict[str, str]:
+    """What rosbag2 writes to a topic's channel."""
+    return {"offered_qos_profiles": as_text(topic.qos).strip(), "topic_type_hash": topic.type_hash}
 
 
 def bag_information(files: Sequence[FileInformation], topics: Iterable[TopicInformation],

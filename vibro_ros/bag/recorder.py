@@ -27,16 +27,18 @@ from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
 
 from vibro_ros.bag.folders import SUFFIX, lock
-from vibro_ros.bag.mcap_file import METADATA_KEY, METADATA_NAME, McapFile, packed
+from vibro_ros.bag.mcap_file import METADATA_KEY, METADATA_NAME, packed
 from vibro_ros.bag.metadata import (
     FILE_NAME,
     LAST_STAMP,
-    Definition,
     FileInformation,
     Topic,
+    TopicInformation,
     as_text,
     bag_information,
     defined,
+    definition_text,
+    label,
     write_metadata,
 )
 
@@ -104,10 +106,10 @@ _PLAIN = Storage()
 class Recorder:
     """Writes messages to a new bag folder; a context manager.
 
-    Once open, nothing that happens to the disk reaches the caller: the recording stops, `fault`
-    says why, what was written is sealed where the disk allows it, and further messages are dropped and
-    counted. After `close`, the number of `write` calls, and of `latched` messages in each file, is `written` +
-    `dropped` + `lost`; the bag's custom data say these three as well.
+    Once open, nothing that happens to the disk reaches the caller: the recording stops, `fault` says why, what was
+    written stays for `recover` to seal, and further messages are dropped and counted. After `close`, the number of
+    `write` calls, and of `latched` messages in each file, is `written` + `dropped` + `lost`; the bag's custom data say
+    these three as well.
 
     Parameters
     ----------
@@ -139,23 +141,21 @@ class Recorder:
                  latched: Sequence[tuple[str, bytes]] = ()) -> None:
         self.folder = Path(folder)
         self.fault: str | None = None
-        self.sealed = False
         self._backlog = backlog
         self._refused = 0
         self._refusing = Lock()
         self._taken = 0
         self._due = time.monotonic() + FLUSH_PERIOD
         self._accepting = True
-        self._over = self._gone = False  # no message is written any more; the folder is gone
+        self._over = False  # no message is written any more
         self._closing = False
         self._known: Mapping[str, str] = {}
         self._waking = self._due  # when a message wakes the thread; never while it is awake
         self._bell: SimpleQueue[None] = SimpleQueue()
-        definitions = defined(topics)
-        self._topics = {one.information.name: number for number, one in enumerate(definitions, start=1)}
-        self._queue: deque[tuple[int, int, bytes]] = deque()  # a message names its topic by a number
+        self._topics = {topic.name for topic in topics}
+        self._queue: deque[tuple[str, int, bytes]] = deque()
         try:
-            self._writer = BagWriter(self.folder, definitions, metadata, storage)
+            self._writer = BagWriter(self.folder, defined(topics), metadata, storage)
         except FileExistsError as error:
             raise FileExistsError(f"{folder} exists already; a recording never overwrites: "
                                   "give a new folder") from error
@@ -172,10 +172,12 @@ class Recorder:
         False when the message was dropped (and counted): unknown topic, stamp that would spoil the bag, data that is
         not bytes, queue full, recording stopped.
         """
-        topic = self._topics.get(topic_name)
-        if (topic is not None and type(stamp_ns) is int and 0 <= stamp_ns <= LAST_STAMP
+        if (topic_name in self._topics and type(stamp_ns) is int and 0 <= stamp_ns <= LAST_STAMP
                 and type(data) is bytes and self._accepting and len(self._queue) < self._backlog):
-            self._append(topic, stamp_ns, data)
+            self._queue.append((topic_name, stamp_ns, data))
+            if time.monotonic() >= self._waking or len(self._queue) == WAKING:
+                self._waking = math.inf
+                self._bell.put(None)
             return True
         with self._refusing:
             self._refused += 1
@@ -183,7 +185,7 @@ class Recorder:
 
     def latch(self, latched: Sequence[tuple[str, bytes]]) -> None:
         """Say what `latched` is, before the first `write`."""
-        self._writer.latch([(self._topics[topic], data) for topic, data in latched])
+        self._writer.latch(latched)
 
     def describe(self, custom: Mapping[str, str]) -> None:
         """Add to the bag's custom data what is known now, before the messages that are written from now on."""
@@ -197,8 +199,8 @@ class Recorder:
 
     @property
     def written(self) -> int:
-        """Messages in the bag that a killed process would not lose; none when the folder was removed."""
-        return 0 if self._gone else self._writer.stored
+        """Messages in the bag that a killed process would not lose."""
+        return self._writer.stored
 
     @property
     def dropped(self) -> int:
@@ -244,18 +246,12 @@ class Recorder:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _append(self, topic: int, stamp: int, data: bytes) -> None:
-        self._queue.append((topic, stamp, data))
-        if time.monotonic() >= self._waking or len(self._queue) == WAKING:
-            self._waking = math.inf
-            self._bell.put(None)
-
     def _run(self) -> None:
         try:
             self._write_queue()
             self._writer.flush()
             self._over = True
-            self._seal()
+            self._writer.close({"written": str(self.written), "dropped": str(self.dropped), "lost": str(self.lost)})
         except Exception as error:  # whatever the disk does, the robot goes on
             self._stop(error)
 
@@ -287,24 +283,15 @@ class Recorder:
             self._writer.flush()
             self._due = time.monotonic() + FLUSH_PERIOD
 
-    def _seal(self) -> None:
-        self._writer.close({"written": str(self.written), "dropped": str(self.dropped), "lost": str(self.lost)})
-        self.sealed = True
-
     def _stop(self, error: Exception) -> None:
-        """End the recording; what is stored is sealed, or stays as it is for `recover`."""
+        """End the recording; what is stored stays as it is, for every reader of this package and for `recover`."""
         self._accepting = False
         self._over = True
         reason = " ".join((getattr(error, "strerror", None) or str(error) or type(error).__name__).split())
         self._discard_queue()
-        with contextlib.suppress(Exception):  # it would write to the disk that failed
-            self._seal()
-        if not self.sealed:
-            self._writer.abandon()
-        self._gone = not self.folder.exists()
-        remains = (f"the bag is sealed with its {self.written} messages" if self.sealed
-                   else "the folder is gone" if self._gone
-                   else f"the bag is not sealed; `recover {self.folder}` seals it once it can be written")
+        self._writer.abandon()
+        remains = (f"its {self.written} messages are there; `recover {self.folder}` seals the bag for other programs"
+                   if self.folder.exists() else "the folder is gone")
         self.fault = f"recording to {self.folder} stopped: {reason}; {remains}"
 
     def _discard_queue(self) -> None:
@@ -318,16 +305,23 @@ class BagWriter:
     """Writes a bag folder: one MCAP file, or several that follow each other in time.
 
     It holds the folder's lock, so that nobody takes it for abandoned. `folder` must not exist, its parents may be
-    missing. A message names its topic by the position in `definitions`, counted from 1. `custom` is the bag's custom
-    data, from its beginning on; `added` counts the messages that the writer itself has put at the beginning of files.
+    missing. `custom` is the bag's custom data, from its beginning on; `added` counts the messages that the writer
+    itself has put at the beginning of files. After an OSError the bag ends with its last flush, for `recover` to seal.
     FileExistsError when the folder exists; OSError when it cannot be made or written, and then nothing is left behind.
     """
 
-    def __init__(self, folder: Path, definitions: Sequence[Definition], custom: Mapping[str, str], storage: Storage):
+    def __init__(self, folder: Path, topics: Sequence[TopicInformation], custom: Mapping[str, str], storage: Storage):
         self.folder = folder
         self.added = 0
-        self._definitions, self._custom, self._storage = definitions, dict(custom), storage
-        self._latched: tuple[tuple[int, bytes], ...] = ()
+        self._topics, self._custom, self._storage = topics, dict(custom), storage
+        types = list(dict.fromkeys(topic.type_name for topic in topics))
+        self._schemas = [Schema(id=number, data=definition_text(name).encode(), encoding="ros2msg", name=name)
+                         for number, name in enumerate(types, start=1)]
+        self._channels = [Channel(id=number, topic=topic.name, message_encoding=topic.encoding, metadata=label(topic),
+                                  schema_id=1 + types.index(topic.type_name))
+                          for number, topic in enumerate(topics, start=1)]
+        self._numbers = {channel.topic: channel.id for channel in self._channels}
+        self._latched: tuple[tuple[str, bytes], ...] = ()
         self._finished: deque[tuple[FileInformation, int]] = deque()  # sealed files, and their bytes
         self._number = 0
         self._sink: _Sink  # of the file that is written, or was written last
@@ -349,14 +343,14 @@ class BagWriter:
         finished = sum(file.messages for file, _ in list(self._finished))  # other threads ask, too
         return finished + self._discarded_messages + (self._flushed if self._is_open else 0)
 
-    def latch(self, latched: Sequence[tuple[int, bytes]]) -> None:
+    def latch(self, latched: Sequence[tuple[str, bytes]]) -> None:
         """Let each file begin with these, topic and message, under its first message's stamp; before that is written.
 
         So whoever has one file, or plays the bag from there on, has what was published once and for all.
         """
         self._latched = self._waiting = tuple(latched)
 
-    def write(self, topic: int, stamp: int, data: bytes) -> None:
+    def write(self, topic: str, stamp: int, data: bytes) -> None:
         """Take a message (OSError when the disk fails); a new file begins only where time goes on."""
         if self._is_full or (self._longest and stamp - self._first >= self._longest):
             if 0 <= self._last < stamp:
@@ -366,8 +360,8 @@ class BagWriter:
         if self._waiting:
             waiting, self._waiting = self._waiting, ()
             self.added += len(waiting)
-            for number, message in waiting:
-                self._add(number, stamp, message)
+            for name, message in waiting:
+                self._add(name, stamp, message)
         self._add(topic, stamp, data)
         if self._sink.pending:  # a chunk is full, so many messages came since the last flush
             self.flush()
@@ -383,17 +377,17 @@ class BagWriter:
         try:
             self._file.flush()
         except OSError:
-            self._has_failed = True
-            self._flushed *= self._sink.is_in_place
+            if not self._sink.is_in_place:
+                self._flushed = 0
             raise
-        self._flushed = sum(self._counts)
+        self._flushed = sum(self._counts.values())
         self._is_full = 0 < self._storage.file_size < self._sink.size
         self._make_room()
 
     def describe(self, custom: Mapping[str, str]) -> None:
         """Add to the bag's custom data, with the next flush also for a reader of a bag that was killed."""
         self._custom |= custom
-        self._note(self._file_information())
+        self._file.add_metadata(METADATA_NAME, self._description(self._file_information()))
 
     def close(self, custom: Mapping[str, str]) -> None:
         """Seal the bag, with `custom` added to its custom data (OSError when the disk fails)."""
@@ -405,7 +399,7 @@ class BagWriter:
             if self._is_open:
                 self._finish_file()
             files = [file for file, _ in self._finished if (self.folder / file.name).exists()]
-            write_metadata(self.folder / FILE_NAME, self._information(files))
+            write_metadata(self.folder / FILE_NAME, bag_information(files, self._topics, self._custom))
         finally:
             self.abandon()
 
@@ -419,27 +413,18 @@ class BagWriter:
 
     def _begin_file(self) -> None:
         path = self.folder / f"{self.folder.name}_{self._number}{SUFFIX}"
-        # The texts come first, because they take 20 ms: a process that is killed meanwhile leaves no empty file.
+        # The text comes first, because it takes long: a process that is killed meanwhile leaves no empty file.
         about = self._description(FileInformation(path.name, 0, 0))
-        labels = [{"offered_qos_profiles": as_text(one.information.qos).strip(),
-                   "topic_type_hash": one.information.type_hash} for one in self._definitions]
         self._sink = _Sink(path)
         chunk = min(CHUNK_SIZE, self._storage.file_size // 8 or CHUNK_SIZE)
         self._file = Writer(self._sink, chunk, _COMPRESSIONS[self._storage.compression])  # type: ignore[arg-type]
         self._file.start("ros2", "vibro_ros")
-        schemas: dict[str, Schema] = {}
-        channels = []
-        for definition, of_topic in zip(self._definitions, labels, strict=True):
-            topic, text = definition.information, definition.text.encode()
-            if topic.type_name not in schemas:
-                number = self._file.register_schema(topic.type_name, "ros2msg", text)
-                schemas[topic.type_name] = Schema(id=number, data=text, encoding="ros2msg", name=topic.type_name)
-            schema = schemas[topic.type_name].id
-            number = self._file.register_channel(topic.name, topic.encoding, schema, of_topic)
-            channels.append(Channel(id=number, topic=topic.name, message_encoding=topic.encoding, metadata=of_topic,
-                                    schema_id=schema))
+        for schema in self._schemas:  # the Writer gives them the same numbers
+            self._file.register_schema(schema.name, schema.encoding, schema.data)
+        for one in self._channels:
+            self._file.register_channel(one.topic, one.message_encoding, one.schema_id, one.metadata)
         # The Writer puts topics into the first chunk. Here they are on the disk before there is one, and if it is lost.
-        self._sink.write(packed(*schemas.values(), *channels))
+        self._sink.write(packed(*self._schemas, *self._channels))
         self._file.add_metadata(METADATA_NAME, about)
         try:
             self._file.flush()
@@ -449,39 +434,29 @@ class BagWriter:
             raise
         self._is_open = True
         self._number += 1
-        self._counts = [0] * len(self._definitions)  # messages by topic
+        self._counts = dict.fromkeys(self._numbers, 0)  # messages by topic
         self._first, self._last = LAST_STAMP, -1  # stamps
         self._longest = self._storage.max_duration * 1e9
         self._flushed = 0
-        self._is_full = self._has_failed = False
+        self._is_full = False
         self._waiting = self._latched
 
-    def _add(self, topic: int, stamp: int, data: bytes) -> None:
-        self._file.add_message(topic, stamp, data, stamp)
-        self._counts[topic - 1] += 1
+    def _add(self, topic: str, stamp: int, data: bytes) -> None:
+        self._file.add_message(self._numbers[topic], stamp, data, stamp)
+        self._counts[topic] += 1
         if stamp < self._first:
             self._first = stamp
         if stamp > self._last:
             self._last = stamp
 
     def _finish_file(self) -> None:
-        """Seal the file; a failed write leaves what was flushed before, to be sealed once more or by `recover`."""
-        sink = self._sink
-        try:
-            if self._has_failed:  # the Writer's index names chunks that the disk did not take
-                file = McapFile(sink.path)
-                information = file.information
-                sink.write(file.ending(as_text(self._information([information]))))
-            else:
-                information = self._file_information()
-                self._note(information)
-                self._file.finish()
-            sink.flush()
-        except OSError:
-            self._has_failed = True
-            raise
-        sink.close()
-        self._finished.append((information, sink.size))
+        """Seal the file (OSError, and then it ends with what was flushed before)."""
+        information = self._file_information()
+        self._file.add_metadata(METADATA_NAME, self._description(information))
+        self._file.finish()
+        self._sink.flush()
+        self._sink.close()
+        self._finished.append((information, self._sink.size))
         self._is_open = False
 
     def _make_room(self) -> None:
@@ -494,20 +469,13 @@ class BagWriter:
             self._discarded_messages += file.messages
 
     def _file_information(self) -> FileInformation:
-        names = [definition.information.name for definition in self._definitions]
         is_empty = self._last < 0
         return FileInformation(self._sink.path.name, 0 if is_empty else self._first, max(0, self._last),
-                               dict(zip(names, self._counts, strict=True)))
-
-    def _note(self, file: FileInformation) -> None:
-        """Write into the file what the bag says of itself."""
-        self._file.add_metadata(METADATA_NAME, self._description(file))
+                               dict(self._counts))
 
     def _description(self, file: FileInformation) -> dict[str, str]:
-        return {METADATA_KEY: as_text(self._information([file]))}
-
-    def _information(self, files: Sequence[FileInformation]) -> dict:
-        return bag_information(files, [one.information for one in self._definitions], self._custom)
+        """What a file says of the bag, as if it were the only one."""
+        return {METADATA_KEY: as_text(bag_information([file], self._topics, self._custom))}
 
 
 class _Sink:

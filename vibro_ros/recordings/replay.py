@@ -127,13 +127,12 @@ def what_if(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str]:
                   "replay_of": whole.name, "changes": json.dumps(dict(changes))}
         writer = BagWriter(next(folder for folder in folders if not os.path.lexists(folder)),
                            defined([*topics.values()]), custom, Storage())
-        numbers = {name: number for number, name in enumerate(topics, start=1)}
-        writer.latch([(numbers[name], data) for name, data in rerun.latched.items() if name in numbers])
+        writer.latch([(topics[name].name, data) for name, data in rerun.latched.items() if name in topics])
         try:
             for _, recorded in rerun.through(stream):
                 inputs = [(name, data) for name, data in recorded if name in INPUTS]
                 for name, data in (*rerun.published(), *inputs):
-                    writer.write(numbers[name], facts.stamp(rerun.tick), data)
+                    writer.write(facts.topics[name], facts.stamp(rerun.tick), data)
             return writer.folder, ""
         except SimulationError as error:
             return writer.folder, str(error)
