@@ -74,7 +74,6 @@ DOCUMENTS = {
             "--output out/study/map_machine"), 18.0,
         (*_PHYSICS, "vibro_ros/orbits", "vibro_ros/study/map.py"),
         {"out/study/map/device.json": "config/maps/device.json", "out/study/map/map.png": "docs/map.png",
-         "out/study/map/costs.png": "docs/map_costs.png",
          "out/study/map_machine/machine.json": "config/maps/machine.json",
          "out/study/map_machine/map.png": "docs/map_machine.png"}),
     "accuracy": Document(

@@ -42,7 +42,7 @@ def test_the_rare_motion_is_found_among_300_starts(tmp_path, capsys):
     rate = np.log(np.abs(largest)) / (2.0 * np.pi / 100.0)
     assert motions["lyapunov_exponent"].tolist() == pytest.approx(rate.tolist())
     said = capsys.readouterr()
-    assert "motion 2: -236.51 mm/s, again after 1 turn" in said.out and "s of core time" in said.err
+    assert "motion 2: -236.51 mm/s, again after 1 turn" in said.out
 
 
 def test_a_grid_gives_a_map_whose_files_tell_units_and_design(tmp_path, capsys):

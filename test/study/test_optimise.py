@@ -143,7 +143,7 @@ def test_bad_words_are_one_line(capsys, words, said):
 
 
 def test_a_record_knows_how_its_values_were_measured(monkeypatch):
-    plan = command.plan_of(command.parser().parse_args(OPTIONS.split()))
+    plan = command.plan_of(command.main.parser().parse_args(OPTIONS.split()))
     before = plan.identity()
     monkeypatch.setattr("vibro_ros.study.optimise.computes_with", lambda: {"sources": "others"})
     assert {name for name in before if before[name] != plan.identity()[name]} == {"computed_with"}

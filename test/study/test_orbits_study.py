@@ -16,7 +16,6 @@ from vibro_ros.study.orbits import (
     curve_of_task,
     fields_of,
     main,
-    parser,
     plan_of,
     rows_of,
     study_of,
@@ -88,7 +87,7 @@ def test_bad_input_is_refused_in_one_line(refusal, words, message):
 
 def test_a_branch_is_read_as_it_was_written():
     """Special points stand between the orbits that they lie between."""
-    plan = plan_of(parser().parse_args(["--quick", "--scene", "damped"]))
+    plan = plan_of(main.parser().parse_args(["--quick", "--scene", "damped"]))
     random = np.random.default_rng(7)
     names = ("upper_position", "upper_velocity", "inclined_position", "inclined_velocity", "body_velocity")
     multipliers = random.normal(size=(4, 5)) + 1j * random.normal(size=(4, 5))
@@ -130,7 +129,7 @@ def test_curves_are_followed_kept_and_not_followed_twice(bytes_of, tmp_path, cap
 
 
 def test_a_curve_is_read_as_it_was_written():
-    plan = plan_of(parser().parse_args(["--quick", "--scene", "damped"]))
+    plan = plan_of(main.parser().parse_args(["--quick", "--scene", "damped"]))
     asked, random = CurvePlan(plan, "upper.gap", 0.0, 0.002), np.random.default_rng(7)
     multipliers = random.normal(size=(4, 5)) + 1j * random.normal(size=(4, 5))
     special = tuple(Special(kind, 0.1 * at, multipliers[0], change, 0.5, random.normal(size=5), at,

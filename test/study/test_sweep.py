@@ -140,7 +140,7 @@ def test_a_picture_and_the_words_say_what_is_there(tmp_path, capsys, monkeypatch
     assert main(["--scene", "damped", *words, "--starts", "2", "--settling", "1", "--duration", "0.5", "--workers",
                  "1", "--output", str(tmp_path)]) == 0
     assert ("95 % intervals" in titles[0]) == intervals
-    assert "mean_speed is at an end of guide.angle" in capsys.readouterr().out
+    assert "mean_speed is at the end of the range of guide.angle" in capsys.readouterr().out
 
 
 def test_a_grid_with_an_illegal_point_is_refused_before_anything_runs(refusal):
@@ -188,7 +188,7 @@ def test_a_folder_of_another_design_is_refused_and_stays(bytes_of, tmp_path, cap
 
 def test_two_studies_in_one_folder_are_refused(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("vibro_ros.study.command._PATIENCE", 0.1)
-    with locked(tmp_path / "blocks"):
+    with locked(tmp_path):
         assert main([*SHORT, "--output", str(tmp_path)]) == 2
     assert "another study writes here" in capsys.readouterr().err
 

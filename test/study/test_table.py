@@ -207,7 +207,7 @@ STUDIES = {
               "--duration 0.5 --workers 1", one_row),
     "basins": ("blocks/block_000000.parquet", basins, "--scene damped --starts 4 --workers 1", shorter_lists),
     "diagram": ("visits/block_000000.parquet", diagram, "--scene damped --vary motor.speed=99,100 --exponents 0 "
-                "--cuts 0 --workers 1", one_row),
+                "--workers 1", one_row),
     "map": ("lines/block_000001.parquet", command_map, "--scene damped --motor-speed 99:100:2 --gap=-1e-6:0:2 "
             "--curves 0 --quick --workers 1", shorter_lists),
     "orbits": ("branches/block_000001.parquet", orbits, "--scene damped --vary motor.speed=99.9:100.1 --from 100 "

@@ -2,11 +2,10 @@
 
 import argparse
 import math
-import os
-import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -31,21 +30,11 @@ from vibro_ros.orbits.turn_map import (
     has_sampled_controller,
     state_names,
 )
-from vibro_ros.process.entry_point import FAILURE, Parser, say
+from vibro_ros.process.entry_point import Parser
 from vibro_ros.simulation.given_state import STATE_UNITS
 from vibro_ros.simulation.motion import SimulationError
-from vibro_ros.simulation.simulator import ToleranceWarning
-from vibro_ros.study.command import (
-    Progress,
-    add_execution,
-    add_machine,
-    execution_of,
-    locked,
-    machine_of,
-    run_study,
-    study_parser,
-    write_files,
-)
+from vibro_ros.study.command import Progress, Results, StudyCommand, machine_of
+from vibro_ros.study.execution import Execution
 from vibro_ros.study.figures import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, YELLOW, new_figure, png, tidy
 from vibro_ros.study.table import NUMBERS, Field, Study, are, computed, file_of, table_of
 from vibro_ros.study.variation import whole_number
@@ -300,9 +289,7 @@ def stroboscope_of(design: Design) -> Stroboscope:
 
 @lru_cache(maxsize=1)
 def _stroboscope(name: str, parameters: tuple[tuple[str, Value], ...], phase: float) -> Stroboscope:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ToleranceWarning)  # the command says it once
-        return Stroboscope(TurnMap(Scene(name, dict(parameters)), phase))
+    return Stroboscope(TurnMap(Scene(name, dict(parameters)), phase))
 
 
 UNSETTLED, IMPOSSIBLE, OTHER = 0, -1, -2
@@ -547,36 +534,19 @@ def _legend(found: Basins) -> list[Patch]:
     return shown
 
 
-def main(words: Sequence[str]) -> int:
-    """Run the study; returns its exit code."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ToleranceWarning)  # `_design` says it once
-        return run_study(_basins, _parser(), words)
-
-
-def _basins(options: argparse.Namespace) -> int:
-    execution = execution_of(options)
-    design, begun = _design(options), _core_time()
-    with locked(options.output):
-        folder = options.output / FOLDER
-        folder.mkdir(exist_ok=True)
-        table = computed(study_of(design), folder, execution)
-        errors = [text for text in table["error"].to_pylist() if text]
-        if len(errors) == design.starts.count:
-            raise ValueError(f"none of {len(errors)} starts can be simulated; the first one: {errors[0]}")
-        found = basins_in(design, table)
-        write_files(options.output, {STARTS: starts_table(table, found), ATTRACTORS: attractors_table(found),
-                                     PICTURE: draw_basins(design, table, found)})
-    print("\n".join(in_words(design, table, found)))
-    if not options.scheduler:
-        say("study", f"{_core_time() - begun:.1f} s of core time")
-    return FAILURE if any(not text.startswith(NO_START) for text in errors) else 0
+def _results(design: Design, folder: Path, execution: Execution) -> Iterator[Results]:
+    table = computed(study_of(design), folder / FOLDER, execution)
+    errors = [text for text in table["error"].to_pylist() if text]
+    if len(errors) == design.starts.count:
+        raise ValueError(f"none of {len(errors)} starts can be simulated; the first one: {errors[0]}")
+    found = basins_in(design, table)
+    yield Results({STARTS: starts_table(table, found), ATTRACTORS: attractors_table(found),
+                   PICTURE: draw_basins(design, table, found)}, in_words(design, table, found),
+                  any(not text.startswith(NO_START) for text in errors))
 
 
 def _design(options: argparse.Namespace) -> Design:
     scene = running(machine_of(options))
-    if scene.broken_promise:
-        say("study", f"warning: {scene.broken_promise}")
     count = options.starts if options.starts is not None else QUICK_STARTS if options.quick else STARTS_DRAWN
     phase = Stroboscope(free_cut(scene)).turn_map.phase  # refuses a scene in which nothing moves
     starts = chosen_starts(scene, tuple(over_in_words(scene, text) for text in options.over), count,
@@ -586,17 +556,7 @@ def _design(options: argparse.Namespace) -> Design:
     return Design(scene, phase, starts, options.turns, options.most_turns)
 
 
-def _core_time() -> float:
-    """Processor time [s] of this process and of those that have ended."""
-    return sum(os.times()[:4])
-
-
-def _parser() -> Parser:
-    parser = study_parser(
-        "basins", "Let a machine begin from many states, tell the motions apart that it settles to, and say how many "
-        "starts lead to each, and how mixed they are. Writes Parquet files and a picture.",
-        "a start could not go on, or the disk is full")
-    add_machine(parser, "device")
+def _add_options(parser: Parser) -> None:
     parser.add_argument("--over", action="append", default=[], metavar="NAME=LOW:HIGH[:COUNT]", help="a coordinate of "
                         "the start, SI units: with counts two of them, a grid; without counts, from which starts are "
                         "drawn (default: all, within a crank radius l of rest, and l times motor speed)")
@@ -607,5 +567,9 @@ def _parser() -> Parser:
     parser.add_argument("--most-turns", type=int, default=MOST_TURNS, metavar="N", help="turns after which a start is "
                         "given up (default: %(default)s)")
     parser.add_argument("--quick", action="store_true", help=f"{QUICK_STARTS} starts unless you say otherwise")
-    add_execution(parser)
-    return parser
+
+
+main = StudyCommand(
+    "basins", "Let a machine begin from many states, tell the motions apart that it settles to, and say how many "
+    "starts lead to each, and how mixed they are. Writes Parquet files and a picture.", _add_options, _design, _results,
+    failure="a start could not go on, or the disk is full")

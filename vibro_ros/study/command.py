@@ -1,7 +1,7 @@
 """Executable ``study``: its first word names the study, whose own module takes the others.
 
-Beside it what all command lines share: the machine, who computes, the locked folder, stops, how far a study is, and
-files.
+A study's `main` is a `StudyCommand`: all that the command lines share, from the options to the files that are written,
+with the machine, who computes, the locked folder, stops, and how far a study is.
 """
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
@@ -16,9 +16,12 @@ import contextlib
 import fcntl
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from tqdm import tqdm
 
@@ -26,10 +29,11 @@ from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.parameters import BY_NAME, Value, parameter_named
 from vibro_ros.model.scene import Scene
-from vibro_ros.process.entry_point import Parser, exit_code, interrupted_code, say
+from vibro_ros.process.entry_point import FAILURE, Parser, exit_code, interrupted_code, say
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.files import replace_file
 from vibro_ros.simulation.processes import core_count
+from vibro_ros.simulation.simulator import ToleranceWarning
 from vibro_ros.study.execution import Execution
 from vibro_ros.study.variation import whole_number
 
@@ -41,8 +45,7 @@ STUDIES = {
     "basins": "Tell which start leads to which motion.",
     "map": "Find every motion over motor speed and gap: the command map that `controller` reads.",
 }
-"""What each study does, by its name, which is that of its module: `main` there takes the words that follow
-the study's name, and returns the exit code."""
+"""What each study does, by its name, which is that of its module; `main` there is a `StudyCommand`."""
 
 
 def main(words: Sequence[str]) -> int:
@@ -76,42 +79,95 @@ MOST_WORKERS = 4096
 _PATIENCE, _POLL = 3.0, 0.05
 
 
-def run_study(study: Callable[[argparse.Namespace], int], parser: Parser, words: Sequence[str]) -> int:
-    """The exit code of a study with the options that `words` give; a stop signal keeps what is done."""
-    def run() -> int:
-        options = parser.parse_args(words)
+class Results(NamedTuple):
+    """What a study gives: the bytes of its files by their names, the lines that it says, and whether a run failed."""
+
+    files: Mapping[str, bytes]
+    words: Iterable[str]
+    failed: bool = False
+
+
+@dataclass(frozen=True)
+class StudyCommand:
+    """The command line of a study. Called with the words that follow the study's name, it returns the exit code.
+
+    Attributes
+    ----------
+    name : str
+        Of the study, and of its folder below ``out/study``.
+    does : str
+        What it does and writes, for its help.
+    add_options : callable
+        Adds the options that no other study has.
+    design_of : callable
+        The design that the options give; it raises ValueError before anything is written.
+    results : callable
+        Takes the design, the locked folder and who computes, and yields `Results` as they are done.
+    scene : str or None
+        The scene unless `--scene` names one; None for a study that adds `--scene` and `--set` by itself.
+    failure : str
+        What exit code 1 means.
+    """
+
+    name: str
+    does: str
+    add_options: Callable[[Parser], object]
+    design_of: Callable[[argparse.Namespace], Any]
+    results: Callable[[Any, Path, Execution], Iterator[Results]]
+    scene: str | None = "device"
+    failure: str = "a run failed, or the disk is full"
+
+    def parser(self) -> Parser:
+        """All options."""
+        parser = Parser(
+            prog=f"study {self.name}",
+            description=f"{self.does} Ctrl-C keeps finished work; the same command goes on from there.",
+            epilog=f"Exit code 0: done; 1: {self.failure}; 2: bad input, or nowhere to write; 129, 130, 143: stopped "
+            "by SIGHUP, SIGINT, SIGTERM, finished work is kept.")
+        parser.add_argument("--output", type=Path, default=Path("out/study") / self.name, metavar="DIR", help="where "
+                            "to write (default: %(default)s)")
+        if self.scene:
+            parser.add_argument("--scene", default=self.scene, metavar="NAME", help="shipped scene or scene file "
+                                "(default: %(default)s)")
+            parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="another value of the "
+                                "scene, SI units, angles in rad; repeatable")
+        self.add_options(parser)
+        where = parser.add_mutually_exclusive_group()
+        where.add_argument("--workers", type=int, metavar="N", help="processes on this machine (default: one a core); "
+                           "they change no number")
+        where.add_argument("--scheduler", metavar="ADDRESS", help="compute on the Dask cluster of this scheduler, such "
+                           "as tcp://host:8786; the numbers are the same to the last bit")
+        return parser
+
+    def __call__(self, words: Sequence[str]) -> int:
+        """Run the study; a stop signal keeps what is done."""
+        return exit_code("study", lambda: self._run(self.parser().parse_args(words)))
+
+    def _run(self, options: argparse.Namespace) -> int:
+        failed = False
         try:
-            return study(options)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", ToleranceWarning)  # `machine_of` says it once
+                execution, design = execution_of(options), self.design_of(options)
+                with locked(options.output):
+                    for found in self.results(design, options.output, execution):
+                        for name, data in found.files.items():
+                            replace_file(options.output / name, data)
+                            print(options.output / name)
+                        print("\n".join(found.words))
+                        failed |= found.failed
         except KeyboardInterrupt:
             say("study", "interrupted; finished work is kept, and the same command goes on from there")
             return interrupted_code()
-
-    return exit_code("study", run)
-
-
-def study_parser(name: str, description: str, failure: str = "a run failed, or the disk is full") -> Parser:
-    """The command line of a study, with `--output`; `failure` is what exit code 1 means."""
-    parser = Parser(
-        prog=f"study {name}",
-        description=f"{description} Ctrl-C keeps finished work; the same command goes on from there.",
-        epilog=f"Exit code 0: done; 1: {failure}; 2: bad input, or nowhere to write; 129, 130, 143: stopped by SIGHUP, "
-        "SIGINT, SIGTERM, finished work is kept.")
-    parser.add_argument("--output", type=Path, default=Path("out/study") / name, metavar="DIR", help="where to write "
-                        "(default: %(default)s)")
-    return parser
-
-
-def add_machine(parser: Parser, scene: str) -> None:
-    """Add `--scene`, by default `scene`, and `--set`."""
-    parser.add_argument("--scene", default=scene, metavar="NAME", help="shipped scene or scene file (default: "
-                        "%(default)s)")
-    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="another value of the scene, "
-                        "SI units, angles in rad; repeatable")
+        return FAILURE if failed else 0
 
 
 def machine_of(options: argparse.Namespace) -> Scene:
     """The machine that `--scene` and `--set` name (ValueError)."""
-    return load_scene(options.scene).with_parameters(settings_of(options.set))
+    scene = load_scene(options.scene).with_parameters(settings_of(options.set))
+    if scene.broken_promise:
+        say("study", f"warning: {scene.broken_promise}")
+    return scene
 
 
 def settings_of(words: Sequence[str]) -> dict[str, Value]:
@@ -131,15 +187,6 @@ def settings_of(words: Sequence[str]) -> dict[str, Value]:
             raise ValueError(f"--set: {name} is given twice; keep one")
         found[name] = parameter_named(name, BY_NAME).checked(read_scalar(value))
     return found
-
-
-def add_execution(parser: Parser) -> None:
-    """Add `--workers` and `--scheduler`."""
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument("--workers", type=int, metavar="N", help="processes on this machine (default: one a core); they "
-                       "change no number")
-    where.add_argument("--scheduler", metavar="ADDRESS", help="compute on the Dask cluster of this scheduler, such as "
-                       "tcp://host:8786; the numbers are the same to the last bit")
 
 
 def execution_of(options: argparse.Namespace) -> Execution:
@@ -180,13 +227,6 @@ def locked(folder: Path) -> Iterator[None]:
         yield
     finally:
         os.close(descriptor)
-
-
-def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write the results of a study, each file whole or not at all, and print their paths (OSError)."""
-    for name, data in files.items():
-        replace_file(folder / name, data)
-        print(folder / name)
 
 
 _LINES = 10.0  # s between lines that say how far it is, where no bar can be drawn

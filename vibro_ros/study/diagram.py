@@ -2,8 +2,8 @@
 
 Each value's motion begins with the state that the motion at the value before has left (`visited`). So a motion is
 followed as far as it is stable, and where it ends depends on the direction: that is hysteresis. The visits cannot be
-shared among processes; a visit takes some hundredths of a second, unless nothing settles. Exponents and the 0-1 test of
-each visit can be (`measured`).
+shared among processes; a visit takes some hundredths of a second, unless nothing settles. The exponents of each
+visit can be (`measured`).
 """
 
 import argparse
@@ -22,8 +22,7 @@ from matplotlib.axes import Axes
 
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import PREFIX, Scene
-from vibro_ros.orbits.chaos import LEAST_TURNS, sign_of, spectrum_of_cycle, spectrum_until_known, zero_one_test
-from vibro_ros.orbits.chaos import LEAST_VALUES as LEAST_CUTS
+from vibro_ros.orbits.chaos import LEAST_TURNS, sign_of, spectrum_of_cycle, spectrum_until_known
 from vibro_ros.orbits.chaos import MOST_TURNS as MOST_MEASURED
 from vibro_ros.orbits.recurrence import CLOUD, FIRST_TURNS, LONGEST_PERIOD, WATCHED, SettledMotion, settle, tolerance_of
 from vibro_ros.orbits.turn_map import (
@@ -39,17 +38,8 @@ from vibro_ros.orbits.turn_map import (
 from vibro_ros.process.entry_point import Parser
 from vibro_ros.simulation.given_state import STATE_UNITS
 from vibro_ros.simulation.preparation import prepare_kernels
-from vibro_ros.study.command import (
-    add_execution,
-    add_machine,
-    execution_of,
-    locked,
-    machine_of,
-    run_study,
-    study_parser,
-    write_files,
-)
-from vibro_ros.study.execution import Execution, Results, fingerprint
+from vibro_ros.study.command import Results, StudyCommand, machine_of
+from vibro_ros.study.execution import Execution, Rows, fingerprint
 from vibro_ros.study.figures import BLUE, VERMILION, new_figure, of_parameter, png, tidy
 from vibro_ros.study.table import KEY, Field, Study, are, computed, file_of, parameter_field, read, stored
 from vibro_ros.study.variation import Axis, at_the_edge, ends_at, varied_in_words, whole_number
@@ -58,8 +48,6 @@ UP, DOWN = "up", "down"
 #: Most turns that a motion may be given to settle.
 MOST_SETTLING = 1_000_000
 _BLOCK = 8  # visits of a block: what an interruption can lose
-# Periods that the 0-1 test hears: K of a motion that repeats itself every 158 turns is 0.98 after 6, and 0.10 after 50.
-_PERIODS = 50
 
 
 @dataclass(frozen=True)
@@ -75,11 +63,11 @@ class Design:
     phase : float
         Crank angle [rad] at which the states are seen.
     coordinate : str
-        Of the state, which the picture shows and the 0-1 test hears.
+        Of the state, which the picture shows.
     most_turns : int
         Turns of the crank that a motion has to settle.
-    exponents, cuts : int
-        Turns over which Lyapunov exponents are measured, and cuts that the 0-1 test hears; 0 for neither.
+    exponents : int
+        Turns over which Lyapunov exponents are measured; 0 for none.
 
     Raises
     ------
@@ -93,14 +81,11 @@ class Design:
     coordinate: str
     most_turns: int
     exponents: int
-    cuts: int
 
     def __post_init__(self) -> None:
         whole_number("--most-turns", self.most_turns, FIRST_TURNS, MOST_SETTLING)
         if self.exponents:
             whole_number("--exponents (0: none)", self.exponents, LEAST_TURNS, MOST_MEASURED)
-        if self.cuts:
-            whole_number("--cuts (0: none)", self.cuts, LEAST_CUTS, MOST_MEASURED)
         for value in self.axis.values:
             try:
                 scene = self.scene_at(value)
@@ -153,7 +138,7 @@ class Design:
         fixed = {name: value for name, value in self.scene.parameters.items() if name != self.axis.name}
         return {"scene": self.scene.name, "set": fixed, "vary": {self.axis.name: self.axis.document()},
                 "phase": self.phase, "coordinate": self.coordinate, "most_turns": self.most_turns,
-                "exponents": self.exponents, "cuts": self.cuts}
+                "exponents": self.exponents}
 
 
 @dataclass(frozen=True)
@@ -208,7 +193,7 @@ def visited(design: Design, folder: Path) -> tuple[pa.Table, tuple[Visit, ...]]:
                      "period": period, "cut": cut} for cut in range(period or CLOUD)]
         return are(rows, own)
 
-    def visits(numbers: Iterable[int]) -> Results:
+    def visits(numbers: Iterable[int]) -> Rows:
         left, last = None, -1
         for number in numbers:
             if number and last != number - 1:
@@ -278,32 +263,22 @@ def _visits_in(design: Design, table: pa.Table) -> list[Visit]:
 
 
 def exponents_of(design: Design, settled: tuple[tuple[int, np.ndarray], ...], number: int) -> list[dict]:
-    """Measure the visit of a number: all Lyapunov exponents, and K of the 0-1 test; one row.
+    """All Lyapunov exponents of the visit of a number; one row.
 
     `settled` has of each visit the turns after which its motion repeats itself, or 0, and its last state in SI units.
     """
     turn_map = design.map_of(number)
     turns, state = settled[number][0], settled[number][1] / turn_map.units
-    exponents = spread = np.full(len(state), math.nan)
-    if design.exponents:
-        spectrum = (spectrum_of_cycle(turn_map, _turns_from(turn_map, state, turns)) if turns else
-                    spectrum_until_known(turn_map, state, design.exponents))
-        exponents, spread = spectrum.exponents, spectrum.spread
-        turns = turns or (0 if spread.any() else spectrum.turns)
-    chaos = math.nan
-    if design.cuts:
-        seen = _turns_from(turn_map, state, max(design.cuts, _PERIODS * turns))
-        chaos = zero_one_test(seen[:, turn_map.names.index(design.coordinate)],
-                              tolerance_of(turn_map.scene))
+    if turns:
+        stroboscope = Stroboscope(turn_map)
+        stroboscope.begin(state)
+        spectrum = spectrum_of_cycle(turn_map, stroboscope.turns(turns).states)
+    else:
+        spectrum = spectrum_until_known(turn_map, state, design.exponents)
+        turns = 0 if spectrum.spread.any() else spectrum.turns
     return [{"visit": number, "period": turns,
-             **{f"exponent_{k + 1}": one for k, one in enumerate(exponents.tolist())},
-             **{f"spread_{k + 1}": one for k, one in enumerate(spread.tolist())}, "zero_one": chaos}]
-
-
-def _turns_from(turn_map: TurnMap, state: np.ndarray, turns: int) -> np.ndarray:
-    stroboscope = Stroboscope(turn_map)
-    stroboscope.begin(state)
-    return stroboscope.turns(turns).states
+             **{f"exponent_{k + 1}": one for k, one in enumerate(spectrum.exponents.tolist())},
+             **{f"spread_{k + 1}": one for k, one in enumerate(spectrum.spread.tolist())}}]
 
 
 def measured(design: Design, seen: Sequence[Visit], folder: Path, execution: Execution) -> pa.Table:
@@ -315,10 +290,8 @@ def measured(design: Design, seen: Sequence[Visit], folder: Path, execution: Exe
         *(Field(f"exponent_{k}", pa.float64(), "1/s", "Lyapunov exponent; -inf: the direction is gone within a turn")
           for k in numbers),
         *(Field(f"spread_{k}", pa.float64(), "1/s", "half the width of the exponent's 95 % interval; 0 for a periodic "
-                "motion") for k in numbers),
-        Field("zero_one", pa.float64(), "1", "K of the 0-1 test: near 0 regular, near 1 chaotic")]
-    # Robot time [s], about: a derivative takes some fifteen turns, each begun in its own state.
-    run_time = (300.0 * design.exponents + design.cuts) * 0.06
+                "motion") for k in numbers)]
+    run_time = 300.0 * design.exponents * 0.06  # s, about: a derivative takes some fifteen turns, each begun anew
     settled = tuple((one.motion.turns, one.states[-1]) for one in seen)
     return computed(Study(
         "motions measured", design.document(), fields, partial(exponents_of, design, settled),
@@ -361,11 +334,6 @@ class Diagram:
         """Sign of a visit's largest exponent, 0 where it is not known; None where none was measured."""
         exponent = self.value_of("exponent_1", visit.number)
         return None if math.isnan(exponent) else sign_of(exponent, self.value_of("spread_1", visit.number))
-
-    def disagrees(self, visit: Visit) -> bool:
-        """Whether the largest exponent and K of the 0-1 test contradict each other."""
-        chaos = self.value_of("zero_one", visit.number)
-        return bool(self.sign(visit)) and not math.isnan(chaos) and (chaos > _CHAOTIC) != (self.sign(visit) == 1)
 
     def differ(self) -> list[bool]:
         """For each value, whether the motions found upwards and downwards are settled, and two."""
@@ -423,7 +391,6 @@ def _file(table: pa.Table, design: Design) -> bytes:
     return file_of(table.replace_schema_metadata({KEY: about}))
 
 
-_CHAOTIC = 0.5  # K above which the 0-1 test says chaos
 _MOST_RANGES = 40  # of a table that is read; the files hold all
 
 
@@ -432,16 +399,15 @@ def in_words(found: Diagram) -> Iterator[str]:
     design, name = found.design, found.design.axis.name
     unit = BY_NAME[name].unit
     yield (f"{'':5} {of_parameter(name):>24}  {'repeats itself':17} {'mean speed [mm/s]':>18} "
-           f"{'largest exponent [1/s]':>30} {'K':>13}")
+           f"{'largest exponent [1/s]':>30}")
     ranges = found.ranges()
     for visits in ranges[:_MOST_RANGES]:
         numbers = [one.number for one in visits]
         where = _between([design.value(number) for number in numbers], ".6g")
         speeds = _between([1e3 * one.motion.mean_speed for one in visits], ".2f")
         exponents = _exponents(found, numbers)
-        chaos = _between([found.value_of("zero_one", number) for number in numbers], ".2f")
-        yield (f"{design.direction(numbers[0]):5} {where:>24}  {found.kind(visits[0]):17} {speeds:>18} {exponents:>30} "
-               f"{chaos:>13}").rstrip()
+        yield (f"{design.direction(numbers[0]):5} {where:>24}  {found.kind(visits[0]):17} {speeds:>18} "
+               f"{exponents:>30}").rstrip()
     if len(ranges) > _MOST_RANGES:
         yield f"and {len(ranges) - _MOST_RANGES} ranges more; the files hold all"
     regions = found.hysteresis()
@@ -456,13 +422,10 @@ def in_words(found: Diagram) -> Iterator[str]:
                f"{'; '.join(ways)}")
     if not regions:
         yield f"hysteresis: none at the {len(design.axis.values)} values; both ways lead to the same motions"
-    for said, chosen in (("sign of the largest exponent not known, 0 lies within its interval",
-                          [one for one in found.visits if found.sign(one) == 0]),
-                         ("the largest exponent and K disagree, trust the exponent",
-                          list(filter(found.disagrees, found.visits)))):
-        if chosen:
-            values = dict.fromkeys(f"{design.value(one.number):.6g}" for one in chosen)
-            yield f"{said}: at {', '.join(values)}{f' {unit}' if unit else ''}"
+    unknown = dict.fromkeys(f"{design.value(one.number):.6g}" for one in found.visits if found.sign(one) == 0)
+    if unknown:
+        yield (f"sign of the largest exponent not known, 0 lies within its interval: at {', '.join(unknown)}"
+               f"{f' {unit}' if unit else ''}")
     fastest = max(found.visits, key=lambda one: abs(one.motion.mean_speed))
     if edge := at_the_edge("the largest mean speed", ends_at({name: design.axis.values}, design.place(fastest.number))):
         yield edge
@@ -504,8 +467,7 @@ _MOST, _LEAST, _CROWD = 5.0, 2.0, 450.0  # size of a ring [pt]: a share of the c
 def draw_diagram(found: Diagram) -> bytes:
     """Draw a diagram; returns a PNG file."""
     design = found.design
-    panels = [_draw_states, _draw_speed]
-    panels += [_draw_exponents] * bool(design.exponents) + [_draw_chaos] * bool(design.cuts)
+    panels = [_draw_states, _draw_speed] + [_draw_exponents] * bool(design.exponents)
     heights = [_STATES, *[_PANEL] * (len(panels) - 1)]
     figure = new_figure(_WIDTH, sum(heights), 100)
     rows = figure.subplots(len(panels), 1, sharex=True, height_ratios=heights, squeeze=False)[:, 0]
@@ -562,12 +524,6 @@ def _draw_exponents(axes: Axes, found: Diagram) -> None:
     axes.set_ylabel("two largest exponents\n[1/s]")
 
 
-def _draw_chaos(axes: Axes, found: Diagram) -> None:
-    for direction in (UP, DOWN):
-        _draw_line(axes, found, direction, [found.value_of("zero_one", one.number) for one in found.of(direction)])
-    axes.set(ylabel="0-1 test, K\n[dimensionless]", ylim=(-0.2, 1.1))
-
-
 def _draw_line(axes: Axes, found: Diagram, direction: str, values: list[float], share: float = 1.0) -> None:
     axes.plot(found.design.axis.values, values, ms=share * _size(found), lw=0.8 * share, alpha=0.4 + 0.6 * share,
               color=_COLOURS[direction], **_MARKS[direction])
@@ -584,28 +540,14 @@ def _shade(axes: Axes, found: Diagram) -> None:
 VISITS, EXPONENTS = "visits", "exponents"
 STATES, VALUES, PICTURE = "states.parquet", "values.parquet", "diagram.png"
 _SCENE, _VARY, _COUNT, _QUICK_COUNT = "device", "motor.speed=60:240", 181, 31
-_MOST_TURNS, _EXPONENTS, _CUTS = 4096, 100, 1000
+_MOST_TURNS, _EXPONENTS = 4096, 100
 
 
-def main(words: Sequence[str]) -> int:
-    """Run the study; returns its exit code."""
-    return run_study(_diagram, _parser(), words)
-
-
-def _diagram(options: argparse.Namespace) -> int:
-    execution = execution_of(options)
-    design = _design(options, machine_of(options), _axis(options))
-    with locked(options.output):
-        for name in (VISITS, EXPONENTS):
-            (options.output / name).mkdir(exist_ok=True)
-        states, seen = visited(design, options.output / VISITS)
-        asked = design.exponents or design.cuts
-        exponents = measured(design, seen, options.output / EXPONENTS, execution) if asked else None
-        found = Diagram(design, seen, exponents)
-        write_files(options.output, {STATES: states_table(design, states), VALUES: values_table(found),
-                                     PICTURE: draw_diagram(found)})
-    print("\n".join(in_words(found)))
-    return 0
+def _results(design: Design, folder: Path, execution: Execution) -> Iterator[Results]:
+    states, seen = visited(design, folder / VISITS)
+    found = Diagram(design, seen, measured(design, seen, folder / EXPONENTS, execution) if design.exponents else None)
+    yield Results({STATES: states_table(design, states), VALUES: values_table(found), PICTURE: draw_diagram(found)},
+                  in_words(found))
 
 
 def _axis(options: argparse.Namespace) -> Axis:
@@ -623,8 +565,9 @@ def _axis(options: argparse.Namespace) -> Axis:
     return Axis(name, tuple(sorted(axis.values)))
 
 
-def _design(options: argparse.Namespace, scene: Scene, axis: Axis) -> Design:
+def _design(options: argparse.Namespace) -> Design:
     """The design; the cut is that of the first value unless it is given."""
+    scene, axis = machine_of(options), _axis(options)
     first = scene.with_parameters({axis.name: axis.values[0]})
     prepare_kernels("study", scene["solver.method"])
     if options.phase is None:
@@ -637,19 +580,14 @@ def _design(options: argparse.Namespace, scene: Scene, axis: Axis) -> Design:
     if not names:
         raise ValueError(f"{scene.name}: has no mass whose motion could be shown; give one with effects.upper_mass")
     return Design(scene, axis, phase, options.coordinate or names[-1 if len(names) < 4 else 3], options.most_turns,
-                  options.exponents, options.cuts)
+                  options.exponents)
 
 
-def _parser() -> Parser:
-    parser = study_parser(
-        "diagram", "Sweep a parameter up and down, each value beginning where the one before has ended; show the "
-        "states once a turn, where the two ways lead to two motions, all Lyapunov exponents and the 0-1 test. Writes "
-        "two Parquet files and a picture.")
-    add_machine(parser, _SCENE)
+def _add_options(parser: Parser) -> None:
     parser.add_argument("--vary", metavar="NAME=VALUES", help="LOW:HIGH:COUNT, a grid; A,B,C, a list; `:log` behind a "
                         f"grid spreads it by its logarithm (default: {_VARY}:{_COUNT})")
-    parser.add_argument("--coordinate", metavar="NAME", help="of the state, in the picture and for the 0-1 test "
-                        "(default: inclined_velocity, or the last there is)")
+    parser.add_argument("--coordinate", metavar="NAME", help="of the state, in the picture (default: "
+                        "inclined_velocity, or the last there is)")
     parser.add_argument("--phase", type=float, metavar="RAD", help="crank angle at which the states are seen (default: "
                         "where nothing touches at the first value)")
     parser.add_argument("--most-turns", type=int, default=_MOST_TURNS, metavar="N", help="turns of the crank that a "
@@ -657,8 +595,10 @@ def _parser() -> Parser:
     parser.add_argument("--exponents", type=int, default=_EXPONENTS, metavar="TURNS", help="turns over which the "
                         "exponents of a motion that is not periodic are measured, up to 16 times as many until the "
                         "sign of the largest is known; 0: no exponents (default: %(default)d)")
-    parser.add_argument("--cuts", type=int, default=_CUTS, metavar="TURNS", help="turns that the 0-1 test hears; 0: no "
-                        "test (default: %(default)d)")
     parser.add_argument("--quick", action="store_true", help=f"{_QUICK_COUNT} values, where these are not given")
-    add_execution(parser)
-    return parser
+
+
+main = StudyCommand(
+    "diagram", "Sweep a parameter up and down, each value beginning where the one before has ended; show the states "
+    "once a turn, where the two ways lead to two motions, and all Lyapunov exponents. Writes two Parquet files and a "
+    "picture.", _add_options, _design, _results)

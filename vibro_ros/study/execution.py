@@ -9,6 +9,7 @@ import functools
 import hashlib
 import itertools
 import threading
+import warnings
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor
@@ -21,6 +22,7 @@ from vibro_ros.process.entry_point import say
 from vibro_ros.simulation.preparation import prepare_kernels, provide_kernels
 from vibro_ros.simulation.processes import Forks, InThisProcess, in_order
 from vibro_ros.simulation.provenance import software
+from vibro_ros.simulation.simulator import ToleranceWarning
 
 MOST_DEATHS = 3
 """How often in a row processes may end before the task that is due is done."""
@@ -32,7 +34,7 @@ _HERE, _THERE = (64.0, 64), (512.0, 256)
 _PATIENCE = "10s"  # to find the scheduler
 _one_at_a_time = threading.Lock()
 
-Results = Generator[Any, None, None]
+Rows = Generator[Any, None, None]
 """The rows of each point, in the order of the points."""
 
 
@@ -73,7 +75,8 @@ class Task:
     def __call__(self, numbers: tuple[int, ...]) -> tuple[dict[str, str], list]:
         """What it was computed with, and the rows of each point; threads of a worker take turns, because a device is
         for one thread."""
-        with _one_at_a_time:
+        with _one_at_a_time, warnings.catch_warnings():
+            warnings.simplefilter("ignore", ToleranceWarning)  # the command has said it, or it stands in a row
             for method in self.methods:
                 provide_kernels(method)
             return computes_with(), [self.rows(number) for number in numbers]
@@ -95,7 +98,7 @@ class Execution:
     address: str | None = None
 
     def rows(self, rows: Callable[[int], Any], numbers: Iterable[int], run_time: float,
-             methods: tuple[str, ...]) -> Results:
+             methods: tuple[str, ...]) -> Rows:
         """The rows of the point of each number, in order; a point takes about `run_time` seconds of robot time.
 
         Raises

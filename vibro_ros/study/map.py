@@ -1,4 +1,4 @@
-"""``study map``: the motions of a machine over motor speed and gap, as Parquet, pictures, and a file to command by.
+"""``study map``: the motions of a machine over motor speed and gap, as Parquet, a picture, and a file to command by.
 
 Each row and column of the grid is swept up and down (`visits`), each cell beginning with the state that the one before
 has left, so that motions that exist together are found. In a cell two visits have found the same motion by the rule of
@@ -11,7 +11,6 @@ At last the commands that a controller would give are tried from drawn starts (`
 """
 
 import argparse
-import hashlib
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
@@ -43,7 +42,7 @@ from vibro_ros.configuration.command_map import (
 )
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.continuation import CORNER, KINDS, follow, special_points
+from vibro_ros.orbits.continuation import CORNER, follow, special_points
 from vibro_ros.orbits.family import Family, LostError
 from vibro_ros.orbits.recurrence import SAME, SettledMotion, number_among, settle, tolerance_of
 from vibro_ros.orbits.starts import drawn_start
@@ -52,17 +51,7 @@ from vibro_ros.process.entry_point import Parser
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.provenance import software
 from vibro_ros.simulation.simulator import Simulator
-from vibro_ros.study.command import (
-    Progress,
-    add_execution,
-    add_machine,
-    execution_of,
-    locked,
-    machine_of,
-    run_study,
-    study_parser,
-    write_files,
-)
+from vibro_ros.study.command import Progress, Results, StudyCommand, machine_of
 from vibro_ros.study.execution import Execution
 from vibro_ros.study.figures import BLACK, BLUE, GREEN, ORANGE, SKY, VERMILION, YELLOW, new_figure, png
 from vibro_ros.study.measures import MEASURES, REST, WORK, Window, observed
@@ -143,16 +132,6 @@ QUICK = "60:180:13", "0:0.006:4"
 """Grids of a full and of a quick map."""
 
 
-def add_grid(parser: Parser) -> None:
-    """The options that name machine and grid."""
-    add_machine(parser, "device")
-    parser.add_argument("--motor-speed", metavar="LOW:HIGH:COUNT",
-                        help=f"motor speeds [rad/s] (default: {MOTOR_SPEEDS})")
-    parser.add_argument("--gap", metavar="LOW:HIGH:COUNT", help=f"gaps [m] (default: {GAPS})")
-    parser.add_argument("--quick", action="store_true", help=f"a coarse grid, {QUICK[0]} rad/s and {QUICK[1]} m, with "
-                        "few trials: a look within a minute")
-
-
 def design_of(options: argparse.Namespace) -> MapDesign:
     """The map that is asked for.
 
@@ -186,6 +165,16 @@ def design_of(options: argparse.Namespace) -> MapDesign:
     for index in range(design.gaps.count):
         design.scene_at(0, index)
     return design
+
+
+def _rows_of_curves(design: MapDesign, asked: int | None) -> range:
+    """Gaps, equally spaced and about as many as `asked`, at which motions are followed to their ends."""
+    count = (0 if has_sampled_controller(design.scene) else min(CURVES, design.gaps.count)) if asked is None else asked
+    if count:
+        check_closes(design.scene)
+    if not 0 <= count <= design.gaps.count:
+        raise ValueError(f"--curves: {count} is out of range; give a number from 0 to {design.gaps.count}, the gaps")
+    return range(0, design.gaps.count, max(1, (design.gaps.count - 1) // max(1, count - 1))) if count else range(0)
 
 
 def _axis(option: str, text: str) -> Axis:
@@ -289,9 +278,8 @@ def _measured(turn_map: TurnMap, motion: SettledMotion) -> tuple[int, float, flo
     return landings, speed if motion.turns else motion.mean_speed, cost, standing, airborne
 
 
-LINES, ENDS = "lines", "ends"
-"""Folders of the two tables."""
-_RUN_TIME = 20.0  # robot time [s] of a visit, and of an end, about
+LINES = "lines"
+_RUN_TIME = 20.0  # robot time [s] of a visit, about
 _VISIT = [
     Field("speed_index", pa.int64(), "1", "index of the motor speed in the grid"),
     Field("gap_index", pa.int64(), "1", "index of the gap in the grid"),
@@ -305,17 +293,6 @@ _VISIT = [
     Field("states", NUMBERS, "1", f"at successive cuts, crank angle {PHASE:.6g} rad, one after the other, in crank "
           "radii and crank radii times motor speed"),
 ]
-_POINT = [
-    Field("kind", pa.string(), "1", "what becomes of the motion; null where its branch goes on or is lost",
-          True),
-    Field("turns", pa.int64(), "1", "turns after which the motion repeats itself"),
-    Field("motion", pa.int64(), "1", "number of the motion"),
-    Field("direction", pa.int64(), "1", "1 towards larger motor speeds, -1 towards smaller"),
-    Field("gap_index", pa.int64(), "1", "index of the gap in the grid"),
-    Field("motor_speed", pa.float64(), "rad/s", "where that is"),
-]
-
-
 def visits_of(design: MapDesign, lines: Path, execution: Execution) -> list[Visit]:
     """All visits of a map; lines that are missing in the folder `lines` are swept (see `computed`)."""
     every, dimension = design.lines(), len(state_names(design.scene))
@@ -441,8 +418,8 @@ class Point(NamedTuple):
 
     Attributes
     ----------
-    kind : str or None
-        The special point, as `orbits.special_points` names it; None where the branch goes on, or is lost.
+    kind : str
+        The special point, as `orbits.special_points` names it.
     turns, motion, direction : int
         Of the `End`.
     gap_index : int
@@ -451,7 +428,7 @@ class Point(NamedTuple):
         [rad/s]
     """
 
-    kind: str | None
+    kind: str
     turns: int
     motion: int
     direction: int
@@ -477,8 +454,8 @@ def ends(found: Found, rows: list[Visit], speeds: Axis, gap_indices: range) -> l
     return listed
 
 
-def end_point(design: MapDesign, end: End) -> Point:
-    """The special point at which a motion ends, if its branch leads to one within `BEYOND`."""
+def end_point(design: MapDesign, end: End) -> Point | None:
+    """The special point at which a motion ends; None where its branch goes on over `BEYOND`, or is lost."""
     span = BEYOND * design.speeds.step
     here = float(design.speeds.values[end.speed_index])
     low, high = (here, here + span) if end.direction > 0 else (max(here - span, 0.1 * here), here)
@@ -492,26 +469,23 @@ def end_point(design: MapDesign, end: End) -> Point:
                 return Point(special.kind, end.turns, end.motion, end.direction, end.gap_index, special.point.value)
     except (LostError, SimulationError, ValueError):
         pass
-    return Point(None, end.turns, end.motion, end.direction, end.gap_index, here)
+    return None
 
 
-def points_of(design: MapDesign, ends: tuple[End, ...], folder: Path, execution: Execution) -> list[Point]:
-    """The special point of each end that has one; points that are missing in the folder are looked for."""
-    if not ends:
-        return []
-    document = {**design.document(), "ends": hashlib.sha256(repr(list(ends)).encode()).hexdigest()}
-
-    def are_own(numbers: Sequence[int], rows: list[dict]) -> bool:
-        return are(rows, [{name: getattr(ends[number], name) for name in ("turns", "motion", "direction", "gap_index")}
-                          for number in numbers]) and all(row["kind"] in (None, *KINDS) for row in rows)
-
-    rows = computed(Study("ends of motions followed", document, _POINT, partial(_row_of_end, design, ends), are_own,
-                          20.0 * _RUN_TIME, ("exact",), len(ends)), folder, execution).to_pylist()
-    return [Point(**row) for row in rows if row["kind"] is not None]
+def points_of(design: MapDesign, ends: Sequence[End], execution: Execution) -> list[Point]:
+    """The special point of each end that has one."""
+    with Progress("ends of motions followed", "end", len(ends)) as progress, closing(execution.rows(
+            partial(_point_at, design, tuple(ends)), range(len(ends)), 20.0 * _RUN_TIME, ("exact",))) as found:
+        points = []
+        for point in found:
+            progress.add(1)
+            if point is not None:
+                points.append(point)
+        return points
 
 
-def _row_of_end(design: MapDesign, ends: tuple[End, ...], number: int) -> list[dict]:
-    return [end_point(design, ends[number])._asdict()]
+def _point_at(design: MapDesign, ends: tuple[End, ...], number: int) -> Point | None:
+    return end_point(design, ends[number])
 
 
 def curves(design: MapDesign, points: list[Point], gap_indices: range) -> tuple[Curve, ...]:
@@ -533,7 +507,7 @@ def curves(design: MapDesign, points: list[Point], gap_indices: range) -> tuple[
         lines += fresh
         open_lines = still_open + fresh
     values = design.gaps.values
-    return tuple(Curve(str(line[0].kind), line[0].turns, tuple(float(f"{point.motor_speed:.9g}") for point in line),
+    return tuple(Curve(line[0].kind, line[0].turns, tuple(float(f"{point.motor_speed:.9g}") for point in line),
                        tuple(float(f"{values[point.gap_index]:.9g}") for point in line))
                  for line in lines if len(line) > 1)
 
@@ -707,20 +681,6 @@ def draw_map(command_map: CommandMap) -> bytes:
     return png(figure)
 
 
-def draw_costs(command_map: CommandMap) -> bytes:
-    """Cost of transport, and shares of standing and flight, over motor speed and gap: a PNG."""
-    figure, found = new_figure(WIDTH, 1.3 * HEIGHT), command_map.found
-    rows = figure.subplots(3, 1, sharex=True)
-    _draw_quantity(figure, rows[0], command_map, np.log10(found.cost_of_transport), "cost of transport [log10]",
-                   "viridis_r")
-    _draw_quantity(figure, rows[1], command_map, found.stick_share * 100.0, "standing on the ground [% of time]",
-                   "cividis")
-    _draw_quantity(figure, rows[2], command_map, found.air_share * 100.0, "in the air [% of time]", "cividis")
-    rows[0].set_title(f"{command_map.scene}: what the motions cost, and how they go; where two exist, the faster one")
-    rows[2].set_xlabel("motor speed [rad/s]")
-    return png(figure)
-
-
 def _fastest(command_map: CommandMap, values: np.ndarray) -> np.ndarray:
     """Of each cell the value of its fastest motion, whichever way it goes."""
     order = np.argsort(np.abs(command_map.found.mean_speed), kind="stable")
@@ -761,57 +721,45 @@ def _draw_curves(axes: Axes, command_map: CommandMap) -> None:
     axes.set_ylim(*_edges(command_map.gaps, 1e3)[[0, -1]])
 
 
-TABLE, PICTURE, COSTS = "motions.parquet", "map.png", "costs.png"
+TABLE, PICTURE = "motions.parquet", "map.png"
 CURVES = 11
 """Gaps at which motions are followed to their ends, unless another number is given."""
 
 
-def main(words: Sequence[str]) -> int:
-    """Run the study; returns its exit code."""
-    return run_study(_map, _parser(), words)
+class Asked(NamedTuple):
+    """What the command line asks for: the map, the gaps of its curves, and how many mean speeds are tried."""
+
+    design: MapDesign
+    gap_indices: range
+    proofs: int
 
 
-def _map(options: argparse.Namespace) -> int:
-    execution = execution_of(options)
+def _asked(options: argparse.Namespace) -> Asked:
     design = design_of(options)
-    gap_indices = _rows_of_curves(design, options.curves)
-    with locked(options.output):
-        for folder in (LINES, ENDS):
-            (options.output / folder).mkdir(exist_ok=True)
-        visits = visits_of(design, options.output / LINES, execution)
-        found, rows = motions(visits, tolerance_of(design.scene))
-        if not rows:
-            raise RuntimeError("no visit has settled, so that there is no map; give another scene or other speeds")
-        parameters = parameters_that_count(design.scene, design.sides)
-        command_map = CommandMap(design.scene.name, parameters, design.sides, design.speeds, design.gaps, found, ())
-        if gap_indices:
-            all_ends = tuple(ends(command_map.found, rows, design.speeds, gap_indices))
-            points = points_of(design, all_ends, options.output / ENDS, execution)
-            command_map = replace(command_map, curves=curves(design, points, gap_indices))
-        command_map, trials = proved(command_map, design, QUICK_PROOFS if options.quick else PROOFS, execution)
-        write_files(options.output, _files(command_map, rows))
-    print("\n".join([*map_in_words(command_map, visits), *trials_in_words(trials)]))
-    return 0
+    return Asked(design, _rows_of_curves(design, options.curves), QUICK_PROOFS if options.quick else PROOFS)
 
 
-def _rows_of_curves(design: MapDesign, asked: int | None) -> range:
-    """Gaps, equally spaced and about as many as `asked`, at which motions are followed to their ends."""
-    count = (0 if has_sampled_controller(design.scene) else min(CURVES, design.gaps.count)) if asked is None else asked
-    if count:
-        check_closes(design.scene)
-    if not 0 <= count <= design.gaps.count:
-        raise ValueError(f"--curves: {count} is out of range; give a number from 0 to {design.gaps.count}, the gaps")
-    return range(0, design.gaps.count, max(1, (design.gaps.count - 1) // max(1, count - 1))) if count else range(0)
+def _results(asked: Asked, folder: Path, execution: Execution) -> Iterator[Results]:
+    design = asked.design
+    visits = visits_of(design, folder / LINES, execution)
+    found, rows = motions(visits, tolerance_of(design.scene))
+    if not rows:
+        raise RuntimeError("no visit has settled, so that there is no map; give another scene or other speeds")
+    parameters = parameters_that_count(design.scene, design.sides)
+    command_map = CommandMap(design.scene.name, parameters, design.sides, design.speeds, design.gaps, found, ())
+    points = points_of(design, ends(found, rows, design.speeds, asked.gap_indices), execution)
+    command_map = replace(command_map, curves=curves(design, points, asked.gap_indices))
+    command_map, trials = proved(command_map, design, asked.proofs, execution)
+    yield Results(_files(command_map, rows), [*map_in_words(command_map, visits), *trials_in_words(trials)])
 
 
 def _files(command_map: CommandMap, rows: list[Visit]) -> dict[str, bytes]:
-    """Command map, table and pictures by the names of their files."""
+    """Command map, table and picture by the names of their files."""
     name, text = f"{command_map.scene}.json", written(command_map, f"vibro_ros {software()['version']}").encode()
     if len(text) > LARGEST:
         raise RuntimeError(f"{name}: {len(text)} bytes are more than the {LARGEST} that a controller reads; give a "
                            "coarser grid")
-    return {name: text, TABLE: _table(command_map, rows), PICTURE: draw_map(command_map),
-            COSTS: draw_costs(command_map)}
+    return {name: text, TABLE: _table(command_map, rows), PICTURE: draw_map(command_map)}
 
 
 def _table(command_map: CommandMap, rows: list[Visit]) -> bytes:
@@ -828,17 +776,21 @@ def _table(command_map: CommandMap, rows: list[Visit]) -> bytes:
     return file_of(pa.Table.from_arrays(arrays, schema=pa.schema(fields)))
 
 
-def _parser() -> Parser:
-    parser = study_parser(
-        "map", "Find the motions of a machine at each motor speed and gap: rows and columns of a grid are swept up and "
-        "down, each cell beginning with the state of the one before, so that motions that exist together are found. "
-        "Writes the motions as Parquet, two pictures, and a command map for `controller`.",
-        "the disk is full, or nothing settles")
-    add_grid(parser)
+def _add_options(parser: Parser) -> None:
+    parser.add_argument("--motor-speed", metavar="LOW:HIGH:COUNT",
+                        help=f"motor speeds [rad/s] (default: {MOTOR_SPEEDS})")
+    parser.add_argument("--gap", metavar="LOW:HIGH:COUNT", help=f"gaps [m] (default: {GAPS})")
+    parser.add_argument("--quick", action="store_true", help=f"a coarse grid, {QUICK[0]} rad/s and {QUICK[1]} m, with "
+                        "few trials: a look within a minute")
     parser.add_argument("--gaps", choices=(BOTH, *SIDES), default=BOTH, help="gaps that are varied: of both plates "
                         f"alike, or of one (default: {BOTH})")
     parser.add_argument("--curves", type=int, metavar="N", help="gaps at which folds, doublings, Neimark-Sacker points "
                         "and grazings are located, which takes the longest; 0: none, as with a dc motor, whose orbits "
                         "do not close (default: 11, or all if fewer)")
-    add_execution(parser)
-    return parser
+
+
+main = StudyCommand(
+    "map", "Find the motions of a machine at each motor speed and gap: rows and columns of a grid are swept up and "
+    "down, each cell beginning with the state of the one before, so that motions that exist together are found. "
+    "Writes the motions as Parquet, a picture, and a command map for `controller`.", _add_options, _asked, _results,
+    failure="the disk is full, or nothing settles")

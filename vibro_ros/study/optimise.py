@@ -25,21 +25,11 @@ import yaml
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.starts import running
 from vibro_ros.process.entry_point import Parser, say
-from vibro_ros.study.command import (
-    Progress,
-    add_execution,
-    execution_of,
-    locked,
-    run_study,
-    settings_of,
-    study_parser,
-    write_files,
-)
+from vibro_ros.study.command import Progress, Results, StudyCommand, machine_of
 from vibro_ros.study.execution import Execution, computes_with
 from vibro_ros.study.figures import BLACK, GRID, SKY, VERMILION, new_figure, png
 from vibro_ros.study.space import Space, chosen_variables
@@ -674,20 +664,9 @@ _LEAST = {"budget": 1, "starts": 2, "seed": 0}
 _VARIED = re.compile(r"([^=]+)=([^:]+):([^:]+)")
 
 
-def main(words: Sequence[str]) -> int:
-    """Run the study; returns the exit code."""
-    return run_study(_optimise, parser(), words)
-
-
-def _optimise(options: argparse.Namespace) -> int:
-    plan, execution, folder = plan_of(options), execution_of(options), options.output
-    with locked(folder):
-        (folder / FOLDER).mkdir(exist_ok=True)
-        result, candidates = studied(plan, folder / FOLDER, execution)
-        write_files(folder, files_of(result, candidates))
-    print(folder / FOLDER)
-    print(on_bounds(result))
-    return 0
+def _results(plan: Plan, folder: Path, execution: Execution) -> Iterator[Results]:
+    result, candidates = studied(plan, folder / FOLDER, execution)
+    yield Results(files_of(result, candidates), [on_bounds(result)])
 
 
 def plan_of(options: argparse.Namespace) -> Plan:
@@ -707,7 +686,7 @@ def plan_of(options: argparse.Namespace) -> Plan:
     if not 0.0 <= options.most_air <= 1.0:
         raise ValueError(f"--most-air {options.most_air:g}: give a share from 0 to 1")
     fixed, varied = _asked_fixed(options.fix), _asked_varied(options.vary)
-    scene = sought(load_scene(options.scene).with_parameters(settings_of(options.set) | {
+    scene = sought(machine_of(options).with_parameters({
         name: value for name, value in fixed.items() if value is not None}))
     effort = QUICK if options.quick else Effort()
     starts = options.starts or effort.trials.starts
@@ -757,14 +736,8 @@ def _asked_number(option: str, word: str, text: str) -> float:
         raise ValueError(f"{option} {word}: {text!r} is not a number") from None
 
 
-def parser() -> Parser:
-    """The command line of the study."""
+def _add_options(own: Parser) -> None:
     default = Effort()
-    own = study_parser(
-        "optimise", "Search for the fastest or thriftiest robot, verify the optimum from fresh starts, and write text, "
-        "pictures and a scene file.", "a run failed")
-    own.add_argument("--scene", default="device", metavar="NAME", help="shipped scene or scene file that gives "
-                        "everything that is not varied (default: %(default)s)")
     objectives = "; ".join(f"{name}: {one.does}" for name, one in OBJECTIVES.items())
     own.add_argument("--objective", choices=[*OBJECTIVES, FRONT], default="speed_per_power", help=f"{objectives}; "
                         f"{FRONT}: speed and cost of transport (default: %(default)s)")
@@ -776,8 +749,6 @@ def parser() -> Parser:
                         "(default: %(default)s)")
     own.add_argument("--most-air", type=float, default=1.0, metavar="SHARE", help="robots that are in the air for "
                         "a larger share of the time do not count (default: %(default)s)")
-    own.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="another value of the scene, "
-                        "such as start.state=zero")
     own.add_argument("--fix", action="append", default=[], metavar="NAME[=VALUE]", help="do not vary this parameter")
     own.add_argument("--vary", action="append", default=[], metavar="NAME=LOW:HIGH", help="vary it between these "
                         "bounds, in its unit")
@@ -785,6 +756,9 @@ def parser() -> Parser:
     own.add_argument("--starts", type=int, metavar="N", help="drawn starts of each robot (default: "
                         f"{default.trials.starts})")
     own.add_argument("--seed", type=int, default=0, metavar="N", help="of the search (default: %(default)s)")
-    add_execution(own)
     own.add_argument("--quick", action="store_true", help="a look at everything within two minutes, not an optimum")
-    return own
+
+
+main = StudyCommand(
+    "optimise", "Search for the fastest or thriftiest robot, verify the optimum from fresh starts, and write text, "
+    "pictures and a scene file.", _add_options, plan_of, _results, failure="a run failed")

@@ -41,18 +41,8 @@ from vibro_ros.orbits.starts import running
 from vibro_ros.orbits.turn_map import TurnMap, state_names, units_of
 from vibro_ros.process.entry_point import Parser, say
 from vibro_ros.simulation.given_state import STATE_UNITS
-from vibro_ros.study.command import (
-    Progress,
-    add_execution,
-    add_machine,
-    execution_of,
-    locked,
-    machine_of,
-    run_study,
-    study_parser,
-    write_files,
-)
-from vibro_ros.study.execution import Execution, Results
+from vibro_ros.study.command import Progress, Results, StudyCommand, machine_of
+from vibro_ros.study.execution import Execution, Rows
 from vibro_ros.study.figures import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, new_figure, of_parameter, png, tidy
 from vibro_ros.study.table import NUMBERS, Field, Study, file_of, parameter_field, read, stored, table_of
 from vibro_ros.study.variation import Range, varied_in_words, whole_number
@@ -305,7 +295,7 @@ def _followed(study: Study, scene: Scene, names: tuple[str, ...], tasks: Mapping
         raise RuntimeError(f"there are more than {MOST_BRANCHES} branches or curves; give fewer --turns or smaller "
                            "ranges")
 
-    def follow(numbers: Iterable[int]) -> Results:
+    def follow(numbers: Iterable[int]) -> Rows:
         for number in numbers:
             say("study", said(number))
         return execution.rows(study.rows, numbers, study.run_time, study.methods)
@@ -600,25 +590,27 @@ def draw_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]],
     return png(figure)
 
 
-def main(words: Sequence[str]) -> int:
-    """Run the study; returns its exit code."""
-    return run_study(_orbits, parser(), words)
+class Asked(NamedTuple):
+    """What the command line asks for: branches, and perhaps the curves of their special points."""
+
+    plan: Plan
+    curves: CurvePlan | None
 
 
-def _orbits(options: argparse.Namespace) -> int:
+def _asked(options: argparse.Namespace) -> Asked:
     plan = plan_of(options)
-    asked = curves_of(options, plan) if options.curves else None
-    execution = execution_of(options)
-    with locked(options.output / FOLDER):
-        done = followed_branches(plan, options.output / FOLDER, execution)
-        write_files(options.output, _files(plan, done))
-    print("\n".join(in_words(done)) or "no orbit was found; give more --starts, --turns, or another --from")
-    if asked:
-        with locked(options.output / CURVES_FOLDER):
-            found = followed_curves(asked, done, options.output / CURVES_FOLDER, execution)
-            write_files(options.output, _curve_files(asked, done, found))
-        print("\n".join(curves_in_words(found)) or "no special point has a curve")
-    return 0
+    return Asked(plan, curves_of(options, plan) if options.curves else None)
+
+
+def _results(asked: Asked, folder: Path, execution: Execution) -> Iterator[Results]:
+    plan, curves = asked
+    done = followed_branches(plan, folder / FOLDER, execution)
+    yield Results(_files(plan, done), list(in_words(done)) or [
+        "no orbit was found; give more --starts, --turns, or another --from"])
+    if curves:
+        found = followed_curves(curves, done, folder / CURVES_FOLDER, execution)
+        yield Results(_curve_files(curves, done, found), list(curves_in_words(found)) or [
+            "no special point has a curve"])
 
 
 def plan_of(options: argparse.Namespace) -> Plan:
@@ -694,12 +686,7 @@ def _curve_files(asked: CurvePlan, done: Sequence[tuple[Task, Branch]],
     return {**files, TEXT: text.encode(), CURVE_PICTURE: draw_curves(asked, done, found)}
 
 
-def parser() -> Parser:
-    """The command line of the study."""
-    own = study_parser(
-        "orbits", "Look for periodic orbits, stable and unstable, follow their branches over a parameter, through "
-        "folds, grazings and corners, and from period doublings on; locate and name special points.")
-    add_machine(own, "device")
+def _add_options(own: Parser) -> None:
     own.add_argument("--vary", metavar="NAME=LOW:HIGH", help="the parameter that changes, and its range")
     own.add_argument("--curves", metavar="NAME=LOW:HIGH", help="a second parameter, over which the special points are "
                      "followed as curves, and its range")
@@ -710,7 +697,11 @@ def parser() -> Parser:
     own.add_argument("--starts", type=int, metavar="N", help="starts from which orbits are looked for, at each VALUE "
                      "(default: 4)")
     own.add_argument("--points", type=int, metavar="N", help="most orbits of a branch (default: 400)")
-    add_execution(own)
     own.add_argument("--quick", action="store_true", help="the folds of `device` between 60 and 66 rad/s, in a minute; "
                      "options that are given win")
-    return own
+
+
+main = StudyCommand(
+    "orbits", "Look for periodic orbits, stable and unstable, follow their branches over a parameter, through folds, "
+    "grazings and corners, and from period doublings on; locate and name special points.", _add_options, _asked,
+    _results)

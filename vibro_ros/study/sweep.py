@@ -12,7 +12,6 @@ import functools
 import io
 import itertools
 import math
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -33,19 +32,10 @@ from vibro_ros.orbits.attractors import Attractor, Attractors, grouped
 from vibro_ros.orbits.chaos import half_interval, sign_of
 from vibro_ros.orbits.recurrence import SettledMotion, tolerance_of
 from vibro_ros.orbits.starts import SETTLING
-from vibro_ros.process.entry_point import FAILURE, Parser, say
+from vibro_ros.process.entry_point import Parser, say
 from vibro_ros.simulation.motion import SimulationError
-from vibro_ros.simulation.simulator import ToleranceWarning
-from vibro_ros.study.command import (
-    Progress,
-    add_execution,
-    execution_of,
-    locked,
-    run_study,
-    settings_of,
-    study_parser,
-    write_files,
-)
+from vibro_ros.study.command import Progress, Results, StudyCommand, settings_of
+from vibro_ros.study.execution import Execution
 from vibro_ros.study.figures import (
     BLACK,
     BLUE,
@@ -347,17 +337,15 @@ def rows_of(design: Design, number: int) -> list[dict]:
         scene = design.scene.with_parameters(changes)
     except ValueError as error:
         return [{**row, "error": f"{NO_SCENE}{error}"} for row in rows]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ToleranceWarning)  # it stands in the row
-        for row, start in zip(rows, starts, strict=True):
-            row["warning"] = scene.broken_promise or None
-            try:
-                values, motion = measure_with_motion(scene, design.measures, design.settling, design.duration, start)
-                row.update(values)
-                if motion is not None:
-                    row |= {"turns": motion.turns, "states": motion.states[-(motion.turns or KEPT_STATES):].ravel()}
-            except SimulationError as error:
-                row["error"] = str(error)
+    for row, start in zip(rows, starts, strict=True):
+        row["warning"] = scene.broken_promise or None
+        try:
+            values, motion = measure_with_motion(scene, design.measures, design.settling, design.duration, start)
+            row.update(values)
+            if motion is not None:
+                row |= {"turns": motion.turns, "states": motion.states[-(motion.turns or KEPT_STATES):].ravel()}
+        except SimulationError as error:
+            row["error"] = str(error)
     return rows
 
 
@@ -628,22 +616,17 @@ def _label(axes: Axes, over: str, measure: str) -> None:
 TABLE, PICTURE = "summary.csv", "sweep.png"
 
 
-def main(words: Sequence[str]) -> int:
-    """Run the study; returns its exit code."""
-    return run_study(_sweep, _parser(), words)
-
-
-def _sweep(options: argparse.Namespace) -> int:
-    execution = execution_of(options)
+def _checked_design(options: argparse.Namespace) -> Design:
     file = {} if options.file is None else read_sweep(find_file("sweep", options.file))
     design = design_of(file, given_in_words(options))
     check_points(design)
-    with locked(options.output / FOLDER):
-        found = summary(design, computed(study_of(design), options.output / FOLDER, execution))
-        print(options.output / FOLDER)
-        write_files(options.output, {TABLE: as_csv(found).encode(), PICTURE: draw_sweep(found)})
-    print("\n".join(in_words(found)))
-    return FAILURE if found.failed.any() else 0
+    return design
+
+
+def _results(design: Design, folder: Path, execution: Execution) -> Iterator[Results]:
+    found = summary(design, computed(study_of(design), folder / FOLDER, execution))
+    yield Results({TABLE: as_csv(found).encode(), PICTURE: draw_sweep(found)}, in_words(found),
+                  bool(found.failed.any()))
 
 
 def check_points(design: Design) -> None:
@@ -662,11 +645,7 @@ def check_points(design: Design) -> None:
         say("study", f"{refused} of {design.points} points are no scenes; their rows say why")
 
 
-def _parser() -> Parser:
-    parser = study_parser(
-        "sweep", "Vary parameters of a scene over lists, grids or samples, measure the robot at every point from "
-        "several starts, and write one Parquet file a block, a summary and a picture. Measures: "
-        f"{', '.join(MEASURES)}.")
+def _add_options(parser: Parser) -> None:
     parser.add_argument("file", nargs="?", metavar="FILE", help="a sweep's YAML file, or one of "
                         f"{', '.join(shipped('sweep'))}; the options below change what it says")
     parser.add_argument("--scene", metavar="NAME", help="shipped scene or scene file")
@@ -685,5 +664,9 @@ def _parser() -> Parser:
                         f"{DEFAULTS['settling']:g})")
     parser.add_argument("--duration", type=float, metavar="S", help="time that counts, cut to whole turns (default: "
                         f"{DEFAULTS['duration']:g})")
-    add_execution(parser)
-    return parser
+
+
+main = StudyCommand(
+    "sweep", "Vary parameters of a scene over lists, grids or samples, measure the robot at every point from several "
+    f"starts, and write one Parquet file a block, a summary and a picture. Measures: {', '.join(MEASURES)}.",
+    _add_options, _checked_design, _results, scene=None)

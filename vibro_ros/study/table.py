@@ -29,7 +29,7 @@ from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.process.entry_point import say
 from vibro_ros.process.files import content, is_temporary, replace_file
 from vibro_ros.study.command import Progress
-from vibro_ros.study.execution import Execution, Results, fingerprint
+from vibro_ros.study.execution import Execution, Rows, fingerprint
 
 KEY, _DIGEST = b"vibro_ros", b"digest"
 NUMBERS = pa.list_(pa.field("element", pa.float64(), nullable=False))
@@ -106,7 +106,7 @@ class Study:
 
 
 def computed(study: Study, folder: Path, execution: Execution) -> pa.Table:
-    """The whole table of a study, in a folder that exists and into which nobody else writes.
+    """The whole table of a study, in a folder into which nobody else writes.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def computed(study: Study, folder: Path, execution: Execution) -> pa.Table:
 
 
 def stored(study: Study, folder: Path, blocks: Mapping[int, Sequence[int]],
-           compute: Callable[[Iterable[int]], Results]) -> dict[int, pa.Table]:
+           compute: Callable[[Iterable[int]], Rows]) -> dict[int, pa.Table]:
     """The tables of some blocks, of which each has the points of some numbers.
 
     Those that are there are read. `compute` gives, in order, the rows of the others' points, and each block is written
@@ -199,7 +199,8 @@ def _say_damaged(path: Path) -> None:
 
 
 def _check_folder(study: Study, folder: Path) -> None:
-    """Delete what an interrupted write has left (ForeignBlockError for files of another study)."""
+    """Make the folder, or delete what an interrupted write has left (ForeignBlockError for files of another study)."""
+    folder.mkdir(exist_ok=True)
     for name in sorted(os.listdir(folder)):
         found = re.fullmatch(r"\.?(block_(\d{6})\.parquet)(\.\w+)?", name)
         own = found[1] if found and int(found[2]) < study.blocks else ""
