@@ -8,7 +8,7 @@ from pathlib import Path
 
 import lz4.frame
 import zstandard
-from mcap.records import Channel, Chunk, Message, Schema
+from mcap.records import Channel, Chunk, McapRecord, Message, Schema
 
 from vibro_ros.bag.mcap_file import HEAD, MAGIC, packed
 
@@ -108,12 +108,10 @@ def spliced(seed: int) -> Maker:
     return edited(edit)
 
 
-def appended_chunk(chunk: Chunk) -> Maker:
-    """Put a chunk right behind the header."""
-    def edit(data: bytearray) -> bytes:
-        at = list(_heads(data))[1]
-        return bytes(data[:at]) + packed(chunk) + bytes(data[at:])
-    return edited(edit)
+def behind_header(*records: McapRecord | bytes) -> Maker:
+    """Put records right behind the header."""
+    inserted = b"".join(one if isinstance(one, bytes) else packed(one) for one in records)
+    return edited(lambda data: data[:(at := list(_heads(data))[1])] + inserted + data[at:])
 
 
 def chunk(compression: str, data: bytes, size: int, crc: int = 0) -> Chunk:
@@ -133,14 +131,10 @@ def tiny_messages(count: int) -> bytes:
     return packed(Message(channel_id=1, log_time=5, publish_time=5, sequence=0, data=b"")) * count
 
 
-def label(text: str) -> Maker:
-    """Announce a topic whose QoS label is `text`."""
-    def edit(data: bytearray) -> bytes:
-        at = list(_heads(data))[1]
-        records = packed(Schema(id=99, data=b"float64 data", encoding="ros2msg", name="std_msgs/msg/Float64"), Channel(
-            id=99, topic="/x", message_encoding="cdr", schema_id=99, metadata={"offered_qos_profiles": text}))
-        return bytes(data[:at]) + records + bytes(data[at:])
-    return edited(edit)
+def labelled(text: str) -> tuple[Schema, Channel]:
+    """A topic whose QoS label is `text`."""
+    return Schema(id=99, data=b"float64 data", encoding="ros2msg", name="std_msgs/msg/Float64"), Channel(
+        id=99, topic="/x", message_encoding="cdr", schema_id=99, metadata={"offered_qos_profiles": text})
 
 
 def custom(key: str, value: str) -> Maker:
@@ -183,66 +177,55 @@ def hard_linked(folder: Path) -> None:
 
 
 OF_MCAP: dict[str, Maker] = {
-    **{f"flip {seed}": flipped(seed) for seed in range(10)},
-    **{f"noise {seed}": noise(seed, 1 + 7 * seed ** 2) for seed in (0, 3, 6, 9)},
-    **{f"cut {seed}": cut(seed) for seed in range(4)},
-    **{f"killed, cut {seed}": without_metadata(cut(seed)) for seed in range(20, 24)},
-    **{f"killed, flip {seed}": without_metadata(torn(flipped(seed))) for seed in range(50, 54)},
-    **{f"spliced {seed}": spliced(seed) for seed in range(4)},
-    **{f"length {value:x} {seed}": lying_length(seed, value) for seed, value in enumerate((0, 50, 2**40, 2**64 - 1))},
-    "bomb": appended_chunk(chunk("zstd", zeros(2**30), 2**30)),
-    "bomb that lies": appended_chunk(chunk("zstd", zeros(2**30), 1000)),
-    "many bombs": edited(lambda data: bytes(data[:list(_heads(data))[1]]) + packed(chunk(
-        "zstd", zeros(100 * 2**20), 100 * 2**20)) * 200 + bytes(data[list(_heads(data))[1]:])),
-    "bomb of messages": appended_chunk(chunk("zstd", zstandard.compress(tiny_messages(50_000)), 31 * 50_000)),
-    "bomb of lz4": appended_chunk(chunk("lz4", lz4.frame.compress(bytes(2**28)), 2**28)),
-    "a size of 2^63": appended_chunk(chunk("", b"", 2**63)),
-    "unknown compression": appended_chunk(chunk("bz2", b"x" * 100, 100)),
-    "many bad records": edited(lambda data: bytes(data[:list(_heads(data))[1]]) + b"\4\1" + bytes(8) + (
-        b"\4\1" + bytes(8)) * 20_000),
+    **{f"flip {seed}": flipped(seed) for seed in range(4)},
+    "noise": noise(9, 568),
+    **{f"cut {seed}": cut(seed) for seed in range(2)},
+    **{f"killed, cut {seed}": without_metadata(cut(seed)) for seed in (20, 21)},
+    "killed, flip": without_metadata(torn(flipped(50))),
+    **{f"spliced {seed}": spliced(seed) for seed in (1, 2)},
+    **{f"length {value:x}": lying_length(seed, value) for seed, value in enumerate((0, 50, 2**40, 2**64 - 1))},
+    "bomb": behind_header(chunk("zstd", zeros(2**30), 2**30)),
+    "bomb that lies": behind_header(chunk("zstd", zeros(2**30), 1000)),
+    "many bombs": behind_header(*[chunk("zstd", zeros(100 * 2**20), 100 * 2**20)] * 200),
+    "bomb of messages": behind_header(chunk("zstd", zstandard.compress(tiny_messages(50_000)), 31 * 50_000)),
+    "bomb of lz4": behind_header(chunk("lz4", lz4.frame.compress(bytes(2**28)), 2**28)),
+    "a size of 2^63": behind_header(chunk("", b"", 2**63)),
+    "unknown compression": behind_header(chunk("bz2", b"x" * 100, 100)),
+    "many bad records": behind_header((b"\4\1" + bytes(8)) * 20_000),
     "twice": edited(lambda data: data + data),
     "zeros at the end": edited(lambda data: data + bytes(100_000)),
-    "zeros": edited(lambda data: bytes(len(data))),
     "empty": lambda folder: part(folder).write_bytes(b"") and None,
     "magic": edited(lambda data: MAGIC),
-    "label of laughs": label(LAUGHS),
-    "label of depth": label(DEEP),
-    "label of numbers": label("[1, {depth: [1]}, {depth: -1}]"),
-    "killed, label of laughs": without_metadata(torn(label(LAUGHS))),
+    "label of laughs": behind_header(*labelled(LAUGHS)),
+    "label of depth": behind_header(*labelled(DEEP)),
+    "label of numbers": behind_header(*labelled("[1, {depth: [1]}, {depth: -1}]")),
 }
 
 OF_METADATA: dict[str, Maker] = {
-    **{f"metadata flip {seed}": flipped(seed, "metadata.yaml") for seed in range(4)},
+    "metadata flip": flipped(0, "metadata.yaml"),
     "metadata of laughs": metadata(LAUGHS),
     "metadata of depth": metadata(DEEP),
     "metadata in themselves": metadata("rosbag2_bagfile_information: &x {version: 9, custom_data: *x}"),
-    "metadata of many keys": metadata("".join(f"k{i}: 1\n" for i in range(20_000))),
     "metadata of bytes": metadata(b"\xff\xfe" * 1000),
     "metadata of size": metadata(b"#" * 2**24),
-    "empty metadata": metadata(b""),
     "version of text": replaced("version: 9", "version: nine"),
     "names passwd": replaced("- run_0", "- ../../etc/passwd\n  - run_0"),
-    "names nothing": lambda folder: replaced(f"- {part(folder).name}", "[]")(folder),
-    "names it twice": lambda folder: replaced(f"- {part(folder).name}",
-                                              f"- {part(folder).name}\n  - {part(folder).name}")(folder),
-    "names a number": lambda folder: replaced(f"- {part(folder).name}", "- 5")(folder),
+    "names nothing": replaced("- run_0.mcap", "[]"),
+    "names it twice": replaced("- run_0.mcap", "- run_0.mcap\n  - run_0.mcap"),
+    "names a number": replaced("- run_0.mcap", "- 5"),
     "wrong count": replaced("message_count: ", "message_count: 9"),
-    "no duration": replaced("nanoseconds: ", "nanoseconds: .nan #"),
     "compressed": replaced("compression_mode: ''", "compression_mode: message"),
     "parameters of depth": custom("parameters", f"'{'[' * 50_000}'"),
     "parameters of numbers": custom("parameters", "'5'"),
     "parameters of lists": custom("parameters", "'{\"guide.angle\": [1, {}], \"rate.publish\": null}'"),
     "parameters of digits": custom("parameters", f"'{{\"guide.angle\": {'9' * 5000}}}'"),
     "a late start": custom("start", f"'{'9' * 4000}'"),
-    "a start of text": custom("start", "now"),
     "topics of depth": custom("topics", f"'{'[' * 50_000}'"),
     "topics of another": custom("topics", "'{\"odom\": \"/motor_power\"}'"),
     "a scene of lines": custom("scene", '"a\\nb\\e[31m"'),
-    "link to metadata": linked("metadata.yaml", "precious"),
     "link to zero as metadata": linked("metadata.yaml", "/dev/zero"),
     "pipe as metadata": piped("metadata.yaml"),
     "link as part": linked("part", "precious"),
-    "link to zero as part": linked("part", "/dev/zero"),
     "pipe as part": piped("part"),
     "link as torn": without_metadata(torn(linked("run_0.mcap.torn", "precious"))),
     "another name outside": without_metadata(torn(hard_linked)),

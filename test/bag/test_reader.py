@@ -1,5 +1,6 @@
 """Reading recordings back as arrays."""
 
+import os
 import subprocess
 import sys
 
@@ -41,6 +42,9 @@ def bag(run):
 
 
 def test_times_are_recorded_stamps_from_the_first_message(bag, start_ns):
+    assert {name: (one.type_name, one.messages) for name, one in bag.topics.items()} == {
+        f"/{name}": (type_name, N) for name, type_name in TYPES.items()}
+    assert bag.metadata == {"scene": "device", "written": str(4 * N), "dropped": "0", "lost": "0"}
     assert bag.start_ns == start_ns
     assert bag.duration == pytest.approx(0.049, abs=1e-15)
     for name in TYPES:  # 1e-15 s: the subtraction is done in integers
@@ -120,12 +124,6 @@ def test_without_pandas_it_is_named_with_the_remedy(mixed, monkeypatch):
         mixed.to_pandas()
 
 
-def test_counts_types_and_metadata(bag):
-    assert {name: (one.type_name, one.messages) for name, one in bag.topics.items()} == {
-        f"/{name}": (type_name, N) for name, type_name in TYPES.items()}
-    assert bag.metadata == {"scene": "device", "written": str(4 * N), "dropped": "0", "lost": "0"}
-
-
 def test_empty_topics_give_empty_arrays_of_the_same_shape(tmp_path):
     Recorder(tmp_path / "run", topics(), {}).close()
     bag = read_bag(tmp_path / "run")
@@ -133,14 +131,6 @@ def test_empty_topics_give_empty_arrays_of_the_same_shape(tmp_path):
     assert bag["odom"]["position"].shape == (0, 3)
     assert bag["impacts"]["frame"].shape == (0,)
     assert list(bag["joint_states"]) == ["time", "stamp"]
-
-
-def test_namespaced_topics_are_found_by_their_last_part(tmp_path, published, start_ns):
-    with Recorder(tmp_path / "run", topics("/robot1"), {}) as recorder:
-        write_run(recorder, published, start_ns, "/robot1")
-    bag = read_bag(tmp_path / "run")
-    assert bag.full_name("odom") == "/robot1/odom"
-    assert bag["odom"] is bag["/robot1/odom"]
 
 
 def test_two_robots_in_a_bag_must_be_told_apart(tmp_path, published, start_ns):
@@ -151,6 +141,7 @@ def test_two_robots_in_a_bag_must_be_told_apart(tmp_path, published, start_ns):
     with pytest.raises(MissingTopicError, match="odom is ambiguous; give one of /a/odom, /b/odom"):
         bag["odom"]
     assert (len(bag["/a/odom"]["time"]), len(bag["/b/odom"]["time"])) == (2, 3)
+    assert bag["b/odom"] is bag["/b/odom"]
 
 
 def test_topic_of_the_same_name_and_another_type_is_not_taken(tmp_path):
@@ -160,11 +151,6 @@ def test_topic_of_the_same_name_and_another_type_is_not_taken(tmp_path):
     assert "odom" not in bag
     with pytest.raises(MissingTopicError, match=r"topic odom is missing; recorded topics: /odom \(std_msgs"):
         bag["odom"]
-
-
-def cut(folder):
-    file = next(folder.glob("*.mcap"))
-    file.write_bytes(file.read_bytes()[:2000])
 
 
 def test_a_bag_that_is_not_sealed_is_read_at_once_and_left_as_it_is(unsealed):
@@ -179,20 +165,12 @@ def test_a_bag_that_is_not_sealed_is_read_at_once_and_left_as_it_is(unsealed):
     assert bag.metadata == {"scene": "device"} and content(folder) == before
 
 
-def test_a_bag_that_is_being_recorded_is_read_as_far_as_it_is_flushed(tmp_path, published, wait_for):
-    with Recorder(tmp_path / "run", topics(), {}) as recorder:
-        recorder.write("/motor_power", 0, published["/motor_power"](1))
-        wait_for(lambda: recorder.written == 1)
-        with pytest.warns(BagWarning, match="all that was written is read"):
-            assert len(read_bag(tmp_path / "run")["motor_power"]["time"]) == 1
-
-
 @pytest.mark.parametrize(("how", "reason"), [
     (lambda folder: next(folder.glob("*.mcap")).unlink(),
      "nothing in it can be read: run_0.mcap: metadata.yaml names this file, and it is not in the folder"),
-    (cut, "nothing in it can be read: run_0.mcap: it is not sealed"),
-    (lambda folder: next(folder.glob("*.mcap")).write_bytes(b""), "run_0.mcap: the file is empty"),
-], ids=["no file", "cut", "empty file"])
+    (lambda folder: os.truncate(next(folder.glob("*.mcap")), 2000),
+     "nothing in it can be read: run_0.mcap: it is not sealed"),
+], ids=["no file", "cut"])
 def test_spoilt_bag_is_an_error_of_one_line(run, how, reason):
     how(run)
     with pytest.raises(BagError) as raised:

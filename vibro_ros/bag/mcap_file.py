@@ -11,7 +11,7 @@ import os
 import struct
 from array import array
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
@@ -141,14 +141,12 @@ class McapFile:
         try:
             with open_to_read(self.path, follow=False) as file:
                 for offset in self._blocks if chosen else ():
-                    opcode, at, following, content = next(records(file, offset, self.size))
-                    raw = (chunk_content(parsed(Chunk, content)) if opcode == Opcode.CHUNK
-                           else HEAD.pack(opcode, len(content)) + content)
-                    for kind, _, begin, end in records_in(raw):
+                    opcode, _, _, content = next(records(file, offset, self.size))
+                    for kind, _, inner in records_in(opcode, content):
                         if kind == Opcode.MESSAGE:
-                            channel, stamp = _message_head(raw, begin, end)
+                            channel, stamp = _message_head(inner)
                             if channel in chosen:
-                                yield chosen[channel], stamp, raw[begin + _MESSAGE_HEAD.size:end]
+                                yield chosen[channel], stamp, inner[_MESSAGE_HEAD.size:]
         except (DamagedError, StopIteration) as error:  # it could be read a moment ago
             self.flaws.append(f"{self.path.name}: changed while it was read: {error or 'it ends too early'}")
 
@@ -221,8 +219,7 @@ class McapFile:
 
     def _look_through(self, file: BinaryIO, summary: int) -> None:
         """Count what can be read. Of the summary only the topics are believed: a damaged chunk may have named them."""
-        unfolded = 0
-        has_end = False
+        unfolded, has_end = 0, False
         for opcode, at, following, content in records(file, self._begin, self.size):
             if opcode == Opcode.DATA_END:
                 has_end = True
@@ -230,27 +227,19 @@ class McapFile:
             self.end = following
             try:
                 if opcode == Opcode.CHUNK:
-                    chunk = parsed(Chunk, content)
-                    unfolded += chunk.uncompressed_size
-                    if unfolded > FREE_UNFOLDING + UNFOLDING * self.size:
-                        unfolded -= chunk.uncompressed_size
+                    size = parsed(Chunk, content).uncompressed_size
+                    if unfolded + size > FREE_UNFOLDING + UNFOLDING * self.size:
                         raise DamagedError(f"its chunks unfold to more than {UNFOLDING} times the file's size")
-                    raw, heads = chunk_content(chunk), []
-                    for kind, _, begin, end in records_in(raw):
-                        if kind == Opcode.MESSAGE:
-                            heads.append(_message_head(raw, begin, end))
-                        elif kind in _DEFINITIONS:
-                            self._define(kind, raw[begin:end])
+                    unfolded += size
+                heads = []
+                for kind, _, inner in records_in(opcode, content):
+                    if kind == Opcode.MESSAGE:
+                        heads.append(_message_head(inner))
+                    else:
+                        self._define(kind, inner)
+                if opcode in (Opcode.CHUNK, Opcode.MESSAGE):
                     self._count(at, heads)
-                elif opcode == Opcode.MESSAGE:
-                    self._count(at, [_message_head(content, 0, len(content))])
-                    self._loose += 1
-                elif opcode == Opcode.METADATA:
-                    found = parsed(Metadata, content)
-                    if found.name == METADATA_NAME:
-                        self.custom = custom_data(found.metadata.get(METADATA_KEY, ""))
-                else:
-                    self._define(opcode, content)
+                    self._loose += opcode == Opcode.MESSAGE
             except DamagedError as error:
                 self._damaged[at] = following - at
                 self._damage = self._damage or f"{error} at byte {at}"
@@ -264,13 +253,16 @@ class McapFile:
                 return
 
     def _define(self, opcode: int, content: bytes) -> None:
-        """Take a schema or a channel (DamagedError when it is none, or contradicts an earlier one)."""
-        if opcode not in _DEFINITIONS:
-            return
-        found: Any = parsed(_DEFINITIONS[opcode], content)
-        known: dict = self._schemas if opcode == Opcode.SCHEMA else self._channels
-        if known.setdefault(found.id, found) != found:
-            raise DamagedError(f"{type(found).__name__.lower()} {found.id} is announced twice, and differs")
+        """Take a schema, a channel or what the bag says of itself (DamagedError when it is none, or contradicts)."""
+        if opcode == Opcode.METADATA:
+            about = parsed(Metadata, content)
+            if about.name == METADATA_NAME:
+                self.custom = custom_data(about.metadata.get(METADATA_KEY, ""))
+        elif opcode in _DEFINITIONS:
+            found: Any = parsed(_DEFINITIONS[opcode], content)
+            known: dict = self._schemas if opcode == Opcode.SCHEMA else self._channels
+            if known.setdefault(found.id, found) != found:
+                raise DamagedError(f"{type(found).__name__.lower()} {found.id} is announced twice, and differs")
 
     def _count(self, at: int, heads: list[tuple[int, int]]) -> None:
         """Count the messages, channel and stamp of each, of the chunk or the message at an offset."""
@@ -364,25 +356,24 @@ _DECOMPRESSORS: dict[str, Callable[[bytes, int], bytes]] = {
 }
 
 
-def records_in(raw: bytes) -> Iterator[tuple[int, int, int, int]]:
-    """Opcode, offset, and begin and end of the content, of each record in a chunk (DamagedError when one is torn)."""
-    at = 0
-    while at < len(raw):
-        if at + HEAD.size > len(raw):
-            raise DamagedError("a record ends too early")
-        opcode, length = HEAD.unpack_from(raw, at)
-        begin, end = at + HEAD.size, at + HEAD.size + length
-        if not 0 < opcode <= Opcode.DATA_END or end > len(raw):
-            raise DamagedError("a record ends too early")
-        yield opcode, at, begin, end
-        at = end
+def records_in(opcode: int, content: bytes) -> Iterator[tuple[int, int, bytes]]:
+    """Opcode, offset and content of each record in a chunk, or of the record itself (DamagedError when one is torn)."""
+    if opcode != Opcode.CHUNK:
+        yield opcode, 0, content
+        return
+    raw, end = chunk_content(parsed(Chunk, content)), 0
+    for kind, at, following, inner in records(BytesIO(raw), 0, len(raw)):
+        yield kind, at, inner
+        end = following
+    if end < len(raw):
+        raise DamagedError("a record ends too early")
 
 
-def _message_head(content: bytes, begin: int, end: int) -> tuple[int, int]:
-    """Channel and log time [ns] of the message between two offsets (DamagedError when it is none)."""
-    if end - begin < _MESSAGE_HEAD.size:
+def _message_head(content: bytes) -> tuple[int, int]:
+    """Channel and log time [ns] of a message (DamagedError when it is none)."""
+    if len(content) < _MESSAGE_HEAD.size:
         raise DamagedError("a message ends too early")
-    channel, _, stamp, _ = _MESSAGE_HEAD.unpack_from(content, begin)
+    channel, _, stamp, _ = _MESSAGE_HEAD.unpack_from(content)
     if stamp > LAST_STAMP:
         raise DamagedError(f"a message at {stamp} ns, later than bags can say")
     return channel, stamp
@@ -398,12 +389,11 @@ def _chunk_index(at: int, following: int, chunk: Chunk) -> ChunkIndex:
 
 def _missing_indexes(file: BinaryIO, chunk: ChunkIndex, end: int) -> bytes:
     """The message indexes of a file's last chunk, for its `end`, if the chunk lacks some; `chunk` then names them."""
-    _, _, _, content = next(records(file, chunk.chunk_start_offset, end))
-    raw = chunk_content(parsed(Chunk, content))
+    opcode, _, _, content = next(records(file, chunk.chunk_start_offset, end))
     entries: dict[int, list[tuple[int, int]]] = {}  # stamp and offset of each message, by channel
-    for opcode, at, begin, after in records_in(raw):
-        if opcode == Opcode.MESSAGE:
-            channel, stamp = _message_head(raw, begin, after)
+    for kind, at, inner in records_in(opcode, content):
+        if kind == Opcode.MESSAGE:
+            channel, stamp = _message_head(inner)
             entries.setdefault(channel, []).append((stamp, at))
     if chunk.message_index_offsets.keys() >= entries.keys():
         return b""
@@ -414,8 +404,3 @@ def _missing_indexes(file: BinaryIO, chunk: ChunkIndex, end: int) -> bytes:
     missing = b"".join(pieces)
     chunk.message_index_length = end + len(missing) - chunk.chunk_start_offset - chunk.chunk_length
     return missing
-
-
-def named_once(files: Iterable[McapFile]) -> list[TopicInformation]:
-    """The topics of several files, each as the first file has it."""
-    return list({topic.name: topic for file in reversed([*files]) for topic in file.topics}.values())

@@ -37,6 +37,21 @@ class BagError(Exception):
         super().__init__(one_line(message))
 
 
+def check_is_bag(folder: Path) -> None:
+    """Return when a folder holds files of a bag, or says that it should (BagError; OSError when it cannot be read)."""
+    reason = ""
+    if not folder.exists():
+        reason = "no such folder"
+    elif not folder.is_dir():
+        reason = "a file, not a bag"
+    else:
+        files, flaws = bag_files(folder)
+        if not files and not os.path.lexists(folder / FILE_NAME):
+            reason = f"nothing in it can be read: {flaws[0]}" if flaws else "not a bag, it holds no .mcap file"
+    if reason:
+        raise BagError(f"{folder}: {reason}; give the folder of a recording")
+
+
 @dataclass(frozen=True)
 class RecordedTopic:
     """What a recording holds of one topic.
@@ -77,7 +92,7 @@ class BagStream:
         self.folder = Path(path)
         self.unreadable = Unreadable()
         try:
-            self._check_folder()
+            check_is_bag(self.folder)
             contents = BagContents(self.folder)
         except OSError as error:
             raise BagError(f"{self.folder}: cannot be read: {error.strerror or error}") from error
@@ -95,17 +110,6 @@ class BagStream:
 
     def __exit__(self, *_: object) -> None:
         """Files are open only while messages are read."""
-
-    def _check_folder(self) -> None:
-        folder = self.folder
-        if not folder.exists():
-            raise BagError(f"{folder}: no such folder; give the folder of a recording")
-        if not folder.is_dir():
-            raise BagError(f"{folder}: a file, not a bag; give the folder that holds metadata.yaml")
-        files, flaws = bag_files(folder)
-        if not files and not os.path.lexists(folder / FILE_NAME):
-            reason = f"nothing in it can be read: {flaws[0]}" if flaws else "not a bag, it holds no .mcap file"
-            raise BagError(f"{folder}: {reason}; give the folder of a recording")
 
     @property
     def flaws(self) -> list[str]:

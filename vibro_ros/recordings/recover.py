@@ -21,10 +21,10 @@ from datetime import UTC, datetime
 from itertools import chain, count
 from pathlib import Path
 
-from vibro_ros.bag.folders import SUFFIX, bag_files, locked, writing_processes
-from vibro_ros.bag.mcap_file import McapFile, named_once
+from vibro_ros.bag.folders import SUFFIX, locked, writing_processes
+from vibro_ros.bag.mcap_file import McapFile
 from vibro_ros.bag.metadata import FILE_NAME, as_text, bag_information, write_metadata
-from vibro_ros.bag.stream import BagContents, BagError, BagStream, not_read
+from vibro_ros.bag.stream import BagContents, BagError, BagStream, check_is_bag, not_read
 from vibro_ros.process.entry_point import BAD_INPUT, Parser, exit_code, say
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.files import one_line, opened, write_all
@@ -32,14 +32,7 @@ from vibro_ros.process.files import one_line, opened, write_all
 _BLOCK = 2**20  # bytes that are copied at a time
 
 
-class RecoveryError(Exception):
-    """A bag cannot be recovered; the message is one line for the user."""
-
-    def __init__(self, message: str):
-        super().__init__(one_line(message))
-
-
-class InUseError(RecoveryError):
+class InUseError(BagError):
     """A bag is being recorded, or another process seals it."""
 
 
@@ -68,32 +61,25 @@ def main(words: Sequence[str]) -> int:
 def recover(path: str | Path, keep_torn: bool = True) -> Recovery:
     """Seal the bag in the folder `path`, or that of the file `path`.
 
-    `keep_torn` keeps what is cut beside it, as ``<file>.torn``, ``<file>.torn.2``, … RecoveryError when it is no bag,
-    holds nothing that can be read, is being recorded, or cannot be written.
+    `keep_torn` keeps what is cut beside it, as ``<file>.torn``, ``<file>.torn.2``, … BagError when it is no bag, holds
+    nothing that can be read, is being recorded (`InUseError`), or cannot be written.
     """
     path = Path(path)
-    if not path.exists():
-        raise RecoveryError(f"{path}: no such folder; give the folder of a recording")
-    if not path.is_dir() and path.suffix != SUFFIX:
-        raise RecoveryError(f"{path}: a file, not a bag; give the folder of a recording")
-    folder = path if path.is_dir() else path.absolute().parent
+    folder = path.absolute().parent if path.suffix == SUFFIX and path.is_file() else path
     try:
-        paths, flaws = bag_files(folder)
-        if not paths:
-            reason = flaws[0] if flaws else "not a bag, it holds no .mcap file"
-            raise RecoveryError(f"{folder}: {reason}; give the folder of a recording")
+        check_is_bag(folder)
         with locked(folder):
             if found := writing_processes([folder]):
                 processes = ", ".join(map(str, found[folder]))
                 raise InUseError(f"{folder}: the bag is in use, process {processes} writes to it; end the recorder")
-            return _recovered(folder, paths, keep_torn)
+            return _recovered(folder, keep_torn)
     except BlockingIOError:
         raise InUseError(f"{path}: the bag is in use, its recorder still runs; end the recorder") from None
     except OSError as error:
-        raise RecoveryError(f"{path}: cannot be sealed: {error.strerror or error}; nothing readable was lost, "
-                            "make room or give write permission and try again") from error
+        raise BagError(f"{path}: cannot be sealed: {error.strerror or error}; nothing readable was lost, make room or "
+                       "give write permission and try again") from error
     except MemoryError:
-        raise RecoveryError(f"{path}: cannot be sealed: not enough memory; nothing readable was lost") from None
+        raise BagError(f"{path}: cannot be sealed: not enough memory; nothing readable was lost") from None
 
 
 def described(recovery: Recovery, stamp: Callable[[int], str]) -> Iterable[str]:
@@ -108,16 +94,14 @@ def described(recovery: Recovery, stamp: Callable[[int], str]) -> Iterable[str]:
     yield from not_read(recovery.flaws)
 
 
-def _recovered(folder: Path, paths: list[Path], keep_torn: bool) -> Recovery:
-    if not any(path.stat().st_size for path in paths):
-        raise RecoveryError(f"{folder}: {paths[0].name} is empty (0 bytes), nothing was recorded; delete the folder")
+def _recovered(folder: Path, keep_torn: bool) -> Recovery:
     bag = BagContents(folder, all_files=True)
     if not bag.files:
-        raise RecoveryError(f"{folder / bag.flaws[-1]}; give the folder of a recording")
+        raise BagError(f"{folder / (bag.flaws or ['it holds no .mcap file'])[-1]}; give the folder of a recording")
     files, names = [file.information for file in bag.files], bag.information.get("relative_file_paths")
     damaged = [file.flaws[0] for file in bag.files if file.damaged]
     if damaged and not any(file.messages for file in files):
-        raise RecoveryError(f"{folder}: nothing in it can be read: {damaged[0]}")
+        raise BagError(f"{folder}: nothing in it can be read: {damaged[0]}")
     if (all(file.sealed for file in bag.files) and isinstance(names, list)
             and sorted(map(str, names)) == sorted(file.name for file in files)):
         return _read_back(folder, was_sealed=True)
@@ -135,7 +119,8 @@ def _recovered(folder: Path, paths: list[Path], keep_torn: bool) -> Recovery:
             kept.append(metadata.rename(_torn_name(metadata)))
         else:
             metadata.unlink()
-    write_metadata(metadata, bag_information(files, named_once(bag.files), custom))
+    topics = {topic.name: topic for file in reversed(bag.files) for topic in file.topics}  # as the first file has them
+    write_metadata(metadata, bag_information(files, [*topics.values()], custom))
     return _read_back(folder, cut, tuple(kept))
 
 
@@ -151,7 +136,7 @@ def _seal(file: McapFile, metadata: str, keep_torn: bool) -> list[Path]:
         if status.st_size != file.size:
             raise OSError(0, "the file changed while it was read")
         if status.st_nlink > 1:
-            raise RecoveryError(f"{file.path}: has another name (a hard link) that would change, too; give a copy")
+            raise BagError(f"{file.path}: has another name (a hard link) that would change, too; give a copy")
         kept = [_keep_tail(file, descriptor)] if keep_torn and file.size > file.end else []
         try:
             os.posix_fallocate(descriptor, file.end, len(ending))  # before anything is overwritten: is there room?
@@ -193,12 +178,9 @@ def _torn_name(path: Path) -> Path:
 
 def _read_back(folder: Path, cut: int = 0, kept: tuple[Path, ...] = (), was_sealed: bool = False) -> Recovery:
     """What a reader finds now."""
-    try:
-        with BagStream(folder) as stream:
-            messages = sum(topic.messages for topic in stream.topics.values())
-            return Recovery(folder, messages, cut, stream.end, was_sealed, kept, tuple(stream.flaws))
-    except BagError as error:
-        raise RecoveryError(f"{error}; `recover` cannot mend it") from error
+    with BagStream(folder) as stream:
+        messages = sum(topic.messages for topic in stream.topics.values())
+        return Recovery(folder, messages, cut, stream.end, was_sealed, kept, tuple(stream.flaws))
 
 
 def _run(words: Sequence[str]) -> int:
@@ -207,7 +189,7 @@ def _run(words: Sequence[str]) -> int:
     for bag in options.bags:
         try:
             print("\n".join(described(recover(bag, keep_torn=not options.discard_torn), _clock)))
-        except RecoveryError as error:
+        except BagError as error:
             say("recover", str(error))
             code = BAD_INPUT
     return code

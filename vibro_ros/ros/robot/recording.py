@@ -13,10 +13,11 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 from vibro_ros.bag.folders import BAG_PATTERN, bag_folders, unsealed_bags
 from vibro_ros.bag.metadata import Topic as RecordedTopic
 from vibro_ros.bag.recorder import Recorder, Storage
+from vibro_ros.bag.stream import BagError
 from vibro_ros.messages.topics import TOPICS
 from vibro_ros.model.parameters import Value
 from vibro_ros.process.files import one_line
-from vibro_ros.recordings.recover import InUseError, RecoveryError, described, recover
+from vibro_ros.recordings.recover import InUseError, described, recover
 from vibro_ros.ros.node.refusals import Throttle
 from vibro_ros.ros.robot.publishers import RobotPublishers
 
@@ -280,5 +281,5 @@ def offer_recovery(directory: Path, do_it: bool, log: RcutilsLogger) -> None:
             log.warning("; ".join(described(recover(folder), str)))
         except InUseError:  # of two robots that start at once, the other seals it
             continue
-        except RecoveryError as error:
+        except BagError as error:
             log.error(str(error))
