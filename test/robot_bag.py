@@ -37,7 +37,8 @@ def robot_bag(folder: Path, scene: Scene | str, ticks: int, told: Told | None = 
     rerun, messages = Rerun(facts, scene), []
     for tick in range(ticks):
         stamp = facts.stamp(tick)
-        messages += [(f"/{name}", stamp, data) for name, data in rerun.step()]
+        rerun.go_to(tick)
+        messages += [(f"/{name}", stamp, data) for name, data in rerun.published()]
         if tick in checkpoints:
             messages.append((f"/{CHECKPOINT}", stamp, holding(TOPICS[CHECKPOINT].type, rerun.device.checkpoint())))
         for name, data in _inputs((told or {}).get(tick, {})):

@@ -65,16 +65,12 @@ def test_curves_break_at_the_gap_and_only_there(shown):
     mean, power = lines(shown["motor power [W]"][0])["mean over whole turns"].get_data()
     lost = np.isnan(power)
     assert 0.9 < mean[lost].min() and mean[lost].max() < 1.3
-
-
-def test_the_band_of_a_mass_reaches_from_its_lowest_sample_to_its_impacts_at_the_plate(shown):
-    """Samples reach 60 mm at t = 0, 0.1, ... s only; the inclined mass stays below 60 mm, its impacts are at 61 mm."""
-    for label, top in (("upper mass [mm]", 60.0), ("inclined mass [mm]", 61.0)):
-        heights = np.concatenate([path.vertices for path in shown[label][0].collections[0].get_paths()])[:, 1]
-        assert (heights.min(), heights.max()) == (pytest.approx(20.0, abs=0.1), pytest.approx(top, abs=1e-9))
+    assert (~lost).sum() > 10
+    np.testing.assert_allclose(power[~lost], 2.0 + mean[~lost], rtol=1e-12)  # 2 W + 1 W/s · t
 
 
 def test_a_mass_is_at_its_plate_at_the_instant_of_every_impact(shown, bag):
+    """Samples reach 60 mm at t = 0, 0.1, ... s only; the inclined mass stays below 60 mm, its impacts are at 61 mm."""
     begin, end = shown[ROWS[0]][1].get_xlim()
     for guide, plate in (("upper", 60.0), ("inclined", 61.0)):
         drawn = lines(shown[f"{guide} mass [mm]"][1])
@@ -86,13 +82,8 @@ def test_a_mass_is_at_its_plate_at_the_instant_of_every_impact(shown, bag):
         time, position = drawn[f"{guide} mass"].get_data()
         np.testing.assert_allclose(position[np.isin(time, marks)], plate, rtol=1e-12)
         assert np.isin(marks, time).all()
-
-
-def test_mean_power_is_exact(shown):
-    time, mean = lines(shown["motor power [W]"][0])["mean over whole turns"].get_data()
-    kept = np.isfinite(mean)
-    assert kept.sum() > 10
-    np.testing.assert_allclose(mean[kept], 2.0 + time[kept], rtol=1e-12)
+        whole = lines(shown[f"{guide} mass [mm]"][0])[f"{guide} mass"].get_ydata()
+        assert (np.nanmin(whole), np.nanmax(whole)) == (pytest.approx(20.0, abs=0.1), pytest.approx(plate, abs=1e-9))
 
 
 def test_a_mean_over_turns_does_not_swing_with_the_crank():
@@ -118,21 +109,6 @@ def test_a_force_far_beyond_the_others_hides_none_of_them(bag):
     assert left.get_yscale() == "symlog"
     low, high = left.transData.transform([[0.0, 0.0], [0.0, 11.6]])[:, 1]
     assert high - low > 10.0  # pixels
-
-
-def test_a_hop_of_one_sample_is_seen_in_the_longest_recording(bag):
-    """One sample in a thousand, between others on the ground."""
-    position = bag["odom"]["position"].copy()
-    position[345, 2] = 0.004
-    left, right = panels(plot_run(changed(bag, "odom", position=position)))["body height [mm]"]
-    heights = np.concatenate([path.vertices for path in left.collections[0].get_paths()])[:, 1]
-    assert (heights.min(), heights.max()) == (0.0, pytest.approx(4.0))
-
-
-def test_command_is_a_step_line_to_the_end(shown):
-    time, speed = lines(shown["motor [rad/s]"][0])["command"].get_data()
-    assert (time[0], time[-1]) == (0.0, pytest.approx(4.0))
-    np.testing.assert_allclose(speed, 20 * np.pi)
 
 
 @pytest.mark.parametrize("value", [1e308, np.nan])

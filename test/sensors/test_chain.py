@@ -57,6 +57,8 @@ def test_the_variance_that_is_published_is_that_of_the_errors():
             f"sensors.imu.accelerometer.{name}": value for name, value in names.items()}}), "accelerometer")
         errors += chain.read((0.0, 0.0, 0.0), 7000)
         variance = chain.variance(7000)
+    steps = np.array(errors) / 0.05
+    assert np.abs(steps - np.rint(steps)).max() < 1e-9
     assert variance == pytest.approx(0.002**2 * RATE / 2 + 0.02**2 * 35.0 + 0.3**2 + 0.05**2 / 12.0)
     assert np.mean(np.square(errors)) == pytest.approx(variance, rel=4.0 * math.sqrt(2.0 / 1200))
 
@@ -65,11 +67,6 @@ def test_clipping_cuts_the_share_that_a_sine_has_beyond_the_range():
     """A63."""
     values = read({"range": 3.0}, lambda k: 5.0 * math.sin(0.1234567 * k))
     assert (abs(values) == 3.0).mean() == pytest.approx(2.0 / math.pi * math.acos(3.0 / 5.0), abs=1e-4)
-
-
-def test_numbers_are_whole_steps():
-    values = read({"resolution": 0.25, "noise_density": 0.1}) / 0.25
-    assert np.array_equal(values, np.rint(values))
 
 
 def test_a_preset_gives_what_the_scene_does_not():

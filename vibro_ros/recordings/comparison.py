@@ -9,21 +9,8 @@ from typing import Any
 from vibro_ros.bag.stream import BagStream
 from vibro_ros.messages.codec import first_difference
 from vibro_ros.messages.frames import joints_of
-from vibro_ros.messages.topics import (
-    CHECKPOINT,
-    COMMAND_UNITS,
-    INPUTS,
-    OF_DC_MOTOR,
-    TOPICS,
-)
-from vibro_ros.recordings.rerun import (
-    Recorded,
-    RecordedRun,
-    Rerun,
-    StampError,
-    begins_at_checkpoint,
-    recorded_run,
-)
+from vibro_ros.messages.topics import CHECKPOINT, COMMAND_UNITS, INPUTS, OF_DC_MOTOR, TOPICS
+from vibro_ros.recordings.rerun import Recorded, RecordedRun, Rerun, StampError, begins_at_checkpoint, recorded_run
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.provenance import software, tables
 

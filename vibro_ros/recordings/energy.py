@@ -22,10 +22,6 @@ LOST = ("drive_dampers", "plate_dampers", "friction", "blows", "landings", "copp
 _SILENCE = 2.0  # s, before the bar is shown
 
 
-class _UnknownError(Exception):
-    """Why the accounts are unknown."""
-
-
 def energy_of(bag: Bag) -> dict[str, Any]:
     """Energy accounts of a recorded run, from its first odometry to its last, ready for JSON.
 
@@ -43,19 +39,19 @@ def energy_of(bag: Bag) -> dict[str, Any]:
     try:
         with BagStream(bag.path) as stream:
             return _energy(bag, stream, recorded_run(stream))
-    except (_UnknownError, BagError, SimulationError) as reason:
+    except (BagError, SimulationError) as reason:
         return {"unknown": str(reason)}
 
 
 def _energy(bag: Bag, stream: BagStream, facts: RecordedRun) -> dict[str, Any]:
     if (method := facts.scene["solver.method"]) != "exact":
-        raise _UnknownError(f"the accounts need solver.method exact; the run was recorded with {method}")
+        raise BagError(f"the accounts need solver.method exact; the run was recorded with {method}")
     times = bag["odom"]["time"]
     first, last = (facts.tick(bag.start_ns + round(float(time) * 1e9)) for time in times[[0, -1]])
     if first is None or last is None:
-        raise _UnknownError("the stamps of its odometry are not those of the robot's samples")
+        raise BagError("the stamps of its odometry are not those of the robot's samples")
     if lacks_beginning(stream, facts):
-        raise _UnknownError("the recording begins after the robot's start, without a checkpoint")
+        raise BagError("the recording begins after the robot's start, without a checkpoint")
     prepare_kernels("report", method)
     rerun = Rerun(facts, facts.scene.with_parameters({"solver.accounts": True}))
     if stream.start <= facts.start:
@@ -79,11 +75,11 @@ def _energy(bag: Bag, stream: BagStream, facts: RecordedRun) -> dict[str, Any]:
         if rerun.tick == last:
             break
     else:
-        raise _UnknownError("no odometry follows its first checkpoint")
+        raise BagError("no odometry follows its first checkpoint")
     body = bag["odom"]
     x = body["position"][:, 0]
     if rerun.device.state.body_position != x[-1]:
-        raise _UnknownError("simulated again, the run is not the recorded one; `replay` tells where they part")
+        raise BagError("simulated again, the run is not the recorded one; `replay` tells where they part")
     moved = changes(body["time"], x, reset_times(bag["joint_states"])).sum()
     accounts = {name: amount - before[name] for name, amount in held.items()}
     net, duration = accounts["motor_delivered"] - accounts["motor_taken_back"], facts.time(last - first)
@@ -94,9 +90,9 @@ def _energy(bag: Bag, stream: BagStream, facts: RecordedRun) -> dict[str, Any]:
 
 
 def _check_span(stream: BagStream, facts: RecordedRun, samples: int, recorded: int) -> None:
-    """Return when a run of so many samples may be computed, of which so many of odometry are recorded."""
+    """Return when a run of so many samples may be computed, of which so many of odometry are recorded (BagError)."""
     if samples > most_ticks(stream, facts):
-        raise _UnknownError(f"only {recorded} of {samples} samples of odometry are recorded")
+        raise BagError(f"only {recorded} of {samples} samples of odometry are recorded")
 
 
 def energy_as_lines(energy: dict[str, Any]) -> list[str]:

@@ -26,9 +26,8 @@ FAR = 10.0  # m, from there on in metres
 STRONG = 8.0  # times what 95 % of the samples stay below: from there on a linear scale would hide these
 MM = 1e3  # mm/m
 _BAR = 1.75  # in, height of the bars of energy
-LEAST_BINS, MOST_BINS = 24, 240  # of a band over the whole run
-TURNS = 3.0  # of the crank in a bin: the motion may repeat itself after several
-TINT = 0.3  # of a band's colour in white; opaque, so that nothing mixes with what lies below
+MOST_MEANS = 240  # over whole turns of the crank
+TINT = 0.3  # of a colour in white; opaque, so that nothing mixes with what lies below
 
 # Okabe and Ito's palette, which the colour-blind tell apart
 _BODY, _MOTOR, _POWER, _FORCE, _HEIGHT = "#000000", "#009e73", "#aa4499", "#7a5c00", "#56788f"
@@ -148,7 +147,7 @@ def _draw_body(axes: Axes, bag: Bag, span: Span) -> None:
 
 def _draw_height(axes: Axes, bag: Bag, span: Span) -> None:
     body = bag["odom"]
-    _swings(axes, bag, body["time"], body["position"][:, 2] * MM, span, _HEIGHT, "range of the height", "height")
+    _swings(axes, body["time"], body["position"][:, 2] * MM, span, _HEIGHT, "height")
     _shade_air(axes, bag, span)
     axes.set_ylabel("body height [mm]")
 
@@ -169,7 +168,7 @@ def _draw_mass(guide: str, axes: Axes, bag: Bag, span: Span) -> None:
     time = np.concatenate([joints["time"], contacts])
     order = np.argsort(time, kind="stable")
     position = np.concatenate([joints[f"{guide}_mass.position"], met])[order] * MM
-    _swings(axes, bag, time[order], position, span, colour, f"range of the {guide} mass", f"{guide} mass")
+    _swings(axes, time[order], position, span, colour, f"{guide} mass")
     if _is_moment(span) and len(contacts):
         shown = (contacts >= span[0]) & (contacts <= span[1])
         axes.plot(contacts[shown], met[shown] * MM, _GUIDE_MARKS[guide], color=colour, ms=7, mec="white", mew=0.7,
@@ -195,7 +194,7 @@ def _draw_blows(axes: Axes, bag: Bag, span: Span) -> None:
 
 def _draw_ground(axes: Axes, bag: Bag, span: Span) -> None:
     time, force = bag["ground_contact"]["time"], bag["ground_contact"]["force"][:, 2]
-    _swings(axes, bag, time, force, span, _FORCE, "range of N", "N")
+    _swings(axes, time, force, span, _FORCE, "N")
     usual = float(np.percentile(np.abs(force), 95))
     if usual > 0.0 and np.abs(force).max() > STRONG * usual:  # then a logarithmic scale beyond the usual
         axes.set_yscale("symlog", linthresh=usual)
@@ -231,7 +230,7 @@ def _draw_motor(axes: Axes, bag: Bag, span: Span) -> None:
 
 def _draw_power(axes: Axes, bag: Bag, span: Span) -> None:
     power, joints = bag["motor_power"], bag["joint_states"]
-    _swings(axes, bag, power["time"], power["value"], span, _POWER, "range of the power", "power")
+    _swings(axes, power["time"], power["value"], span, _POWER, "power")
     if not _is_moment(span):
         mean = mean_over_turns(power["time"], power["value"], joints["time"], joints["crank.position"])
         axes.plot(*mean, color=_BODY, lw=1.4, label="mean over whole turns", zorder=2)
@@ -239,21 +238,11 @@ def _draw_power(axes: Axes, bag: Bag, span: Span) -> None:
     axes.set_ylabel("motor power [W]")
 
 
-def _edges(bag: Bag, span: Span) -> np.ndarray:
-    """Where the bins of a band begin and end [s]."""
-    speed = float(np.abs(bag["joint_states"]["crank.velocity"]).max())
-    bins = np.clip((span[1] - span[0]) * speed / math.tau / TURNS, LEAST_BINS, MOST_BINS)
-    return np.linspace(*span, int(bins) + 1)
-
-
-def _swings(axes: Axes, bag: Bag, time: np.ndarray, values: np.ndarray, span: Span, colour: str, of_band: str,
-            of_line: str) -> None:
-    """A quick oscillation: over a short time its samples, over a long run the band that it fills."""
-    if _is_short(span):
-        line(axes, time, values, span, color=colour, label=of_line, **({"marker": ".", "ms": 4} if _is_moment(span)
-                                                                      else {}))
-    else:
-        band(axes, time, values, _edges(bag, span), colour, of_band)
+def _swings(axes: Axes, time: np.ndarray, values: np.ndarray, span: Span, colour: str, label: str) -> None:
+    """A quick oscillation; over a long run its line fills the range of the swings, and is pale."""
+    tinted = tuple(1.0 - TINT * (1.0 - part) for part in to_rgb(colour))
+    style = {"marker": ".", "ms": 4} if _is_moment(span) else {}
+    line(axes, time, values, span, color=colour if _is_short(span) else tinted, label=label, zorder=1.5, **style)
 
 
 def _is_short(span: Span) -> bool:
@@ -319,37 +308,16 @@ def line(axes: Axes, time: np.ndarray, values: np.ndarray, span: Span, **style: 
               **{"lw": 1.3} | style)
 
 
-def band(axes: Axes, time: np.ndarray, values: np.ndarray, edges: np.ndarray, colour: str, label: str) -> None:
-    """The range that a quick oscillation fills: minimum and maximum between each two `edges` [s], with its outline."""
-    middle, low, high = extremes(time, values, edges)
-    tinted = tuple(1.0 - TINT * (1.0 - part) for part in to_rgb(colour))
-    axes.fill_between(middle, low, high, color=tinted, lw=0, label=label, zorder=1.5)
-    for edge in (low, high):
-        axes.plot(middle, edge, color=colour, lw=0.7, zorder=1.6)
-
-
-def extremes(time: np.ndarray, values: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Middle [s], minimum and maximum of the samples in each bin, with NaN at gaps in the stream."""
-    if not len(time):
-        return (np.array([]),) * 3
-    firsts, middle = _bins(time, edges)
-    low, high = np.minimum.reduceat(values, firsts), np.maximum.reduceat(values, firsts)
-    # a bin that ends in a gap would seem to reach over it
-    broken = gaps(middle, 1.5)
-    middle, low, high = (np.insert(column, broken, np.nan) for column in (middle, low, high))
-    return middle, low, high
-
-
 def mean_over_turns(time: np.ndarray, values: np.ndarray, angle_time: np.ndarray,
                     angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean of a quantity that swings with the crank over each so many whole turns; NaN where a gap lies in them.
 
     Means that cut a turn anywhere would swing themselves. `time` [s] and `values` are samples, `angle_time` and
     `angle` [rad] those of the crank. Returns the middle of the turns that each mean is over [s], and the means,
-    `MOST_BINS` at most.
+    `MOST_MEANS` at most.
     """
     turned = np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(angle), 0.0))]) / math.tau  # a reset turns it back
-    turns = np.arange(0.0, turned[-1] + 1e-9, max(1.0, np.ceil(turned[-1] / MOST_BINS)))
+    turns = np.arange(0.0, turned[-1] + 1e-9, max(1.0, np.ceil(turned[-1] / MOST_MEANS)))
     ends = np.unique(np.clip(np.interp(turns, turned, angle_time), time[0], time[-1]))
     work = np.interp(ends, time, cumulative_trapezoid(values, time, initial=0.0))
     means = np.diff(work) / np.diff(ends)
@@ -358,14 +326,7 @@ def mean_over_turns(time: np.ndarray, values: np.ndarray, angle_time: np.ndarray
     return (ends[1:] + ends[:-1]) / 2, means
 
 
-def gaps(time: np.ndarray, periods: float = GAP) -> np.ndarray:
-    """Indices of the samples that follow a pause of more than so many periods."""
+def gaps(time: np.ndarray) -> np.ndarray:
+    """Indices of the samples that follow a pause of more than `GAP` periods."""
     pauses = np.diff(time)
-    return np.flatnonzero(pauses > periods * np.median(pauses)) + 1 if len(pauses) else np.array([], dtype=int)
-
-
-def _bins(time: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Index of the first sample in each bin that holds one, and the mean time [s] of its samples."""
-    slots = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, len(edges) - 2)
-    firsts = np.flatnonzero(np.diff(slots, prepend=-1))
-    return firsts, np.add.reduceat(time, firsts) / np.diff(firsts, append=len(time))
+    return np.flatnonzero(pauses > GAP * np.median(pauses)) + 1 if len(pauses) else np.array([], dtype=int)

@@ -228,15 +228,23 @@ class Rerun:
                                          self._facts.stamp(self.tick), partial(stamp_at, start))
         return [one for one in found if one[0] not in OF_DC_MOTOR or one[0] in self._facts.topics]
 
-    def step(self) -> Recorded:
-        """Go to the next sample; what the robot publishes there (SimulationError when the run cannot go on)."""
-        self.go_to(self.tick + 1)
-        return self.published()
-
     def go_to(self, tick: int) -> None:
-        """Go to a sample that does not lie behind (SimulationError as above)."""
+        """Go to a sample that does not lie behind (SimulationError when the run cannot go on).
+
+        A device that was reset after the sample stands at its start already.
+        """
         self.tick = tick
-        self._advance()
+        if tick < self.origin:
+            return
+        until, most = self._facts.time(tick - self.origin), 0
+        while until - self.device.time > _PART:
+            samples = math.ceil((until - self.device.time) * self._facts.rate)
+            most = most or self.device.statistics["steps"] + MOST_STEPS * samples
+            self.device.advance_to(self.device.time + _PART)
+            if self.device.statistics["steps"] > most:
+                raise SimulationError(f"at {self.device.time:.9g} s: more than {MOST_STEPS} steps a sample; the robot "
+                                      "that recorded this bag cannot have taken them")
+        self.device.advance_to(until)
 
     def restore(self, tick: int, data: bytes) -> None:
         """Stand at the sample `tick` as a recorded checkpoint says, its messages already out (ValueError when bad)."""
@@ -326,20 +334,6 @@ class Rerun:
         for argument, value in given.items():
             with suppress(ValueError):  # the robot refused it as well
                 self.device.command(**{argument: value})
-
-    def _advance(self) -> None:
-        """Go to the sample `tick`; a device that was reset after it stands at its start already."""
-        if self.tick < self.origin:
-            return
-        until, most = self._facts.time(self.tick - self.origin), 0
-        while until - self.device.time > _PART:
-            samples = math.ceil((until - self.device.time) * self._facts.rate)
-            most = most or self.device.statistics["steps"] + MOST_STEPS * samples
-            self.device.advance_to(self.device.time + _PART)
-            if self.device.statistics["steps"] > most:
-                raise SimulationError(f"at {self.device.time:.9g} s: more than {MOST_STEPS} steps a sample; the robot "
-                                      "that recorded this bag cannot have taken them")
-        self.device.advance_to(until)
 
 
 def lacks_beginning(stream: BagStream, facts: RecordedRun) -> bool:

@@ -30,19 +30,12 @@ _NEVER = -1e12  # index of a dropout before all others
 
 
 class Measurement(NamedTuple):
-    """One measurement that has come out.
+    """One measurement that has come out: the sensor, the instant [s] at which it was measured, and the values.
 
-    Attributes
-    ----------
-    sensor : str
-        `imu`, `encoder`, `current` or `tracking`.
-    time : float
-        Instant [s] at which it was measured.
-    values : ndarray
-        `imu`, shape (8,): specific force [m/s²] along x, y, z, angular rate [rad/s] about them, and the variances of
-        the errors of both, on each axis. `encoder`, shape (2,): the crank's angle [rad] and speed [rad/s].
-        `current`, shape (2,): what a dc motor's supply gives [A], negative while the motor brakes, and its voltage [V].
-        `tracking`, shape (4,): the body's place x, y, z [m], and the variance of each.
+    `imu`, shape (8,): specific force [m/s²] along x, y, z, angular rate [rad/s] about them, and the variances of the
+    errors of both, on each axis. `encoder`, shape (2,): the crank's angle [rad] and speed [rad/s]. `current`, shape
+    (2,): what a dc motor's supply gives [A], negative while the motor brakes, and its voltage [V]. `tracking`, shape
+    (4,): the body's place x, y, z [m], and the variance of each.
     """
 
     sensor: str
@@ -51,25 +44,10 @@ class Measurement(NamedTuple):
 
 
 class Sensor:
-    """What all sensors have in common.
+    """What all sensors of a scene have in common.
 
-    Parameters
-    ----------
-    scene : Scene
-        Its parameters.
-    delay : float
-        From a measurement until it comes out [s].
-    history : int
-        Numbers that a measurement needs of earlier ones.
-
-    Attributes
-    ----------
-    count : int
-        Measurements so far.
-    history : ndarray, shape (history,)
-        Those numbers.
-    failing : dict of str to float
-        The instants [s] at which faults end, or have ended.
+    A measurement comes out after a `delay` [s], and needs `history` numbers of earlier ones. `count` is the number of
+    measurements so far, `failing` has the instants [s] at which faults end, or have ended.
     """
 
     name = ""

@@ -24,7 +24,6 @@ LANES = 4
 """Numbers of a sample: those that Philox makes of one counter."""
 _WHOLE = 1 << 256
 
-
 _G = 9.80665  # m/s², the unit of data sheets
 _DEGREE = math.pi / 180.0
 
@@ -60,15 +59,7 @@ def of_imu(scene: Scene, name: str) -> float:
 
 
 class InertialErrors:
-    """Accelerometer or gyroscope.
-
-    Parameters
-    ----------
-    scene : Scene
-        Its parameters `sensors.imu.*`.
-    part : str
-        `accelerometer` or `gyroscope`.
-    """
+    """What an `accelerometer` or `gyroscope`, the `part`, makes of the true quantity, by `sensors.imu.*` of a scene."""
 
     def __init__(self, scene: Scene, part: str):
         rate, seed = scene["sensors.imu.rate"], int(scene["sensors.seed"])
@@ -97,29 +88,14 @@ class InertialErrors:
 def philox(key: int, counter: int, count: int) -> np.ndarray:
     """What Philox 4x64-10 makes of `counter` and of those that follow it, shape (count, 4) of uint64.
 
-    Parameters
-    ----------
-    key : int
-        128 bits, the first word lowest.
-    counter : int
-        256 bits, the first word lowest.
-    count : int
-        Number of counters.
+    `key` has 128 bits and `counter` 256, the first word lowest.
     """
     generator = np.random.Philox(key=key, counter=(counter - 1) % _WHOLE)  # which counts first
     return generator.random_raw(LANES * count).reshape(count, LANES)
 
 
 class Stream:
-    """Random numbers of one kind, by blocks of samples.
-
-    Parameters
-    ----------
-    seed : int
-        Of all streams.
-    name : str
-        Of this one.
-    """
+    """Random numbers of one kind, by blocks of samples, from the seed of all streams and the name of this one."""
 
     def __init__(self, seed: int, name: str):
         self._key = int.from_bytes(hashlib.blake2b(f"{seed}/{name}".encode(), digest_size=16).digest(), "little")
@@ -147,12 +123,7 @@ class Stream:
 
 
 class BlockNumbers:
-    """Numbers of one sample after the other, of blocks that are made when they are needed.
-
-    Parameters
-    ----------
-    made : callable
-        Makes the block of a number, shape (BLOCK, n).
+    """Numbers of one sample after the other; `made` makes the block of a number, shape (BLOCK, n), when it is needed.
     """
 
     def __init__(self, made: Callable[[int], np.ndarray]):
