@@ -140,15 +140,16 @@ def test_a_map_without_a_sure_place_is_refused():
 
 @pytest.mark.parametrize("change, reason", [
     ({"type": "vibro_ros command map, version 2"}, "type: 'vibro_ros command map, version 2' is not"),
-    ({"gaps": ["upper", "upper"]}, "gaps: "), ({"gaps": "upper"}, "gaps: is no list"),
+    ({"gaps": ["upper", "upper"]}, "gaps: "), ({"gaps": "upper"}, "gaps: 'upper' is no list of sides"),
     ({"motor_speed": {"from": 0.0, "to": 10.0, "count": 12}}, "motor_speed: from 0 rad/s; give speeds above 0"),
     ({"motor_speed": {"from": 20.0, "to": 10.0, "count": 12}}, "motor_speed: is no grid"),
     ({"gap": {"from": 0.0, "to": 1.0, "count": 10**9}}, "gap: is no grid"),
     ({"scene": "a\nb"}, "scene: is no text"),
     ({"more": 1}, "the document: 'more' is unknown"),
-    ({"curves": [{}]}, "curves[0]: kind is missing"),
-    ({"parameters": {"ground.wind": 1.0}}, "parameters: 'ground.wind' is unknown"),
-    ({"type": "x" * 300_000}, "type: "),
+    ({"curves": [{}]}, "curves[0]: 'kind' is missing"),
+    ({"parameters": {"ground.wind": 1.0}}, "ground.wind: unknown parameter"),
+    ({"type": "x" * 300_000}, "type: "), ({"curves": 5}, "parameters, curves: give a mapping and a list"),
+    ({"found": {"sure": [1]}}, "found: 'speed_index' is missing"),
 ])
 def test_a_file_that_is_no_map_is_refused(file, change, reason):
     file.write_text(json.dumps(json.loads(file.read_text()) | change))
@@ -156,7 +157,7 @@ def test_a_file_that_is_no_map_is_refused(file, change, reason):
 
 
 @pytest.mark.parametrize("column, value", [
-    ("speed_index", 12), ("gap_index", -1), ("turns", True), ("sure", 2), ("motion", 10**20),
+    ("speed_index", 12), ("gap_index", -1), ("sure", 2), ("motion", 10**20),
     ("mean_speed", None), ("mean_speed", 1e10)])
 def test_a_row_that_cannot_be_is_refused(file, column, value):
     document = json.loads(file.read_text())

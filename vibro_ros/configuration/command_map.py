@@ -2,7 +2,7 @@
 
 The map is a grid of cells over the motor's speed and the gap of the sides that are commanded together, and a row for
 each motion that was found in a cell. `study map` makes maps, `controller` reads them. A map's file is strict JSON with
-exactly the keys that are written here, checked to the last number.
+exactly the keys that are written here; of these, `_numbers` checks every column.
 """
 
 import json
@@ -25,8 +25,6 @@ TYPE = "vibro_ros command map, version 1"
 """What the key `type` of a file says; a file of another form says another version."""
 LARGEST = 2**20
 """Bytes of a file, at most."""
-MOST_ROWS = 100_000
-"""Motions of a file, at most."""
 SIDES = ("upper", "inclined")
 """Sides whose gaps a map may vary."""
 CURVES = ("fold", "period doubling", "Neimark-Sacker", "grazing")
@@ -187,8 +185,7 @@ def read_map(path: Path) -> CommandMap:
         For what is no command map of this version, in one line that names the file and the place in it.
     """
     try:
-        document = json.loads(content(path, LARGEST), parse_constant=_refuse, object_pairs_hook=_once)
-        return _command_map(document)
+        return _command_map(json.loads(content(path, LARGEST), parse_constant=_refuse))
     except OSError as error:
         raise ValueError(f"{path}: {error.strerror}; give the path of a command map") from error
     except RecursionError:
@@ -221,50 +218,38 @@ def _refuse(name: str) -> NoReturn:
     raise ValueError(f"{name} is no number")
 
 
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        raise ValueError("a key is given twice")
-    return found
-
-
 def _command_map(document: Any) -> CommandMap:
     given = _fields(document, "the document", _KEYS)
     if given["type"] != TYPE:
         raise ValueError(f"type: {quoted(given['type'])} is not {TYPE!r}")
-    sides = tuple(map(str, _list(given["gaps"], "gaps", 2)))
-    if not sides or len(set(sides)) < len(sides) or not {*sides} <= {*SIDES}:
-        raise ValueError(f"gaps: {quoted(sides)} are no sides; give {', '.join(SIDES)}")
+    sides, scene, curves, parameters = given["gaps"], given["scene"], given["curves"], given["parameters"]
+    if sides not in ([*SIDES], *([side] for side in SIDES)):
+        raise ValueError(f"gaps: {quoted(sides)} is no list of sides; give {', '.join(SIDES)}, or one of them")
+    if not isinstance(scene, str) or not scene.isprintable() or len(scene) > 200:
+        raise ValueError("scene: is no text of at most 200 characters")
+    if not isinstance(parameters, dict) or not isinstance(curves, list):
+        raise ValueError("parameters, curves: give a mapping and a list")
+    # A parameter that the file lacks has its default, because an older version wrote the file.
+    table = [BY_NAME[name] for name in _names_that_count(tuple(sides), "effects.motor" in parameters)]
+    parameters = checked_parameters({one.name: one.default for one in table} | parameters, table)
     speeds, gaps = (_axis(given[name], name) for name in ("motor_speed", "gap"))
     if speeds.low <= 0.0:
         raise ValueError(f"motor_speed: from {speeds.low:g} rad/s; give speeds above 0")
-    scene = given["scene"]
-    if not isinstance(scene, str) or not scene.isprintable() or len(scene) > 200:
-        raise ValueError("scene: is no text of at most 200 characters")
-    with_motor = isinstance(given["parameters"], dict) and "effects.motor" in given["parameters"]
-    # A parameter that the file lacks has its default, because an older version wrote the file.
-    defaults = {name: BY_NAME[name].default for name in _names_that_count(sides, with_motor)}
-    named = _fields(given["parameters"], "parameters", tuple(defaults), complete=False)
-    parameters = checked_parameters(defaults | named, tuple(BY_NAME.values()))
-    curves = tuple(_curve(curve, f"curves[{number}]")
-                   for number, curve in enumerate(_list(given["curves"], "curves", 10_000)))
-    return CommandMap(scene, parameters, sides, speeds, gaps, _found(given["found"], speeds, gaps), curves)
+    return CommandMap(scene, parameters, tuple(sides), speeds, gaps, _found(given["found"], speeds, gaps),
+                      tuple(_curve(curve, f"curves[{number}]") for number, curve in enumerate(curves)))
 
 
 def _axis(given: Any, name: str) -> Axis:
-    low, high, count = _fields(given, name, ("from", "to", "count")).values()
-    if type(count) is not int or not 2 <= count <= 10_000:
+    low, high, count = _numbers([*_fields(given, name, ("from", "to", "count")).values()], name).tolist()
+    if not (low < high and count in range(2, 10_001)):
         raise ValueError(f"{name}: is no grid of at least 2 ascending values")
-    ends = _numbers([low, high], name)
-    if ends[0] >= ends[1]:
-        raise ValueError(f"{name}: is no grid of at least 2 ascending values")
-    return Axis(float(ends[0]), float(ends[1]), count)
+    return Axis(low, high, int(count))
 
 
 def _found(given: Any, speeds: Axis, gaps: Axis) -> Found:
     limits = {"speed_index": (0, speeds.count - 1), "gap_index": (0, gaps.count - 1), "motion": (PATCHWORK, 10**6),
               "turns": (0, 10**6), "landings": (0, 10**9), "sure": (0, 1)}
-    columns = {name: _numbers(values, f"found.{name}", limits.get(name), name == "cost_of_transport")
+    columns = {name: _numbers(values, f"found.{name}", limits.get(name), may_lack=name == "cost_of_transport")
                for name, values in _fields(given, "found", _COLUMNS).items()}
     if len({len(column) for column in columns.values()}) > 1:
         raise ValueError("found: its columns have not the same length")
@@ -276,8 +261,7 @@ def _curve(given: Any, where: str) -> Curve:
     if kind not in CURVES:
         raise ValueError(f"{where}.kind: is none of {', '.join(CURVES)}")
     (turns,) = _numbers([turns], f"{where}.turns", (1, 10**6)).tolist()
-    speeds, gaps = (tuple(_numbers(values, f"{where}.{name}").tolist())
-                    for values, name in zip(points, ("motor_speed", "gap"), strict=True))
+    speeds, gaps = (tuple(_numbers(values, where).tolist()) for values in points)
     if len(speeds) != len(gaps):
         raise ValueError(f"{where}: {len(speeds)} motor speeds and {len(gaps)} gaps")
     return Curve(kind, turns, speeds, gaps)
@@ -285,27 +269,19 @@ def _curve(given: Any, where: str) -> Curve:
 
 def _numbers(given: Any, where: str, whole: tuple[int, int] | None = None, may_lack: bool = False) -> np.ndarray:
     """A list of numbers up to 1e9 in magnitude, or of whole ones between two; None is NaN where one `may_lack`."""
-    values = _list(given, where, MOST_ROWS)
     low, high = whole or (-1e9, 1e9)
-    for value in values:
-        if not (may_lack and value is None) and (
-                type(value) not in ((int,) if whole else (int, float)) or not low <= value <= high):
-            raise ValueError(f"{where}: holds what is no {'whole ' * bool(whole)}number from {low:g} to {high:g}")
-    return np.array([math.nan if value is None else value for value in values], dtype=int if whole else float)
+    values = np.array([math.nan if value is None and may_lack else value for value in given]
+                      if isinstance(given, list) else given)
+    kinds = "i" if whole and values.size else "if"  # of numpy: integers and floats
+    if values.ndim != 1 or values.dtype.kind not in kinds or np.any((values < low) | (values > high)):
+        raise ValueError(f"{where}: holds what is no {'whole ' * bool(whole)}number from {low:g} to {high:g}")
+    return values.astype(int if whole else float)
 
 
-def _fields(given: Any, where: str, keys: tuple[str, ...], complete: bool = True) -> dict[str, Any]:
-    """`given` in the order of `keys`, if it is a mapping of no others, and of all of them if it must be complete."""
+def _fields(given: Any, where: str, keys: tuple[str, ...]) -> dict[str, Any]:
+    """`given` in the order of `keys`, if it is a mapping of all of them and no others."""
     if not isinstance(given, dict):
         raise ValueError(f"{where}: is no mapping")
-    if missing := [key for key in keys if complete and key not in given]:
-        raise ValueError(f"{where}: {missing[0]} is missing")
-    if unknown := [key for key in given if key not in keys]:
-        raise ValueError(f"{where}: {quoted(unknown[0])} is unknown")
-    return {key: given[key] for key in keys if key in given}
-
-
-def _list(given: Any, where: str, most: int) -> list[Any]:
-    if not isinstance(given, list) or len(given) > most:
-        raise ValueError(f"{where}: is no list of at most {most} values")
-    return given
+    if wrong := [key for key in (*keys, *given) if key not in given or key not in keys]:
+        raise ValueError(f"{where}: {quoted(wrong[0])} is {'unknown' if wrong[0] in given else 'missing'}")
+    return {key: given[key] for key in keys}
