@@ -12,10 +12,10 @@ from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.messages.codec import new_message
 from vibro_ros.messages.frames import ONLY_BASE, Frames
 from vibro_ros.messages.urdf import robot_description
+from vibro_ros.model.scene import Scene
 from vibro_ros.model.slider import Slider
 from vibro_ros.simulation.samples import FIELDS
 
-STAMP = 1_763_700_000_123_456_789
 STATE = {name: 0.01 * (i + 1) for i, name in enumerate(FIELDS)}
 CHANGES = {"as shipped": {}, "steep": {"guide.angle": 1.5, "crank.inclined_rod": 0.09},
            "crank as long as its rods": {"crank.radius": 0.06}, "no upper mass": {"effects.upper_mass": False},
@@ -30,13 +30,11 @@ def scene(request):
     return load_scene("device").with_parameters(request.param)
 
 
-def transforms(frames: Frames, state: SimpleNamespace) -> tuple[list, list]:
+def transforms(state: SimpleNamespace, scene: Scene, *names: str) -> tuple[list, list]:
     """Moving and fixed ones, in messages of rosbags."""
-    moving = [new_message("geometry_msgs/msg/TransformStamped") for _ in range(1 + len(frames.moving))]
-    fixed = [new_message("geometry_msgs/msg/TransformStamped") for _ in frames.fixed]
-    frames.fill(moving, state, STAMP)
-    frames.fill_fixed(fixed, STAMP)
-    return moving, fixed
+    frames = Frames(scene, new_message("builtin_interfaces/msg/Time"), *names)
+    frames.fill([getattr(state, name) for name in FIELDS])
+    return frames.moving, frames.fixed
 
 
 def state_at(angle: float) -> SimpleNamespace:
@@ -51,7 +49,7 @@ def positions(state: SimpleNamespace) -> dict[str, float]:
 @pytest.mark.parametrize("angle", ANGLES)
 def test_every_link_of_the_urdf_is_where_its_joints_bring_it(scene, angle):
     state, kinematics = state_at(angle), Kinematics(robot_description(scene))
-    moving, fixed = transforms(Frames(scene), state)
+    moving, fixed = transforms(state, scene)
     tree = Tree([*moving, *fixed])
     assert {*tree.parents} == {*kinematics.links}
     for link in kinematics.links:
@@ -65,7 +63,7 @@ def test_every_link_of_the_urdf_is_where_its_joints_bring_it(scene, angle):
 
 @pytest.mark.parametrize("angle", ANGLES)
 def test_rods_lead_from_the_pin_to_the_sliders_of_the_model(scene, angle):
-    moving, fixed = transforms(Frames(scene), state_at(angle))
+    moving, fixed = transforms(state_at(angle), scene)
     tree = Tree([*moving, *fixed])
     pin = tree.in_frame("crank", "base_link") @ [0.0, 0.0, scene["crank.radius"], 1.0]
     for side in scene.guides:
@@ -78,7 +76,7 @@ def test_rods_lead_from_the_pin_to_the_sliders_of_the_model(scene, angle):
 
 
 def test_rods_of_the_urdf_stand_as_tf_has_them_while_the_crank_is_at_0(scene):
-    moving, _ = transforms(Frames(scene), state_at(0.0))
+    moving, _ = transforms(state_at(0.0), scene)
     kinematics = Kinematics(robot_description(scene))
     tree = Tree(moving)
     for side in scene.guides:
@@ -86,17 +84,14 @@ def test_rods_of_the_urdf_stand_as_tf_has_them_while_the_crank_is_at_0(scene):
                                    atol=TOLERANCE)
 
 
-def test_a_prefix_begins_every_frame_and_every_transform_has_the_stamp(scene):
-    moving, fixed = transforms(Frames(scene, "r1/"), state_at(0.5))
-    plain = [*transforms(Frames(scene), state_at(0.5))[0], *transforms(Frames(scene), state_at(0.5))[1]]
+def test_a_prefix_begins_every_frame(scene):
+    moving, fixed = transforms(state_at(0.5), scene, "r1/")
+    plain = [one for some in transforms(state_at(0.5), scene) for one in some]
     assert [(one.header.frame_id, one.child_frame_id) for one in (*moving, *fixed)] == [
         (f"r1/{one.header.frame_id}", f"r1/{one.child_frame_id}") for one in plain]
-    assert {(one.header.stamp.sec, one.header.stamp.nanosec) for one in (*moving, *fixed)} == {
-        (1_763_700_000, 123_456_789)}
 
 
 def test_the_base_alone_is_one_transform(scene):
-    frames = Frames(scene, "", ONLY_BASE)
-    moving, fixed = transforms(frames, state_at(1.0))
+    moving, fixed = transforms(state_at(1.0), scene, "", ONLY_BASE)
     assert [(one.header.frame_id, one.child_frame_id) for one in moving] == [("odom", "base_link")]
     assert fixed == []

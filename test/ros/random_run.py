@@ -12,6 +12,10 @@ SECONDS = 2.0
 COMMANDS = 150  # at least, however busy the machine
 FASTER = 2.5  # than the clock, so that a recording of 5 s takes 2 s
 RANGES = {"motor_speed": (-520.0, 200.0), "upper_gap": (-1e-3, 2e-3), "inclined_gap": (-1e-3, 2e-3)}
+SENSORS = ("sensors.preset:=bmi270", "sensors.imu.rate:=800.0", "sensors.imu.delay:=0.003",
+           "sensors.encoder.rate:=150.0", "sensors.tracking.rate:=60.0", "sensors.tracking.latency:=0.04",
+           "sensors.tracking.dropout_probability:=0.05", "motor.speed:=100.0", "effects.motor:=dc",
+           "sensors.current.rate:=100.0", "sensors.current.noise:=0.1", "sensors.current.supply_resistance:=0.5")
 
 
 def command_at_random(bench, seconds: float, seed: int, topics: dict[str, str]) -> None:

@@ -66,51 +66,20 @@ entries:
     assert "/bench does not say its limits" in controller.text
 
 
-def test_without_a_robot_it_gives_up(start):
-    controller = start("controller", "crawl", "--ros-args", "-p", "wait:=0.5")
-    assert controller.end() == 1
-    assert controller.lines[-1].startswith(
-        "controller: no robot listens to /motor_speed, /upper_gap, /inclined_gap after 0.5 s; start one")
-    assert "Traceback" not in controller.text
-
-
-@pytest.mark.parametrize("second", ["__ns:=/", "__node:=twin"])
-def test_two_robots_that_hear_the_commands_stop_it(start, bench, tmp_path, second):
-    """Whether it plays or starts, as soon as it knows of both; of one name, or of two."""
+def test_two_robots_that_hear_the_commands_stop_it(start, tmp_path):
+    """Whether it plays or starts, as soon as it knows of both."""
     script = write(tmp_path, "entries: [{for: 1000.0, motor_speed: 10.0}]\n")
     robot = ("robot", "--ros-args", "-p", "record.enabled:=false", "-r")
     start(*robot, "__ns:=/")
     playing = start("controller", script)
     playing.wait_for("entry 1")
-    start(*robot, second)
+    start(*robot, "__node:=twin")
     late = start("controller", script)
     for one in (playing, late):
         assert one.end() == 1
         assert one.lines[-1].startswith("controller: 2 robots hear /motor_speed: /")
         assert "Traceback" not in one.text
     assert "aborted: /motor_speed 0 rad/s" in playing.text
-
-
-def test_it_says_when_the_robot_is_gone(start, bench, tmp_path):
-    listener = Listener(bench)
-    controller = start("controller", write(tmp_path, "entries: [{for: 1000.0, motor_speed: 10.0}]\n"))
-    bench.spin_until(lambda: listener.heard["motor_speed"], "first command")
-    listener.leave()
-    listener.spin_until_ended(controller)
-    assert controller.end() == 1
-    assert controller.lines[-1] == "controller: the robot is gone: nobody listens to /motor_speed any more"
-
-
-def test_an_operator_who_aborts_stops_the_motor(start, bench, tmp_path):
-    listener = Listener(bench)
-    controller = start("controller", write(tmp_path, "entries: [{for: 1000.0, motor_speed: 10.0, upper_gap: 0.001}]\n"))
-    bench.spin_until(lambda: listener.heard["motor_speed"], "first command")
-    controller.send(signal.SIGINT)
-    listener.spin_until_ended(controller)
-    assert controller.end() == 128 + signal.SIGINT
-    bench.spin_until(lambda: len(listener.heard["motor_speed"]) == 2, "the stop")
-    assert listener.heard == {"motor_speed": [10.0, 0.0], "upper_gap": [0.001], "inclined_gap": []}
-    assert "Traceback" not in controller.text
 
 
 @pytest.mark.parametrize("words, reason", [
@@ -158,16 +127,45 @@ entries:
     assert bag["motor_speed"]["value"][-1] == 0.0
 
 
-def test_a_goal_without_odometry_fails_and_the_motor_is_told_to_stop(start, bench, tmp_path):
+def test_each_end_of_a_script_says_what_becomes_of_the_motor(start, bench, tmp_path):
+    """The end of the file, a goal without odometry, an operator who aborts, and a robot that goes away."""
     listener = Listener(bench)
+    speeds = listener.heard["motor_speed"]
+    controller = start("controller", write(tmp_path, "entries: [{for: 0.1, motor_speed: 9.0}]\n"))
+    listener.spin_until_ended(controller)
+    assert controller.end() == 0 and speeds == [9.0]
+    assert "[WARN]" in controller.lines[-1] and controller.lines[-1].endswith(
+        "script done, and the motor goes on: /motor_speed stays at 9 rad/s until another command comes; stop it with "
+        "ros2 topic pub --once /motor_speed std_msgs/msg/Float64 '{data: 0.0}'")
+
+    speeds.clear()
     controller = start("controller", write(
         tmp_path, "entries: [{for: 0.1, motor_speed: 9.0}, {hold_speed: -0.05, for: 1000.0}]\n"))
     listener.spin_until_ended(controller)
     assert controller.end() == 1
     assert controller.lines[-1].startswith("controller: entry 2: no odometry for 2.")
     assert controller.lines[-1].endswith(" s; is there a robot that publishes odom?")
-    bench.spin_until(lambda: len(listener.heard["motor_speed"]) == 2, "the stop")
-    assert listener.heard["motor_speed"] == [9.0, 0.0]
+    bench.spin_until(lambda: len(speeds) == 2, "the stop")
+    assert speeds == [9.0, 0.0]
+
+    speeds.clear()
+    endless = write(tmp_path, "entries: [{for: 1000.0, motor_speed: 10.0, upper_gap: 0.001}]\n")
+    controller = start("controller", endless)
+    bench.spin_until(lambda: speeds, "first command")
+    controller.send(signal.SIGINT)
+    listener.spin_until_ended(controller)
+    assert controller.end() == 128 + signal.SIGINT
+    bench.spin_until(lambda: len(speeds) == 2, "the stop")
+    assert listener.heard == {"motor_speed": [10.0, 0.0], "upper_gap": [0.001], "inclined_gap": []}
+    assert "Traceback" not in controller.text
+
+    controller = start("controller", endless)
+    bench.spin_until(lambda: len(speeds) == 3, "first command")
+    listener.leave()
+    listener.spin_until_ended(controller)
+    assert controller.end() == 1
+    assert controller.lines[-1] == ("controller: the robot is gone: nobody listens to /motor_speed, /upper_gap any "
+                                    "more")
 
 
 def test_what_the_robot_refuses_is_refused_before_the_start_or_ends_the_script(start, bench, tmp_path):
@@ -199,13 +197,3 @@ entries:
     assert " 0 commands refused" in robot.lines[-1] and robot.text.count("command.timeout: ") == 1
     (bag,) = (read_bag(folder) for folder in tmp_path.glob("vibro_robot_*"))
     assert list(bag["motor_speed"]["value"]).count(30.0) == 10
-
-
-def test_a_motor_that_goes_on_is_told_in_the_last_line(start, bench, tmp_path):
-    listener = Listener(bench)
-    controller = start("controller", write(tmp_path, "entries: [{for: 0.1, motor_speed: 9.0}]\n"))
-    listener.spin_until_ended(controller)
-    assert controller.end() == 0
-    assert "[WARN]" in controller.lines[-1] and controller.lines[-1].endswith(
-        "script done, and the motor goes on: /motor_speed stays at 9 rad/s until another command comes; stop it with "
-        "ros2 topic pub --once /motor_speed std_msgs/msg/Float64 '{data: 0.0}'")

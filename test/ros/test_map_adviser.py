@@ -132,11 +132,3 @@ def test_a_robot_that_turned_before_is_in_its_motion():
     turning = {"motor_speed": 50.0, "upper_gap": 0.001, "inclined_gap": 0.001}
     assert said(50.0, initial=turning) == [""]
     assert said(70.0, initial=turning)[0].startswith("leads at motor_speed 70 rad/s and gap 1 mm from")
-
-
-@pytest.mark.parametrize("gap", [0.0, 0.004])
-def test_gaps_lead_into_another_motion_as_the_motor_does(gap):
-    watch = MotionWatch(known_map(), STANDING)
-    command = {"motor_speed": 70.0, "upper_gap": gap, "inclined_gap": gap}
-    assert watch.remark(command, command)[0] == ""
-    assert "leads" in watch.remark({**command, "motor_speed": 110.0}, {**command, "motor_speed": 110.0})[0]

@@ -94,11 +94,26 @@ def test_a_run_through_every_operation_has_no_stamp_twice_and_replays_to_the_las
     assert_replays(folder, 180)
 
 
-def test_a_bag_begun_after_changes_and_resets_replays_from_its_checkpoint(start, bench, call, record, tmp_path):
+def test_a_set_that_breaks_a_limit_changes_nothing_and_a_bag_begun_after_changes_replays_from_its_checkpoint(
+        start, bench, call, listener, record, tmp_path):
     robot = start("robot", "--ros-args", "-p", "motor.speed:=100.0", "-p", "record.enabled:=false")
     operator = Operator(bench)
     operator.wait_for_robot()
-    assert call(SetParameters, "set_parameters", parameters=[number("ground.friction", 0.1)]).results[0].successful
+    names = ["ground.friction", "motor.max_speed", "mass.body"]
+    before = call(GetParameters, "get_parameters", names=names).values
+    for wanted, words in (
+            ([number("ground.friction", 0.1), number("motor.max_speed", -1.0)], "-1 is out of range"),
+            ([number("ground.friction", 0.1), number("motor.max_speed", 50.0)], "the limit is motor.max_speed"),
+            ([number("ground.friction", 0.1), number("mass.body", 2.0)], "read-only while the node runs"),
+            ([number("ground.friction", 1e3)], "Painlevé's paradox")):
+        answers = call(SetParameters, "set_parameters", parameters=wanted).results
+        assert not any(answer.successful for answer in answers)
+        assert all(words in answer.reason for answer in answers)
+    assert call(GetParameters, "get_parameters", names=names).values == before
+    answers = call(SetParameters, "set_parameters", parameters=[
+        number("ground.friction", 0.1), number("mass.body", 1.0)]).results
+    assert [answer.successful for answer in answers] == [True, True]  # 1 kg is what the body has
+    listener.wait_for_status("simulation", lambda status: value_of(status, "refused requests") == 4.0)
     operator.spin_for_samples(20)
     done(call(Trigger, "reset"))
     operator.spin_for_samples(30)
@@ -112,49 +127,8 @@ def test_a_bag_begun_after_changes_and_resets_replays_from_its_checkpoint(start,
     assert_replays(folder, 50)
 
 
-def test_what_follows_a_reset_has_the_bits_of_what_follows_the_start(start, bench, call, tmp_path):
-    robot = start("robot", "--ros-args", "-p", "motor.speed:=100.0", "-p", "rate.start_paused:=true", "-p",
-                  "rate.publish:=300.0")
-    odometry: list[Odometry] = []
-    bench.node.create_subscription(Odometry, "odom", odometry.append, QoSProfile(depth=1000))
-    robot.wait_for("paused until")
-    bench.spin_until(lambda: bench.node.count_publishers("odom"), "the robot's topics")
-    for _ in range(2):
-        done(call(Trigger, "reset"))
-        for _ in range(25):
-            done(call(Trigger, "step"))
-    bench.spin_until(lambda: len(odometry) >= 52, "26 samples of each")
-    first, second = odometry[-52:-26], odometry[-26:]
-    assert [one.pose for one in first] == [one.pose for one in second]
-    assert [one.twist for one in first] == [one.twist for one in second]
-    folder = tmp_path / stop(robot)
-    assert_replays(folder, 52)
-
-
-def test_a_set_that_breaks_a_limit_changes_nothing_of_what_came_with_it(start, bench, call, listener):
-    robot = start("robot", "--ros-args", "-p", "record.enabled:=false", "-p", "motor.speed:=100.0")
-    robot.wait_for("ready")
-    names = ["ground.friction", "motor.max_speed", "mass.body"]
-    before = call(GetParameters, "get_parameters", names=names).values
-    for wanted, words in (
-            ([number("ground.friction", 0.1), number("motor.max_speed", -1.0)], "-1 is out of range"),
-            ([number("ground.friction", 0.1), number("motor.max_speed", 50.0)], "the limit is motor.max_speed"),
-            ([number("ground.friction", 0.1), number("mass.body", 2.0)], "read-only while the node runs"),
-            ([number("ground.friction", 1e3)], "Painlevé's paradox")):
-        answers = call(SetParameters, "set_parameters", parameters=wanted).results
-        assert not any(answer.successful for answer in answers)
-        assert all(words in answer.reason for answer in answers)
-    assert call(GetParameters, "get_parameters", names=names).values == before
-    answers = call(SetParameters, "set_parameters", parameters=[
-        number("motor.max_speed", 300), number("mass.body", 1.0)]).results
-    assert [answer.successful for answer in answers] == [True, True]  # 1 kg is what the body has
-    assert call(GetParameters, "get_parameters", names=names).values[1].double_value == 300.0
-    listener.wait_for_status("simulation", lambda status: value_of(status, "refused requests") == 4.0)
-    robot.send(signal.SIGINT)
-    assert robot.end() == 0
-
-
-def test_clock_says_the_time_of_each_sample_after_it_and_stamps_count_from_0(start, bench, tmp_path):
+def test_clock_says_the_time_of_each_sample_and_what_follows_a_reset_has_the_bits_of_what_follows_another(
+        start, bench, call, tmp_path):
     robot = start("robot", "--ros-args", "-p", "clock.publish:=true", "-p", "use_sim_time:=true", "-p",
                   "rate.publish:=50.0", "-p", "motor.speed:=100.0", "-p", "rate.real_time_factor:=0.5")
     heard: list[tuple[str, int]] = []
@@ -171,6 +145,18 @@ def test_clock_says_the_time_of_each_sample_after_it_and_stamps_count_from_0(sta
         stamps = [stamp for one, stamp in heard if one == name]
         assert {after - one for one, after in zip(stamps, stamps[1:], strict=False)} == {20_000_000}
     assert max(stamp for _, stamp in heard) < 60 * 10**9  # robot time, not the wall clock's
+    odometry: list[Odometry] = []
+    done(call(SetBool, "pause", data=True))
+    bench.node.create_subscription(Odometry, "odom", odometry.append, QoSProfile(depth=1000))
+    bench.spin_until(lambda: bench.node.count_subscribers("odom") == 2, "the second subscription")
+    for _ in range(2):
+        done(call(Trigger, "reset"))
+        for _ in range(25):
+            done(call(Trigger, "step"))
+    bench.spin_until(lambda: len(odometry) >= 52, "26 samples of each")
+    first, second = odometry[-52:-26], odometry[-26:]
+    assert [one.pose for one in first] == [one.pose for one in second]
+    assert [one.twist for one in first] == [one.twist for one in second]
     folder = tmp_path / stop(robot)
     with BagStream(folder) as stream:
         assert stream.start == 0

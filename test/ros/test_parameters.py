@@ -75,26 +75,6 @@ def written(values: dict[str, object], path: Path) -> Path:
     return path
 
 
-def test_a_dump_is_taken_back_and_starts_the_same_robot(start, parameters, tmp_path):
-    """The first robot was changed while it ran; its dump holds rclpy's own parameters as well."""
-    first = start("robot", "--ros-args", "-p", "guide.angle:=1.2", "-p", "record.topics:=[odom]")
-    first.wait_for("ready")
-    assert parameters.set("motor.max_speed", "300") == (True, "")
-    assert parameters.set("motor.time_constant", "1e-3") == (True, "")
-    dumped = parameters.dump()
-    assert (dumped["motor.max_speed"], dumped["motor.time_constant"]) == (300.0, 1e-3)
-    file = written(dumped, tmp_path / "dump.yaml")
-    assert parameters.load(file) == []
-    assert parameters.dump() == dumped
-    stop(first)
-    assert "refused: " not in first.text
-    assert set(read_bag(bags(tmp_path)[0]).topics) == {"/odom"}
-    second = start("robot", "--ros-args", "--params-file", str(file))
-    second.wait_for("ready")
-    assert parameters.dump() == dumped
-    stop(second)
-
-
 REFUSED = (
     ("motor.max_speed", "fast", "motor.max_speed: 'fast' is not a number; give a number above 0 to 10000 rad/s"),
     ("motor.max_speed", "-300", "motor.max_speed: -300 is out of range; give a number above 0 to 10000 rad/s"),
@@ -130,8 +110,9 @@ def test_what_somebody_types_is_refused_in_words_that_help_and_every_parameter_i
     stop(robot)
 
 
-def test_one_file_is_one_robot_by_every_road(start, parameters, tmp_path):
-    """By `--params-file`, the parameter `scene`, `load_scene`, and a dump; the robot alone keeps energy accounts."""
+def test_one_file_is_one_robot_by_every_road_and_a_dump_is_taken_back(start, parameters, tmp_path):
+    """By `--params-file`, the parameter `scene`, `load_scene`, and a dump, which holds rclpy's own parameters as well.
+    """
     (tmp_path / "lab").mkdir()
     mine = tmp_path / "lab" / "mine.yaml"
     (tmp_path / "lab" / "base.yaml").write_text(
@@ -139,11 +120,27 @@ def test_one_file_is_one_robot_by_every_road(start, parameters, tmp_path):
     mine.write_text("vibro_controller: {ros__parameters: {rate: 20.0}}\n"
                     "/**: {ros__parameters: {scene: base.yaml, gravity: 3.7}}\n")
     roads = {"load_scene": load_scene(mine).parameters}
-    for road in (("--params-file", "lab/mine.yaml"), ("-p", "scene:=lab/mine.yaml")):
-        robot = start("robot", "--ros-args", *road, "-p", "record.enabled:=false")
+    first = start("robot", "--ros-args", "--params-file", "lab/mine.yaml", "-p", "record.topics:=[odom]")
+    first.wait_for("ready:")
+    roads["--params-file"] = parameters.dump()
+    roads["load_scene of a dump"] = load_scene(written(roads["--params-file"], tmp_path / "dump.yaml")).parameters
+    assert parameters.set("motor.max_speed", "300") == (True, "")
+    assert parameters.set("motor.time_constant", "1e-3") == (True, "")
+    dumped = parameters.dump()
+    assert (dumped["motor.max_speed"], dumped["motor.time_constant"]) == (300.0, 1e-3)
+    file = written(dumped, tmp_path / "dump.yaml")
+    assert parameters.load(file) == []
+    assert parameters.dump() == dumped
+    stop(first)
+    assert "refused: " not in first.text
+    assert set(read_bag(bags(tmp_path)[0]).topics) == {"/odom"}
+    for road in (("--params-file", str(file)), ("-p", "scene:=lab/mine.yaml")):
+        robot = start("robot", "--ros-args", *road)
         robot.wait_for("ready:")
-        roads[road] = parameters.dump()
-        roads["load_scene", road] = load_scene(written(roads[road], tmp_path / "dump.yaml")).parameters
+        if str(file) in road:
+            assert parameters.dump() == dumped
+        else:
+            roads[road] = parameters.dump()
         stop(robot)
     expected = {**load_scene("unilateral").parameters, "guide.angle": 1.2, "gravity": 3.7}
     for road, values in roads.items():

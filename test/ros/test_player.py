@@ -64,8 +64,8 @@ def until_heard(simulator: Simulator, count: int) -> None:
     simulator.bench.spin_until(lambda: len(simulator.heard) >= count, f"{count} commands")
 
 
-@pytest.mark.parametrize("begin", [0, 1_700_000_000 * 1000 * MILLISECOND + 7])
-def test_commands_count_in_ros_time_from_the_first_that_is_heard(start, simulator, tmp_path, begin):
+def test_commands_count_in_ros_time_from_the_first_that_is_heard(start, simulator, tmp_path):
+    begin = 1_700_000_000 * 1000 * MILLISECOND + 7
     controller = start("controller", write(tmp_path, """
 entries:
   - {for: 0.1, motor_speed: 10.0}
@@ -85,17 +85,9 @@ entries:
     assert simulator.heard == [10.0, 10.0, 15.0, 20.0, 25.0, 40.0]
 
 
-def test_without_a_time_nothing_is_sent_until_an_abort_and_then_neither(start, simulator, tmp_path):
-    controller = start("controller", write(tmp_path, "entries: [{for: 0.1, motor_speed: 10.0}]\n"), *SIMULATED)
-    controller.wait_for("the script waits for /clock")
-    controller.send(signal.SIGINT)
-    simulator.bench.spin_until(lambda: controller.ended, "the end")
-    assert controller.end() == 128 + signal.SIGINT
-    assert simulator.heard == []
-
-
 def test_times_that_are_none_and_a_pause_are_no_error_and_an_abort_stops_the_motor(start, simulator, tmp_path):
     controller = start("controller", write(tmp_path, "entries: [{for: 0.1, motor_speed: 10.0}]\n"), *SIMULATED)
+    controller.wait_for("use_sim_time: ")  # nothing is sent before there is a time
     simulator.wait_for_controller()
     for nanoseconds in (-5, -2**31 * 1000 * MILLISECOND, (2**31 - 1) * 1000 * MILLISECOND):
         assert simulator.step_to(nanoseconds) == []

@@ -1,23 +1,30 @@
-"""The robot's bags over a run: on request, in part, in small files."""
+"""The robot's bags over a run: on request, in part, in small files, each of which begins with the robot's URDF."""
 
 import re
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from observation import bags, stamps_of, stop
+from rosbags.rosbag2 import Reader
 
 import vibro_ros
 from vibro_ros.bag.folders import locked
 from vibro_ros.bag.metadata import defined
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.bag.recorder import BagWriter, Storage
+from vibro_ros.bag.stream import BagStream
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
+from vibro_ros.messages.codec import deserialised
 from vibro_ros.messages.topics import COMMAND_UNITS
+from vibro_ros.messages.urdf import robot_description
+from vibro_ros.recordings import replay
 from vibro_ros.ros.robot.publishers import RobotPublishers
 from vibro_ros.ros.robot.recording import Plan, offer_recovery, open_recording, plan_recording
 
+DESCRIPTION = "/robot_description"
 RECEIVED = {name: f"/{name}" for name in COMMAND_UNITS}
 SETTINGS = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS}
 
@@ -28,9 +35,10 @@ def topics(bench):
     return plan_recording(SETTINGS, RECEIVED, RobotPublishers(bench.node, vibro_ros.Scene()), {}).topics
 
 
-def test_recording_is_sealed_and_begun_on_request(start, listener, record, tmp_path):
-    robot = start("robot")
-    listener.spin_for_samples(20)
+def test_recording_is_sealed_and_begun_on_request_and_every_file_of_every_bag_begins_with_the_urdf(
+        start, listener, record, tmp_path):
+    robot = start("robot", "--ros-args", "-p", "record.max_duration:=0.2", "-p", "motor.speed:=60.0")
+    listener.spin_for_samples(100)
     done, said = record(True)
     assert done and said.startswith("already recording to vibro_robot_")
     done, said = record(False)
@@ -44,13 +52,33 @@ def test_recording_is_sealed_and_begun_on_request(start, listener, record, tmp_p
     listener.spin_for_samples(20)
     done, said = record(True)
     assert done and said.startswith("recording to vibro_robot_")
-    listener.spin_for_samples(20)
+    listener.spin_for_samples(100)
     stop(robot)
-    assert bags(tmp_path)[0] == first and len(bags(tmp_path)) == 2
-    last = bags(tmp_path)[1]
-    assert f"bag {last.name}: " in robot.lines[-1]
+    before, last = bags(tmp_path)
+    assert before == first and f"bag {last.name}: " in robot.lines[-1]
     gap = stamps_of(last)[0] - stamps_of(first)[-1]
     assert gap >= 20 * 5_000_000  # [ns] the samples between
+    expected = robot_description(vibro_ros.load_scene("device"))
+    for folder in (first, last):
+        files = [path for path in folder.iterdir() if path.name != "metadata.yaml"]
+        assert len(files) > 2
+        for file in files:
+            with Reader(file) as reader:
+                begin = reader.start_time
+            assert descriptions(file) == [(begin, expected)]
+        with BagStream(folder) as stream:
+            counted = sum(topic.messages for topic in stream.topics.values())
+            assert (stream.metadata["written"], stream.metadata["lost"]) == (str(counted), "0")
+            assert stream.topics[DESCRIPTION].transient_local and not stream.topics["/odom"].transient_local
+        assert replay.main([str(folder)]) == 0
+
+
+def descriptions(path: Path) -> list[tuple[int, str]]:
+    """Recorded stamp and text of each description in one of a bag's files, by rosbags alone."""
+    with Reader(path) as reader:
+        chosen = [one for one in reader.connections if one.topic == DESCRIPTION]
+        return [(stamp, deserialised(bytes(data), "std_msgs/msg/String").data)
+                for _, stamp, data in reader.messages(chosen)]
 
 
 @pytest.mark.quiet

@@ -101,32 +101,6 @@ sys.exit(code)
 """
 
 
-def test_a_robot_on_a_disk_without_room_goes_on_and_records_again(start, listener, record, tmp_path):
-    """A file system of 4 MB, mounted where only the robot sees it, as long as the robot runs."""
-    mounted = ["unshare", "--mount", "sh", "-c", 'mount -t tmpfs -o size=4m tmpfs "$0" && exec "$@"', str(tmp_path)]
-    if subprocess.run([*mounted, "true"], capture_output=True).returncode:
-        pytest.skip("no file system of one's own can be mounted here: that takes root")
-    robot = start("robot", "--ros-args", "-p", f"record.directory:={tmp_path}", before=mounted)
-    listener.spin_for_samples(50)
-    seen = Path(f"/proc/{robot.pid}/root{tmp_path}")
-    ballast = seen / "ballast"
-    with ballast.open("ab", buffering=0) as file, pytest.raises(OSError, match="No space left"):
-        while file.write(bytes(4096)):
-            pass
-    assert "No space left on device" in robot.wait_for("not recorded: ")
-    listener.spin_for_samples(50)
-    ballast.unlink()
-    assert record(True)[0]
-    listener.spin_for_samples(50)
-    assert record(False)[0]
-    for folder in bags(seen):
-        recover(folder)
-        recorded = stamps_of(folder)
-        assert len(recorded) >= 20
-        assert recorded == [recorded[0] + i * 5_000_000 for i in range(len(recorded))]
-    stop(robot, code=1)
-
-
 @pytest.mark.quiet
 def test_a_disk_that_stalls_for_two_seconds_costs_no_message_and_no_time(start, listener, tmp_path):
     robot = start("-c", SLOW)

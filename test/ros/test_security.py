@@ -14,12 +14,8 @@ def secured(tmp_path, monkeypatch):
     monkeypatch.setenv("ROS_SECURITY_KEYSTORE", os.fspath(tmp_path / "keys"))
 
 
-@pytest.mark.parametrize("words, reason", [
-    (("--ros-args", "--enclave", "/robot"), ""),
-    (("--ros-args", "--enclave", "/nobody"), "SECURITY ERROR: directory "),
-])
-def test_a_robot_that_cannot_be_secured_does_not_start(secured, start, words, reason):
-    robot = start("robot", *words)
+def test_a_robot_that_cannot_be_secured_does_not_start(secured, start):
+    robot = start("robot", "--ros-args", "--enclave", "/robot")
     assert robot.end() == 2
     assert len(robot.lines) == 1, robot.text
-    assert robot.text.startswith(f"robot: ROS refuses the arguments: {reason}")
+    assert robot.text.startswith("robot: ROS refuses the arguments: ")

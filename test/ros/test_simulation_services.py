@@ -1,6 +1,5 @@
 """A live robot as a simulator to a program that knows simulation_interfaces and nothing of this robot."""
 
-import signal
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,7 +19,7 @@ from vibro_ros.ros.robot.simulation_services import FEEDBACK_PERIOD
 STEPS = 12
 
 
-def test_features_states_and_resets_are_as_the_definitions_say(simulator, call, listener):
+def test_features_states_steps_and_resets_are_as_the_definitions_say(simulator, call, listener, tmp_path):
     features = simulator.answer(simulator.begin("GetSimulatorFeatures")).features
     assert list(features.features) == [10, 11, 20, 22, 24, 25, 26, 31, 32, 33]
     assert list(features.spawn_formats) == []
@@ -58,9 +57,8 @@ def test_features_states_and_resets_are_as_the_definitions_say(simulator, call, 
         assert simulator.call("ResetSimulation", scope=scope)[0] == code
         assert simulator.state == State.PAUSED
     assert all(earlier < later for earlier, later in zip(listener.stamps, listener.stamps[1:], strict=False))
-
-
-def test_steps_are_samples_and_only_a_paused_robot_takes_them(simulator, tmp_path):
+    # steps are samples, and only a paused robot takes them
+    assert simulator.become(State.PLAYING) == Code.OK
     code, words = simulator.call("StepSimulation", steps=5)
     assert (code, words) == (Code.OPERATION_FAILED, "the robot is not paused; set the state 2 (PAUSED) first")
     status, code, words = simulator.result(simulator.send(5))
@@ -85,7 +83,8 @@ def operations(bag: Path) -> list[tuple[int, str]]:
         return [(stamp, deserialised(bytes(data), one.msgtype).data) for one, stamp, data in reader.messages(chosen)]
 
 
-def test_many_steps_hold_nobody_up_tell_how_far_they_are_and_can_be_cancelled(simulator, listener):
+def test_many_steps_hold_nobody_up_tell_how_far_they_are_can_be_cancelled_and_are_answered_when_the_robot_ends(
+        simulator, listener, tmp_path):
     simulator.become(State.PAUSED)
     begun = time.monotonic()
     goal = simulator.send(MOST_STEPS)
@@ -115,25 +114,6 @@ def test_many_steps_hold_nobody_up_tell_how_far_they_are_and_can_be_cancelled(si
         result = simulator.answer(future).result
         assert result.result == Code.OPERATION_FAILED and f" of {MOST_STEPS} periods" in result.error_message
         assert simulator.state == state
-
-
-@pytest.mark.parametrize("how", ["SIGINT", "QUITTING"])
-def test_a_robot_that_ends_answers_who_waits_and_leaves_a_bag_that_replays(simulator, listener, tmp_path, how):
-    simulator.become(State.PAUSED)
-    simulator.call("StepSimulation", steps=50)
-    simulator.become(State.STOPPED)
-    future = simulator.begin_many_steps(listener)
-    if how == "SIGINT":
-        simulator.robot.send(signal.SIGINT)
-    else:
-        assert simulator.become(State.QUITTING) == Code.OK
-    result = simulator.answer(future).result
-    assert (result.result, result.error_message) == (Code.OPERATION_FAILED, "the simulation has ended")
-    bag = whole_bag(simulator.robot)
-    assert replay.main([str(tmp_path / bag)]) == 0
-
-
-def test_requests_that_come_together_are_answered_one_by_one(simulator):
     codes, together = set(), 8  # DDS keeps the last 10 requests of a service that nobody has taken yet
     for first in range(0, 32, together):
         futures = [simulator.begin(name, **fields) for number in range(first, first + together) for name, fields in (
@@ -144,7 +124,11 @@ def test_requests_that_come_together_are_answered_one_by_one(simulator):
             simulator.become(State.STOPPED)  # which ends steps
         codes |= {future.result().result.result for future in futures}
     assert codes <= set(Code) and {Code.OK, Code.NOT_FOUND, Code.OPERATION_FAILED} <= codes
-    stop(simulator.robot, signal.SIGTERM)
+    future = simulator.begin_many_steps(listener)
+    assert simulator.become(State.QUITTING) == Code.OK
+    result = simulator.answer(future).result
+    assert (result.result, result.error_message) == (Code.OPERATION_FAILED, "the simulation has ended")
+    assert replay.main([str(tmp_path / whole_bag(simulator.robot))]) == 0
 
 
 def test_without_the_package_one_line_says_so(start, tmp_path, monkeypatch):

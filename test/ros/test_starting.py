@@ -121,19 +121,6 @@ def test_closing_the_robots_terminal_seals_the_bag(terminal, tmp_path):
     assert len(read_bag(folder)["odom"]["time"])
 
 
-def test_closing_the_controllers_terminal_stops_the_motor(terminal, listener, tmp_path):
-    (tmp_path / "script.yaml").write_text("entries: [{for: 1000.0, motor_speed: 10.0}]\n")
-    heard = []
-    listener.bench.node.create_subscription(Float64, "motor_speed", lambda message: heard.append(message.data), 10)
-    controller = terminal("controller", "script.yaml")
-    listener.bench.spin_until(lambda: heard, "first command")
-    controller.close()
-    listener.bench.spin_until(lambda: controller.process.poll() is not None, "controller done")
-    assert controller.process.returncode == 128 + signal.SIGHUP
-    listener.bench.spin_until(lambda: len(heard) == 2, "the stop")
-    assert heard == [10.0, 0.0]
-
-
 def test_a_reader_that_goes_does_not_end_the_robot(compiled, domain_id, tmp_path, bench):
     robot = subprocess.Popen([sys.executable, "-m", "vibro_ros.ros.robot.robot"], cwd=tmp_path, stdout=subprocess.PIPE,
                              stderr=subprocess.STDOUT, text=True)

@@ -1,4 +1,4 @@
-"""Which frames are on /tf and /tf_static, live, in bags and computed again, also where tf2_msgs is missing."""
+"""Frames on /tf and /tf_static and the URDF, live, in bags and computed again, also where tf2_msgs is missing."""
 
 import math
 import os
@@ -9,12 +9,15 @@ from forward_kinematics import Kinematics
 from observation import bags, messages_of, stop
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from robot_bag import rewritten
+from std_msgs.msg import String
 from tree_of_frames import Tree, frames_of
 
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.bag.stream import BagStream
+from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.messages.codec import deserialised, serialised
 from vibro_ros.messages.topics import ROBOT_TOPICS
+from vibro_ros.messages.urdf import robot_description
 from vibro_ros.recordings import replay
 from vibro_ros.recordings.comparison import compare
 from vibro_ros.recordings.replay import what_if
@@ -38,14 +41,25 @@ def offered(bench, topic: str) -> list[tuple[ReliabilityPolicy, DurabilityPolicy
     return [(one.qos_profile.reliability, one.qos_profile.durability) for one in found]
 
 
-def test_all_frames_are_published_those_that_never_move_once_and_for_all(start, bench, listener):
-    robot = start("robot", "--ros-args", "-p", "record.enabled:=false", "-p", "frame_prefix:=r1/")
+def test_whoever_comes_late_hears_every_frame_and_the_robots_own_urdf_under_the_names_that_were_given(
+        start, bench, listener, tmp_path):
+    robot = start("robot", "--ros-args", "-p", "frame_prefix:=r1/", "-p", "guide.angle:=1.3", "-r", "/tf:=/lab/tf",
+                  "-r", "/tf_static:=/lab/tf_static", "-p", "record.topics:=[tf, /lab/tf_static]")
     listener.spin_for_samples(50)  # whoever listens from now on is late
-    parents = spin_for_tf(bench, "/tf", 20) | spin_for_tf(bench, "/tf_static", 1)
+    parents = spin_for_tf(bench, "/lab/tf", 20) | spin_for_tf(bench, "/lab/tf_static", 1)
     assert frames_of(parents) == {f"r1/{frame}" for frame in ("odom", "base_link", *LINKS)}
-    assert offered(bench, "/tf") == [(ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE)]
-    assert offered(bench, "/tf_static") == [(ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL)]
+    assert offered(bench, "/lab/tf") == [(ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE)]
+    assert offered(bench, "/lab/tf_static") == [(ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL)]
+    heard: list[String] = []
+    bench.node.create_subscription(String, "robot_description", heard.append, LATE)
+    bench.spin_until(lambda: heard, "robot_description")
+    assert heard[0].data == robot_description(load_scene("device").with_parameters({"guide.angle": 1.3}))
     stop(robot)
+    (folder,) = bags(tmp_path)
+    assert set(read_bag(folder).topics) == {"/lab/tf", "/lab/tf_static"}
+    with BagStream(folder) as stream:
+        assert compare(stream).difference is None
+        assert stream.topics["/lab/tf_static"].transient_local and not stream.topics["/lab/tf"].transient_local
 
 
 def test_beside_a_robot_state_publisher_it_says_where_the_base_is_and_no_more(start, bench, listener, tmp_path):
@@ -73,20 +87,6 @@ def test_a_robot_without_tf2_msgs_says_so_once_and_does_all_else(start, listener
     (folder,) = bags(tmp_path)
     assert "/robot_description" in read_bag(folder).topics and "/tf" not in read_bag(folder).topics
     assert replay.main([str(folder)]) == 0
-
-
-def test_names_can_be_remapped_and_recorded_alone(start, bench, listener, tmp_path):
-    robot = start("robot", "--ros-args", "-r", "/tf:=/lab/tf", "-r", "/tf_static:=/lab/tf_static", "-p",
-                  "record.topics:=[tf, /lab/tf_static]")
-    listener.spin_for_samples(20)
-    assert spin_for_tf(bench, "/lab/tf", 1)["base_link"] == "odom"
-    assert spin_for_tf(bench, "/lab/tf_static", 1)["body"] == "base_link"
-    stop(robot)
-    (folder,) = bags(tmp_path)
-    assert set(read_bag(folder).topics) == {"/lab/tf", "/lab/tf_static"}
-    with BagStream(folder) as stream:
-        assert compare(stream).difference is None
-        assert stream.topics["/lab/tf_static"].transient_local and not stream.topics["/lab/tf"].transient_local
 
 
 def check_places(bag: dict[str, list]) -> None:

@@ -28,10 +28,8 @@ def new_message(type_name: str) -> Any:
 
 def serialised(message: Any, type_name: str) -> bytes:
     """The message as it is published (CDR); lists of numbers may be lists."""
-    _, fields = jazzy_types().fielddefs[type_name]
-    for name, (kind, what) in fields:
-        if kind is Nodetype.SEQUENCE and what[0][0] is Nodetype.BASE and what[0][1][0] == "float64":
-            setattr(message, name, np.asarray(getattr(message, name), dtype=float))
+    for name in _lists_of_numbers(type_name):
+        setattr(message, name, np.asarray(getattr(message, name), dtype=float))
     return bytes(jazzy_types().serialize_cdr(message, type_name))
 
 
@@ -76,6 +74,12 @@ def first_difference(one: bytes, other: bytes, type_name: str) -> tuple[str, obj
         return next((found for found in fields if _bits(found[1]) != _bits(found[2])), None)
     except ValueError:
         return "bytes", len(one), len(other)
+
+
+@cache
+def _lists_of_numbers(type_name: str) -> tuple[str, ...]:
+    return tuple(name for name, (kind, what) in jazzy_types().fielddefs[type_name][1]
+                 if kind is Nodetype.SEQUENCE and what[0][0] is Nodetype.BASE and what[0][1][0] == "float64")
 
 
 def _new_field(kind: Nodetype, what: Any) -> Any:

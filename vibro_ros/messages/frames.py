@@ -8,11 +8,13 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from vibro_ros.messages.codec import new_message
 from vibro_ros.messages.urdf import BASE, CONTINUOUS, FIXED, FLOATING, robot_joints, rod_angle, slider
 from vibro_ros.model.scene import Scene
-from vibro_ros.simulation.samples import Samples
+from vibro_ros.simulation.samples import FIELDS
 
 ODOM = "odom"
+_POSITION, _HEIGHT, _ANGLE = map(FIELDS.index, ("body_position", "body_height", "crank_angle"))
 
 JOINTS = {
     "crank": ("crank_angle", "motor_speed", "motor_torque"),
@@ -45,57 +47,49 @@ def fill_header(header: Any, stamp: int, frame: str) -> None:
 
 
 class Frames:
-    """The transforms of one robot.
+    """The transforms of one robot, as messages TransformStamped that are filled again for each sample.
 
-    `prefix` begins every frame's name, and `published` is `ONLY_BASE` or `ALL`. `fixed` are the joints that never
-    change, `moving` the others below `base_link`.
+    `moving` are that of `base_link` in `odom` and those of the joints that move, which share the message `stamp`;
+    `fixed` those of the joints that never move. `prefix` begins every frame's name, and `published` is `ONLY_BASE` or
+    `ALL`.
     """
 
-    def __init__(self, scene: Scene, prefix: str = "", published: str = ALL):
-        joints = robot_joints(scene) if published == ALL else ()
-        self.fixed = tuple(joint for joint in joints if joint.kind == FIXED)
-        self.moving = tuple(joint for joint in joints if joint.kind != FIXED)
-        self._rods = [slider(scene, side) for side in scene.guides]
-        self._prefix = prefix
-
-    def fill(self, transforms: Sequence[Any], state: Samples, stamp: int) -> None:
-        """Fill messages TransformStamped: that of `base_link` in `odom`, then one of each of `moving`.
-
-        `stamp` is ROS time [ns].
-        """
-        base, *others = transforms
-        self._begin(base, ODOM, BASE, stamp)
-        _lay(base, state.body_height, 0.0, 1.0)
-        base.transform.translation.x = state.body_position
-        rotations = iter(self._rotations(state.crank_angle) if others else ())
-        for message, joint in zip(others, self.moving, strict=True):
-            self._begin(message, joint.parent, joint.child, stamp)
-            if joint.kind in (CONTINUOUS, FLOATING):
-                _lay(message, joint.height, *next(rotations))
+    def __init__(self, scene: Scene, stamp: Any, prefix: str = "", published: str = ALL):
+        self.moving, self.fixed = [_transform(prefix + ODOM, prefix + BASE)], list[Any]()
+        self._sliders, turning = list[tuple[Any, int]](), list[Any]()
+        for joint in robot_joints(scene) if published == ALL else ():
+            message = _transform(prefix + joint.parent, prefix + joint.child)
+            message.transform.translation.z = joint.height
+            (self.fixed if joint.kind == FIXED else self.moving).append(message)
+            if joint.kind == FIXED:
+                _turn(message.transform.rotation, joint.angle)
+            elif joint.kind in (CONTINUOUS, FLOATING):
+                turning.append(message.transform.rotation)
             else:
-                _lay(message, getattr(state, JOINTS[joint.child][0]), 0.0, 1.0)
+                self._sliders.append((message.transform.translation, FIELDS.index(JOINTS[joint.child][0])))
+        for message in self.moving:
+            message.header.stamp = stamp
+        self._crank, rods = turning[:1], turning[1:]
+        self._rods = [(rod, slider(scene, side)) for rod, side in zip(rods, scene.guides, strict=False)]
 
-    def fill_fixed(self, transforms: Sequence[Any], stamp: int) -> None:
-        """Fill messages TransformStamped, one of each of `fixed`; `stamp` is ROS time [ns]."""
-        for message, joint in zip(transforms, self.fixed, strict=True):
-            self._begin(message, joint.parent, joint.child, stamp)
-            _lay(message, joint.height, *_rotation(joint.angle))
-
-    def _rotations(self, crank_angle: float) -> list[tuple[float, float]]:
-        """y and w of the quaternion of the crank and of each rod, at the crank's angle [rad]."""
-        return [_rotation(angle) for angle in (crank_angle, *(rod_angle(rod, crank_angle) for rod in self._rods))]
-
-    def _begin(self, message: Any, parent: str, child: str, stamp: int) -> None:
-        fill_header(message.header, stamp, self._prefix + parent)
-        message.child_frame_id = self._prefix + child
-
-
-def _rotation(angle: float) -> tuple[float, float]:
-    """y and w of the quaternion that turns from z towards -x by an angle [rad]."""
-    return -math.sin(0.5 * angle), math.cos(0.5 * angle)
+    def fill(self, values: Sequence[float]) -> None:
+        """Bring `moving` to where a sample has them; its `values` are in the order of `FIELDS`."""
+        base, angle = self.moving[0].transform.translation, values[_ANGLE]
+        base.x, base.z = values[_POSITION], values[_HEIGHT]
+        for translation, index in self._sliders:
+            translation.z = values[index]
+        for rotation in self._crank:
+            _turn(rotation, angle)
+        for rotation, rod in self._rods:
+            _turn(rotation, rod_angle(rod, angle))
 
 
-def _lay(message: Any, height: float, y: float, w: float) -> None:
-    """The place on the parent's z axis [m], and the quaternion's parts."""
-    message.transform.translation.z = height
-    message.transform.rotation.y, message.transform.rotation.w = y, w
+def _transform(parent: str, child: str) -> Any:
+    message = new_message("geometry_msgs/msg/TransformStamped")
+    message.header.frame_id, message.child_frame_id, message.transform.rotation.w = parent, child, 1.0
+    return message
+
+
+def _turn(rotation: Any, angle: float) -> None:
+    """Let a quaternion turn from z towards -x by an angle [rad]."""
+    rotation.y, rotation.w = -math.sin(0.5 * angle), math.cos(0.5 * angle)

@@ -15,10 +15,10 @@ import numpy as np
 
 from vibro_ros.messages.codec import new_message, serialised
 from vibro_ros.messages.frames import ALL, JOINTS, NONE, Frames, fill_header, joints_of
-from vibro_ros.messages.topics import SAMPLE, SAMPLES, SENSOR_TOPICS, TOPICS, TRANSFORM, published_by
+from vibro_ros.messages.topics import SAMPLE, SAMPLES, SENSOR_TOPICS, TOPICS, published_by
 from vibro_ros.messages.urdf import BASE, robot_description
 from vibro_ros.model.scene import Scene
-from vibro_ros.simulation.samples import FIELDS, TIME, Samples
+from vibro_ros.simulation.samples import FIELDS, TIME
 
 PLATES = {"upper_contact": "upper_plate", "inclined_contact": "inclined_plate"}
 """Frame of the plate that an event of this kind strikes."""
@@ -59,11 +59,14 @@ class RobotMessages:
     def __init__(self, scene: Scene, prefix: str = "", transforms: str = ALL,
                  variances: Sequence[Sequence[float]] = ((), ()), control: Mapping[str, str] = MappingProxyType({})):
         self._scene, self._prefix, self._control = scene, prefix, control
-        self._frames = Frames(scene, prefix, transforms) if transforms != NONE else None
+        self._stamp = new_message("builtin_interfaces/msg/Time")  # of the sample, in all headers that have it
+        self._frames = Frames(scene, self._stamp, prefix, transforms) if transforms != NONE else None
         self.topics = published_by(scene, transforms)
         self._messages = {name: self._new_message(name) for name in self.topics}
         self._sampled = tuple(name for name in self.topics if TOPICS[name].when == SAMPLE)
-        self._stamped = tuple(self._messages[name].header for name in self._sampled if TOPICS[name].frame)
+        for name in self._sampled:
+            if TOPICS[name].frame:
+                self._messages[name].header.stamp = self._stamp
         self._numbers = [(*_place(self._messages[name], path), FIELDS.index(field.lstrip("-")), field.startswith("-"))
                          for name in self._sampled for path, field in TOPICS[name].numbers.items()]
         odom, joints = self._messages["odom"], joints_of(scene)
@@ -73,8 +76,7 @@ class RobotMessages:
         self._messages["joint_states"].name = joints
         self._joints = [[FIELDS.index(JOINTS[joint][part]) for joint in joints] for part in range(3)]
         if self._frames:
-            self._messages["tf"].transforms = [new_message(TRANSFORM) for _ in range(1 + len(self._frames.moving))]
-
+            self._messages["tf"].transforms = self._frames.moving
         dimension = new_message("std_msgs/msg/MultiArrayDimension")
         dimension.label, dimension.size, dimension.stride = ",".join(SAMPLE_LABELS), *[len(SAMPLE_LABELS)] * 2
         self._whole = new_message(TOPICS[SAMPLES].type)
@@ -85,8 +87,9 @@ class RobotMessages:
         self._messages["robot_description"].data = robot_description(self._scene, self._control)
         yield "robot_description", self._bytes("robot_description")
         if self._frames and self._frames.fixed:
-            self._messages["tf_static"].transforms = [new_message(TRANSFORM) for _ in self._frames.fixed]
-            self._frames.fill_fixed(self._messages["tf_static"].transforms, stamp)
+            for transform in self._frames.fixed:
+                transform.header.stamp.sec, transform.header.stamp.nanosec = divmod(stamp, 1_000_000_000)
+            self._messages["tf_static"].transforms = self._frames.fixed
             yield "tf_static", self._bytes("tf_static")
 
     def of_sample(self, values: np.ndarray, events: np.ndarray, measurements: Sequence, stamp: int,
@@ -109,12 +112,11 @@ class RobotMessages:
         numbers = values.tolist()
         for part, name, index, negated in self._numbers:
             setattr(part, name, -numbers[index] if negated else numbers[index])
-        for header in self._stamped:
-            header.stamp.sec, header.stamp.nanosec = divmod(stamp, 1_000_000_000)
+        self._stamp.sec, self._stamp.nanosec = divmod(stamp, 1_000_000_000)
         states = self._messages["joint_states"]
         states.position, states.velocity, states.effort = (values[indices] for indices in self._joints)
         if self._frames:
-            self._frames.fill(self._messages["tf"].transforms, Samples(*numbers), stamp)
+            self._frames.fill(numbers)
         for name in self._sampled:
             yield name, self._bytes(name)
         for time, kind, _, peak_force, _ in events.tolist():

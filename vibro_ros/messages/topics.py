@@ -18,7 +18,6 @@ COMMAND, SAMPLE, EVENT, ONCE, NODE, BAG = "command", "sample", "event", "once", 
 not of the device; never, it is in bags only."""
 
 NUMBER, NUMBERS, WRENCH = "std_msgs/msg/Float64", "std_msgs/msg/Float64MultiArray", "geometry_msgs/msg/WrenchStamped"
-TRANSFORM = "geometry_msgs/msg/TransformStamped"
 
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
 

@@ -82,9 +82,9 @@ class Pacing:
             return 0.0
         self.missed += self._ahead(simulated_time) < 0.0
         while (ahead := self._ahead(simulated_time)) > 0.0:
-            if stopped():
-                return 0.0
             self._sleep(min(ahead, LONGEST_SLEEP))
+            if ahead > LONGEST_SLEEP and stopped():
+                return 0.0
         self._lateness.append(-ahead)
         if -ahead <= self._max_catch_up:
             return 0.0

@@ -273,13 +273,17 @@ class Run:
         self._stopped.set()
 
     def _wait(self) -> bool:
-        """Wait until the next sample is due, while commands are given to the device; False at the end."""
+        """Wait until the next sample is due; False at the end.
+
+        A wait that is longer than `LONGEST_SLEEP` gives the device meanwhile what is commanded; else the tick does.
+        """
         while not self._stopped.is_set():
             with self.lock:
-                self._take_commands()
                 if self._resumes and self._lock_step and self._lock_step.all_answered:
+                    self._take_commands()
                     self._go_on()
                 if self._is_held():
+                    self._take_commands()
                     if not self.lock.wait(LONGEST_SLEEP) and self._publish_clock:
                         self._publish_clock()  # again, for nodes that have just begun to listen
                     continue
