@@ -175,16 +175,12 @@ def test_other_bytes_are_refused(tmp_path, content):
     refusal(path)
 
 
-def test_a_parameter_that_a_map_lacks_has_its_default(file):
+def test_a_parameter_that_a_map_lacks_has_its_default_and_a_long_value_makes_no_long_message(file):
     """As in a map that was made before the parameter was written."""
     document = json.loads(file.read_text())
     assert document["parameters"].pop("ground.stribeck_speed") == 0.01
     file.write_text(json.dumps(document))
     assert read_map(file).parameters["ground.stribeck_speed"] == 0.01
-
-
-def test_a_long_value_in_a_map_makes_no_long_message(file):
-    document = json.loads(file.read_text())
     document["parameters"]["effects.friction"] = "x" * 300_000
     file.write_text(json.dumps(document))
     assert "effects.friction: 'xxx" in refusal(file)

@@ -21,7 +21,7 @@ CHANGES = {"as shipped": {}, "steep": {"guide.angle": 1.5, "crank.inclined_rod":
            "crank as long as its rods": {"crank.radius": 0.06}, "no upper mass": {"effects.upper_mass": False},
            "no plates": {"effects.upper_contact": "none", "effects.inclined_contact": "none"},
            "no masses": {"effects.upper_mass": False, "effects.inclined_mass": False}}
-ANGLES = (0.0, 0.3, 1.0, math.pi / 2, 2.5, math.pi, 4.0, 6.2, 1e4, -7.0)
+ANGLES = (0.0, 1.0, math.pi, 1e4, -7.0)
 TOLERANCE = 1e-11  # m: the URDF's text has 12 digits; the sine of 1e4 rad is known to 1e-12
 
 

@@ -88,15 +88,6 @@ def test_a_signal_during_imports_ends_it_with_one_line(start, name, number, code
     assert said_after(process, PROMPT) == (code, "", f"{name}: stopped while starting\n")
 
 
-def test_a_signal_at_any_instant_of_the_imports(start):
-    process = start(*module("accuracy"), "--scene", "nonsense")
-    wait_until(lambda: takes_signals(process), "signals taken")
-    time.sleep(0.3)  # the instant is what is tested
-    process.send_signal(signal.SIGINT)
-    code, _, said = said_after(process, PROMPT)
-    assert (code, said.count("\n")) in [(130, 1), (2, 1)], said  # 2: it had seen that there is no such scene
-
-
 DOOR = """
 import signal, sys, threading, time
 from types import ModuleType

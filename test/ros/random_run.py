@@ -9,7 +9,7 @@ from types import MappingProxyType
 from std_msgs.msg import Float64
 
 SECONDS = 2.0
-COMMANDS = 150  # at least, however busy the machine
+COMMANDS = 60  # at least, however busy the machine
 FASTER = 2.5  # than the clock, so that a recording of 5 s takes 2 s
 RANGES = {"motor_speed": (-520.0, 200.0), "upper_gap": (-1e-3, 2e-3), "inclined_gap": (-1e-3, 2e-3)}
 SENSORS = ("sensors.preset:=bmi270", "sensors.imu.rate:=800.0", "sensors.imu.delay:=0.003",

@@ -150,13 +150,10 @@ def wanted(name: str, kind: int, **value) -> Parameter:
 FIXED = "read-only while the node runs"
 HOSTILE_PARAMETERS = {
     "type that does not exist": (wanted("mass.body", 250), "mass.body: type 250 does not exist"),
-    "type that lies": (wanted("mass.body", ParameterType.PARAMETER_DOUBLE, string_value="x"), FIXED),
     "simulated time": (wanted("use_sim_time", ParameterType.PARAMETER_BOOL, bool_value=True),
                        f"use_sim_time: {FIXED}; start it with -p use_sim_time:=VALUE"),
-    "no name": (wanted("", ParameterType.PARAMETER_DOUBLE), "'': unknown parameter"),
     "control characters": (wanted("a\x1b[31m\nb", 250), r"a\x1b[31m b: unknown parameter"),
     "long name": (wanted("a" * 100_000, 250), "a name of 100000 characters; give at most 1000"),
-    "long text": (wanted("scene", ParameterType.PARAMETER_STRING, string_value="y" * 1_000_000), FIXED),
     "live, not finite": (wanted("motor.acceleration", ParameterType.PARAMETER_DOUBLE, double_value=float("nan")),
                          "motor.acceleration: nan is not finite"),
     "live, so small that its inverse overflows": (

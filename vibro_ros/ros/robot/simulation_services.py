@@ -66,8 +66,10 @@ incorrect transition: a stopped simulation stands still already."""
 Answer = Callable[[Any, Any], Awaitable[Any]]
 
 
-class RefusalError(Exception):
+class RefusalError(ValueError):
     """A request is refused: `code` says why for programs, `words` for people, with the value, the limit and the remedy.
+
+    Any other ValueError or RuntimeError means the code `RESULT_OPERATION_FAILED`.
     """
 
     def __init__(self, code: int, words: str):
@@ -125,10 +127,9 @@ def check_scope(scope: int) -> None:
 
 
 def check_steps(steps: int) -> None:
-    """Refuse a number of steps that is 0, or more than one request should take (RefusalError)."""
+    """Refuse a number of steps that is 0, or more than one request should take (ValueError)."""
     if not 1 <= steps <= MOST_STEPS:
-        raise RefusalError(Result.RESULT_OPERATION_FAILED,
-                           f"{steps} steps; give 1 to {MOST_STEPS}, and ask again for more")
+        raise ValueError(f"{steps} steps; give 1 to {MOST_STEPS}, and ask again for more")
 
 
 def _listed(states: Iterable[int]) -> str:
@@ -138,13 +139,12 @@ def _listed(states: Iterable[int]) -> str:
 def entity_state_asked(request: Any, entity: str, frame: str) -> dict[str, float]:
     """What a request of SetEntityState gives, by fields of the state; `frame` is that of the odometry.
 
-    RefusalError for another entity or frame, where an empty one means that of the odometry, and for what no body on the
+    ValueError for another entity or frame, where an empty one means that of the odometry, and for what no body on the
     ground's line can do. Accelerations are ignored.
     """
     check_entity(request.entity, entity)
     if request.state.header.frame_id not in ("", frame):
-        raise RefusalError(Result.RESULT_OPERATION_FAILED, f"header.frame_id: {quoted(request.state.header.frame_id)} "
-                           f"is not known; give {frame}")
+        raise ValueError(f"header.frame_id: {quoted(request.state.header.frame_id)} is not known; give {frame}")
     pose, twist, given = request.state.pose, request.state.twist, dict[str, float]()
     if request.set_pose:
         turn = pose.orientation
@@ -154,11 +154,10 @@ def entity_state_asked(request: Any, entity: str, frame: str) -> dict[str, float
         given |= {"body_position": pose.position.x, "body_height": pose.position.z}
     if request.set_twist:
         if any((twist.linear.y, twist.angular.x, twist.angular.y, twist.angular.z)):
-            raise RefusalError(Result.RESULT_OPERATION_FAILED, "twist: the body moves along x and z and does not turn; "
-                               "give 0")
+            raise ValueError("twist: the body moves along x and z and does not turn; give 0")
         given |= {"body_velocity": twist.linear.x, "body_vertical_velocity": twist.linear.z}
     if not given:
-        raise RefusalError(Result.RESULT_OPERATION_FAILED, "nothing to set; set set_pose or set_twist")
+        raise ValueError("nothing to set; set set_pose or set_twist")
     return given
 
 
@@ -222,7 +221,7 @@ class SimulationServices:
     async def _reset(self, request: Any, response: Any) -> None:
         check_scope(request.scope)
         self._check_idle()
-        self._perform(Operation(RESET))
+        self._run.perform(Operation(RESET))
 
     async def _set_state(self, request: Any, response: Any) -> None:
         """Bring the robot into another state; ends the steps that are being taken."""
@@ -230,47 +229,34 @@ class SimulationServices:
         self._run.quitting = request.state.state == SimulationState.STATE_QUITTING
         if not self._run.quitting:
             self._run.end_steps()
-        for name in names:
-            self._perform(Operation(name), SetSimulationState.Response.STATE_TRANSITION_ERROR)
+        try:
+            for name in names:
+                self._run.perform(Operation(name))
+        except (ValueError, RuntimeError) as error:
+            raise RefusalError(SetSimulationState.Response.STATE_TRANSITION_ERROR, str(error)) from None
 
     async def _entity_state(self, request: Any, response: Any) -> None:
         check_entity(request.entity, self._entity)
-        try:
-            fill_entity_state(response.state, *self._run.look(), self._frame)
-        except RuntimeError as error:
-            raise RefusalError(Result.RESULT_OPERATION_FAILED, str(error)) from None
+        fill_entity_state(response.state, *self._run.look(), self._frame)
 
     async def _set_entity_state(self, request: Any, response: Any) -> None:
-        self._perform(Operation(STATE, parameters=entity_state_asked(request, self._entity, self._frame)))
+        self._run.perform(Operation(STATE, parameters=entity_state_asked(request, self._entity, self._frame)))
 
     async def _step(self, request: Any, response: Any) -> None:
         await self._finish(self._begin_steps(request.steps))
-
-    def _perform(self, operation: Operation, failure: int = Result.RESULT_OPERATION_FAILED) -> None:
-        try:
-            self._run.perform(operation)
-        except (ValueError, RuntimeError) as error:
-            raise RefusalError(failure, str(error)) from None
 
     def _begin_steps(self, steps: int, counted: Callable[[int], object] | None = None) -> Steps:
         check_steps(steps)
         self._check_idle()
         if not self._run.paused:
-            raise RefusalError(Result.RESULT_OPERATION_FAILED,
-                               "the robot is not paused; set the state 2 (PAUSED) first")
-        try:
-            return self._run.begin_steps(steps, counted)
-        except (ValueError, RuntimeError) as error:
-            raise RefusalError(Result.RESULT_OPERATION_FAILED, str(error)) from None
+            raise ValueError("the robot is not paused; set the state 2 (PAUSED) first")
+        return self._run.begin_steps(steps, counted)
 
     async def _finish(self, steps: Steps) -> None:
-        """Wait until the samples are taken (RefusalError: fewer were taken)."""
-        try:
-            words = await finished(self._run, steps)
-        except RuntimeError as error:
-            raise RefusalError(Result.RESULT_OPERATION_FAILED, str(error)) from None
+        """Wait until the samples are taken (RuntimeError: fewer were taken)."""
+        words = await finished(self._run, steps)
         if steps.completed < steps.asked:
-            raise RefusalError(Result.RESULT_OPERATION_FAILED, words)
+            raise RuntimeError(words)
 
     def _check_idle(self) -> None:
         """Refuse what cannot be done while steps are taken, or while the robot ends (RefusalError)."""
@@ -288,15 +274,15 @@ class SimulationServices:
             result, key = kind.Result(), bytes(goal.goal_id.uuid)
             try:
                 if goal.is_cancel_requested:
-                    raise RefusalError(Result.RESULT_OPERATION_FAILED, "cancelled before the first step")
+                    raise RuntimeError("cancelled before the first step")
                 taken[key] = self._begin_steps(goal.request.steps, feedback_of(goal))
                 await self._finish(taken[key])
                 goal.succeed()
                 result.result.result = Result.RESULT_OK
-            except RefusalError as refusal:
+            except (ValueError, RuntimeError) as error:
                 goal.canceled() if goal.is_cancel_requested else goal.abort()
-                node.refusals.refuse(path, str(refusal))
-                result.result.result, result.result.error_message = refusal.code, str(refusal)
+                node.refusals.refuse(path, str(error))
+                _fill_refusal(result.result, error)
             finally:
                 taken.pop(key, None)
             return result
@@ -327,13 +313,17 @@ class SimulationServices:
 
 
 def _answering(perform: Callable[[Any, Any], Awaitable[None]]) -> Answer:
-    """An answer with the result's code and words, of a function that fills the rest or raises RefusalError."""
+    """An answer with the result's code and words, of a function that fills the rest or raises why it is refused."""
     async def answer(request: Any, response: Any) -> Any:
         try:
             await perform(request, response)
             response.result.result = Result.RESULT_OK
-        except RefusalError as refusal:
-            response.result.result, response.result.error_message = refusal.code, str(refusal)
+        except (ValueError, RuntimeError) as error:
+            _fill_refusal(response.result, error)
         return response
 
     return answer
+
+
+def _fill_refusal(result: Result, error: ValueError | RuntimeError) -> None:
+    result.result, result.error_message = getattr(error, "code", Result.RESULT_OPERATION_FAILED), str(error)
