@@ -62,19 +62,6 @@ def test_a_motion_without_losses_goes_back_the_way_it_came(reaction):
         assert getattr(device.state, name) == pytest.approx(-getattr(start, name), abs=1e-10), name
 
 
-@pytest.mark.parametrize("motor", ["ramp", "lag"])
-def test_blows_and_friction_through_0_are_those_of_runge_kutta(motor):
-    """Steps of 5e-7 s that end at events, by values instead of series. To 1e-10 m: rounding, over a dozen blows."""
-    scene = vibro_ros.load_scene("damped").with_parameters({
-        "effects.motor": motor, "motor.speed": 70.0, "motor.acceleration": 500.0, "solver.step": 5e-7})
-    times = np.linspace(0.0, 0.4, 81)
-    run, other = (vibro_ros.simulate(scene.with_parameters({"solver.method": method}), times=times,
-                                     commands=[(0.0, {"motor_speed": -90.0})]) for method in ("exact", "rk4_located"))
-    for name in ("upper_position", "inclined_position", "body_position"):
-        np.testing.assert_allclose(getattr(other, name), getattr(run, name), rtol=0, atol=1e-10)
-    assert run.motor_speed[-1] < -80.0 and len(run.events) > 20
-
-
 def test_the_torque_is_known_where_the_speed_is_0():
     """Power over speed would be rounding over rounding there. The torque changes by some 10 N m/s."""
     scene = vibro_ros.load_scene("damped").with_parameters({"effects.motor": "ramp"})
@@ -99,51 +86,6 @@ def test_steps_of_fixed_length_pass_0_with_their_order(motor, method, order):
         assert run.crank_angle[-1] == pytest.approx(exact.crank_angle[-1], abs=1e-12)
         off.append(abs(run.upper_position[-1] - exact.upper_position[-1]))
     assert off[-1] < 1e-4 and off[-2] / off[-1] > 0.75 * 2.0**order
-
-
-@pytest.mark.parametrize("motor", MOTORS)
-@pytest.mark.parametrize("method", ["exact", "rk4"])
-def test_a_run_through_0_has_the_same_bits_however_time_is_cut(motor, method):
-    """Also from a checkpoint before, at and behind 0, where a ramp is at 0.35 s."""
-    scene = vibro_ros.load_scene("damped").with_parameters({
-        "effects.motor": motor, "motor.speed": -60.0, "solver.method": method, "solver.step": 1e-4})
-    device, other = vibro_ros.Simulator(scene), vibro_ros.Simulator(scene)
-    for at, to in ((0.05, 60.0), (0.6, -90.0)):
-        device.advance_to(at)
-        device.command(motor_speed=to)
-        for time in np.random.default_rng(1).uniform(at, at + 0.4, 50).tolist() + [0.35]:
-            other.restore(device.checkpoint())
-            other.advance_to(max(time, device.time))
-            other.advance_to(at + 0.5)
-        for time in np.sort(np.random.default_rng(2).uniform(at, at + 0.4, 200)):
-            device.advance_to(time)
-        device.advance_to(at + 0.5)
-        assert device.values.tobytes() == other.values.tobytes()
-
-
-def test_a_checkpoint_says_which_way_and_none_is_taken_that_leaves_the_tables():
-    scene = vibro_ros.load_scene("damped").with_parameters({"effects.motor": "ramp"})
-    device = vibro_ros.Simulator(scene)
-    device.command(motor_speed=-50.0)
-    device.advance_to(0.4)  # of 200 rad/s²: at 20 rad/s, 0.1 s before 0
-    drive = device._motion.state.now["drive"][0]
-    assert (drive["direction"], drive["target"]) == (1, -50.0)
-    before = device.checkpoint()
-    for name, wrong in (("direction", 0), ("direction", 2), ("direction", -1), ("target", -501e2), ("time_left", -0.1),
-                        ("acceleration", 2e4), ("speed", -20.0), ("speed", 3e4)):
-        usual = drive[name]
-        drive[name] = wrong
-        forged = device.checkpoint()
-        drive[name] = usual
-        other = vibro_ros.Simulator(scene)
-        if (name, wrong) == ("direction", -1):  # of another device: it turns backwards, and is to turn forwards
-            other.restore(forged)
-            assert other.state.motor_speed == pytest.approx(-20.0) and other.commanded_motor_speed == 50.0
-            continue
-        with pytest.raises(ValueError, match="of no state that this device can be in"):
-            other.restore(forged)
-        assert other.time == 0.0
-    assert np.array_equal(device.checkpoint(), before)
 
 
 def test_limits_hold_both_ways():

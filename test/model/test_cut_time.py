@@ -1,53 +1,83 @@
-"""The trajectory must not depend on how time is cut: bit for bit, commands included."""
+"""The trajectory must not depend on how time is cut: bit for bit, commands, faults and checkpoints included."""
 
 import dataclasses
 
 import numpy as np
 import pytest
+from commanded_device import booked_energy, suffer
 
 import vibro_ros
 from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.solver.methods import SCHEMES
 
 COMMANDS = ((0.1, {"motor_speed": 120.0}), (0.2, {"upper_gap": 0.0005, "inclined_gap": -0.0002}),
-            (0.25, {"motor_speed": 80.0, "upper_gap": -0.0003}), (0.4, {"motor_speed": 0.0}))
+            (0.25, {"upper_gap": -0.0003}),
+            (0.25, {"motor_speed": -80.0}), (0.5, {"motor_speed": 0.0}))
+FAULTS = 0.2  # s
 END = 0.6
-
-
-SCENES = [(name, {}) for name in shipped_scenes()]
+DC = {"effects.motor": "dc", "motor.speed": 40.0, "motor.voltage": 12.0, "motor.control_rate": 400.0}
+LINKAGE = {"mass.upper_slider": 0.01, "mass.inclined_slider": 0.02, "mass.crank_pin": 0.05, "effects.reaction": True}
+EXTRA = {
+    "stribeck": ("unilateral", {"effects.friction": "stribeck", "ground.static_friction": 0.3}),
+    "lag and reaction": ("damped", {"effects.motor": "lag", "effects.reaction": True}),
+    "ramp": ("paper", {"effects.motor": "ramp", "motor.acceleration": 900.0}),
+    "oil": ("device", {"ground.viscous_friction": 2.0}),
+    "voltage": ("device", DC | {"motor.control": "voltage", "motor.winding_inductance": 0.0}),
+    "speed by voltage": ("device", DC | {"motor.control": "speed_by_voltage", "motor.winding_inductance": 2.81e-4}),
+    "speed by current, struck crank": ("rigid", DC | LINKAGE | {
+        "motor.control": "speed_by_current", "effects.normal_force": "hop", "ground.restitution": 0.3})}
+SCENES = [(name, {}) for name in shipped_scenes()] + list(EXTRA.values())
 SCENES += [(name, {"motor.speed": 100.0, "effects.motor": "ramp", "solver.method": method, "solver.step": 2e-5})
-           for name in ("device", "paper") for method in sorted(SCHEMES)]
+           for name in ("device", "rigid") for method in sorted(SCHEMES)]
+
+
+def new_device(scene):
+    return vibro_ros.Simulator(scene, 300.0 * (scene["solver.method"] == "exact"))
 
 
 def trajectory(scene, piece):
-    """States at the commands' instants and at the end, and all events; advanced `piece` seconds at a time."""
-    device = vibro_ros.Simulator(scene)
-    states, events = [], []
+    """States at the instants of the commands and at the end, all events, and the device; advanced `piece` seconds at a
+    time, and every 50 pieces by another device, from a checkpoint."""
+    device, states, events, count = new_device(scene), [], [], 0
     for instant, change in (*COMMANDS, (END, {})):
-        index = 0
-        began = device.time
+        index, began = 0, device.time
         while began + (index + 1) * piece < instant:
             index += 1
+            count += 1
             device.advance_to(began + index * piece)
             events.append(device.take_events())
+            if count % 50 == 0:
+                before, device = device, new_device(scene)
+                device.restore(before.checkpoint())
         device.advance_to(instant)
         states.append(dataclasses.astuple(device.state))
+        if instant == FAULTS:
+            suffer(device)
+        if scene.motor_command == "motor_voltage" and "motor_speed" in change:
+            change = {"motor_voltage": change["motor_speed"] / 10.0}
         device.command(**change)
-    return np.array(states), np.concatenate([*events, device.take_events()])
+    return np.array(states), np.concatenate([*events, device.take_events()]), device
 
 
-@pytest.mark.parametrize(("name", "changes"), SCENES, ids=lambda one: one.get("solver.method", "exact") if isinstance(
-    one, dict) else one)
+@pytest.mark.parametrize(("name", "changes"), SCENES, ids=[*shipped_scenes(), *EXTRA, *(
+    f"{one['solver.method']}-{name}" for name, one in SCENES if "solver.method" in one)])
 def test_every_cut_of_time_gives_the_same_bits(name, changes):
-    """A35. Only commands begin a new segment, so samples do not disturb the motion; nor do they a step's."""
-    scene = vibro_ros.load_scene(name).with_parameters(changes)
-    whole, events = trajectory(scene, np.inf)
+    """A35, A72. Only commands begin a new segment, so samples do not disturb the motion; nor do they a step's. Through
+    0, a push and every fault, with the filtered acceleration; and the energy balances."""
+    exact = "solver.method" not in changes
+    scene = vibro_ros.load_scene(name).with_parameters({"solver.accounts": exact, **changes})
+    whole, events, expected = trajectory(scene, np.inf)
     assert np.all(np.isfinite(whole))
-    assert not changes or {"motor_ramp_end", "gap_reached"} & set(events["kind"])
     for piece in (1e-3, 0.37e-3, 1e-2, 17e-6 * np.pi):
-        states, found = trajectory(scene, piece)
+        states, found, device = trajectory(scene, piece)
         np.testing.assert_array_equal(states, whole, err_msg=f"pieces of {piece} s")
         assert found.tobytes() == events.tobytes(), f"events in pieces of {piece} s"
+        if exact:
+            assert device.filtered_acceleration() == expected.filtered_acceleration()
+            assert device.statistics["energy_accounts"] == expected.statistics["energy_accounts"]
+    if exact:
+        accounts = expected.statistics["energy_accounts"]
+        assert abs(accounts["residual"]) <= 1e-12 * booked_energy(accounts)
 
 
 @pytest.mark.parametrize("scene", shipped_scenes())

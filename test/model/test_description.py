@@ -10,10 +10,8 @@ from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.model.forms import Forms
 from vibro_ros.model.modes import Mode
 from vibro_ros.model.motor import BEARING
+from vibro_ros.model.slider import Slider
 from vibro_ros.model.tables import compile_scene
-from vibro_ros.simulation.motion import Motion
-from vibro_ros.simulation.readout import Readout
-from vibro_ros.simulation.samples import Trace
 from vibro_ros.solver.system import NOTHING
 
 VARIANTS = {
@@ -205,48 +203,26 @@ def formula_value(text: str, angle: np.ndarray) -> np.ndarray:
     return eval(text, {"__builtins__": {}, "cos": np.cos, "sin": np.sin, "sqrt": np.sqrt, "abs": np.abs, "θ": angle})
 
 
-def following(law: str, start: float, target: float, since: np.ndarray) -> np.ndarray:
-    """What follows a command, at the times `since` it [s], by the law that the description gives."""
-    if law == "at once":
-        return np.where(since >= 0.0, target, start)
-    elapsed = np.maximum(since, 0.0)
-    if lag := re.fullmatch(r"with a time constant of (\S+) s", law):
-        return target + (start - target) * np.exp(-elapsed / float(lag[1]))
-    speed = float(re.fullmatch(r"at (\S+) (?:rad/s²|m/s)", law)[1])
-    return start + np.sign(target - start) * np.minimum(elapsed * speed, abs(target - start))
-
-
 @each_scene
-def test_described_sliders_and_plates_have_the_sampled_values(scene):
-    """At random instants, before and after a command; the text has six digits."""
+def test_described_drives_are_those_of_the_scene(scene):
+    """Sliders at random angles, to the text's six digits; where motor and plates stand, and how they follow a command.
+    """
     described = dict(line.split(" = ") for line in sections(scene)["known"])
-    motion, command = Motion(scene), 0.05
-    wanted = {"motor_speed": 90.0, "upper_gap": 1e-3, "inclined_gap": -1e-3}
-    times = np.sort(np.random.default_rng(3).uniform(0.0, 0.5, 40))
-    before, after = motion.new_trace(np.sum(times < command)), motion.new_trace(np.sum(times >= command))
-    motion.advance(times[times < command], before)
-    motion.sampled(np.array([command]))
-    targets = {side: wanted[f"{side}_gap"] for side in ("upper", "inclined")}
-    motion.command(wanted.get(scene.motor_command, 5.0), targets)
-    motion.advance(times[times >= command], after)
-    trace, forms = Trace(*(np.concatenate(parts) for parts in zip(before, after, strict=True))), motion.model.forms
-    sampled = Readout(motion.model).quantities(times, trace)
-    assert len(described) == 1 + len(forms.guides) + len(forms.plates)
+    forms, angles = compile_scene(scene).forms, np.random.default_rng(3).uniform(-9.0, 9.0, 40)
+    for side in forms.guides:
+        slider = Slider(scene["crank.radius"], scene[f"crank.{side}_rod"], scene.guide_angle(side))
+        found = formula_value(described[{"upper": "s_B", "inclined": "s_C"}[side]], angles)
+        np.testing.assert_allclose(found, slider.position(angles), rtol=0.0, atol=1e-5 * (slider.radius + slider.rod))
+    laws = {"E" if side == "upper" else "H": (f"{scene[f'crank.{side}_rod'] + scene[f'{side}.gap']:g} m",
+                                              f"at {scene['gap_actuator.speed']:g} m/s") for side in forms.plates}
     if scene.has_rotor:
         assert described["h"].split()[1] == ("A" if scene["motor.control"] == "speed_by_current" else "V")
     else:
-        start, law = re.fullmatch(r"(\S+) rad/s +follows a command (.*)", described["θ'"]).groups()
-        speed = following(law, float(start), wanted["motor_speed"], times - command)
-        np.testing.assert_allclose(sampled["motor_speed"], speed, rtol=1e-5, atol=1e-9)
-    for i, side in enumerate(forms.guides):
-        slider = formula_value(described[{"upper": "s_B", "inclined": "s_C"}[side]], sampled["crank_angle"])
-        digits = 1e-5 * (scene["crank.radius"] + scene[f"crank.{side}_rod"])  # of the guide's angle, too
-        np.testing.assert_allclose(trace.points[:, forms.channels.signal(i)], slider, rtol=0.0, atol=digits)
-    for side in forms.plates:
-        line = described[{"upper": "E", "inclined": "H"}[side]]
-        start, law = re.fullmatch(r"(\S+) m +follows a command (.*)", line).groups()
-        place = following(law, float(start), scene[f"crank.{side}_rod"] + wanted[f"{side}_gap"], times - command)
-        np.testing.assert_allclose(sampled[f"{side}_plate_position"], place, rtol=1e-5)
+        laws["θ'"] = f"{scene['motor.speed']:g} rad/s", {
+            "ideal": "at once", "ramp": f"at {scene['motor.acceleration']:g} rad/s²",
+            "lag": f"with a time constant of {scene['motor.time_constant']:g} s"}[scene["effects.motor"]]
+    assert {name: tuple(re.split(" +follows a command ", described[name])) for name in laws} == laws
+    assert len(described) == 1 + len(forms.guides) + len(forms.plates)
 
 
 @each_scene

@@ -140,25 +140,6 @@ def test_landings_take_the_energy_of_the_fall():
     assert run.statistics["energy_accounts"]["landings"] == pytest.approx(lost, rel=1e-12)
 
 
-def test_accounts_do_not_depend_on_when_they_are_read():
-    whole, read = (vibro_ros.Simulator(scene("device")) for _ in range(2))
-    for time in np.sort(np.random.default_rng(1).uniform(0.0, 1.0, 200)):
-        read.advance_to(time)
-        assert abs(read.statistics["energy_accounts"]["residual"]) < 1e-12
-    for device in (whole, read):
-        device.advance_to(1.0)
-    assert whole.statistics["energy_accounts"] == read.statistics["energy_accounts"]
-
-
-def test_a_checkpoint_holds_them():
-    device, other = (vibro_ros.Simulator(scene("device")) for _ in range(2))
-    device.advance_to(0.31)
-    other.restore(device.checkpoint())
-    for one in (device, other):
-        one.advance_to(0.7)
-    assert device.statistics["energy_accounts"] == other.statistics["energy_accounts"]
-
-
 def missing_share(name, factor=1.0):
     """Share of the accounts' flow that does not balance within 1 s, if the upper mass's spring pulls `factor` times as
     hard as it should."""

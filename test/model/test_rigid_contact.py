@@ -80,18 +80,6 @@ def test_a_contact_that_its_plate_ends_by_moving_is_reported():
     np.testing.assert_allclose(rests["time"], [0.0, 0.1, 0.5], rtol=0, atol=1e-3)  # after the bounces of the new blow
 
 
-def test_a_command_that_leaves_the_plate_as_it_moves_does_not_end_a_rest():
-    """The gap that the plate has, and a new goal on its way: one rest, to the end of the way."""
-    device = vibro_ros.Simulator(RIGID.with_parameters({"motor.speed": 0.0}))
-    for time, gap in ((0.1, 0.0), (0.2, -0.002), (0.3, -0.003), (0.3, -0.003)):
-        device.advance_to(time)
-        device.command(upper_gap=gap)
-    device.advance_to(1.0)
-    events = device.take_events()
-    rests = events[(events["kind"] == "upper_contact") & (events["duration"] > 0.01)]
-    np.testing.assert_allclose(rests["time"] + rests["duration"], [0.2, 0.8], rtol=0, atol=1e-12)
-
-
 @pytest.mark.parametrize(("changes", "reason"), [
     ({"effects.normal_force": "printed"}, "effects.normal_force: 'printed' makes friction drive the body infinitely"),
     ({"guide.angle": 2.0}, "guide.angle: 2 rad points the inclined guide down"),

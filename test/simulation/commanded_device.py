@@ -39,6 +39,20 @@ def refused(made: vibro_ros.Simulator, words: str) -> Iterator[None]:
     assert made.checkpoint().tobytes() == before
 
 
+def suffer(made: vibro_ros.Simulator) -> None:
+    """Let a device have every fault that can befall it, and a push, from now on."""
+    made.push(0.0371, force_x=8.0, force_z=9.0 if made.scene.body_hops else 0.0)
+    if not made.scene.linkage or made.scene["effects.motor"] != "ideal":  # such a motor keeps its speed
+        made.fail("motor_stall", 0.02)
+    for side in made.scene.plates:
+        made.fail("plate_stuck", 0.031, of=side)
+    if made.scene.has_rotor:
+        made.fail("supply_sag", 0.043, value=9.0)
+    if made.scene.has_dry_friction and made.scene["solver.method"] == "exact":
+        place = made.state.body_position
+        made.fail("friction_patch", 0.06, value=0.02, from_x=place - 1e-4, to_x=place + 1e-4)
+
+
 def booked_energy(accounts: dict[str, float]) -> float:
     """Energy on all accounts [J], in magnitude: what their residual is measured by."""
     return sum(abs(amount) for name, amount in accounts.items() if name != "residual")

@@ -66,52 +66,6 @@ def test_the_momentum_of_a_body_that_is_thrown_up_is_the_push_s_and_gravity_s():
     assert momentum() - before == pytest.approx(change, abs=1e-12)
 
 
-@pytest.mark.parametrize("scene", ["damped", "device", "rigid"])
-def test_energy_balances_through_a_push(scene: str):
-    device = running(scene, solver__accounts=True, effects__reaction=True)
-    device.push(0.1, force_x=-30.0, force_z=40.0 if device.scene.body_hops else 0.0)
-    device.advance_to(0.4)
-    accounts = device.statistics["energy_accounts"]
-    assert abs(accounts["residual"]) < 1e-10 and abs(accounts["unpaid"]) > 0.1
-
-
-def suffer(device: vibro_ros.Simulator) -> None:
-    device.advance_to(0.05)
-    device.push(0.0371, force_x=8.0, force_z=9.0 if device.scene.body_hops else 0.0)
-    device.fail("motor_stall", 0.02)
-    device.fail("plate_stuck", 0.031, of="upper")
-    if device.scene.has_rotor:
-        device.fail("supply_sag", 0.043, value=9.0)
-    device.command(motor_speed=120.0, upper_gap=0.001)
-
-
-@pytest.mark.parametrize(("scene", "changes"), [
-    ("device", {}), ("rigid", {}), ("unilateral", {"effects__friction": "stribeck", "ground__static_friction": 0.3}),
-    ("damped", {"effects__motor": "lag"}), ("device", {"ground__viscous_friction": 2.0}),
-    ("device", {"effects__motor": "dc"}), ("device", {"effects__motor": "dc", "motor__winding_inductance": 0.0}),
-    ("device", {"solver__method": "rk4_located", "solver__step": 1e-4}),
-    ("damped", {"solver__method": "rk4", "solver__step": 1e-4})])
-def test_the_same_bits_however_time_is_cut_up_and_from_a_checkpoint(scene: str, changes: dict):
-    whole, cut, restored = (running(scene, **changes) for _ in range(3))
-    for device in (whole, cut):
-        suffer(device)
-    times = np.sort(np.random.default_rng(1).uniform(0.05, 0.15, 200))
-    times[100] = 0.05 + 0.031  # an end
-    times.sort()
-    samples = whole.sample(times)
-    for k, time in enumerate(times):
-        cut.advance_to(time)
-        assert cut.state.body_position == samples.body_position[k]
-        assert (cut.state.normal_force, cut.state.friction_force) == (samples.normal_force[k],
-                                                                      samples.friction_force[k])
-        if k == 20:
-            checkpoint = cut.checkpoint()
-    restored.restore(checkpoint)
-    assert restored.disturbances and not cut.disturbances
-    restored.advance_to(times[-1])
-    assert restored.state == cut.state == whole.state
-
-
 def test_what_failed_follows_its_last_command_afterwards():
     device = running("device")
     device.fail("motor_stall", 1.0)
@@ -161,16 +115,3 @@ def test_what_cannot_be_is_refused_and_changes_nothing(ask, words: str):
     device.advance_to(0.1)
     with refused(device, words):
         ask(device)
-
-
-def test_a_checkpoint_of_a_push_that_nobody_could_give_is_refused():
-    device = running("unilateral")
-    device.push(0.5, force_x=2.0)
-    good = device.checkpoint()
-    place = 2  # behind the time and the push's end
-    assert good[place] == 2.0
-    for forged, wrong in ((place, 1e9), (place, math.nan), (place + 1, 1.0), (place - 1, 1e7), (place - 1, -1.0)):
-        bad = good.copy()
-        bad[forged] = wrong
-        with refused(device, "no state that this device can be in"):
-            device.restore(bad)

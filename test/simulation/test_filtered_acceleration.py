@@ -72,39 +72,6 @@ def test_agrees_with_fine_steps(name, changes):
         np.abs(found - fine).max() < 0.02 * np.abs(found - coarse).max() + 1e-9)
 
 
-def test_bits_do_not_depend_on_the_cut_of_time():
-    scene = load_scene("device").with_parameters({"motor.speed": 100.0})
-    one, other = Simulator(scene, BANDWIDTH), Simulator(scene, BANDWIDTH)
-    plain = Simulator(scene)
-    random = np.random.default_rng(7)
-    for time in np.arange(1, 200) / 800.0:
-        one.advance_to(time)
-        for cut in np.sort(random.uniform(other.time, time, 3)):
-            other.advance_to(cut)
-        other.advance_to(time)
-        assert one.filtered_acceleration() == other.filtered_acceleration()
-    plain.advance_to(one.time)
-    assert plain.state == one.state
-    third = Simulator(scene, BANDWIDTH)
-    third.restore(one.checkpoint())
-    for device in (one, third):
-        device.command(upper_gap=0.001)
-        device.advance_to(0.4)
-    assert one.filtered_acceleration() == third.filtered_acceleration()
-
-
-def test_a_forged_filter_is_refused():
-    scene = load_scene("damped")
-    device = Simulator(scene, BANDWIDTH)
-    good, filters = device.checkpoint(), device._motion.state.lowpass
-    filters["channel"] += 10**6  # which a kernel would read from foreign memory
-    forged = device.checkpoint()
-    filters["channel"] -= 10**6
-    assert np.count_nonzero(forged != good) == 1
-    with pytest.raises(ValueError, match="no state that this device can be in"):
-        device.restore(forged)
-
-
 def test_no_filter_by_steps_of_fixed_length():
     with pytest.raises(ValueError, match="choose exact"):
         Simulator(load_scene("paper").with_parameters({"solver.method": "rk4"}), BANDWIDTH)

@@ -147,47 +147,6 @@ def test_the_filtered_acceleration_follows_the_body_over_an_edge():
     assert device.filtered_acceleration()[0] == pytest.approx(-0.05 * GRAVITY, rel=1e-12)
 
 
-def cross(device: vibro_ros.Simulator) -> None:
-    """A patch within the stretch of ground over which the body goes without the patch."""
-    device.advance_to(0.05)
-    device.push(0.031, force_x=2.0)
-    begun = device.checkpoint()
-    low, high = np.quantile(device.sample(np.linspace(0.05, 0.1, 100)).body_position, (0.3, 0.6))
-    device.restore(begun)
-    device.fail("friction_patch", 0.06, value=0.02, from_x=low, to_x=high)
-
-
-@pytest.mark.parametrize(("scene", "changes"), [
-    ("device", {}), ("device", {"ground__friction": 0.0}), ("rigid", {}), ("paper", {}),
-    ("unilateral", {"effects__friction": "stribeck", "ground__static_friction": 0.3}),
-    ("damped", {"effects__motor": "lag", "effects__reaction": True}), ("device", {"ground__viscous_friction": 2.0}),
-    ("device", {"effects__motor": "dc"}), ("device", {"effects__motor": "dc", "motor__winding_inductance": 0.0})])
-def test_the_same_bits_however_time_is_cut_up_and_from_a_checkpoint(scene: str, changes: dict):
-    whole, cut, restored, untouched = (running(scene, **changes) for _ in range(4))
-    untouched.advance_to(0.05)
-    untouched.push(0.031, force_x=2.0)
-    for device in (whole, cut):
-        cross(device)
-    times = np.sort(np.random.default_rng(1).uniform(0.05, 0.15, 200))
-    samples, places = whole.sample(times), set()
-    for k, time in enumerate(times):
-        cut.advance_to(time)
-        assert cut.state.body_position == samples.body_position[k]
-        assert (cut.state.normal_force, cut.state.friction_force) == (samples.normal_force[k],
-                                                                      samples.friction_force[k])
-        if cut.disturbances and (place := cut._motion.disturbances.table[-1, 4]) not in places:
-            places.add(place)
-            checkpoint = cut.checkpoint()
-            restored.restore(checkpoint)
-            assert restored.checkpoint().tolist() == checkpoint.tolist()
-            restored.advance_to(times[-1])
-            assert restored.state == whole.state
-    assert len(places) > 1 and not cut.disturbances
-    assert cut.state == whole.state
-    untouched.advance_to(times[-1])
-    assert untouched.state.body_position != whole.state.body_position
-
-
 def test_a_device_with_sensors_goes_on_from_a_checkpoint_on_the_ice():
     scene = running("device", sensors__imu__rate=400.0, sensors__tracking__rate=100.0).scene
     device, restored = vibro_ros.SensedSimulator(scene), vibro_ros.SensedSimulator(scene)
@@ -207,14 +166,6 @@ def test_a_device_with_sensors_goes_on_from_a_checkpoint_on_the_ice():
     assert device.state == restored.state and abs(device.state.body_position) > 2e-3  # over an edge
     for ours, theirs in zip(device.take_measurements(), restored.take_measurements(), strict=True):
         assert (ours.values == theirs.values).all()
-
-
-@pytest.mark.parametrize("scene", ["damped", "device", "rigid"])
-def test_energy_balances_over_patches(scene: str):
-    device = running(scene, solver__accounts=True, effects__reaction=True)
-    cross(device)
-    device.advance_to(0.4)
-    assert abs(device.statistics["energy_accounts"]["residual"]) < 1e-10
 
 
 @pytest.mark.parametrize("scene", ["device", "damped", "rigid"])
@@ -278,21 +229,3 @@ def test_a_device_without_such_ground_refuses_a_patch(changes: dict, words: str)
     with pytest.raises(ValueError, match=words):
         device.fail("friction_patch", 1.0, value=0.1, from_x=0.0, to_x=1.0)
     device.fail("friction_patch", 0.0)  # ends what is not there
-
-
-def test_a_checkpoint_of_a_patch_that_nobody_could_have_is_refused():
-    device = running("device")
-    device.fail("friction_patch", 5.0, value=0.1, from_x=0.5, to_x=1.0)
-    device.advance_to(0.1)
-    good = device.checkpoint()
-    first = 1 + 5 * 5  # behind the time and the other disturbances
-    assert good[first:first + 5].tolist() == [5.0, 0.1, 0.5, 1.0, -1.0]
-    for place, wrong in ((0, 1e7), (0, -1.0), (1, -0.1), (1, math.nan), (1, 900.0), (2, 1.0), (2, math.nan),
-                         (3, math.inf), (3, 1e7), (4, 0.5), (4, 2.0), (4, math.nan)):
-        bad = good.copy()
-        bad[first + place] = wrong
-        with refused(device, "no state that this device can be in"):
-            device.restore(bad)
-    for bad in (good[:-1], good[:10], np.zeros(0), good.reshape(1, -1)):
-        with refused(device, "the checkpoint has shape"):
-            device.restore(bad)

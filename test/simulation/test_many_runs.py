@@ -83,11 +83,6 @@ def test_wrong_arguments_are_refused_at_the_call(arguments, message):
         vibro_ros.simulate_many([], **arguments)
 
 
-@pytest.mark.parametrize("workers", [1, 2])
-def test_no_scenes_no_results(workers):
-    assert list(vibro_ros.simulate_many([], **SHORT, workers=workers)) == []
-
-
 @pytest.mark.parametrize("workers", [1, 2, 3])
 def test_scenes_without_end_are_taken_as_they_are_needed(workers):
     pulled = 0

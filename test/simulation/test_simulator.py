@@ -3,11 +3,12 @@
 import dataclasses
 import importlib.metadata
 import math
+import re
 import signal
 
 import numpy as np
 import pytest
-from commanded_device import RAMP, device, of_kind, refused, state_bits
+from commanded_device import RAMP, device, of_kind, refused, state_bits, suffer
 
 import vibro_ros
 from vibro_ros.simulation.samples import Samples
@@ -63,16 +64,6 @@ def test_a_contact_across_commands_is_one_contact():
     assert event["duration"] == pytest.approx(depth, rel=1e-10)
 
 
-def test_a_plate_that_closes_onto_a_resting_mass():
-    """The mass rests on its slider; the plate comes at 5 mm/s and touches after 1 mm, at 5 mm/s of approach."""
-    made = device({"motor.speed": 0.0, "start.state": "rest", "upper.gap": 0.021, "effects.inclined_mass": False})
-    made.command(upper_gap=0.0)
-    made.advance_to(1.0)
-    first = of_kind(made.take_events(), "upper_contact")[0]
-    assert first["time"] == pytest.approx(0.2, rel=1e-11)
-    assert first["speed"] == pytest.approx(0.005, rel=1e-12)
-
-
 def test_commands_and_samples_at_the_instant_of_an_event():
     """The instant of the contact, one rounding before and one behind: the trajectory is the same to rounding."""
     finals = []
@@ -97,15 +88,6 @@ def test_a_plate_called_away_lets_go_at_once():
         assert made.state.upper_plate_force > 0.0
         made.command(upper_gap=0.03)
         assert made.state.upper_plate_force == 0.0
-
-
-def test_steps_of_a_picosecond():
-    made, whole = device(), device()
-    made.advance_to(0.01)
-    for _ in range(200):
-        made.advance_to(made.time + 1e-12)
-    whole.advance_to(made.time)
-    assert state_bits(made) == state_bits(whole)
 
 
 @pytest.mark.parametrize("times", [[0.0, 1e9], np.arange(10_000_001) * 100.0], ids=["sparse", "dense"])
@@ -168,44 +150,26 @@ def test_statistics_count_the_events_that_were_taken():
     assert len(made.take_events()) == 0
 
 
-@pytest.mark.parametrize(("name", "changes"), [
-    *((name, changes) for name in ("device", "unilateral", "rigid")
-      for changes in ({}, {"effects.motor": "lag"}, {"upper.plate.stiffness": 1e9})),
-    *(("rigid", {"solver.method": method, "solver.step": 1.3e-4}) for method in sorted(SCHEMES))])
-def test_a_device_goes_on_from_a_checkpoint_bit_for_bit(name, changes):
-    scene = vibro_ros.load_scene(name).with_parameters(changes)
-    device = vibro_ros.Simulator(scene)
-    device.command(motor_speed=110.0, upper_gap=5e-4)
-    device.advance_to(0.777)  # amid ramps, with a history of its own
-    device.take_events()
-    follower = vibro_ros.Simulator(scene)
-    follower.advance_to(2.0)
-    follower.restore(device.checkpoint())
-    assert follower.time == device.time
-    ends = []
-    for one in (device, follower):
-        one.advance_to(1.1)
-        one.command(motor_speed=60.0, inclined_gap=-2e-4)
-        samples = one.sample(np.arange(1.2, 2.0, 0.01))
-        ends.append([getattr(samples, field).tobytes() for field in samples.__dataclass_fields__]
-                    + [one.take_events().tobytes()])
-    assert ends[0] == ends[1]
-
-
 def test_a_checkpoint_of_another_scene_is_refused():
     made = device(scene="device")
     with refused(made, "same scene and version"):
         made.restore(made.checkpoint()[:-1])
 
 
-@pytest.mark.parametrize("method", ["exact", *sorted(SCHEMES)])
-def test_a_checkpoint_that_no_device_made_ends_no_process(method):
-    """A bag may hold anything: each number in turn is not finite, or far beyond the tables. Refused, it changes
-    nothing; accepted, the device goes on or blames the checkpoint."""
-    scene = vibro_ros.load_scene("device").with_parameters({
-        "motor.speed": 100.0, "solver.method": method, "solver.step": 1e-4})
-    made, other = vibro_ros.Simulator(scene), vibro_ros.Simulator(scene)
+DC = {"effects.motor": "dc", "motor.control_rate": 400.0}
+
+
+@pytest.mark.parametrize("changes", [
+    {}, *({"solver.method": method, "solver.step": 1e-4} for method in sorted(SCHEMES)),
+    *(DC | {"motor.control": law} for law in ("voltage", "speed_by_voltage", "speed_by_current"))],
+    ids=lambda changes: "-".join(map(str, changes.values())))
+def test_a_checkpoint_that_no_device_made_ends_no_process(changes):
+    """A bag may hold anything: each number in turn is not finite, or far beyond the tables, of faults, filters and
+    controllers as well. Refused, it changes nothing; accepted, the device goes on or blames the checkpoint."""
+    scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0, **changes})
+    made, other = (vibro_ros.Simulator(scene, 300.0 * ("solver.method" not in changes)) for _ in range(2))
     made.advance_to(0.2)
+    suffer(made)
     whole, refused = made.checkpoint(), 0
     for place in range(1, len(whole)):
         for number in (math.nan, math.inf, 1e9, -1e9, 1e-300):
@@ -215,7 +179,7 @@ def test_a_checkpoint_that_no_device_made_ends_no_process(method):
             try:
                 other.restore(spoilt)
             except ValueError as error:
-                assert "no state that this device can be in" in str(error)
+                assert re.search("no state that this device can be|the checkpoint has shape|supply_voltage", str(error))
                 assert other.checkpoint().tobytes() == whole.tobytes()
                 refused += 1
                 continue

@@ -4,12 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from commanded_device import assert_balanced
 
 import vibro_ros
 from vibro_ros.configuration.scene_file import shipped_scenes
-from vibro_ros.model.scene import NUMBERS
-from vibro_ros.simulation.given_state import UNITS
 
 
 def scene_of(name, **start):
@@ -25,29 +22,6 @@ def test_with_every_number_0_it_is_the_start_zero_bit_for_bit(name):
         device.advance_to(0.5)
     assert given.state == zero.state and given.statistics["steps"] == zero.statistics["steps"]
     assert np.array_equal(given.take_events(), zero.take_events())
-
-
-@pytest.mark.parametrize("name", shipped_scenes())
-def test_a_run_goes_on_from_the_state_that_another_was_in(name):
-    """At eight instants of steady motion: 20 ms later both are in one place, to rounding."""
-    device = vibro_ros.Simulator(scene_of(name).with_parameters({"effects.motor": "ideal"}))
-    for number in range(8):
-        device.advance_to(0.3 + 0.0457 * number)
-        state = device.state
-        plates = {f"{side}.gap": getattr(state, f"{side}_plate_position") - device.scene[f"crank.{side}_rod"]
-                  for side in device.scene.plates}
-        other = vibro_ros.Simulator(scene_of(name, **{field: getattr(state, field) for field in NUMBERS})
-                                    .with_parameters({"effects.motor": "ideal", **plates}))
-        for field in NUMBERS:
-            assert getattr(other.state, field) == pytest.approx(getattr(state, field), abs=1e-12), field
-        there = vibro_ros.Simulator(device.scene)
-        there.restore(device.checkpoint())
-        there.advance_to(device.time + 0.02)
-        other.advance_to(0.02)
-        assert (other.take_events()["time"] >= 0.0).all()  # also of a root beside the start
-        for field in NUMBERS:
-            limit = {"m/s": 1e-9, "m": 1e-11, "rad": 1e-11}[UNITS[field]]
-            assert getattr(other.state, field) == pytest.approx(getattr(there.state, field), abs=limit), field
 
 
 @pytest.mark.parametrize("method", ["exact", "rk4"])
@@ -76,25 +50,6 @@ def test_a_body_thrown_up_flies_a_parabola_and_reset_throws_it_again():
         assert device.state.body_height == pytest.approx(0.5 + 0.3 - 0.5 * 9.81 * 0.09, abs=1e-12)
         assert device.state.body_position == pytest.approx(0.09, abs=1e-12)
         device.reset()
-
-
-def test_the_accounts_change_no_bit():
-    """Also where the crank starts on the way through a cell of the solver's signals."""
-    scene = scene_of("damped", upper_position=0.05, inclined_position=0.0599, inclined_velocity=1.0, crank_angle=40.25)
-    booked, plain = (vibro_ros.Simulator(scene.with_parameters({"solver.accounts": accounts}))
-                     for accounts in (True, False))
-    for device in (booked, plain):
-        device.advance_to(0.1)
-    assert booked.state == plain.state
-    assert np.array_equal(booked.take_events(), plain.take_events())
-
-
-def test_energy_is_balanced_from_a_start_in_motion():
-    scene = scene_of("device", upper_position=0.0601, upper_velocity=1.0, inclined_position=0.05, body_velocity=0.2,
-                     body_height=0.01, crank_angle=2.0).with_parameters({"solver.accounts": True})
-    device = vibro_ros.Simulator(scene)
-    device.advance_to(0.5)
-    assert_balanced(device)
 
 
 @pytest.mark.parametrize(("start", "words"), [

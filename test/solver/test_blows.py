@@ -56,14 +56,6 @@ def test_a_bouncing_ball_rests_after_infinitely_many_impacts():
                                rtol=0, atol=5e-13)  # those of the speeds, over g (1 - e)
 
 
-def test_a_ball_that_loses_nothing_never_rests():
-    run = Integration(bouncing_ball(1.0, 9.81), [1.0], [0.0])
-    fall = math.sqrt(2 / 9.81)
-    points, modes, _ = run.sample(2 * fall * np.arange(1, 1001), room=200)
-    assert not modes.any()
-    np.testing.assert_allclose(points[:, 0], 1.0, rtol=0, atol=1e-11)
-
-
 def test_the_period_one_impact_oscillator():
     """A13. q'' + Ω² q = a Ω² cos(phase), rigid stop at q = d, restitution e: one blow a period at v.
 

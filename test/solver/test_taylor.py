@@ -116,11 +116,3 @@ def test_the_term_may_set_in_at_any_time(begin, speed):
     np.testing.assert_allclose(points[:, channels.position(0)], begin - times, rtol=0, atol=4e-16)
     run.sample([begin + stop + 0.1])
     assert run.events[-1][0] == pytest.approx(begin + stop, abs=1e-15)
-
-
-def test_sampling_does_not_disturb():
-    system = block(-2.0, 5.0, 0.01)
-    times = np.linspace(0.0, 0.2, 4001)
-    fine, _, _ = Integration(system, [0.0], [0.3]).sample(times)
-    coarse, _, _ = Integration(system, [0.0], [0.3]).sample(times[::500].copy())
-    np.testing.assert_array_equal(coarse, fine[::500])

@@ -217,7 +217,7 @@ EFFECTS = {
 
 @pytest.mark.parametrize("name", EFFECTS)
 def test_an_effect_agrees_with_heyoka(name):
-    """A37, A40. Each effect alone and with those that meet it, with and without commands."""
+    """A37, A38, A40, A65. Each effect alone and with those that meet it, with and without commands."""
     changes, commands = EFFECTS[name]
     duration = 0.3 if name.startswith("a body that stops") else 0.2
     assert_agreement(vibro_ros.load_scene("paper").with_parameters(changes), duration, commands)
