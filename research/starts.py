@@ -1,13 +1,11 @@
-"""Many jobs on all cores, independent starts, and means over them with their intervals."""
+"""Many jobs on all cores, and independent starts."""
 
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import numpy as np
-from scipy.stats import sem
-from scipy.stats import t as student
 from tqdm import tqdm
 
 import vibro_ros
@@ -21,18 +19,6 @@ def computed(function: Callable[[Item], Result], items: Sequence[Item], words: s
     vibro_ros.simulate(vibro_ros.Scene("paper", {}), duration=0.01, rate=100.0)  # compiles once for all processes
     with ProcessPoolExecutor(min(os.cpu_count() or 1, len(items))) as pool:
         return list(tqdm(pool.map(function, items), words, total=len(items), disable=None))
-
-
-class Average(NamedTuple):
-    """A mean over starts, and half the width of its 95 % confidence interval by Student's distribution."""
-
-    mean: float
-    spread: float
-
-
-def average(values: np.ndarray) -> Average:
-    """Mean of independent values, and its interval."""
-    return Average(float(np.mean(values)), float(student.ppf(0.975, len(values) - 1) * sem(values)))
 
 
 def started(scene: vibro_ros.Scene, draw: np.random.Generator) -> vibro_ros.Simulator:

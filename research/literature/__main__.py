@@ -7,6 +7,7 @@ import argparse
 import json
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 from research.literature import capsule, gap_speed, impact_oscillator, two_phase
@@ -14,7 +15,6 @@ from research.literature.findings import (
     VERDICTS,
     Finding,
     Studied,
-    as_data,
     from_data,
     in_lines,
     overview,
@@ -58,7 +58,7 @@ def main(words: Sequence[str]) -> int:
         print(f"literature: {error or 'interrupted'}; {len(findings)} of {len(names)} studies are kept",
               file=sys.stderr)
     (docs / TEXT).write_text(document(findings), encoding="utf-8")
-    data = json.dumps([as_data(finding) for finding in findings], indent=1, ensure_ascii=False)
+    data = json.dumps([asdict(finding) for finding in findings], indent=1, ensure_ascii=False)
     (docs / FOLDER / DATA).write_text(data + "\n", encoding="utf-8")
     print(docs / TEXT)
     return code

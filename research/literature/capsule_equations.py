@@ -140,7 +140,7 @@ class _Equations:
 
 
 def integrate(capsule: Capsule, times: np.ndarray, drive: Drive, speed: float = 0.0,
-              tolerance: float = _TOLERANCE, blows: list[tuple[float, float]] | None = None) -> np.ndarray:
+              tolerance: float = _TOLERANCE) -> np.ndarray:
     """States at `times`, ascending from 0, of a capsule that starts at rest with its spring relaxed.
 
     Parameters
@@ -155,8 +155,6 @@ def integrate(capsule: Capsule, times: np.ndarray, drive: Drive, speed: float = 
         Speed of the internal mass at the start, dimensionless as all here.
     tolerance : float
         Relative and absolute tolerance of scipy, dimensionless.
-    blows : list
-        Is given the time and the speed of approach of each touch of the second spring.
 
     Returns
     -------
@@ -187,8 +185,6 @@ def integrate(capsule: Capsule, times: np.ndarray, drive: Drive, speed: float = 
             break
         if len(piece.t_events[0]):
             touched = not touched
-            if touched and blows is not None:
-                blows.append((time, state[1] - state[3]))
         else:
             state[3] = 0.0 if slides else state[3]
             slides = equations.next_slides(time, state, touched, slides)

@@ -1,14 +1,10 @@
 """What a study of the literature finds: the mapping, its check, claims with their verdicts, and what is missing."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import TypeVar
 
 from matplotlib.figure import Figure
-
-Item = TypeVar("Item")
-Result = TypeVar("Result")
 
 HOLDS, FAILS, NOISE, OUTSIDE = "holds", "does not hold", "within noise", "not contained"
 MISSIGNED = "published sign wrong"
@@ -85,13 +81,8 @@ class Studied:
     draw: Callable[[], Figure]
 
 
-def as_data(finding: Finding) -> dict:
-    """The finding as what JSON can hold."""
-    return asdict(finding)
-
-
 def from_data(data: dict) -> Finding:
-    """The finding that `as_data` took apart."""
+    """The finding that `dataclasses.asdict` took apart."""
     parts = {"mapping": Mapped, "checks": Check, "claims": Claim}
     known = {name: tuple(kind(**part) for part in data[name]) for name, kind in parts.items()}
     return Finding(**{**data, "sources": tuple(data["sources"]), **known})

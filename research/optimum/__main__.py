@@ -17,7 +17,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import vibro_ros
-from research.starts import average, computed, started
+from research.starts import computed, started
 
 TEXT, FOLDER, FRONTS = "optimum.md", "optimum", "fronts.png"
 LASTING, COMPARED = "lasting.json", "compared.json"
@@ -137,7 +137,7 @@ def summary_table(results: Mapping[str, Numbers], watched: Mapping[str, Sequence
     """Every search on a line, from the starts that verified it; V/P and shares of the motion of most starts."""
     heads = ["search", "speed, forward positive [mm/s]", "faster than the paper's optimum by [mm/s]", "V/P [m/J]",
              "more than the paper's optimum [m/J]", "in the air", "N <= 0", "mean N over weight",
-             f"speed over {DURATIONS[-1]:g} s [mm/s]"]
+             f"slowest to fastest start over {DURATIONS[-1]:g} s [mm/s]"]
     lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for name, result in results.items():
         best, paper = result["verified"][0], papers[name][0]
@@ -146,7 +146,8 @@ def summary_table(results: Mapping[str, Numbers], watched: Mapping[str, Sequence
                  spread(best["ratio"]) if pays else "-",
                  number(best["ratio"]["mean"] - paper["ratio"]) if pays else "-",
                  f"{100 * best['air']:.1f} %", f"{100 * best['unloaded']:.0f} %", number(best["load"]),
-                 spread(watched[name][-1]["speed"], 1e3) if name in watched else ""]
+                 " to ".join(number(1e3 * watched[name][-1][end]) for end in ("slowest", "fastest"))
+                 if name in watched else ""]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
 
@@ -301,19 +302,19 @@ def papers_robots(name: str, result: Numbers, folder: Path) -> list[Numbers]:
 
 
 def lasting(scene: vibro_ros.Scene) -> list[Numbers]:
-    """Speed and power of a scene over each of `DURATIONS`, from the same starts."""
+    """Slowest and fastest speed [m/s] and largest power [W] of the same starts, over each of `DURATIONS`.
+
+    There is no mean, because several motions have none.
+    """
     runs = np.array(computed(_watched, [(scene, start, DURATIONS) for start in range(STARTS)],
                              f"{scene.name} for long"))
-    rows = []
-    for duration, (speed, power, delivered) in zip(DURATIONS, runs.transpose(1, 2, 0), strict=True):
-        largest = float(np.abs(power).max())
-        rows.append({"duration": duration, "speed": average(speed)._asdict(), "power": largest,
-                     "delivered": average(delivered)._asdict(), "ratio": float(abs(speed.mean()) / largest)})
-    return rows
+    return [{"duration": duration, "slowest": float(speed[np.argmin(np.abs(speed))]),
+             "fastest": float(speed[np.argmax(np.abs(speed))]), "power": float(np.abs(power).max())}
+            for duration, (speed, power) in zip(DURATIONS, runs.transpose(1, 2, 0), strict=True)]
 
 
-def _watched(job: tuple[vibro_ros.Scene, int, Sequence[float]]) -> list[tuple[float, float, float]]:
-    """Mean speed [m/s], mean power and delivered power [W] of one start over each duration [s]."""
+def _watched(job: tuple[vibro_ros.Scene, int, Sequence[float]]) -> list[tuple[float, float]]:
+    """Mean speed [m/s] and mean power [W] of one start over each duration [s]."""
     scene, start, durations = job
     device = started(scene.with_parameters({"solver.accounts": True}), np.random.default_rng(start))
     device.advance_to(SETTLING)
@@ -324,7 +325,7 @@ def _watched(job: tuple[vibro_ros.Scene, int, Sequence[float]]) -> list[tuple[fl
         device.advance_to(SETTLING + span)
         accounts = device.statistics["energy_accounts"]
         given, back = (accounts[name] - before[name] for name in ("motor_delivered", "motor_taken_back"))
-        rows.append(((device.state.body_position - begin) / span, (given - back) / span, given / span))
+        rows.append(((device.state.body_position - begin) / span, (given - back) / span))
     return rows
 
 

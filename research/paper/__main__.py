@@ -1,7 +1,4 @@
-"""Every figure and claim of the paper, under each of its readings: `make paper`, or a short version with `--quick`.
-
-What is done is kept, and the same command goes on from there.
-"""
+"""Every figure and claim of the paper, under each of its readings: `make paper`, or a short version with `--quick`."""
 
 import argparse
 import sys
@@ -11,7 +8,7 @@ from pathlib import Path
 from research.paper.page import SHOWN, draw_reading, page
 from research.paper.runs import full_effort, judged, quick_effort, read_verdicts, write_verdicts
 
-FOLDER, ROWS, VERDICTS, TEXT = "paper", "rows.csv", "verdicts.csv", "paper.md"
+FOLDER, VERDICTS, TEXT = "paper", "verdicts.csv", "paper.md"
 
 
 def main(words: Sequence[str]) -> int:
@@ -19,22 +16,18 @@ def main(words: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m research.paper", description=__doc__)
     parser.add_argument("--output", type=Path, metavar="DIR",
                         help="where the page goes (default: docs; with --quick out/study/paper)")
-    parser.add_argument("--rows", type=Path, default=Path("out/study/paper"), metavar="DIR",
-                        help="where runs are kept (default: %(default)s)")
     parser.add_argument("--quick", action="store_true", help="few starts, Runge-Kutta of one step: two minutes")
     options = parser.parse_args(words)
     docs = options.output or Path("out/study/paper" if options.quick else "docs")
-    rows = (docs if options.quick else options.rows) / ROWS
     effort = quick_effort() if options.quick else full_effort()
-    for folder in (rows.parent, docs / FOLDER):
-        folder.mkdir(parents=True, exist_ok=True)
+    (docs / FOLDER).mkdir(parents=True, exist_ok=True)
     try:
-        write_verdicts(docs / FOLDER / VERDICTS, judged(effort, rows))
+        write_verdicts(docs / FOLDER / VERDICTS, judged(effort))
         for reading in SHOWN:
             draw_reading(reading, docs / FOLDER)
         text = page(read_verdicts(docs / FOLDER / VERDICTS), effort, FOLDER)
     except KeyboardInterrupt:
-        print(f"paper: interrupted; the same command goes on from {rows}", file=sys.stderr)
+        print("paper: interrupted", file=sys.stderr)
         return 130
     except (ValueError, RuntimeError, OSError) as error:
         print(f"paper: {error}", file=sys.stderr)

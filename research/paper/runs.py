@@ -1,28 +1,22 @@
 """The runs of the study: the displacement of every robot under every reading, from several starts, and the verdicts.
 
-A *batch* is one robot under one reading, from all its starts. Batches are computed on all cores, and each is appended
-to a file as soon as all before it are there, so that an interrupted study goes on where it stopped.
+A *batch* is one robot under one reading, from all its starts. Batches are computed on all cores.
 """
 
 import csv
 import functools
-import hashlib
 import math
-import os
-from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from tqdm import tqdm
 
 import vibro_ros
 from research.paper import worksheet
 from research.paper.claims import (
     ANY_PHASE,
     CLAIMS,
-    INSTANTS,
     STEPS,
     UNITS,
     Mean,
@@ -36,12 +30,12 @@ from research.paper.claims import (
     verdicts,
     worksheet_readings,
 )
+from research.starts import computed
 
 #: Speed at which the crank is turned to where it starts [rad/s]; a mass moves by 1e-4 m meanwhile.
 TURNING_SPEED = 1e4
 #: Most by which the crank is ahead in a start near `zero` or `rest` [rad]: 0.9 mm of the slider's stroke of 40 mm.
 NEAR = 0.1
-_COLUMNS = (*Reading._fields, *Point._fields, "start_number", *(f"x_{instant:g}_s" for instant in INSTANTS))
 
 
 class Effort(NamedTuple):
@@ -85,7 +79,7 @@ def quick_effort() -> Effort:
 
 
 def batches(effort: Effort) -> list[Batch]:
-    """All batches of a study, in the order of the file."""
+    """All batches of a study, reading by reading."""
     return [Batch(reading, point, effort.starts(reading)) for reading in effort.readings for point in points()]
 
 
@@ -130,84 +124,20 @@ def _displacement(reading: Reading, point: Point, number: int) -> np.ndarray:
     return device.sample(times).body_position
 
 
-def judged(effort: Effort, rows: Path) -> list[Verdict]:
-    """Verdicts on every claim under every reading of `effort`; the file `rows` keeps runs, from which it goes on.
+def judged(effort: Effort) -> list[Verdict]:
+    """Verdicts on every claim under every reading of `effort`.
 
     Raises
     ------
-    ValueError
-        If the file holds rows of another study, or of other sources.
     SimulationError
         If a run cannot go on.
     """
-    every, found = batches(effort), kept_rows(rows, effort)
-    with tqdm(total=len(every), initial=len(found), unit="robot", disable=None) as bar:
-        for values in _computed(every[len(found):], rows):
-            found.append(values)
-            bar.update()
-    by_batch = iter(found)
-    return [verdict for reading in effort.readings
-            for verdict in verdicts(reading, {point: next(by_batch) for point in points()})]
-
-
-def _computed(wanted: Sequence[Batch], rows: Path) -> Iterator[np.ndarray]:
-    """Displacements of each batch in turn, computed on all cores; each is in the file when it is yielded."""
-    for reading in {batch.reading.solver: batch.reading for batch in wanted}.values():
+    every = batches(effort)
+    for reading in {batch.reading.solver: batch.reading for batch in every}.values():
         displacements(Batch(reading, Point("angle", 40.0), 1))  # compiles the method once for all processes
-    with rows.open("a", encoding="ascii") as file, ProcessPoolExecutor(os.cpu_count()) as pool:
-        for batch, values in zip(wanted, pool.map(displacements, wanted), strict=True):
-            file.write("".join(_lines(batch, values)))
-            file.flush()
-            yield values
-
-
-def kept_rows(path: Path, effort: Effort) -> list[np.ndarray]:
-    """Displacements of the batches that a file holds whole; the rest of the file is dropped.
-
-    Raises
-    ------
-    ValueError
-        If the file holds rows of another study, or of other sources.
-    """
-    head = f"# paper, {len(batches(effort))} batches, {_digest(effort)}\n{','.join(_COLUMNS)}\n"
-    text = path.read_text(encoding="ascii", errors="replace") if path.exists() else ""
-    if not (text.startswith(head) or head.startswith(text)):
-        raise ValueError(f"{path}: rows of another study, or of another version; remove the file, or give another "
-                         "--output")
-    rows, found, first = text[len(head):].splitlines(keepends=True), list[np.ndarray](), 0
-    for batch in batches(effort):
-        values = _read(batch, rows[first:first + batch.starts])
-        if values is None:
-            break
-        found.append(values)
-        first += batch.starts
-    path.write_text(head + "".join(rows[:first]), encoding="ascii")
-    return found
-
-
-def _digest(effort: Effort) -> str:
-    """What the numbers depend on: the effort, this folder and the package."""
-    folders = (Path(__file__).parent, Path(str(vibro_ros.__file__)).parent)
-    sources = (file.read_bytes() for folder in folders for file in sorted(folder.rglob("*.py")))
-    return hashlib.sha256(b"\n".join([repr(effort).encode(), *sources])).hexdigest()[:16]
-
-
-def _lines(batch: Batch, values: np.ndarray) -> Iterator[str]:
-    for number, found in enumerate(values):
-        cells = [*map(str, batch.reading), *map(str, batch.point), str(number), *(repr(float(x)) for x in found)]
-        yield ",".join([*cells, *[""] * (len(_COLUMNS) - len(cells))]) + "\n"
-
-
-def _read(batch: Batch, lines: Sequence[str]) -> np.ndarray | None:
-    """The displacements of a batch in its lines; None where these are not whole, or another batch's."""
-    count = len(instants(batch.reading))
-    try:
-        values = np.array([[float(cell) for cell in row[9:9 + count]] for row in csv.reader(lines)])
-    except ValueError:
-        return None
-    if values.shape != (batch.starts, count) or "".join(_lines(batch, values)) != "".join(lines):
-        return None
-    return values
+    found = iter(computed(displacements, every, "paper: robots"))
+    return [verdict for reading in effort.readings
+            for verdict in verdicts(reading, {point: next(found) for point in points()})]
 
 
 _OUTCOMES = ("one_run", "along_ox", "size")

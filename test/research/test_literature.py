@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from research.literature import __main__ as literature
 from research.literature import capsule, gap_speed, two_phase
-from research.literature.capsule_equations import Capsule, Drive, harmonic, integrate
+from research.literature.capsule_equations import Capsule, harmonic, integrate
 from research.literature.findings import (
     FAILS,
     HOLDS,
@@ -34,7 +34,6 @@ from research.literature.impact_oscillator import (
     started,
     verdict_of_tilt,
 )
-from research.starts import Average
 from tools.documents import without_marks
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -67,14 +66,6 @@ def test_scipys_free_mass_is_the_driven_oscillator():
     np.testing.assert_allclose(integrate(machine, times, harmonic(machine, 0.0))[:, 0], expected, atol=1e-9)
 
 
-def test_scipys_capsule_slides_under_a_constant_push_from_outside():
-    """Without a spring force on it the capsule rests, however hard the mass is pushed from outside at first."""
-    machine = Capsule(alpha=0.0, omega=1.0, beta=0.0, gamma=2.0, delta=1e9, xi=0.0)
-    found = integrate(machine, np.array([0.0, 0.5, 1.0]), Drive(lambda time: 0.5, reaction=0.0))
-    assert np.all(found[:, 2] == 0.0)
-    np.testing.assert_allclose(found[:, 0], 0.5 * (1.0 - np.cos([0.0, 0.5, 1.0])), atol=1e-10)
-
-
 def test_a_capsule_with_wheels_that_turn_one_way_never_moves_backwards():
     times = np.linspace(0.0, 5 * capsule.REFERENCE.period, 400)
     both, one = (integrate(dataclasses.replace(capsule.REFERENCE, grip=grip, gamma=1.0), times,
@@ -82,16 +73,6 @@ def test_a_capsule_with_wheels_that_turn_one_way_never_moves_backwards():
     assert np.min(np.diff(both)) < -1e-3
     assert np.min(np.diff(one)) > -1e-9
     assert one[-1] > both[-1]
-
-
-def test_a_touch_of_the_second_spring_is_told_with_its_speed():
-    """Without friction on the capsule's side and drive: the mass flies into the gap's end at its own speed."""
-    machine = Capsule(alpha=0.0, omega=1.0, beta=5.0, gamma=2.0, delta=0.5, xi=0.0)
-    blows = []
-    integrate(machine, np.array([0.0, 2.0]), harmonic(machine, 0.0), speed=0.8, blows=blows)
-    (when, speed), = blows
-    assert when == pytest.approx(math.asin(0.5 / 0.8), abs=1e-9)
-    assert speed == pytest.approx(math.sqrt(0.8**2 - 0.5**2), abs=1e-9)
 
 
 def test_a_slide_within_a_step_ends_after_it_began():
@@ -143,11 +124,11 @@ def test_exact_and_scipy_agree_on_the_robot(gap, motor):
 
 def test_a_gap_that_is_never_bridged_has_no_blows():
     row = gap_speed.tried((0.058, 60.0, 2))
-    assert row.approach.mean == 0.0 and row.speed.mean > 0.0
+    assert row.approach == 0.0 and row.speed > 0.0 and row.share == 1.0
 
 
 def row(gap, speed, approach, spread=0.001):
-    return gap_speed.Tried(gap, 100.0, Average(speed, spread), Average(approach, spread))
+    return gap_speed.Tried(gap, 100.0, speed, spread, 0.75, approach)
 
 
 @pytest.mark.parametrize(("last", "verdict"), [
@@ -156,7 +137,8 @@ def test_the_verdict_of_a_curve(last, verdict):
     curve = [row(0.0, 0.04, 1.0), row(0.01, 0.03, 1.5), last]
     assert gap_speed.claim(curve).verdict == verdict
     at_end = gap_speed.claim(curve).ours.endswith("an end of the scan, so that no best gap is known")
-    assert at_end == (max(one.speed.mean for one in curve) != curve[1].speed.mean)
+    assert at_end == (max(one.speed for one in curve) != curve[1].speed)
+    assert "30.0 ± 1.0 mm/s in 75 % of the starts" in gap_speed.claim([row(0.0, 0.03, 1.0), row(0.01, 0.02, 0.9)]).ours
     assert "an end" not in gap_speed.claim([row(0.0, 0.03, 1.0), row(0.01, 0.05, 1.5), row(0.02, 0.04, 1.2)]).ours
 
 

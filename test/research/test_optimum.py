@@ -91,15 +91,14 @@ def test_the_least_speed_is_kept():
 def test_power_vanishes_in_the_paper_and_speed_does_not():
     first, last = WATCHED["paper"][0], WATCHED["paper"][-1]
     assert last["power"] < first["power"] / 10.0
-    assert last["speed"]["mean"] == pytest.approx(first["speed"]["mean"], rel=0.2)
+    assert abs(last["slowest"]) > 0.8 * abs(first["slowest"])
 
 
 def test_what_is_watched_for_long_is_found_again(monkeypatch):
-    """In the scene `paper`, within twice the interval of so few starts; the power vanishes while the speed stays."""
+    """In the scene `paper`: the power vanishes while the speed stays."""
     monkeypatch.setattr(optimum, "DURATIONS", (4.0, 64.0))
     short, long = optimum.lasting(vibro_ros.load_scene("paper"))
-    for name in ("speed", "delivered"):
-        kept = WATCHED["paper"][0][name]
-        assert short[name]["mean"] == pytest.approx(kept["mean"], abs=4.0 * kept["spread"])
-        assert long[name]["mean"] == pytest.approx(short[name]["mean"], rel=0.2)
-    assert long["power"] < short["power"] / 10.0 and long["ratio"] > 10.0 * short["ratio"]
+    for end in ("slowest", "fastest"):
+        assert short[end] == pytest.approx(WATCHED["paper"][0][end], rel=1e-6)
+        assert long[end] == pytest.approx(short[end], rel=0.4)
+    assert long["power"] < short["power"] / 10.0

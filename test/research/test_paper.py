@@ -1,6 +1,5 @@
-"""The paper: claims on speeds whose answer is known, the worksheet beside the robot, runs that go on, and the page."""
+"""The paper: claims on speeds whose answer is known, the worksheet beside the robot, and the page."""
 
-import random
 from pathlib import Path
 
 import numpy as np
@@ -44,7 +43,6 @@ from research.paper.runs import (
     displacements,
     full_effort,
     judged,
-    kept_rows,
     read_verdicts,
     write_verdicts,
 )
@@ -144,25 +142,12 @@ def test_masses_at_rest_on_a_slider_that_stands_still_make_copies():
     assert np.abs(worksheet.rkfixed(scene, "eq5", 0.3, 1e-5, times) - first).max() > 1e-4
 
 
-def test_rows_cut_anywhere_are_completed_to_the_same_bytes_and_verdicts(tmp_path):
-    whole = tmp_path / "whole.csv"
-    expected, draw = judged(SMALL, whole), random.Random(1)
-    data = whole.read_bytes()
-    for cut in (0, draw.randrange(len(data)), len(data) - 1):
-        path = tmp_path / "cut.csv"
-        path.write_bytes(data[:cut])
-        np.testing.assert_equal(judged(SMALL, path), expected)
-        assert path.read_bytes() == data, cut
-    whole.write_bytes(data + b"rkfixed,0.001,misprint,printed,near zero,eq5,angle,85.0,7,nonsense\n\xff")
-    assert len(kept_rows(whole, SMALL)) == 2 * len(list(points())) and whole.read_bytes() == data
-
-
-@pytest.mark.parametrize("text", ["someone's diary\n", "# paper, 3 batches, 0123\n"])
-def test_a_file_of_another_study_is_refused_and_left_alone(tmp_path, text):
-    (tmp_path / "rows.csv").write_text(text)
-    with pytest.raises(ValueError, match="rows of another study"):
-        judged(SMALL, tmp_path / "rows.csv")
-    assert (tmp_path / "rows.csv").read_text() == text
+def test_every_reading_of_an_effort_is_judged_in_its_order():
+    found = judged(SMALL)
+    assert [(one.reading, one.span) for one in found] == [
+        (reading, span) for reading in SMALL.readings for span in spans(reading)]
+    own = displacements(Batch(SMALL.readings[1], Point("crank", 0.06), 3))
+    np.testing.assert_equal(found[-1].means[Point("crank", 0.06)], mean_of(speeds(own, found[-1].span)))
 
 
 TIMES = np.array([0.05, 0.1])
