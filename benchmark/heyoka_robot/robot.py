@@ -7,7 +7,6 @@ a height or a speed of the body by a nudge of the state, a force by an offset of
 """
 
 import math
-import time as wall_clock
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
@@ -35,8 +34,6 @@ class HeyokaRun:
 
     Attributes
     ----------
-    times : ndarray, shape (n,)
-        Instants [s].
     samples : ndarray, shape (n, 8)
         u, u', w, w', x, x', y, y' [m, m/s] (`COLUMNS`); zero for what the scene does not have.
     driven : ndarray, shape (n, 9)
@@ -47,18 +44,11 @@ class HeyokaRun:
         By time: `time` [s], `kind` (`upper_contact`, `inclined_contact`, `stick`, `slip_forward`, `slip_backward`,
         `unloaded`, `lift_off`, `landing`, `crank_stops`, `crank_turns`), and for contacts approach `speed` [m/s] and
         `duration` [s], infinite if they last at the end.
-    steps : int
-        Taylor steps.
-    wall_time : float
-        Seconds that the integration took, compilation excluded.
     """
 
-    times: np.ndarray
     samples: np.ndarray
     driven: np.ndarray
     events: np.ndarray
-    steps: int
-    wall_time: float
 
 
 class HeyokaRobot:
@@ -130,9 +120,8 @@ class HeyokaRobot:
             If heyoka fails or an event was missed.
         """
         times = np.asarray(times, dtype=float)
-        began = wall_clock.perf_counter()
         self._start()
-        waiting, parts, driven, steps = list(commands), [], [], 0
+        waiting, parts, driven = list(commands), [], []
         now, end, done = 0.0, float(times[-1]), 0
         while True:
             while waiting and waiting[0][0] <= now:
@@ -146,17 +135,15 @@ class HeyokaRobot:
                         *(now + left for left in self._times_to_ramp_ends())])
             last = stop == end
             upto = len(times) if last else int(np.searchsorted(times, stop))
-            samples, of_drives, taken = self._advance(times[done:upto] - now, stop - now)
+            samples, of_drives = self._advance(times[done:upto] - now, stop - now)
             parts.append(samples)
             driven.append(of_drives)
-            steps, done = steps + taken, upto
+            done = upto
             if last:
                 break
             self._move_time_origin(now, stop - now)
             now = stop
-        wall_time = wall_clock.perf_counter() - began
-        found = np.array(self._run.events, dtype=_EVENT_DTYPE)
-        return HeyokaRun(times, np.concatenate(parts), np.concatenate(driven), found, steps, wall_time)
+        return HeyokaRun(np.concatenate(parts), np.concatenate(driven), np.array(self._run.events, dtype=_EVENT_DTYPE))
 
     def _start(self) -> None:
         scene = self.scene
@@ -243,10 +230,9 @@ class HeyokaRobot:
                 found[:, column], found[:, column + 1] = self._plates[guide.side] + speed * t, speed
         return found
 
-    def _advance(self, times: np.ndarray, stop: float) -> tuple[np.ndarray, np.ndarray, int]:
-        """Samples and what is driven at `times` [s], which are counted as now, and the number of steps to `stop` [s].
-        """
-        equations, (points, steps) = self._equations, self._propagate(times, stop)
+    def _advance(self, times: np.ndarray, stop: float) -> tuple[np.ndarray, np.ndarray]:
+        """Samples and what is driven at `times` [s], which are counted as now, on the way to `stop` [s]."""
+        equations, points = self._equations, self._propagate(times, stop)
         samples = np.zeros((len(times), len(COLUMNS)))
         for i, guide in enumerate(equations.guides):
             column, speed = COLUMNS.index(f"{guide.side}_position"), self._plate_speeds[guide.side]
@@ -255,12 +241,12 @@ class HeyokaRobot:
         for column, index, there in ((4, equations.body, equations.body_moves), (6, equations.height, equations.hops)):
             if there:
                 samples[:, column:column + 2] = points[:, index:index + 2]
-        return samples, self._driven(times, points), steps
+        return samples, self._driven(times, points)
 
-    def _propagate(self, times: np.ndarray, stop: float) -> tuple[np.ndarray, int]:
-        """States at `times` [s] and the number of steps to `stop` [s], which are short during short bounces."""
+    def _propagate(self, times: np.ndarray, stop: float) -> np.ndarray:
+        """States at `times` [s] on the way to `stop` [s], in steps that are short during short bounces."""
         integrator, run = self._integrator, self._run
-        parts, found, steps = [], 0, 0
+        parts, found = [], 0
         while True:
             now, flight = integrator.time, run.short_flight
             integrator.time = now  # heyoka's time has a second double, by which the grid's first instant may lie behind
@@ -269,13 +255,13 @@ class HeyokaRobot:
             before = [now] if not len(within) or within[0] > now else []
             after = [end] if end > (within[-1] if len(within) else now) else []
             run.short_flight = 0.0
-            outcome, _, _, taken, *_, points = integrator.propagate_grid(
+            outcome, *_, points = integrator.propagate_grid(
                 np.concatenate([before, within, after]), max_delta_t=1.5 * flight if flight else math.inf)
             parts.append(points[len(before):len(before) + len(within)])
-            steps, found = steps + taken, found + len(parts[-1])
+            found += len(parts[-1])
             if outcome == hy.taylor_outcome.time_limit:
                 if end == stop:
-                    return np.concatenate(parts), steps
+                    return np.concatenate(parts)
             elif not run.short_flight:
                 raise RuntimeError(f"heyoka stopped with {outcome} at {run.time_origin + integrator.time:g} s")
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import vibro_ros
+from vibro_ros.model.slider import Slider
 
 
 def settled(scene, seconds=12.0):
@@ -75,3 +76,21 @@ def test_held_masses_answer_a_command_as_those_that_have_just_settled(command):
         ways.append([after.body_position - before.body_position, after.upper_position, after.inclined_position])
     assert ways[0] != [0.0] * 3
     np.testing.assert_allclose(ways[0], ways[1], atol=1e-12, rtol=0.0)
+
+
+@pytest.mark.parametrize("damping", [0.0, 2.0, 300.0])
+@pytest.mark.parametrize("adhesion", [True, False])
+@pytest.mark.parametrize("load", [0.0, 1e-18, -1e-18, 1e-16, 1e-15, 1e-13, -1e-13])
+def test_a_mass_that_rests_on_its_plate_without_load(load, damping, adhesion):
+    """Preloads whose penetration is lost in rounding: contact and no contact must not take turns for ever."""
+    rest = float(Slider(0.02, 0.06, 0.9).position(0.0))
+    device = vibro_ros.Simulator(vibro_ros.load_scene("unilateral").with_parameters({
+        "effects.motor": "ramp", "motor.speed": 0.0, "guide.angle": 0.9, "effects.adhesion": adhesion,
+        "upper.gap": 0.02 + load, "inclined.gap": rest - 0.06 + load, "upper.plate.stiffness": 1e9,
+        "inclined.plate.stiffness": 1e7, **{f"{side}.{part}.damping": damping for side in ("upper", "inclined")
+                                            for part in ("spring", "plate")}}))
+    for time, speed in ((0.1, 60.0), (0.2, 0.0)):
+        device.advance_to(time)
+        device.command(motor_speed=speed)
+    device.advance_to(0.6)
+    assert device.state.motor_speed == 0.0

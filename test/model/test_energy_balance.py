@@ -5,6 +5,9 @@ import math
 
 import numpy as np
 import pytest
+from commanded_device import booked_energy as flow
+from commanded_device import changed
+from exact_motion import slider
 from scipy.integrate import cumulative_simpson
 
 import vibro_ros
@@ -21,17 +24,11 @@ FALLING = {"motor.speed": 0.0, "effects.friction": "none", "start.state": "zero"
 
 
 def scene(name, *changes):
-    together = dict(pair for part in (BOOKED, *changes) for pair in part.items())
-    return vibro_ros.load_scene(name).with_parameters(together)
+    return changed(name, BOOKED, *changes)
 
 
 def accounts(machine, duration=1.0, commands=()):
     return vibro_ros.simulate(machine, duration=duration, rate=10.0, commands=commands).statistics["energy_accounts"]
-
-
-def flow(booked):
-    """Sum of what went to and fro [J]."""
-    return sum(abs(amount) for name, amount in booked.items() if name != "residual")
 
 
 @pytest.mark.parametrize("changes", [{}, REACTION, HOP, REACTION | HOP, REACTION | {"effects.mass_weight": True}, LAG,
@@ -96,10 +93,8 @@ def _integral_over_contacts(machine, events, side):
 
 def _stretch(run, machine, side):
     """q - s [m] by the paper's eqs. (2) and (3), from the crank's angle."""
-    angle = run.crank_angle - (machine["guide.angle"] if side == "inclined" else 0.0)
-    radius, rod = machine["crank.radius"], machine[f"crank.{side}_rod"]
-    slider = radius * np.cos(angle) + np.sqrt(rod**2 - (radius * np.sin(angle))**2)
-    return getattr(run, f"{side}_position") - slider
+    angle = run.crank_angle - machine.guide_angle(side)
+    return getattr(run, f"{side}_position") - slider(angle, machine["crank.radius"], machine[f"crank.{side}_rod"])
 
 
 def test_blows_take_what_restitution_leaves_out():

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from commanded_device import booked_energy
+from commanded_device import booked_energy, changed
 from landing_by_impulse import struck
 
 import vibro_ros
@@ -20,10 +20,7 @@ BALL = {"effects.upper_contact": "none", "effects.inclined_contact": "none", "up
 
 
 def paper(*changes):
-    scene = vibro_ros.load_scene("paper")
-    for change in changes:
-        scene = scene.with_parameters(change)
-    return scene
+    return changed("paper", *changes)
 
 
 def simulated(duration, *changes, rate=1000.0):

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from commanded_device import changed
+from mass_matrix import mass_matrix
 
 import vibro_ros
 
@@ -16,10 +18,7 @@ RUNNING = {"motor.speed": 100.0}
 
 
 def scene(name, *changes):
-    made = vibro_ros.load_scene(name)
-    for change in (HOP, RUNNING, *changes):
-        made = made.with_parameters(change)
-    return made
+    return changed(name, HOP, RUNNING, *changes)
 
 
 def times_of(events, kind):
@@ -59,12 +58,9 @@ def test_a_landing_takes_the_energy_of_the_fall(changes):
     """A22. y'²/2 times the inertia that the ground feels, M, or 1/(B⁻¹)_yy with the mass matrix B of docs/robot.md.
     The 2 ns between the samples leave 1e-6 of it to everything else."""
     machine = scene("damped", {"effects.friction": "none"}, changes)
-    angle = machine["guide.angle"]
-    ex, ey = -np.sin(angle), np.cos(angle)
-    inertia = np.array([[TOTAL, 0, 0, INCLINED * ex], [0, TOTAL, UPPER, INCLINED * ey],
-                        [0, UPPER, UPPER, 0], [INCLINED * ex, INCLINED * ey, 0, INCLINED]])
+    inertia = mass_matrix(machine)
     if not machine["effects.reaction"]:
-        inertia[2:, :2] = inertia[:2, 2:] = 0.0
+        inertia[:2, 2:] = 0.0
     felt = 1.0 / np.linalg.inv(inertia)[1, 1]
     landings = times_of(vibro_ros.simulate(machine, times=[1.0]).events, "landing")
     run = around(landings, machine)

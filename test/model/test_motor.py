@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from commanded_device import assert_balanced, refused
+from commanded_device import assert_balanced, changed, refused
 
 import vibro_ros
 
@@ -21,10 +21,7 @@ WITHOUT_PLATES = {"effects.upper_contact": "none", "effects.inclined_contact": "
 
 
 def dc(name, *changes):
-    together = dict(DC)
-    for change in changes:
-        together |= change
-    return vibro_ros.load_scene(name).with_parameters(together)
+    return changed(name, DC, *changes)
 
 
 def numbers(scene):

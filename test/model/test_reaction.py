@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from commanded_device import booked_energy
+from commanded_device import changed as scene
 
 import vibro_ros
 from vibro_ros.configuration.scene_file import shipped_scenes
@@ -17,13 +18,6 @@ HEAVY = REACTION | {"effects.mass_weight": True}
 STATIC = {"effects.friction": "static", "ground.static_friction": 0.4}
 NO_CONTACT = {"effects.upper_contact": "none", "effects.inclined_contact": "none"}
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(20)
-
-
-def scene(name, *changes):
-    made = vibro_ros.load_scene(name)
-    for change in changes:
-        made = made.with_parameters(change)
-    return made
 
 
 def drive(device, until=1.2):

@@ -1,14 +1,15 @@
 """Shocks that strike the crank of a dc motor, through masses of the linkage that feel the body.
 
-What a shock does is known from the mass matrix B of q = (x, y, u, w, θ) at the crank's angle, written once more here.
+What a shock does is known from the mass matrix B of q = (x, y, u, w, θ) at the crank's angle.
 """
 
 import itertools
-import math
 
 import numpy as np
 import pytest
+from commanded_device import changed
 from landing_by_impulse import struck
+from mass_matrix import mass_matrix
 
 import vibro_ros
 
@@ -24,36 +25,7 @@ ANGLE = 0.7
 
 
 def scene(*changes):
-    made = vibro_ros.load_scene("rigid").with_parameters(STRUCK | {"effects.normal_force": "hop"})
-    for change in changes:
-        made = made.with_parameters(change)
-    return made
-
-
-def mass_matrix(machine, angle=ANGLE):
-    """B, shape (5, 5)."""
-    radius, tilt = machine["crank.radius"], machine["guide.angle"]
-
-    def slope(psi, rod):
-        root = math.sqrt(rod**2 - (radius * math.sin(psi)) ** 2)
-        return -radius * math.sin(psi) * (1.0 + radius * math.cos(psi) / root)
-
-    upright, tilted = np.array([0.0, 1.0]), np.array([-math.sin(tilt), math.cos(tilt)])
-    moved = [(machine["mass.upper_slider"], slope(angle, 0.06) * upright),
-             (machine["mass.inclined_slider"], slope(angle - tilt, 0.06) * tilted),
-             (machine["mass.crank_pin"], -radius * np.array([math.cos(angle), math.sin(angle)]))]
-    matrix = np.zeros((5, 5))
-    matrix[:2, :2] = machine.total_mass * np.eye(2)
-    for i, side, direction in ((2, "upper", upright), (3, "inclined", tilted)):
-        mass = machine[f"mass.{side}"]
-        matrix[:2, i] = matrix[i, :2] = mass * direction
-        matrix[i, i] = mass
-    matrix[4, 4] = machine["motor.gear_ratio"] ** 2 * machine["motor.rotor_inertia"] + machine["motor.crank_inertia"]
-    for mass, way in moved:
-        matrix[:2, 4] += mass * way
-        matrix[4, 4] += mass * (way @ way)
-    matrix[4, :2] = matrix[:2, 4]
-    return matrix
+    return changed("rigid", STRUCK, {"effects.normal_force": "hop"}, *changes)
 
 
 def speeds(state):
@@ -85,7 +57,7 @@ def test_a_blow_is_an_impulse_between_a_mass_and_its_plate(rule, side, body_spee
     if rule == "airborne":
         state |= {"body_height": 0.01, "body_vertical_velocity": 0.2}
         before[1] = 0.2
-    i, matrix = COORDINATES[side], mass_matrix(machine)
+    i, matrix = COORDINATES[side], mass_matrix(machine, ANGLE)
     before[i] = 1.3
     rows = np.eye(5)[[i, 1] if held else [i]]
     change = [-(1.0 + machine[f"{side}.plate.restitution"]) * 1.3, 0.0][:len(rows)]

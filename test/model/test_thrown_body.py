@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 import pytest
+from mass_matrix import mass_matrix
 from scipy.optimize import brentq
 
 import vibro_ros
@@ -21,16 +22,6 @@ SPEEDS = ("body_velocity", "body_vertical_velocity", "upper_velocity", "inclined
 each_coupling = pytest.mark.parametrize("changes", [{}, REACTION, HEAVY, RESTING, HEAVY | {"effects.friction": "none"},
                                                     HEAVY | {"guide.angle": 1.5}],
                                         ids=["no reaction", "reaction", "heavy", "one rests", "ice", "steep"])
-
-
-def mass_matrix(scene):
-    """B of B q'' = loads, the mass matrix of docs/robot.md; without the reaction rows u and w have no x'' and y''."""
-    m2, m3, angle = scene["mass.upper"], scene["mass.inclined"], scene["guide.angle"]
-    total, ex, ey = scene.total_mass, -math.sin(angle), math.cos(angle)
-    matrix = np.array([[total, 0, 0, m3 * ex], [0, total, m2, m3 * ey], [0, m2, m2, 0], [m3 * ex, m3 * ey, 0, m3]])
-    if not scene["effects.reaction"]:
-        matrix[2:, :2] = 0.0
-    return matrix
 
 
 def blows(scene, duration, least=0.05):

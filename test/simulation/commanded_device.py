@@ -17,6 +17,11 @@ def device(changes=None, scene="unilateral"):
     return vibro_ros.Simulator(vibro_ros.load_scene(scene).with_parameters(changes or {}))
 
 
+def changed(name: str, *changes: dict) -> vibro_ros.Scene:
+    """A shipped scene with changes, of which the later ones count."""
+    return vibro_ros.load_scene(name).with_parameters({key: value for one in changes for key, value in one.items()})
+
+
 def state_bits(made):
     return np.array(dataclasses.astuple(made.state)).tobytes()
 

@@ -147,27 +147,6 @@ def test_the_filtered_acceleration_follows_the_body_over_an_edge():
     assert device.filtered_acceleration()[0] == pytest.approx(-0.05 * GRAVITY, rel=1e-12)
 
 
-def test_a_device_with_sensors_goes_on_from_a_checkpoint_on_the_ice():
-    scene = running("device", sensors__imu__rate=400.0, sensors__tracking__rate=100.0).scene
-    device, restored = vibro_ros.SensedSimulator(scene), vibro_ros.SensedSimulator(scene)
-    device.fail("friction_patch", LONG, value=0.02, from_x=-1e-3, to_x=1e-3)
-    device.advance_to(0.02)
-    device.take_measurements()
-    good = device.checkpoint()
-    forged, memory = good.copy(), len(good) - len(vibro_ros.Simulator.checkpoint(device))
-    forged[60:-memory] = math.nan
-    for bad, words in ((good[:-1], "the checkpoint has shape"), (good[:5], "the checkpoint has shape"),
-                       (good.reshape(1, -1), "the checkpoint has shape"), (forged, "no state that this device")):
-        with refused(restored, words):
-            restored.restore(bad)
-    restored.restore(good)
-    for one in (device, restored):
-        one.advance_to(0.5)
-    assert device.state == restored.state and abs(device.state.body_position) > 2e-3  # over an edge
-    for ours, theirs in zip(device.take_measurements(), restored.take_measurements(), strict=True):
-        assert (ours.values == theirs.values).all()
-
-
 @pytest.mark.parametrize("scene", ["device", "damped", "rigid"])
 def test_the_first_edge_is_where_bisection_finds_it_and_the_floor_changes_there(scene: str):
     device = running(scene)
