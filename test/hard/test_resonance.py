@@ -26,7 +26,7 @@ def fourier_motion(times, motor_speed, frequency, radius=0.02, rod=0.06):
 @pytest.mark.parametrize("harmonic", [1, 2, 4])
 @pytest.mark.parametrize("detuning", [0.0, *(sign * 10.0**-digits for digits in (12, 9, 6, 3) for sign in (1, -1))])
 def test_near_resonance_nothing_divides_by_zero(detuning, harmonic):
-    """A4. √(k2/m2) = n ω (1 + detuning) over 64 turns, at the crank's own frequency and at two of the rod's."""
+    """A3, A4. √(k2/m2) = n ω (1 + detuning) over 64 turns, at the crank's own frequency and at two of the rod's."""
     frequency = 100.0 * harmonic * (1.0 + detuning)
     scene = PAPER.with_parameters({"upper.spring.stiffness": 0.1 * frequency**2})
     times = np.linspace(0.0, 4.0, 401)
@@ -39,6 +39,7 @@ def test_near_resonance_nothing_divides_by_zero(detuning, harmonic):
 
 
 def test_a_hundred_seconds_at_resonance_grow_to_a_hundred_metres():
+    """A2. Of a crank as it is, whose rod adds its harmonics."""
     times = np.linspace(0.0, 100.0, 1001)
     run = vibro_ros.simulate(PAPER, times=times)
     exact = fourier_motion(times, 100.0, 100.0)

@@ -84,14 +84,6 @@ def test_a_block_slides_to_rest_under_friction_alone(turns):
     assert event["time"] == pytest.approx(began + stop, abs=1e-11)
 
 
-def test_momentum_through_every_impact():
-    """A29. Without friction M x' - m3 w' sin φ is constant, to 1e-12 kg m/s; impacts reach thousands of newtons."""
-    run = vibro_ros.simulate(paper({"effects.friction": "none"}), duration=2.0, rate=5000.0)
-    assert np.count_nonzero(run.events["kind"] == "inclined_contact") > 30
-    momentum = TOTAL_MASS * run.body_velocity - 0.08 * run.inclined_velocity * SINE
-    assert np.abs(momentum).max() <= 1e-12
-
-
 TWINS = {"mass.inclined": 0.1, "guide.angle": 0.0, "effects.normal_force": "unilateral"}
 
 

@@ -41,18 +41,6 @@ def test_free_vibration_against_a_plate_at_the_rest_position():
     np.testing.assert_allclose(touched["peak_force"], STIFFNESS * 0.08 * free / both, rtol=1e-12)
 
 
-def test_contact_without_another_force():
-    """A8. Lasts π/ω_c, depth v0/ω_c, so peak v0 √(km), exit speed -v0 relative to the plate."""
-    state, (contact,) = hit_by_plate({})
-    rate = np.sqrt(STIFFNESS / MASS)
-    assert contact["time"] == pytest.approx(0.01, abs=1e-15)
-    assert contact["speed"] == pytest.approx(SPEED, rel=1e-14)
-    # the plate's position is rounded to 1e-17 m, at 1 m/s 1e-17 s
-    assert contact["duration"] == pytest.approx(np.pi / rate, abs=1e-14)
-    assert contact["peak_force"] == pytest.approx(SPEED * np.sqrt(STIFFNESS * MASS), rel=1e-12)
-    assert state.upper_velocity == pytest.approx(-2 * SPEED, rel=1e-12)
-
-
 def test_contact_under_a_constant_push():
     """A9. Lasts (2/ω_c)(π - atan(m ω_c v0/F)); exact here, with k + k2 for k and F = k2(s-E)."""
     scene = vibro_ros.load_scene("paper").with_parameters(STOPPED | {"start.state": "zero"})

@@ -62,8 +62,8 @@ def trajectory(scene, piece):
 @pytest.mark.parametrize(("name", "changes"), SCENES, ids=[*shipped_scenes(), *EXTRA, *(
     f"{one['solver.method']}-{name}" for name, one in SCENES if "solver.method" in one)])
 def test_every_cut_of_time_gives_the_same_bits(name, changes):
-    """A35, A72. Only commands begin a new segment, so samples do not disturb the motion; nor do they a step's. Through
-    0, a push and every fault, with the filtered acceleration; and the energy balances."""
+    """A35, A66, A72. Only commands begin a new segment, so samples do not disturb the motion; nor do they a step's.
+    Through 0, a push and every fault, with the filtered acceleration; and the energy balances."""
     exact = "solver.method" not in changes
     scene = vibro_ros.load_scene(name).with_parameters({"solver.accounts": exact, **changes})
     whole, events, expected = trajectory(scene, np.inf)

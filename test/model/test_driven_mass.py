@@ -1,4 +1,4 @@
-"""One mass on its drive spring, no contact: known answers A1 to A3, A5 and A23, through the public interface.
+"""One mass on its drive spring, no contact: known answers A1, A5 and A23, through the public interface.
 
 Tolerances: the positions are about 0.1 m, so one rounding is 1e-17 m; resonance piles up some thousand.
 """
@@ -27,33 +27,6 @@ def test_mean_slider_position():
     assert exact == pytest.approx(0.0582969, abs=5e-8)
     assert sliders.mean() == pytest.approx(exact, abs=1e-15)
     np.testing.assert_allclose(sliders, slider(100.0 * times, 0.02, 0.06), rtol=0, atol=1e-15)
-
-
-def long_rod_drift(times, radius, rod, motor_speed, frequency):
-    """Answer to the second harmonic -(l²/4L)(1 - cos 2ωt) that a long rod leaves; the next is l⁴/8L³."""
-    a, w, k = radius**2 / (4 * rod), 2 * motor_speed, frequency
-    return -a * (1 - np.cos(k * times)) + a * k**2 / (k**2 - w**2) * (np.cos(w * times) - np.cos(k * times))
-
-
-def test_resonant_drive_grows_without_bound():
-    """A2. u = l cos ωt + (lω/2) t sin ωt about the mean, from rest on the slider; √(k2/m2) = ω.
-
-    A rod of 10 m makes the drive harmonic but for known 1e-5 m and unknown l⁴/8L³ = 2e-11 m.
-    """
-    motion = run({"crank.upper_rod": 10.0})
-    exact = 0.02 * np.cos(100 * TIMES) + 0.02 * 100 / 2 * TIMES * np.sin(100 * TIMES)
-    exact += 10.0 + long_rod_drift(TIMES, 0.02, 10.0, 100.0, 100.0)
-    np.testing.assert_allclose(motion.upper_position, exact, rtol=0, atol=1e-10)
-
-
-def test_drive_off_resonance_beats():
-    """A3. l cos Ωt + C (cos ωt - cos Ωt), C = lΩ²/(Ω²-ω²), from rest on the slider."""
-    stiffness = 1.44e3  # Ω = 120 rad/s
-    motion = run({"crank.upper_rod": 10.0, "upper.spring.stiffness": stiffness})
-    c = 0.02 * 120.0**2 / (120.0**2 - 100.0**2)
-    exact = 0.02 * np.cos(120 * TIMES) + c * (np.cos(100 * TIMES) - np.cos(120 * TIMES))
-    exact += 10.0 + long_rod_drift(TIMES, 0.02, 10.0, 100.0, 120.0)
-    np.testing.assert_allclose(motion.upper_position, exact, rtol=0, atol=1e-10)
 
 
 @pytest.mark.parametrize("mass", [0.1, 0.025, 0.08, 1e-3])

@@ -19,6 +19,8 @@ REACTION, HOP = {"effects.reaction": True}, {"effects.normal_force": "hop"}
 STRIBECK = {"effects.friction": "stribeck", "ground.static_friction": 0.35, "ground.stribeck_speed": 0.02,
             "upper.gap": 1e-3, "inclined.gap": 1e-3, "motor.speed": 92.0}
 LAG = {"effects.motor": "lag", "motor.time_constant": 0.2}
+RAMP = {"effects.motor": "ramp", "motor.speed": 60.0}
+LINKAGE = {"mass.upper_slider": 0.02, "mass.inclined_slider": 0.03, "mass.crank_pin": 0.01}
 FALLING = {"motor.speed": 0.0, "effects.friction": "none", "start.state": "zero", "effects.mass_weight": True,
            "inclined.spring.stiffness": 0.0, "effects.upper_mass": False, "guide.angle": math.pi}
 
@@ -33,11 +35,13 @@ def accounts(machine, duration=1.0, commands=()):
 
 @pytest.mark.parametrize("changes", [{}, REACTION, HOP, REACTION | HOP, REACTION | {"effects.mass_weight": True}, LAG,
                                      REACTION | STRIBECK | {"effects.normal_force": "unilateral"},
-                                     REACTION | STRIBECK | HOP | {"ground.restitution": 0.4}],
-                         ids=["own", "reaction", "hop", "reaction hop", "weight", "lag", "stribeck", "stribeck hop"])
+                                     REACTION | STRIBECK | HOP | {"ground.restitution": 0.4}, LAG | LINKAGE,
+                                     REACTION | HOP | RAMP | LINKAGE, {"ground.friction_backward": 0.6}],
+                         ids=["own", "reaction", "hop", "reaction hop", "weight", "lag", "stribeck", "stribeck hop",
+                              "linkage", "linkage hop", "backward"])
 @pytest.mark.parametrize("name", ["unilateral", "damped", "device"])
 def test_accounts_balance(name, changes):
-    """Commands and moving plates included: to 1e-13 of what went to and fro."""
+    """A30, A56, A59. Commands and moving plates included: to 1e-13 of what went to and fro."""
     commands = [(0.3, {"motor_speed": 140.0, "upper_gap": 4e-4}), (0.61, {"inclined_gap": -3e-4})]
     booked = accounts(scene(name, changes), commands=commands)
     assert abs(booked["residual"]) <= 1e-13 * flow(booked)

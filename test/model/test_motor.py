@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from commanded_device import assert_balanced, changed, refused
+from commanded_device import changed, refused
 
 import vibro_ros
 
@@ -130,22 +130,6 @@ def test_a_run_up_is_a_sum_of_exponentials(inductance):
         speed = last * -np.expm1(-times * damping / (resistance * inertia))
     run = vibro_ros.simulate(scene, times=times)
     np.testing.assert_allclose(run.motor_speed, speed, rtol=0.0, atol=1e-12)
-
-
-@pytest.mark.parametrize("law", [CONSTANT, BY_VOLTAGE, BY_CURRENT], ids=["voltage", "by voltage", "by current"])
-@pytest.mark.parametrize("linkage", [{}, LINKAGE], ids=["light", "linkage"])
-@pytest.mark.parametrize("name", ["unilateral", "device"])
-def test_energy_goes_from_the_supply_to_the_last_sink(name, linkage, law):
-    """A66. Through blows, landings that strike the crank, and reversals."""
-    device = vibro_ros.Simulator(dc(name, law, linkage, WINDING, {"motor.speed": 40.0, "effects.reaction": True}))
-    for instant, value in ((0.2, -1.0), (0.4, 1.0)):
-        device.advance_to(instant)
-        device.command(**{device.scene.motor_command: value * (20.0 if law is CONSTANT else 90.0)})
-    device.advance_to(0.7)
-    assert_balanced(device)
-    accounts = device.statistics["energy_accounts"]
-    assert accounts["supply"] > accounts["copper"] > 0.0 and accounts["bearing"] > 0.0
-    assert name != "device" or accounts["landings"] > 0.0
 
 
 def test_a_heavy_flywheel_is_the_ideal_motor():

@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
-from commanded_device import booked_energy
 from commanded_device import changed as scene
 
 import vibro_ros
-from vibro_ros.configuration.scene_file import shipped_scenes
 
 ANGLE = 0.8726646259971648
 SINE, COSINE = np.sin(ANGLE), np.cos(ANGLE)
@@ -18,27 +16,6 @@ HEAVY = REACTION | {"effects.mass_weight": True}
 STATIC = {"effects.friction": "static", "ground.static_friction": 0.4}
 NO_CONTACT = {"effects.upper_contact": "none", "effects.inclined_contact": "none"}
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(20)
-
-
-def drive(device, until=1.2):
-    """Speeds, stops and moving plates on the way to `until` [s]."""
-    for instant, change in ((0.0, {"motor_speed": 100.0}), (0.3, {"upper_gap": 0.0005, "inclined_gap": -0.0002}),
-                            (0.5, {"motor_speed": 63.0, "upper_gap": -0.0003}), (0.9, {"motor_speed": 0.0})):
-        device.advance_to(instant)
-        device.command(**change)
-    device.advance_to(until)
-
-
-@pytest.mark.parametrize("effects", [REACTION, HEAVY, HEAVY | STATIC], ids=["reaction", "heavy", "static"])
-@pytest.mark.parametrize("name", shipped_scenes())
-def test_energy_balances_segment_by_segment(name, effects):
-    """A30. motor, friction, dampers, contacts and moving plates, to 1e-12 of the energy exchanged."""
-    device = vibro_ros.Simulator(scene(name, effects, {"solver.accounts": True}))
-    drive(device)
-    accounts = device.statistics["energy_accounts"]
-    exchanged = booked_energy(accounts)
-    assert exchanged > 1.0
-    assert abs(accounts["residual"]) <= 1e-12 * exchanged
 
 
 def energy(run, heavy):
@@ -87,10 +64,12 @@ def test_motor_work_goes_to_energy_and_friction(force, effects):
     assert motor - friction == pytest.approx(ends[1] - ends[0], abs=1e-9)
 
 
-@pytest.mark.parametrize("heavy", [False, True])
-def test_momentum_through_every_impact_with_reaction(heavy):
-    """A29. M x' - m3 w' sin φ stays 0, to 1e-12 kg m/s; weight acts on the masses across x alone."""
-    run = vibro_ros.simulate(scene("frictionless", REACTION, {"effects.mass_weight": heavy}), duration=2.0, rate=5000.0)
+@pytest.mark.parametrize("effects", [{}, REACTION, HEAVY], ids=["no reaction", "reaction", "heavy"])
+@pytest.mark.parametrize("name", ["paper", "frictionless", "rigid"])
+def test_momentum_through_every_impact(name, effects):
+    """A29. Without friction M x' - m3 w' sin φ stays 0, to 1e-12 kg m/s; impacts reach thousands of newtons, or have no
+    duration, and weight acts on the masses across x alone."""
+    run = vibro_ros.simulate(scene(name, effects, {"effects.friction": "none"}), duration=2.0, rate=5000.0)
     assert np.count_nonzero(run.events["kind"] == "inclined_contact") > 30
     assert abs(TOTAL * run.body_velocity - INCLINED * SINE * run.inclined_velocity).max() <= 1e-12
 

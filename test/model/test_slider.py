@@ -5,7 +5,6 @@ import math
 import mpmath
 import numpy as np
 import pytest
-from scipy.special import ellipe
 
 from vibro_ros.model.slider import Slider, signal_table
 
@@ -27,17 +26,6 @@ def tabulated(slider, theta):
     local = 2 * (theta - table.start[cell]) / np.diff(table.start)[cell] - 1
     return np.array([np.polynomial.polynomial.polyval(x, series)
                      for x, series in zip(local, table.series[cell, 0], strict=True)])
-
-
-@pytest.mark.parametrize(("radius", "mean"), [(0.02, 0.0582969), (0.06, 2 / math.pi * 0.06)])
-def test_mean_position(radius, mean):
-    """A1. (2/π) L E(m = (l/L)²), with the mean of the table's own series, cell by cell."""
-    table = signal_table((Slider(radius, 0.06, 0.4),))
-    width = np.diff(table.start)
-    even = slice(0, None, 2)  # odd powers cancel over the cell
-    integral = (table.series[:, 0, even] / np.arange(1, table.series.shape[-1] + 1)[even]).sum(axis=1) @ width / TURN
-    assert integral == pytest.approx(2 / math.pi * 0.06 * ellipe((radius / 0.06) ** 2), abs=1e-16)
-    assert integral == pytest.approx(mean, abs=5e-8)
 
 
 @pytest.mark.parametrize("slider", [

@@ -33,43 +33,11 @@ def test_the_ramp_motor_keeps_to_its_acceleration(acceleration):
     assert event["time"] == pytest.approx(end, rel=1e-14)
 
 
-def test_a_command_during_a_ramp_starts_from_the_speed_reached():
-    """Up for 0.1 s to 20 rad/s, then down to 5 in 0.075 s: one end of a ramp, that of the second."""
-    made = device(RAMP | SWINGING)
-    made.command(motor_speed=100.0)
-    made.advance_to(0.1)
-    made.command(motor_speed=5.0)
-    assert made.state.motor_speed == pytest.approx(20.0, abs=1e-13)
-    made.advance_to(0.15)
-    assert made.state.motor_speed == pytest.approx(10.0, abs=1e-13)
-    made.advance_to(0.3)
-    assert made.state.motor_speed == 5.0
-    assert made.state.crank_angle == pytest.approx(1.0 + 0.075 * 12.5 + 0.125 * 5.0, rel=1e-14)
-    (event,) = of_kind(made.take_events(), "motor_ramp_end")
-    assert event["time"] == pytest.approx(0.175, rel=1e-14)
-
-
 def test_asking_for_the_present_speed_or_gap_is_no_ramp():
     made = device(RAMP | SWINGING)
     made.command(motor_speed=0.0, upper_gap=0.0)
     made.advance_to(0.1)
     assert len(of_kind(made.take_events(), "motor_ramp_end", "gap_reached")) == 0
-
-
-def test_the_motor_stops_and_starts_at_many_phases():
-    """It stands still exactly, at the angle that the ramp implies, and starts again from there."""
-    made = device(RAMP | {"motor.acceleration": 2000.0}, scene="damped")
-    angle = 0.0
-    for speed in np.linspace(3.0, 60.0, 12):
-        made.command(motor_speed=speed)
-        made.advance_to(made.time + speed / 2000.0 + 0.01)
-        assert made.state.motor_speed == speed
-        made.command(motor_speed=0.0)
-        made.advance_to(made.time + speed / 2000.0 + 0.01)
-        angle += speed**2 / 2000.0 + 0.01 * speed
-        assert made.state.motor_speed == 0.0
-        assert made.state.crank_angle == pytest.approx(angle, rel=1e-13)
-        assert made.state.motor_power == 0.0
 
 
 def test_the_gap_moves_at_its_speed():

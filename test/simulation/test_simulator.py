@@ -185,7 +185,7 @@ def test_a_checkpoint_that_no_device_made_ends_no_process(changes):
                 refused += 1
                 continue
             try:
-                other.advance_to(0.203)
+                other.advance_to(0.2005)
                 assert np.isfinite(other.values).all()
             except vibro_ros.SimulationError as error:
                 assert "report the scene" not in str(error)

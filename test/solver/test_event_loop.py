@@ -7,7 +7,6 @@ import pytest
 from small_system import Guard, Integration, build, cosine_table
 
 from vibro_ros.solver import event_loop
-from vibro_ros.solver.events import MONITOR_KIND
 from vibro_ros.solver.system import Channels
 
 FORWARD, BACKWARD, STICK = 0, 1, 2
@@ -81,36 +80,6 @@ def test_the_turning_points_of_den_hartogs_oscillator():
     assert np.all(abs(points[:, 1]) < 1e-9)
 
 
-def sliding_block(friction):
-    """x'' = -friction sign(x'): a driven coordinate only."""
-    channels = Channels(1, 0, 0, 0)
-    forward, backward, stick, velocity = np.zeros((4, channels.count))
-    forward[channels.one], backward[channels.one], velocity[channels.velocity(0)] = -friction, friction, 1.0
-    stop = {1: np.zeros(channels.count)}
-    guards = [[Guard(velocity, (STICK,), jump=stop)], [Guard(-velocity, (STICK,), jump=stop)], []]
-    return build(channels, [[forward], [backward], [stick]], guards)
-
-
-@pytest.mark.parametrize("speed", [1e-9, 0.3, 200.0])
-@pytest.mark.parametrize("mode", [FORWARD, BACKWARD])
-def test_a_sliding_block_stops(speed, mode):
-    """A15. After v0/(μ g), in v0²/(2 μ g); from then on its speed is exactly zero.
-
-    Instants are resolved to a rounding of half the segment, which lasts 1 s here, and positions to one of the way that
-    the block would go in it.
-    """
-    sign = 1.0 if mode == FORWARD else -1.0
-    stop = speed / (0.2 * 9.81)
-    run = Integration(sliding_block(0.2 * 9.81), [0.0], [sign * speed], mode=mode)
-    points, modes, _ = run.sample([stop / 2, 2 * stop, 2 * stop + 10.0])
-    instant, place = 6e-17, 1.1e-16
-    assert points[0, 1] == pytest.approx(sign * speed / 2, rel=1e-13, abs=2 * 0.2 * 9.81 * instant)
-    np.testing.assert_allclose(points[1:, 0], sign * speed * stop / 2, rtol=1e-13, atol=place)
-    assert np.all(points[1:, 1] == 0.0) and list(modes) == [mode, STICK, STICK]
-    ((time, kind, *_),) = run.events
-    assert kind == STICK and time == pytest.approx(stop, rel=1e-14, abs=2 * instant)
-
-
 def bouncing_mass():
     """q'' = -1 above the floor q = 0, and a spring of rate 1e4 below: open 0, closed 1; the spring's force watched."""
     channels = Channels(1, 1, 0, 0)
@@ -121,20 +90,6 @@ def bouncing_mass():
     approach = np.zeros(channels.count)
     approach[channels.velocity(0)] = -1.0
     return build(channels, [[fall], [spring]], guards, monitor=(-1e8 * position, approach, {1}))
-
-
-def test_a_monitor_reports_each_contact_once():
-    """A9. A drop of 0.5 hits at speed 1 after 1; peak and duration of a spring under a constant push."""
-    run = Integration(bouncing_mass(), [0.5], [0.0])
-    run.sample([4.5])
-    contacts = [event for event in run.events if event[1] == MONITOR_KIND]
-    assert len(contacts) == 2
-    duration = 2e-4 * (math.pi - math.atan(1e4))
-    for number, (time, _, approach, peak, lasted) in enumerate(contacts):
-        assert time == pytest.approx(1.0 + number * (2.0 + duration), rel=1e-12)
-        assert approach == pytest.approx(1.0, rel=1e-12)
-        assert peak == pytest.approx(1.0 + math.sqrt(1.0 + 1e8), rel=1e-12)
-        assert lasted == pytest.approx(duration, rel=1e-9)
 
 
 def test_full_rooms_for_events_lose_none():

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 from official_hashes import OFFICIAL
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from tools.interfaces.definitions import DECLARED, OWN, InterfacePackage, fingerprint, interface_packages
 from tools.interfaces.generation import Sources
@@ -34,17 +33,6 @@ def test_hashes_are_the_official_ones(package, described):
         pytest.skip("no other package declares these types")
     assert kinds == {name for name in OFFICIAL if name.startswith(package.name)}
     assert {name: described[name] for name in kinds} == {name: f"RIHS01_{OFFICIAL[name]}" for name in kinds}
-
-
-def test_rosbags_computes_the_same_hashes_of_messages(package, described):
-    store, names = get_typestore(Stores.ROS2_JAZZY), []
-    for path, text in package.texts.items():
-        kind, file = path.split("/")
-        if kind == "msg":
-            names.append(f"{package.name}/msg/{file.removesuffix('.msg')}")
-            if names[-1] not in store.types:
-                store.register(get_types_from_msg(text, names[-1]))
-    assert {name: store.hash_rihs01(name) for name in names} == {name: described[name] for name in names}
 
 
 def test_every_declared_file_is_used():
