@@ -1,10 +1,8 @@
 """`make picture`: the robot in slow motion, from a simulation, as an animated GIF."""
 
-import argparse
 import dataclasses
 import math
-import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -13,15 +11,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from tools.generated_text import given_file
 from tools.mechanism import COLOURS, DARK, EDGE, HUB_HEIGHT, MM, Mechanism, legend
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.simulation.runs import simulate
 from vibro_ros.simulation.samples import Run, Samples
 
-SPEED = 100.0  # rad/s, of the motor of a scene in which it waits for a command
-SETTLED = 36  # crank turns, after which `device` repeats itself every four turns, and `damped` every turn
-MOST_TURNS = 20
+OUTPUT = Path("docs/robot.gif")
+SPEED = 100.0  # rad/s, of the motor, which waits for a command in `device`
+SETTLED, TURNS = 36, 4  # crank turns, after which `device` repeats itself, and turns after which it does
 FRAMES_PER_TURN = 40
 SIZE = (8.4, 5.3)  # inches of 100 pixels
 STAGE = 0.56  # of the width
@@ -32,28 +29,19 @@ COLOURS_IN_GIF = 128
 
 
 class Animation:
-    """The frames of one scene, over so many crank turns after `SETTLED` that are not shown.
+    """The frames of the scene `device`, over `TURNS` crank turns after `SETTLED` that are not shown."""
 
-    ValueError for a scene without masses or plates, and for too few or too many turns.
-    """
-
-    def __init__(self, name: str, turns: int):
-        scene = load_scene(name)
-        scene = scene if scene["motor.speed"] else scene.with_parameters({"motor.speed": SPEED})
-        for side in COLOURS:
-            if not scene[f"effects.{side}_mass"] or scene[f"effects.{side}_contact"] == "none":
-                raise ValueError(f"{name}: has no {side} mass or plate; show a scene with both masses and plates")
-        if not 1 <= turns <= MOST_TURNS:
-            raise ValueError(f"{turns} crank turns: out of range; show from 1 to {MOST_TURNS}")
-        turn = math.tau / scene["motor.speed"]
-        self.frames = turns * FRAMES_PER_TURN
+    def __init__(self) -> None:
+        scene = load_scene("device").with_parameters({"motor.speed": SPEED})
+        turn = math.tau / SPEED
+        self.frames = TURNS * FRAMES_PER_TURN
         self._start = SETTLED * turn
-        times = np.linspace(0.0, turns * turn, SAMPLES_PER_FRAME * self.frames + 1)
+        times = np.linspace(0.0, TURNS * turn, SAMPLES_PER_FRAME * self.frames + 1)
         self._fine = simulate(scene, times=self._start + times)
         self._figure = Figure(figsize=SIZE, dpi=100, facecolor="white")
         self._canvas = FigureCanvasAgg(self._figure)
-        slowdown = self.frames * FRAME_TIME / (turns * turn)
-        self._draw_traces(self._figure, f"scene {name} at {scene['motor.speed']:g} rad/s", slowdown)
+        slowdown = self.frames * FRAME_TIME / (TURNS * turn)
+        self._draw_traces(self._figure, f"scene device at {SPEED:g} rad/s", slowdown)
         stage = self._figure.add_axes((0.0, 0.0, STAGE, 1.0))
         self._draw_ground(stage)
         self._mechanism = Mechanism(stage, scene)
@@ -77,14 +65,11 @@ class Animation:
 
     def _draw_traces(self, figure: Figure, title: str, slowdown: float) -> None:
         run, time = self._fine, self._milliseconds(self._fine.time)
-        hops = bool(np.any(run.body_height))
-        places = [(0.72, 0.19), (0.43, 0.19), (0.1, 0.23)] if hops else [(0.58, 0.32), (0.12, 0.34)]
-        panels = [figure.add_axes((STAGE + 0.06, bottom, 0.92 - STAGE, height)) for bottom, height in places]
-        body, masses = panels[0], panels[-1]
-        traces = [(body, (run.body_position - run.body_position[0]) * MM, DARK)]
-        if hops:
-            traces.append((panels[1], run.body_height * MM, DARK))
-            panels[1].set_title("height of the body above the ground [mm]", fontsize=9, loc="left", color=DARK)
+        panels = [figure.add_axes((STAGE + 0.06, bottom, 0.92 - STAGE, height))
+                  for bottom, height in ((0.72, 0.19), (0.43, 0.19), (0.1, 0.23))]
+        body, hops, masses = panels
+        traces = [(body, (run.body_position - run.body_position[0]) * MM, DARK), (hops, run.body_height * MM, DARK)]
+        hops.set_title("height of the body above the ground [mm]", fontsize=9, loc="left", color=DARK)
         for side, colour in COLOURS.items():
             traces.append((masses, getattr(run, f"{side}_position") * MM, colour))
             masses.axhline(getattr(run, f"{side}_plate_position")[0] * MM, color=DARK, lw=1, ls=(0, (4, 3)))
@@ -123,17 +108,14 @@ class Animation:
         lights = {side: _last_impact(self._fine, side, state.time) for side in self._force}
         self._mechanism.show(state, {side: math.exp(-age / GLOW) for side, (age, _) in lights.items()})
         for side, (age, force) in lights.items():
-            x, y = self._label_place(state, side)
-            self._force[side].set(position=(x, y), text=f"{force / 1e3:.1f} kN" if age < 4 * GLOW else "",
+            place = (36, 112) if side == "upper" else (-122, 95)
+            self._force[side].set(position=(state.body_position * MM + place[0], place[1]),
+                                  text=f"{force / 1e3:.1f} kN" if age < 4 * GLOW else "",
                                   alpha=min(1.0, math.exp(1.0 - age / (1.5 * GLOW))))
         self._ground_state.set(text=_ground_state(state), position=(state.body_position * MM - 88, -HUB_HEIGHT - 16))
         for line, dot, time, values in self._drawn:
             line.set_data(time[:index + 1], values[:index + 1])
             dot.set_data([time[index]], [values[index]])
-
-    def _label_place(self, state: Samples, side: str) -> tuple[float, float]:
-        body = state.body_position * MM
-        return (body + 36, 112) if side == "upper" else (body - 122, 95)
 
 
 def _sample(run: Run, index: int) -> Samples:
@@ -163,29 +145,14 @@ def _common_palette(frames: list[Image.Image]) -> Image.Image:
     return strip.quantize(COLOURS_IN_GIF, method=Image.Quantize.MAXCOVERAGE)
 
 
-def write_gif(name: str, turns: int, path: Path) -> int:
-    """Write the animation of scene `name` over so many crank turns; returns the file's size [bytes]."""
-    frames = list(Animation(name, turns).images())
+def write_gif(path: Path) -> int:
+    """Write the animation; returns the file's size [bytes]."""
+    frames = list(Animation().images())
     palette = _common_palette(frames)
     reduced = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-    path.parent.mkdir(parents=True, exist_ok=True)
     reduced[0].save(path, save_all=True, append_images=reduced[1:], duration=round(FRAME_TIME * 1e3), loop=0)
     return path.stat().st_size
 
 
-def main(words: Sequence[str]) -> int:
-    """Run the command line `words`; the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--scene", default="device",
-                        help=f"scene to show; a motor that stands turns with {SPEED:g} rad/s (default: %(default)s)")
-    parser.add_argument("--turns", type=int, default=4, help="crank turns to show (default: %(default)s)")
-    parser.add_argument("--output", type=Path, default=Path("docs/robot.gif"), help="file (default: %(default)s)")
-    options = parser.parse_args(words)
-    with given_file(options.output):
-        size = write_gif(options.scene, options.turns, options.output)
-    print(f"{options.output}: {size / 1e6:.2f} MB")
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    print(f"{OUTPUT}: {write_gif(OUTPUT) / 1e6:.2f} MB")

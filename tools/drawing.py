@@ -1,10 +1,7 @@
 """`make picture`: the robot to scale with the names of its parts, the first picture of docs/robot.md."""
 
-import argparse
 import dataclasses
 import math
-import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib
@@ -12,7 +9,6 @@ import numpy as np
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from tools.generated_text import given_file
 from tools.mechanism import COLOURS, DARK, FREE_LENGTH, HUB_HEIGHT, MASS_HEIGHT, MM, Mechanism
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.scene import Scene
@@ -20,6 +16,7 @@ from vibro_ros.model.slider import Slider
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.simulator import Simulator
 
+OUTPUT = Path("docs/robot.svg")
 SPEED = 1.0  # rad/s, so slow that the masses follow their sliders
 ANGLE = math.radians(150.0)  # of the crank, where both masses are clear of their plates
 SIZE = (8.4, 5.7)  # inches of 100 pixels: as wide as a page shows a picture
@@ -35,14 +32,9 @@ SYMBOLS = {"upper": ("u", "s_B", "E", "L_2", "m_2", "k_2, c_2", "k_4, c_4"),
 
 
 class Drawing:
-    """The robot of a scene with the names of its parts, its axes and its forces on the ground.
-
-    ValueError if the scene lacks a mass or a plate.
-    """
+    """The robot of a scene that has both masses, with the names of its parts, its axes and its forces on the ground."""
 
     def __init__(self, scene: Scene):
-        if len(scene.plates) < len(COLOURS):
-            raise ValueError(f"{scene.name}: has no upper or inclined mass or plate; draw a scene with both")
         self._scene, self._state = scene, _slow_state(scene)
         self.figure = Figure(figsize=SIZE, facecolor="white")
         self._axes = self.figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -57,7 +49,6 @@ class Drawing:
 
     def write(self, path: Path) -> int:
         """Write the picture as SVG, the same text for the same scene; returns the file's size [bytes]."""
-        path.parent.mkdir(parents=True, exist_ok=True)
         with matplotlib.rc_context({"svg.hashsalt": "robot"}):
             FigureCanvasSVG(self.figure).print_svg(path, metadata={"Date": None})
         return path.stat().st_size
@@ -162,17 +153,5 @@ def _slow_state(scene: Scene) -> Samples:
     return dataclasses.replace(device.state, body_position=0.0, body_height=0.0)
 
 
-def main(words: Sequence[str]) -> int:
-    """Run the command line `words`; the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--scene", default="device", help="scene to draw (default: %(default)s)")
-    parser.add_argument("--output", type=Path, default=Path("docs/robot.svg"), help="file (default: %(default)s)")
-    options = parser.parse_args(words)
-    with given_file(options.output):
-        size = Drawing(load_scene(options.scene)).write(options.output)
-    print(f"{options.output}: {size / 1e3:.0f} kB")
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    print(f"{OUTPUT}: {Drawing(load_scene('device')).write(OUTPUT) / 1e3:.0f} kB")
