@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibro_ros.orbits.continuation import DOUBLING, FIRST_STEP, FOLD, GRAZING, NEAREST_EVENT, STRAIGHT
+from vibro_ros.orbits.continuation import DOUBLING, FIRST_STEP, FOLD, GRAZING, NEAREST_EVENT, stepped
 from vibro_ros.orbits.family import LONGEST_STEP, BranchPoint, Family, LostError, multipliers_of
 from vibro_ros.orbits.orbit import CLOSED
 from vibro_ros.orbits.passage import Miss, Passage, change_in_words, least_gap, same_order
@@ -260,32 +260,23 @@ def follow_bifurcations(start: Bifurcation) -> Iterator[tuple[Bifurcation, Bifur
     point, step = _well_cut(start), FIRST_STEP
     yield point, point
     while np.all((point.near[-2:] >= 0.0) & (point.near[-2:] <= 1.0)):
-        after, step = _next(point, step)
+        (after,), step = _next(point, step)
         yield point, after
         point = _well_cut(after)
 
 
-def _next(point: Bifurcation, step: float) -> tuple[Bifurcation, float]:
+def _next(point: Bifurcation, step: float) -> tuple[list[Bifurcation], float]:
     """The next point, also beyond a change of events; and the step after it."""
-    family, reason, apart = point.family, "", away(point, point.tangent)
-    while step >= _SHORTEST:
-        guess, crosses = point.near + step * point.tangent, False
-        try:
-            after, iterations = found_near(family, point.kind, guess, point.tangent, point.frame, apart)
-            crosses = not same_order(after.passage.order, point.passage.order)
-            if not crosses and after.tangent @ point.tangent >= STRAIGHT:
-                return after, min(LONGEST_STEP, step * (1.5 if iterations <= _FEW else 1.0))
-            reason = f"the curve bends too sharply near {family.where(after.near)}"
-        except LostError as error:
-            reason = str(error)
-            try:
-                crosses = not same_order(family.order(guess), point.passage.order)
-            except (SimulationError, ValueError):
-                crosses = False
-        if crosses and step < _SHORT:
-            return _beyond(point), FIRST_STEP
-        step *= 0.5
-    raise LostError(reason)
+    apart = away(point, point.tangent)
+
+    def solved(guess: np.ndarray, _: float) -> tuple[Bifurcation, bool]:
+        after, iterations = found_near(point.family, point.kind, guess, point.tangent, point.frame, apart)
+        return after, iterations <= _FEW
+
+    def across(step: float, crosses: bool) -> list[Bifurcation]:
+        return [_beyond(point)] if crosses and step < _SHORT else []
+
+    return stepped(point, point.near, step, _SHORTEST, solved, across, "curve")
 
 
 def _beyond(point: Bifurcation) -> Bifurcation:

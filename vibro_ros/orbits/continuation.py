@@ -32,6 +32,7 @@ Piecewise-smooth Dynamical Systems, Springer 2008):
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -115,33 +116,64 @@ def follow_on(point: BranchPoint) -> Iterator[tuple[BranchPoint, BranchPoint]]:
         point = _well_cut(point)
 
 
-def _next(point: BranchPoint, step: float) -> tuple[list[BranchPoint], float]:
-    """The next point, or an edge and the first point beyond it; and the step after it."""
+def stepped(point: BranchPoint, begin: np.ndarray, step: float, shortest: float,
+            solved: Callable[[np.ndarray, float], tuple[Any, bool]], across: Callable[[float, bool], list[Any]],
+            what: str) -> tuple[list[Any], float]:
+    """The next point of a branch or curve, or those at a change of events and beyond; and the step after it.
+
+    Parameters
+    ----------
+    point : BranchPoint
+        Gives tangent and order of events.
+    begin : ndarray
+        From where the step goes along the tangent.
+    step, shortest : float
+        The first arc that is tried, and the least; an arc that fails is halved.
+    solved : callable
+        The point near a guess at the end of an arc, and whether Newton's method was quick (LostError).
+    across : callable
+        For an arc that fails, and whether events change within it: the points at and beyond the change, or none.
+    what : str
+        What is followed, for users.
+    """
     family, reason = point.family, ""
-    while step >= SHORTEST_STEP:
-        guess = point.unknowns + step * point.tangent
-        crosses = False
+    while step >= shortest:
+        guess, crosses = begin + step * point.tangent, False
         try:
-            unknowns, derivatives = corrected(family, guess, point.tangent, step)
-            after = point_at(family, unknowns, point.tangent, step)
+            after, is_quick = solved(guess, step)
             crosses = not same_order(after.passage.order, point.passage.order)
             if not crosses and after.tangent @ point.tangent >= STRAIGHT:
-                longer = 1.5 if derivatives <= _FEW else 1.0
-                return [after], min(LONGEST_STEP, step * longer)
-            reason = f"the branch bends too sharply near {family.where(after.unknowns)}"
+                return [after], min(LONGEST_STEP, step * (1.5 if is_quick else 1.0))
+            reason = f"the {what} bends too sharply near {family.where(after.unknowns)}"
         except LostError as error:
             reason = str(error)
             try:
                 crosses = not same_order(family.order(guess), point.passage.order)
             except (SimulationError, ValueError):
                 crosses = False
-        if (crosses or step < _SHORT) and (last := edge(point, step)):
-            return [last, beyond(last)], FIRST_STEP
+        if found := across(step, crosses):
+            return found, FIRST_STEP
         step *= 0.5
-        if step < _CREEP and abs(point.multipliers[0]) > _WILD:
+    raise LostError(reason)
+
+
+def _next(point: BranchPoint, step: float) -> tuple[list[BranchPoint], float]:
+    """The next point, or an edge and the first point beyond it; and the step after it."""
+    family = point.family
+
+    def solved(guess: np.ndarray, step: float) -> tuple[BranchPoint, bool]:
+        unknowns, derivatives = corrected(family, guess, point.tangent, step)
+        return point_at(family, unknowns, point.tangent, step), derivatives <= _FEW
+
+    def across(step: float, crosses: bool) -> list[BranchPoint]:
+        if (crosses or step < _SHORT) and (last := edge(point, step)):
+            return [last, beyond(last)]
+        if step < 2.0 * _CREEP and abs(point.multipliers[0]) > _WILD:
             raise LostError(f"too unstable to be followed beyond {family.where(point.unknowns)}: a disturbance grows "
                             f" {abs(point.multipliers[0]):.4g}-fold until the motion repeats itself")
-    raise LostError(reason)
+        return []
+
+    return stepped(point, point.unknowns, step, SHORTEST_STEP, solved, across, "branch")
 
 
 def _well_cut(point: BranchPoint) -> BranchPoint:
