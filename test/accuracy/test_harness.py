@@ -113,7 +113,7 @@ def test_what_diverges_has_no_mean_speed(monkeypatch):
 
 def fast(_, __, number):
     """A start that is faster than sound."""
-    return 1e6 + number, None
+    return 1e6 + number, None, 0.0
 
 
 def test_what_a_method_cannot_do_it_says():

@@ -79,6 +79,8 @@ def test_measures_of_a_dc_motor_are_those_of_dense_samples_over_its_whole_turns(
     share = math.sqrt(np.trapezoid(current**2, time) / time[-1]) / scene["motor.continuous_current"]
     assert found["current_share"] == pytest.approx(share, rel=1e-3)
     assert measure(scene, ["period"], 8.0, 8.0)["period"] == period
+    alone = measure(scene, ["upper_impacts", "inclined_impacts"], 4.0, 2.0)  # events that a motion's cuts do not take
+    assert {name: found[name] for name in alone} == alone and alone["upper_impacts"] > 0.5
 
 
 def test_a_dc_motor_is_measured_backwards_and_from_drawn_starts_of_its_voltage():

@@ -188,7 +188,8 @@ def _verdict(row: Row, exact: Row) -> str:
 
 
 def _speed(row: Row) -> str:
-    return f"{1e3 * row.mean:.2f}" + f" ± {1e3 * row.spread:.2g}" * math.isfinite(row.spread) + " mm/s"
+    spread = f" ± {1e3 * row.spread:.2g}" * math.isfinite(row.spread)
+    return f"{1e3 * row.mean:.2f}{spread} mm/s{', ' * bool(row.note)}{row.note}"
 
 
 def _number(value: float, unit: str = "") -> str:

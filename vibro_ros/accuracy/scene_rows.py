@@ -38,7 +38,7 @@ from vibro_ros.orbits.starts import SETTLING, STARTING, motor_command, running, 
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.processes import core_count
 from vibro_ros.study.execution import Execution
-from vibro_ros.study.measures import measure_with_motion
+from vibro_ros.study.measures import drift_in, measure_with_motion
 
 #: Horizons [s] of requirements: a short one, which chaos allows everywhere, and a long one.
 SHORT, LONG = 0.2, 10.0
@@ -173,19 +173,25 @@ def averages(scene: Scene, method: str, step: float, effort: Effort) -> list[Row
                                         SETTLING + effort.duration, (method,))
     try:
         with closing(runs):
-            speeds, motions = zip(*runs, strict=True)
+            speeds, motions, drifts = zip(*runs, strict=True)
     except SimulationError as error:
         return [replace(row, repeats=0, outcome=CANNOT, note=str(error))]
     row = replace(row, wall_time=time.perf_counter() - began)
     if not np.abs(speeds).max() < _DIVERGED:
         return [replace(row, outcome=DIVERGES, note=f"diverged: faster than {_DIVERGED:g} m/s")]
     attractors, places = grouped(motions, speeds)
-    groups = [np.array(speeds)[places == place] for place in range(len(attractors))]
-    return [replace(row, repeats=len(own), mean=float(own.mean()), spread=float(half_interval(own)),
-                    motions=len(groups), starts_forwards=int(np.sum(own > 0.0))) for own in groups]
+    found = []
+    for place, attractor in enumerate(attractors):
+        own, drift = np.array(speeds)[places == place], 0.0
+        if not attractor.turns:
+            drift = drift_in(np.array(drifts)[places == place], float(own.mean()))
+        found.append(replace(row, repeats=len(own), mean=float(own.mean()), spread=float(half_interval(own)),
+                             motions=len(attractors), starts_forwards=int(np.sum(own > 0.0)),
+                             note=f"drifts by {1e3 * drift:.2g} mm/s" if drift else ""))
+    return found
 
 
-def _settled(scene: Scene, duration: float, number: int) -> tuple[float, SettledMotion | None]:
-    """Mean speed [m/s] of a drawn start over `duration` [s] after `SETTLING`, and the motion that it has settled to."""
-    values, motion = measure_with_motion(scene, ("mean_speed",), SETTLING, duration, number)
-    return values["mean_speed"], motion
+def _settled(scene: Scene, duration: float, number: int) -> tuple[float, SettledMotion | None, float]:
+    """Mean speed [m/s] of a drawn start over `duration` [s] after `SETTLING`, what it has settled to, and its drift."""
+    values, motion, drift = measure_with_motion(scene, ("mean_speed",), SETTLING, duration, number)
+    return values["mean_speed"], motion, drift

@@ -25,6 +25,7 @@ instant where the friction changes, makes the map rough: two states that are clo
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -143,14 +144,13 @@ class TurnMap:
         ahead = share_of_turn(self.scene, device.state.crank_angle, self.phase)
         return self.cuts_at_times(device, device.time + (ahead + np.arange(count)) * self.period)
 
-    def cuts_at_turns(self, device: Simulator, turns: range) -> "Cuts":
+    def cuts_at_turns(self, device: Simulator, turns: Sequence[int]) -> "Cuts":
         """The cuts of a dc motor's crank after so many turns each."""
         states, positions, times = np.empty((len(turns), len(self.names))), np.empty(len(turns)), np.empty(len(turns))
         for number, turn in enumerate(turns):
             advance_to_cut(device, turn, self.phase)
             states[number], positions[number] = self.read_device(device), device.state.body_position
             times[number] = device.time
-            device.take_events()  # or they would be kept
         return Cuts(states, positions, times)
 
     def cuts_at_times(self, device: Simulator, times: np.ndarray) -> "Cuts":
@@ -388,12 +388,11 @@ class Stroboscope:
     def turns(self, count: int) -> Cuts:
         """Go on over `count` turns; the cuts that follow the last one."""
         if self.turn_map.scene.has_rotor:
-            first = self._turns + 1
-            self._turns += count
-            return self.turn_map.cuts_at_turns(self._device, range(first, first + count))
-        cuts = self.turn_map.cuts_at_times(self._device, self._cut + np.arange(1, count + 1) * self.turn_map.period)
+            cuts = self.turn_map.cuts_at_turns(self._device, range(self._turns + 1, self._turns + 1 + count))
+        else:
+            cuts = self.turn_map.cuts_at_times(self._device, self._cut + np.arange(1, count + 1) * self.turn_map.period)
         self._device.take_events()  # or they would be kept
-        self._cut = float(cuts.times[-1])
+        self._cut, self._turns = float(cuts.times[-1]), self._turns + count
         return cuts
 
 

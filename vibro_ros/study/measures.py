@@ -12,7 +12,7 @@ from scipy.integrate import trapezoid
 
 from vibro_ros.model.parameters import Value
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.chaos import exponent_of_pairs
+from vibro_ros.orbits.chaos import exponent_of_pairs, half_interval
 from vibro_ros.orbits.recurrence import LEAST_WATCHED, LONGEST_PERIOD, SettledMotion, motion_of, period_in
 from vibro_ros.orbits.starts import STARTING, drawn_start
 from vibro_ros.orbits.turn_map import TURN, TurnMap, share_of_turn
@@ -23,6 +23,7 @@ from vibro_ros.simulation.simulator import Simulator
 MOST_TURNS = 1e9
 # Part of a turn that rounding may take from a duration that was meant to be whole turns.
 _ROUNDING = 1e-9
+_DRIFT = 0.01  # part of a mean speed, within which nobody minds that it drifts
 
 
 @dataclass(frozen=True)
@@ -196,6 +197,8 @@ class Observation:
     cuts : ndarray, shape (m, coordinates), or None
         States at the last cuts of the time, at most `MOST_CUTS`, in units of the machine as `TurnMap` has them; None
         unless asked, and for a motor that is not steady or turns less than twice.
+    drift : float
+        Mean speed [m/s] in the second half of all turns less that in the first half; NaN where there are no cuts.
     """
 
     scene: Scene
@@ -212,6 +215,7 @@ class Observation:
     airborne: float
     loads: "Loads"
     cuts: np.ndarray | None
+    drift: float
 
 
 def device_at_start(scene: Scene, start: int | None) -> Simulator:
@@ -251,7 +255,7 @@ def observed(device: Simulator, wanted: Collection[str], measured: Window) -> Ob
     booked, supplied, heated = _booked(device) if accounts else None, math.nan, math.nan
     steady = bool(measured.ends) or before.motor_speed == scene["motor.speed"] != 0.0
     sampled = WORK in wanted and not accounts
-    cuts = _cuts(device, measured) if MOTION in wanted and steady and not sampled else None
+    cuts, drift = _cuts(device, measured) if MOTION in wanted and steady and not sampled else (None, math.nan)
     delivered, taken_back = _sampled_work(device, measured) if sampled else (math.nan, math.nan)
     device.advance_to(measured.end)
     after, events = device.state, device.take_events()
@@ -259,7 +263,7 @@ def observed(device: Simulator, wanted: Collection[str], measured: Window) -> Ob
         delivered, taken_back, supplied, heated = _booked(device) - booked
     if MOTION in wanted and steady and sampled and checkpoint is not None:
         device.restore(checkpoint)
-        cuts = _cuts(device, measured)
+        cuts, drift = _cuts(device, measured)
     standing, airborne = standing_and_airborne(device, checkpoint if REST in wanted else None, before, events,
                                                measured.end)
     loads = Loads(math.nan, math.nan)
@@ -271,21 +275,30 @@ def observed(device: Simulator, wanted: Collection[str], measured: Window) -> Ob
         turns=abs(after.crank_angle - before.crank_angle) / TURN,
         steady=steady and (bool(measured.ends) or after.motor_speed == scene["motor.speed"]),
         events=events, delivered=float(delivered), taken_back=float(taken_back), supplied=float(supplied),
-        heated=float(heated), standing=standing, airborne=airborne, loads=loads, cuts=cuts)
+        heated=float(heated), standing=standing, airborne=airborne, loads=loads, cuts=cuts,
+        drift=drift)
 
 
-def _cuts(device: Simulator, measured: Window) -> np.ndarray | None:
-    """Run a device on, which is at the first instant of a measuring time, and give the states at the last cuts."""
+def _cuts(device: Simulator, measured: Window) -> tuple[np.ndarray | None, float]:
+    """Run a device on, which is at the first instant of a measuring time: `cuts` and `drift` of an `Observation`."""
     turn_map, angle = _turn_map(device.scene.name, tuple(device.scene.parameters.items())), device.state.crank_angle
-    count = min(measured.turns - 1, MOST_CUTS)
-    if count < 1 or not turn_map.names:
-        return None
-    skipped = measured.turns - 1 - count
+    last = measured.turns - 2
+    if last < 0 or not turn_map.names:
+        return None, math.nan
+    half, count = last // 2, min(last + 1, MOST_CUTS)
+    halves = [0, half, 2 * half]
+    numbers = sorted({*halves, *range(last + 1 - count, last + 1)})
     if device.scene.has_rotor:
-        first = math.ceil((angle - PHASE) / TURN) + skipped
-        return turn_map.cuts_at_turns(device, range(first, first + count)).states
-    begin = device.time + (share_of_turn(device.scene, angle, PHASE) + skipped) * turn_map.period
-    return turn_map.cuts_at_times(device, begin + turn_map.period * np.arange(count)).states
+        first = math.ceil((angle - PHASE) / TURN)
+        found = turn_map.cuts_at_turns(device, [first + number for number in numbers])
+    else:
+        ahead = share_of_turn(device.scene, angle, PHASE)
+        found = turn_map.cuts_at_times(device, device.time + (ahead + np.array(numbers)) * turn_map.period)
+    if not half:
+        return found.states[-count:], math.nan
+    places = np.searchsorted(numbers, halves)
+    before, after = np.diff(found.positions[places]) / np.diff(found.times[places])
+    return found.states[-count:], float(after - before)
 
 
 @lru_cache(maxsize=1)
@@ -518,12 +531,41 @@ def measure(scene: Scene, names: Collection[str], settling: float, duration: flo
     return _measured(scene, checked_names(tuple(names)), settling, duration, start, frozenset())[0]
 
 
+class Measured(NamedTuple):
+    """What one start gives.
+
+    Attributes
+    ----------
+    values : dict of str to float
+        The measures by name, as `measure` has them.
+    motion : SettledMotion or None
+        What the start has settled to by the end of the time; None if it has not.
+    drift : float
+        Mean speed [m/s] in the second half of all turns less that in the first half; NaN of less than four turns.
+    """
+
+    values: dict[str, float]
+    motion: SettledMotion | None
+    drift: float
+
+
 def measure_with_motion(scene: Scene, names: Collection[str], settling: float, duration: float,
-                        start: int | None) -> tuple[dict[str, float], SettledMotion | None]:
-    """As `measure`, and the motion that the start has settled to by the end of the time; None if it has not."""
-    names = checked_names(tuple(names))
-    values, seen = _measured(scene, names, settling, duration, start, frozenset({MOTION}))
-    return values, None if seen.cuts is None or not seen.steady else motion_of(seen.cuts, _speed(seen), scene)
+                        start: int | None) -> Measured:
+    """As `measure`, with the motion that the start has settled to, and how its speed drifts."""
+    values, seen = _measured(scene, checked_names(tuple(names)), settling, duration, start, frozenset({MOTION}))
+    motion = None if seen.cuts is None or not seen.steady else motion_of(seen.cuts, _speed(seen), scene)
+    return Measured(values, motion, seen.drift)
+
+
+def drift_in(drifts: np.ndarray, speed: float) -> float:
+    """How much faster [m/s] the second half of the time was, the mean over the starts of one attractor.
+
+    It is 0 unless it is larger than twice Student's 95 % interval, which chance exceeds in one of some hundred means of
+    8 starts, and than a hundredth of `speed` [m/s]. Starts of one periodic motion are not asked.
+    """
+    known = drifts[~np.isnan(drifts)]
+    mean = float(known.mean()) if len(known) > 1 else 0.0
+    return mean if abs(mean) > max(2.0 * half_interval(known), _DRIFT * abs(speed)) else 0.0
 
 
 def _measured(scene: Scene, names: tuple[str, ...], settling: float, duration: float, start: int | None,

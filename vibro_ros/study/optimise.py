@@ -523,6 +523,10 @@ def _with_spread(found: Mean, factor: float = 1.0) -> str:
     return f"{_number(factor * found.mean)}{spread}"
 
 
+def _drift(row: Verified) -> str:
+    return f", drifts by {_number(1e3 * row.drift)}" if row.drift else ""
+
+
 def _motion(row: Verified) -> str:
     return "not settled" if row.turns is None else f"every {row.turns} turns" if row.turns else "no period"
 
@@ -555,7 +559,7 @@ def _question_and_verdict(result: Result) -> list[str]:
             f"score is the lower quartile of these starts. Speed counts {_DIRECTIONS[plan.reading.direction]}, and all "
             f"starts must agree.{floor}")
     own = [row for row in result.verified if row.reading == result.verified[0].reading]
-    moves = "; ".join(f"{_with_spread(row.speed, 1e3)} mm/s{_yield(row)} from {row.starts} of "
+    moves = "; ".join(f"{_with_spread(row.speed, 1e3)} mm/s{_drift(row)}{_yield(row)} from {row.starts} of "
                       f"{plan.effort.verifying.starts} starts" for row in own)
     return [asked, f"The optimum goes at {moves}, forward positive."]
 
@@ -593,7 +597,7 @@ def _verification(result: Result) -> list[str]:
     return [said, _table(
         ["reading", "repeats itself", "starts", "speed, forward positive [mm/s]", "mean N over weight",
          "time with N <= 0 [%]", "in the air [%]", "P net [W]", "P delivered [W]", "V/P [m/J]", "cost of transport"],
-        ([row.reading, _motion(row), f"{row.starts} of {trials.starts}", _with_spread(row.speed, 1e3),
+        ([row.reading, _motion(row), f"{row.starts} of {trials.starts}", f"{_with_spread(row.speed, 1e3)}{_drift(row)}",
           _number(row.load), f"{100 * row.unloaded:.0f}", f"{100 * row.air:.0f}", _with_spread(row.power),
           _with_spread(row.delivered), _with_spread(row.ratio) if math.isfinite(row.cost) else "-", _number(row.cost)]
          for row in result.verified))]

@@ -56,6 +56,7 @@ from vibro_ros.study.measures import (
     SPREAD,
     checked_names,
     checked_times,
+    drift_in,
     measure_with_motion,
 )
 from vibro_ros.study.table import NUMBERS, Field, Study, are, computed
@@ -332,7 +333,7 @@ def rows_of(design: Design, number: int) -> list[dict]:
     point, starts = design.runs(number)
     changes = design.changes(point)
     rows = [{"point": point, "start": start, **changes, **dict.fromkeys(design.measures, math.nan), "turns": None,
-             "states": [], "error": None, "warning": None} for start in starts]
+             "states": [], "drift": math.nan, "error": None, "warning": None} for start in starts]
     try:
         scene = design.scene.with_parameters(changes)
     except ValueError as error:
@@ -340,8 +341,9 @@ def rows_of(design: Design, number: int) -> list[dict]:
     for row, start in zip(rows, starts, strict=True):
         row["warning"] = scene.broken_promise or None
         try:
-            values, motion = measure_with_motion(scene, design.measures, design.settling, design.duration, start)
-            row.update(values)
+            values, motion, drift = measure_with_motion(
+                scene, design.measures, design.settling, design.duration, start)
+            row |= {**values, "drift": drift}
             if motion is not None:
                 row |= {"turns": motion.turns, "states": motion.states[-(motion.turns or KEPT_STATES):].ravel()}
         except SimulationError as error:
@@ -361,6 +363,8 @@ def fields_of(design: Design) -> list[Field]:
               "run; 0: it does not; null: it has not settled", True),
         Field("states", NUMBERS, "1", "states of this motion at the cut, one after the other, in crank radii and crank "
               "radii times motor speed"),
+        Field("drift", pa.float64(), "m/s", "mean speed of the body in the second half of the time less that in the "
+              "first half"),
         Field("error", pa.string(), "1", "why the row has no values; else null", True),
         Field("warning", pa.string(), "1", "what is to be known about the values; else null", True),
     ]
@@ -389,6 +393,9 @@ class Summary:
         or of starts of which none parts, has the interval that was measured with it.
     count : dict of str to ndarray, shape (rows,)
         Starts that have a value.
+    drift : ndarray, shape (rows,)
+        How much faster [m/s] the second half of the time was, by which a mean is one of a transient; 0 where no drift
+        is known, and of a periodic motion.
     failed, refused : ndarray, shape (points,)
         Runs that could not go on, and runs of scenes that are refused.
     errors, warnings : list of str
@@ -403,6 +410,7 @@ class Summary:
     mean: dict[str, np.ndarray]
     spread: dict[str, np.ndarray]
     count: dict[str, np.ndarray]
+    drift: np.ndarray
     failed: np.ndarray
     refused: np.ndarray
     errors: list[str]
@@ -448,10 +456,13 @@ def summary(design: Design, table: pa.Table) -> Summary:
     if EXPONENT in mean:
         own_interval = (count[EXPONENT] == 1) | (spread[EXPONENT] == 0.0)
         spread[EXPONENT] = np.where(own_interval, mean[SPREAD], spread[EXPONENT])
+    drifts = table["drift"].to_numpy()
+    drift = np.array([0.0 if found[point][place].turns else drift_in(drifts[rows], found[point][place].mean_speed)
+                      for point, place, rows in groups])
     refused = np.array([error is not None and error.startswith(NO_SCENE) for error in errors]).reshape(-1, starts)
     has_error = np.array([error is not None for error in errors]).reshape(-1, starts)
     return Summary(design, parameters, found, np.array([point for point, _, _ in groups], dtype=int),
-                   np.array([place for _, place, _ in groups], dtype=int), mean, spread, count,
+                   np.array([place for _, place, _ in groups], dtype=int), mean, spread, count, drift,
                    (has_error & ~refused).sum(axis=1), refused.sum(axis=1), _each_once(errors),
                    _each_once(table["warning"].to_pylist()))
 
@@ -468,8 +479,8 @@ def as_csv(found: Summary) -> str:
     heads = [[f"{name} [{MEASURES[name].unit}]", f"{name} 95 % ± [{MEASURES[name].unit}]", f"{name} starts"]
              for name in measures]
     writer.writerow(["point", *(f"{name} [{BY_NAME[name].unit or '1'}]" for name in names), "attractor", "turns",
-                     "starts", "share", "share low", "share high", *(head for group in heads for head in group),
-                     "failed", "refused"])
+                     "starts", "share", "share low", "share high", "drift [m/s]",
+                     *(head for group in heads for head in group), "failed", "refused"])
     row = 0
     for point, attractors in enumerate(found.attractors):
         place = [point, *(found.parameters[name][point] for name in names)]
@@ -477,10 +488,10 @@ def as_csv(found: Summary) -> str:
         for number, one in enumerate(attractors, 1):
             cells = [[found.mean[name][row], found.spread[name][row], found.count[name][row]] for name in measures]
             writer.writerow([*place, number, "" if one.turns is None else one.turns, one.starts, one.share, one.low,
-                             one.high, *(cell for group in cells for cell in group), *counts])
+                             one.high, found.drift[row], *(cell for group in cells for cell in group), *counts])
             row += 1
         if not attractors:
-            writer.writerow([*place, "", "", 0, "", "", "", *("nan", "nan", 0) * len(measures), *counts])
+            writer.writerow([*place, "", "", 0, "", "", "", "", *("nan", "nan", 0) * len(measures), *counts])
     return text.getvalue()
 
 
@@ -489,6 +500,11 @@ def in_words(found: Summary) -> list[str]:
     design = found.design
     lines = [f"{design.points} points from {design.starts} drawn starts each" if design.starts else
              f"{design.points} points, each from the scene's own start"]
+    if (drifting := np.flatnonzero(found.drift)).size:
+        row = int(drifting[np.argmax(np.abs(found.drift[drifting]))])
+        count = len(set(found.point[drifting].tolist()))
+        lines.append(f"the mean speed drifts at {count} of {design.points} points, at most by {found.drift[row]:.3g} "
+                     f"m/s from one half of the time to the other at point {found.point[row]}: give more --settling")
     if several := sum(len(own) > 1 for own in found.attractors):
         lines.append(f"{several} of {design.points} points have several motions, a row each in the summary")
     for name in _shown(design):

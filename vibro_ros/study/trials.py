@@ -20,7 +20,7 @@ from vibro_ros.orbits.chaos import half_interval
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.study.command import Progress
 from vibro_ros.study.execution import Execution
-from vibro_ros.study.measures import measure, measure_with_motion
+from vibro_ros.study.measures import drift_in, measure, measure_with_motion
 from vibro_ros.study.space import Space
 
 #: Measures that every score is made of, the columns of the values of a robot.
@@ -214,6 +214,9 @@ class Verified:
         Speed, in either direction, over the power that is read [m/J].
     cost : float
         Cost of transport [-] with the power that is read; NaN where energy does not balance.
+    drift : float
+        How much faster [m/s] the second half of the time was, by which the means are those of a transient; 0 where no
+        drift is known, and of a periodic motion.
     load, unloaded, air : float
         `mean_load`, `unloaded_share` and `air_share` of `study.measures`; dimensionless.
     """
@@ -229,6 +232,7 @@ class Verified:
     delivered: Mean
     ratio: Mean
     cost: float
+    drift: float
     load: float
     unloaded: float
     air: float
@@ -278,29 +282,30 @@ def verified(space: Space, optimum: Mapping[str, float], reading: Reading, trial
     rows: list[Verified] = []
     with contextlib.closing(runs):
         for (words, scene), found in zip(scenes.items(), runs, strict=True):
-            values, motions = np.array([one for one, _ in found]), [motion for _, motion in found]
-            attractors, places = grouped(motions, values[:, 0].tolist())
-            rows += [_verified(words, scene, one, values[places == place], reading)
+            values, motions, drifts = map(list, zip(*found, strict=True))
+            table = np.column_stack([values, drifts])
+            attractors, places = grouped(motions, table[:, 0].tolist())
+            rows += [_verified(words, scene, one, table[places == place], reading)
                      for place, one in enumerate(attractors)]
             progress.add(1)
     return rows
 
 
-def _settled_at(scenes: tuple[Scene, ...], trials: Trials, number: int) -> list[tuple[list[float], Any]]:
-    """`MEASURED` and `_LOADS` of a robot from each start, NaN if a run cannot go on, and the motion it has settled to.
-    """
+def _settled_at(scenes: tuple[Scene, ...], trials: Trials, number: int) -> list[tuple[list[float], Any, float]]:
+    """Of each start `MEASURED` and `_LOADS`, NaN if a run cannot go on, the motion it has settled to, and the drift."""
     names, found = (*MEASURED, *_LOADS), []
     for start in range(trials.first, trials.first + trials.starts):
         try:
-            values, motion = measure_with_motion(scenes[number], names, trials.settling, trials.duration, start)
-            found.append(([values[name] for name in names], motion))
+            values, motion, drift = measure_with_motion(
+                scenes[number], names, trials.settling, trials.duration, start)
+            found.append(([values[name] for name in names], motion, drift))
         except SimulationError:
-            found.append(([math.nan] * len(names), None))
+            found.append(([math.nan] * len(names), None, math.nan))
     return found
 
 
 def _verified(words: str, scene: Scene, attractor: Attractor, values: np.ndarray, reading: Reading) -> Verified:
-    """A row from the values of the starts of one attractor, shape (starts, measures)."""
+    """A row from the values of the starts of one attractor, shape (starts, measures + 1), the drift in the last."""
     def mean(column: np.ndarray) -> Mean:
         return Mean(float(column.mean()), float(half_interval(column)))
 
@@ -313,4 +318,5 @@ def _verified(words: str, scene: Scene, attractor: Attractor, values: np.ndarray
         words, attractor.turns, attractor.starts, attractor.share, attractor.low, attractor.high, mean(speed),
         mean(values[:, 1]), mean(values[:, 2]), ratio,
         float(power.mean() / (weight * abs(speed.mean()))) if pays else math.nan,
+        0.0 if attractor.turns else drift_in(values[:, -1], float(speed.mean())),
         *map(float, values[:, [len(MEASURED), len(MEASURED) + 1, AIR]].mean(axis=0)))
