@@ -34,15 +34,11 @@ def test_the_robot_refuses_beyond_a_knobs_limits_and_nowhere_before(changes):
 
 def test_a_robot_without_a_mass_or_a_plate_has_no_quantities_of_them():
     scene = vibro_ros.load_scene("damped").with_parameters(
-        {"effects.upper_mass": False, "effects.inclined_contact": "none"})
+        {"effects.upper_mass": False, "effects.inclined_contact": "none", "ground.slope": -0.2})
     robot = drawing(scene)
+    assert (robot["slope"], robot["weight"]) == (-0.2, scene.total_mass * scene["gravity"])
     assert [(guide["side"], guide["plate"]) for guide in robot["guides"]] == [("inclined", False)]
     assert [knob["name"] for knob in robot["knobs"]] == ["motor_speed", "ground.friction"]
     assert not any("upper" in name or "plate" in name for name in robot["quantities"])
     assert robot["quantities"]["inclined_position"] == "m" and robot["quantities"]["inclined_drive_force"] == "N"
     assert robot["quantities"]["crank_angle"] == "rad" and robot["quantities"]["motor_speed"] == "rad/s"
-
-
-def test_a_slope_and_the_weight_on_it():
-    scene = vibro_ros.load_scene("device").with_parameters({"ground.slope": -0.2})
-    assert (drawing(scene)["slope"], drawing(scene)["weight"]) == (-0.2, scene.total_mass * scene["gravity"])

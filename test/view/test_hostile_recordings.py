@@ -45,7 +45,7 @@ def test_stamps_of_another_time(recorded, tmp_path, from_stamp, known):
 
 
 @pytest.mark.parametrize("known", [True, False])
-@pytest.mark.parametrize("value", [np.nan, np.inf, -1e300])
+@pytest.mark.parametrize("value", [np.nan, -1e300])
 def test_a_position_that_is_none(recorded, tmp_path, value, known):
     def spoil(odometry):
         odometry.pose.pose.position.x = value

@@ -56,22 +56,6 @@ def test_a_motion_is_what_the_reader_in_python_says(modules):
     np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-13)  # sums of 9 numbers of size 1
 
 
-def test_a_curve_has_a_break_where_nothing_was_recorded(modules):
-    header, payload = random_motion()
-    motion = Motion(header, payload)
-    points = modules.call("motion", BUFFER + """
-        const points = [];
-        new m.Motion(v[1], buffer).trace("q0", v[1].begin, v[1].end, 1e-3, (time, value) => points.push([time, value]));
-        return points.map(([time, value]) => [time, Number.isNaN(value) ? null : value]);""", binary(payload), header)
-    breaks = [time for time, value in points if value is None]
-    assert breaks == [motion.borders[20, 0]]
-    known = np.array([point for point in points if point[1] is not None])
-    assert np.all(np.diff(known[:, 0]) >= 0.0)
-    at = motion.at(known[:, 0])["q0"]
-    inside = ~np.isin(known[:, 0], motion.borders)  # where two pieces meet, both are points of the curve
-    np.testing.assert_allclose(known[inside, 1], at[inside], rtol=1e-13, atol=1e-13)
-
-
 def test_sliders_stand_where_the_model_has_them(modules):
     psi = np.linspace(-7.0, 7.0, 57)
     for rod in (0.06, 0.02):
@@ -165,15 +149,22 @@ def test_the_mean_speed_begins_at_a_reset_and_leaves_out_what_is_not_known(modul
     np.testing.assert_allclose(found[:, 1], [0.01, -0.02, 0.01], rtol=1e-9)
 
 
-def test_the_path_of_a_motion_is_what_it_is_at_the_same_instants(modules):
+def test_curve_and_path_of_a_motion_break_where_nothing_was_recorded_and_else_are_what_it_is(modules):
     header, payload = random_motion()
     motion = Motion(header, payload)
-    points = modules.call("motion", BUFFER + """
-        const points = [];
-        new m.Motion(v[1], buffer).path(["q0", "q2"], v[1].begin - 1, v[1].end, 1e-3, (time, values) => {
+    points, curve = modules.call("motion", BUFFER + """
+        const [points, curve, motion] = [[], [], new m.Motion(v[1], buffer)];
+        motion.path(["q0", "q2"], v[1].begin - 1, v[1].end, 1e-3, (time, values) => {
           points.push([time, ...values.map((one) => Number.isNaN(one) ? null : one)]);
         });
-        return points;""", binary(payload), header)
+        motion.trace("q0", v[1].begin, v[1].end, 1e-3, (time, value) => {
+          curve.push([time, Number.isNaN(value) ? null : value]);
+        });
+        return [points, curve];""", binary(payload), header)
+    assert [time for time, value in curve if value is None] == [motion.borders[20, 0]]
+    drawn = np.array([point for point in curve if point[1] is not None and point[0] not in motion.borders])
+    assert np.all(np.diff(drawn[:, 0]) >= 0.0)
+    np.testing.assert_allclose(drawn[:, 1], motion.at(drawn[:, 0])["q0"], rtol=1e-13, atol=1e-13)
     breaks = [time for time, *values in points if None in values]
     assert breaks == [motion.borders[20, 0]]
     known = np.array([point for point in points if None not in point])
@@ -237,21 +228,6 @@ TEXTS = """  // a surface whose texts are noted: {text, left, right, y} [px]
     };"""
 
 
-@pytest.mark.parametrize("position", [-1.2345, -12.5, 0.5])
-def test_the_numbers_of_an_axis_are_whole(modules, position):
-    texts = modules.call("charts", TEXTS + """
-        const {SampleBuffer} = await import("vibro/samples.js");
-        const {Impacts} = await import("vibro/impacts.js");
-        const samples = new SampleBuffer(["time", "body_position"], 100);
-        samples.push(Float64Array.from([0, v[0] - 1e-4, 1, v[0] + 1e-4]));
-        const charts = new m.Charts();
-        charts.load(samples, false);
-        charts.draw(noted(500, 300), 1, 1, {body_position: v[0]}, new Impacts(1));
-        return texts;""", position)
-    assert any(one["text"].startswith("\u2212") for one in texts) == (position < 0.0)
-    assert [one for one in texts if one["left"] < 0.0 or one["right"] > 500.0] == []
-
-
 @pytest.mark.parametrize("size", [(600, 500), (380, 300), (360, 700)])
 def test_the_height_of_a_hop_stands_within_the_picture(modules, size):
     texts = modules.call("mechanism", TEXTS + """
@@ -264,41 +240,3 @@ def test_the_height_of_a_hop_stands_within_the_picture(modules, size):
         }
         return texts;""", drawing(vibro_ros.load_scene("device")), *size)
     assert len(texts) == 3 and all(0.0 <= one["left"] and one["right"] <= size[0] for one in texts)
-
-
-@pytest.mark.parametrize("size", [(600, 500), (380, 300)])
-def test_numbers_of_forces_lie_beside_the_masses(modules, size):
-    """In the frame of each guide no label reaches a mass, which is 22 mm wide."""
-    found = modules.call("overlays", TEXTS + """
-        const {massPlace, Stage} = await import("vibro/mechanism.js");
-        const {context} = noted(v[1], v[2]);
-        const stage = new Stage(v[0]);
-        const covered = [];
-        for (const place of [0.03, 0.05, 0.06]) {
-          for (const force of [-2000, -30, 30, 2000]) {
-            const values = {upper_position: place, inclined_position: place, upper_plate_position: 0.06,
-              inclined_plate_position: 0.06, upper_drive_force: force, inclined_drive_force: force,
-              upper_plate_force: -force, inclined_plate_force: -force};
-            stage.fit(v[1], v[2], values);
-            texts.length = 0;
-            m.drawForces(context, stage, values);
-            for (const {text, left, right, y} of texts) {
-              for (const guide of v[0].guides) {
-                const mass = massPlace(v[0], guide, values);
-                for (let k = 0; k <= 20; k += 1) {
-                  for (const dy of [-5, 0, 5]) {
-                    const x = (left + (right - left) * k / 20 - stage.middle) / stage.scale;
-                    const z = (stage.hub - y - dy) / stage.scale;
-                    const across = x * Math.cos(guide.angle) + z * Math.sin(guide.angle);
-                    const along = z * Math.cos(guide.angle) - x * Math.sin(guide.angle);
-                    if (Math.abs(across) < 0.011 && along > mass && along < mass + v[0].mass_height) {
-                      covered.push(`${text} on ${guide.side}, ${place}, ${force}`);
-                    }
-                  }
-                }
-              }
-            }
-          }
-        }
-        return [...new Set(covered)];""", drawing(vibro_ros.load_scene("device")), *size)
-    assert found == []
