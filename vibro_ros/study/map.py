@@ -30,7 +30,6 @@ from matplotlib.lines import Line2D
 from vibro_ros.configuration.command_choice import Choice, CommandChoice, has_choice
 from vibro_ros.configuration.command_map import (
     LARGEST,
-    MOST_ROWS,
     PATCHWORK,
     SIDES,
     Axis,
@@ -59,6 +58,8 @@ from vibro_ros.study.table import NUMBERS, Field, Study, are, computed, file_of
 from vibro_ros.study.variation import whole_number
 
 SPEED, GAP = "motor_speed", "gap"
+MOST_CELLS = 50_000
+"""Of a grid. Each cell is visited four times."""
 
 
 @dataclass(frozen=True)
@@ -157,9 +158,9 @@ def design_of(options: argparse.Namespace) -> MapDesign:
     if design.speeds.low <= 0.0:
         raise ValueError(f"--motor-speed: from {design.speeds.low:g} rad/s; a crank that stands has no motion: give "
                          "speeds above 0")
-    if 4 * design.speeds.count * design.gaps.count > MOST_ROWS:
+    if design.speeds.count * design.gaps.count > MOST_CELLS:
         raise ValueError(f"--motor-speed, --gap: {design.speeds.count} x {design.gaps.count} cells; give at most "
-                         f"{MOST_ROWS // 4}")
+                         f"{MOST_CELLS}")
     for index in range(design.speeds.count):
         design.scene_at(index, 0)  # refuses values that the scene refuses
     for index in range(design.gaps.count):
