@@ -95,18 +95,14 @@ def test_a_duration_of_zero_and_a_reset_end_what_lasts():
 
 @pytest.mark.parametrize(("ask", "words"), [
     (lambda device: device.push(math.inf, force_x=1.0), "duration: inf is not finite"),
-    (lambda device: device.push(-1.0), "duration: -1 is out of range"),
     (lambda device: device.push(1e9, force_x=1.0), "from 0 to 86400 s"),
     (lambda device: device.push(1.0, force_x=math.nan), "force_x: nan is not finite"),
-    (lambda device: device.push(1.0, force_x=1e300), "force_x: 1e[+]300 is out of range"),
     (lambda device: device.push(1.0, force_z=5.0), "stays on the ground"),
     (lambda device: device.fail("earthquake", 1.0), "fault: 'earthquake' is unknown; choose one of motor_stall"),
     (lambda device: device.fail("plate_stuck", 1.0), "of: '' has no plate_stuck; give upper or inclined"),
     (lambda device: device.fail("motor_stall", 1.0, of="upper"), "give nothing"),
-    (lambda device: device.fail("motor_stall", 1.0, value=2.0), "value: 2 is out of range"),
     (lambda device: device.fail("supply_sag", 1.0, value=9.0), "befalls a dc motor, and this one is ideal"),
     (lambda device: device.fail("supply_sag", 1.0), "value: 0 is out of range"),
-    (lambda device: device.fail("supply_sag", 1.0, value=math.nan), "value: nan is not finite"),
     (lambda device: device.fail("lost_commands", 1.0), "befalls commands, which this device does not have"),
     (lambda device: device.fail(["motor_stall"], 1.0), "fault"),
     (lambda device: device.fail("motor_stall", "long"), "duration: 'long' is not a number")])

@@ -72,6 +72,18 @@ def test_agrees_with_fine_steps(name, changes):
         np.abs(found - fine).max() < 0.02 * np.abs(found - coarse).max() + 1e-9)
 
 
+def test_a_forged_filter_is_refused():
+    scene = load_scene("damped")
+    device = Simulator(scene, BANDWIDTH)
+    good, filters = device.checkpoint(), device._motion.state.lowpass
+    filters["channel"] += 10**6  # which a kernel would read from foreign memory
+    forged = device.checkpoint()
+    filters["channel"] -= 10**6
+    assert np.count_nonzero(forged != good) == 1
+    with pytest.raises(ValueError, match="no state that this device can be in"):
+        device.restore(forged)
+
+
 def test_no_filter_by_steps_of_fixed_length():
     with pytest.raises(ValueError, match="choose exact"):
         Simulator(load_scene("paper").with_parameters({"solver.method": "rk4"}), BANDWIDTH)

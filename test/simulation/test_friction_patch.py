@@ -178,19 +178,13 @@ def test_the_first_edge_is_where_bisection_finds_it_and_the_floor_changes_there(
 
 @pytest.mark.parametrize(("asked", "words"), [
     ({"value": 0.1, "from_x": 1.0, "to_x": 1.0}, "to_x: 1 m does not lie ahead of from_x, 1 m; give a greater one"),
-    ({"value": 0.1, "from_x": 1.0, "to_x": 0.0}, "to_x: 0 m does not lie ahead of from_x"),
-    ({"value": 0.1}, "to_x: 0 m does not lie ahead"),
     ({"value": 0.1, "from_x": math.nan, "to_x": 1.0}, "from_x: nan is not finite"),
-    ({"value": 0.1, "from_x": 0.0, "to_x": math.inf}, "to_x: inf is not finite"),
     ({"value": 0.1, "from_x": -1e300, "to_x": 0.0}, "from_x: -1e[+]300 is out of range"),
     ({"value": 0.1, "from_x": "here", "to_x": 1.0}, "from_x: 'here' is not a number"),
     ({"value": -0.1, "from_x": 0.0, "to_x": 1.0}, "value: -0.1 is out of range"),
-    ({"value": math.nan, "from_x": 0.0, "to_x": 1.0}, "value: nan is not finite"),
-    ({"value": 1e4, "from_x": 0.0, "to_x": 1.0}, "value: 10000 is out of range"),
     ({"value": 900.0, "from_x": 0.0, "to_x": 1.0}, "value: as on a patch, ground.friction: at 900 the reaction"),
     ({"of": "upper", "value": 0.1, "from_x": 0.0, "to_x": 1.0}, "of: 'upper' has no friction_patch; give nothing"),
     ({"fault": "motor_stall", "from_x": 1.0}, "from_x: 1 is out of range"),
-    ({"fault": "motor_stall", "to_x": math.nan}, "to_x: nan is not finite"),
     ({"duration": 0.0, "to_x": 1.0}, "to_x: 1 is out of range")])
 def test_what_cannot_be_is_refused_and_changes_nothing(asked: dict, words: str):
     device = running("device")

@@ -73,37 +73,22 @@ def test_a_body_that_sticks_slips_when_the_floor_becomes_smoother():
     assert device.state.body_velocity == 0.0
 
 
-def test_a_motor_on_its_ramp_goes_on_with_the_new_acceleration():
-    device = vibro_ros.Simulator(vibro_ros.load_scene("device"))
-    device.set_parameters({"motor.acceleration": 200.0})
-    device.command(motor_speed=100.0)
-    device.advance_to(0.25)
-    device.set_parameters({"motor.acceleration": 400.0})
-    device.advance_to(0.3)
-    assert device.state.motor_speed == pytest.approx(50.0 + 0.05 * 400.0, rel=1e-12)
-    device.advance_to(0.5)
-    assert device.state.motor_speed == 100.0
-
-
-def test_a_lagging_motor_goes_on_with_the_new_time_constant():
-    device = running("damped", effects__motor="lag", motor__speed=0.0, motor__time_constant=0.1)
-    device.command(motor_speed=100.0)
-    device.advance_to(0.1)
-    device.set_parameters({"motor.time_constant": 0.02})
-    device.advance_to(0.16)
-    assert device.state.motor_speed == pytest.approx(100.0 * (1.0 - np.exp(-1.0 - 3.0)), rel=1e-9)
-
-
-def test_a_plate_on_its_way_goes_on_with_the_new_speed():
-    device = running("damped")
-    start = float(device.state.upper_plate_position)
-    device.command(upper_gap=0.001)
-    device.advance_to(0.1)  # at 0.005 m/s
-    device.set_parameters({"gap_actuator.speed": 0.001})
-    device.advance_to(0.2)
-    assert device.state.upper_plate_position - start == pytest.approx(0.0005 + 0.0001, rel=1e-9)
-    device.advance_to(0.7)
-    assert device.state.upper_plate_position - start == pytest.approx(0.001, rel=1e-9)
+@pytest.mark.parametrize(("start", "command", "change", "field", "values"), [
+    ({"effects__motor": "ramp", "motor__acceleration": 200.0}, {"motor_speed": 100.0}, {"motor.acceleration": 400.0},
+     "motor_speed", {0.25: 50.0, 0.3: 70.0, 0.5: 100.0}),
+    ({"effects__motor": "lag", "motor__time_constant": 0.25}, {"motor_speed": 100.0}, {"motor.time_constant": 0.02},
+     "motor_speed", {0.25: 100.0 * -np.expm1(-1.0), 0.31: 100.0 * -np.expm1(-4.0)}),
+    ({}, {"upper_gap": 0.002}, {"gap_actuator.speed": 0.001},
+     "upper_plate_position", {0.25: 0.06125, 0.35: 0.06135, 1.0: 0.062})], ids=["ramp", "lag", "plate"])
+def test_what_is_on_its_way_goes_on_with_the_new_parameter(start, command, change, field, values):
+    """Changed at 0.25 s."""
+    device = running("damped", motor__speed=0.0, **start)
+    device.command(**command)
+    for time, value in values.items():
+        device.advance_to(time)
+        assert getattr(device.state, field) == pytest.approx(value, rel=1e-9)
+        if time == 0.25:
+            device.set_parameters(change)
 
 
 @pytest.mark.parametrize(("changes", "words"), [

@@ -262,30 +262,12 @@ def test_nothing_runs_once_the_last_result_is_there():
     assert not running()
 
 
-INTERRUPTED_FORK = """
+INTERRUPTED = """
 import os, signal
 from vibro_ros.process import entry_point
 from vibro_ros.simulation.processes import in_processes
 entry_point.interrupt_on_signals()
-os.register_at_fork(before=lambda: os.kill(os.getpid(), signal.SIGINT))
-try:
-    list(in_processes(abs, range(3), 2))
-except KeyboardInterrupt:
-    print("interrupted")
-"""
-
-
-def test_a_stop_signal_in_a_hook_of_a_fork_is_not_lost():
-    run = subprocess.run([sys.executable, "-c", INTERRUPTED_FORK], capture_output=True, text=True, timeout=60.0)
-    assert (run.returncode, run.stdout) == (0, "interrupted\n"), run.stderr
-
-
-SWALLOWED = """
-import os, signal, sys
-from vibro_ros.process import entry_point
-from vibro_ros.simulation.processes import in_processes
-entry_point.interrupt_on_signals()
-def propose():
+def swallowing():
     for number in range(100):
         try:
             if number == 3:
@@ -293,16 +275,20 @@ def propose():
         except:
             pass
         yield number
+items = {items}
 try:
-    print(len(list(in_processes(abs, propose(), int(sys.argv[1])))))
+    print(len(list(in_processes(abs, items, {workers}))))
 except KeyboardInterrupt:
     print("interrupted")
 """
+IN_A_FORK = "(os.register_at_fork(before=lambda: os.kill(os.getpid(), signal.SIGINT)), *range(3))[1:]"
 
 
-@pytest.mark.parametrize("workers", ["1", "2"])
-def test_a_stop_signal_that_a_library_swallows_is_not_lost(workers):
-    run = subprocess.run([sys.executable, "-c", SWALLOWED, workers], capture_output=True, text=True, timeout=60.0)
+@pytest.mark.parametrize(("items", "workers"), [(IN_A_FORK, 2), ("swallowing()", 1), ("swallowing()", 2)],
+                         ids=["hook of a fork", "swallowed, 1", "swallowed, 2"])
+def test_a_stop_signal_in_a_hook_of_a_fork_or_that_a_library_swallows_is_not_lost(items, workers):
+    run = subprocess.run([sys.executable, "-c", INTERRUPTED.format(items=items, workers=workers)], capture_output=True,
+                         text=True, timeout=60.0)
     assert (run.returncode, run.stdout) == (0, "interrupted\n"), run.stderr
 
 

@@ -162,13 +162,6 @@ class Integration:
         drive["time_left"] = abs(target - drive["speed"]) / change
         assert self._stepper.begin(self.state, self.point) == event_loop.REACHED
 
-    def lag_speed(self, target, lag, duration):
-        """Let the speed approach `target` with the time constant `lag` for `duration`, from the present segment's start
-        on."""
-        drive = self.state.now["drive"][0]
-        drive["target"], drive["lag"], drive["time_left"] = target, lag, duration
-        assert self._stepper.begin(self.state, self.point) == event_loop.REACHED
-
     def move_ramp(self, k, target, rate):
         """Let ramp k move to `target` at `rate`."""
         ramp = self.state.ramp[k]

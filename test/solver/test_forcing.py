@@ -8,7 +8,7 @@ import pytest
 from small_system import Integration, build, cosine_table
 
 from vibro_ros.model.slider import Slider, signal_table
-from vibro_ros.solver.events import PHASE_KIND, RAMP_KIND
+from vibro_ros.solver.events import PHASE_KIND
 from vibro_ros.solver.system import Channels
 
 ONE_SIGNAL = Channels(0, 0, 1, 0)
@@ -76,39 +76,6 @@ def test_changing_speed(slider, speed, target, change):
         assert event[0] == pytest.approx(ramp_time, rel=1e-15)
 
 
-def lagging(slider, lag, speed, target, times):
-    """A run whose speed approaches `target`: points, phases and the exact angles [rad] at `times`."""
-    run = Integration(build(ONE_SIGNAL, [[]], signals=signal_table((slider,))), speed=speed)
-    run.lag_speed(target, lag, 40.0 * lag)
-    points, _, phases = run.sample(times)
-    with mpmath.workdps(40):
-        angles = [target * mpmath.mpf(float(time)) + (target - mpmath.mpf(speed)) * lag * mpmath.expm1(
-            -mpmath.mpf(float(time)) / lag) for time in times]
-    return points, phases, angles
-
-
-@pytest.mark.parametrize("slider", SLIDERS)
-@pytest.mark.parametrize("lag", [1e-3, 0.1, 0.5])
-@pytest.mark.parametrize(("speed", "target"), [(0.0, 100.0), (100.0, 0.0), (100.0, 130.0), (500.0, 1.0), (2.0, 2.001)])
-def test_lagging_speed(slider, lag, speed, target):
-    """Through cells, part by part: to the rounding of a position, and of the phase at the slider's speed."""
-    points, phases, angles = lagging(slider, lag, speed, target, np.linspace(0.0, min(40.0 * lag, 2.0), 100))
-    turned = np.array([float(angle) for angle in angles])
-    with mpmath.workdps(40):
-        expected = np.array([float(exact_slider(slider, angle)) for angle in angles])
-    rounding = 3e-16 + 2.0 * slider.radius * 2e-15 * (1.0 + turned)
-    assert np.all(abs(points[:, 0] - expected) <= rounding), abs(points[:, 0] - expected).max()
-    np.testing.assert_allclose(phases[:, 0] * 2 * math.pi + phases[:, 1], turned, rtol=2e-15, atol=1e-15)
-
-
-@pytest.mark.parametrize("slider", SLIDERS[:3])
-def test_signal_rates_at_a_lagging_speed(slider):
-    """As at a steady speed: to the rounding of the position over the time in which a cell passes."""
-    points, phases, _ = lagging(slider, 0.1, 100.0, 130.0, np.linspace(0.0, 0.5, 200))
-    expected = slider.slope(phases[:, 1]) * phases[:, 2]
-    np.testing.assert_allclose(points[:, 1], expected, rtol=0, atol=1.3e-13)
-
-
 @pytest.mark.parametrize("slider", SLIDERS[:4])
 def test_signal_rates(slider):
     """ds/dt: to the rounding of the position over the time in which a cell passes."""
@@ -144,19 +111,3 @@ def test_turns_are_counted_for_an_hour():
     run = Integration(build(ONE_SIGNAL, [[]], signals=cosine_table()), speed=100.0)
     _, _, phases = run.sample([3600.0])
     assert phases[0, 0] * 2 * math.pi + phases[0, 1] == pytest.approx(3.6e5, rel=1e-15)
-
-
-def test_ramps():
-    """Each moves at its rate, ends at exactly its target, and records its end."""
-    run = Integration(build(Channels(0, 0, 0, 2), [[]]), ramps=[0.06, 0.01])
-    run.move_ramp(0, 0.0607, 0.005)
-    run.move_ramp(1, -0.01, 0.3)
-    times = np.array([0.0, 0.01, 0.05, 0.07, 0.139, 0.2])
-    points, _, _ = run.sample(times)
-    np.testing.assert_allclose(points[:, 0], np.minimum(0.06 + 0.005 * times, 0.0607), rtol=0, atol=2e-17)
-    np.testing.assert_allclose(points[:, 1], np.maximum(0.01 - 0.3 * times, -0.01), rtol=0, atol=2e-17)
-    np.testing.assert_array_equal(points[:, 2], [0.005] * 5 + [0.0])
-    np.testing.assert_array_equal(points[:, 3], [-0.3] * 3 + [0.0] * 3)
-    assert points[-1, 0] == 0.0607 and points[-1, 1] == -0.01
-    assert [event[1] for event in run.events] == [RAMP_KIND + 1, RAMP_KIND]
-    np.testing.assert_allclose([event[0] for event in run.events], [0.02 / 0.3, 0.14], rtol=1e-13)
