@@ -29,6 +29,8 @@ from tools.child import Child
 from vibro_ros.ros.node import qos
 
 RATES = (1000.0, 200.0)  # Hz
+ROUNDS, STARTS = 5, 3  # how often each is started, and with an empty cache and again
+SETTLING, DURATION = 3.0, 5.0  # s, before and of each measurement
 BARE = "bare node"
 #: Speed [rad/s] of the robot's motor in each of its cases.
 SPEEDS = {"running": 100.0, "standing still": 0.0}
@@ -43,22 +45,16 @@ _JOINTS = ["crank", "upper_mass", "inclined_mass", "upper_plate", "inclined_plat
 def main(words: Sequence[str]) -> int:
     """Measure and print a table, or be the bare node."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rates", type=float, nargs="+", default=RATES, help="of publishing [Hz] (default 1000 200)")
-    parser.add_argument("--rounds", type=int, default=5, help="how often each is started (default %(default)d)")
-    parser.add_argument("--settling", type=float, default=3.0, help="before each measurement [s] (default %(default)g)")
-    parser.add_argument("--duration", type=float, default=5.0, help="of each measurement [s] (default %(default)g)")
-    parser.add_argument("--starts", type=int, default=3, help="how often each is started with an empty cache and again "
-                        "(default %(default)d)")
     parser.add_argument("--bare", type=float, metavar="RATE", help="be the bare node, publishing at this rate [Hz]")
     parser.add_argument("--namespace", default="", help="of the bare node")
     options = parser.parse_args(words)
     if options.bare:
         return _publish(options.bare, options.namespace)
-    cases = [(rate, case) for rate in options.rates for case in (BARE, *SPEEDS)]
+    cases = [(rate, case) for rate in RATES for case in (BARE, *SPEEDS)]
     found: dict[tuple[float, str], list[float]] = {case: [] for case in cases}
-    for rate, case in tqdm(cases * options.rounds, unit="process", disable=None):
-        found[rate, case].append(_share(rate, case, options.settling, options.duration))
-    print(f"{table(found)}\n\n{starts(options.starts)}")
+    for rate, case in tqdm(cases * ROUNDS, unit="process", disable=None):
+        found[rate, case].append(_share(rate, case))
+    print(f"{table(found)}\n\n{starts()}")
     return 0
 
 
@@ -75,20 +71,20 @@ def table(found: Mapping[tuple[float, str], Sequence[float]]) -> str:
     return "\n".join([*rows, "", f"medians of {len(bare)} rounds"])
 
 
-def _share(rate: float, case: str, settling: float, duration: float) -> float:
-    """Share of a core that a process takes, over `duration` [s], once it has settled [s]."""
+def _share(rate: float, case: str) -> float:
+    """Share of a core that a process takes, once it has settled."""
     with tempfile.TemporaryDirectory() as folder, Child(*_words(rate, case, folder), shown=False) as child:
         child.wait_for("ready")
-        time.sleep(settling)
+        time.sleep(SETTLING)
         begun, before = time.monotonic(), _processor_time(child)
-        time.sleep(duration)
+        time.sleep(DURATION)
         return (_processor_time(child) - before) / (time.monotonic() - begun)
 
 
-def starts(count: int) -> str:
+def starts() -> str:
     """Median times [s] from the command to the first odometry, as Markdown."""
     found: dict[str, list[float]] = {"robot, empty cache": [], "robot, full cache": [], BARE: []}
-    for _ in range(count):
+    for _ in range(STARTS):
         with tempfile.TemporaryDirectory() as cache:
             for name, times in found.items():
                 times.append(_start("running" if name != BARE else BARE, cache))
