@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import vibro_ros
-from vibro_ros.orbits.attractors import Attractors, grouped, share_of
+from vibro_ros.orbits.attractors import Attractors, grouped
 from vibro_ros.orbits.recurrence import SettledMotion
 from vibro_ros.orbits.turn_map import TurnMap
 
@@ -71,16 +71,6 @@ def test_a_single_attractor_is_said_without_shares():
     found, places = grouped([motion(1, [0.0, 1.0])] * 4, [-0.1] * 4)
     assert found.single is found[0] and found.in_words() == "-100.00 mm/s, again after 1 turn"
     assert places.tolist() == [0, 0, 0, 0] and isinstance(found, Attractors)
-
-
-@pytest.mark.parametrize(("starts", "total"), [(0, 10), (1, 10), (10, 10), (300, 1000)])
-def test_a_share_has_wilsons_interval(starts, total):
-    """Both ends solve |p - share| = z sqrt(p (1 - p) / n), the definition."""
-    share, low, high = share_of(starts, total)
-    for end in (low, high):
-        if 0.0 < end < 1.0:
-            assert abs(end - share) == pytest.approx(1.959964 * math.sqrt(end * (1.0 - end) / total), rel=1e-6)
-    assert 0.0 <= low <= share <= high <= 1.0
 
 
 def test_a_wrong_number_of_starts_and_a_crank_that_stands_are_refused():

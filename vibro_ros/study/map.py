@@ -58,7 +58,7 @@ from vibro_ros.study.table import NUMBERS, Field, Study, are, computed, file_of
 from vibro_ros.study.variation import whole_number
 
 SPEED, GAP = "motor_speed", "gap"
-MOST_CELLS = 50_000
+MOST_CELLS = 25_000
 """Of a grid. Each cell is visited four times."""
 
 
