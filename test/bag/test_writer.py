@@ -142,7 +142,8 @@ def test_the_oldest_files_go_before_a_bag_exceeds_its_limit(tmp_path, published,
 def test_each_file_begins_with_what_is_said_once_for_all(tmp_path, published, start_ns):
     folder, said = tmp_path / "run", published["/motor_power"](7)
     topics = [Topic("/odom", "nav_msgs/msg/Odometry", 10), Topic("/motor_power", "std_msgs/msg/Float64", 1, True)]
-    with Recorder(folder, topics, {}, storage=SPLITS["size"], latched=[("/motor_power", said)]) as recorder:
+    with Recorder(folder, topics, {}, storage=SPLITS["size"]) as recorder:
+        recorder.latch([("/motor_power", said)])
         for i in range(400):
             recorder.write("/odom", start_ns + i * PERIOD, published["/odom"](i))
     files = [folder / file["path"] for file in metadata(folder)["files"]]

@@ -14,8 +14,9 @@ from vibro_ros.messages.codec import deserialised, serialised
 from vibro_ros.messages.topics import CHECKPOINT, ROBOT_TOPICS, TOPICS
 from vibro_ros.model.parameters import GONE
 from vibro_ros.recordings import replay
-from vibro_ros.recordings.energy import energy_as_lines, energy_of
+from vibro_ros.recordings.energy import energy_of
 from vibro_ros.recordings.plots import parts_of, plot_run
+from vibro_ros.recordings.summary import energy_as_lines
 
 RATE = 50.0
 TICKS = 120

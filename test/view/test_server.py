@@ -24,11 +24,11 @@ def taken(outbox: Outbox) -> list[str | bytes]:
 
 def test_rows_that_follow_one_another_make_one_frame_and_texts_keep_their_place():
     outbox = Outbox()
-    outbox.add_text("robot", "R")
-    outbox.add_samples(rows(2))
-    outbox.add_samples(rows(3))
-    outbox.add_text("log", "L")
-    outbox.add_samples(rows(1))
+    outbox.add("robot", "R")
+    outbox.add("samples", rows(2))
+    outbox.add("samples", rows(3))
+    outbox.add("log", "L")
+    outbox.add("samples", rows(1))
     frames = taken(outbox)
     assert [one if isinstance(one, str) else (np.frombuffer(one[:8], "<u4").tolist(), len(one)) for one in frames] == [
         "R", ([1, 5], 8 + 5 * ROW), "L", ([1, 1], 8 + ROW)]
@@ -37,9 +37,9 @@ def test_rows_that_follow_one_another_make_one_frame_and_texts_keep_their_place(
 def test_a_page_that_does_not_read_keeps_the_latest_samples_within_bounds():
     outbox = Outbox()
     for number in range(3000):
-        outbox.add_samples(rows(10, float(number)))
-        outbox.add_text("log", str(number))
-        outbox.add_text("status", str(number))
+        outbox.add("samples", rows(10, float(number)))
+        outbox.add("log", str(number))
+        outbox.add("status", str(number))
     frames = taken(outbox)
     samples = [np.frombuffer(one, offset=8) for one in frames if isinstance(one, bytes)]
     assert MOST_BYTES / 2 < sum(one.nbytes for one in samples) <= MOST_BYTES
@@ -51,18 +51,18 @@ def test_a_page_that_does_not_read_keeps_the_latest_samples_within_bounds():
 @pytest.mark.parametrize("kind", ["robot", "absent"])
 def test_another_standing_makes_void_what_waits_of_the_one_before(kind):
     outbox = Outbox()
-    outbox.add_text("robot", "before")
-    outbox.add_samples(rows(2))
-    outbox.add_text("impacts", "blows")
-    outbox.add_text("answer", "done")
-    outbox.add_text(kind, "now")
+    outbox.add("robot", "before")
+    outbox.add("samples", rows(2))
+    outbox.add("impacts", "blows")
+    outbox.add("answer", "done")
+    outbox.add(kind, "now")
     assert taken(outbox) == ["done", "now"]
 
 
 def test_a_motion_replaces_the_one_that_waits():
     outbox = Outbox()
-    outbox.add_motion("first", b"1")
-    outbox.add_motion("second", b"2")
+    outbox.add("motion", "first", b"1")
+    outbox.add("motion", "second", b"2")
     assert taken(outbox) == ["second", b"2"]
 
 

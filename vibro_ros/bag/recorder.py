@@ -123,8 +123,6 @@ class Recorder:
         Largest number of messages waiting for the disk; beyond it, messages are dropped.
     storage : Storage
         How the bag lies on the disk.
-    latched : sequence of (str, bytes)
-        Topics and messages with which each file of the bag begins, under the stamp of its first message.
 
     Raises
     ------
@@ -137,8 +135,7 @@ class Recorder:
     """
 
     def __init__(self, folder: Path, topics: Sequence[Topic], metadata: Mapping[str, str],
-                 backlog: int = BACKLOG, storage: Storage = _PLAIN,
-                 latched: Sequence[tuple[str, bytes]] = ()) -> None:
+                 backlog: int = BACKLOG, storage: Storage = _PLAIN) -> None:
         self.folder = Path(folder)
         self.fault: str | None = None
         self._backlog = backlog
@@ -162,7 +159,6 @@ class Recorder:
         except OSError as error:
             raise OSError(f"cannot record to {folder}: {error.strerror}; "
                           "give a folder that can be written") from error
-        self.latch(latched)
         self._thread = Thread(target=self._run, name="bag writer", daemon=True)
         self._thread.start()
 
@@ -184,7 +180,7 @@ class Recorder:
         return False
 
     def latch(self, latched: Sequence[tuple[str, bytes]]) -> None:
-        """Say what `latched` is, before the first `write`."""
+        """Let each file begin with these, topic and message, under its first message's stamp; before any `write`."""
         self._writer.latch(latched)
 
     def describe(self, custom: Mapping[str, str]) -> None:
@@ -306,13 +302,14 @@ class BagWriter:
 
     It holds the folder's lock, so that nobody takes it for abandoned. `folder` must not exist, its parents may be
     missing. `custom` is the bag's custom data, from its beginning on; `added` counts the messages that the writer
-    itself has put at the beginning of files. After an OSError the bag ends with its last flush, for `recover` to seal.
+    itself has put at the beginning of files, `stored` those that the operating system has, or had before files were
+    deleted to make room. After an OSError the bag ends with its last flush, for `recover` to seal.
     FileExistsError when the folder exists; OSError when it cannot be made or written, and then nothing is left behind.
     """
 
     def __init__(self, folder: Path, topics: Sequence[TopicInformation], custom: Mapping[str, str], storage: Storage):
         self.folder = folder
-        self.added = 0
+        self.added = self.stored = 0
         self._topics, self._custom, self._storage = topics, dict(custom), storage
         types = list(dict.fromkeys(topic.type_name for topic in topics))
         self._schemas = [Schema(id=number, data=definition_text(name).encode(), encoding="ros2msg", name=name)
@@ -336,12 +333,6 @@ class BagWriter:
             os.close(self._lock)
             folder.rmdir()  # a file that could not be begun has left nothing
             raise
-
-    @property
-    def stored(self) -> int:
-        """Messages that the operating system has, those of files too that were deleted to make room."""
-        finished = sum(file.messages for file, _ in list(self._finished))  # other threads ask, too
-        return finished + self._discarded_messages + (self._flushed if self._is_open else 0)
 
     def latch(self, latched: Sequence[tuple[str, bytes]]) -> None:
         """Let each file begin with these, topic and message, under its first message's stamp; before that is written.
@@ -378,9 +369,11 @@ class BagWriter:
             self._file.flush()
         except OSError:
             if not self._sink.is_in_place:
-                self._flushed = 0
+                self.stored -= self._flushed
             raise
-        self._flushed = sum(self._counts.values())
+        written = sum(self._counts.values())
+        self.stored += written - self._flushed
+        self._flushed = written
         self._is_full = 0 < self._storage.file_size < self._sink.size
         self._make_room()
 

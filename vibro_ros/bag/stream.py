@@ -6,6 +6,7 @@ import json
 import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
@@ -35,6 +36,20 @@ class BagError(Exception):
 
     def __init__(self, message: str):
         super().__init__(one_line(message))
+
+
+@contextmanager
+def bag_errors(bag: Path) -> Iterator[None]:
+    """A context in which whatever goes wrong with a bag is a ValueError of one line, as executables end with."""
+    try:
+        yield
+    except BagError as error:
+        raise ValueError(str(error)) from error
+    except OSError as error:
+        raise ValueError(f"{error.filename or bag}: {error.strerror or error}") from error
+    except MemoryError:
+        raise ValueError(f"{bag}: not enough memory to read it; free some, or read some of its columns with "
+                         "vibro_ros.read_bag") from None
 
 
 def check_is_bag(folder: Path) -> None:

@@ -95,26 +95,6 @@ def _check_span(stream: BagStream, facts: RecordedRun, samples: int, recorded: i
         raise BagError(f"only {recorded} of {samples} samples of odometry are recorded")
 
 
-def energy_as_lines(energy: dict[str, Any]) -> list[str]:
-    """The accounts as a table for people: energy, and its share of what the motor, or its supply, delivered."""
-    if "unknown" in energy:
-        return [f"energy: unknown: {energy['unknown']}"]
-    accounts, width = energy["accounts"], max(map(len, energy["accounts"])) + 2
-    received, giver = (RECEIVED_BY_DC, "supply") if "supply" in accounts else (RECEIVED, "motor")
-    full = accounts["supply" if giver == "supply" else "motor_delivered"]
-    lines = [f"energy over {energy['duration']:.3f} s, from the run simulated again: + received, - lost or stored; "
-             f"shares of what the {giver} delivered"]
-    for name, sign in {**received, **dict.fromkeys((*LOST, "stored", "residual"), -1.0)}.items():
-        amount = sign * accounts.get(name, 0.0)
-        share = f"{amount / full:+10.2%}" if full else ""
-        if amount or name in ("motor_delivered", "supply", "stored"):
-            lines.append(f"{name.replace('_', ' '):<{width}}{amount:+14.6g} J{share}")
-    power, cost = ("-" if energy[name] is None else format(energy[name], ".5g") for name in (
-        "mean_power", "cost_of_transport"))
-    return [*lines, f"net power of the {giver} {power} W; cost of transport {cost}, its net work over weight times "
-            "displacement"]
-
-
 def reset_times(joints: Arrays) -> np.ndarray:
     """Times [s] of the first samples after resets to the start, shape (n,)."""
     return joints["time"][1:][resets(joints["time"], joints["crank.position"], joints["crank.velocity"])]

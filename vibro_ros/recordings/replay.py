@@ -17,7 +17,7 @@ from pathlib import Path
 
 from vibro_ros.bag.metadata import Topic, defined
 from vibro_ros.bag.recorder import BagWriter, Storage
-from vibro_ros.bag.stream import QOS_DEPTH, BagError, BagStream, not_read
+from vibro_ros.bag.stream import QOS_DEPTH, BagError, BagStream, bag_errors, not_read
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.messages.topics import CHECKPOINT, COMMAND_UNITS, INPUTS, OF_DC_MOTOR, SENSOR_TOPICS, TOPICS
@@ -43,14 +43,8 @@ def main(words: Sequence[str]) -> int:
 
 def _run(words: Sequence[str]) -> int:
     options = _parser().parse_args(words)
-    try:
+    with bag_errors(options.bag):
         return _show_what_if(options.bag, _changes(options.set)) if options.set else _compare(options.bag)
-    except BagError as error:
-        raise ValueError(str(error)) from error
-    except OSError as error:
-        raise ValueError(f"{error.filename or options.bag}: {error.strerror or error}") from error
-    except MemoryError:
-        raise ValueError(f"{options.bag}: not enough memory to read it") from None
 
 
 def _compare(bag: Path) -> int:

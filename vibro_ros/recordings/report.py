@@ -11,7 +11,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from vibro_ros.bag.reader import BagError
+from vibro_ros.bag.stream import BagError, bag_errors
 from vibro_ros.process.entry_point import Parser, exit_code
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.files import one_line
@@ -56,16 +56,12 @@ def main(words: Sequence[str]) -> int:
 
 def _run(words: Sequence[str]) -> int:
     options = _parser().parse_args(words)
-    try:
-        text, files = write_report(options.bag, options.output, options.other)
-    except BagError as error:
-        raise ValueError(str(error)) from error
-    except OSError as error:
-        where = error.filename or options.output or f"{options.bag}_report"
-        raise ValueError(f"{where}: cannot write: {error.strerror or error}; give a writable --output") from error
-    except MemoryError:
-        raise ValueError(f"{options.bag}: not enough memory to read it; read some columns of it with "
-                         "vibro_ros.read_bag") from None
+    with bag_errors(options.bag):
+        try:
+            text, files = write_report(options.bag, options.output, options.other)
+        except OSError as error:
+            where = error.filename or options.output or f"{options.bag}_report"
+            raise BagError(f"{where}: cannot write: {error.strerror or error}; give a writable --output") from error
     print(text)
     print("\n".join(map(one_line, files)))
     return 0

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from operator import itemgetter
 from pathlib import Path
@@ -16,7 +16,7 @@ from vibro_ros.messages.topics import OPERATIONS
 from vibro_ros.model.parameters import SCENE_PARAMETERS
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.files import one_line
-from vibro_ros.recordings.energy import changes, energy_as_lines, reset_times
+from vibro_ros.recordings.energy import LOST, RECEIVED, RECEIVED_BY_DC, changes, reset_times
 from vibro_ros.recordings.rerun import SAMPLED
 from vibro_ros.simulation.validity import GAP, Validity, validity_of
 
@@ -222,9 +222,7 @@ def pair_as_text(first: dict[str, Any], second: dict[str, Any]) -> str:
         one, other = numbers.get(name), others.get(name)
         difference = "-" if one is None or other is None else f"{other - one:+.6g}"
         rows.append((name, *("-" if value is None else f"{value:.6g}" for value in (one, other)), difference))
-    widths = [max(len(row[column]) for row in rows) for column in range(4)]
-    lines = ["  ".join([row[0].ljust(widths[0]), *(text.rjust(width) for text, width in
-                                                   zip(row[1:], widths[1:], strict=True))]).rstrip() for row in rows]
+    lines = aligned(rows)
     for title, summary in (("first", first), ("second", second)):
         lines += [f"{title}: {line}" for line in (
             *(energy_as_lines(summary["energy"]) if "unknown" in summary["energy"] else ()),
@@ -261,13 +259,38 @@ def as_caption(summary: dict[str, Any]) -> str:
 
 
 def _table(topics: dict[str, dict[str, Any]]) -> list[str]:
-    topics = {one_line(name): one for name, one in topics.items()}
-    width = max(len("topic"), *map(len, topics)) + 2
     columns = (Number(itemgetter("messages"), ".0f"), Number(lambda one: one.get("period"), ".2f", "ms", 1e3),
                Number(lambda one: one.get("largest_gap"), ".2f", "ms", 1e3), Number(lambda one: one.get("gaps"), ".0f"))
-    return [f"{'topic':<{width}}{'messages':>9}{'period':>11}{'largest gap':>14}{'gaps':>6}",
-            *(f"{name:<{width}}" + "".join(f"{column.text(one):>{size}}" for column, size in
-                                           zip(columns, (9, 11, 14, 6), strict=True)) for name, one in topics.items())]
+    return aligned([("topic", "messages", "period", "largest gap", "gaps"),
+                    *((one_line(name), *(column.text(one) for column in columns)) for name, one in topics.items())])
+
+
+def energy_as_lines(energy: dict[str, Any]) -> list[str]:
+    """The accounts as a table for people: energy, and its share of what the motor, or its supply, delivered."""
+    if "unknown" in energy:
+        return [f"energy: unknown: {energy['unknown']}"]
+    accounts = energy["accounts"]
+    received, giver = (RECEIVED_BY_DC, "supply") if "supply" in accounts else (RECEIVED, "motor")
+    full = accounts["supply" if giver == "supply" else "motor_delivered"]
+    rows = []
+    for name, sign in {**received, **dict.fromkeys((*LOST, "stored", "residual"), -1.0)}.items():
+        amount = sign * accounts.get(name, 0.0)
+        if amount or name in ("motor_delivered", "supply", "stored"):
+            rows.append((name.replace("_", " "), f"{amount:+.6g} J", f"{amount / full:+.2%}" if full else ""))
+    power, cost = ("-" if energy[name] is None else format(energy[name], ".5g") for name in (
+        "mean_power", "cost_of_transport"))
+    return [f"energy over {energy['duration']:.3f} s, from the run simulated again: + received, - lost or stored; "
+            f"shares of what the {giver} delivered", *aligned(rows),
+            f"net power of the {giver} {power} W; cost of transport {cost}, its net work over weight times "
+            "displacement"]
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """The rows of a table as lines: the first column from the left, the others from the right."""
+    first, *others = ([*column] for column in zip(*rows, strict=True))
+    columns = [[text.ljust(max(map(len, first))) for text in first],
+               *([text.rjust(max(map(len, column))) for text in column] for column in others)]
+    return ["  ".join(row).rstrip() for row in zip(*columns, strict=True)]
 
 
 def _topic_summary(bag: Bag, topic: str) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from vibro_ros.recordings.comparison import notes
 from vibro_ros.recordings.rerun import RecordedRun, Rerun, recorded_run
 from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.view.drawing import drawing, shown
-from vibro_ros.view.exact import ExactMotion, common_samples, regular, spans, state_of
+from vibro_ros.view.exact import ExactMotion, between, common_samples, regular, spans, state_of
 from vibro_ros.view.motion import (
     ExactInterval,
     Impact,
@@ -96,14 +96,14 @@ class _BagMotion:
 
     def result(self) -> tuple[dict[str, Any], dict[str, Any], bytes]:
         self._walk()
-        between = self._inexact_spans()
-        if between:
+        inexact = self._inexact_spans()
+        if inexact:
             self._recorded.read_forces()
             self._signals = self._recorded.signals(self._times)
         scene = self._scene or load_scene(UNKNOWN_ROBOT)
         self._add_voltage(scene)
         names = [name for name in shown(scene) if self._scene or name in self._signals]
-        rest = [interpolated(self._signals, names, span, self._resets()) for span in between]
+        rest = [interpolated(self._signals, names, span, self._resets()) for span in inexact]
         instants = [times for one in self._exact for times in one.instants]
         made = fitted_motion(names, self._intervals, instants, rest, LARGEST, self._part(_WALKED, 1.0))
         if made.end < math.inf:
@@ -111,7 +111,7 @@ class _BagMotion:
         if self._recorded.cut_short:
             self._notes.append("the end of the recording is left out: it is too long for a page")
         resolved = made.end < math.inf or len(made.exact) == len(self._intervals)
-        facts = {"exact": resolved and not between, "why": self._why(bool(between), resolved),
+        facts = {"exact": resolved and not inexact, "why": self._why(bool(inexact), resolved),
                  "exact_spans": spans(made.exact), "impacts": self._impacts(made.end),
                  "resets": [time for time in self._resets() if time <= made.end],
                  "pushes": pushes(self._facts, self._recorded.inputs) if self._facts else []}
@@ -214,13 +214,9 @@ class _BagMotion:
 
     def _inexact_spans(self) -> list[Span]:
         """Begin and end [s] of what is not exact, where there are samples to draw it from."""
-        begin, last = self._ends
-        found, resets = [], self._resets()
-        for span in [*spans(self._intervals), (last, last)]:
-            if len(interpolated(self._signals, [], (begin, span[0]), resets)[0]):
-                found.append((begin, span[0]))
-            begin = span[1]
-        return found
+        resets = self._resets()
+        return [span for span in between(self._intervals, *self._ends)
+                if len(interpolated(self._signals, [], span, resets)[0])]
 
     def _why(self, is_open: bool, resolved: bool) -> str:
         """Why not everything is exact; empty when it is. That it was computed from sample to sample is only a note."""

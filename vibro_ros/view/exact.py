@@ -295,6 +295,12 @@ def spans(intervals: Sequence[ExactInterval]) -> list[Span]:
     return found
 
 
+def between(intervals: Sequence[ExactInterval], begin: float, end: float) -> list[Span]:
+    """Begin and end [s] of what is not exact from `begin` to `end`, also where both are the same."""
+    borders = [begin, *np.ravel(spans(intervals)).tolist(), end]
+    return list(zip(borders[::2], borders[1::2], strict=True))
+
+
 def state_of(scene: Scene) -> list[str]:
     """Fields of `Samples` that say where a robot of this scene is, and how fast."""
     known = quantities(scene)

@@ -106,29 +106,29 @@ class Server:
     def send(self, kind: str, text: str) -> None:
         """Send a text to all pages; for any thread, like all that follow."""
         if self.pages:
-            self._post(self._to_all, Outbox.add_text, kind, text)
+            self._post(self._to_all, kind, text)
 
     def send_samples(self, rows: bytes) -> None:
         """Send rows of samples, `protocol.COLUMNS` as float64, to all pages."""
         if self.pages:
-            self._post(self._to_all, Outbox.add_samples, rows)
+            self._post(self._to_all, "samples", rows)
 
     def answer(self, page: int, id: int | None, done: bool, words: str) -> None:
         """Answer a page's request."""
-        self._post(self._to, page, Outbox.add_text, "answer", text_frame("answer", id=id, done=done, words=words))
+        self._post(self._to, page, "answer", text_frame("answer", id=id, done=done, words=words))
 
     def send_motion(self, page: int, id: int, motion: Document) -> None:
         """Answer a page's request for slow motion."""
         text = text_frame("motion", id=id, header=motion[0])
-        self._post(self._to, page, Outbox.add_motion, text, motion_frame(id, motion[1]))
+        self._post(self._to, page, "motion", text, motion_frame(id, motion[1]))
 
-    def _to_all(self, add: Callable[..., None], *what: object) -> None:
+    def _to_all(self, kind: str, *frames: str | bytes) -> None:
         for page in self.pages.values():
-            page.put(add, *what)
+            page.put(kind, *frames)
 
-    def _to(self, page: int, add: Callable[..., None], *what: object) -> None:
+    def _to(self, page: int, kind: str, *frames: str | bytes) -> None:
         if page in self.pages:
-            self.pages[page].put(add, *what)
+            self.pages[page].put(kind, *frames)
 
     def _post(self, call: Callable[..., object], *arguments: object) -> None:
         """Have the server's thread make a call; nothing once it has ended."""
@@ -285,12 +285,12 @@ class _Live(_Visitor, WebSocketHandler):
         self.set_nodelay(True)
         self._stream.socket.setsockopt(SOL_SOCKET, SO_SNDBUF, SOCKET_BUFFER)
         for kind, text in self._server.greeting():
-            self.put(Outbox.add_text, kind, text)
+            self.put(kind, text)
         self._sender = asyncio.get_running_loop().create_task(self._send())
 
-    def put(self, add: Callable[..., None], *what: object) -> None:
-        """Put something into the page's outbox; `add` is the method of `Outbox` that takes it."""
-        add(self._outbox, *what)
+    def put(self, kind: str, *frames: str | bytes) -> None:
+        """Put something into the page's outbox, see `Outbox.add`."""
+        self._outbox.add(kind, *frames)
         self._news.set()
 
     def on_message(self, message: str | bytes) -> None:
@@ -299,7 +299,7 @@ class _Live(_Visitor, WebSocketHandler):
         try:
             self._server.asked(self._number, read_request(message))
         except RefusedError as error:
-            self.put(Outbox.add_text, "answer", text_frame("answer", id=error.id, done=False, words=str(error)))
+            self.put("answer", text_frame("answer", id=error.id, done=False, words=str(error)))
 
     def on_close(self) -> None:
         number, self._number = getattr(self, "_number", None), None
@@ -320,6 +320,12 @@ class _Live(_Visitor, WebSocketHandler):
         self.close()
 
 
+_OF_A_ROBOT = ("robot", "absent", "samples", "impacts")
+#: Kinds of what waits that a kind makes void: the time before, another word on the same, a motion that is late.
+_MAKES_VOID = {"robot": _OF_A_ROBOT, "absent": _OF_A_ROBOT, "status": ("status",), "commands": ("commands",),
+               "motion": ("motion",)}
+
+
 class Outbox:
     """Frames that wait to be sent to one page: bounded, so that a page that reads slowly costs no memory.
 
@@ -328,44 +334,27 @@ class Outbox:
 
     def __init__(self):
         self._line: deque[tuple[str, str | bytes]] = deque()  # kind and data
-        self._bytes = 0
 
     def __len__(self) -> int:
         return len(self._line)
 
-    def add_samples(self, rows: bytes) -> None:
-        """Rows of samples, without a frame's head."""
-        self._line.append(("samples", rows))
-        self._bytes += len(rows)
-        if self._bytes > MOST_BYTES:
+    def add(self, kind: str, *frames: str | bytes) -> None:
+        """Texts, a motion's text and payload, or rows of samples without a frame's head; some make void what waits."""
+        self._line = deque(one for one in self._line if one[0] not in _MAKES_VOID.get(kind, ()))
+        self._line += [(kind, frame) for frame in frames]
+        if sum(len(data) for one, data in self._line if one == "samples") > MOST_BYTES:
             self._drop_oldest("samples")
-
-    def add_text(self, kind: str, text: str) -> None:
-        """A text; one of a kind that says how things stand replaces the one that waits, and what it makes void."""
-        if kind in ("robot", "absent"):  # what waits is of the time before
-            self._line = deque(one for one in self._line if one[0] not in ("robot", "absent", "samples", "impacts"))
-            self._bytes = 0
-        elif kind in ("status", "commands"):
-            self._line = deque(one for one in self._line if one[0] != kind)
-        self._line.append((kind, text))
-        if len(self._line) > MOST_TEXTS and sum(type(data) is str for _, data in self._line) > MOST_TEXTS:
+        if sum(isinstance(data, str) for _, data in self._line) > MOST_TEXTS:
             self._drop_oldest("impacts", "log", "answer", "status")
-
-    def add_motion(self, text: str, payload: bytes) -> None:
-        """A motion: its header's text and its payload's frame; one that waits is dropped."""
-        self._line = deque(one for one in self._line if one[0] != "motion")
-        self._line += [("motion", text), ("motion", payload)]
 
     def take(self) -> str | bytes:
         """The next frame; rows that follow one another make one frame."""
         kind, data = self._line.popleft()
         if isinstance(data, str) or kind != "samples":
             return data
-        self._bytes -= len(data)
         while len(data) < FRAME_BYTES and self._line and self._line[0][0] == "samples":
             _, more = self._line.popleft()
             assert isinstance(more, bytes)
-            self._bytes -= len(more)
             data += more
         return samples_frame(data)
 
@@ -373,7 +362,6 @@ class Outbox:
         for item in self._line:
             if item[0] in kinds:
                 self._line.remove(item)
-                self._bytes -= len(item[1]) if item[0] == "samples" else 0
                 return
 
 

@@ -17,7 +17,7 @@ from vibro_ros.simulation.given_state import UNITS
 from vibro_ros.simulation.kernels import compile_kernels
 from vibro_ros.simulation.preparation import Preparation
 from vibro_ros.view.drawing import shown
-from vibro_ros.view.exact import ExactMotion, regular, spans, state_of
+from vibro_ros.view.exact import ExactMotion, between, regular, spans, state_of
 from vibro_ros.view.motion import Document, fitted_motion, impacts_as_json, quiet_device
 from vibro_ros.view.protocol import COLUMNS, MOST_SECONDS
 from vibro_ros.view.recorded import RATES, Signal, interpolated
@@ -122,11 +122,8 @@ def motion_between(scene: Scene, samples: Mapping[str, np.ndarray]) -> Document:
     if not missing:
         motion.walk()
     signals = {name: Signal(times, values, samples.get(RATES.get(name, ""))) for name, values in samples.items()}
-    borders = np.ravel(spans(motion.intervals)).tolist()
-    if len(times):
-        borders = [float(times[0]), *borders, float(times[-1])]
     rest = [interpolated(signals, names, span, motion.resets)
-            for span in zip(borders[::2], borders[1::2], strict=True)]
+            for span in (between(motion.intervals, float(times[0]), float(times[-1])) if len(times) else ())]
     made = fitted_motion(names, motion.intervals, motion.instants, rest)
     why = ""
     if len(made.exact) < len(motion.intervals) or any(len(one) for one, _ in rest):

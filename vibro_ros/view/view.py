@@ -15,7 +15,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from vibro_ros.bag.stream import BagError
+from vibro_ros.bag.stream import BagError, bag_errors
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.entry_point import Parser, exit_code, say
@@ -44,15 +44,9 @@ def _live(words: Sequence[str]) -> int:
 
 def _run(words: Sequence[str]) -> int:
     options = _parser().parse_args(words)
-    try:
+    with bag_errors(options.bag):
         path = write_page(options.bag, options.output, load_scene(options.scene) if options.scene else None)
         print(one_line(path))
-    except BagError as error:
-        raise ValueError(str(error)) from error
-    except OSError as error:
-        raise ValueError(f"{error.filename or options.bag}: {error.strerror or error}") from error
-    except MemoryError:
-        raise ValueError(f"{options.bag}: not enough memory to read it; free some, or record shorter bags") from None
     if options.open and not webbrowser.open(path.resolve().as_uri()):
         say("view", "no browser could be opened; open the file above")
     return 0

@@ -242,8 +242,9 @@ class Recording:
         for folder in bag_folders(self._plan.directory, datetime.now(), self._plan.namespace):
             with suppress(FileExistsError):  # another bag of this second, or another robot's
                 recorder = Recorder(folder, (*self._plan.topics, *checkpoint), self._plan.metadata,
-                                    storage=self._plan.storage, latched=self._latched)
+                                    storage=self._plan.storage)
                 break
+        recorder.latch(self._latched)
         self.latest, self._dropped = recorder, 0
         self._watched.append(recorder)
         return recorder
