@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from vibro_ros.solver.compilation import entry, part
+from vibro_ros.solver.compilation import entry, inlined_part, part
 from vibro_ros.solver.energy import book_jump, book_work
 from vibro_ros.solver.events import (
     EVENT_COLUMNS,
@@ -59,7 +59,7 @@ _NO_TIMES, _NO_EVENTS = np.empty(0), np.empty((0, EVENT_COLUMNS))
 _NO_SAMPLES = np.empty((0, 0)), np.empty(0, dtype=np.int64), np.empty((0, 3))
 
 
-@part
+@inlined_part
 def _solve_up_to_driven(system, state, point):
     """Set up a segment that holds or moves the dynamic coordinates."""
     if not is_linear(system, state.now[0].automaton.mode, point):
@@ -78,7 +78,7 @@ def _solve_up_to_driven(system, state, point):
         solve_dynamic(system, state, point)
 
 
-@part
+@inlined_part
 def _begin_mode(system, state, point, same_flow):
     """Begin the present mode at `point`, within the present segment if its flow goes on; False if a root search
     failed."""
@@ -125,7 +125,7 @@ def _read_phase(system, state, x, point, phase):
         phase[1], phase[2] = phase_at(system, state, x)
 
 
-@part
+@inlined_part
 def _pass_event(system, state, point, events, count):
     """Pass the next event, be it the segment's end or a change of mode; returns what begins, and the number of events.
 

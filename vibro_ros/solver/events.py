@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from vibro_ros.solver.compilation import entry, part
+from vibro_ros.solver.compilation import entry, inlined_part, part
 from vibro_ros.solver.guards import guard_value, maximum
 from vibro_ros.solver.polynomial import fill_form
 from vibro_ros.solver.segment import instant
@@ -38,7 +38,7 @@ def _holds(system, state, row, point):
     return total >= -noise
 
 
-@part
+@inlined_part
 def _accelerate(system, state, mode, point):
     """Set the accelerations of the dynamic coordinates at `point` to those of `mode`, and all magnitudes."""
     first, magnitude = first_acceleration(system.counts[0]), state.scratch.magnitude
@@ -80,7 +80,7 @@ def jump(system, state, candidate, point, after):
     return candidate
 
 
-@part
+@inlined_part
 def _valid_candidate(system, state, candidate, point, after):
     """The candidate of the firing guard to which `jump` leads if it may be entered from `point`, else `NOTHING`; fills
     `after`, as `jump` does."""
@@ -99,7 +99,7 @@ def _valid_candidate(system, state, candidate, point, after):
     return entered
 
 
-@part
+@inlined_part
 def choose_candidate(system, state, point, after):
     """Number of the firing guard's first valid candidate, else of its last; fills `after`, as `jump` does."""
     mode, guard = state.now[0].automaton.mode, state.now[0].automaton.guard
@@ -127,7 +127,7 @@ def _keeps_flow(system, state, mode, point, after):
     return True
 
 
-@part
+@inlined_part
 def transition(system, state, point, after):
     """Decide what follows the next event, where all channels have the values of `point`.
 

@@ -12,7 +12,7 @@ free motion over the longest segment of its flow. The free motions from a unit o
 once a flow, and kept in the `Library`.
 """
 
-from vibro_ros.solver.compilation import part, rounding_part
+from vibro_ros.solver.compilation import inlined_part, part, rounding_part
 from vibro_ros.solver.polynomial import INVERSE, differentiate, fill_form, integrate_through, value
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.system import first_acceleration, form_magnitude, sparse_magnitude
@@ -171,7 +171,7 @@ def fill_accelerations(system, state):
         state.scale[first + i] = form_magnitude(system.acceleration[state.now[0].automaton.mode, i], state.scale)
 
 
-@part
+@inlined_part
 def solve_dynamic(system, state, point):
     """Series of the dynamic coordinates that pass through `point` at the segment's start."""
     z, library, flow = state.z, state.library, system.flow[state.now[0].automaton.mode]

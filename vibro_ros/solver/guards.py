@@ -6,7 +6,7 @@ first: no crossing is stepped over, and a graze is told from a hit.
 
 import numpy as np
 
-from vibro_ros.solver.compilation import part
+from vibro_ros.solver.compilation import inlined_part, part
 from vibro_ros.solver.polynomial import (
     SECOND,
     differentiate,
@@ -56,7 +56,7 @@ def _guard_root(system, state, row):
     return root
 
 
-@part
+@inlined_part
 def find_next_event(system, state):
     """Set the next event to the earliest root of the mode's guards, else to the segment's end; False if a root search
     failed."""

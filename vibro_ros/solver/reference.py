@@ -21,7 +21,8 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.extending import intrinsic, models, overload_attribute, register_model
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, models, register_model
 
 _NUMBER = ir.IntType(64)
 _BYTES = ir.IntType(8).as_pointer()
@@ -50,7 +51,6 @@ class _Field(NamedTuple):
 # Fields by class. The first tuple of a class tells them, and `Laid` refuses another that differs.
 _fields: dict[type, dict[str, _Field]] = {}
 _sizes: dict[type, int] = {}
-_readable: set[str] = set()
 
 
 class Laid:
@@ -116,26 +116,44 @@ def _declare(values: Any) -> None:
                 _declare(value)
             fields[name] = _Field(place, type(value))
             place += _sizes[type(value)]
-        if name not in _readable:
-            _readable.add(name)
-            # Reference counts, which a kernel lacks, are for returning an array; the compiler takes them out again.
-            overload_attribute(Reference, name, jit_options={"_nrt": True})(_reader(name))
     _fields[type(values)], _sizes[type(values)] = fields, place
 
 
-def _reader(name: str) -> Callable:
-    """What numba asks how to read the attribute `name` of a reference."""
-    def read(reference):
+@infer_getattr
+class _Attributes(AttributeTemplate):
+    """What numba asks for the type of an attribute of a reference."""
+
+    key = Reference
+
+    def generic_resolve(self, reference, name):
+        """numba's type of the attribute of this name; None if there is none."""
         field = _fields[reference.record].get(name)
         if field is None:
             return None
-        place, dtype = field.place, field.dtype
         if field.kind is not None:
-            refer = _referring(field.kind)
-            return lambda reference: refer(reference, place)
-        shape = _shape(field.dimensions)
-        return lambda reference: numba.carray(_address(reference, place), shape(reference, place), dtype)
-    return read
+            return Reference(field.kind)
+        return types.Array(numba.from_dtype(field.dtype), field.dimensions, "C")
+
+
+@lower_getattr_generic(Reference)
+def _read(context, builder, reference, pointer, name):
+    """Generate what reads an attribute: a pointer to the numbers of a tuple, or an array from its address and shape."""
+    field = _fields[reference.record][name]
+    numbers = builder.gep(builder.bitcast(pointer, _NUMBER.as_pointer()), [ir.Constant(_NUMBER, field.place)])
+    if field.kind is not None:
+        return builder.bitcast(numbers, _BYTES)
+    kind = context.typing_context.resolve_getattr(reference, name)
+    size = ir.Constant(_NUMBER, field.dtype.itemsize)
+    address, *shape = (builder.load(builder.gep(numbers, [ir.Constant(_NUMBER, k)]))
+                       for k in range(1 + field.dimensions))
+    strides, items = [], ir.Constant(_NUMBER, 1)
+    for length in reversed(shape):
+        strides.insert(0, builder.mul(items, size))
+        items = builder.mul(items, length)
+    array = context.make_array(kind)(context, builder)
+    array.data, array.nitems, array.itemsize = builder.inttoptr(address, array.data.type), items, size
+    array.shape, array.strides = cgutils.pack_array(builder, shape), cgutils.pack_array(builder, strides)
+    return array._getvalue()
 
 
 def reference_to(record: type) -> Callable:
@@ -150,39 +168,3 @@ def reference_to(record: type) -> Callable:
             return builder.bitcast(cgutils.create_struct_proxy(layout)(context, builder, arguments[0]).data, _BYTES)
         return kind(layout), generate
     return refer
-
-
-def _referring(record: type) -> Callable:
-    """What makes a reference to a tuple within a tuple."""
-    kind = Reference(record)
-
-    @intrinsic
-    def refer(_, reference, place):
-        def generate(context, builder, sign, arguments):
-            return builder.bitcast(_pointer(builder, arguments), _BYTES)
-        return kind(reference, types.intp), generate
-    return refer
-
-
-def _pointer(builder, arguments):
-    """Pointer to the number at a place of a layout; `arguments` are the reference and the place."""
-    return builder.gep(builder.bitcast(arguments[0], _NUMBER.as_pointer()), [arguments[1]])
-
-
-def _shape(dimensions: int) -> Callable:
-    """What reads the shape of an array of so many dimensions, whose address is at a place of a layout."""
-    @intrinsic
-    def shape(_, reference, place):
-        def generate(context, builder, sign, arguments):
-            address = _pointer(builder, arguments)
-            return cgutils.pack_array(builder, [
-                builder.load(builder.gep(address, [ir.Constant(_NUMBER, 1 + k)])) for k in range(dimensions)])
-        return types.UniTuple(types.intp, dimensions)(reference, types.intp), generate
-    return shape
-
-
-@intrinsic
-def _address(_, reference, place):
-    def generate(context, builder, sign, arguments):
-        return builder.inttoptr(builder.load(_pointer(builder, arguments)), _BYTES)
-    return types.voidptr(reference, types.intp), generate

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from vibro_ros.solver.compilation import part, rounding_part
+from vibro_ros.solver.compilation import inlined_part, part, rounding_part
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.state import MOST_ROTOR_SIGNALS, State
 from vibro_ros.solver.system import BY_COMMAND, BY_VOLTAGE, System, first_signal
@@ -90,7 +90,7 @@ def begin_signals(system, z, series, mirrored):
         _begin_signal(system, k, series, mirrored)
 
 
-@part
+@inlined_part
 def turn_signals(system, z, n, step, series, mirrored):
     """Coefficients n + 1 of the phase's cosine and sine and of all signals, from its rate's up to n; coefficient n of
     the channels of the signals, their rates and, but for the part of the phase's acceleration, their accelerations.

@@ -23,7 +23,7 @@ import math
 
 import numpy as np
 
-from vibro_ros.solver.compilation import entry, part
+from vibro_ros.solver.compilation import entry, inlined_part, part
 from vibro_ros.solver.guards import NO_ROOT, NOISE, first_root
 from vibro_ros.solver.polynomial import differentiate, recentre, scale_argument
 from vibro_ros.solver.rotor import (
@@ -137,7 +137,7 @@ def _respond(system, mode, series, of_phase, has_term, response):
     return torque, factor
 
 
-@part
+@inlined_part
 def _fill_accelerations(system, mode, z, n, series, mirrored, loads, has_term, of_phase, of_term):
     """Coefficient n of the accelerations of masses and phase, of d, of the torque, and of the signals' loads.
 
@@ -348,7 +348,7 @@ def _fill_known_forcing(system, state, duration):
         z[channel, 1] *= 2.0
 
 
-@part
+@inlined_part
 def solve_by_taylor(system, state, point):
     """Begin a segment at `point`, where the flow starts: its duration, and the series of all that moves by itself."""
     counts, now, z, room = system.counts[0], state.now[0], state.z, state.scratch.room[0]
