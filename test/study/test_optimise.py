@@ -134,7 +134,9 @@ def test_everything_is_written_and_of_one_robot(folder):
     ("--least-speed nan", "--least-speed nan: give a number from 0"),
     ("--vary crank.radius=a:b", "'a' is not a number"),
     ("--fix guide.angle=7", "guide.angle: 7 is out of range"),
-    ("--fix guide.angle=x", "--fix guide.angle=x: 'x' is not a number"),
+    ("--fix guide.angle=x", "guide.angle: 'x' is not a number"),
+    ("--vary guide.angle=1:0.5", "give the smaller number first"), ("--vary guide.angle=0:4", "out of range"),
+    ("--vary guide.angle=0.5,1", "give NAME=LOW:HIGH"),
 ])
 def test_bad_words_are_one_line(capsys, words, said):
     assert command.main(words.split()) == 2

@@ -11,6 +11,7 @@ from scipy.stats import t as student
 from vibro_ros.accuracy.harness import AVERAGE, OK, REFERENCE, REQUIRED, TRAJECTORY, Row
 from vibro_ros.accuracy.programs import UNIT_IN_WORDS, UNIT_STEP
 from vibro_ros.accuracy.scene_rows import LONG, SHORT, lyapunov_time_in
+from vibro_ros.orbits.chaos import half_interval
 from vibro_ros.orbits.starts import SETTLING
 
 #: Within 5 %: a mean speed that counts as right.
@@ -266,8 +267,7 @@ def slope_over_scenes(rows: Mapping[str, Sequence[Row]], program: str) -> Slope 
     if len(found) < 2:
         return found[0] if found else None
     slopes = np.array([slope.slope for slope in found])
-    error = float(slopes.std(ddof=1)) / math.sqrt(len(slopes))
-    return Slope(float(slopes.mean()), float(student.ppf(0.975, len(slopes) - 1)) * error,
+    return Slope(float(slopes.mean()), float(half_interval(slopes)),
                  sum(slope.points for slope in found), len(found), max(slope.coarse for slope in found),
                  min(slope.fine for slope in found))
 

@@ -91,8 +91,7 @@ def simulate_many(scenes: Iterable[Scene], duration: float | None = None, rate: 
     ----------
     scenes : iterable of Scene
         What to simulate; it may be a generator without end. Taken as it is needed, at most four scenes a process
-        ahead of the result that is due; more only while that result is being computed, so that the other processes
-        need not wait for a long run, until the results that wait have 32 MiB.
+        ahead of the result that is due.
     duration, rate, times, tolerance, method, commands
         As for `simulate`, the same for every scene.
     workers : int

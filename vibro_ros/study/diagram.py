@@ -345,7 +345,7 @@ class Diagram:
         turns = self.period(visit)
         if not (visit.settled or turns):
             return "not settled"
-        watched = LONGEST_PERIOD if self.exponents is None or not self.design.exponents else WATCHED // 4
+        watched = LONGEST_PERIOD if self.exponents is None else WATCHED // 4
         return f"no period to {watched}" if not turns else "every turn" if turns == 1 else f"every {turns} turns"
 
     def hysteresis(self) -> list[list[int]]:

@@ -10,9 +10,7 @@ import argparse
 import itertools
 import json
 import math
-import re
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -25,11 +23,11 @@ import yaml
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vibro_ros.model.parameters import BY_NAME, parameter_named
+from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.starts import running
-from vibro_ros.process.entry_point import Parser, say
-from vibro_ros.study.command import Progress, Results, StudyCommand, machine_of
+from vibro_ros.process.entry_point import Parser
+from vibro_ros.study.command import Progress, Results, StudyCommand, machine_of, settings_of
 from vibro_ros.study.execution import Execution, computes_with
 from vibro_ros.study.figures import BLACK, GRID, SKY, VERMILION, new_figure, png
 from vibro_ros.study.space import Space, chosen_variables
@@ -55,7 +53,7 @@ from vibro_ros.study.trials import (
     values_of_many,
     verified,
 )
-from vibro_ros.study.variation import at_the_edge
+from vibro_ros.study.variation import Range, at_the_edge, varied_in_words
 
 #: The objective of two numbers, beside those of `OBJECTIVES`.
 FRONT = "front"
@@ -412,16 +410,16 @@ def studied(plan: Plan, folder: Path, execution: Execution) -> tuple[Result, Can
     OSError, RuntimeError
         If files cannot be read, or written.
     """
-    with stage("search", plan.effort.budget) as progress:
+    with Progress("search", "robot", plan.effort.budget) as progress:
         candidates = searched(plan, folder, execution, progress)
     scores = np.array([plan.score(values) for values in candidates.values])
     point = _chosen(plan, candidates, scores, execution)
     optimum, effort, space = plan.space.parameters(point), plan.effort, plan.space
-    with stage("verification", len(readings(space.scene))) as progress:
+    with Progress("verification", "reading", len(readings(space.scene))) as progress:
         rows = verified(space, optimum, plan.reading, effort.verifying, execution, progress)
     front: list[FrontRobot] = []
     if space.scene["effects.reaction"]:
-        with stage("front", SHOWN) as progress:
+        with Progress("front", "robot", SHOWN) as progress:
             front = front_of(plan, candidates, execution, progress)
     return Result(plan, len(scores), optimum, space.robot(point), tuple(space.on_bound(point)), tuple(rows),
                   tuple(front)), candidates
@@ -433,7 +431,7 @@ def _chosen(plan: Plan, candidates: Candidates, scores: np.ndarray, execution: E
     finalists = _apart(candidates.points, scores, plan.effort.finalists)
     trials = replace(plan.effort.choosing, first=CHOOSING)
     robots, fresh = [plan.space.robot(point) for point in finalists], []
-    with stage("choice", len(robots)) as progress:
+    with Progress("choice", "robot", len(robots)) as progress:
         for values in values_of_many(robots, trials, execution):
             fresh.append(plan.score(values))
             progress.add(1)
@@ -457,14 +455,6 @@ def _apart(points: np.ndarray, scores: np.ndarray, count: int, distance: float =
         if len(found) == count:
             break
     return found
-
-
-@contextmanager
-def stage(name: str, robots: int) -> Iterator[Progress]:
-    """Show on stderr how many robots of a stage are done, and the time that is left."""
-    say("study", f"{name}: {robots} robots ...")
-    with Progress(name, "robot", robots) as progress:
-        yield progress
 
 
 def result_file(result: Result) -> bytes:
@@ -665,7 +655,6 @@ def draw_front(result: Result, candidates: Candidates, title: str) -> Figure:
 FOLDER, TEXT, SCENE, NUMBERS = "candidates", "optimum.md", "optimum.yaml", "optimum.json"
 _MOST = {"budget": 10**6, "starts": 1000, "seed": 2**31 - 2}
 _LEAST = {"budget": 1, "starts": 2, "seed": 0}
-_VARIED = re.compile(r"([^=]+)=([^:]+):([^:]+)")
 
 
 def _results(plan: Plan, folder: Path, execution: Execution) -> Iterator[Results]:
@@ -689,13 +678,12 @@ def plan_of(options: argparse.Namespace) -> Plan:
         raise ValueError(f"--least-speed {options.least_speed:g}: give a number from 0 to 100 m/s")
     if not 0.0 <= options.most_air <= 1.0:
         raise ValueError(f"--most-air {options.most_air:g}: give a share from 0 to 1")
-    fixed, varied = _asked_fixed(options.fix), _asked_varied(options.vary)
-    scene = sought(machine_of(options).with_parameters({
-        name: value for name, value in fixed.items() if value is not None}))
+    varied, fixed = _asked_varied(options.vary), [word.partition("=")[0] for word in options.fix]
+    scene = sought(machine_of(options).with_parameters(settings_of([word for word in options.fix if "=" in word])))
     effort = QUICK if options.quick else Effort()
     starts = options.starts or effort.trials.starts
     effort = replace(effort, budget=options.budget or effort.budget, trials=replace(effort.trials, starts=starts))
-    return Plan(Space(scene, chosen_variables(tuple(fixed), varied)), options.objective,
+    return Plan(Space(scene, chosen_variables(fixed, varied)), options.objective,
                 Reading(options.power, options.direction), options.least_speed, options.most_air, effort, options.seed)
 
 
@@ -714,30 +702,15 @@ def files_of(result: Result, candidates: Candidates) -> dict[str, bytes]:
             NUMBERS: result_file(result), **{name: png(figure) for name, figure in pictures.items()}}
 
 
-def _asked_fixed(words: Sequence[str]) -> dict[str, float | None]:
-    """Names that are fixed, and the values that they are fixed at; None for the scene's."""
-    found: dict[str, float | None] = {}
-    for word in words:
-        name, equals, value = word.partition("=")
-        parameter = parameter_named(name, BY_NAME)
-        found[name] = parameter.checked(_asked_number("--fix", word, value)) if equals else None
-    return found
-
-
 def _asked_varied(words: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Names and the bounds between which they are varied."""
     found = {}
     for word in words:
-        if not (parts := _VARIED.fullmatch(word)):
+        name, over = varied_in_words(word)
+        if not isinstance(over, Range) or over.log:
             raise ValueError(f"--vary {word}: give NAME=LOW:HIGH, such as crank.radius=0.01:0.03")
-        found[parts[1]] = _asked_number("--vary", word, parts[2]), _asked_number("--vary", word, parts[3])
+        found[name] = over.low, over.high
     return found
-
-
-def _asked_number(option: str, word: str, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise ValueError(f"{option} {word}: {text!r} is not a number") from None
 
 
 def _add_options(own: Parser) -> None:

@@ -174,12 +174,12 @@ def chosen_variables(fixed: Sequence[str], varied: Mapping[str, tuple[float, flo
     fixed : sequence of str
         Names.
     varied : mapping
-        Name to lower and upper bound, in the parameter's unit.
+        Name to lower and upper bound, in the parameter's unit, as `variation.Range` has checked them.
 
     Raises
     ------
     ValueError
-        For a name that is none of `VARIABLES`, one that is fixed and varied, and bounds that are none.
+        For a name that is none of `VARIABLES`, one that is fixed and varied, and bounds without equal ratios.
     """
     names = {variable.name: variable for variable in VARIABLES}
     for option, name in [*(("--fix", name) for name in fixed), *(("--vary", name) for name in varied)]:
@@ -190,12 +190,8 @@ def chosen_variables(fixed: Sequence[str], varied: Mapping[str, tuple[float, flo
     for name, (low, high) in varied.items():
         if name in fixed:
             raise ValueError(f"--vary {name}: is fixed as well; leave out --fix or --vary")
-        unit = BY_NAME[name].unit
-        for value in (low, high):
-            BY_NAME[name].checked(value)
-        if not low < high:
-            raise ValueError(f"--vary {name}={low:g}:{high:g}: the first must be less than the second, in {unit}")
         if names[name].logarithmic and low <= 0.0:
-            raise ValueError(f"--vary {name}={low:g}:{high:g}: is varied in equal ratios; give bounds above 0 {unit}")
+            raise ValueError(f"--vary {name}={low:g}:{high:g}: is varied in equal ratios; give bounds above 0 "
+                             f"{BY_NAME[name].unit}")
     return tuple(replace(variable, low=varied[name][0], high=varied[name][1], reason="as asked for")
                  if name in varied else variable for name, variable in names.items() if name not in fixed)
