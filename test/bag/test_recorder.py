@@ -93,14 +93,6 @@ def test_close_is_idempotent_ends_the_thread_and_ends_writing(folder, published)
     assert mcap_file(folder).read_bytes() == sealed
 
 
-def test_close_writes_a_long_backlog_out(folder, published, recorded):
-    data = published["/motor_power"](1)
-    with Recorder(folder, POWER, METADATA) as recorder:  # takes longer to write than FLUSH_PERIOD
-        accepted = sum(recorder.write("/motor_power", stamp, data) for stamp in range(20_000))
-    assert (recorder.written, recorder.dropped, recorder.fault) == (accepted, 20_000 - accepted, None)
-    assert len(recorded(mcap_file(folder))) == accepted == 20_000
-
-
 def test_writers_in_several_threads_lose_nothing(folder, published, recorded):
     data = published["/motor_power"](1)
     with Recorder(folder, POWER, METADATA) as recorder:

@@ -234,8 +234,8 @@ def load_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = Non
 class Series:
     """Chosen columns of one topic, growing message by message in compact arrays; their times are 0 at `start_ns` [ns].
 
-    `patterns` of the columns' names are as `fnmatch` reads them; without any, only times are kept, unread. `columns`
-    are what messages of the type `type_name` have, by default those of `COLUMNS`.
+    `patterns` of the columns' names are as `fnmatch` reads them. `columns` are what messages of the type `type_name`
+    have, by default those of `COLUMNS`.
     """
 
     def __init__(self, type_name: str, start_ns: int, patterns: Sequence[str] = ("*",),
@@ -258,8 +258,9 @@ class Series:
         ValueError
             When it cannot be read, or does not fit to the columns; nothing is added then.
         """
-        rows = [self._read(row) for row in self._rows(data)]
-        for row in rows:
+        message = deserialised(data, self._type)
+        rows = message.transforms if self._type == TRANSFORMS else (message,)
+        for row in [self._read(row) for row in rows]:
             self._times.append((time_ns - self._start_ns) * 1e-9)
             for name, value in row.items():
                 if name == "stamp":
@@ -287,16 +288,8 @@ class Series:
         order = np.argsort(arrays["time"], kind="stable")
         return {name: column[order] for name, column in arrays.items()}
 
-    def _rows(self, data: bytes) -> Sequence[Any]:
-        if not self._patterns:
-            return (None,)
-        message = deserialised(data, self._type)
-        return message.transforms if self._type == TRANSFORMS else (message,)
-
     def _read(self, row: Any) -> dict[str, Any]:
         """What a row says, by column (ValueError when that does not fit to the columns)."""
-        if row is None:
-            return {}
         found = {name: column.read(row) for name, column in self._columns.items()}
         return found | self._read_joints(row) if self._type == JOINT_STATE else found
 

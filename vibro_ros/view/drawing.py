@@ -23,14 +23,14 @@ def drawing(scene: Scene) -> dict[str, Any]:
 
     Lengths are in m and angles in rad, counted from z (upwards) towards -x. A mass's position in the quantities is
     counted from the crank's centre to where its drive spring is unstretched, so that a picture sets mass and plate
-    farther out by `free_length` (see `messages.outlines`).
+    farther out by `free_length` (see `messages.urdf`).
 
     Returns
     -------
     dict
         ``name`` of the scene; ``hops``, whether its body can leave the ground; ``slope`` of the ground, x pointing
         uphill, and ``weight`` of the robot [N]; ``crank_radius``; ``hub_height`` of the crank's centre above the
-        ground; ``free_length``, ``mass_height``, ``headroom`` and ``clearance`` of `messages.outlines`; ``guides``, for
+        ground; ``free_length``, ``mass_height``, ``headroom`` and ``clearance`` of `messages.urdf`; ``guides``, for
         each mass that the scene has: ``side``, ``angle``, ``rod`` [m], ``plate`` (whether there is one) and ``end``,
         the distance of the guide's end from the crank's centre; ``knobs``, for each
         command and each parameter that does something: ``name``, ``unit``, ``from`` and ``to`` (the limits beyond which
