@@ -28,7 +28,7 @@ import vibro_ros
 from vibro_ros.messages.codec import deserialised
 
 COMMANDS = ("motor_speed", "upper_gap", "inclined_gap")
-ROUNDS = 20_000 if "VIBRO_ROS_HOSTILE" in os.environ else 600
+ROUNDS = 20_000 if "VIBRO_ROS_HOSTILE" in os.environ else 300
 LITTLE, BIG = b"\0\1\0\0", b"\0\0\0\0"
 GOOD = {
     "little endian": LITTLE + struct.pack("<d", 50.0),
@@ -125,7 +125,7 @@ def test_messages_that_are_no_command_and_thousands_at_random_are_refused_counte
     messages = recorded(bags(tmp_path)[0])
     sent = [("motor_speed", padded(data)) for data in (*MALFORMED.values(), *GOOD.values())]
     assert messages[:len(sent)] == sent
-    assert len(messages) > 1000  # DDS keeps the last ten of each topic
+    assert len(messages) > 500  # DDS keeps the last ten of each topic
     assert messages[-1] == ("motor_speed", LITTLE + struct.pack("<d", 33.0))
     device, refused = vibro_ros.Simulator(vibro_ros.load_scene("device")), 0
     for name, data in messages:

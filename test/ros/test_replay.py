@@ -3,7 +3,6 @@
 import json
 import signal
 
-import numpy as np
 import pytest
 from observation import messages_of
 from random_run import FASTER, RANGES, SECONDS, SENSORS, record_run
@@ -57,23 +56,6 @@ def test_a_killed_robots_bag_is_replayed_as_far_as_it_goes(udp_only, start, benc
     assert float(out.split(" messages to ")[1].split()[0]) > 2.0  # [s]
     assert {"/lab/speed", "/lab/body/odom", "/lab/vibro_robot/operations", "/lab/robot_description", "/tf"} <= {
         *read_bag(bag).topics}
-
-
-def test_a_start_in_flight_and_variances_are_recorded_and_replayed(start, bench, tmp_path, capsys):
-    thrown = [f"start.{name}:={value}" for name, value in (
-        ("state", "given"), ("body_height", 0.02), ("body_velocity", 0.5), ("upper_position", 0.05),
-        ("inclined_position", 0.06), ("inclined_velocity", -0.25), ("crank_angle", 1.0))]
-    variances = [float(number) for number in range(1, 13)]
-    bag = record_run(start, bench, tmp_path, *thrown, f"odom.pose_covariance_diagonal:={variances[:6]}",
-                     f"odom.twist_covariance_diagonal:={variances[6:]}", seconds=0.5)
-    odometry = messages_of(bag)["/odom"][-1]
-    assert [*np.diag(odometry.pose.covariance.reshape(6, 6)),
-            *np.diag(odometry.twist.covariance.reshape(6, 6))] == variances
-    assert odometry.pose.covariance.sum() == 21.0
-    assert read_bag(bag)["odom"]["position"][0, 2] == pytest.approx(0.02)
-    assert read_bag(bag)["joint_states"]["crank.position"][0] == 1.0
-    assert replay.main([str(bag)]) == 0
-    assert capsys.readouterr().out.startswith("identical: ")
 
 
 def test_other_parameters_are_written_to_a_new_bag(recorded, capsys):

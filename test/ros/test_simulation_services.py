@@ -5,7 +5,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from observation import bags, stamps_of, whole_bag
+from observation import stamps_of, whole_bag
 from operated_robot import stop
 from rosbags.rosbag2 import Reader
 from simulator_user import MOST_STEPS, Code, State
@@ -129,19 +129,6 @@ def test_many_steps_hold_nobody_up_tell_how_far_they_are_can_be_cancelled_and_ar
     result = simulator.answer(future).result
     assert (result.result, result.error_message) == (Code.OPERATION_FAILED, "the simulation has ended")
     assert replay.main([str(tmp_path / whole_bag(simulator.robot))]) == 0
-
-
-def test_without_the_package_one_line_says_so(start, tmp_path, monkeypatch):
-    package = tmp_path / "shadow" / "simulation_interfaces"
-    package.mkdir(parents=True)
-    (package / "__init__.py").write_text("raise ImportError('not here')")
-    monkeypatch.setenv("PYTHONPATH", str(package.parent), prepend=":")
-    robot = start("robot")
-    robot.wait_for("ready: ")
-    lines = [line.split("]: ")[1] for line in robot.lines if "simulation_interfaces" in line]
-    assert lines == ["simulation_interfaces is not installed: without its services"]
-    stop(robot)
-    assert len(bags(tmp_path)) == 1
 
 
 def test_a_callback_that_fails_is_answered_all_the_same(types):

@@ -74,16 +74,19 @@ def test_beside_a_robot_state_publisher_it_says_where_the_base_is_and_no_more(st
     assert replay.main([str(folder)]) == 0
 
 
-def test_a_robot_without_tf2_msgs_says_so_once_and_does_all_else(start, listener, tmp_path, monkeypatch):
-    package = tmp_path / "shadow" / "tf2_msgs"
-    package.mkdir(parents=True)
-    (package / "__init__.py").write_text("raise ImportError('not installed')\n")
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(package.parent), os.environ["PYTHONPATH"]]))
+def test_a_robot_without_tf2_msgs_and_simulation_interfaces_says_so_once_and_does_all_else(start, listener, tmp_path,
+                                                                                          monkeypatch):
+    for package in (tmp_path / "shadow" / "tf2_msgs", tmp_path / "shadow" / "simulation_interfaces"):
+        package.mkdir(parents=True)
+        (package / "__init__.py").write_text("raise ImportError('not installed')\n")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path / "shadow"), os.environ["PYTHONPATH"]]))
     robot = start("robot")
     listener.spin_for_samples(20)
     stop(robot)
     (line,) = [line for line in robot.lines if "tf2_msgs" in line]
     assert "no tf: tf2_msgs/msg/TFMessage: no such message here; install the ROS package tf2_msgs" in line
+    (line,) = [line for line in robot.lines if "simulation_interfaces" in line]
+    assert line.endswith("]: simulation_interfaces is not installed: without its services")
     (folder,) = bags(tmp_path)
     assert "/robot_description" in read_bag(folder).topics and "/tf" not in read_bag(folder).topics
     assert replay.main([str(folder)]) == 0
