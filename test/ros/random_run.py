@@ -9,7 +9,7 @@ from types import MappingProxyType
 from std_msgs.msg import Float64
 
 SECONDS = 2.0
-COMMANDS = 60  # at least, however busy the machine
+COMMANDS = 75.0  # a second at least, however busy the machine
 FASTER = 2.5  # than the clock, so that a recording of 5 s takes 2 s
 RANGES = {"motor_speed": (-520.0, 200.0), "upper_gap": (-1e-3, 2e-3), "inclined_gap": (-1e-3, 2e-3)}
 SENSORS = ("sensors.preset:=bmi270", "sensors.imu.rate:=800.0", "sensors.imu.delay:=0.003",
@@ -19,12 +19,12 @@ SENSORS = ("sensors.preset:=bmi270", "sensors.imu.rate:=800.0", "sensors.imu.del
 
 
 def command_at_random(bench, seconds: float, seed: int, topics: dict[str, str]) -> None:
-    """Send commands at random instants for so long, and `COMMANDS` at least, some within one sample, some refused."""
+    """Send commands at random instants for so long, `COMMANDS` a second at least; some come together, some are bad."""
     chance = random.Random(seed)
     publishers = {name: bench.node.create_publisher(Float64, topics.get(name, name), 10) for name in RANGES}
     bench.spin_until(lambda: all(one.get_subscription_count() for one in publishers.values()), "robot listens")
     end, sent = time.monotonic() + seconds, 0
-    while time.monotonic() < end or sent < COMMANDS:
+    while time.monotonic() < end or sent < COMMANDS * seconds:
         together = chance.choice((1, 1, 3))
         for _ in range(together):
             name = chance.choice(list(RANGES))
