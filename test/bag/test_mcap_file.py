@@ -8,10 +8,11 @@ import lz4.frame
 import pytest
 import zstandard
 from hostile_bags import OF_MCAP
+from mcap.opcode import Opcode
 from mcap.records import Chunk, Schema
 from recorded_bag import POWER, mcap_file
 
-from vibro_ros.bag.mcap_file import HEAD, DamagedError, McapFile, chunk_content, packed, parsed
+from vibro_ros.bag.mcap_file import HEAD, DamagedError, McapFile, chunk_content, packed, parsed, records_in
 from vibro_ros.bag.recorder import Recorder, Storage
 
 
@@ -47,6 +48,9 @@ def test_bytes_that_are_no_record_are_one_kind_of_error():
         parsed(Schema, content.replace(b"ros2msg", b"ros2\xff\xff\xff"))
     with pytest.raises(DamagedError, match="another length than it says"):  # it would swallow the records behind it
         parsed(Chunk, packed(chunk(b"data"))[HEAD.size:] + b"more")
+    torn = packed(chunk(HEAD.pack(Opcode.SCHEMA, len(content)) + content[:-1]))[HEAD.size:]
+    with pytest.raises(DamagedError, match="a record ends too early"):
+        list(records_in(Opcode.CHUNK, torn))
 
 
 def test_a_damaged_chunk_costs_its_own_messages_alone(unsealed):
