@@ -4,12 +4,10 @@ Each row compares two scenes that differ in one effect alone, of `device`, of `d
 or of `machine` for what its motor adds.
 """
 
-import argparse
 import functools
 import itertools
 import statistics
-import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -30,6 +28,7 @@ BEGIN = "<!-- effects: written by `make documents` -->"
 END = "<!-- end of effects -->"
 #: Motor speed of the runs [rad/s], the paper's, and drawn starts of each scene.
 SPEED, STARTS = 100.0, 32
+DURATION, PAIRS = 10.0, 25  # s of a timed run, and pairs of them
 _MOST_NAMED = 4  # motions; of more, a cell tells the slowest and the fastest
 _RUNS_AWAY = 100.0  # m/s, a mean speed that no steady motion has
 _COUNTS = ("states", "modes", "terms", "guards")
@@ -140,13 +139,13 @@ def motions(scene: Scene) -> str:
         f"{cell} ({one.starts} of {STARTS})" for cell, one in zip(cells, found, strict=True))
 
 
-def cost_ratio(effect: Effect, duration: float, repeats: int) -> float:
+def cost_ratio(effect: Effect) -> float:
     """Median of the ratio of wall times with `effect` and without, run in turn, all compiled before."""
     with_it, without = effect.scenes()
     _run(with_it, 1.0 / RATE)
     _run(without, 1.0 / RATE)
-    return statistics.median(seconds(lambda: _run(with_it, duration)) / seconds(lambda: _run(without, duration))
-                             for _ in range(repeats))
+    return statistics.median(seconds(lambda: _run(with_it, DURATION)) / seconds(lambda: _run(without, DURATION))
+                             for _ in range(PAIRS))
 
 
 def _run(scene: Scene, duration: float) -> None:
@@ -182,25 +181,6 @@ def tables(effects: Iterable[Effect], costs: Iterable[str]) -> str:
     return "\n\n".join(parts)
 
 
-def main(words: Sequence[str]) -> int:
-    """Measure, and write the tables, or print the costs of some effects."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("file", type=Path, nargs="?", default=Path("docs/robot.md"), help="default: %(default)s")
-    parser.add_argument("--duration", type=float, default=10.0, help="of a timed run [s] (default %(default)g)")
-    parser.add_argument("--repeats", type=int, default=25, help="pairs of timed runs (default %(default)d)")
-    parser.add_argument("--cost", metavar="WORD", help="only print the costs of effects with this word in their names")
-    options = parser.parse_args(words)
-
-    def cost(effect: Effect) -> str:
-        return f"{cost_ratio(effect, options.duration, options.repeats):.2f}"
-
-    if options.cost:
-        for effect in (effect for effect in EFFECTS if options.cost in effect.name):
-            print(f"{effect.scene}, {effect.name}: {cost(effect)}")
-        return 0
-    write_between(options.file, BEGIN, END, lambda: tables(EFFECTS, map(cost, tqdm(EFFECTS, disable=None))))
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    write_between(Path("docs/robot.md"), BEGIN, END, lambda: tables(EFFECTS, (
+        f"{cost_ratio(effect):.2f}" for effect in tqdm(EFFECTS, disable=None))))
