@@ -89,6 +89,22 @@ def test_power_is_torque_times_speed_also_where_the_crank_stands():
     assert hanging.motor_speed == 0.0 and hanging.motor_torque != 0.0
 
 
+def test_steps_of_fixed_length_converge_to_the_exact_motion():
+    """The accelerations of the signals, by values in place of series, on a ramp."""
+    scene = paper(LINKAGE | {"effects.upper_contact": "none", "effects.inclined_contact": "none", "motor.speed": 30.0,
+                             "effects.friction": "none", "effects.motor": "ramp", "effects.reaction": True})
+    errors = []
+    for step in (4e-4, 2e-4):
+        runs = []
+        for method in ("exact", "rk4"):
+            device = vibro_ros.Simulator(scene.with_parameters({"solver.method": method, "solver.step": step}))
+            device.command(motor_speed=60.0)
+            device.advance_to(0.1)
+            runs.append(device.state.body_position)
+        errors.append(abs(runs[1] - runs[0]))
+    assert 12.0 < errors[0] / errors[1] < 20.0
+
+
 def test_a_motor_that_jumps_and_a_slider_that_jumps_are_refused():
     device = vibro_ros.Simulator(paper(LINKAGE))
     with pytest.raises(ValueError, match="motor_speed: 120 rad/s would be reached at once.*choose ramp or lag"):
