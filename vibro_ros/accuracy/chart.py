@@ -8,12 +8,12 @@ from matplotlib.figure import Figure
 
 from vibro_ros.accuracy.harness import AVERAGE, RATE, REFERENCE, TRAJECTORY, Row
 from vibro_ros.accuracy.report import WITHIN
-from vibro_ros.study.figures import new_figure, tidy
+from vibro_ros.study.figures import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, new_figure, tidy
 
-# Okabe and Ito's colours, which the colour-blind can tell apart, and markers for everybody else who cannot.
-_STYLES = {"exact": ("#000000", "*"), "rk4": ("#0072b2", "o"), "rk4_located": ("#882255", "P"),
-           "rk4_by_hand": ("#777777", "X"), "heyoka": ("#56b4e9", "D"), "scipy": ("#cc79a7", "v"),
-           "cvode": ("#e69f00", "<"), "diffrax": ("#009e73", "s"), "drake": ("#d55e00", "^"),
+# Colours, and markers for whoever cannot tell these apart.
+_STYLES = {"exact": (BLACK, "*"), "rk4": (BLUE, "o"), "rk4_located": ("#882255", "P"),
+           "rk4_by_hand": ("#777777", "X"), "heyoka": (SKY, "D"), "scipy": (PURPLE, "v"),
+           "cvode": (ORANGE, "<"), "diffrax": (GREEN, "s"), "drake": (VERMILION, "^"),
            "mujoco": ("#8c564b", "h"), "siconos": ("#5b2c83", ">")}
 _OTHER = ("#999999", ".")
 _BAND, _NEAR = "#dddddd", "#f6e58d"
