@@ -9,6 +9,7 @@ from recorded_bag import METADATA, POWER, TOPICS, by_mcap, by_rosbags, mcap_file
 from rosbags.interfaces import QosReliability
 from rosbags.rosbag2 import Reader
 
+from vibro_ros.bag.metadata import Topic
 from vibro_ros.bag.recorder import LAST_STAMP, BagWriter, Recorder
 
 
@@ -78,6 +79,20 @@ def test_a_full_queue_drops_and_counts(folder, published, wait_for, monkeypatch)
         assert [recorder.write("/motor_power", stamp, data) for stamp in range(1, 9)] == [True] * 6 + [False] * 2
         assert (recorder.backlog, recorder.dropped) == (6, 2)
     assert (recorder.written, recorder.dropped, recorder.fault) == (7, 2, None)
+
+
+def test_inputs_are_taken_when_others_are_dropped(folder, published, wait_for, monkeypatch):
+    """A replay computes what was dropped again, but not a command."""
+    gate, write = threading.Event(), BagWriter.write
+    monkeypatch.setattr(BagWriter, "write", lambda *message: gate.wait(30.0) and write(*message))
+    data, command = published["/motor_power"](1), Topic("/motor_speed", "std_msgs/msg/Float64", 10, is_input=True)
+    with Recorder(folder, [*POWER, command], METADATA, backlog=3) as recorder, contextlib.ExitStack() as before_close:
+        before_close.callback(gate.set)
+        assert recorder.write("/motor_power", 0, data)
+        wait_for(lambda: recorder.backlog == 0)
+        taken = [[recorder.write(topic.name, stamp, data) for topic in (*POWER, command)] for stamp in range(1, 6)]
+        assert taken == [[True, True], [True, True], [False, True], [False, True], [False, False]]
+    assert (recorder.written, recorder.dropped, recorder.fault) == (7, 4, None)
 
 
 def test_close_is_idempotent_ends_the_thread_and_ends_writing(folder, published):

@@ -39,12 +39,15 @@ class Topic:
         History depth that the publisher offers.
     transient_local : bool
         Whether late subscribers get what was published before (transient local).
+    is_input : bool
+        Whether it decides the run, so that its messages are still recorded when others are dropped.
     """
 
     name: str
     type_name: str
     qos_depth: int
     transient_local: bool = False
+    is_input: bool = False
 
 
 @dataclass(frozen=True)

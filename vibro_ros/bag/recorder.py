@@ -120,7 +120,8 @@ class Recorder:
     metadata : mapping of str to str
         Kept as the bag's custom data (scene, parameters, version, start time), also when the process is killed.
     backlog : int
-        Largest number of messages waiting for the disk; beyond it, messages are dropped.
+        Largest number of messages waiting for the disk; beyond it, messages are dropped. Those of inputs have twice
+        the room, because a replay computes all others again.
     storage : Storage
         How the bag lies on the disk.
 
@@ -149,7 +150,7 @@ class Recorder:
         self._known: Mapping[str, str] = {}
         self._waking = self._due  # when a message wakes the thread; never while it is awake
         self._bell: SimpleQueue[None] = SimpleQueue()
-        self._topics = {topic.name for topic in topics}
+        self._room = {topic.name: 2 * backlog if topic.is_input else backlog for topic in topics}
         self._queue: deque[tuple[str, int, bytes]] = deque()
         try:
             self._writer = BagWriter(self.folder, defined(topics), metadata, storage)
@@ -168,8 +169,8 @@ class Recorder:
         False when the message was dropped (and counted): unknown topic, stamp that would spoil the bag, data that is
         not bytes, queue full, recording stopped.
         """
-        if (topic_name in self._topics and type(stamp_ns) is int and 0 <= stamp_ns <= LAST_STAMP
-                and type(data) is bytes and self._accepting and len(self._queue) < self._backlog):
+        if (len(self._queue) < self._room.get(topic_name, 0) and type(stamp_ns) is int and 0 <= stamp_ns <= LAST_STAMP
+                and type(data) is bytes and self._accepting):
             self._queue.append((topic_name, stamp_ns, data))
             if time.monotonic() >= self._waking or len(self._queue) == WAKING:
                 self._waking = math.inf

@@ -14,7 +14,7 @@ from vibro_ros.bag.folders import BAG_PATTERN, bag_folders, unsealed_bags
 from vibro_ros.bag.metadata import Topic as RecordedTopic
 from vibro_ros.bag.recorder import Recorder, Storage
 from vibro_ros.bag.stream import BagError
-from vibro_ros.messages.topics import TOPICS
+from vibro_ros.messages.topics import CHECKPOINT, INPUTS, TOPICS
 from vibro_ros.model.parameters import Value
 from vibro_ros.process.files import one_line
 from vibro_ros.recordings.recover import InUseError, described, recover
@@ -67,7 +67,8 @@ def plan_recording(settings: Mapping[str, Value], received: Mapping[str, str], p
 def recorded_topic(name: str, resolved: str) -> RecordedTopic:
     """One of the robot's topics, by its own name, as a bag has it under its `resolved` name."""
     topic = TOPICS[name]
-    return RecordedTopic(resolved, topic.type, topic.quality.depth, topic.quality.transient_local)
+    return RecordedTopic(resolved, topic.type, topic.quality.depth, topic.quality.transient_local,
+                         is_input=name in (*INPUTS, CHECKPOINT))
 
 
 def check_directory(directory: Path) -> None:
