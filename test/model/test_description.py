@@ -235,7 +235,7 @@ def test_equations_of_the_masses_have_the_tables_values(scene):
     for i, side in enumerate(forms.guides):
         symbol = {"upper": "u", "inclined": "w"}[side]
         own = [line for line in lines if re.match(rf"\S+ {symbol}'' =", line)]
-        for mode, rows in zip(model.modes, model.system.acceleration, strict=True):
+        for mode, rows in zip(model.modes, model.system.equations, strict=True):
             [line] = [line for line in own if holds_in(line, mode.states, forms.plates)]
             mass, _, right = line.partition(f" {symbol}'' = ")
             right = right.partition("  ")[0]
@@ -257,7 +257,7 @@ def test_equation_of_the_body_has_the_tables_values(scene):
     frictions = {line.rpartition("while ")[2]: law.sub("D", line.partition(" = ")[2].partition("  ")[0])
                  for line in lines if line.startswith("F_fr")}
     [mass] = [name.partition(" ")[0] for name in described if name.endswith("x''")]
-    for mode, rows in zip(model.modes, model.system.acceleration, strict=True):
+    for mode, rows in zip(model.modes, model.system.equations, strict=True):
         forces = force_values({"equations": lines}, mode, model.forms.plates, values)
         friction = value_of(frictions.get(mode.states[-1], "0"), forces)
         inertia = float(mass) * float(rows[model.forms.body] @ z)
@@ -273,7 +273,7 @@ def test_equation_of_the_height_has_the_tables_values(scene):
         assert not described
         return
     z = random_point(model.forms)
-    for mode, rows in zip(model.modes, model.system.acceleration, strict=True):
+    for mode, rows in zip(model.modes, model.system.equations, strict=True):
         [line] = [line for line in described if holds_in(line, mode.states, model.forms.plates)]
         mass, _, right = line.partition("  ")[0].partition(" y'' = ")
         lift = value_of(right, symbol_values(model.forms, z)) if mode.states[-1] == "airborne" else 0.0

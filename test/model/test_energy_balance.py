@@ -145,9 +145,9 @@ def missing_share(name, factor=1.0):
     machine = scene(name)
     device = vibro_ros.Simulator(machine)
     original = device._motion.model
-    acceleration = original.system.acceleration.copy()
+    acceleration = original.system.equations.copy()
     acceleration[:, 0, 0] *= factor
-    device._motion.model = dataclasses.replace(original, system=original.system._replace(acceleration=acceleration))
+    device._motion.model = dataclasses.replace(original, system=original.system._replace(equations=acceleration))
     device._motion._stepper = new_stepper(machine, device._motion.model)
     device.advance_to(1.0)
     booked = device.statistics["energy_accounts"]

@@ -16,9 +16,9 @@ from vibro_ros.solver.system import (
     Decay,
     SignalTable,
     System,
-    acceleration_terms,
     counts_of,
     couplings,
+    equation_terms,
     flow_numbers,
     longest_segments,
     no_rotor,
@@ -92,8 +92,8 @@ def build(channels, modes, guards=(), signals=None, monitor=None, decay=None):
     watched = 0 if monitor is None else 1
     watch = np.zeros((count, 0, channels.count)) if monitor is None else np.tile(monitor[0], (count, 1, 1))
     return System(
-        counts=counts_of(channels), acceleration=acceleration, reads_all=terms(acceleration),
-        reads_forcing=acceleration_terms(acceleration, channels),
+        counts=counts_of(channels), equations=acceleration, reads_all=terms(acceleration),
+        reads_forcing=equation_terms(acceleration, channels),
         flow=flow_numbers(acceleration[:, :channels.dynamic] if decay is None else acceleration),
         longest_segment=longest_segments(acceleration, channels),
         row=row, row_terms=terms(row), driven=row[:, driven].any(axis=1),

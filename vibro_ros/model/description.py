@@ -86,7 +86,7 @@ class _Description:
 
     def _equations_of_the_motor(self, motor: Motor) -> Iterator[str]:
         """Lines for the crank, the torque of the drives and the current."""
-        rows, forms = self._model.system.acceleration, self._model.forms
+        rows, forms = self._model.system.equations, self._model.forms
         for signal, loads in zip(self._symbols.signals, self._model.system.rotor.load.swapaxes(0, 1), strict=True):
             yield from self._cases(f"T_{signal} = ", self._texts(loads))
         yield "T = " + (" + ".join(f"T_{signal} d{signal}/dθ" for signal in self._symbols.signals) or "0")
@@ -100,7 +100,7 @@ class _Description:
         """Lines for masses, by the states of their contacts, and for the body, with forces [N]."""
         forms = self._model.forms
         for i, side in enumerate(forms.guides):
-            rows = self._scene[f"mass.{side}"] * self._model.system.acceleration[:, i]
+            rows = self._scene[f"mass.{side}"] * self._model.system.equations[:, i]
             yield from self._cases(f"{self._scene[f'mass.{side}']:g} {MASS[side]}'' = ", self._texts(rows))
         for contact in self._builder.contacts:
             if "resting" in contact.states:
@@ -111,7 +111,7 @@ class _Description:
         if forms.body_moves:
             yield from self._equations_along_the_ground()
         if forms.body_hops:
-            upwards = self._scene.total_mass * self._model.system.acceleration[:, forms.height]
+            upwards = self._scene.total_mass * self._model.system.equations[:, forms.height]
             yield from self._with_remark(f"{self._scene.total_mass:g} y'' = ", self._texts(upwards, "airborne"),
                                          "while airborne, else 0")
         if self._has_dry_friction or forms.body_hops:
@@ -151,7 +151,7 @@ class _Description:
     def _equations_along_the_ground(self) -> Iterator[str]:
         """Lines for x'', F_in and each force of the ground whose law is a form."""
         total, body = self._scene.total_mass, self._model.forms.body
-        inertial = total * self._model.system.acceleration[:, body]
+        inertial = total * self._model.system.equations[:, body]
         inertial = inertial + sum(self._ground.forces.values())
         if self._has_dry_friction:
             inertial = inertial + self._builder.ground_force("friction_force")

@@ -24,9 +24,9 @@ from vibro_ros.solver.system import (
     Rotor,
     Shock,
     System,
-    acceleration_terms,
     counts_of,
     couplings,
+    equation_terms,
     flow_numbers,
     longest_segments,
     no_rotor,
@@ -107,9 +107,9 @@ def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float
     guards, shock = _guard_tables(builder)
     system = System(
         counts=counts_of(channels),
-        acceleration=acceleration,
+        equations=acceleration,
         reads_all=terms(acceleration),
-        reads_forcing=acceleration_terms(acceleration, channels),
+        reads_forcing=equation_terms(acceleration, channels),
         flow=flow,
         coupled=couplings(acceleration, channels),
         longest_segment=longest_segments(acceleration[first], channels)[flow],

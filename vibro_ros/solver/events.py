@@ -28,7 +28,7 @@ FLOW_ENDS = 2
 def _fill_magnitude(state, point):
     """Magnitude of the terms that make up each channel at `point`."""
     for channel in range(len(point)):
-        state.scratch.magnitude[channel] = abs(point[channel]) + state.scale[channel]
+        state.scratch.magnitude[channel] = abs(point[channel]) + state.magnitude[channel]
 
 
 @part
@@ -48,14 +48,14 @@ def _accelerate(system, state, mode, point):
         if decays(system, mode):  # the term is a form of what it moves
             magnitude[len(point) - 2] += form_magnitude(system.decay.factor[mode], magnitude)
             for i in range(system.counts[0].dynamic - 2 * system.counts[0].rotors):
-                magnitude[first + i] = form_magnitude(system.acceleration[mode, i], magnitude)
+                magnitude[first + i] = form_magnitude(system.equations[mode, i], magnitude)
         return
     _fill_magnitude(state, point)
     for i in range(system.counts[0].dynamic):
         total = 0.0
         scale = 0.0
         for channel in range(len(point)):
-            factor = system.acceleration[mode, i, channel]
+            factor = system.equations[mode, i, channel]
             total += factor * point[channel]
             scale += abs(factor) * magnitude[channel]
         point[first + i] = total

@@ -55,7 +55,7 @@ def fill_loads(system, state):
     """Fill the scratch with the loads of the dynamic coordinates."""
     mode, load = state.now[0].automaton.mode, state.scratch.room[0].load[:]
     for i in range(system.counts[0].dynamic):
-        if not fill_form(system.acceleration[mode, i], system.reads_forcing[mode, i], state.z, load[i]):
+        if not fill_form(system.equations[mode, i], system.reads_forcing[mode, i], state.z, load[i]):
             load[i, :] = 0.0
 
 
@@ -137,38 +137,38 @@ def _pass_through(system, state, point):
 
 
 @part
-def _set_scales(system, state, i, position, velocity, duration, share):
-    """Set the scales of coordinate i, of its position and its velocity, from the magnitudes of their own terms.
+def _set_magnitudes(system, state, i, position, velocity, duration, share):
+    """Set the magnitudes of coordinate i, of its position and its velocity, from the magnitudes of their own terms.
 
     A force is rounded, and moves a coordinate that no spring of its own holds for the whole `duration` [s]. The
-    coordinate's own damping is left out, because the scale would feed on itself. `share` of the scale that the previous
-    segment left stays, however small the terms are.
+    coordinate's own damping is left out, because the magnitude would feed on itself. `share` of the magnitude that the
+    previous segment left stays, however small the terms are.
     """
     mode = state.now[0].automaton.mode
-    row, terms = system.acceleration[mode, i], system.reads_forcing[mode, i]
+    row, terms = system.equations[mode, i], system.reads_forcing[mode, i]
     rate = system.counts[0].coordinates + i
     if row[i] < 0.0:
         duration = min(duration, (-row[i])**-0.5)
-    velocity += sparse_magnitude(row, terms, state.scale) * duration
+    velocity += sparse_magnitude(row, terms, state.magnitude) * duration
     position += velocity * duration
-    state.scale[rate] = max(velocity, share * state.scale[rate])
-    state.scale[i] = max(position, share * state.scale[i])
+    state.magnitude[rate] = max(velocity, share * state.magnitude[rate])
+    state.magnitude[i] = max(position, share * state.magnitude[i])
 
 
 @part
 def _share_that_stays(state):
-    """Share of its scale that a dynamic coordinate keeps: all of it if the previous segment had zero length, because a
-    number that was zero to rounding there, and led here, is zero here; else half."""
+    """Share of its magnitude that a dynamic coordinate keeps: all of it if the previous segment had zero length,
+    because a number that was zero to rounding there, and led here, is zero here; else half."""
     return 0.5 if state.now[0].automaton.events_without_progress == 0 else 1.0
 
 
 @part
 def fill_accelerations(system, state):
-    """Series and scales of the dynamic coordinates' accelerations, from their velocities."""
+    """Series and magnitudes of the dynamic coordinates' accelerations, from their velocities."""
     coordinates, first = system.counts[0].coordinates, first_acceleration(system.counts[0])
     for i in range(system.counts[0].dynamic):
         differentiate(state.z[coordinates + i], state.now[0].segment.half, state.z[first + i])
-        state.scale[first + i] = form_magnitude(system.acceleration[state.now[0].automaton.mode, i], state.scale)
+        state.magnitude[first + i] = form_magnitude(system.equations[state.now[0].automaton.mode, i], state.magnitude)
 
 
 @inlined_part
@@ -193,7 +193,8 @@ def solve_dynamic(system, state, point):
     duration, share = 2.0 * state.now[0].segment.half, _share_that_stays(state)
     for i in range(system.counts[0].dynamic):
         rate = system.counts[0].coordinates + i
-        _set_scales(system, state, i, abs(z[i, 0]) + abs(z[i, 1]), abs(z[rate, 0]) + abs(z[rate, 1]), duration, share)
+        _set_magnitudes(system, state, i, abs(z[i, 0]) + abs(z[i, 1]), abs(z[rate, 0]) + abs(z[rate, 1]),
+                        duration, share)
     if needs_free:
         _pass_through(system, state, point)
     fill_accelerations(system, state)
@@ -213,8 +214,8 @@ def hold_dynamic(system, state, held):
         state.z[i] = 0.0
         state.z[i, 0] = held[i]
         state.z[coordinates + i] = 0.0
-        _set_scales(system, state, i, abs(held[i]), 0.0, 0.0, share)  # a coordinate that is held does not drift
-        state.z[first + i], state.scale[first + i] = 0.0, 0.0
+        _set_magnitudes(system, state, i, abs(held[i]), 0.0, 0.0, share)  # a coordinate that is held does not drift
+        state.z[first + i], state.magnitude[first + i] = 0.0, 0.0
 
 
 @part
@@ -225,7 +226,7 @@ def solve_driven(system, state, point):
     half, start = segment.half, segment.mode_start
     acceleration = state.scratch.room[0].acceleration[:]
     for i in range(system.counts[0].dynamic, coordinates):
-        row = system.acceleration[mode, i]
+        row = system.equations[mode, i]
         rate = z[coordinates + i]
         if fill_form(row, system.reads_forcing[mode, i], z, acceleration):
             integrate_through(acceleration, half, start, point[coordinates + i], rate)
@@ -233,7 +234,7 @@ def solve_driven(system, state, point):
             rate[:] = 0.0
             rate[0] = point[coordinates + i]
         integrate_through(rate, half, start, point[i], z[i])
-        _set_scales(system, state, i, abs(point[i]), abs(point[coordinates + i]), 2.0 * half, 0.0)
+        _set_magnitudes(system, state, i, abs(point[i]), abs(point[coordinates + i]), 2.0 * half, 0.0)
 
 
 @rounding_part  # a mass at rest on its slider feels exactly no force
@@ -268,7 +269,7 @@ def solve_series(system, state, motion):
     """Series of the components of a motion from their constant terms, under the loads in the scratch."""
     coordinates, dynamic = system.counts[0].coordinates, system.counts[0].dynamic
     mode, half, load = state.now[0].automaton.mode, state.now[0].segment.half, state.scratch.room[0].load[:]
-    rows = system.acceleration[mode]
+    rows = system.equations[mode]
     if system.coupled[mode]:
         _solve_coupled(load, rows, half, coordinates, dynamic, motion)
         return

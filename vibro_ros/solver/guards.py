@@ -48,7 +48,7 @@ def _guard_root(system, state, row):
         return state.root[row]
     guard = room.guard[:]
     fill_form(system.row[row], system.row_terms[row], state.z, guard)
-    noise = NOISE * sparse_magnitude(system.row[row], system.row_terms[row], state.scale)
+    noise = NOISE * sparse_magnitude(system.row[row], system.row_terms[row], state.magnitude)
     if state.now[0].automaton.events_without_progress > _EVENTS_BEFORE_DOUBT:
         guard[0] += _DOUBT * noise
     root = first_root(guard, segment.mode_start, segment.next_event, noise, room.search[:])

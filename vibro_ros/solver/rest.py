@@ -36,7 +36,7 @@ def _is_driven(state):
 def acceleration_noise(system, state, i, magnitude):
     """What rounding leaves of the acceleration of dynamic coordinate i, however long its motion has died away."""
     mode, coordinates = state.now[0].automaton.mode, system.counts[0].coordinates
-    row = system.acceleration[mode, i]
+    row = system.equations[mode, i]
     stiffness, damping = -row[i], -row[coordinates + i]
     # Below and beyond critical damping the slower part of the motion ends at these rates [1/s].
     ending = min(0.5 * damping, stiffness / damping) * system.longest_segment[mode] if damping > 0.0 else 0.0
@@ -58,7 +58,7 @@ def _is_settled(system, state, i, speed, held, magnitude):
 
     Its own stiffness tells how fast it may be by rounding; where there is none, it must stand still exactly.
     """
-    row, noise = system.acceleration[state.now[0].automaton.mode, i], acceleration_noise(system, state, i, magnitude)
+    row, noise = system.equations[state.now[0].automaton.mode, i], acceleration_noise(system, state, i, magnitude)
     if abs(_acceleration(row, held)) > noise:
         return False
     return speed == 0.0 or (row[i] < 0.0 and abs(speed) * math.sqrt(-row[i]) <= noise)
@@ -71,7 +71,7 @@ def _balance(system, state, held):
     for _ in range(_MOST_SWEEPS):
         moved = False
         for i in range(system.counts[0].dynamic):
-            row = system.acceleration[mode, i]
+            row = system.equations[mode, i]
             if row[i] < 0.0:
                 balanced = held[i] - _acceleration(row, held) / row[i]
                 moved = moved or balanced != held[i]

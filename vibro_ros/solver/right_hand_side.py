@@ -103,9 +103,9 @@ def accelerate(system, state, mode, z, accelerations):
             accelerations[i] = z[first_acceleration(system.counts[0]) + i]
     else:
         for i in range(dynamic):
-            accelerations[i] = z[first_acceleration(system.counts[0]) + i] = form_value(system.acceleration[mode, i], z)
+            accelerations[i] = z[first_acceleration(system.counts[0]) + i] = form_value(system.equations[mode, i], z)
     for i in range(dynamic, coordinates):
-        accelerations[i] = form_value(system.acceleration[mode, i], z)
+        accelerations[i] = form_value(system.equations[mode, i], z)
 
 
 @part

@@ -143,14 +143,14 @@ def _fill_signals(system, state):
 
 
 @part
-def _raise_acceleration_scales(system, state):
-    """Let the signals' accelerations have the scale of their terms over the cell: in a short segment about a zero they
-    are sums of these, and much smaller."""
+def _raise_acceleration_magnitudes(system, state):
+    """Let the signals' accelerations have the magnitude of their terms over the cell: in a short segment about a zero
+    they are sums of these, and much smaller."""
     drive, first = state.now[0].drive, first_signal(system.counts[0]) + 2 * system.counts[0].signals
     speed = max(abs(drive.speed), abs(drive.target)) * 2.0 / _cell_width(system, drive)
     for k in range(system.counts[0].signal_accelerations):
         terms = total(vector(SECOND) * abs(vector(system.signals.series[drive.cell, k])))
-        state.scale[first + k] += terms * speed * speed
+        state.magnitude[first + k] += terms * speed * speed
 
 
 @part
@@ -171,9 +171,9 @@ def fill_forcing(system, state):
         z[channel + ramps, 0] = ramp.rate
     z[len(z) - 1, 0] = 1.0
     for channel in range(first, len(z)):
-        state.scale[channel] = abs(z[channel, 0]) + abs(z[channel, 1])
+        state.magnitude[channel] = abs(z[channel, 0]) + abs(z[channel, 1])
     if system.counts[0].signal_accelerations > 0:
-        _raise_acceleration_scales(system, state)
+        _raise_acceleration_magnitudes(system, state)
 
 
 @entry

@@ -188,7 +188,7 @@ class State(NamedTuple):
     ----------
     z : ndarray, shape (channels, LENGTH)
         Polynomials of every channel over the present segment.
-    scale : ndarray, shape (channels,)
+    magnitude : ndarray, shape (channels,)
         Magnitude of the terms that make up each channel, which sets the channel's rounding error.
     now : ndarray of NOW, shape (1,)
         The present segment, drive and mode, and the energy accounts.
@@ -209,7 +209,7 @@ class State(NamedTuple):
     """
 
     z: np.ndarray
-    scale: np.ndarray
+    magnitude: np.ndarray
     now: np.ndarray
     ramp: np.ndarray
     mode_point: np.ndarray
@@ -277,7 +277,7 @@ def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode:
         raise ValueError(f"the system has {channels.dynamic} dynamic coordinates; give at most {MOST_DYNAMIC}")
     state = State(
         z=np.zeros((channels.count, LENGTH)),
-        scale=np.zeros(channels.count),
+        magnitude=np.zeros(channels.count),
         now=np.zeros(1, NOW),
         ramp=np.zeros(channels.ramps, RAMP),
         mode_point=np.zeros(2 * channels.coordinates),

@@ -342,7 +342,7 @@ class System(NamedTuple):
     ----------
     counts : ndarray of COUNTS, shape (1,)
         Numbers of coordinates, dynamic coordinates, signals, ramps, decaying terms and accelerations of signals.
-    acceleration : ndarray, shape (m, coordinates, channels)
+    equations : ndarray, shape (m, coordinates, channels)
         Rows of A.
     flow : ndarray of int, shape (m,)
         Equal for modes whose dynamic coordinates obey the same equations.
@@ -405,7 +405,7 @@ class System(NamedTuple):
     """
 
     counts: np.ndarray
-    acceleration: np.ndarray
+    equations: np.ndarray
     flow: np.ndarray
     coupled: np.ndarray
     longest_segment: np.ndarray
@@ -465,8 +465,8 @@ def _terms_by_zeros(zeros: bytes, shape: tuple[int, ...]) -> np.ndarray:
     return np.where(np.take_along_axis(zero, order, axis=-1), NOTHING, order)
 
 
-def acceleration_terms(acceleration: np.ndarray, channels: Channels) -> np.ndarray:
-    """`System.reads_forcing` of `System.acceleration`.
+def equation_terms(acceleration: np.ndarray, channels: Channels) -> np.ndarray:
+    """`System.reads_forcing` of `System.equations`.
 
     Raises
     ------

@@ -117,9 +117,9 @@ def _respond(system, mode, series, of_phase, has_term, response):
     masses, decay = counts.dynamic - 2 * counts.rotors, system.row.shape[1] - 2
     shaken = counts.signals if of_phase and counts.signal_accelerations > 0 else 0
     for i in range(masses):
-        response[i] = 0.0 if of_phase else system.acceleration[mode, i, decay]
+        response[i] = 0.0 if of_phase else system.equations[mode, i, decay]
         for k in range(shaken):
-            response[i] += system.acceleration[mode, i, of_signals + k] * series[slope_row(k), 0]
+            response[i] += system.equations[mode, i, of_signals + k] * series[slope_row(k), 0]
         if has_term:
             factor += system.decay.factor[mode, first + i] * response[i]
     for k in range(shaken):
@@ -153,14 +153,14 @@ def _fill_accelerations(system, mode, z, n, series, mirrored, loads, has_term, o
             for j in range(n):
                 z[decay, n] += f[j] * e[n - j]
     for i in range(masses):
-        z[first + i, n] = _row_at(system.acceleration[mode, i], system.reads_all[mode, i], z, n)
+        z[first + i, n] = _row_at(system.equations[mode, i], system.reads_all[mode, i], z, n)
     if counts.rotors > 0:
         z[torque, n] = 0.0
         for k in range(counts.signals):
             known = product_coefficient(loads[k], mirrored[slope_row(k)], n)  # before the load's own is there
             loads[k, n] = load = _row_at(system.rotor.load[mode, k], system.rotor.load_terms[mode, k], z, n)
             z[torque, n] += known + load * series[slope_row(k), 0]
-        row = system.acceleration[mode, phase]
+        row = system.equations[mode, phase]
         change, pull = _row_at(row, system.reads_all[mode, phase], z, n), row[torque]
     # Then what these two decide together: change = ... + pull T, and term = e[0] f[n].
     own = 1.0 - pull * of_phase[0]
@@ -230,7 +230,7 @@ def fill_series(system, mode, duration, orders, z, room):
                 z[coordinates + charge, n] = _row_at(system.rotor.current[mode], system.rotor.current_terms[mode], z, n)
         _fill_accelerations(system, mode, z, n, series, mirrored, loads, has_term, of_phase, of_term)
         if counts.rotors > 0:
-            z[first + charge, n] = _row_at(system.acceleration[mode, charge], system.reads_all[mode, charge], z, n)
+            z[first + charge, n] = _row_at(system.equations[mode, charge], system.reads_all[mode, charge], z, n)
         if n + 1 == orders:
             return
         for i in range(counts.dynamic):
@@ -240,7 +240,7 @@ def fill_series(system, mode, duration, orders, z, room):
             if body >= counts.dynamic:
                 z[body, n + 1] = step * z[coordinates + body, n]
                 z[coordinates + body, n + 1] = step * _row_at(
-                    system.acceleration[mode, body], system.reads_all[mode, body], z, n)
+                    system.equations[mode, body], system.reads_all[mode, body], z, n)
             growth = 0.0
             for j in range(n + 1):
                 growth += (j + 1) * z[coordinates + body, j + 1] * series[_EXPONENTIAL, n - j]
@@ -281,42 +281,42 @@ def _to_local_time(z, ratio):
 
 
 @part
-def _set_scales(system, state):
+def _set_magnitudes(system, state):
     """Magnitudes of the terms that make up each channel, of which guards take their rounding error."""
-    counts, z, scale, mode = system.counts[0], state.z, state.scale, state.now[0].automaton.mode
+    counts, z, magnitude, mode = system.counts[0], state.z, state.magnitude, state.now[0].automaton.mode
     first, torque = first_acceleration(counts), first_ramp(counts) + 2 * counts.ramps
     coordinates, masses = counts.coordinates, counts.dynamic - 2 * counts.rotors
-    known = first_signal(counts) if counts.rotors > 0 else len(z)  # without a rotor, the forcing has its scales
+    known = first_signal(counts) if counts.rotors > 0 else len(z)  # without a rotor, the forcing has its magnitudes
     for channel in range(len(z)):
         if channel < counts.dynamic or coordinates <= channel < coordinates + counts.dynamic or known <= channel:
-            scale[channel] = abs(z[channel, 0]) + abs(z[channel, 1])
+            magnitude[channel] = abs(z[channel, 0]) + abs(z[channel, 1])
     if counts.rotors > 0 and counts.signal_accelerations > 0:  # differences of larger terms
-        rate = scale[coordinates + counts.dynamic - 2]
+        rate = magnitude[coordinates + counts.dynamic - 2]
         for k in range(counts.signals):
-            scale[first_signal(counts) + 2 * counts.signals + k] += system.rotor.signal[k, 0] * rate * rate
+            magnitude[first_signal(counts) + 2 * counts.signals + k] += system.rotor.signal[k, 0] * rate * rate
     if counts.decays > 0:
-        scale[len(z) - 2] = 0.0
+        magnitude[len(z) - 2] = 0.0
         if decays(system, mode):  # f, whose terms may be those that d moves; e is 1 at most
             for i in range(masses):
-                scale[first + i] = form_magnitude(system.acceleration[mode, i], scale)
-            scale[len(z) - 2] = form_magnitude(system.decay.factor[mode], scale)
+                magnitude[first + i] = form_magnitude(system.equations[mode, i], magnitude)
+            magnitude[len(z) - 2] = form_magnitude(system.decay.factor[mode], magnitude)
     for i in range(masses):
-        scale[first + i] = form_magnitude(system.acceleration[mode, i], scale)
+        magnitude[first + i] = form_magnitude(system.equations[mode, i], magnitude)
     if counts.rotors > 0:
         for k in range(counts.signals):
             a, b = system.rotor.signal[k, 0], system.rotor.signal[k, 3]
             slope = a * (1.0 + a / math.sqrt(b)) if b > 0.0 else a  # the largest
-            load = sparse_magnitude(system.rotor.load[mode, k], system.rotor.load_terms[mode, k], scale)
-            scale[torque] += slope * load
+            load = sparse_magnitude(system.rotor.load[mode, k], system.rotor.load_terms[mode, k], magnitude)
+            magnitude[torque] += slope * load
         for i in range(masses, counts.dynamic):
-            scale[first + i] = form_magnitude(system.acceleration[mode, i], scale)
+            magnitude[first + i] = form_magnitude(system.equations[mode, i], magnitude)
     # A force is rounded, and moves what no spring of its own holds, for as long as the segment lasts.
     for i in range(counts.dynamic):
-        duration, stiffness = 2.0 * state.now[0].segment.half, -system.acceleration[mode, i, i]
+        duration, stiffness = 2.0 * state.now[0].segment.half, -system.equations[mode, i, i]
         if stiffness > 0.0:
             duration = min(duration, stiffness**-0.5)
-        scale[coordinates + i] += scale[first + i] * duration
-        scale[i] += scale[coordinates + i] * duration
+        magnitude[coordinates + i] += magnitude[first + i] * duration
+        magnitude[i] += magnitude[coordinates + i] * duration
 
 
 @part
@@ -388,7 +388,7 @@ def solve_by_taylor(system, state, point):
         state.mode_point[channel] = point[channel]
     _to_local_time(z, ratio)
     segment.half = 0.5 * (longest if ratio * trial >= longest else ratio * trial)
-    _set_scales(system, state)
+    _set_magnitudes(system, state)
 
 
 @part
@@ -403,7 +403,7 @@ def end_where_term_returns(system, state):
     guard = state.scratch.room[0].guard[:]
     store(guard, -rate * vector(state.z[velocity]))
     guard[0] -= _OVER
-    noise = NOISE * abs(rate) * state.scale[velocity]
+    noise = NOISE * abs(rate) * state.magnitude[velocity]
     root = first_root(guard, segment.mode_start, segment.next_event, noise, state.scratch.room[0].search[:])
     if root != NO_ROOT:
         segment.next_event = segment.mode_start + (root - segment.mode_start) * _BEFORE
