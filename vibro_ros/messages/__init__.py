@@ -1,9 +1,10 @@
-"""The robot's topics and what its messages say, for the classes of any ROS library.
+"""The robot's topics, and its messages as bytes, made and read without ROS.
 
 In comes a sample of the device, its events and measurements; out go the bytes that are published and recorded.
-`topics.py` comes first: `TOPICS` has a row for each topic, with type, quality of service, and which field of a sample
-stands where. `robot_messages.py` fills and serialises the messages, for the node and for a replay alike, so that both
-are equal to the last byte. `frames.py` and `urdf.py` say where the robot's parts are, `commands.py` what a command
-message commands, `operations.py` what is asked of a run besides commands, as a text in the bag, and `codec.py` reads
-and writes the bytes of any message without ROS. Nothing here imports rclpy.
+Read `topics.py` first: `TOPICS` has a row for each topic, with its type, quality of service, and which field of a
+sample fills which field of the message. `robot_messages.py` fills and serialises the messages, for the node and for a
+replay alike, so that both make the same bytes. `frames.py` computes the transforms of the robot's parts, `urdf.py`
+its description, `commands.py` reads the commands in a JointState, `operations.py` has the other inputs of a run (reset,
+pause, push, ...) as the texts that a bag keeps, and `codec.py` serialises and deserialises any message. Nothing here
+imports rclpy.
 """

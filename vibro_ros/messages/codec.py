@@ -1,4 +1,4 @@
-"""Messages without ROS: their types, new ones to fill, their bytes, and where two of them differ."""
+"""Messages without ROS: definitions, new messages, serialisation (CDR), and the first difference of two messages."""
 
 import struct
 from collections.abc import Iterator
@@ -15,32 +15,34 @@ _ENCAPSULATION = 4  # bytes before the first field
 
 @cache
 def jazzy_types() -> Typestore:
-    """Message definitions of ROS 2 Jazzy, which later distributions have unchanged; loaded once (about 60 ms)."""
+    """Return the message definitions of ROS 2 Jazzy, which later distributions keep; loaded once (about 60 ms)."""
     return get_typestore(Stores.ROS2_JAZZY)
 
 
 def new_message(type_name: str) -> Any:
-    """A message with zeros, empty texts and empty lists, as every ROS library makes it."""
+    """Return a new message of zeros, empty texts and empty lists, the defaults of every ROS library."""
     store = jazzy_types()
     _, fields = store.fielddefs[type_name]
     return store.types[type_name](**{name: _new_field(kind, what) for name, (kind, what) in fields})
 
 
 def serialised(message: Any, type_name: str) -> bytes:
-    """The message as it is published (CDR); lists of numbers may be lists."""
+    """Return the message serialised as CDR; its sequences of float64 may be lists or arrays."""
     for name in _lists_of_numbers(type_name):
         setattr(message, name, np.asarray(getattr(message, name), dtype=float))
     return bytes(jazzy_types().serialize_cdr(message, type_name))
 
 
 def deserialised(data: bytes, type_name: str) -> Any:
-    """The message in `data`, whoever sent it; the robot and all readers of its bag refuse the same messages.
+    """Return the message in `data`, which may come from any peer.
+
+    The robot and all readers of its bag call this function, so that they refuse the same messages.
 
     Raises
     ------
     ValueError
-        When `data` is no plain CDR (two bytes, 0 and the byte order 0 or 1, then two of options), ends within a field,
-        or goes on behind the last one by more than the three bytes that some libraries pad with.
+        When `data` is no plain CDR (two bytes, 0 and the byte order 0 or 1, then two bytes of options), ends within a
+        field, or has more than three bytes after the last field (some libraries pad with up to three).
     """
     if len(data) < _ENCAPSULATION or data[0] != 0 or data[1] not in (0, 1):
         raise ValueError(f"{len(data)} bytes are no {type_name}: they do not begin as plain CDR")
@@ -48,27 +50,27 @@ def deserialised(data: bytes, type_name: str) -> Any:
         return jazzy_types().deserialize_cdr(data, type_name)
     except MemoryError:
         raise
-    except Exception as error:  # rosbags raises whatever its generated code meets
+    except Exception as error:  # the code that rosbags generates may raise any exception
         raise ValueError(f"{len(data)} bytes are no {type_name}") from error
 
 
 def check(data: bytes, type_name: str) -> None:
-    """Return when `data` is a message of this type, or the type is unknown (ValueError when it is none)."""
+    """Raise a ValueError if the type is known and `data` is no message of it."""
     if type_name in jazzy_types().fielddefs:
         deserialised(data, type_name)
 
 
 def first_difference(one: bytes, other: bytes, type_name: str) -> tuple[str, object, object] | None:
-    """Where two serialised messages differ first: field, its value in one and in the other; None when nowhere.
+    """Return the first field in which two serialised messages differ, and its two values; None when they are equal.
 
-    Numbers are equal when all their bits are; bytes that belong to no field do not count. The field of an
-    unreadable message is its length.
+    Numbers are equal when all their bits are equal. Bytes that belong to no field are not compared. If one of the
+    messages cannot be read, the field is "bytes" and the values are the lengths of both.
     """
     if one == other:
         return None
     try:
         read = deserialised(one, type_name)
-        if serialised(read, type_name) == other:  # only the padding differs, which some libraries leave to chance
+        if serialised(read, type_name) == other:  # only the padding differs, which some libraries do not set
             return None
         fields = _leaves(read, deserialised(other, type_name), "")
         return next((found for found in fields if _bits(found[1]) != _bits(found[2])), None)

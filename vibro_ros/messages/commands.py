@@ -1,10 +1,10 @@
-"""Commands for the joints in one message, as hardware of ros2_control that works by topics sends them.
+"""Commands for several joints in one JointState, as the topic-based hardware of ros2_control sends them.
 
-The crank is commanded by velocity [rad/s], a plate by position [m], the quantities of `joint_states`. An array that is
-as long as the names belongs to them in their order. joint_state_topic_hardware_interface appends a number only for each
-joint that has a command interface of the kind, so that an array as long as the list of such joints belongs to these in
-their order. A number that is not finite is no command: controllers that are not active leave NaN. A message that names
-a joint twice commands nothing, because no reader of the bag could say which of the two numbers held.
+The crank is commanded by velocity [rad/s], a plate by position [m], the quantities of `joint_states`. An array as long
+as the list of names has one number for each name, in that order. joint_state_topic_hardware_interface writes shorter
+arrays, with a number only for each joint that has a command interface of this kind; an array of that length belongs to
+those joints, in their order. A number that is not finite is no command, because controllers that are not active leave
+NaN. A message that names a joint twice commands nothing, because it would be ambiguous which of the two numbers holds.
 """
 
 import math
@@ -16,13 +16,14 @@ from vibro_ros.model.scene import Scene
 
 COMMANDED = {"crank": ("velocity", "motor_speed"), "upper_plate": ("position", "upper_gap"),
              "inclined_plate": ("position", "inclined_gap")}
-"""By joint: which array commands it, and the argument of `Simulator.command` that this is."""
+"""For each joint that takes commands: the array of a JointState, and the argument of `Simulator.command`."""
 
 
 def joint_commands(message: Any, scene: Scene) -> tuple[dict[str, float], list[str]]:
-    """What a JointState of any ROS library commands: arguments of `Simulator.command`, and what is wrong with the rest.
+    """Return the commands in a JointState of any ROS library, as arguments of `Simulator.command`, and its faults.
 
-    The rods' lengths of `scene` lie between a plate's position and its gap.
+    A fault is a sentence on a part of the message that commands nothing. A plate's gap is its position minus the length
+    of the rod in `scene`.
     """
     names, commands, faults = list(message.name), dict[str, float](), []
     if repeated := [name for name, count in Counter(names).items() if count > 1]:

@@ -1,7 +1,6 @@
-"""Where the robot's frames are at a state of the device: the transforms on /tf and /tf_static.
+"""Transforms of the robot's frames at a state of the device, for /tf and /tf_static.
 
-Frames and signs are those of `messages.urdf`. All that turns does so about y, so that two parts of a quaternion, y and
-w, give its angle.
+Frames and signs are those of `messages.urdf`. All rotations are about y, so that only y and w of a quaternion vary.
 """
 
 import math
@@ -23,35 +22,35 @@ JOINTS = {
     "upper_plate": ("upper_plate_position", "upper_plate_velocity", "upper_plate_force"),
     "inclined_plate": ("inclined_plate_position", "inclined_plate_velocity", "inclined_plate_force"),
 }
-"""Position, velocity and effort of each joint, as fields of the state.
+"""Position, velocity and effort of each joint, as fields of a sample.
 
-The crank's are an angle [rad], never wrapped, its speed [rad/s] and the motor's torque [N m]. The others are
-positions along their guide [m], outwards positive from the crank's centre, speeds [m/s] and forces [N]: on a mass that
-of its drive (outwards positive), on a plate that of the contact (compression positive).
+The crank has an angle [rad], never wrapped, a speed [rad/s] and the motor's torque [N m]. Masses and plates have
+positions along their guide [m], outwards positive from the crank's centre, speeds [m/s] and forces [N]: the effort of a
+mass is the force of its drive (outwards positive), of a plate the contact force (compression positive).
 """
 
 NONE, ONLY_BASE, ALL = "none", "base", "all"
-"""What of the tree is published: nothing; where `base_link` is in `odom`; that and every link."""
+"""Values of `tf.publish`: no transforms; only that of `base_link` in `odom`; that and those of all joints."""
 
 
 def joints_of(scene: Scene) -> list[str]:
-    """The joints that a robot of this scene has, names of `JOINTS`."""
+    """Return the joints that a robot of this scene has, by their names in `JOINTS`."""
     parts = [f"{side}_mass" for side in scene.guides] + [f"{side}_plate" for side in scene.plates]
     return [joint for joint in JOINTS if joint in ("crank", *parts)]
 
 
 def fill_header(header: Any, stamp: int, frame: str) -> None:
-    """Stamp, ROS time [ns], and frame of a message."""
+    """Set stamp (ROS time [ns]) and frame in a message's header."""
     header.stamp.sec, header.stamp.nanosec = divmod(stamp, 1_000_000_000)
     header.frame_id = frame
 
 
 class Frames:
-    """The transforms of one robot, as messages TransformStamped that are filled again for each sample.
+    """Transforms of one robot, as TransformStamped messages that are filled again for each sample.
 
-    `moving` are that of `base_link` in `odom` and those of the joints that move, which share the message `stamp`;
-    `fixed` those of the joints that never move. `prefix` begins every frame's name, and `published` is `ONLY_BASE` or
-    `ALL`.
+    `moving` has the transform of `base_link` in `odom` and those of the joints that move, which all share the message
+    `stamp`; `fixed` has those of the joints that never move. `prefix` begins every frame's name, and `published` is
+    `ONLY_BASE` or `ALL`.
     """
 
     def __init__(self, scene: Scene, stamp: Any, prefix: str = "", published: str = ALL):
@@ -73,7 +72,7 @@ class Frames:
         self._rods = [(rod, slider(scene, side)) for rod, side in zip(rods, scene.guides, strict=False)]
 
     def fill(self, values: Sequence[float]) -> None:
-        """Bring `moving` to where a sample has them; its `values` are in the order of `FIELDS`."""
+        """Set the transforms in `moving` from the `values` of a sample, in the order of `FIELDS`."""
         base, angle = self.moving[0].transform.translation, values[_ANGLE]
         base.x, base.z = values[_POSITION], values[_HEIGHT]
         for translation, index in self._sliders:
@@ -91,5 +90,5 @@ def _transform(parent: str, child: str) -> Any:
 
 
 def _turn(rotation: Any, angle: float) -> None:
-    """Let a quaternion turn from z towards -x by an angle [rad]."""
+    """Set a quaternion to the rotation from z towards -x by an angle [rad]."""
     rotation.y, rotation.w = -math.sin(0.5 * angle), math.cos(0.5 * angle)

@@ -1,7 +1,7 @@
-"""Operations, which are asked of a run besides commands, and their texts.
+"""Operations: the inputs of a run other than commands, such as a reset or a push, and their form as text.
 
-The robot publishes and records each operation that it performs as a text: the operation's name and, where it has any,
-what belongs to it as JSON, such as ``step 10`` or ``set {"ground.friction": 0.1}``.
+The robot publishes and records each operation that it performs as a text: the operation's name and, if it has any, its
+arguments as JSON, such as ``step 10`` or ``set {"ground.friction": 0.1}``.
 """
 
 import json
@@ -21,7 +21,7 @@ STATE, PUSH, FAULT = "state", "push", "fault"
 ARGUMENTS: Mapping[str, frozenset[str]] = {
     SET: frozenset(), STATE: frozenset(), PUSH: frozenset(("duration", "force_x", "force_z")),
     FAULT: frozenset(Incident._fields)}
-"""Operations to which a mapping belongs, with the names that it must have; none where the device says which."""
+"""Operations with a mapping of arguments: the names that are required; empty where the device checks the names."""
 NAMES = (RESET, PAUSE, RESUME, STEP, TIMEOUT, *ARGUMENTS)
 
 
@@ -32,14 +32,14 @@ class Operation:
     Attributes
     ----------
     name : str
-        `RESET`: back to the start. `PAUSE`, `RESUME`: robot time stands still, goes on. `STEP`: so many samples while
-        robot time stands still. `SET`: other parameters. `TIMEOUT`: the motor stops, because no command came.
-        `STATE`: another state (`Simulator.set_state`). `PUSH`: a push of the body (`Simulator.push`). `FAULT`: a fault
-        begins, or ends (`model.faults`).
+        `RESET`: go back to the start. `PAUSE`, `RESUME`: stop robot time, let it go on. `STEP`: take some samples while
+        paused. `SET`: change parameters. `TIMEOUT`: stop the motor, because no command came in time. `STATE`: set the
+        state (`Simulator.set_state`). `PUSH`: push the body (`Simulator.push`). `FAULT`: begin or end a fault
+        (`model.faults`).
     steps : int
-        Samples of `STEP`.
+        Number of samples of a `STEP`.
     parameters : mapping of str to value
-        Of those of `ARGUMENTS`.
+        Arguments of an operation in `ARGUMENTS`.
     """
 
     name: str
@@ -53,12 +53,12 @@ class Operation:
 
 
 def read_operation(text: str) -> Operation:
-    """The operation that a recorded text names.
+    """Return the operation in a recorded text.
 
     Raises
     ------
     ValueError
-        For any other text.
+        When the text is no operation.
     """
     name, _, rest = text.partition(" ")
     try:
@@ -68,7 +68,7 @@ def read_operation(text: str) -> Operation:
         parameters = json.loads(rest) if name in ARGUMENTS else {}
         if not isinstance(parameters, dict):
             raise ValueError("no mapping of parameters")
-        if name == FAULT:  # which earlier versions recorded without a place
+        if name == FAULT:  # earlier versions recorded faults without from_x and to_x
             parameters = Incident._field_defaults | parameters
         if (needed := ARGUMENTS.get(name)) and needed != set(parameters):
             raise ValueError(f"it needs {', '.join(sorted(needed))}")
@@ -78,12 +78,12 @@ def read_operation(text: str) -> Operation:
 
 
 def perform(operation: Operation, device: "Simulator") -> None:
-    """Do to the device what the operation does to it; pauses and steps do nothing, because samples are counted.
+    """Apply an operation to the device; pauses and steps do nothing to it, because robot time counts samples.
 
     Raises
     ------
     ValueError
-        For what the device refuses; nothing is changed then.
+        When the device refuses the operation; nothing is changed then.
     SimulationError
         When the run cannot go on.
     """
@@ -97,7 +97,7 @@ def perform(operation: Operation, device: "Simulator") -> None:
         device.push(**operation.parameters)
     elif operation.name == FAULT:
         incident = checked_incident(**operation.parameters)
-        if FAULTS[incident.fault].befalls != faults.COMMANDS:  # what becomes of commands, their record tells
+        if FAULTS[incident.fault].befalls != faults.COMMANDS:  # commands are recorded when they take effect
             device.fail(*incident)
     elif of_scene := {name: value for name, value in operation.parameters.items() if name in BY_NAME}:
         device.set_parameters(of_scene)

@@ -1,9 +1,9 @@
-"""The messages of one robot, as the bytes that are published and recorded: the node and a replay make them here.
+"""The messages of one robot, as the bytes that are published and recorded; the node and a replay both make them here.
 
-Units are SI and signs REP-103's: the robot's `base_link` has x forward and z up, and moves in the frame `odom`.
-`messages.topics.TOPICS` says which field of a sample stands where in a message; here is what a table cannot say.
+Units are SI; axes follow REP-103: the robot's `base_link` has x forward and z up, and moves in the frame `odom`.
+`messages.topics.TOPICS` says which field of a sample fills which field of a message; the code here fills the rest.
 A message is made once and filled again for each sample. rosbags serialises it, with zeros in the padding between
-fields: so equal samples have equal bytes, and a replay compares bytes.
+fields, so that equal samples have equal bytes and a replay can compare bytes.
 """
 
 import math
@@ -21,45 +21,45 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.samples import FIELDS, TIME
 
 PLATES = {"upper_contact": "upper_plate", "inclined_contact": "inclined_plate"}
-"""Frame of the plate that an event of this kind strikes."""
+"""Frame of the plate that is struck, by the kind of the event."""
 
 
 SAMPLE_LABELS = ("start_seconds", "start_nanoseconds", *FIELDS)
-"""What the numbers of a message on `~/samples` are, in their order; its `layout.dim[0].label` has them, after commas.
+"""Names of the numbers in a message on `~/samples`, in order; its `layout.dim[0].label` lists them, joined by commas.
 
 The first two are the ROS time of robot time 0, in whole seconds and nanoseconds, the others the quantities of
-`simulation.samples.Samples`, with `time` as robot time. So a sample's stamp is `stamp_at(start, time)`, to the
+`simulation.samples.Samples`, with robot time as `time`. So a sample's stamp is `stamp_at(start, time)`, to the
 nanosecond.
 """
 
 
 def stamp_at(start: int, time: float) -> int:
-    """ROS time [ns] of the simulated `time` [s], where `start` is that of simulated time 0."""
+    """Return the ROS time [ns] of the simulated `time` [s]; `start` is the ROS time [ns] of simulated time 0."""
     return start + round(time * 1e9)
 
 
 class RobotMessages:
-    """What a robot of a `scene` publishes; `topics` are its own names of the topics.
+    """Makes all messages that a robot publishes; `topics` has the names of its topics in `TOPICS`.
 
     Parameters
     ----------
     scene : Scene
-        Of the device whose samples come.
+        Scene of the device that gives the samples.
     prefix : str
-        Begins the name of every frame.
+        Beginning of the name of every frame.
     transforms : str
-        What of the frames is published, of `messages.frames`.
+        Which transforms are published: `NONE`, `ONLY_BASE` or `ALL` of `messages.frames`.
     variances : sequence of sequence of float
         Diagonals of the covariances of pose and twist in `odom`, none or 6 numbers each.
     control : mapping of str to str
-        Resolved names of `joint_commands` and `joint_states`, with which the description tells ros2_control how to
-        command the robot; without them it does not.
+        Resolved names of `joint_commands` and `joint_states`, for a block in the URDF by which ros2_control commands
+        the robot; the block is left out if this is empty.
     """
 
     def __init__(self, scene: Scene, prefix: str = "", transforms: str = ALL,
                  variances: Sequence[Sequence[float]] = ((), ()), control: Mapping[str, str] = MappingProxyType({})):
         self._scene, self._prefix, self._control = scene, prefix, control
-        self._stamp = new_message("builtin_interfaces/msg/Time")  # of the sample, in all headers that have it
+        self._stamp = new_message("builtin_interfaces/msg/Time")  # the sample's stamp, shared by all its headers
         self._frames = Frames(scene, self._stamp, prefix, transforms) if transforms != NONE else None
         self.topics = published_by(scene, transforms)
         self._messages = {name: self._new_message(name) for name in self.topics}
@@ -83,7 +83,7 @@ class RobotMessages:
         self._whole.layout.dim = [dimension]
 
     def once(self, stamp: int) -> Iterator[tuple[str, bytes]]:
-        """What is published once, at ROS time `stamp` [ns]: the robot's own name of each topic, and the message."""
+        """Yield topic (its name in `TOPICS`) and message of all that is published once, at ROS time `stamp` [ns]."""
         self._messages["robot_description"].data = robot_description(self._scene, self._control)
         yield "robot_description", self._bytes("robot_description")
         if self._frames and self._frames.fixed:
@@ -94,20 +94,20 @@ class RobotMessages:
 
     def of_sample(self, values: np.ndarray, events: np.ndarray, measurements: Sequence, stamp: int,
                   stamp_of: Callable[[float], int]) -> Iterator[tuple[str, bytes]]:
-        """What is published with a sample: the robot's own name of each topic, and the message, in their order.
+        """Yield topic (its name in `TOPICS`) and message of all that is published with a sample, in order.
 
         Parameters
         ----------
         values : ndarray, shape (len(FIELDS),)
             `Simulator.values`.
         events : ndarray
-            `Simulator.take_events`: those since the sample before; each contact among them is a message.
+            `Simulator.take_events`: the events since the previous sample; each contact among them gives a message.
         measurements : sequence of Measurement
             `SensedSimulator.take_measurements`; empty without sensors.
         stamp : int
             ROS time [ns] of the sample.
         stamp_of : callable
-            ROS time [ns] of a time [s] by the device's clock.
+            Returns the ROS time [ns] of a time [s] of the device's clock.
         """
         numbers = values.tolist()
         for part, name, index, negated in self._numbers:
@@ -133,10 +133,10 @@ class RobotMessages:
             yield name, self._bytes(name)
 
     def whole_sample(self, values: np.ndarray, start: int, time: float) -> bytes:
-        """All quantities of a sample as one message on `~/samples`.
+        """Return all quantities of a sample as one message on `~/samples`.
 
-        `start` is the ROS time [ns] of robot time 0, `time` [s] the robot time of the sample, which stands in place of
-        the device's own time because a reset does not turn it back.
+        `start` is the ROS time [ns] of robot time 0. `time` [s] is the robot time of the sample and replaces the
+        device's own time in the message, because a reset does not turn robot time back.
         """
         self._whole.data = np.array([*divmod(start, 1_000_000_000), *values])
         self._whole.data[len(SAMPLE_LABELS) - len(FIELDS) + TIME] = time
@@ -155,30 +155,30 @@ class RobotMessages:
 
 
 def fill_imu(message: Any, read: Sequence[float]) -> None:
-    """Specific force [m/s²] and angular rate [rad/s], with their variances: REP-145, without an orientation."""
+    """Fill in specific force [m/s²] and angular rate [rad/s] with their variances (REP-145), without orientation."""
     force, rate = message.linear_acceleration, message.angular_velocity
     force.x, force.y, force.z, rate.x, rate.y, rate.z, *variances = read
-    message.orientation_covariance[0] = -1.0  # there is none
+    message.orientation_covariance[0] = -1.0  # REP-145: no orientation
     for covariance, variance in zip((message.linear_acceleration_covariance, message.angular_velocity_covariance),
                                     variances, strict=True):
         covariance[::4] = variance
 
 
 def fill_encoder(message: Any, read: Sequence[float]) -> None:
-    """Angle [rad] and speed [rad/s] of the crank; an encoder knows no effort, which is NaN as in ros2_control."""
+    """Fill in angle [rad] and speed [rad/s] of the crank; an encoder measures no effort: NaN, as in ros2_control."""
     message.name = ["crank"]
     message.position, message.velocity, message.effort = [read[0]], [read[1]], [math.nan]
 
 
 def fill_battery(message: Any, read: Sequence[float]) -> None:
-    """Voltage [V] and current [A] of the supply, the current negative while it is drawn; the rest is not known."""
+    """Fill in voltage [V] and current [A] of the supply, negative while it discharges; the rest is unknown (NaN)."""
     drawn, message.voltage = read
     message.current, message.present = -drawn, True
     message.temperature = message.charge = message.capacity = message.design_capacity = message.percentage = math.nan
 
 
 def fill_tracking(message: Any, read: Sequence[float]) -> None:
-    """Place of the body [m] in the frame `odom`, with its variances; the body does not turn."""
+    """Fill in the position of the body [m] in the frame `odom`, with its variances; the body does not turn."""
     position, covariance = message.pose.pose.position, message.pose.covariance
     position.x, position.y, position.z, variance = read
     covariance[0] = covariance[7] = covariance[14] = variance
@@ -186,11 +186,11 @@ def fill_tracking(message: Any, read: Sequence[float]) -> None:
 
 MEASUREMENTS: Mapping[str, Callable[[Any, Sequence[float]], None]] = {
     "imu": fill_imu, "encoder": fill_encoder, "current": fill_battery, "tracking": fill_tracking}
-"""By sensor of `sensors.device`: what fills the message with the numbers of a `Measurement`."""
+"""For each sensor of `sensors.device`: the function that fills its message with the values of a `Measurement`."""
 
 
 def _place(message: Any, path: str) -> tuple[Any, str]:
-    """The part of a message that a dotted path leads to, and the last name of the path."""
+    """Return the object that holds the field at a dotted path in a message, and the field's name."""
     *parents, last = path.split(".")
     for parent in parents:
         message = getattr(message, parent)

@@ -1,7 +1,7 @@
-"""The robot's topics, a row each.
+"""The robot's topics, one row each.
 
 Publishers, subscriptions, topics of a bag, `qos_overrides`, messages, replay and the table of docs/guide/node.md follow
-from `TOPICS`. A topic of its own is one row, if its numbers are fields of `simulation.samples.Samples`.
+from `TOPICS`. A new topic is one more row, if its numbers are fields of `simulation.samples.Samples`.
 """
 
 from collections.abc import Mapping
@@ -14,8 +14,8 @@ from vibro_ros.messages.urdf import BASE, IMU
 from vibro_ros.model.scene import Scene
 
 COMMAND, SAMPLE, EVENT, ONCE, NODE, BAG = "command", "sample", "event", "once", "node", "bag"
-"""When a message comes: whenever a peer commands; with each sample; when something has happened; once; by the node,
-not of the device; never, it is in bags only."""
+"""When a message comes: whenever a peer sends a command; with each sample; after an event; once; when the node, not the
+device, has something to say; never, because the topic is in bags only."""
 
 NUMBER, NUMBERS, WRENCH = "std_msgs/msg/Float64", "std_msgs/msg/Float64MultiArray", "geometry_msgs/msg/WrenchStamped"
 
@@ -23,7 +23,7 @@ _NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 class Quality(NamedTuple):
-    """Quality of service, on which outside tools rely."""
+    """Quality of service of a topic; programs of users rely on it."""
 
     depth: int = 10
     reliable: bool = True
@@ -43,21 +43,21 @@ class Topic(NamedTuple):
         What the messages say, with units, in Markdown for docs/guide/node.md.
     quality : Quality
     unit : str
-        Of a command that is a number.
+        Unit of a command that is a number; empty for other topics.
     frame : str
-        Of the header; empty where the message has none, or one of several.
+        Frame in the header; empty where the message has no header, or its frame varies.
     numbers : mapping of str to str
-        From a path in the message to the field of a sample that stands there; `-` before the field negates it.
+        For a path in the message, the field of a sample that fills it; `-` before the field negates it.
     constants : mapping of str to object
-        From a path in the message to what always stands there.
+        For a path in the message, its constant value.
     transforms : tuple of str
         Values of `tf.publish` with which a robot has the topic.
     of_dc_motor : bool
-        Whether only a robot with a dc motor has it.
+        Whether only a robot with a dc motor has the topic.
     sensor : str
-        The sensor of `sensors.device` without which a robot lacks it.
+        Sensor of `sensors.device` whose measurements the topic has; a robot without it lacks the topic.
     name : str
-        The name before namespace and remapping, where it is not the robot's own name of the topic.
+        Name before namespace and remapping, if it differs from the key in `TOPICS`.
     """
 
     type: str
@@ -74,7 +74,7 @@ class Topic(NamedTuple):
     name: str = ""
 
     def exists(self, scene: Scene, transforms: str = ALL) -> bool:
-        """Whether the robot of a scene has the topic, with frames as `tf.publish` has them."""
+        """Return whether the robot of a scene has the topic; `transforms` is the value of `tf.publish`."""
         return (transforms in self.transforms and (scene.has_rotor or not self.of_dc_motor)
                 and (not self.sensor or scene[f"sensors.{self.sensor}.rate"] > 0.0))
 
@@ -84,7 +84,7 @@ def _command(unit: str, meaning: str, **more: Any) -> Topic:
 
 
 def _sensor(sensor: str, kind: str, meaning: str, frame: str, **more: Any) -> Topic:
-    """Deep, because one sample publishes what a fast sensor has measured since the sample before."""
+    """Return a sensor's topic; its depth is 100 because a fast sensor measures many times between two samples."""
     return Topic(kind, EVENT, meaning, Quality(100), frame=frame, sensor=sensor, **more)
 
 
@@ -145,10 +145,10 @@ TOPICS: Mapping[str, Topic] = {
     "checkpoint": Topic(NUMBERS, BAG, "`Simulator.checkpoint` after a sample and before its commands, in bags that may "
                         "lack the run's beginning", Quality(1), name="~/checkpoint"),
 }
-"""By the robot's own name of the topic; messages of one sample are published in this order."""
+"""The topics by the robot's own names; messages of one sample are published in this order."""
 
 COMMAND_UNITS = {name: topic.unit for name, topic in TOPICS.items() if topic.unit}
-"""Unit of each command that is a number; the names are arguments of `Simulator.command`, too."""
+"""Unit of each command that is a number; the names are also arguments of `Simulator.command`."""
 
 JOINT_COMMANDS, OPERATIONS, CHECKPOINT, SAMPLES = "joint_commands", "operations", "checkpoint", "samples"
 
@@ -159,34 +159,34 @@ OF_DC_MOTOR = tuple(name for name, topic in TOPICS.items() if topic.of_dc_motor)
 
 ROBOT_TOPICS = {name: topic.type for name, topic in TOPICS.items()
                 if topic.when not in (NODE, BAG) and not topic.sensor}
-"""Type of each topic that a bag may hold under any name that ends so; with another type it is somebody else's."""
+"""Type of each topic by the last part of its name in a bag; a topic of another type is not the robot's."""
 
 INPUTS = (*COMMANDS, OPERATIONS)
-"""What decides the run, and does not follow from it."""
+"""Topics of the inputs, from which a replay computes all other messages."""
 
 SENSOR_TOPICS = {topic.sensor: name for name, topic in TOPICS.items() if topic.sensor}
-"""Topic of each sensor of `sensors.device`; a robot has those of the sensors that are on."""
+"""Topic of each sensor of `sensors.device`; a robot has the topics of the sensors that are on."""
 
 VARIANCES = ("odom.pose_covariance_diagonal", "odom.twist_covariance_diagonal")
-"""Parameters of the node with the variances in `odom`."""
+"""The node's parameters for the variances in `odom`."""
 
 
 def commands_in(name: str, message: Any, scene: Scene) -> tuple[dict[str, float], list[str]]:
-    """What a message on one of `COMMANDS` commands, as arguments of `Simulator.command`, and what is wrong with it."""
+    """Return the commands in a message on one of `COMMANDS`, as arguments of `Simulator.command`, and its faults."""
     return joint_commands(message, scene) if name == JOINT_COMMANDS else ({name: message.data}, [])
 
 
 def commands_of(scene: Scene) -> tuple[str, ...]:
-    """The commands that the robot of a scene listens to."""
+    """Return the topics of commands that the robot of a scene listens to."""
     return tuple(name for name in COMMANDS if TOPICS[name].exists(scene))
 
 
 def published_by(scene: Scene, transforms: str = ALL) -> tuple[str, ...]:
-    """The topics on which the robot of a scene says what its device does, with frames as `tf.publish` has them."""
+    """Return the topics that follow the device of a scene; `transforms` is the value of `tf.publish`."""
     return tuple(name for name, topic in TOPICS.items()
                  if topic.when in (SAMPLE, EVENT, ONCE) and topic.exists(scene, transforms))
 
 
 def full_name(topic: str) -> str:
-    """The name of one of the robot's topics before namespace and remapping."""
+    """Return a topic's name before namespace and remapping; `topic` is a key of `TOPICS`."""
     return TOPICS[topic].name or topic

@@ -1,17 +1,17 @@
-"""The robot's description as URDF: the tree of its frames with outlines, masses and inertias.
+"""The robot's description as URDF: the tree of its frames with shapes, masses and inertias.
 
-The scene's parameters give lengths, angles and masses; the tables below the rest. The crank, the rods, the guides and
-the plates have no mass, because the model counts all of it to the body.
+The scene's parameters give lengths, angles and masses; the constants below give the rest. The crank, the rods, the
+guides and the plates have no mass, because the model adds theirs to the body's.
 
 x points forward and z up (REP-103). `base_link` lies on the ground below the crank's centre; `body` is the body.
 `upper_guide` and `inclined_guide` have the crank's centre as their origin and z along the guide, outwards; mass and
 plate of a guide move along that z, so that their positions in `joint_states` are the model's. `crank` turns about the
 same centre, with z towards its pin; a connecting rod hangs on the pin, with z towards its slider.
 
-Turning by a positive angle leads from z towards -x, as the model counts the crank's angle and the guides'.
+A positive angle turns from z towards -x, as the model counts the angles of crank and guides.
 
-The equations count a mass's position from the crank's centre to the point where the drive spring is unstretched. So
-the pictures set each mass and its plate farther out by the spring's length, `FREE_LENGTH`, along the guide.
+The equations count a mass's position from the crank's centre without the length of the unstretched drive spring. So
+the shapes of each mass and its plate lie farther out by that length, `FREE_LENGTH`, along the guide.
 """
 
 import math
@@ -32,10 +32,10 @@ CRANK = "crank"
 IMU = "imu_link"
 
 FIXED, CONTINUOUS, PRISMATIC, FLOATING = "fixed", "continuous", "prismatic", "floating"
-"""Kinds of joints, in the words of URDF.
+"""Types of joints, as URDF names them.
 
-A rod's joint is `floating`: its angle follows from the crank's by no law that URDF can state, and it is none of
-`joint_states`. So a robot_state_publisher leaves the rod's frame to the one who knows it, which is the robot's tf.
+A rod's joint is `floating`, because URDF cannot state how its angle follows from the crank's, and `joint_states` lacks
+it. So a robot_state_publisher does not publish the rod's frame; the robot's own tf does.
 """
 
 ROBOT = "vibro_robot"
@@ -46,30 +46,30 @@ MATERIALS = {"body": (0.91, 0.92, 0.94), "rail": (0.54, 0.58, 0.64), "metal": (0
 SLED = (0.156, 0.090, 0.008)  # m, along x, y and z
 SLED_MIDDLE = -0.018  # m, along x
 COLUMN = (0.044, 0.010)  # m, along x and y
-COLUMN_BEHIND, CRANK_BEHIND = 0.030, 0.016  # m, along y: what is behind the masses does not hide them
+COLUMN_BEHIND, CRANK_BEHIND = 0.030, 0.016  # m, along y: behind the masses, so that they stay visible
 MASS_WIDTH, PLATE_WIDTH, PLATE_HEIGHT = 0.022, 0.024, 0.004  # m
 BAR = 0.005  # m, thickness of rails, crank and rods
 UNLIMITED = 1e9
-"""URDF asks for limits [m, m/s, N] of a joint that slides, and the model has none for the masses and for forces."""
+"""Limit [m, m/s, N] that stands for none: URDF requires limits of a sliding joint, the model has none here."""
 
 FREE_LENGTH = 0.040
-"""Of an unstretched drive spring, between slider and mass."""
+"""Length [m] of an unstretched drive spring, between slider and mass."""
 MASS_HEIGHT = 0.016
-"""Of a mass, along its guide."""
+"""Size [m] of a mass along its guide."""
 RAIL = 0.014
-"""Distance of a guide's rail from its axis."""
+"""Distance [m] of a guide's rail from its axis."""
 HEADROOM = 0.014
-"""From a plate to the end of its guide, with the plate's spring in it."""
+"""Distance [m] from a plate to the end of its guide; the plate's spring lies there."""
 CLEARANCE = 0.024
-"""Least distance from the ground to the crank's pin, and to a guide's end."""
+"""Least distance [m] from the ground to the crank's pin, and to a guide's end."""
 
 Vector = Sequence[float]
 
 
 class Joint(NamedTuple):
-    """One joint, named like the frame that it carries; its kind is `FIXED`, `CONTINUOUS`, `PRISMATIC` or `FLOATING`.
+    """One joint, named like its child frame; its kind is `FIXED`, `CONTINUOUS`, `PRISMATIC` or `FLOATING`.
 
-    While it stands at 0, the child's origin lies at `height` [m] on the parent's z axis, turned by `angle` [rad].
+    At joint position 0 the child's origin lies at `height` [m] on the parent's z axis, turned by `angle` [rad].
     """
 
     child: str
@@ -80,15 +80,15 @@ class Joint(NamedTuple):
 
 
 def robot_description(scene: Scene, topics: Mapping[str, str] = MappingProxyType({})) -> str:
-    """The URDF of a robot of this scene, the same text for the same scene, with such masses and plates as it has.
+    """Return the URDF of a robot of this scene, with the masses and plates that it has; equal scenes give equal texts.
 
     `topics` are the resolved names of `joint_commands` and `joint_states`, for a block by which ros2_control commands
-    the robot; without them there is none.
+    the robot; the block is left out if they are empty.
     """
     root = Element("robot", name=ROBOT)
     for name, colour in MATERIALS.items():
         SubElement(SubElement(root, "material", name=name), "color", rgba=_text((*colour, 1.0)))
-    SubElement(root, "link", name=BASE)  # without inertia, as KDL wants it of the root
+    SubElement(root, "link", name=BASE)  # KDL supports no inertia of the root link
     for joint in robot_joints(scene):
         _fill_link(SubElement(root, "link", name=joint.child), joint.child, scene)
         _add_joint(root, joint, scene)
@@ -99,8 +99,10 @@ def robot_description(scene: Scene, topics: Mapping[str, str] = MappingProxyType
 
 
 def _add_control(root: Element, scene: Scene, topics: Mapping[str, str]) -> None:
-    """The block of ros2_control, of hardware that works by topics; unchanged commands are sent again and again, because
-    the robot's `command.timeout` counts them."""
+    """Add the block of ros2_control for its topic-based hardware.
+
+    The threshold of -1 lets it repeat unchanged commands, because the robot's `command.timeout` needs them.
+    """
     control = SubElement(root, "ros2_control", name=ROBOT, type="system")
     hardware = SubElement(control, "hardware")
     SubElement(hardware, "plugin").text = "joint_state_topic_hardware_interface/JointStateTopicSystem"
@@ -116,7 +118,7 @@ def _add_control(root: Element, scene: Scene, topics: Mapping[str, str]) -> None
 
 
 def robot_joints(scene: Scene) -> tuple[Joint, ...]:
-    """Every joint below `base_link` that a robot of this scene has, each behind the one that carries it."""
+    """Return all joints below `base_link` of a robot of this scene, each after the joint of its parent."""
     hub = hub_height(scene)
     found = [Joint(BODY, BASE, FIXED)]
     found += [Joint(f"{side}_guide", BASE, FIXED, hub, scene.guide_angle(side)) for side in scene.guides]
@@ -130,17 +132,17 @@ def robot_joints(scene: Scene) -> tuple[Joint, ...]:
 
 
 def slider(scene: Scene, side: str) -> "Slider":
-    """The slider of a guide."""
-    from vibro_ros.model.slider import Slider  # it is compiled, and whoever reads a bag needs no kernels
+    """Return the slider of a guide."""
+    from vibro_ros.model.slider import Slider  # imports compiled code, which readers of bags do not need
 
     return Slider(scene["crank.radius"], scene[f"crank.{side}_rod"], scene.guide_angle(side))
 
 
 def rod_angle(driven: "Slider", crank_angle: float) -> float:
-    """Angle [rad] of a rod in the frame `crank`, at the crank's angle [rad].
+    """Return the angle [rad] of a rod in the frame `crank`, at the crank's angle [rad].
 
-    The rod leads from the pin to the slider. In the guide's frame the pin stands at l (-sin psi, cos psi), and the
-    slider above it, so that the rod leans back by asin(l sin(psi) / L); psi is the crank's angle from the guide.
+    The rod leads from the pin to the slider. In the guide's frame the pin is at l (-sin psi, cos psi) and the slider on
+    the z axis, so that the rod leans back by asin(l sin(psi) / L); psi is the crank's angle from the guide.
     """
     psi, radius, rod = crank_angle - driven.angle, driven.radius, driven.rod
     root = math.sqrt((rod - radius) * (rod + radius) + (radius * math.cos(psi)) ** 2)  # as in `Slider.root`
@@ -148,13 +150,13 @@ def rod_angle(driven: "Slider", crank_angle: float) -> float:
 
 
 def guide_end(scene: Scene, side: str) -> float:
-    """Distance [m] from the crank's centre to a guide's end, for the plate where the scene starts it."""
+    """Return the distance [m] from the crank's centre to a guide's end, for the plate at the scene's initial gap."""
     plate = scene[f"crank.{side}_rod"] + max(0.0, scene[f"{side}.gap"])
     return plate + FREE_LENGTH + MASS_HEIGHT + HEADROOM
 
 
 def hub_height(scene: Scene) -> float:
-    """Height [m] of the crank's centre above the ground: crank and guides, also one that points down, stay above it."""
+    """Return the height [m] of the crank's centre above the ground, at which the crank and all guides clear it."""
     depths = [-scene.direction(side)[1] * guide_end(scene, side) for side in scene.guides]
     return max(scene["crank.radius"], *depths, 0.0) + CLEARANCE
 
@@ -176,10 +178,10 @@ def _add_joint(root: Element, joint: Joint, scene: Scene) -> None:
 
 
 def _fill_link(link: Element, name: str, scene: Scene) -> None:
-    """What is seen of a link, what of it may be touched, and its inertia."""
+    """Add visual and collision shapes and the inertia of a link."""
     side, _, part = name.rpartition("_")
     if name == IMU:
-        return  # a frame alone
+        return  # a frame without shapes
     if part == BODY:
         hub, (length, width, height) = hub_height(scene), SLED
         _add_inertial(link, scene["mass.body"], (length, width, hub), (SLED_MIDDLE, 0.0, hub / 2))
@@ -209,7 +211,7 @@ def _fill_link(link: Element, name: str, scene: Scene) -> None:
 
 
 def _add_box(link: Element, size: Vector, middle: Vector, material: str, solid: bool = False) -> None:
-    """A box that is seen, and if `solid` may be touched; sizes and middle [m]."""
+    """Add a box to the link's visuals, and if `solid` to its collision shapes; size and middle [m]."""
     elements = [_add_visual(link, middle, material)]
     if solid:
         elements.append(_add_geometry(SubElement(link, "collision"), middle))
@@ -218,7 +220,7 @@ def _add_box(link: Element, size: Vector, middle: Vector, material: str, solid: 
 
 
 def _add_cylinder(link: Element, radius: float, length: float, height: float, material: str, tilt: float = 0.0) -> None:
-    """A cylinder [m] whose middle is so high on z; it lies along z, or turned about x by `tilt` [rad]."""
+    """Add a cylinder [m] with its middle at `height` on z; it lies along z, or is turned about x by `tilt` [rad]."""
     element = _add_visual(link, (0.0, 0.0, height), material, (tilt, 0.0, 0.0))
     SubElement(element, "cylinder", radius=_text([radius]), length=_text([length]))
 
@@ -236,7 +238,7 @@ def _add_geometry(element: Element, middle: Vector, rpy: Vector = (0.0, 0.0, 0.0
 
 
 def _add_inertial(link: Element, mass: float, size: Vector, middle: Vector) -> None:
-    """Mass [kg] and inertia [kg m²] of a box of this size [m], about its middle."""
+    """Add mass [kg] and inertia [kg m²] of a solid box of this size [m], about its middle."""
     inertial = SubElement(link, "inertial")
     SubElement(inertial, "origin", xyz=_text(middle), rpy=_text((0.0, 0.0, 0.0)))
     SubElement(inertial, "mass", value=_text([mass]))
@@ -246,5 +248,5 @@ def _add_inertial(link: Element, mass: float, size: Vector, middle: Vector) -> N
 
 
 def _text(numbers: Sequence[float]) -> str:
-    """Numbers with 12 digits, so that the last bit of a sine does not change the text from machine to machine."""
+    """Return numbers with 12 digits, so that the last bit of a sine, which differs by machine, changes no text."""
     return " ".join(f"{number + 0.0:.12g}" for number in numbers)
