@@ -1,8 +1,8 @@
-"""Which motor speed and gap to command for a mean speed: a place of the map where nothing else can happen.
+"""Choose motor speed and gap for a mean speed of the body, at a point of the map where no other motion is possible.
 
-Between neighbouring cells whose motion is one and sure (`Found.sure`) the mean speed is interpolated. Of all places
-with the wanted mean speed that one is taken which is farthest from any cell that is not sure or has another motion; of
-equally far ones, that between the cells whose mean speeds differ least, because there the map is most exact.
+The mean speed is interpolated between neighbouring cells that have the same sure motion (`Found.sure`). Of all points
+with the wanted mean speed, the one farthest from any cell that is not sure or has another motion is chosen; among
+equally far ones, the one between the cells whose mean speeds differ least, because interpolation is most exact there.
 """
 
 from collections.abc import Mapping
@@ -13,16 +13,16 @@ import numpy as np
 from vibro_ros.configuration.command_map import CommandMap
 
 FAR = 4
-"""Cells from the border of a motion beyond which a place is not better any more."""
+"""Distance [cells] from the border of a motion beyond which all points count as equally far."""
 _NOT_SURE = -2
 _NEIGHBOURS = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0))
 
 
 class Choice(NamedTuple):
-    """Commands for a mean speed, in the units of the topics, by their names.
+    """Commands for a mean speed, by name, in the units of the topics, and where they lie in the map.
 
-    `row` is that of the map's motion in the nearer of the two cells between which the place lies, `rows` are those of
-    both; the place is `clearance` cells from a border of the motion, 1 to `FAR`.
+    The point lies between two cells of the map: `rows` are their rows in `Found`, `row` that of the nearer one. It is
+    `clearance` cells, 1 to `FAR`, from the border of the motion.
     """
 
     commands: Mapping[str, float]
@@ -32,10 +32,10 @@ class Choice(NamedTuple):
 
 
 class CommandChoice:
-    """Chooses commands from the map of the machine.
+    """Chooses commands from the map of a machine (ValueError when the map has no choice, see `has_choice`).
 
-    `slowest` and `fastest` are the least and the largest mean speed [m/s] in magnitude that sure cells have, with
-    signs.
+    `slowest` and `fastest` are the signed mean speeds [m/s] of least and largest magnitude among the cells between
+    which commands can be chosen.
     """
 
     def __init__(self, command_map: CommandMap):
@@ -53,7 +53,7 @@ class CommandChoice:
 
     @property
     def covered(self) -> float:
-        """Share of the mean speeds from `slowest` to `fastest` for which there are commands, dimensionless."""
+        """Share of the range from `slowest` to `fastest` for which commands exist, dimensionless."""
         if self.slowest == self.fastest:
             return 1.0
         reached, covered = -np.inf, 0.0
@@ -63,12 +63,12 @@ class CommandChoice:
         return float(covered / abs(self.fastest - self.slowest))
 
     def commands_for(self, speed: float) -> Choice:
-        """Commands for a mean speed [m/s] of the body.
+        """Return the commands for a mean speed [m/s] of the body.
 
         Raises
         ------
         ValueError
-            For a mean speed that no sure place has; the message names those that there are.
+            When no commands surely give this mean speed; the message names the range, or the nearest possible speeds.
         """
         span = self._to - self._from
         share = np.where(span == 0.0, 0.0, (speed - self._from) / np.where(span == 0.0, 1.0, span))
@@ -92,13 +92,13 @@ class CommandChoice:
 
 
 def has_choice(command_map: CommandMap) -> bool:
-    """Whether there are two neighbouring cells with one sure motion, between which commands can be chosen."""
+    """Return whether two neighbouring cells have the same sure motion, so that commands between them can be chosen."""
     rows = _sure_rows(command_map)
     return bool(len(_edges(rows, np.zeros(rows.shape, dtype=int), command_map)[0]))
 
 
 def _sure_rows(command_map: CommandMap) -> np.ndarray:
-    """Row of each sure cell, -1 for the others; shape (speeds, gaps)."""
+    """Return the row of each sure cell, -1 for the other cells; shape (speeds, gaps)."""
     found = command_map.found
     rows = np.full((command_map.speeds.count, command_map.gaps.count), -1)
     sure = np.flatnonzero(found.sure)
@@ -107,7 +107,10 @@ def _sure_rows(command_map: CommandMap) -> np.ndarray:
 
 
 def _clearance(motion: np.ndarray) -> np.ndarray:
-    """Of each cell, after how many steps to any side, obliquely too, the motion may be another one, up to `FAR`."""
+    """Return each cell's distance [cells, diagonals count 1] to the nearest that is unsure or of another motion.
+
+    The distance is at most `FAR`, and 0 where the cell itself is not sure.
+    """
     far = np.zeros(motion.shape, dtype=int)
     inside = motion != _NOT_SURE
     for _ in range(FAR):
@@ -120,7 +123,7 @@ def _clearance(motion: np.ndarray) -> np.ndarray:
 
 
 def _edges(rows: np.ndarray, clearance: np.ndarray, command_map: CommandMap) -> tuple[np.ndarray, ...]:
-    """Rows of both ends of each pair of neighbouring sure cells of one motion, and the smaller clearance of the two."""
+    """Return, for each pair of neighbouring sure cells of the same motion, both rows and the smaller clearance."""
     found = []
     for here, there in ((np.s_[:-1, :], np.s_[1:, :]), (np.s_[:, :-1], np.s_[:, 1:])):
         first, last = rows[here].ravel(), rows[there].ravel()

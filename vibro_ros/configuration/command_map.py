@@ -1,8 +1,8 @@
 """The command map of a machine: which motions it has at each motor speed and gap.
 
-The map is a grid of cells over the motor's speed and the gap of the sides that are commanded together, and a row for
-each motion that was found in a cell. `study map` makes maps, `controller` reads them. A map's file is strict JSON with
-exactly the keys that are written here; of these, `_numbers` checks every column.
+The map is a grid of cells over the motor's speed and the gap, which is the same for all commanded sides, and a table
+with a row for each motion that was found in a cell. `study map` makes maps, `controller` reads them. A map's file is
+strict JSON with exactly the keys in `_KEYS`; `_numbers` checks every column.
 """
 
 import json
@@ -19,18 +19,17 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.process.files import content
 
 PATCHWORK = -1
-"""Number of no motion: of cells that are too few together to make one, where what is found changes from cell to cell.
-"""
+"""Motion number of cells that form no motion, because what was found changes from cell to cell."""
 TYPE = "vibro_ros command map, version 1"
-"""What the key `type` of a file says; a file of another form says another version."""
+"""Value of the key `type` in a file; files of another format have another version."""
 LARGEST = 2**20
-"""Bytes of a file, at most."""
+"""Largest file [bytes]."""
 SIDES = ("upper", "inclined")
 """Sides whose gaps a map may vary."""
 CURVES = ("fold", "period doubling", "Neimark-Sacker", "grazing")
-"""Kinds of curves on which a motion changes its nature."""
-# Where a motion settles does not depend on how plates, and a motor that is given in time, get to where they are
-# commanded; nor on the speed that is commanded, nor on limits that only warn.
+"""Kinds of bifurcation curves."""
+# A settled motion does not depend on how plates, and a motor whose speed is prescribed, reach their commands, nor on
+# the commanded speed itself, nor on limits that only warn.
 _FREE = ("start.", "solver.", "gap_actuator.")
 _OF_MOTOR, _FREE_OF_DC = ("motor.", "effects.motor"), (
     "motor.speed", "motor.max_speed", "motor.acceleration", "motor.time_constant", "motor.voltage",
@@ -47,7 +46,7 @@ class Axis:
 
     @property
     def step(self) -> float:
-        """Distance of neighbours, in the unit of the command."""
+        """Distance between neighbouring values, in the unit of the command."""
         return (self.high - self.low) / (self.count - 1)
 
     @property
@@ -56,7 +55,7 @@ class Axis:
         return np.linspace(self.low, self.high, self.count)
 
     def nearest(self, value: float) -> int | None:
-        """Index of the value nearest to `value`; None more than half a step outside."""
+        """Return the index of the value nearest to `value`; None if it lies more than half a step outside."""
         index = round((value - self.low) / self.step) if math.isfinite(value) else -1
         return index if 0 <= index < self.count else None
 
@@ -70,21 +69,21 @@ class Found:
     speed_index, gap_index : ndarray of int
         Cell of the grid.
     motion : ndarray of int
-        Number of the motion: equal in neighbouring cells where the motion changes little from one to the other;
-        `PATCHWORK` where it has no number.
+        Number of the motion: the same in neighbouring cells between which the motion changes little; `PATCHWORK` where
+        it has no number.
     turns : ndarray of int
-        Turns of the crank after which it repeats itself; 0 where it does not.
+        Period of the motion in turns of the crank; 0 if it has no period.
     landings : ndarray of int
-        Landings of the body within these turns; 0 where it does not repeat itself.
+        Landings of the body in a period; 0 if the motion has no period.
     sure : ndarray of int
-        1 where the robot surely gets into this motion, whatever it did before: it is the only one that was found,
-        repeats itself and has a number, and no trial has led to another one; else 0.
+        1 where the robot surely settles to this motion, whatever it did before: no trial led to another motion, and
+        this one has a period and a number; else 0.
     mean_speed : ndarray
-        Of the body [m/s], forwards positive.
+        Mean speed of the body [m/s], forwards positive.
     cost_of_transport : ndarray
-        Mean power / (weight x speed), dimensionless; NaN where it has none.
+        Mean power / (weight x speed), dimensionless; NaN where it is not defined.
     stick_share, air_share : ndarray
-        Shares of the time in which the body stands on the ground, and is in the air, dimensionless.
+        Shares of the time in which the body sticks to the ground, and is in the air, dimensionless.
     """
 
     speed_index: np.ndarray
@@ -99,7 +98,7 @@ class Found:
     air_share: np.ndarray
 
     def describe(self, row: int) -> str:
-        """One motion in words."""
+        """Return the motion of a row in words."""
         turns, landings = int(self.turns[row]), int(self.landings[row])
         kind = "without a period" if not turns else (
             f"period {turns} turn{'s' * (turns > 1)}, {landings} landing{'s' * (landings != 1)}")
@@ -112,9 +111,9 @@ _KEYS = ("type", "made_by", "scene", "parameters", "gaps", "motor_speed", "gap",
 
 @dataclass(frozen=True)
 class Curve:
-    """Where motions of a period of so many turns change their nature, as `orbits` names it: fold, period doubling, ...
+    """Bifurcation curve of the motions with a period of `turns` turns; its kind is one of `CURVES`.
 
-    A point has a motor speed [rad/s] and a gap [m].
+    The points of the curve have a motor speed [rad/s] and a gap [m].
     """
 
     kind: str
@@ -125,10 +124,10 @@ class Curve:
 
 @dataclass(frozen=True)
 class CommandMap:
-    """The motions of a machine over motor speed [rad/s] and gap [m]: the grid, what was found on it, and its curves.
+    """The motions of a machine over motor speed [rad/s] and gap [m]: the grid, the motions found, and the curves.
 
-    `parameters` are all of the scene that the motions depend on, besides the commands; `sides` those whose gaps are
-    commanded, both alike if there are two.
+    `parameters` are all parameters of the scene that the motions depend on, without the commands; `sides` are the sides
+    whose gaps are commanded, always to the same value.
     """
 
     scene: str
@@ -141,11 +140,11 @@ class CommandMap:
 
     @property
     def commands(self) -> tuple[str, ...]:
-        """The commands whose values are a place in the map."""
+        """The commands that the axes of the map stand for."""
         return ("motor_speed", *(f"{side}_gap" for side in self.sides))
 
     def difference(self, scene: Scene) -> str:
-        """The first parameter by which `scene` is another machine than the map's, in words; empty without any."""
+        """Return in words the first parameter in which `scene` differs from the map's machine; empty if none does."""
         if scene.has_rotor and "effects.motor" not in self.parameters:
             return "effects.motor is given in time there, dc here"
         for name, value in self.parameters.items():
@@ -155,7 +154,10 @@ class CommandMap:
         return ""
 
     def rows_at(self, commands: Mapping[str, float]) -> np.ndarray:
-        """Rows of the motions at commands, in the units of the topics; none outside the map, or if the gaps differ."""
+        """Return the rows of the motions at commands, in the units of the topics.
+
+        The result is empty outside the map, and where the gaps of both sides differ by more than half a step.
+        """
         gaps = [commands[f"{side}_gap"] for side in self.sides]
         if max(gaps) - min(gaps) > self.gaps.step / 2.0:
             return np.empty(0, dtype=int)
@@ -164,9 +166,9 @@ class CommandMap:
 
 
 def parameters_that_count(scene: Scene, sides: tuple[str, ...]) -> dict[str, Value]:
-    """Parameters of a scene that its motions depend on: without commands, their actuators, the start and the solver.
+    """Return the parameters that a scene's motions depend on: all but commands, actuators, start and solver.
 
-    A dc motor is part of the machine.
+    The parameters of a dc motor are included, because the motions depend on it.
     """
     return {name: scene[name] for name in _names_that_count(sides, scene.has_rotor)}
 
@@ -177,12 +179,12 @@ def _names_that_count(sides: tuple[str, ...], with_motor: bool) -> list[str]:
 
 
 def read_map(path: Path) -> CommandMap:
-    """Read and check a file.
+    """Read and check the file of a command map.
 
     Raises
     ------
     ValueError
-        For what is no command map of this version, in one line that names the file and the place in it.
+        When the file is no command map of this version; one line that names the file and the place in it.
     """
     try:
         return _command_map(json.loads(content(path, LARGEST), parse_constant=_refuse))
@@ -195,7 +197,7 @@ def read_map(path: Path) -> CommandMap:
 
 
 def written(command_map: CommandMap, made_by: str) -> str:
-    """The text of a map's file, of as many digits as its meaning needs."""
+    """Return the text of a map's file; numbers of the table have 5 digits."""
     columns = {name: [_rounded(value) for value in getattr(command_map.found, name).tolist()] for name in _COLUMNS}
     axes = {name: {"from": axis.low, "to": axis.high, "count": axis.count}
             for name, axis in (("motor_speed", command_map.speeds), ("gap", command_map.gaps))}
@@ -229,7 +231,7 @@ def _command_map(document: Any) -> CommandMap:
         raise ValueError("scene: is no text of at most 200 characters")
     if not isinstance(parameters, dict) or not isinstance(curves, list):
         raise ValueError("parameters, curves: give a mapping and a list")
-    # A parameter that the file lacks has its default, because an older version wrote the file.
+    # A parameter that the file lacks gets its default: an older version wrote the file.
     table = [BY_NAME[name] for name in _names_that_count(tuple(sides), "effects.motor" in parameters)]
     parameters = checked_parameters({one.name: one.default for one in table} | parameters, table)
     speeds, gaps = (_axis(given[name], name) for name in ("motor_speed", "gap"))
@@ -268,18 +270,21 @@ def _curve(given: Any, where: str) -> Curve:
 
 
 def _numbers(given: Any, where: str, whole: tuple[int, int] | None = None, may_lack: bool = False) -> np.ndarray:
-    """A list of numbers up to 1e9 in magnitude, or of whole ones between two; None is NaN where one `may_lack`."""
+    """Check a list of numbers and return it as an array (ValueError).
+
+    The numbers are up to 1e9 in magnitude, or whole numbers in the range `whole`. None becomes NaN if `may_lack`.
+    """
     low, high = whole or (-1e9, 1e9)
     values = np.array([math.nan if value is None and may_lack else value for value in given]
                       if isinstance(given, list) else given)
-    kinds = "i" if whole and values.size else "if"  # of numpy: integers and floats
+    kinds = "i" if whole and values.size else "if"  # numpy's codes of integers and floats
     if values.ndim != 1 or values.dtype.kind not in kinds or np.any((values < low) | (values > high)):
         raise ValueError(f"{where}: holds what is no {'whole ' * bool(whole)}number from {low:g} to {high:g}")
     return values.astype(int if whole else float)
 
 
 def _fields(given: Any, where: str, keys: tuple[str, ...]) -> dict[str, Any]:
-    """`given` in the order of `keys`, if it is a mapping of all of them and no others."""
+    """Return `given` in the order of `keys` (ValueError unless it is a mapping with exactly these keys)."""
     if not isinstance(given, dict):
         raise ValueError(f"{where}: is no mapping")
     if wrong := [key for key in (*keys, *given) if key not in given or key not in keys]:

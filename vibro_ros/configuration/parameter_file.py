@@ -1,4 +1,4 @@
-"""ROS parameter files: their sections, and which of these rcl applies to a node.
+"""ROS parameter files: their sections, and which of them rcl applies to a node.
 
 A section is a mapping below the key `ros__parameters`; the keys above it, joined, are the node's name or a pattern of
 names. `*` stands for one name and `**` for any number of them.
@@ -17,17 +17,17 @@ FIXED_OF_RCLPY = {
     "use_sim_time": "take the time of stamps from /clock instead of the computer's clock",
     "start_type_description_service": "offer the service ~/get_type_description",
 }
-"""Parameters, true or false, that rclpy declares for every node, and what they mean."""
+"""Boolean parameters that rclpy declares for every node, and their descriptions."""
 OF_RCLPY = (*FIXED_OF_RCLPY, "qos_overrides")
-"""Parameters, or beginnings of their names, that rclpy itself declares; `ros2 param dump` writes them, too."""
+"""First parts of the names of parameters that rclpy itself declares; `ros2 param dump` writes them, too."""
 
 V = TypeVar("V")
 Sections = list[tuple[str, dict[str, object]]]
-"""Node name or pattern as written, and parameters by dotted name, of each section of a file, in its order."""
+"""For each section of a file, in order: node name or pattern as written, and parameters by dotted name."""
 
 
 def sections(path: Path) -> Sections:
-    """The sections of the file at `path`.
+    """Read the sections of the file at `path`.
 
     Raises
     ------
@@ -45,12 +45,12 @@ def sections(path: Path) -> Sections:
 
 
 def check_addressed(path: Path, found: Sections, node: str) -> None:
-    """Refuse a file of whose sections none is for `node`, a fully qualified name.
+    """Refuse a file without a section that applies to `node`, a fully qualified name.
 
     Raises
     ------
     ValueError
-        Naming the file, the nodes that it does address, and the remedy.
+        The message names the file, the nodes that it addresses, and the remedy.
     """
     patterns = [absolute(pattern) for pattern, _ in found]
     if not any(applies(pattern, node) for pattern in patterns):
@@ -59,21 +59,21 @@ def check_addressed(path: Path, found: Sections, node: str) -> None:
 
 
 def absolute(pattern: str) -> str:
-    """A section's pattern from the root, where ROS lets it begin."""
+    """Return a section's pattern with a leading slash, which ROS allows to be left out."""
     return f"/{pattern.lstrip('/')}"
 
 
 def applies(pattern: str, node: str) -> bool:
-    """Whether rcl applies the section `pattern` to `node`, a fully qualified name."""
+    """Return whether rcl applies the section `pattern` to `node`, a fully qualified name."""
     expression = re.escape(absolute(pattern)).replace(r"/\*\*", r"(?:/\w+)*").replace(r"\*", r"\w+")
     return re.fullmatch(expression, node) is not None
 
 
 def merged(given: Iterable[tuple[str, Mapping[str, V]]], node: str) -> dict[str, V]:
-    """What `node` is given by the sections of one file or of several, as rcl merges them.
+    """Merge the sections of one file or of several for `node`, as rcl does.
 
-    Of sections with equal patterns the later value holds. Of different patterns that apply to the node, the value
-    holds whose pattern appeared last for the first time: neither the more special nor the later one.
+    Among sections with equal patterns the later value wins. Among different patterns that apply to the node, the
+    pattern whose first section comes last wins, however special it is and whatever comes after that section.
     """
     by_pattern: dict[str, dict[str, V]] = {}
     for pattern, values in given:
@@ -83,7 +83,7 @@ def merged(given: Iterable[tuple[str, Mapping[str, V]]], node: str) -> dict[str,
 
 
 def own_parameters(values: Mapping[str, V]) -> dict[str, V]:
-    """`values` without those of rclpy."""
+    """Return `values` without the parameters of rclpy."""
     return {name: value for name, value in values.items() if name.partition(".")[0] not in OF_RCLPY}
 
 

@@ -1,4 +1,4 @@
-"""Scenes and device parameters from ordinary ROS parameter files, and where the shipped ones lie."""
+"""Load scenes from ordinary ROS parameter files, and the table of the device's parameters."""
 
 from pathlib import Path
 
@@ -8,13 +8,13 @@ from vibro_ros.model.parameters import SCENE_PARAMETERS, Parameter, checked_para
 from vibro_ros.model.scene import Scene
 
 NODE_NAME = "vibro_robot"
-MOST_SCENES = 16  # in a chain, each a change of the next
+MOST_SCENES = 16  # longest chain of scenes, each based on the next
 
-NOBODY = ("none",)  # `clock.lock_step` by default: a list of texts cannot be empty in ROS
+NOBODY = ("none",)  # default of `clock.lock_step`: ROS has no empty list of texts
 
 ZEROS = (0.0,) * 6
 
-#: Parameters of the device around the physics; scenes do not contain them.
+#: Parameters of the node around the physics; a scene does not contain them.
 DEVICE_PARAMETERS: tuple[Parameter, ...] = (
     Parameter("scene", "device", "", "a shipped scene's name, or the path of a parameter file, whose own `scene` it "
               "changes"),
@@ -52,32 +52,32 @@ DEVICE_PARAMETERS: tuple[Parameter, ...] = (
 
 
 def shipped_scenes() -> tuple[str, ...]:
-    """Names of the scenes that come with the package."""
+    """Return the names of the scenes that come with the package."""
     return shipped("scene")
 
 
 def load_scene(name_or_path: str | Path, node: str | None = None) -> Scene:
-    """A shipped scene by its name, or the scene of a ROS parameter file.
+    """Load a shipped scene by its name, or the scene of a ROS parameter file.
 
-    Of the file, those parameters count that ROS would give the robot's node. Its parameter `scene` names the scene that
-    they change, so that the file gives the same robot here as to the node with `--params-file`; a relative path in it
-    starts from the file's folder. Without `scene` they change the paper's values (and with `--params-file` those of
-    the node's default scene). Parameters of the device (`DEVICE_PARAMETERS`) are checked and left aside, those of
-    every ROS node (`use_sim_time`) left aside.
+    The parameters that ROS would give to the robot's node count. The file's parameter `scene` names the scene that they
+    change, so that the file gives the same robot here as with `--params-file`; a relative path in it starts from the
+    file's folder. Without `scene` they change the paper's values (with `--params-file`, those of the node's default
+    scene). Parameters of the device (`DEVICE_PARAMETERS`) are checked and then ignored; those of every ROS node
+    (`use_sim_time`) are ignored.
 
     Parameters
     ----------
     name_or_path : str or Path
         A shipped scene's name, or a file: one written by hand, or by ``ros2 param dump``.
     node : str, optional
-        Fully qualified name of the node whose parameters are read. By default the node `vibro_robot`, in whichever
-        one namespace the file has it.
+        Fully qualified name of the node whose parameters are read. By default the node `vibro_robot`, in the one
+        namespace in which the file names it.
 
     Raises
     ------
     ValueError
-        If there is no such scene or file, the file is not a valid parameter file, or its `scene` leads to itself;
-        the message names the file, the value, the limit and the remedy.
+        If there is no such scene or file, the file is not a valid parameter file, or its chain of scenes leads back to
+        it or is too long; the message names the file, the value, the limit and the remedy.
 
     Examples
     --------
@@ -88,7 +88,7 @@ def load_scene(name_or_path: str | Path, node: str | None = None) -> Scene:
 
 
 def scene_origin(name: str, folder: Path) -> str:
-    """What the parameter `scene` means: the name of a shipped scene, or an absolute path.
+    """Resolve the parameter `scene` to the name of a shipped scene, or to an absolute path.
 
     A relative path starts from `folder`. ValueError if there is no such scene or file.
     """
@@ -96,7 +96,7 @@ def scene_origin(name: str, folder: Path) -> str:
 
 
 def _load(path: Path, node: str | None, above: tuple[Path, ...]) -> Scene:
-    """The scene of a file, which the last of the files `above` names, each of them named by the one before."""
+    """Load the scene of a file; `above` is the chain of files that led here, each based on the next."""
     if path.resolve() in above or len(above) >= MOST_SCENES:
         what = "is a change of itself" if path.resolve() in above else f"is the end of {MOST_SCENES} changes"
         raise ValueError(f"{path}: as a scene it {what}; let its `scene` be one of {', '.join(shipped_scenes())}")

@@ -5,37 +5,37 @@ from pathlib import Path
 
 FOLDERS = {"scene": ("scenes", ".yaml"), "map": ("maps", ".json"), "script": ("controller", ".yaml"),
            "sweep": ("studies", ".yaml")}
-"""Folder below `config_folder()`, and end of the file's name, of each kind of file."""
+"""Folder below `config_folder()` and file suffix of each kind of file."""
 
 
 def shipped(kind: str) -> tuple[str, ...]:
-    """Names of the files of a kind of `FOLDERS` that come with the package, in order."""
+    """Return the names, sorted, of the files of a kind in `FOLDERS` that come with the package."""
     folder, suffix = FOLDERS[kind]
     return tuple(sorted(path.stem for path in (config_folder() / folder).glob(f"*{suffix}")))
 
 
 def find_file(kind: str, name_or_path: str, folder: Path | None = None) -> Path:
-    """The file of a shipped name, or of a path, which starts from `folder` or the current one if it is relative.
+    """Return the path of a shipped file or of a user's; a relative path starts from `folder` or the current folder.
 
     Raises
     ------
     ValueError
-        When there is neither; the message names those that are shipped.
+        When there is neither a shipped file of this name nor a file at this path; the message lists the shipped ones.
     """
     if name_or_path in shipped(kind):
         place, suffix = FOLDERS[kind]
         return config_folder() / place / f"{name_or_path}{suffix}"
     path = (folder or Path()) / name_or_path
-    if os.path.isfile(path):  # which is false, not an error, for a name that no file can have
+    if os.path.isfile(path):  # false, not an error, for an impossible file name
         return path
     raise ValueError(f"{name_or_path or repr('')}: neither a shipped {kind} nor a file; shipped {kind}s are "
                      f"{', '.join(shipped(kind))}")
 
 
 def config_folder() -> Path:
-    """The folder of the shipped configuration: scenes, maps, controller scripts and the robot's parameter file.
+    """Return the folder of the shipped configuration: scenes, maps, scripts, sweeps and the robot's parameter file.
 
-    The same call serves a source checkout, a pip installation and a colcon workspace.
+    It is found in a source checkout, a pip installation and a colcon workspace.
 
     Returns
     -------
@@ -45,7 +45,7 @@ def config_folder() -> Path:
     Raises
     ------
     FileNotFoundError
-        If the package was installed without its data; one line that names where it was looked for.
+        If the package was installed without its data; one line that names the folders that were tried.
     """
     package = Path(__file__).resolve().parents[1]
     # <prefix>/lib/python3.x/site-packages/vibro_ros; Debian puts `local/` before `lib/`.

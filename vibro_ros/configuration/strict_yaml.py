@@ -1,9 +1,8 @@
-"""YAML read as its authors mean it, and within limits: no key twice, 1e-3 is a number, no file hangs or kills.
+"""Strict YAML within limits: duplicate keys are errors, 1e-3 is a number, no file can hang or crash the program.
 
-A document is scanned, event by event, before anything is made of it: how deep it is nested and how many values it has.
-Aliases are refused, because a few lines of them can become a billion values, and because rcl refuses them, too. Tags
-other than `!!str` are ignored, as rcl ignores them: launch files write lists as `!!python/tuple`, and no tag may make
-an object.
+Depth and number of values are counted event by event before any object is made. Aliases are refused, because a few
+lines of them can expand to a billion values, and because rcl refuses them, too. Tags other than `!!str` are ignored, as
+rcl ignores them: launch files write lists as `!!python/tuple`, and no tag may construct an object.
 """
 
 import re
@@ -18,7 +17,7 @@ from vibro_ros.process.files import content
 
 @dataclass(frozen=True)
 class Limits:
-    """The largest document that is read: bytes, keys and values, and lists and mappings inside each other."""
+    """Limits of a document: bytes, number of keys and values, and nesting depth of lists and mappings."""
 
     size: int = 2**20
     values: int = 100_000
@@ -26,23 +25,23 @@ class Limits:
 
 
 LIMITS = Limits()
-"""Of a file that a user writes."""
+"""Limits of a file that a user writes."""
 
 INTEGER_BITS = 4096
-"""Longest integer: Python refuses to print one of some thousand digits, even into a message that refuses it."""
+"""Longest integer [bits]: Python cannot print one of some thousand digits, not even in an error message."""
 
 
 class _LimitError(yaml.MarkedYAMLError):
-    """A document is deeper or longer than its `Limits`."""
+    """The document exceeds its `Limits`."""
 
     kind = "not read"
 
 
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
-    """PyYAML's safe loader without its surprises.
+    """PyYAML's safe loader, made stricter.
 
-    The last of equal keys wins there, 1e-3 and 1.0e7 are texts, and values that do not suit their tags raise whatever
-    the conversion meets.
+    In PyYAML the last of duplicate keys wins, 1e-3 and 1.0e7 are texts, and values that do not suit their tags raise
+    arbitrary exceptions. Here duplicates are errors, these are numbers, and the exceptions are MarkedYAMLError.
     """
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, object]:
@@ -79,9 +78,9 @@ _Loader.add_implicit_resolver(
 
 
 def parsed(text: str, limits: Limits = LIMITS) -> object:
-    """The document that `text` is; None when it is empty.
+    """Parse a YAML document; None when it is empty.
 
-    ValueError, with the line, for one that is not YAML or exceeds the limits.
+    ValueError, with the line, when it is not YAML or exceeds the limits.
     """
     try:
         depth = values = 0
@@ -102,7 +101,7 @@ def parsed(text: str, limits: Limits = LIMITS) -> object:
 
 
 def read_scalar(text: str) -> object:
-    """The value that `text` is in YAML: a number, true or false, else the text itself."""
+    """Return `text` read as a YAML scalar: a number, a boolean or a text; the text itself if it is anything else."""
     try:
         value = parsed(text)
     except ValueError:
@@ -111,9 +110,9 @@ def read_scalar(text: str) -> object:
 
 
 def read_yaml(path: Path, limits: Limits = LIMITS, follow: bool = True) -> object:
-    """The document in the regular file at `path`, which may be a symbolic link if `follow`; None when it is empty.
+    """Parse the regular file at `path`, which may be a symbolic link if `follow`; None when it is empty.
 
-    ValueError, naming the file, for one that cannot be read, is not YAML, or exceeds the limits.
+    ValueError, naming the file, when it cannot be read, is not YAML, or exceeds the limits.
     """
     try:
         return parsed(content(path, limits.size, follow).decode(), limits)
