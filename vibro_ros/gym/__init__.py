@@ -1,7 +1,7 @@
 """A Gymnasium environment over the device and its sensors; importing this room registers it.
 
-In come actions of a policy, motor speed and gaps; out go observations by encoder and tracking, and a reward.
-`crawl.py` is all of it: its class is the manual page. It needs gymnasium, and no ROS.
+In come the actions of a policy, motor speed and gaps; out go observations from encoder and tracking, and a reward.
+`crawl.py` is all of it; the docstring of its class is the manual page. It needs gymnasium, and no ROS.
 """
 
 import gymnasium

@@ -1,4 +1,4 @@
-"""The environment `vibro_ros/Crawl-v1`: stay at a target that moves over ground."""
+"""The environment `vibro_ros/Crawl-v1`: stay at a target that moves over the ground."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -19,13 +19,13 @@ from vibro_ros.simulation.samples import FIELDS
 PERIOD = 0.2
 """Robot time [s] of a step."""
 FASTEST, WIDEST = 150.0, 0.001
-"""Motor speed [rad/s] and gap [m] of the action 1."""
+"""Motor speed [rad/s] and gap [m] for an action of 1."""
 UNIT = 0.1
-"""Distance [m] and speed over ground [m/s] that count as 1."""
+"""Distance [m] and speed [m/s] that are 1 in an observation and in the reward."""
 TARGETS = -0.09, -0.02
-"""Between these the speed of the target is drawn [m/s]: this robot crawls backwards."""
+"""Range from which the target's speed is drawn [m/s]; it is negative because this robot crawls backwards."""
 
-_MOST = 100.0  # of an observation
+_MOST = 100.0  # largest magnitude in an observation
 _TRUTH = ("body_position", "body_height", "motor_power")
 _TRUE = [FIELDS.index(name) for name in _TRUTH]
 _SENSORS = {"sensors.encoder.rate": 1.0 / PERIOD, "sensors.encoder.velocity_window": PERIOD,
@@ -33,32 +33,31 @@ _SENSORS = {"sensors.encoder.rate": 1.0 / PERIOD, "sensors.encoder.velocity_wind
 
 
 def closeness(info: Mapping[str, float]) -> float:
-    """Minus the true distance from the target, in 0.1 m: the reward of a step unless another is given."""
+    """Return minus the true distance from the target, in 0.1 m; the default reward of a step."""
     return -abs(info["body_position"] - info["target_position"]) / UNIT
 
 
 class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
-    """Stay at a target that moves over ground at a steady speed.
+    """Stay at a target that moves over the ground at a steady speed.
 
-    Robot and target start at the same place, the robot at rest. Its speed over ground is no simple function of the
-    motor's: it has a maximum near 105 rad/s, falls to half behind it, depends on the gaps and, at the same command,
-    on what was commanded before. So no constant command follows every target.
+    Robot and target start at the same position, the robot at rest. Its speed over ground is no simple function of the
+    motor's: it has a maximum near 105 rad/s, falls to half of it beyond, and depends on the gaps and, at the same
+    command, on earlier commands. So no constant command follows every target.
 
     Action, shape (3,), from -1 to 1
         Motor speed from 0 to 150 rad/s; gaps of the upper and of the inclined plate from 0 to 1 mm. The motor follows
         with the scene's acceleration, the plates with the speed of their actuators.
 
     Observation, shape (6,)
-        How far the robot is ahead of the target along x by tracking, in 0.1 m; the target's speed along x, in 0.1 m/s;
-        the crank's speed over the last step by the encoder, in 100 rad/s; and the last action.
+        Distance of the robot ahead of the target along x, from tracking, in 0.1 m; the target's speed along x, in
+        0.1 m/s; the crank's speed over the last step, from the encoder, in 100 rad/s; and the last action.
 
     Reward
-        What `reward` makes of `info` at the end of the step; by default minus the true distance from the target, in
-        0.1 m.
+        `reward(info)` at the end of the step; by default minus the true distance from the target, in 0.1 m.
 
     Episode
-        20 s in 100 steps. The target's speed is drawn between -90 and -20 mm/s at the reset, and the sensors' seed
-        with it, so that the seed of `reset` decides all. `info` has the truth: `body_position`, `body_height` and
+        20 s in 100 steps. The target's speed is drawn between -90 and -20 mm/s at the reset, as is the sensors' seed,
+        so that the seed of `reset` determines everything. `info` has true values: `body_position`, `body_height` and
         `target_position` [m], and `motor_power` [W], all at the end of the step.
 
     Parameters
@@ -66,9 +65,9 @@ class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
     scene : str or Scene
         The robot: a shipped scene's name, a file, or a scene. Encoder and tracking get the rate that a step needs.
     reward : callable
-        Given the `info` of a step, its reward.
+        Returns the reward of a step from its `info`.
     render_mode : str, optional
-        `rgb_array`: `render` gives a picture of the robot, which stands in its middle, and of the target.
+        `rgb_array`: `render` returns a picture with the robot in the middle, and the target.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": round(1.0 / PERIOD)}
@@ -90,9 +89,9 @@ class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
         Parameters
         ----------
         seed : int, optional
-            Of all random numbers from now on.
+            Seed of all random numbers from now on.
         options : dict, optional
-            `target_speed`: that of the target [m/s], in place of one that is drawn.
+            `target_speed`: speed of the target [m/s], in place of a drawn one.
         """
         super().reset(seed=seed)
         noise, drawn = int(self.np_random.integers(2**53)), self.np_random.uniform(*TARGETS)
@@ -103,7 +102,7 @@ class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
         return self._observation(), self._truth(self._device)
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
-        """Command, and let a step pass; an action beyond the space counts as one on its border.
+        """Send the commands of an action and simulate one step; an action is clipped to the action space.
 
         Raises
         ------
@@ -127,7 +126,7 @@ class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
         return self._observation(), float(self._reward(truth)), False, False, truth
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
-        """A picture, shape (160, 480, 3): body, ground and target over 1.2 m; None without `render_mode`."""
+        """Return a picture, shape (160, 480, 3): body, ground and target over 1.2 m; None without `render_mode`."""
         if self.render_mode is None:
             return None
         truth = self._truth(self._begun("render"))
@@ -152,7 +151,7 @@ class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
                 "target_position": self._speed * device.time}
 
     def _sense(self, device: SensedSimulator) -> None:
-        """Read the sensors; a measurement that is late or has dropped out leaves what was known."""
+        """Read the sensors; where a measurement is late or missing, the previous value stays."""
         for sensor, time, values in device.take_measurements():
             if sensor == "encoder":
                 self._crank = values.item(1)

@@ -1,15 +1,15 @@
-"""How every executable is entered and left: signals, streams, arguments, errors and exit codes.
+"""Start and end of every executable: signals, streams, arguments, errors and exit codes.
 
-SIGINT, SIGTERM and SIGHUP mean the same: end, and leave nothing broken behind. In three stages, of which `enter` begins
-the first before anything that takes long to import:
+SIGINT, SIGTERM and SIGHUP mean the same: end, and leave nothing broken behind. They act by stages, the first of which
+`enter` begins before anything that takes long to import:
 
-- while the executable is imported, a stop signal ends the process at once: nothing is open yet;
-- while its `main` runs, it raises KeyboardInterrupt, until `main` enters a `StopRequest`: then it is a request;
-- when `main` is over, it changes nothing any more.
+- while the executable is imported, a stop signal ends the process at once, because nothing is open yet;
+- while its `main` runs, it raises KeyboardInterrupt; once `main` has entered a `StopRequest`, it is a request;
+- after `main` it has no effect.
 
-A signal that is ignored when the process starts stays ignored if it is SIGHUP: that is what `nohup` is for. SIGINT is
-not: a shell script ignores it for every program that it starts with `&`, and a robot must hear it all the same, as
-other ROS nodes do. SIGQUIT (Ctrl-\\) always ends the process where it stands.
+SIGHUP stays ignored if it is ignored when the process starts, as `nohup` wants. SIGINT does not, because a shell script
+ignores it for every program that it starts with `&`, and a robot must obey it all the same, as other ROS nodes do.
+SIGQUIT (Ctrl-\\) always ends the process at once.
 """
 
 import argparse
@@ -32,33 +32,33 @@ from vibro_ros.process.files import one_line
 
 FAILURE, BAD_INPUT = 1, 2
 ADDRESS_SPACE = 2_000_000_000
-"""Bytes of address space that an executable needs at most on two cores: below it scipy's libraries wait for memory
-without end, deaf to signals, or end the process without a word that helps."""
+"""Address space [bytes] that suffices for every executable on two cores; with less, scipy's libraries wait for memory
+for ever, deaf to signals, or end the process without a helpful message."""
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 ENDLESS = ("robot", "live_view")
-"""Executables that a signal ends well, with exit code 0, like a `view` of a live robot; the others exit with 128 + its
-number."""
+"""Executables whose normal end is a signal, with exit code 0, like a `view` of a live robot; the others then exit with
+128 + the signal's number."""
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose errors are one line, written by `exit_code`."""
+    """An argument parser that raises its errors as ValueError, which `exit_code` prints in one line."""
 
     def error(self, message: str) -> NoReturn:
-        """Raise `message` as the ValueError that bad input is everywhere else."""
+        """Raise `message` as a ValueError, like all other bad input."""
         raise ValueError(f"{message}; `{self.prog} --help` shows what there is")
 
 
 def enter(program: str) -> int:
     """Run an executable as the whole of this process.
 
-    Returns the exit code: what `main` returned; 0 or 128 + the signal's number if a signal stopped it before.
+    Returns the exit code: that of `main`; 0 or 128 + the signal's number if a KeyboardInterrupt ended `main`.
     """
     _process.program = program
     _on_stop_signals(_end_at_once)
     _open_streams()
     interrupted: list[int] = []
-    # Python would end by SIGINT if the interrupt met code that `exec` runs, whoever has caught it. Registered before
-    # all others, so that it comes after them.
+    # Python ends by SIGINT, although the interrupt was caught, if it came in code that `exec` runs. This handler is
+    # registered first, so that it runs after all others.
     atexit.register(lambda: interrupted and os._exit(interrupted[0]))
     try:
         code = _run(program)
@@ -72,18 +72,19 @@ def enter(program: str) -> int:
         sys.stdout.flush()
     except OSError as error:
         say(program, f"standard output: {error.strerror}")
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # else Python tries again, and says so
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # else Python tries again, and reports a second error
         code = code or FAILURE
     threading = sys.modules.get("threading")
     if threading and any(thread.daemon for thread in threading.enumerate()):
-        os._exit(code)  # a thread that was left alone, such as a compilation, would crash the interpreter's end
+        os._exit(code)  # a daemon thread, such as a compilation, would crash the interpreter's shutdown
     return code
 
 
 def exit_code(program: str, body: Callable[[], int]) -> int:
-    """The exit code of `body()`; a foreseen error is one line on stderr, which `program` begins, never a traceback.
+    """Run `body` and return its exit code; an expected error becomes one line on stderr, without a traceback.
 
-    It is 2 for bad input (ValueError), 1 for a failure (RuntimeError, OSError, MemoryError).
+    The line begins with `program`. The code is 2 for bad input (ValueError), 1 for a failure (RuntimeError, OSError,
+    MemoryError).
     """
     try:
         return body()
@@ -105,9 +106,9 @@ def say(program: str, text: str) -> None:
 
 
 class StopRequest:
-    """Whether a stop signal came, and the number of the first; a context that catches them.
+    """A context that catches stop signals; true once one has come, and `signal` is the number of the first.
 
-    While the executable starts, the first signal is a request and a second one ends the process at once.
+    Until `hold` is called, a second signal ends the process at once.
     """
 
     def __init__(self):
@@ -115,7 +116,7 @@ class StopRequest:
         self._held = False
 
     def hold(self) -> None:
-        """From now on further signals change nothing: something is open that must be closed well."""
+        """Ignore a second signal from now on, because something is open that must be closed, such as a bag."""
         self._held = True
 
     def __enter__(self) -> "StopRequest":
@@ -129,7 +130,7 @@ class StopRequest:
 
     @property
     def exit_code(self) -> int:
-        """128 + the signal's number, by which a shell knows what ended a program; 0 if no signal came."""
+        """128 + the signal's number, as shells expect of a program that a signal ended; 0 if no signal came."""
         return 128 + self.signal if self.signal is not None else 0
 
     def __bool__(self) -> bool:
@@ -142,8 +143,8 @@ class StopRequest:
 
 
 class _Process:
-    """This process: its `program`, the number of the stop `signal` that interrupted it first, and whether the
-    interruption waits for the end of `interrupted_afterwards`."""
+    """State of this process: name of the `program`, number of the first stop `signal` that interrupted it, and whether
+    it `defers` the KeyboardInterrupt to the end of `interrupted_afterwards`."""
 
     program = ""
     signal: int | None = None
@@ -154,20 +155,21 @@ _process = _Process()
 
 
 def interrupt_on_signals() -> None:
-    """Let a stop signal raise KeyboardInterrupt from now on, and a second one, because the first may have been
-    swallowed, end the process."""
+    """Let a stop signal raise KeyboardInterrupt from now on, and a second one end the process, because the first
+    KeyboardInterrupt may have been swallowed."""
     _on_stop_signals(_interrupt)
 
 
 def interrupted_code() -> int:
-    """Exit code of an executable that ends because of a KeyboardInterrupt."""
+    """Return the exit code of an executable that ends because of a KeyboardInterrupt."""
     return _code_after(_process.signal or signal.SIGINT)
 
 
 def interrupt_again() -> None:
-    """Raise the KeyboardInterrupt of an earlier stop signal once more, if one came.
+    """Raise KeyboardInterrupt again if a stop signal came earlier.
 
-    For the next step of a long work: the first may have been swallowed, by a finaliser or by `except:` in a library.
+    For each step of a long computation: the first KeyboardInterrupt may have been swallowed, by a finaliser or by
+    `except:` in a library.
     """
     if _process.signal is not None:
         raise KeyboardInterrupt
@@ -175,9 +177,9 @@ def interrupt_again() -> None:
 
 @contextmanager
 def interrupted_afterwards() -> Iterator[None]:
-    """Raise the KeyboardInterrupt of a stop signal that comes inside at the end.
+    """Defer the KeyboardInterrupt of a stop signal that comes within this context to its end.
 
-    For code that calls back from where Python can only ignore an exception, such as the hooks of a fork.
+    For callbacks from which Python ignores exceptions, such as the hooks of a fork.
     """
     before, _process.defers = _process.signal, True
     try:
@@ -203,7 +205,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def _end_at_once(number: int, frame: FrameType | None) -> None:
-    """End the process. An exception might be swallowed: by a finaliser, or a callback of C code."""
+    """End the process without an exception, which a finaliser or a callback of C code might swallow."""
     stage = " while starting" if _process.signal is None else ""
     try:
         os.write(2, f"{_process.program}: stopped{stage}\n".encode())
@@ -236,12 +238,12 @@ def _run(program: str) -> int:
     interrupt_on_signals()
     try:
         return main(sys.argv[1:])
-    except SystemExit as end:  # of argparse, after --help
+    except SystemExit as end:  # raised by argparse, after --help
         return end.code if isinstance(end.code, int) else 0
 
 
 class _Output(io.FileIO):
-    """A stream whose reader may have gone: a closed pipe or terminal ends no robot that seals its bag."""
+    """An output stream that ignores a closed pipe or terminal, so that a robot can go on and seal its bag."""
 
     def write(self, data: Any) -> int:
         try:
@@ -253,16 +255,16 @@ class _Output(io.FileIO):
 
 
 def _open_streams() -> None:
-    """Renew `sys.stdout` and `sys.stderr`, and take every closed standard descriptor.
+    """Replace `sys.stdout` and `sys.stderr`, and open every closed standard descriptor on /dev/null.
 
-    A descriptor below 3 that is left closed goes to the next file that is opened: a log line would land in a bag.
-    A character that the stream's encoding lacks is written as `\\u03c6`.
+    Otherwise the next file that is opened would get the closed descriptor, and a log line could land in a bag.
+    A character that the stream's encoding lacks is written as an escape such as `\\u03c6`.
     """
     for descriptor in range(3):
         try:
             os.fstat(descriptor)
         except OSError:
-            os.open(os.devnull, os.O_RDWR)  # gets the lowest free number, which is this one
+            os.open(os.devnull, os.O_RDWR)  # gets the lowest free number: `descriptor`
     for descriptor, name in ((1, "stdout"), (2, "stderr")):
         encoding = getattr(getattr(sys, name), "encoding", None) or "utf-8"
         setattr(sys, name, io.TextIOWrapper(
@@ -271,7 +273,7 @@ def _open_streams() -> None:
 
 
 def __getattr__(name: str) -> Callable[[], int]:
-    """What the console script of an installed executable calls, such as `robot`."""
+    """Return the function that the console script of an executable calls, such as `robot`."""
     if name in EXECUTABLES:
         return partial(enter, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

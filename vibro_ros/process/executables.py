@@ -1,4 +1,4 @@
-"""The one list of executables: setup.py installs by it, the front door starts by it, documents and tests name them.
+"""The list of executables: setup.py installs from it, `entry_point.enter` starts from it; documents and tests use it.
 
 setup.py runs this file before anything is installed, so the file imports nothing but the standard library.
 """
@@ -47,10 +47,10 @@ EXECUTABLES = {
         "vibro_ros.ros.live.view", False,
         "Show a live robot in the browser, with its knobs and buttons, until SIGINT, SIGTERM or SIGHUP."),
 }
-"""Every executable by its name; those that are installed first."""
+"""All executables by name, the installed ones first."""
 
 
 def shows_live_robot(words):
-    """Whether a command line of `view` is about a live robot, not about a recording."""
+    """Return whether the arguments of `view` ask for a live robot, not for a recording."""
     of_recording = ("--output", "--scene", "--help", "-h")
     return not words or words[0].startswith("-") and words[0].partition("=")[0] not in of_recording
