@@ -7,19 +7,19 @@ from vibro_ros.model.forms import MASS, PLATE, Form, Forms, Guard, Target, witho
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.shock import REST_SPEED, Blow
 
-#: With a restitution above `ALMOST_LOSSLESS`, a mass also stays whose spring would end the next bounce sooner than
-#: `SHORTEST_BOUNCE` [s]: the mass would rise by F/m T²/8, for 100 g and 20 N 3e-13 m. Without this rule, bounces that
-#: only a damper of the drive makes shorter would become too many ever to be simulated.
+#: With a restitution above `ALMOST_LOSSLESS`, a mass also rests if its next bounce would last less than
+#: `SHORTEST_BOUNCE` [s]. The mass would rise by F/m T²/8, 3e-13 m for 100 g and 20 N. Without this rule, bounces that
+#: only a damper of the drive makes shorter would become too many to simulate.
 ALMOST_LOSSLESS = 0.999
 SHORTEST_BOUNCE = 1e-7
 
 
 class CompliantContact:
-    """A spring and a damper that act on one side.
+    """A one-sided spring and damper.
 
     With adhesion, as printed, the plate acts while the penetration is positive, and the plate's damper may pull.
-    Without adhesion the plate lets go when its force vanishes. In the state `released` the mass is still where the
-    plate would be, and the plate follows the mass back without force.
+    Without adhesion the plate lets go when its force vanishes. In the state `released` the penetration is still
+    positive, and the plate follows the mass back without force.
     """
 
     def __init__(self, scene: Scene, forms: Forms, side: str):
@@ -69,7 +69,7 @@ class RigidContact:
 
     @staticmethod
     def context(ground: str, resting: frozenset[str]) -> tuple:
-        """What the guards of a state depend on besides the state: a body in the air moves with the masses at rest."""
+        """What the guards depend on besides the state: the ground's state, and in the air the masses at rest."""
         return ground, resting if ground == "airborne" else frozenset()
 
     def guards(self, state: str, ground: str, resting: frozenset[str], body: tuple[Form, Form]) -> list[Guard]:
@@ -99,7 +99,7 @@ class RigidContact:
         return [Target("resting", self._blow.mass_jumps(0.0) + body, entries=(form,)) for form in slow]
 
     def _rebounds(self, ground: str) -> list[Target]:
-        """Targets of a mass that bounces; the body is thrown up, slips on, or begins to slip."""
+        """Return the targets of a mass that bounces; the body is thrown up, slips on, or begins to slip."""
         forms, mass, any_way = self._forms, self._blow.mass_jumps(self._restitution), ground in ("grounded", "unloaded")
         if forms.body_hops:
             if forms.crank_is_struck:
@@ -120,6 +120,6 @@ class RigidContact:
 
 
 def make_contact(scene: Scene, forms: Forms, side: str) -> CompliantContact | RigidContact:
-    """The contact that `scene` asks for on the guide `side`."""
+    """Return the contact that `scene` asks for on the guide `side`."""
     kind = RigidContact if scene[f"effects.{side}_contact"] == "restitution" else CompliantContact
     return kind(scene, forms, side)

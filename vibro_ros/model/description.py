@@ -13,15 +13,15 @@ from vibro_ros.model.slider import Slider
 from vibro_ros.model.tables import Model, compile_scene
 from vibro_ros.solver.system import NOTHING
 
-#: Symbols of a dc motor's coordinates, each with its line.
+#: Symbols of a dc motor's coordinates, each with its line in the section of states.
 MOTOR = {"θ": "θ, θ'    angle [rad] and speed [rad/s] of the crank",
          "Q": "Q, Q' = i    charge [C] that has passed the motor, and its current [A]"}
-#: A coefficient smaller than this part of the terms that cancel in it is rounding.
+#: A coefficient is rounding error if it is smaller than this fraction of the terms that cancel in it.
 _ROUNDING = 1e-12
 
 
 def describe(scene: Scene) -> str:
-    """States, forcing, equations, modes, guards and events of `scene` in the paper's symbols with values.
+    """Return states, forcing, equations, modes, guards and events of `scene` in the paper's symbols with values.
 
     The equations are read from the compiled tables, and the guards from the forms that were compiled, so that the text
     shows what is integrated. An effect that is off leaves nothing in the text.
@@ -77,7 +77,7 @@ class _Description:
             yield f"{PLATE[side]} = {position:g} m    follows a command at {scene['gap_actuator.speed']:g} m/s"
 
     def _held(self) -> str:
-        """Line for what the dc motor is held at."""
+        """Return the line for h, the voltage or current at which the dc motor is held between samples."""
         scene, control = self._scene, self._scene["motor.control"]
         unit = "A" if control == "speed_by_current" else "V"
         if control == "voltage":
@@ -85,7 +85,7 @@ class _Description:
         return f"h = 0 {unit}    set {scene['motor.control_rate']:g} times a second by the controller of the speed"
 
     def _equations_of_the_motor(self, motor: Motor) -> Iterator[str]:
-        """Lines for the crank, the torque of the drives and the current."""
+        """Yield lines for the torque of the drives, the crank and the current."""
         rows, forms = self._model.system.equations, self._model.forms
         for signal, loads in zip(self._symbols.signals, self._model.system.rotor.load.swapaxes(0, 1), strict=True):
             yield from self._cases(f"T_{signal} = ", self._texts(loads))
@@ -97,7 +97,7 @@ class _Description:
             yield from self._cases("i = ", self._texts(self._model.system.rotor.current))
 
     def equations(self) -> Iterator[str]:
-        """Lines for masses, by the states of their contacts, and for the body, with forces [N]."""
+        """Yield lines for the masses, by the states of their contacts, and for the body, with forces [N]."""
         forms = self._model.forms
         for i, side in enumerate(forms.guides):
             rows = self._scene[f"mass.{side}"] * self._model.system.equations[:, i]
@@ -120,15 +120,15 @@ class _Description:
             yield from self._friction_force()
 
     def _texts(self, rows: np.ndarray, friction: str | None = None) -> dict[tuple[str, ...], str]:
-        """Text of the form of each mode, by the mode's states; `rows` has the shape (modes, channels).
+        """Return the text of each mode's form, by the mode's states; `rows` has the shape (modes, channels).
 
-        Only of the modes with the state `friction`, if it is given.
+        If `friction` is given, only modes with this state of the ground are returned.
         """
         return {mode.states: self._symbols.text(row) for mode, row in zip(self._model.modes, rows, strict=True)
                 if friction in (None, mode.ground)}
 
     def _cases(self, head: str, texts: dict[tuple[str, ...], str]) -> Iterator[str]:
-        """A line for each different text, with the states in which the text holds of the effects that matter."""
+        """Yield a line for each different text, with the states of those effects on which the text depends."""
         names = self._effect_names()
         for text in dict.fromkeys(texts.values()):
             holding = {states for states, of_mode in texts.items() if of_mode == text}
@@ -139,7 +139,7 @@ class _Description:
             yield f"{head}{text}{condition}"
 
     def _with_remark(self, head: str, texts: dict[tuple[str, ...], str], remark: str) -> Iterator[str]:
-        """As `_cases`, with a remark before the states."""
+        """Yield the lines of `_cases` with a remark before the states."""
         for line in self._cases(head, texts):
             equation, _, cases = line.partition("    while ")
             yield f"{equation}    {remark}{f'; where {cases}' if cases else ''}"
@@ -149,7 +149,7 @@ class _Description:
         return [f"{contact.side} contact" for contact in self._builder.contacts] + motor + [self._friction_name]
 
     def _equations_along_the_ground(self) -> Iterator[str]:
-        """Lines for x'', F_in and each force of the ground whose law is a form."""
+        """Yield lines for x'', F_in and each force of the ground except dry friction."""
         total, body = self._scene.total_mass, self._model.forms.body
         inertial = total * self._model.system.equations[:, body]
         inertial = inertial + sum(self._ground.forces.values())
@@ -162,7 +162,7 @@ class _Description:
             yield f"{force.symbol} = {self._symbols.text(form)}"
 
     def _output(self, name: str) -> np.ndarray:
-        """Forms of an output, shape (modes, channels); from mode to mode the state of the friction changes first."""
+        """Forms of an output, shape (modes, channels); the state of the ground changes fastest from mode to mode."""
         return self._model.output[:, OUTPUTS.index(name)]
 
     def _normal_force(self) -> Iterator[str]:
@@ -173,20 +173,20 @@ class _Description:
         yield from self._with_remark("N = ", self._texts(normal, states[0]), f"{source}{reported}{airborne}")
 
     def _friction_force(self) -> Iterator[str]:
-        """Lines for F_fr, one for each state of the friction."""
+        """Yield lines for F_fr, one for each state of the ground."""
         normal, friction = self._output("normal_force")[0], self._output("friction_force")
         decayed = self._model.forms.decayed_normal_force()
         law = f"N exp(-|x'|/{self._scene['ground.stribeck_speed']:g})"
         for m, state in enumerate(self._ground.states):
             falling = float(decayed @ friction[m])
             form, size = friction[m] - falling * decayed, float(normal @ normal)
-            balances = GROUND_STATES[state].friction is None  # the other forces
+            balances = GROUND_STATES[state].friction is None  # F_fr balances the other forces
             factor = None if balances else float(form @ normal) / size if size else 0.0
             sliding = [(part, symbol) for part, symbol in ((factor, "N"), (falling, law)) if part]
             yield f"F_fr = {self._ground.driving_symbol if factor is None else _sum(sliding)}    while {state}"
 
     def modes(self) -> Iterator[str]:
-        """A line for the number of modes, a product of numbers of states, and for the first mode."""
+        """Yield a line with the number of modes, as a product of the numbers of states, and the first mode."""
         effects = self._guarded_effects()
         counts = " × ".join(f"{len(states)} ({name})" for name, states in effects.items())
         states = dict(zip(self._effect_names(), self._model.modes[self._model.initial_mode].states, strict=True))
@@ -198,14 +198,14 @@ class _Description:
         yield f"{len(self._model.modes)}{' = ' if effects else ''}{counts}{'; first ' if effects else ''}{initial}"
 
     def _guarded_effects(self) -> dict[str, tuple[str, ...]]:
-        """States of each effect that has more than one state, by the effect's name."""
+        """Return the states of each effect that has more than one, by the effect's name."""
         motor = self._builder.motor.effects if self._builder.motor else ()
         states = [effect.states for effect in (*self._builder.contacts, *motor, self._ground)]
         return {name: of_effect for name, of_effect in zip(self._effect_names(), states, strict=True)
                 if len(of_effect) > 1}
 
     def guards(self) -> Iterator[str]:
-        """Lines for the conditions of each state, with the states to try when a condition fails."""
+        """Yield a line for each condition of each state, with the states to try when the condition fails."""
         guards = {mode: list(self._builder.guards(mode)) for mode in self._model.modes}
         for name, states in self._guarded_effects().items():
             effect = self._effect_names().index(name)
@@ -223,8 +223,7 @@ class _Description:
                     yield from self._cases(f"{name} {state}: {text}    else ", ends)
 
     def _end(self, mode: Mode, effect: int, guard: Guard) -> str:
-        """The states to which a guard leads, those that a shock changes as well, and the speeds that jump on the way.
-        """
+        """Return the states to which a guard leads, those that a shock also changes, and the speeds that jump."""
         others = [f"{name} open" for other, (name, state) in enumerate(zip(
             self._effect_names(), mode.states, strict=True)) if other != effect and state == "resting"]
         targets = dict[str, None]()
@@ -235,7 +234,7 @@ class _Description:
         return f"{' or '.join(targets)}{self._jumps(guard)}"
 
     def _jumps(self, guard: Guard) -> str:
-        """The speeds that stop or jump when a guard fires."""
+        """Return the speeds that stop or jump when a guard fires, as text."""
         coordinates, speeds = self._symbols.coordinates, dict[str, bool]()
         jumps = [(channel, bool(form.any())) for target in guard.targets for channel, form in target.jumps]
         jumps += [(channel, True) for target in guard.targets if target.shock for channel in target.shock.speeds]
@@ -258,7 +257,7 @@ class _Description:
         yield ", ".join(words) or "none"
 
     def effects(self) -> Iterator[str]:
-        """A line with the effects that the scene asks for and the tables hold."""
+        """Yield a line with the effects of the scene that the tables contain."""
         scene, forms = self._scene, self._model.forms
         words = [f"{side} mass" for side in forms.guides]
         for contact in self._builder.contacts:
@@ -279,7 +278,7 @@ class _Description:
 
 
 def _holds_for_all(holding: set[tuple[str, ...]], effect: int, every: Iterable[tuple[str, ...]]) -> bool:
-    """Whether the states of `holding`, out of `every`, do not depend on the state of one effect."""
+    """Whether membership in `holding`, a subset of `every`, does not depend on the state of `effect`."""
     choices = {states[effect] for states in every}
     return all(states[:effect] + (choice,) + states[effect + 1:] in holding for states in holding for choice in choices)
 
@@ -294,7 +293,7 @@ def _slider_text(slider: Slider) -> str:
 
 
 def _columns(lines: list[str]) -> Iterator[str]:
-    """The lines, indented; the text after a gap of four spaces stands in a column."""
+    """Yield the lines, indented, with the text after a gap of four spaces aligned in a column."""
     width = max(len(line.partition("    ")[0]) for line in lines)
     for line in lines:
         head, _, remark = line.partition("    ")
@@ -302,7 +301,7 @@ def _columns(lines: list[str]) -> Iterator[str]:
 
 
 class Symbols:
-    """Writes the forms of one scene."""
+    """Writer of one scene's forms as text."""
 
     def __init__(self, forms: Forms):
         self._channels = forms.channels
@@ -314,11 +313,11 @@ class Symbols:
         self.signals += ["p_x", "p_y"][:forms.channels.signals - len(self.signals)]  # of the crank pin
 
     def text(self, form: Form) -> str:
-        """The form with its coefficients, such as ``-1000 (u - s_B) - 1e+07 (u - E)``; ``0`` when it is empty."""
+        """Return the form as text, such as ``-1000 (u - s_B) - 1e+07 (u - E)``; ``0`` when it is empty."""
         return _sum(self._terms(form))
 
     def _terms(self, form: Form) -> Iterator[tuple[float, str]]:
-        """Coefficients and symbols: first differences to sliders and plates, then other channels, the constant last."""
+        """Yield coefficients and symbols: differences to sliders and plates, then other channels, the constant last."""
         left = dict(enumerate(map(float, form)))
         largest = {channel: abs(factor) for channel, factor in left.items()}
         for own, other, text in self._differences():
@@ -328,7 +327,7 @@ class Symbols:
                 largest[own] = max(largest[own], abs(factor))
                 yield -factor, text
         at = self._channels
-        names = {at.one: ""}  # of the channels that may stand alone
+        names = {at.one: ""}  # symbols of channels that are written by themselves
         if at.rotors:
             names |= {at.torque: "T", at.held: "h"}
         for i, symbol in enumerate(self.coordinates):
@@ -342,7 +341,7 @@ class Symbols:
                 yield factor, names[channel]
 
     def _differences(self) -> Iterator[tuple[int, int, str]]:
-        """Channel of a mass, channel of its slider or plate, and the text of their difference; also of the rates."""
+        """Yield the channels of a mass and of its slider or plate, and their difference as text; also for the rates."""
         at = self._channels
         for i, side in enumerate(self._guides):
             mass, slider = MASS[side], SLIDER[side]
@@ -355,7 +354,7 @@ class Symbols:
 
 
 def _sum(terms: Iterable[tuple[float, str]]) -> str:
-    """Text of a sum of factors times symbols; ``0`` when it is empty."""
+    """Return a sum of factors times symbols as text; ``0`` when it is empty."""
     text = ""
     for factor, symbol in terms:
         sign = "-" if factor < 0.0 else "+"

@@ -1,6 +1,6 @@
-"""Where energy comes from and goes: the accounts that a scene may ask for.
+"""The energy accounts of a scene: how much energy each source gives the robot, and each loss takes.
 
-Positive is what the robot receives. Over any time,
+An account is positive if the robot receives energy. Over any time,
 
     motor + plates + unpaid + drive dampers + plate dampers + friction + blows + landings = change of stored energy
 
@@ -8,10 +8,9 @@ The stored energy is that of the moving masses and body, of the springs of drive
 Where a plate without tension lets go (`contact.CompliantContact`), the energy of its spring is lost to its damper.
 
 `unpaid` is an artefact of the paper's equations: without the reaction the masses push the body and do not feel it, so
-that the body receives work that nobody gives. With `effects.reaction` nothing is unpaid but the work of a push from
-outside. The kinetic energy of the body
-is then m1 V² / 2 and that of the masses includes the body's motion; without the reaction the body's equation is that of
-a body of the total mass M.
+that the body receives work that no other part gives. With `effects.reaction` only the work of a push from outside is
+unpaid. The kinetic energy of the body is then m1 V² / 2 and that of the masses includes the body's motion; without the
+reaction the body's equation is that of a body of the total mass M.
 """
 
 import math
@@ -27,21 +26,21 @@ from vibro_ros.solver.system import NOTHING, AccountTable, terms
 #: The accounts, by their numbers in the solver: `solver.energy.MOTOR` and `RAMPS` come first.
 ACCOUNTS = ("motor", "plates", "drive_dampers", "plate_dampers", "friction", "blows", "landings", "unpaid", "supply",
             "copper", "bearing")
-#: Those of a dc motor.
+#: Accounts of a dc motor.
 OF_DC_MOTOR = ACCOUNTS[8:]
-#: Those on which the robot loses energy.
+#: Accounts of energy that the robot loses.
 LOSSES = (*ACCOUNTS[2:7], "copper", "bearing")
 (_MOTOR, _PLATES, _DRIVE_DAMPERS, _PLATE_DAMPERS, _FRICTION, _BLOWS, _LANDINGS, _UNPAID, _SUPPLY, _COPPER,
  _BEARING) = range(len(ACCOUNTS))
 
-#: A power: its account, force and the channel of the velocity; and a stored energy: form, weight by mode, and account
-#: of its change by a blow.
+#: A `Power` is an account, a force and the channel of the velocity along it. A `Stored` energy is a form, its weight by
+#: mode, and the account of its change by a blow.
 Power = tuple[int, Form | ModeForms, int]
 Stored = tuple[Form, np.ndarray | float, int]
 
 
 def account_table(builder: ModeBuilder, scene: Scene, guards: dict[str, np.ndarray]) -> AccountTable:
-    """The accounts of a scene, with its tables of guards; empty unless the scene asks for the accounts."""
+    """Return the accounts of a scene with the tables `guards`; empty unless the scene asks for accounts."""
     forms, modes, booked = builder.forms, len(builder.modes), scene["solver.accounts"]
     powers = list(_powers(builder, scene)) if booked else []
     stored = list(_stored(builder, scene)) if booked else []
@@ -51,7 +50,7 @@ def account_table(builder: ModeBuilder, scene: Scene, guards: dict[str, np.ndarr
         force[:, p] = form
     for e, (_, weight, _) in enumerate(stored):
         stored_weight[:, e] = weight
-    # The momentum of a mass along its guide [N s], by which a shock of its plate is known.
+    # Momentum of a mass along its guide [N s]; its change tells the shock that the plate gives.
     body, plates = forms.body_velocity(), forms.plates if booked else ()
     momenta = [scene[f"mass.{side}"] * (forms.velocity(forms.guides.index(side)) + (
         forms.along(side, body) if scene["effects.reaction"] else 0.0)) for side in plates]
@@ -74,7 +73,7 @@ def account_table(builder: ModeBuilder, scene: Scene, guards: dict[str, np.ndarr
 
 
 def _kinetic_energies(forms: Forms, scene: Scene, with_body: bool) -> Iterator[tuple[Form, float]]:
-    """Velocities of the masses, of a mass that moves with the body along x and y, each with the mass [kg]."""
+    """Yield velocities of the masses, each with the mass [kg]; along x and y if they include the body's motion."""
     for i, side in enumerate(forms.guides):
         parts = zip(scene.direction(side), forms.body_velocity(), strict=True)
         velocities = [part * forms.velocity(i) + rate for part, rate in parts] if with_body else [forms.velocity(i)]
@@ -98,14 +97,14 @@ def _height(forms: Forms, scene: Scene) -> Form:
 
 
 def _motor_energies(builder: ModeBuilder) -> Iterator[tuple[Form, float]]:
-    """θ' with J, and i with L."""
+    """Yield θ' with J, and i with L."""
     if builder.motor:
         yield builder.motor.speed, builder.motor.inertia
         yield builder.motor.current, builder.motor.inductance
 
 
 def _powers(builder: ModeBuilder, scene: Scene) -> Iterator[Power]:
-    """Every force that does work, with the channel of the velocity of its point of attack."""
+    """Yield every force that does work, with the channel of the velocity of its point of attack."""
     forms, channels = builder.forms, builder.forms.channels
     for i, side in enumerate(forms.guides):
         slider, mass = channels.signal_rate(i), channels.velocity(i)
@@ -124,7 +123,7 @@ def _powers(builder: ModeBuilder, scene: Scene) -> Iterator[Power]:
         yield _SUPPLY, builder.by_motor_state(lambda bearing, loop: motor.voltage(loop)), current
         yield _COPPER, -motor.resistance * motor.current, current
         yield _BEARING, builder.by_motor_state(lambda bearing, loop: -motor.bearing_torque(bearing)), speed
-    paid = scene["effects.reaction"]  # else the forces that drive and lift the body do work that nobody gives
+    paid = scene["effects.reaction"]  # else no part gives the work of the forces that drive and lift the body
     if forms.body_moves:
         speed = channels.velocity(forms.body)
         for force, (constant, damping, _) in scene.ground_laws.items():
@@ -141,27 +140,27 @@ def _powers(builder: ModeBuilder, scene: Scene) -> Iterator[Power]:
 
 
 def _pushes(forms: Forms) -> Iterator[tuple[Form, int]]:
-    """Forces from outside on the body, with the channels of its velocities; part of F_in and N."""
+    """Yield forces from outside on the body, with the channels of its velocities; they are part of F_in and N."""
     for row, force in zip((forms.body, forms.height), forms.push, strict=True):
         if force:
             yield force * forms.one, forms.channels.velocity(row)
 
 
 def _damper(account: int, damping: float, rate: Form | ModeForms, mass: int, other: int) -> Iterator[Power]:
-    """-c (q' - s')², as two forces -c (q' - s') and c (q' - s') on the damper's ends."""
+    """Yield the power -c (q' - s')² as two forces, -c (q' - s') and c (q' - s'), on the damper's ends."""
     if damping > 0.0:
         yield account, -damping * rate, mass
         yield account, damping * rate, other
 
 
 def _stored(builder: ModeBuilder, scene: Scene) -> Iterator[Stored]:
-    """Kinetic energies of the masses first, as `AccountTable.momentum` wants them."""
+    """Yield the stored energies; those of the masses come first, as `AccountTable.momentum` requires."""
     forms, paid = builder.forms, scene["effects.reaction"]
     yield from ((velocity, mass, _BLOWS) for velocity, mass in _kinetic_energies(forms, scene, paid))
     for rate in forms.body_velocity():
         yield rate, _moved_mass(scene) if paid else scene.total_mass, _BLOWS if paid else _UNPAID
-    # With V the body's velocity, m (s' + e V)²/2 - m (e V)²/2, because the body has the m V²/2. What a shock of the
-    # body changes of it, the crank gives.
+    # With V the body's velocity, m (s' + e V)²/2 - m (e V)²/2, because m V²/2 belongs to the body. The crank gives the
+    # change of this energy in a shock of the body.
     for part in forms.linkage:
         rate, (speed, rise) = forms.units[forms.channels.signal_rate(part.signal)], forms.body_velocity()
         of_body = float(paid) * (part.direction[0] * speed + part.direction[1] * rise)
@@ -180,7 +179,7 @@ def _stored(builder: ModeBuilder, scene: Scene) -> Iterator[Stored]:
 
 
 def _jump_accounts(builder: ModeBuilder, guards: dict[str, np.ndarray], at_blows: np.ndarray) -> np.ndarray:
-    """Accounts of what a guard's jump changes, shape (modes, guards, stored energies)."""
+    """Return the accounts of the energy changes in a guard's jump, shape (modes, guards, stored energies)."""
     effect, plates = guards["guard_effect"][:, :, None], len(builder.forms.plates)
     others = np.where(builder.mode_set.airborne[:, None, None], _LANDINGS, _FRICTION)
     others = np.where((0 <= effect) & (effect < plates), _PLATE_DAMPERS, others)

@@ -1,8 +1,8 @@
-"""What can happen to a robot from outside, besides commands: faults that last for a while, and a push.
+"""Disturbances of a robot besides commands: faults of a limited duration, and a push.
 
-A fault is begun under its name, for a duration from 0 on, which ends it, and some need one more number, the part that
-fails or a stretch of the ground. The device, the commands and the sensors each have faults of their own. A part that
-does not follow its commands remembers them: afterwards it follows the last one.
+A fault is started by its name and duration; a duration of 0 ends it. Some faults also need a number, the part that
+fails, or a stretch of the ground. The device, the commands and the sensors each have faults of their own. A part that
+does not follow its commands stores them: after the fault it follows the last one.
 """
 
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from typing import NamedTuple
 from vibro_ros.model.parameters import BY_NAME, Parameter, quoted
 
 LONGEST = 86_400.0
-"""Of a fault or a push [s]."""
+"""Longest duration of a fault or a push [s]."""
 DURATION = Parameter("duration", 0.0, "s", "how long it lasts; 0 ends it", minimum=0.0, maximum=LONGEST)
 FORCE = Parameter("force", 0.0, "N", "on the body", minimum=-1e6, maximum=1e6)
 
@@ -21,7 +21,7 @@ NO_PLACE = replace(NO_VALUE, unit="m")
 PLACE = Parameter("from_x", 0.0, "m", "an end of a stretch of the ground", minimum=-1e6, maximum=1e6)
 
 DEVICE, SENSORS, COMMANDS = "device", "sensors", "commands"
-"""What a fault befalls."""
+"""Parts of the virtual device that a fault can affect."""
 
 
 SENSES = ("imu", "encoder", "current", "tracking")
@@ -35,13 +35,13 @@ class Fault(NamedTuple):
     befalls : str
         `DEVICE`, `SENSORS` or `COMMANDS`.
     does : str
-        What happens, in a sentence without its subject.
+        The fault's effect, as part of a sentence.
     of : tuple of str
-        The parts that can have it; empty for no choice.
+        The parts that can have the fault; empty if there is no choice.
     value : Parameter or None
-        The number that it needs.
+        The number that the fault needs; None if it needs none.
     has_place : bool
-        Whether it befalls a stretch of the ground, from `from_x` to `to_x`.
+        Whether the fault affects a stretch of the ground, from `from_x` to `to_x`.
     """
 
     befalls: str
@@ -71,20 +71,20 @@ FAULTS: Mapping[str, Fault] = {
 
 
 class Incident(NamedTuple):
-    """A fault as it is asked for, checked.
+    """A requested fault, checked.
 
     Attributes
     ----------
     fault : str
         A name of `FAULTS`.
     duration : float
-        How long it lasts [s]; 0 ends it.
+        How long the fault lasts [s]; 0 ends it.
     of : str
-        The part, or empty.
+        The part that fails, or empty.
     value : float
-        In the unit of the fault's number; 0 where it has none.
+        The fault's number, in its unit; 0 if the fault needs none.
     from_x, to_x : float
-        The stretch of the ground [m]; 0 where the fault has none.
+        The stretch of the ground [m]; 0 if the fault needs none.
     """
 
     fault: str
@@ -97,7 +97,7 @@ class Incident(NamedTuple):
 
 def checked_incident(fault: object, duration: object, of: object = "", value: object = 0.0, from_x: object = 0.0,
                      to_x: object = 0.0) -> Incident:
-    """A fault that can be (ValueError: names the value, the limit and the remedy)."""
+    """Return the fault after checking it (ValueError: names the value, the limit and the remedy)."""
     name = Parameter("fault", "", "", "what fails", choices=tuple(FAULTS)).checked(fault)
     kind, lasts = FAULTS[name], DURATION.checked(duration)
     if not isinstance(of, str) or of not in (kind.of or ("",)):

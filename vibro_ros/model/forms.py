@@ -25,9 +25,9 @@ Form = np.ndarray
 #: A form for each mode, shape (modes, channels).
 ModeForms = np.ndarray
 
-#: Nobody pushes.
+#: Push of zero [N], along x and upwards.
 NO_PUSH = (0.0, 0.0)
-#: The ground is the same everywhere.
+#: Edges of a ground that is the same everywhere [m].
 NO_EDGES = (-math.inf, math.inf)
 
 #: Symbols of the coordinates of the masses, of their sliders and of their plates.
@@ -37,15 +37,15 @@ PLATE = {"upper": "E", "inclined": "H"}
 
 
 def pressed_only(scene: Scene) -> bool:
-    """Whether N below zero counts as zero: by the rule `unilateral`, and by `hop`, where only rounding makes N so."""
+    """Whether a negative N counts as zero: by the rule `unilateral`, and by `hop`, where it is rounding error."""
     return scene["effects.normal_force"] in ("unilateral", "hop")
 
 
 def cached(method: Callable) -> Callable:
     """Return a method that stores its forms in the object's dict `_cache`, by name and arguments.
 
-    Every mode of a scene asks for the same forms, so that without the cache most of them would be made many times. Who
-    gets a form may not change it.
+    Every mode of a scene asks for the same forms, so that without the cache most of them would be made many times.
+    Callers must not change a form that they get.
     """
     name = method.__name__
 
@@ -67,9 +67,9 @@ class LinkageMass(NamedTuple):
     mass : float
         Mass [kg].
     signal : int
-        Number of the signal that is its place along `direction`.
+        Number of the signal that is the mass's position along `direction`.
     direction : (float, float)
-        Its parts along x and upwards.
+        Components along x and upwards of the unit vector along which the mass moves.
     """
 
     mass: float
@@ -117,9 +117,9 @@ class Forms:
     crank_is_struck : bool
         Whether a shock of the body changes the crank's speed (`ParameterValues`).
     bearings_after_shock : tuple of (str or None)
-        States of the motor's bearing after a shock that strikes the crank, None for the one that it has.
+        Possible states of the motor's bearing after a shock that strikes the crank; None means that the state stays.
     channels : Channels
-        The places of the channels in z.
+        The numbers of the channels in z.
     units : ndarray, shape (channels, channels)
         Row c is the form whose value is channel c.
     push : (float, float)
@@ -158,7 +158,7 @@ class Forms:
         self.one = self.units[self.channels.one]
 
     def _linkage_masses(self) -> Iterator[LinkageMass]:
-        """A mass at a slider, and the crank pin's, once for each direction."""
+        """Yield the masses at the sliders, and the mass of the crank pin once for each of its two directions."""
         scene = self._scene
         for i, side in enumerate(self.guides):
             if f"{side}_slider" in scene.linkage:
@@ -185,7 +185,7 @@ class Forms:
         return self.units[self.channels.velocity(coordinate)]
 
     def body_velocity(self) -> tuple[Form, Form]:
-        """x' and y' [m/s]; zero for one that is no coordinate."""
+        """x' and y' [m/s]; zero for a direction that has no coordinate."""
         return (self.velocity(self.body) if self.body_moves else self.zero,
                 self.velocity(self.height) if self.body_hops else self.zero)
 
@@ -241,7 +241,7 @@ class Forms:
         return force - self._scene[f"mass.{side}"] * self.along(side, body)
 
     def along(self, side: str, vector: tuple[Form | ModeForms, Form | ModeForms]) -> Form | ModeForms:
-        """Part of a vector along a guide; `vector` has the parts along x and upwards."""
+        """Component of a vector along a guide; `vector` has the components along x and upwards."""
         along_x, upwards = self._scene.direction(side)
         return along_x * vector[0] + upwards * vector[1]
 
@@ -249,9 +249,9 @@ class Forms:
     def normal_force(self, inclined_closed: bool) -> Form:
         """N = M g + m2 u'' + m3 w'' cos(phi) [N], eq. (6); M g by the rule `weight`. In the air this form is -M y''.
 
-        On a slope g cos(alpha) takes the place of g. A push upwards is taken off.
+        On a slope g cos(alpha) takes the place of g. A push upwards is subtracted.
 
-        The misprint adds its part where `inclined_closed`: while the inclined mass presses on its compliant plate.
+        The misprint adds its term if `inclined_closed`: while the inclined mass presses on its compliant plate.
         """
         normal = self._scene.total_mass * self._scene.gravity[1] * self.one
         if self._scene["effects.normal_force"] == "weight":
@@ -267,14 +267,14 @@ class Forms:
 
     @cached
     def inertial_force(self, inclined_closed: bool) -> Form:
-        """F_in = m3 w'' sin(phi) [N], eq. (7), what the linkage's masses and a push add, and the misprint's part where
-        `inclined_closed`."""
+        """F_in = m3 w'' sin(phi) [N], eq. (7), with the forces of the linkage's masses and of a push, and with the
+        misprint's term if `inclined_closed`."""
         along_x, _ = self._scene.direction("inclined")
         inertial = -along_x * self._inertia("inclined") - self.linkage_inertia()[0] + self.push[0] * self.one
         return inertial + along_x * self._misread_force() if inclined_closed and self.has_misprint else inertial
 
     def _misread_force(self) -> Form:
-        """k1 (u - w) [N]: what eqs. (1), (6) and (7) as printed add to F3 where the body feels it."""
+        """k1 (u - w) [N]: the term that eqs. (1), (6) and (7) as printed add to the F3 that the body feels."""
         upper, inclined = (self.position(self.guides.index(side)) for side in ("upper", "inclined"))
         return self._scene["inclined.plate.stiffness"] * (upper - inclined)
 
@@ -300,12 +300,12 @@ class Target(NamedTuple):
     entries : tuple of ndarray
         Forms, shape (channels,), that must not be negative before the jump for the target to be entered.
     ground : str or None
-        State of the body on the ground, where a blow changes that as well.
+        New state of the body on the ground, if a blow changes it; else None.
     bearing : str or None
-        State of the motor's bearing, where a shock changes that as well.
+        New state of the motor's bearing, if a shock changes it; else None.
     shock : NonlinearShock or None
-        The shock of `model.shock` that gives the jumps in place of forms, and decides between the targets that have it,
-        which follow each other and have the same entries.
+        A shock of `model.shock` that gives the jumps in place of forms. The shock chooses one of the targets that share
+        it; these follow each other and have the same entries.
     frees_resting_masses : bool
         Whether the jump is a shock in which masses that rest on other plates part from these plates.
     """
@@ -327,18 +327,18 @@ class Guard(NamedTuple):
     form : ndarray, shape (channels,)
         The linear form.
     targets : tuple of Target
-        The targets to try, in order, when the form turns negative; the last one is entered if none is valid. None
-        where another system goes on.
+        The targets to try, in order, when the form turns negative; the last one is entered if none is valid. Empty
+        if the simulation continues with another system.
     text : str
         The condition in the paper's symbols, with `{force}` for the force of a compliant plate, and `{voltage}` for
-        what a motor's current loop wants to apply.
+        the voltage that a motor's current loop would apply without limits.
     is_blow : bool
         Whether the guard ends in a blow without duration, which is recorded as a contact at once.
     entries_decide : bool
         Whether a target is valid by its entries alone, even if its own guards fail after the jump. A landing is such a
         guard, because the body has landed even if it lifts off again at once.
     event : str
-        Kind of the event that is recorded where the state does not change, or empty.
+        Kind of the event that is recorded if the state does not change, or empty.
     """
 
     form: np.ndarray
@@ -350,5 +350,5 @@ class Guard(NamedTuple):
 
 
 def without_jump(*states: str) -> tuple[Target, ...]:
-    """Targets for these states, in their order, whose positions and velocities do not change."""
+    """Return targets for these states, in this order, that change no position or velocity."""
     return tuple(Target(state) for state in states)

@@ -79,7 +79,7 @@ class Ground:
     states : tuple of str
         The names of `GROUND_STATES` that the scene can be in.
     forces : dict of GroundForce to form
-        The forces along the ground but dry friction that the scene has, F0 + c x' + k x [N].
+        The forces along the ground that the scene has, except dry friction, F0 + c x' + k x [N].
     driving_symbol : str
         Symbol of F_in and these forces.
     """
@@ -116,7 +116,7 @@ class Ground:
         return multiple * force
 
     def driving_force(self, state: str, normal: ModeForms, inertial: ModeForms) -> ModeForms:
-        """F_in and every force along the ground but dry friction [N] in `state`."""
+        """F_in less every force along the ground except dry friction [N]; the same in every `state`."""
         return inertial - sum(self.forces.values())
 
     def decay_rate(self, state: str) -> float:
@@ -127,7 +127,7 @@ class Ground:
 
     @staticmethod
     def context(state: str, resting: frozenset[str], closed: frozenset[str]) -> tuple:
-        """Which states of other effects change the guards of `state`.
+        """States of other effects on which the guards of `state` depend.
 
         A landing depends on the masses at rest alone. Every other guard depends on the plates in contact that change
         the forms of N and F_in, `closed`.
@@ -139,7 +139,7 @@ class Ground:
         return [*self._force_guards(state, normal, inertial, resting), *self._edge_guards(state)]
 
     def _edge_guards(self, state: str) -> list[Guard]:
-        """Guards of the ground's edges towards which the body may move; behind an edge another system goes on."""
+        """Guards of the edges towards which the body may move; past an edge the run continues with another system."""
         (low, high), one = self._edges, self._forms.one
         position = self._forms.position(self._forms.body) if self._forms.body_moves else self._forms.zero
         at_rest = GROUND_STATES[state].friction is None
@@ -148,7 +148,7 @@ class Ground:
         return ahead * (not at_rest and state != "slip_backward") + behind * (not at_rest and state != "slip_forward")
 
     def _force_guards(self, state: str, normal: Form, inertial: Form, resting: frozenset[str]) -> list[Guard]:
-        """Guards of `state` but for the ground's edges."""
+        """Guards of `state` except those of the ground's edges."""
         driving = self.driving_force(state, normal, inertial)
         symbol = f"({self.driving_symbol})" if self.forces else self.driving_symbol
         if state == "airborne":
@@ -177,7 +177,7 @@ class Ground:
         return [moving, *self._normal_force_guards(state, normal)]
 
     def _normal_force_guards(self, state: str, normal: Form) -> list[Guard]:
-        """The guard N >= 0, by the rules of the normal force that end `state` where N turns negative.
+        """Return the guard N >= 0 if the rule of the normal force ends `state` when N turns negative, else no guard.
 
         In `stick` this guard stands before the bounds of F_in, because N may fall below 0 at a blow. A body that
         slips instead has another N and may still be pressed on the ground, so that slipping is tried first.
@@ -189,7 +189,7 @@ class Ground:
         return [Guard(normal, without_jump(*slipping, *targets), "N >= 0")] if targets else []
 
     def _landings(self, resting: frozenset[str]) -> Iterator[Target]:
-        """Targets of a landing. If it is slow, the body and the masses at rest stay where they are."""
+        """Yield the targets of a landing; after a slow one the body stays on the ground and resting masses at rest."""
         felt = resting if self._scene["effects.reaction"] else frozenset()
         bounces = list(self._bounces()) if self._restitution else []
         if not (felt or bounces):

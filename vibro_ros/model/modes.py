@@ -1,7 +1,7 @@
 """The modes of a scene: every combination of its effects' states, with equations, guards and outputs.
 
 A *form* is a linear combination of the channels of z (`solver.system`); a *state* is what an effect can be in, such as
-`stick` or `open`; a *mode* is one state of each effect. What is off leaves no coordinate, term, guard or mode behind.
+`stick` or `open`; a *mode* is one state of each effect. An effect that is off has no coordinate, term, guard or mode.
 
 Places of a new effect
 ----------------------
@@ -9,7 +9,7 @@ Every effect needs places 1 to 3, 10 and 11. The others are for the effects that
 
 1. `model/parameters.py`: the choice, or each number with unit, limits and description. A default leaves the paper's
    robot as it is. A number that enters no equation is listed in `_OPERATION` of `model/scene.py` as well.
-2. `model/parameter_checks.py`: a check refuses what has no meaning together with another choice, by a ValueError
+2. `model/parameter_checks.py`: a check refuses a value that contradicts another choice, by a ValueError
    "parameter: value ...; give ...". `ParameterValues` says which parts the robot has.
 3. `benchmark/support.py`: a row of `SUPPORT` says whether the peer and the baseline have the parameter. They refuse
    what has no row. Their equations: `benchmark/heyoka_robot/equations.py`, `benchmark/rk4_by_hand.py`.
@@ -58,7 +58,7 @@ OUTPUTS = ("body_position", "body_velocity", "body_height", "body_vertical_veloc
 #: Kinds of events that a change of mode records, by their number.
 MODE_EVENTS = ("stick", "slip_forward", "slip_backward", "unloaded", "loaded", "lift_off", "landing", "crank_stops",
                "crank_turns")
-#: The class of an effect with states, but for the ground.
+#: Class of an effect with states, except the ground.
 Kind = type[CompliantContact | RigidContact | Bearing | CurrentLoop]
 _OUTPUT_ROWS = {name: row for row, name in enumerate(OUTPUTS)}
 
@@ -70,7 +70,7 @@ class Mode:
     Attributes
     ----------
     states : tuple of str
-        States of the contacts, in the order of `Forms.plates`, then that of the ground.
+        States of the contacts, in the order of `Forms.plates`, then of a dc motor's effects, then of the ground.
     closed : frozenset of str
         Guides whose compliant plates are in contact.
     resting : frozenset of str
@@ -88,7 +88,7 @@ class Mode:
 
     @property
     def motor(self) -> tuple[str, str]:
-        """States of a dc motor's bearing and of its current loop, "" for what there is not."""
+        """States of a dc motor's bearing and of its current loop; "" for an absent one."""
         bearing = next((state for state in self.states if state in BEARING), "")
         return bearing, next((state for state in self.states if state in LIMITS), "")
 
@@ -99,7 +99,7 @@ class Mode:
 
 
 class Context(NamedTuple):
-    """What the guards of an effect's state depend on; modes with the same context have the same guards.
+    """States on which an effect's guards depend; modes with the same context have the same guards of the effect.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class Context(NamedTuple):
     state : str
         Its state.
     others : tuple
-        What counts of the states of the other effects.
+        States of other effects on which the guards depend.
     """
 
     effect: int
@@ -191,7 +191,7 @@ class ModeBuilder:
         return rows
 
     def by_motor_state(self, form: Callable[[str, str], Form]) -> ModeForms:
-        """The form in every mode that `form` makes of the states of bearing and current loop, "" without one."""
+        """Return `form(bearing, current loop)` in every mode, by the states of both; "" for an absent one."""
         states = [mode.motor for mode in self.modes]
         made = {state: form(*state) for state in dict.fromkeys(states)}
         return np.array([made[state] for state in states])
@@ -245,7 +245,7 @@ class ModeBuilder:
         return solved
 
     def has_compliant_plate(self, side: str) -> bool:
-        """Whether the guide `side` has a plate that yields."""
+        """Whether the guide `side` has a compliant plate."""
         return side in self.forms.plates and self._scene[f"effects.{side}_contact"] == "compliant"
 
     def while_pressing(self, side: str, form: Form | ModeForms) -> ModeForms:
@@ -263,7 +263,7 @@ class ModeBuilder:
 
     @cached
     def at_contact(self, force: Callable[[bool], Form]) -> ModeForms:
-        """N or F_in [N] in every mode; `force` makes it for an inclined plate that is not, or is, in contact."""
+        """N or F_in [N] in every mode; `force` returns it by whether the inclined plate is in contact."""
         return np.array([force(False), force(True)])[self.mode_set.inclined_closed]
 
     @cached
@@ -274,14 +274,14 @@ class ModeBuilder:
         return self.forms.resting_force(side, self.body_acceleration())
 
     def guards(self, mode: Mode) -> Iterator[tuple[Guard, int, list[int]]]:
-        """Guards of `mode`; with each, the index in `Mode.states` of its effect and the numbers of its target modes."""
+        """Yield the guards of `mode`, each with its effect's index in `Mode.states` and its target modes' numbers."""
         for context in self.mode_set.contexts[self.mode_set.number(mode.states)]:
             for guard in self.guards_in(context):
                 yield guard, context.effect, [self.mode_set.target_mode(mode, context.effect, target)
                                               for target in guard.targets]
 
     def guards_in(self, context: Context) -> list[Guard]:
-        """Guards of an effect's state."""
+        """Return the guards of an effect's state."""
         m = self.mode_set.first_with[context]
         mode, (along_x, upwards) = self.modes[m], self.body_acceleration()
         if context.effect < len(self.contacts):
@@ -294,8 +294,8 @@ class ModeBuilder:
         return self.ground.guards(context.state, normal, inertial, mode.resting)
 
     def outputs(self) -> np.ndarray:
-        """Forms of the `OUTPUTS`, zero for what the scene does not have, and of the linkage's forces; shape (modes,
-        len(OUTPUTS) + linkage, channels)."""
+        """Forms of the `OUTPUTS`, zero for parts that the scene does not have, and of the linkage's forces; shape
+        (modes, len(OUTPUTS) + linkage, channels)."""
         forms, rows = self.forms, dict[str, Form | ModeForms]()
         if forms.body_moves:
             rows |= {"body_position": forms.position(forms.body), "body_velocity": forms.velocity(forms.body)}
@@ -323,7 +323,7 @@ class ModeBuilder:
 
     def signal_loads(self) -> np.ndarray:
         """Force on each signal along it [N], shape (modes, signals, channels): the pull of a drive on its slider, less
-        what moves the masses of the linkage."""
+        the force that moves the masses of the linkage."""
         forms = self.forms
         loads = np.zeros((len(self.modes), forms.channels.signals, forms.channels.count))
         for i, side in enumerate(forms.guides):
@@ -420,7 +420,7 @@ class ModeSet:
 
 
 def _crank_event(before: str, after: str) -> str:
-    """Kind of the event that a change of the bearing's state is, or empty."""
+    """Return the kind of event that a change of the bearing's state records, or an empty text."""
     if before == after:
         return ""
     return "crank_stops" if after == "stuck" else "crank_turns"
@@ -434,6 +434,6 @@ def _contexts(mode: Mode, kinds: tuple[Kind, ...],
     yield Context(len(kinds), mode.ground, Ground.context(mode.ground, mode.resting, closed))
 
 
-#: The `ModeSet` of guides, plates, classes of their contacts, states (those of each contact, then of the friction), and
-#: whether the forms of N and F_in depend on the contact of the inclined plate.
+#: The `ModeSet` of guides, plates, classes of the effects except the ground, states of each effect (the ground last),
+#: and whether the forms of N and F_in depend on the contact of the inclined plate.
 mode_set = functools.lru_cache(maxsize=64)(ModeSet)

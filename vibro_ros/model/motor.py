@@ -4,9 +4,9 @@ At the crank, with K = n k_t (gear ratio times torque constant) and J = n² J_ro
 
     J θ'' = K i - b θ' - T_c sign(θ') + T        L i' = V - R i - K θ'
 
-where T = sum of D_j ds_j/dθ is the torque of the drives, less what moves the masses of the linkage. θ is a coordinate,
-and so is the charge Q, whose rate is the current i. What the motor is held at until the controller's next sample, a
-voltage or a current, is the channel h.
+where T = sum of D_j ds_j/dθ is the torque of the drives, less that which moves the masses of the linkage. θ is a
+coordinate, and so is the charge Q, whose rate is the current i. The channel h is the voltage or current at which the
+controller holds the motor until its next sample.
 
 The *bearing* turns one way or the other, or sticks while abs(K i + T) <= T_s. The *current loop* of a drive with its
 own current control, V = K θ' + R i + (L / τ) (h - i), works within the supply's voltage or at one of its limits.
@@ -41,7 +41,7 @@ class Motor:
     friction, static_friction : float
         T_c and T_s [N m].
     effects : tuple of Bearing and CurrentLoop
-        What has states of its own.
+        The effects with states.
     """
 
     def __init__(self, scene: Scene, forms: Forms):
@@ -60,7 +60,7 @@ class Motor:
 
     @property
     def current(self) -> Form:
-        """i [A], as the solver has it."""
+        """i [A], the rate of the charge Q."""
         return self._forms.velocity(self._forms.charge)
 
     @property
@@ -70,25 +70,25 @@ class Motor:
 
     @property
     def held(self) -> Form:
-        """The held voltage [V], or current [A]."""
+        """h, the held voltage [V] or current [A]."""
         return self._forms.units[self._forms.channels.held]
 
     def wanted_voltage(self) -> Form:
-        """What the current loop would apply without limits [V]."""
+        """Voltage that the current loop would apply without limits [V]."""
         if self.inductance == 0.0:
             return self.constant * self.speed + self.resistance * self.held
         gain = self.inductance / self._scene["motor.current_time_constant"]
         return self.constant * self.speed + self.resistance * self.current + gain * (self.held - self.current)
 
     def voltage(self, loop: str) -> Form:
-        """V [V], by the state of the current loop, which is empty without one."""
+        """V [V] in the state `loop` of the current loop; `loop` is empty if the motor has no current loop."""
         if not loop:
             return self.held
         limit = LIMITS[loop] * self.supply_voltage
         return limit * self._forms.one if limit else self.wanted_voltage()
 
     def drawn_current(self, loop: str) -> Form:
-        """i [A] where nothing resists its change: without inductance."""
+        """i [A] of a winding without inductance, in the state `loop` of the current loop."""
         if loop == "within_limits":
             return self.held
         return (self.voltage(loop) - self.constant * self.speed) / self.resistance

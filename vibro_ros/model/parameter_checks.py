@@ -1,4 +1,4 @@
-"""What a scene's parameters must not be together, each with the value, the limit and the remedy."""
+"""Checks that refuse combinations of a scene's parameters; messages name the value, the limit and the remedy."""
 
 import itertools
 import math
@@ -19,11 +19,12 @@ LEAST_ROD = 1.001
 #: Least inertia of a dc motor with its crank [kg m²].
 LEAST_MOTOR_INERTIA = 1e-9
 
-#: Angles of a turn at which the inertia is looked at that a struck crank leaves the body, and the part by which its
-#: ratios may differ between two of them: the sharpest bend, of a slider at `LEAST_ROD`, is 0.04 rad wide.
+#: Number of crank angles in a turn for which the body's inertia in a shock of the crank is computed, and the fraction
+#: by which ratios of its elements may differ between two angles: the sharpest bend, of a slider at `LEAST_ROD`, is
+#: 0.04 rad wide.
 _ANGLES, _BETWEEN_ANGLES = 4096, 1e-3
 
-#: Part of a mass's inertia that a yielding body must leave to the mass, so that rounding leaves ten digits of it.
+#: Fraction of a mass's inertia that a yielding body must leave to the mass, so that ten digits survive rounding.
 LEAST_INERTIA = 1e-6
 
 
@@ -201,8 +202,8 @@ def _check_misprint(values: ParameterValues) -> None:
 
 
 def _check_solver(values: ParameterValues) -> None:
-    """Refuse a promise that rounding does not let `exact` keep (`Simulator` warns of the default promise), and accounts
-    of a method whose errors no account would hold.
+    """Refuse a tolerance that `exact` cannot keep because of rounding (`Simulator` warns if it is the default), and
+    energy accounts with another method, whose errors would be in no account.
     """
     if values["solver.tolerance"] != BY_NAME["solver.tolerance"].default and (fault := values.broken_promise):
         raise ValueError(fault)
@@ -230,8 +231,8 @@ def _check_sensors(values: ParameterValues) -> None:
 
 
 def _shock_inertia(values: ParameterValues, free: Iterable[str]) -> np.ndarray:
-    """A [kg] of `model.shock`, in which the masses of `free` are free, over a turn of a crank that is struck; shape
-    (angles, 2, 2), of one angle for a crank that is not."""
+    """Return A [kg] of `model.shock` with the masses of `free` free, shape (angles, 2, 2): over a turn if the crank is
+    struck, else for one angle."""
     inertia = values.total_mass * np.eye(2)
     for side in free:
         inertia -= values[f"mass.{side}"] * np.outer(values.direction(side), values.direction(side))
@@ -261,7 +262,7 @@ def _shock_inertia(values: ParameterValues, free: Iterable[str]) -> np.ndarray:
 
 
 def fastest_rate(values: ParameterValues) -> float:
-    """Largest eigenvalue [1/s] of the masses that the body yields to, over all states of plates and body.
+    """Largest magnitude of an eigenvalue [1/s] of the masses on a yielding body, over all states of plates and body.
 
     Infinite where the body leaves the masses no inertia.
     """
@@ -276,9 +277,9 @@ def fastest_rate(values: ParameterValues) -> float:
 
 
 def least_inertia(values: ParameterValues) -> float:
-    """Least part of its own inertia that the body leaves to a mass, or to a combination of the masses.
+    """Least fraction of its own inertia that a mass, or a combination of the masses, keeps on a yielding body.
 
-    The part is 1 where the body does not yield, and 0 where the body yields without resistance.
+    The fraction is 1 where the body does not yield, and 0 where the body yields without resistance.
     """
     masses = np.array([values[f"mass.{side}"] for side in values.guides])
     shares = np.array(list(_inertias(values))) / masses[:, None]
@@ -286,7 +287,7 @@ def least_inertia(values: ParameterValues) -> float:
 
 
 def _inertias(values: ParameterValues) -> Iterator[np.ndarray]:
-    """I [kg], shape (n, n), of a body that slides without friction, that slips either way, and that is in the air."""
+    """Yield I [kg], shape (n, n), for a body that slides without friction, slips either way, and is in the air."""
     rule, total = values["effects.normal_force"], values.total_mass
     masses = np.array([values[f"mass.{side}"] for side in values.guides])
     across, up = np.reshape([values.direction(side) for side in values.guides], (-1, 2)).T
@@ -298,7 +299,7 @@ def _inertias(values: ParameterValues) -> Iterator[np.ndarray]:
 
 
 def _loads(values: ParameterValues) -> Iterator[np.ndarray]:
-    """K and C side by side, shape (n, 2 n), for every set of compliant plates that press."""
+    """Yield K and C side by side, shape (n, 2 n), for every set of compliant plates in contact."""
     compliant = [side for side in values.plates if values[f"effects.{side}_contact"] == "compliant"]
     for count in range(len(compliant) + 1):
         for pressing in itertools.combinations(compliant, count):

@@ -1,5 +1,5 @@
-"""Values of a scene's parameters, and what follows from them: the parts of the robot, and how well rounding lets the
-positions be known.
+"""Values of a scene's parameters, and what follows from them: the parts of the robot, and the accuracy that rounding
+permits.
 
 The position of a plate is rounded to eps L, where L is the longer rod. In a contact that lasts pi/w, w² = k/m, the
 force k eps L changes a mass's speed by some w eps L. Stiffer plates are also struck more often: at the start, where a
@@ -26,13 +26,13 @@ from vibro_ros.model.parameters import AS_FORWARD, BY_NAME, Value, parameter_nam
 #: Least error as a part of the rods' length: 4500 times the rounding of a number.
 LEAST_SHARE = 1e-12
 _TIME, _POWER = 7.5e-3, 2.5
-#: Parts of a direction that are rounding of its angle, which is at most π.
+#: A component of a direction below this is rounding of its angle, which is at most π.
 _ANGLE_ROUNDING = 2.0 * math.pi * np.finfo(float).eps
 
 
 @dataclass(frozen=True)
 class ParameterValues:
-    """A value for each parameter, as it is given; `Scene` has checked them against each other.
+    """A value for each parameter, unchecked; a `Scene` is checked.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class ParameterValues:
 
     @functools.cached_property
     def total_mass(self) -> float:
-        """M [kg]: m1, and m2, m3 and the masses of the linkage that the scene has."""
+        """M [kg]: m1 plus those of m2, m3 and the linkage's masses that the scene has."""
         return math.fsum([*(self[f"mass.{part}"] for part in ("body", *self.guides)),
                           *(self[f"mass.{part}"] for part in self.linkage)])
 
@@ -64,18 +64,18 @@ class ParameterValues:
 
     @property
     def has_rotor(self) -> bool:
-        """Whether the crank's motion is not known in time: with a dc motor."""
-        return self.parameters.get("effects.motor") == "dc"  # a machine names its motor only then
+        """Whether the crank's angle is a coordinate, not a given function of time: with a dc motor."""
+        return self.parameters.get("effects.motor") == "dc"  # `Scene.machine` has this parameter only then
 
     @property
     def crank_is_struck(self) -> bool:
-        """Whether a shock of the body changes the crank's speed: a dc motor's, through masses of the linkage that feel
-        the body."""
+        """Whether a shock of the body changes the crank's speed: with a dc motor, masses of the linkage, and the
+        reaction on the masses."""
         return bool(self.has_rotor and self.linkage and self["effects.reaction"])
 
     @property
     def motor_command(self) -> str:
-        """What commands the motor, as an argument of `Simulator.command`: a speed, or a dc motor's voltage."""
+        """Argument of `Simulator.command` that commands the motor: its speed, or a dc motor's voltage."""
         by_voltage = self.has_rotor and self["motor.control"] == "voltage"
         return "motor_voltage" if by_voltage else "motor_speed"
 
@@ -86,7 +86,7 @@ class ParameterValues:
 
     @property
     def motor_inertia(self) -> float:
-        """J [kg m²], at the crank."""
+        """J [kg m²], inertia of the rotor and of `motor.crank_inertia`, at the crank."""
         return self["motor.gear_ratio"]**2 * self["motor.rotor_inertia"] + self["motor.crank_inertia"]
 
     @property
@@ -99,14 +99,14 @@ class ParameterValues:
     def resting_frictions(self) -> tuple[float, float]:
         """Friction coefficients that hold a body at rest against a push forwards and backwards.
 
-        By the laws `static` and `stribeck` they are one parameter of their own.
+        By the laws `static` and `stribeck` both are `ground.static_friction`.
         """
         own = self["effects.friction"] in ("static", "stribeck")
         return (self["ground.static_friction"],) * 2 if own else self.kinetic_frictions
 
     @property
     def slipping_frictions(self) -> set[float]:
-        """The least and the largest friction coefficient of a slipping body, negative for one that moves backwards."""
+        """Limits of the friction coefficient of a slipping body; negative if the body moves backwards."""
         forward, backward = self.kinetic_frictions
         limits = {forward, -backward}
         if self["effects.friction"] == "stribeck":
@@ -152,7 +152,7 @@ class ParameterValues:
 
     @property
     def body_moves(self) -> bool:
-        """Whether a force other than dry friction acts along the ground: none of a mass on an upright guide does."""
+        """Whether a force other than dry friction acts along the ground; a mass on an upright guide exerts none."""
         leans = "inclined" in self.guides and self.direction("inclined")[0] != 0.0
         return bool(self.ground_laws) or leans or "crank_pin" in self.linkage
 
@@ -180,7 +180,7 @@ class ParameterValues:
 
     @property
     def attainable_accuracy(self) -> float:
-        """Error of a position [m] within 0.2 s that the rounding of numbers may leave."""
+        """Error of a position [m] that rounding may cause within 0.2 s."""
         fastest = max((math.sqrt(self[f"{side}.plate.stiffness"] / self[f"mass.{side}"])
                        for side in self.plates if self[f"effects.{side}_contact"] == "compliant"), default=0.0)
         by_plates = float(np.finfo(float).eps) * (fastest * _TIME)**_POWER
@@ -188,7 +188,7 @@ class ParameterValues:
 
     @property
     def broken_promise(self) -> str:
-        """Why rounding does not let the method `exact` keep `solver.tolerance`; empty if the promise holds."""
+        """Message why rounding keeps the method `exact` from meeting `solver.tolerance`; empty if it can."""
         tolerance, attainable = self["solver.tolerance"], self.attainable_accuracy
         if tolerance >= attainable:
             return ""
@@ -209,7 +209,7 @@ class GroundForce(NamedTuple):
     parameter : str
         The number that decides the force; without it the force is absent.
     law : callable
-        Returns F0 [N], c [N s/m] and k [N/m] of the values of a scene's parameters.
+        Returns F0 [N], c [N s/m] and k [N/m] for the values of a scene's parameters.
     account : str
         The energy account of the work of F0 and c x'. Empty for a constant force that stores energy, as a weight does.
         The energy k x²/2 of a spring is always stored.
@@ -221,7 +221,7 @@ class GroundForce(NamedTuple):
     account: str = ""
 
 
-#: Every force of the ground along x but dry friction, which states and guards decide.
+#: Every force of the ground along x except dry friction, which states and guards decide.
 GROUND_FORCES = (
     # The weight of body and masses down a slope on which x points uphill.
     GroundForce("F_g", "ground.slope", lambda values: (values.total_mass * values.gravity[0], 0.0, 0.0)),
@@ -232,6 +232,6 @@ GROUND_FORCES = (
 
 
 def rounded_up(number: float) -> float:
-    """The least number of two digits that is not below `number`, so that the number in a message is accepted."""
+    """Return the least number of two digits that is not below `number`, so that a message's number is accepted."""
     digit = 10.0 ** (math.floor(math.log10(number)) - 1)
     return float(f"{math.ceil(number / digit * (1.0 - 1e-9)) * digit:.2g}")

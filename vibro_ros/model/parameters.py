@@ -11,24 +11,24 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-#: A parameter's value, of the type of its default: bool, float, str, tuple of str or tuple of so many floats. Who names
-#: a parameter knows which.
+#: Value of a parameter, of the type of its default: bool, float, str, tuple of str, or tuple of as many floats. It is
+#: `Any`, because only the parameter's name decides the type.
 Value = Any
 
-#: A number of a scene that is smaller in magnitude, in its unit, counts as zero, because products and quotients of
-#: larger numbers stay far from 2e-308, where doubles lose their digits. A crank so slow turns by 4e-13 rad in the age
-#: of the Universe.
+#: A number of a scene that is smaller in magnitude, in its unit, counts as zero, so that products and quotients of
+#: the numbers stay far from 2e-308, where doubles lose their digits. At this speed a crank turns by 4e-13 rad in the
+#: age of the Universe.
 NEGLIGIBLE = 1e-30
 
 
-#: `ground.friction_backward` that means the coefficient of forward motion.
+#: Value of `ground.friction_backward` that stands for the coefficient of forward motion.
 AS_FORWARD = -1.0
 
-#: A number of a sensor that means the one of `sensors.preset`.
+#: Value of a sensor's parameter that stands for the number in `sensors.preset`.
 AS_PRESET = -1.0
 
 LONGEST_QUOTE = 200
-"""Characters of a given value that a message repeats."""
+"""Most characters of a user's value that a message repeats."""
 
 
 def quoted(value: object) -> str:
@@ -86,7 +86,7 @@ class Parameter:
 
     @property
     def is_numbers(self) -> bool:
-        """Whether it is a list of numbers."""
+        """Whether the parameter is a list of numbers."""
         return isinstance(self.default, tuple) and isinstance(self.default[0], float)
 
     def checked(self, value: object) -> Value:
@@ -135,7 +135,7 @@ class Parameter:
         return counted
 
     def _hint(self) -> str:
-        """What may be given, as the end of a sentence."""
+        """Return the allowed values, as the end of a sentence."""
         unit = f" {self.unit}" if self.unit else ""
         if self.choices:
             return f", one of {', '.join(self.choices)}"
@@ -176,7 +176,7 @@ def _guide(side: str, spring: str, plate: str, plate_at: str) -> tuple[Parameter
 
 
 def _start(name: str, unit: str, what: str, minimum: float = -1e6, maximum: float = 1e6) -> Parameter:
-    """A coordinate of the start `given`, at most 1e6, because the square of a larger number would drown the rest."""
+    """Return a number of a given start, limited to 1e6, because the square of a larger one would swamp other terms."""
     return Parameter(f"start.{name}", 0.0, unit, f"at t = 0 with start.state given: {what}", minimum, maximum)
 
 
@@ -186,7 +186,7 @@ def _rate(sensor: str, what: str) -> Parameter:
 
 
 def _chain(part: str, unit: str) -> tuple[Parameter, ...]:
-    """What stands between the motion and the numbers of an inertial sensor; the preset's unless it is given."""
+    """Return the error parameters of one inertial sensor; each is taken from the preset unless it is given."""
     return tuple(
         Parameter(f"sensors.imu.{part}.{name}", AS_PRESET, f"{unit}{per}", f"{what}; -1: the preset's",
                   minimum=AS_PRESET, maximum=1e9) for name, per, what in (
@@ -374,12 +374,12 @@ GONE: Mapping[str, str] = {
     "solver.audit": "solver.accounts has the same residual, and says where the energy goes",
     "solver.accuracy": "leave it out: solver.method exact is accurate to rounding and the cheapest as well",
 }
-"""Parameters of a scene that versions up to 0.2 had, with the remedy. None of them moved the robot, so that a bag that
-names them is read without them."""
+"""Parameters that scenes had up to version 0.2, each with its remedy. None of them affected the motion, so that a bag
+that names them is read without them."""
 
 
 def checked_parameters(changes: Mapping[str, object], table: Iterable[Parameter]) -> dict[str, Value]:
-    """Values of `changes`, a mapping from names to values, checked by the parameters of `table`.
+    """Return the values of `changes`, a mapping from names to values, checked by the parameters of `table`.
 
     Raises
     ------
@@ -391,7 +391,7 @@ def checked_parameters(changes: Mapping[str, object], table: Iterable[Parameter]
 
 
 def parameter_named(name: str, by_name: Mapping[str, Parameter]) -> Parameter:
-    """The parameter called `name`, or a ValueError that suggests the nearest name."""
+    """Return the parameter called `name`, or raise a ValueError that suggests the nearest name."""
     if name in by_name:
         return by_name[name]
     if name in GONE:

@@ -1,6 +1,6 @@
-"""A scene: one choice of every parameter and effect, checked as a whole; and the states that it can be in.
+"""A scene: a value for every parameter, checked as a whole; and the checks of states that users give.
 
-The scene's own start and `Simulator.set_state` are checked by the same functions, so that both refuse the same.
+The scene's own start and `Simulator.set_state` are checked by the same functions, so that both refuse the same states.
 """
 
 import functools
@@ -13,8 +13,8 @@ from vibro_ros.model.parameter_checks import check_together
 from vibro_ros.model.parameter_values import ParameterValues
 from vibro_ros.model.parameters import BY_NAME, SCENE_PARAMETERS, Parameter, Value, checked_parameters, quoted
 
-# Parameters of how a machine is started, driven and solved. They enter no equation, so that a sweep over them needs the
-# machine compiled only once.
+# Parameters that decide how a robot is started, driven and solved. They enter no equation, so that a sweep over them
+# compiles the equations only once.
 _OPERATION = frozenset({
     *(parameter.name for parameter in SCENE_PARAMETERS if parameter.name.startswith(("start.", "sensors."))),
     "effects.motor", "motor.speed", "motor.max_speed", "motor.acceleration", "motor.time_constant",
@@ -24,13 +24,13 @@ _OPERATION = frozenset({
 _DEFAULTS = {parameter.name: parameter.default for parameter in SCENE_PARAMETERS}
 
 PREFIX = "start."
-"""Of the parameters of a given start, before the name of a field of `Samples`."""
+"""Prefix of the parameters of a given start; a field of `Samples` follows it."""
 NUMBERS: Mapping[str, Parameter] = {
     name.removeprefix(PREFIX): replace(parameter, name=name.removeprefix(PREFIX), negligible=0.0)
     for name, parameter in BY_NAME.items() if name.startswith(PREFIX) and isinstance(parameter.default, float)}
-"""What may be given of a state besides motor speed and plates: fields of `Samples`, with unit and limits."""
+"""Numbers of a given state besides motor speed and plates: fields of `Samples`, each with its unit and limits."""
 ROUNDING = 1e-12
-"""How far [m] beyond its rigid plate a mass may be given, as a sum that was rounded; it is put on the plate."""
+"""Penetration of a rigid plate [m] that counts as rounding in a given state; the mass is then put on the plate."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Scene(ParameterValues):
     (2.0, 0.02)
     """
 
-    # A method that the package `model` puts here: its body reads scenes, so that an import would close a circle.
+    # The package `model` sets this method, because the module of the method imports this one.
     describe: ClassVar[Callable[["Scene"], str]]
 
     def __post_init__(self) -> None:
@@ -79,7 +79,7 @@ class Scene(ParameterValues):
         return hash((self.name, tuple(self.parameters.values())))
 
     def with_parameters(self, changes: Mapping[str, object]) -> "Scene":
-        """This scene with the values of `changes`, a mapping from names to values.
+        """Return this scene with the values of `changes`, a mapping from names to values.
 
         Raises
         ------
@@ -98,7 +98,7 @@ class Scene(ParameterValues):
         return Scene(self.name, {**self.parameters, **changes}) if changes else self
 
     def checked_motor_speed(self, value: object) -> float:
-        """`value` as a motor speed [rad/s] that the motor can reach; else a ValueError."""
+        """Return `value` as a motor speed [rad/s]; raise ValueError if the motor cannot reach it."""
         fastest = self["motor.max_speed"]
         try:
             return _limited("motor.speed", -fastest, fastest).checked(value)
@@ -106,7 +106,7 @@ class Scene(ParameterValues):
             raise ValueError(f"{error} (the limit is motor.max_speed)") from None
 
     def checked_command(self, name: str, value: object) -> float:
-        """`value` of a command, by its name as an argument of `Simulator.command`; a ValueError if it is refused."""
+        """Return the `value` of the command `name`, an argument of `Simulator.command`; raise ValueError if refused."""
         if name not in ("motor_speed", "motor_voltage"):
             return self.checked_gap(name.removesuffix("_gap"), value)
         if name == self.motor_command:
@@ -117,7 +117,7 @@ class Scene(ParameterValues):
                             "speed_by_voltage or speed_by_current for motor.control"))
 
     def checked_motor_voltage(self, value: object) -> float:
-        """`value` as a voltage [V] that the motor's supply has; else a ValueError."""
+        """Return `value` as a voltage [V]; raise ValueError if the motor's supply cannot give it."""
         supply = self["motor.supply_voltage"]
         try:
             return _limited("motor.voltage", -supply, supply).checked(value)
@@ -125,7 +125,7 @@ class Scene(ParameterValues):
             raise ValueError(f"{error} (the limit is motor.supply_voltage)") from None
 
     def checked_gap(self, side: str, value: object) -> float:
-        """`value` as a gap [m] of the `upper` or `inclined` plate within the mechanism; else a ValueError.
+        """Return `value` as a gap [m] of the `upper` or `inclined` plate; raise ValueError if it is out of range.
 
         The plate stands at rod + gap from the crank's centre; it must stay on its side of the
         centre and within twice the rod's length.
@@ -139,9 +139,9 @@ class Scene(ParameterValues):
 
     @property
     def machine(self) -> "Scene":
-        """The part of this scene that is compiled: no name, and no parameters of its operation.
+        """The part of this scene that the equations depend on: no name, and no parameters of `_OPERATION`.
 
-        To read such a parameter where equations are compiled is a KeyError.
+        Code that compiles equations and reads one of these parameters gets a KeyError.
         """
         return _unchecked("", {name: value for name, value in self.parameters.items()
                                if name not in _OPERATION or (name == "effects.motor" and value == "dc")})
@@ -149,19 +149,19 @@ class Scene(ParameterValues):
 
 @functools.lru_cache(maxsize=64)
 def check_scene(scene: object) -> None:
-    """Refuse, in place of a scene, its name or anything else (TypeError with the remedy)."""
+    """Raise TypeError with the remedy if `scene` is not a `Scene`, for instance the name of one."""
     if not isinstance(scene, Scene):
         remedy = f"load_scene({scene!r})" if isinstance(scene, str) else "one that load_scene returns"
         raise TypeError(f"scene: {quoted(scene)} is no Scene; give {remedy}")
 
 
 def _limited(name: str, minimum: float, maximum: float) -> Parameter:
-    """The parameter with other limits; made once for all commands, of which it would take most of the time."""
+    """Return the parameter `name` with these limits."""
     return replace(BY_NAME[name], minimum=minimum, maximum=maximum)
 
 
 def _scene_once_checked(name: str, parameters: dict[str, Value]) -> Scene:
-    """A pickled scene as it was, which another process need not check again."""
+    """Return an unpickled scene without checking it again."""
     return _unchecked(name, _DEFAULTS | parameters)
 
 
@@ -173,12 +173,12 @@ def _unchecked(name: str, parameters: dict[str, Value]) -> Scene:
 
 
 def given_start(values: ParameterValues) -> dict[str, float]:
-    """The state at t = 0 of a scene whose `start.state` is `given`, with the plates' positions [m].
+    """Return the state at t = 0 of a scene whose `start.state` is `given`, with the plates' positions [m].
 
     Raises
     ------
     ValueError
-        For a state that cannot be; the message names the parameter, its value, the limit and the remedy.
+        For an impossible state; the message names the parameter, its value, the limit and the remedy.
     """
     numbers = {name: values[f"{PREFIX}{name}"] for name in NUMBERS}
     check_parts(values, numbers, PREFIX)
@@ -188,7 +188,7 @@ def given_start(values: ParameterValues) -> dict[str, float]:
 
 
 def check_parts(values: ParameterValues, given: Mapping[str, float], prefix: str = "") -> None:
-    """Refuse a number that is not 0 of a part that the scene does not have.
+    """Refuse a nonzero number for a part that the scene does not have.
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ def check_parts(values: ParameterValues, given: Mapping[str, float], prefix: str
     given : mapping of str to float
         Some fields of a state, in their units.
     prefix : str
-        What stands before a field's name in the message.
+        Text before a field's name in messages.
 
     Raises
     ------
@@ -218,16 +218,16 @@ def check_parts(values: ParameterValues, given: Mapping[str, float], prefix: str
 
 
 def outside_plates(values: ParameterValues, state: Mapping[str, float], prefix: str = "") -> dict[str, float]:
-    """The state with a mass that only rounding has put beyond its rigid plate on that plate.
+    """Return the state after putting each mass that is beyond its rigid plate by rounding on that plate.
 
     Parameters
     ----------
     values : ParameterValues
         The scene.
     state : mapping of str to float
-        Positions of masses and plates [m], and more.
+        A state, with at least the positions of masses and plates [m].
     prefix : str
-        What stands before a field's name in the message.
+        Text before a field's name in messages.
 
     Raises
     ------

@@ -37,10 +37,10 @@ friction throws the body against the mass, strikes the plate at once. If the fal
 mass stays at rest and lands with the body as one, because otherwise hops and bounces that belong together would follow
 each other without end.
 
-The crank of a dc motor feels the body through masses of the linkage. In a shock it changes its speed by -c . dV / J,
-where c is the momentum of these masses, and J the crank's inertia with them, at a unit of its speed. Then A is less by
-c c^T / J. By Stribeck's law mu falls with the speed, also during a landing. Neither law is a linear form:
-`solver.shock` evaluates both, as a `NonlinearShock` says.
+The crank of a dc motor feels the body through masses of the linkage. A shock changes the crank's speed by -c . dV / J,
+where c is the momentum of these masses per unit of the crank's speed, and J the crank's inertia including them. Then A
+is smaller by c c^T / J. By Stribeck's law mu falls with the speed, also during a landing. Neither law is a linear form:
+`solver.shock` evaluates both from the numbers of a `NonlinearShock`.
 """
 
 import math
@@ -53,8 +53,8 @@ from vibro_ros.model.forms import Form, Forms, Target, cached
 from vibro_ros.model.scene import Scene
 from vibro_ros.solver.system import NOTHING, SHOCK
 
-#: A mass that arrives more slowly [m/s] stays on its plate: the bounces that are left out last about 1e-11 s. A mass
-#: that arrives faster strikes a blow even if its restitution is 0, because the blow moves the body, and rests then.
+#: A mass that approaches more slowly [m/s] rests on its plate: the bounces that are left out last about 1e-11 s. A
+#: faster mass strikes a blow even if its restitution is 0, because the blow moves the body, and rests afterwards.
 REST_SPEED = 1e-9
 #: Channels of positions and velocities, each with the form of the value after the shock, shape (channels,).
 Jumps = tuple[tuple[int, Form], ...]
@@ -66,9 +66,9 @@ class NonlinearShock(NamedTuple):
     Attributes
     ----------
     numbers : ndarray of SHOCK, shape (1,)
-        The shock as the solver has it.
+        The shock as a record for the solver.
     direction : ndarray, shape (dynamic, 2)
-        Directions of the masses that are free in it, 0 for the other coordinates.
+        Directions of the masses that are free in the shock, 0 for the other coordinates.
     speeds : tuple of int
         Channels of the velocities that jump.
     """
@@ -78,7 +78,7 @@ class NonlinearShock(NamedTuple):
     speeds: tuple[int, ...]
 
     def targets(self, forms: Forms, states: Iterable[str], **changes: Any) -> list[Target]:
-        """The shock's targets: its `states`, of the guard's own effect, each with those of the bearing."""
+        """Return the shock's targets: each of the `states` of the guard's effect with each state of the bearing."""
         return [Target(state, bearing=bearing, shock=self, **changes)
                 for state in states for bearing in forms.bearings_after_shock]
 
@@ -116,18 +116,18 @@ class Shock:
         return tuple((forms.channels.velocity(i), forms.velocity(i) - forms.along(side, change)) for side, i in guides)
 
     def nonlinear(self, states: int, restitution: float, struck: str = "", lifts: bool = True) -> NonlinearShock:
-        """The same shock of a crank that is struck, or with friction that changes with the speed.
+        """Return the same shock with a crank that is struck, or with friction that changes with the speed.
 
         Parameters
         ----------
         states : int
             States of the body on the ground between which the shock decides, as `solver.system.SHOCK` has them.
         restitution : float
-            Of the plate or of the ground.
+            Restitution of the plate or of the ground.
         struck : str
             Guide whose mass strikes its plate; empty for a landing.
         lifts : bool
-            Whether the ground lets go of the body in a blow.
+            Whether the body lifts off in a blow.
         """
         scene, forms = self._scene, self._forms
         has_friction = scene.has_dry_friction and forms.body_moves
@@ -197,7 +197,7 @@ class Blow:
     @cached
     def of_struck_crank(self, restitution: float, lifts: bool, states: int,
                         resting: frozenset[str]) -> NonlinearShock:
-        """The blow, of a crank that is struck, on a body that nothing holds or, without `lifts`, on the ground."""
+        """Return the blow with a crank that is struck; the body lifts off or, without `lifts`, stays on the ground."""
         shock = Shock(self._scene, self._forms, (self._side, *resting))
         return shock.nonlinear(states, restitution, self._side, lifts)
 
@@ -230,12 +230,12 @@ class Landing:
         self._across, self._up = across, up
 
     def targets_without_friction(self, state: str) -> tuple[Target, ...]:
-        """The one target without friction: `state`."""
+        """Return the only target without friction, `state`."""
         speed, fall = self._forms.body_velocity()
         return (Target(state, self._jumps(speed + self._forwards * fall)),)
 
     def targets_with_friction(self) -> tuple[Target, ...]:
-        """Targets in the order to try them: the body slips on as before, or has stopped during the shock."""
+        """Return the targets in the order to try: the body slips on as before, or has stopped during the shock."""
         forms = self._forms
         speed, fall = forms.body_velocity()
         forwards, backwards = speed + self._forwards * fall, speed + self._backwards * fall
@@ -252,7 +252,7 @@ class Landing:
                 after_a_stop)
 
     def bounces(self, has_friction: bool) -> Iterator[Target]:
-        """Targets of a landing after which the body is in the air again, in the order to try them."""
+        """Yield the targets of a landing after which the body is in the air again, in the order to try."""
         forms, share = self._forms, self._restitution
         speed, fall = forms.body_velocity()
         whole = (1.0 + share) * fall  # the change of y' of a body that slips one way all the time
@@ -269,7 +269,7 @@ class Landing:
         for sign, slip in zip((1.0, -1.0), slips, strict=True):
             if sign * slip > 0.0:
                 until, ratio = speed / slip, (self._up - slip * self._across) / (self._up - then * self._across)
-                left = -fall - until  # of the compression, below 0 where the ground rebounds already
+                left = -fall - until  # compression to come, below 0 if the ground already rebounds
                 for rise, entries in ((share * (ratio * until + left), (left,)),
                                       (ratio * (left - share * fall) - left, ())):
                     yield Target("airborne", self._jumps(-then * (left + rise), rise), entries=(sign * speed, *entries))

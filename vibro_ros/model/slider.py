@@ -19,11 +19,11 @@ from vibro_ros.solver.system import CELL_STRIDE, SignalTable
 from vibro_ros.solver.vector import LENGTH
 
 _TURN = 2.0 * math.pi
-# The series of the cosine itself reaches rounding over half a cell [rad] that is no longer, however short the crank is.
+# Half of the longest cell [rad] over which the series of the cosine reaches rounding, however short the crank is.
 _LONGEST_HALF = math.pi / 4.0
 # The cosine has no singularity, but grows as if one were at this distance [rad].
 _FARTHEST_SINGULARITY = 3.5
-# After so many contractions by CELL_STRIDE a cell's length is off by a ten thousandth of itself.
+# Iterations for a cell's length, each of which contracts the error by CELL_STRIDE: to a ten-thousandth of the length.
 _CONTRACTIONS = 12
 # Terms of a Taylor series before economization: CELL_STRIDE to this power is far below rounding.
 _TERMS = 2 * LENGTH
@@ -56,7 +56,7 @@ class Slider:
         return self.radius * np.cos(psi) + self.root(psi)
 
     def slope(self, theta: float | np.ndarray) -> float | np.ndarray:
-        """ds/dtheta [m/rad]; at a kink, which there is for l = L, the value behind the kink."""
+        """ds/dtheta [m/rad]; at a kink, which exists for l = L, the value just after the kink."""
         psi = theta - self.angle
         sine, cosine = np.sin(psi), np.cos(psi)
         if self.rod == 0.0:
@@ -96,13 +96,13 @@ class Slider:
 
 
 def _series(sliders: tuple[Slider, ...], middle: np.ndarray, half: np.ndarray) -> np.ndarray:
-    """Economized coefficients of each s as a series in (angle - middle) / half, shape (sliders, cells, LENGTH)."""
+    """Return the economized coefficients of each s in (angle - middle) / half, shape (sliders, cells, LENGTH)."""
     numbers = np.array([(slider.angle, slider.radius, 0.5 * slider.radius**2) for slider in sliders])
     angle, radius, half_square = numbers.reshape(-1, 3).T[:, :, None]
     psi = middle - angle
     cosine = radius[:, :, None] * _cosine_series(psi, half, 1.0)
     root = np.zeros_like(cosine)
-    square = half_square[:, :, None] * _cosine_series(2.0 * psi, half, 2.0)  # of the root, but for the constant term
+    square = half_square[:, :, None] * _cosine_series(2.0 * psi, half, 2.0)  # root squared, less its constant
     for k, slider in enumerate(sliders):
         if slider.radius == slider.rod:
             root[k] = np.sign(np.cos(psi[k]))[:, None] * cosine[k]

@@ -67,12 +67,12 @@ class Model:
 
     @functools.cached_property
     def laid(self) -> Laid:
-        """The tables as the event loop's kernels take them."""
+        """The tables in the form that the event loop's kernels take."""
         return Laid(self.system)
 
 
 def compile_scene(scene: Scene, push: tuple[float, float] = NO_PUSH, edges: tuple[float, float] = NO_EDGES) -> Model:
-    """Compile `scene` to its tables, which every caller shares and may not change.
+    """Compile `scene` to its tables, which all callers share and must not change.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float
 
 
 def _rotor(builder: ModeBuilder, scene: Scene) -> Rotor:
-    """The crank as a coordinate, with its motor; empty where the crank's motion is known in time."""
+    """Return the tables of the crank as a coordinate, with its motor; empty if the crank's motion is known in time."""
     motor, at, modes = builder.motor, builder.forms.channels, len(builder.modes)
     if not motor:
         return no_rotor(at.count)
@@ -151,7 +151,7 @@ def _rotor(builder: ModeBuilder, scene: Scene) -> Rotor:
 
 
 def _shock_table(forms: Forms, shocks: list[NonlinearShock], candidate: np.ndarray) -> Shock:
-    """The shocks that no jump matrix gives, and the `candidate` of each guard to which they lead."""
+    """Return the shocks that no jump matrix gives; `candidate` is the shock's number for each guard's candidate."""
     if not shocks:
         return no_shock()
     mass, momentum = np.zeros(forms.channels.signals), np.zeros((forms.channels.signals, 2))
@@ -163,7 +163,7 @@ def _shock_table(forms: Forms, shocks: list[NonlinearShock], candidate: np.ndarr
 
 
 def _sliders(forms: Forms, scene: Scene) -> list[Slider]:
-    """The signals: sliders of the guides, and the two directions of a crank pin that has a mass."""
+    """Return the signals: sliders of the guides, and the two directions of a crank pin that has a mass."""
     sliders = [Slider(scene["crank.radius"], scene[f"crank.{side}_rod"], scene.guide_angle(side))
                for side in forms.guides]
     if "crank_pin" in scene.linkage:  # at l (-sin(theta), cos(theta))
@@ -172,7 +172,7 @@ def _sliders(forms: Forms, scene: Scene) -> list[Slider]:
 
 
 def _monitor_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
-    """Fields of `System` for one monitor a plate: the force in contact, and the approach speed."""
+    """Return the fields of `System` for one monitor per plate: the force in contact, and the approach speed."""
     forms, modes = builder.forms, builder.modes
     shape = (len(modes), len(forms.plates))
     monitor = np.zeros((*shape, forms.channels.count))
@@ -186,8 +186,8 @@ def _monitor_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
 
 
 def _guard_tables(builder: ModeBuilder) -> tuple[dict[str, np.ndarray], Shock]:
-    """Fields of `System` for guards, their candidates and the jumps on the way, and shocks that are no linear jumps;
-    equal forms share a row."""
+    """Return the fields of `System` for guards, their candidates and their jumps, and the shocks that are no linear
+    jumps; equal forms share a row."""
     mode_set, forms, channels = builder.mode_set, builder.forms, builder.forms.channels
     by_context = {context: builder.guards_in(context) for context in mode_set.first_with}
     guards = [[(context.effect, guard) for context in contexts for guard in by_context[context]]
@@ -229,7 +229,7 @@ def _guard_tables(builder: ModeBuilder) -> tuple[dict[str, np.ndarray], Shock]:
 
 
 class _Numbering:
-    """Different arrays, numbered as they come."""
+    """Different arrays, numbered in the order of their first use."""
 
     def __init__(self) -> None:
         self.arrays: list[np.ndarray] = []
