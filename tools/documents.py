@@ -62,7 +62,10 @@ DOCUMENTS = {
         "docs/robot.md", ("tools.drawing", "tools.animation"), 1.0,
         ("tools/drawing.py", "tools/animation.py", "tools/mechanism.py", "vibro_ros/model", "config/scenes")),
     "motor": Document(
-        "docs/guide/motor.md", ("tools.motor_page",), 1.0, (*_PHYSICS, "tools/motor_page.py")),
+        "docs/guide/motor.md", ("tools.motor_page",), 2.0, (*_PHYSICS, "tools/motor_page.py", "tools/speeds.py")),
+    "speeds": Document(
+        "docs/speeds.md", ("tools.speeds",), 5.0,
+        (*_PHYSICS, "vibro_ros/orbits", "vibro_ros/study/measures.py", "tools/speeds.py")),
     "effects": Document(
         "docs/robot.md", ("tools.effects",), 6.0, (*_PHYSICS, "vibro_ros/orbits", "tools/effects.py")),
     "literature": Document(

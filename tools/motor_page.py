@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from tools.generated_text import write_between
+from tools.speeds import measured_motions
 from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.model.scene import Scene
-from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.simulator import Simulator
 
 FLYWHEEL = "<!-- flywheel: written by `make documents` -->", "<!-- end of flywheel -->"
@@ -17,7 +16,8 @@ SOMMERFELD = "<!-- Sommerfeld: written by `make documents` -->", "<!-- end of So
 INERTIAS = (3.5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 5e-3)
 #: Voltages [V] that are commanded upwards and then downwards, each for `STEP` [s].
 VOLTAGES, STEP = range(26, 54, 2), 2.0
-SPEED, SETTLED, MEASURED, PERIOD = 100.0, 8.0, 8.0, 5e-4
+SPEED, STARTS = 100.0, 16
+_MEASURES = ("mean_speed", "mean_power", "supply_power", "current_share")
 #: A change of the mean speed [rad/s] from one voltage to the next that is a jump.
 JUMP = 50.0
 # `machine` without plates, slider masses and flywheel, with a winding of 3 ohm.
@@ -26,29 +26,20 @@ _WEAK = {"effects.upper_contact": "none", "effects.inclined_contact": "none", "m
          "motor.supply_voltage": 60.0, "motor.crank_inertia": 3.5e-5}
 
 
-def turning(scene: Scene) -> Samples:
-    """Samples of a scene whose motor has been asked for `SPEED`, once it has settled."""
-    device = Simulator(scene)
-    device.command(motor_speed=SPEED)
-    device.advance_to(SETTLED)
-    return device.sample(np.arange(SETTLED, SETTLED + MEASURED, PERIOD))
-
-
 def flywheel_table() -> str:
-    """A row for each flywheel, and for a motor whose speed nothing changes."""
-    rows = ["| flywheel [kg m²] | ripple of the crank's speed, peak to peak | rms current | mean speed of the body | "
+    """A row for each motion with each flywheel, and with a motor whose speed nothing changes."""
+    rows = ["| flywheel [kg m²] | motion of the body | ripple of the crank's speed, peak to peak | rms current | "
             "power from the supply | power to the masses |", "|---|---|---|---|---|---|"]
-    machine = load_scene("machine")
+    machine = load_scene("machine").with_parameters({"motor.speed": SPEED})
     for inertia in INERTIAS:
-        found = turning(machine.with_parameters({"motor.crank_inertia": inertia}))
         own = " (`machine`)" if inertia == machine["motor.crank_inertia"] else ""
-        current = np.sqrt(np.mean(found.motor_current**2))
-        rows.append(f"| {inertia:g}{own} | {100 * np.ptp(found.crank_speed) / SPEED:.0f} % | {current:.2f} A | "
-                    f"{1e3 * np.mean(found.body_velocity):+.0f} mm/s | {np.mean(found.electrical_power):.1f} W | "
-                    f"{np.mean(found.motor_power):.1f} W |")
-    ideal = turning(machine.with_parameters({"effects.motor": "ramp"}))
-    rows.append(f"| motor `ramp` | 0 | - | {1e3 * np.mean(ideal.body_velocity):+.0f} mm/s | - | "
-                f"{np.mean(ideal.motor_power):.1f} W |")
+        for one in measured_motions(machine.with_parameters({"motor.crank_inertia": inertia}), _MEASURES, STARTS):
+            current = one.values["current_share"] * machine["motor.continuous_current"]
+            rows.append(f"| {inertia:g}{own} | {one.in_words(STARTS)} | "
+                        f"{100 * np.ptp(one.samples.crank_speed) / SPEED:.0f} % | {current:.2f} A | "
+                        f"{one.values['supply_power']:.1f} W | {one.values['mean_power']:.1f} W |")
+    for one in measured_motions(machine.with_parameters({"effects.motor": "ramp"}), _MEASURES, STARTS):
+        rows.append(f"| motor `ramp` | {one.in_words(STARTS)} | 0 | - | - | {one.values['mean_power']:.1f} W |")
     return "\n".join(rows)
 
 

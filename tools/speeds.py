@@ -1,0 +1,208 @@
+"""The tables of docs/speeds.md: the motions of each robot that a page names, and what it costs them to move."""
+
+import sys
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from tqdm import tqdm
+
+import vibro_ros
+from tools.generated_text import write_between
+from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.configuration.shipped import shipped
+from vibro_ros.model.scene import Scene
+from vibro_ros.orbits.attractors import Attractor, grouped, steady_start
+from vibro_ros.orbits.recurrence import NotSettledError, SettledMotion, number_among, settle
+from vibro_ros.orbits.starts import motor_command, running
+from vibro_ros.orbits.turn_map import Stroboscope, free_cut
+from vibro_ros.simulation.motion import SimulationError
+from vibro_ros.simulation.processes import core_count, in_processes
+from vibro_ros.simulation.samples import Samples
+from vibro_ros.simulation.validity import validity_of
+from vibro_ros.study.measures import device_at_start, measure
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = ROOT / "docs/speeds.md"
+MOTIONS = "<!-- motions: written by `make documents` -->", "<!-- end of motions -->"
+COSTS = "<!-- costs: written by `make documents` -->", "<!-- end of costs -->"
+OPTIMA = sorted((ROOT / "docs/optimum").glob("*.yaml"))
+#: What `study optimise` found in `device`, with the motors that pay differently.
+ADVISED = ("thriftiest", "thrifty", "fastest", "thrifty_grounded", "fastest_grounded")
+STARTS, COSTED_STARTS = 64, 8
+#: Starts by one number, tried in this order where the robot's own start leads to another motion [m/s].
+PUSHED = (0.5, -0.5, 1.0, -1.0, 2.0, -2.0)
+#: Settling and measuring time of a cost [s], and period of the samples that judge a flight [s].
+SETTLING, MEASURED, PERIOD = 24.0, 16.0, 5e-4
+#: Mean speed [m/s] below which a robot stands.
+STANDS = 1e-5
+#: Time [s] that a robot which stood has had its command.
+COMMANDED = 8.0
+_MOST_NAMED = 6  # motions of one robot
+_COSTS = ("mean_speed", "cost_of_transport", "delivered_cost_of_transport", "supply_power", "current_share",
+          "air_share", "upper_peak_force", "inclined_peak_force")
+
+
+def robots() -> dict[str, Scene]:
+    """Every robot that a page names, by its name there, its motor turning."""
+    return {**{f"`{name}`": running(load_scene(name)) for name in shipped("scene")},
+            **{f"[`{path.stem}`](optimum.md)": load_scene(path) for path in OPTIMA}}
+
+
+def motion_rows(name: str, scene: Scene, starts: int = STARTS) -> list[str]:
+    """A row of the first table for each motion of a robot."""
+    command, value = motor_command(scene)
+    name = f"{name}, {value:.4g} {'V' if command == 'motor_voltage' else 'rad/s'}"
+    found = vibro_ros.attractors(scene, starts)
+    leads, others = led_to(scene, found)
+    rows = [f"| {name} | {one.in_words()} | {one.starts} of {starts} ({100 * one.low:.0f} to {100 * one.high:.0f} %) | "
+            f"{exponent_in_words(one)} | {lead} |" for one, lead in zip(found[:_MOST_NAMED], leads, strict=False)]
+    if rest := found[_MOST_NAMED:]:
+        speeds = [1e3 * one.mean_speed for one in rest]
+        rows.append(f"| {name} | {len(rest)} motions more, {min(speeds):.1f} to {max(speeds):.1f} mm/s | "
+                    f"{sum(one.starts for one in rest)} of {starts} | | |")
+    return rows + [f"| {name} | {motion.in_words()} | 0 of {starts} | | {words} |" for words, motion in others.items()]
+
+
+def exponent_in_words(one: Attractor) -> str:
+    """The largest Lyapunov exponent [1/s] with its interval."""
+    spread = f" ± {one.exponent_spread:.1g}" if one.exponent_spread > 0.0 else ""
+    return "below all" if one.exponent == -np.inf else "" if np.isnan(one.exponent) else f"{one.exponent:.2f}{spread}"
+
+
+def led_to(scene: Scene, found: Sequence[Attractor]) -> tuple[list[str], dict[str, Attractor]]:
+    """A simple start that leads to each motion; and the motions to which such starts lead and no drawn one does, by
+    their starts."""
+    words, others, met = [""] * len(found), dict[str, Attractor](), list[SettledMotion]()
+    for start, motion in simple_starts(scene):
+        places = [place for place, one in enumerate(found) if is_of(motion, one)]
+        if places:
+            words[places[0]] = words[places[0]] or start
+        elif motion.turns and number_among(motion, met) is None:
+            met.append(motion)
+            others[start] = grouped([motion], [motion.mean_speed])[0][0]
+    return words, others
+
+
+def simple_starts(scene: Scene) -> Iterator[tuple[str, SettledMotion]]:
+    """What leads somewhere, in words, and the motion: a command to the robot that stands, the motor turning from the
+    start, and the same with another speed of the body."""
+    command, value = motor_command(scene)
+    device = vibro_ros.Simulator(scene.with_parameters({command.replace("_", "."): 0.0}))
+    device.command(**{command: value})
+    device.advance_to(COMMANDED)
+    stroboscope, moving = Stroboscope(free_cut(scene)), vibro_ros.Simulator(scene)
+    moving.restore(device.checkpoint())  # the two scenes differ in the command with which they begin alone
+    stroboscope.begin_with(moving)
+    if motion := settle(stroboscope):
+        yield "a command while it stands", motion
+    for speed in (0.0, *PUSHED):
+        with suppress(NotSettledError, ValueError):  # it moves on, or the body of this scene stays where it is
+            motion = vibro_ros.settled_motion(scene, **({"body_velocity": speed} if speed else {}))
+            yield f"turning from the start{f', `body_velocity={speed:g}`' if speed else ''}", motion
+
+
+def is_of(motion: SettledMotion, one: Attractor) -> bool:
+    """Whether a start has settled to an attractor."""
+    return bool(one.turns is not None and len(one.states)
+                and SettledMotion(one.turns, one.states, one.mean_speed, 0, motion.tolerance).is_same(motion))
+
+
+class MeasuredMotion(NamedTuple):
+    """A motion of a robot, the measures of the first drawn start that leads to it, and samples of that start."""
+
+    attractor: Attractor
+    values: dict[str, float]
+    samples: Samples
+
+    def in_words(self, starts: int) -> str:
+        """Its speed and period, and how many of so many starts lead to it."""
+        return f"{self.attractor.in_words()} ({self.attractor.starts} of {starts})"
+
+
+def measured_motions(scene: Scene, names: Collection[str], starts: int = COSTED_STARTS) -> list[MeasuredMotion]:
+    """The motions that drawn starts have settled to, those of most starts first, each with its own measures."""
+    runs = in_processes(partial(_measured, scene, names), range(starts), core_count())
+    values, motions = zip(*(future.result() for _, future in runs), strict=True)
+    found, places = grouped(motions, [one["mean_speed"] if motion is None else motion.mean_speed
+                                      for one, motion in zip(values, motions, strict=True)])
+    first = [int(np.argmax(places == place)) for place in range(len(found))]
+    return [MeasuredMotion(one, values[number], _sampled(scene, number))
+            for one, number in zip(found[:_MOST_NAMED], first, strict=False)]
+
+
+def _measured(scene: Scene, names: Collection[str], start: int) -> tuple[dict[str, float], SettledMotion | None]:
+    values = measure(scene, names, SETTLING, MEASURED, start)
+    try:
+        stroboscope = Stroboscope(free_cut(scene))
+        stroboscope.begin_with(steady_start(scene, start))
+        return values, settle(stroboscope)
+    except SimulationError:  # the crank does not come round
+        return values, None
+
+
+def _sampled(scene: Scene, start: int) -> Samples:
+    device = device_at_start(scene, start)
+    device.advance_to(SETTLING)
+    return device.sample(np.arange(SETTLING, SETTLING + 2.0, PERIOD))
+
+
+def with_machines_motor(scene: Scene) -> Scene:
+    """A robot with the motor of `machine`, at the same motor speed."""
+    motor = {name: value for name, value in load_scene("machine").parameters.items()
+             if name == "effects.motor" or (name.startswith("motor.") and name not in ("motor.speed",
+                                                                                        "motor.max_speed"))}
+    return scene.with_parameters(motor)
+
+
+def cost_rows(name: str, scene: Scene) -> Iterator[str]:
+    """A row of the second table for each motion of a robot, with an ideal motor and with that of `machine`."""
+    stroke = 2.0 * scene["crank.radius"] / scene["body.wheelbase"]
+    for motor, moved in (("ideal", scene.with_parameters({"effects.motor": "ideal"})),
+                         ("of `machine`", with_machines_motor(scene))):
+        for one in measured_motions(moved, _COSTS):
+            seen, speed, pitch = one.values, abs(one.values["mean_speed"]), validity_of(moved, vars(one.samples))[0]
+            peak = np.nanmax([seen["upper_peak_force"], seen["inclined_peak_force"]])
+            if speed < STANDS:
+                prices = ["-", "-", f"stands, and takes {seen['supply_power']:.0f} W"]
+            else:
+                weight = moved.total_mass * moved["gravity"]
+                supply = f"{seen['supply_power'] / (weight * speed):.3g}" if moved.has_rotor else "-"
+                prices = [f"{seen['cost_of_transport']:.3g}", f"{seen['delivered_cost_of_transport']:.3g}", supply]
+            cells = [name, motor, one.in_words(COSTED_STARTS), *prices, f"{100 * seen['air_share']:.0f} %",
+                     f"{peak:.3g} N", f"{stroke:.2f}", "-" if pitch is None else f"{pitch:.2g}"]
+            yield f"| {' | '.join(cells)} |"
+
+
+def motion_table() -> str:
+    """Markdown of the first table."""
+    lines = ["| robot and command | motion | share of starts [%] (95 %) | exponent [1/s] | a start that leads there |",
+             "|---|---|---|---|---|"]
+    for name, scene in tqdm(robots().items(), disable=None):
+        lines += motion_rows(name, scene)
+    return "\n".join(lines)
+
+
+def cost_table() -> str:
+    """Markdown of the second table."""
+    lines = ["| robot | motor | motion | net | delivered | from the supply | in the air | largest force on a plate | "
+             "stroke over wheelbase | pitch index |", "|---" * 10 + "|"]
+    chosen = {"`device`": running(load_scene("device")),
+              **{f"`{name}`": load_scene(ROOT / "docs/optimum" / f"{name}.yaml") for name in ADVISED}}
+    for name, scene in tqdm(chosen.items(), disable=None):
+        lines += cost_rows(name, scene)
+    return "\n".join(lines)
+
+
+def main() -> int:
+    """Write both tables into the page."""
+    write_between(PAGE, *MOTIONS, motion_table)
+    write_between(PAGE, *COSTS, cost_table)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
