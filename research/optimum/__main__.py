@@ -128,7 +128,9 @@ def document(results: Mapping[str, Numbers], watched: Mapping[str, Sequence[Numb
         "## The searches",
         "Beside the paper's optimum, φ = 80°, m3 = 0.02 kg, l = 0.06 m, under the same forces, at the best of its "
         f"{len(BEGINS)} starts; each optimum's motions, parameters and verification under other forces "
-        f"stand in `docs/{FOLDER}/NAME.json`, its scene in `NAME.yaml`:",
+        f"stand in `docs/{FOLDER}/NAME.json`, its scene in `NAME.yaml`. These starts may miss a motion: "
+        "[what a speed means here](speeds.md) has the motions of 64 starts of each robot, such as a slower one of "
+        "`fastest`, to which its own start leads, and what the robots cost with a real motor.",
         summary_table(results, watched, papers), f"```bash\n{commands}\n```"]) + "\n"
 
 
