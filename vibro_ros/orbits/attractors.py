@@ -1,16 +1,16 @@
 """Attractors: the motions that the starts of a scene lead to, with the shares of the starts and the exponents.
 
-Two motions have no mean speed in common: a number between their speeds is one that no robot has. So whatever runs a
-scene from several starts groups them here, and prints an `Attractors`, which has no mean:
+A mean speed over several motions is a speed that no robot has. So all code that runs a scene from several starts groups
+them here, and prints an `Attractors`, which has no mean:
 
 1. each start gives a `SettledMotion`, or None if it has not settled, and a mean speed [m/s];
-2. `grouped` tells the motions apart by one rule, `SettledMotion.is_same`: the same period and states within the
-   tolerance; without a period, the same cloud of states. Starts that have not settled are one group that says so, to
-   which motions beyond the first `MOST_ATTRACTORS` are added;
-3. `Attractors.in_words` is the sentence for a user, `Attractors.single` the one attractor where there is one;
+2. `grouped` distinguishes motions by one rule, `SettledMotion.is_same`: the same period and states within the
+   tolerance, or without a period the same cloud of states. Starts that have not settled form one group, which also
+   takes the starts of motions beyond the first `MOST_ATTRACTORS`;
+3. `Attractors.in_words` is the text for a user, `Attractors.single` the attractor if there is only one;
 4. `measured` adds multipliers and Lyapunov exponents, which cost as much as some starts.
 
-`attractors` does all of this for drawn starts of a scene.
+`attractors` does all of this for random starts of a scene.
 """
 
 import math
@@ -35,11 +35,11 @@ from vibro_ros.simulation.simulator import Simulator
 
 MOST_STARTS = 10_000
 MOST_ATTRACTORS = 64
-"""Motions that are told apart. Without losses every start may have one of its own."""
+"""Largest number of motions that are distinguished. Without losses every start may have a motion of its own."""
 MEASURED = 2000
 """Turns over which the Lyapunov exponent of a motion without multipliers is measured."""
 _SAME_SPEED = 1e-6  # relative: a motion and its orbit have the same mean speed
-_STEADY = 1e-9  # relative: a motor that is so near its commanded speed has reached it
+_STEADY = 1e-9  # relative distance from the commanded speed at which the motor counts as steady
 _WAIT = 1.0  # s
 
 
@@ -51,26 +51,27 @@ class Attractor:
     ----------
     turns : int or None
         Turns of the crank after which the motion repeats itself; 0 for a motion without a period; None for the starts
-        that have not settled, or whose motions are beyond the first `MOST_ATTRACTORS`: these may differ.
+        that have not settled, or whose motions are beyond the first `MOST_ATTRACTORS`: their motions may differ.
     mean_speed : float
-        Of the body [m/s], forwards positive: of a periodic motion over its period, else the mean over the starts.
+        Mean speed of the body [m/s], forwards positive: over the period of a periodic motion, else over all starts of
+        the group.
     spread : float
-        Half the width of its 95 % confidence interval [m/s], by Student's distribution; 0 of a periodic motion, NaN of
-        a single start without a period.
+        Half the width of its 95 % confidence interval [m/s], by Student's distribution; 0 for a periodic motion, NaN
+        for a single start without a period.
     starts : int
-        Starts that lead to it.
+        Number of starts that lead to it.
     share, low, high : float
-        Their part of all starts, and its 95 % confidence interval; dimensionless.
+        Share of all starts that lead to it, and its 95 % confidence interval; dimensionless.
     exponent : float
-        Largest Lyapunov exponent [1/s]: of the multipliers, or else measured over `MEASURED` turns; -inf where every
-        disturbance is gone within a period, NaN where nobody has measured.
+        Largest Lyapunov exponent [1/s]: from the multipliers, or else measured over `MEASURED` turns; -inf where every
+        disturbance vanishes within a period, NaN if it was not measured.
     exponent_spread : float
-        Half the width of its 95 % confidence interval [1/s]; 0 of the multipliers.
+        Half the width of its 95 % confidence interval [1/s]; 0 if it comes from the multipliers.
     multipliers : ndarray of complex, shape (n,)
-        Floquet multipliers of the orbit, the largest first; none of a motion without a period, of a dc motor whose
-        controller takes samples, or where Newton's method does not close the orbit.
+        Floquet multipliers of the orbit, the largest first; empty for a motion without a period, for a dc motor whose
+        controller takes samples, and if Newton's method does not close the orbit.
     states : ndarray, shape (m, n)
-        States at successive cuts, in units of the machine, as `SettledMotion.states`; none of what has not settled.
+        States at successive cuts, in units of the machine, as `SettledMotion.states`; empty if not settled.
     """
 
     turns: int | None
@@ -86,7 +87,7 @@ class Attractor:
     states: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
 
     def in_words(self) -> str:
-        """Such as ``-79.80 mm/s, again after 3 turns``, or ``-45.468 ± 0.008 mm/s, without a period``."""
+        """Return a text such as ``-79.80 mm/s, again after 3 turns``, or ``-45.468 ± 0.008 mm/s, without a period``."""
         spread, digits = self.spread * 1e3, 2
         if spread > 0.0:
             digits = max(0, -math.floor(math.log10(spread)))
@@ -99,18 +100,18 @@ class Attractor:
 class Attractors(tuple[Attractor, ...]):
     """The attractors of a scene: those of most starts first, then the starts that have not settled.
 
-    It has no mean, because several motions have none.
+    It has no mean speed, because several motions have no common one.
     """
 
     __slots__ = ()
 
     @property
     def single(self) -> Attractor | None:
-        """The attractor of all starts; None where there are several."""
+        """The attractor that all starts lead to; None if there are several attractors."""
         return self[0] if len(self) == 1 else None
 
     def in_words(self) -> str:
-        """What a user reads: each motion, and of several the starts that lead to it."""
+        """Return the text for a user: each motion, and if there are several, the starts that lead to each."""
         if self.single:
             return self.single.in_words()
         total = sum(one.starts for one in self)
@@ -119,27 +120,27 @@ class Attractors(tuple[Attractor, ...]):
 
 
 def share_of(starts: int, total: int) -> tuple[float, float, float]:
-    """A share of starts and its 95 % interval: E. B. Wilson, J. Am. Stat. Assoc. 22 (1927) 209."""
+    """Share of starts, and its 95 % confidence interval (E. B. Wilson, J. Am. Stat. Assoc. 22 (1927) 209)."""
     interval = binomtest(starts, total).proportion_ci(method="wilson")
     return starts / total, float(interval.low), float(interval.high)
 
 
 def grouped(motions: Sequence[SettledMotion | None], mean_speeds: Sequence[float]) -> tuple[Attractors, np.ndarray]:
-    """The attractors of several starts.
+    """Group starts by the motions that they lead to.
 
     Parameters
     ----------
     motions : sequence of SettledMotion or None
-        What each start has settled to, at the cut of one turn map; None for a start that has not settled.
+        Motion of each start, all at the cut of one turn map; None for a start that has not settled.
     mean_speeds : sequence of float
         Mean speed of the body in each start [m/s].
 
     Returns
     -------
     Attractors
-        Without multipliers and exponents: see `measured`.
+        Without multipliers and exponents, which `measured` adds.
     ndarray of int, shape (starts,)
-        Place of each start's attractor among them.
+        Index of each start's attractor.
     """
     known, met = [], list[SettledMotion]()
     for motion in motions:
@@ -171,7 +172,7 @@ def _attractor(motion: SettledMotion | None, speeds: np.ndarray, total: int) -> 
 
 
 def measured(attractor: Attractor, turn_map: TurnMap) -> Attractor:
-    """The attractor with its multipliers and exponent; as it is if it has not settled.
+    """Return the attractor with its multipliers and exponent; unchanged if it has not settled.
 
     Raises
     ------
@@ -193,8 +194,10 @@ def measured(attractor: Attractor, turn_map: TurnMap) -> Attractor:
 
 
 def _multipliers(attractor: Attractor, turn_map: TurnMap) -> np.ndarray:
-    """Floquet multipliers of a periodic motion, cut where it is free; none where Newton's method leads elsewhere, and
-    of one that a controller keeps from closing."""
+    """Floquet multipliers of a periodic motion, at a cut without events.
+
+    Empty if Newton's method converges to another orbit or not at all, and with a controller that takes samples.
+    """
     if has_sampled_controller(turn_map.scene):
         return np.empty(0, dtype=complex)
     device = Simulator(turn_map.scene)
@@ -213,10 +216,11 @@ def _multipliers(attractor: Attractor, turn_map: TurnMap) -> np.ndarray:
 
 
 def attractors(scene: Scene, starts: int = 16) -> Attractors:
-    """The motions that a scene settles to, at `motor.speed` or `motor.voltage`, from drawn starts.
+    """Return the motions that a scene settles to, at `motor.speed` or `motor.voltage`, from random starts.
 
-    Each start goes through three stretches of random motor speeds and gaps within its first second. It is the same
-    start every time, so that more starts are the same ones and others. The starts are shared among all cores.
+    Each start goes through three stretches of random motor speeds and gaps within its first second. The random numbers
+    depend only on the start's number, so a larger number of starts includes those of a smaller one. The starts are
+    computed on all cores.
 
     Parameters
     ----------
@@ -228,7 +232,8 @@ def attractors(scene: Scene, starts: int = 16) -> Attractors:
     Returns
     -------
     tuple of Attractor
-        The one of most starts first. It has no mean over several; `in_words()` is the sentence for a user.
+        The attractor of most starts first. There is no mean over several attractors; `in_words()` is the text for a
+        user.
 
     Raises
     ------
@@ -248,9 +253,9 @@ def attractors(scene: Scene, starts: int = 16) -> Attractors:
     if isinstance(starts, bool) or not isinstance(starts, int | np.integer) or not 1 <= starts <= MOST_STARTS:
         raise ValueError(f"starts: {starts!r} is out of range; give a whole number from 1 to {MOST_STARTS}")
     turn_map = free_cut(scene)
-    provide_kernels(scene["solver.method"])  # once for all that are forked
+    provide_kernels(scene["solver.method"])  # compile once, before the processes are forked
     jobs = in_processes(partial(_settled, scene, turn_map.phase), range(starts), min(core_count(), int(starts)))
-    with closing(jobs):  # else a raised error would keep the workers until it is collected
+    with closing(jobs):  # else an error's traceback would keep the workers alive until it is collected
         motions, speeds = zip(*(future.result() for _, future in jobs), strict=True)
     found, places = grouped(motions, speeds)
     return Attractors(_measured_unsettled(one, scene, turn_map, int(np.argmax(places == place))) if one.turns is None
@@ -258,7 +263,7 @@ def attractors(scene: Scene, starts: int = 16) -> Attractors:
 
 
 def _settled(scene: Scene, phase: float, number: int) -> tuple[SettledMotion | None, float]:
-    """What a drawn start settles to, and its mean speed [m/s]: of one that does not settle, over all turns."""
+    """Motion of random start `number`, or None if it does not settle, and its mean speed [m/s], then over all turns."""
     stroboscope = Stroboscope(TurnMap(scene, phase))
     begin = stroboscope.begin_with(steady_start(scene, number))
     motion = settle(stroboscope)
@@ -269,19 +274,20 @@ def _settled(scene: Scene, phase: float, number: int) -> tuple[SettledMotion | N
 
 
 def steady_start(scene: Scene, number: int) -> Simulator:
-    """The device of a drawn start at `SETTLING`, or later, when motor and plates have got to where they were sent."""
+    """Return the device of random start `number` at `SETTLING`, or later, once motor and plates reached their commands.
+    """
     device = drawn_start(scene, number)
     device.advance_to(SETTLING)
     speed = None if scene.has_rotor else scene["motor.speed"]
     while (device.state.upper_plate_velocity or device.state.inclined_plate_velocity
            or (speed is not None and abs(device.state.motor_speed - speed) > _STEADY * abs(speed))):
         device.advance_to(device.time + _WAIT)
-    device.take_events()  # or they would be kept
+    device.take_events()  # so that they do not accumulate
     return device
 
 
 def _measured_unsettled(attractor: Attractor, scene: Scene, turn_map: TurnMap, number: int) -> Attractor:
-    """The exponent of starts that have not settled, of one of them by its number."""
+    """Return the attractor of starts that have not settled with the exponent of one of them, start `number`."""
     device = steady_start(scene, number)
     exponent, spread = exponent_of_pairs(device, device.time, MEASURED * turn_map.period)
     return replace(attractor, exponent=exponent, exponent_spread=spread)

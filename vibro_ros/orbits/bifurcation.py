@@ -1,20 +1,20 @@
-"""Special points over two parameters: the equations that a curve of them solves, Newton's method for these, and steps.
+"""Curves of folds, period doublings and grazings over two parameters: equations, Newton's method, continuation.
 
-The unknowns are the state and both parameters. The equations are those of an orbit, which comes back, and one more that
-says what is special (Yu. A. Kuznetsov, Elements of Applied Bifurcation Theory, section 10.3; W. Govaerts, Numerical
-Methods for Bifurcations of Dynamical Equilibria, SIAM 2000). With the derivative A of the turn map this is
+The unknowns are the state and both parameters. The equations are the periodicity of the orbit and a *second equation*
+that defines the special point (Yu. A. Kuznetsov, Elements of Applied Bifurcation Theory, section 10.3; W. Govaerts,
+Numerical Methods for Bifurcations of Dynamical Equilibria, SIAM 2000). With the derivative A of the turn map it is
 
 - at a fold or a period doubling: g = 0 of the bordered system [A -+ 1, b; c, 0] [v; g] = [0; 1], which is regular
   there, with b and c from a neighbour's null vectors w and v;
-- at a grazing: the mass turns back at its plate. From the side without the contact, where the map is smooth, its
-  distance from the plate is made 1e-6 crank radii, and the point is carried on to 0 by the derivative, which leaves an
-  error of the square.
+- at a grazing: the mass turns back at its plate. The equation is solved on the side without the contact, where the map
+  is smooth, at a distance of 1e-6 crank radii from the plate. The derivative extrapolates the point to distance 0, with
+  an error of second order in this distance.
 
-The first needs derivatives of A, which are second differences of the map: they decide how fast Newton's method
-converges, not where to.
+The equation of folds and doublings needs derivatives of A, which are second differences of the map. Their error affects
+the speed of Newton's method, not its result.
 
-A curve is followed by pseudo-arclength, as a branch is. It is smooth as long as the order of the orbit's events stays;
-where it changes, the curve is sought on the other side, and may end there.
+A curve is followed by pseudo-arclength continuation, as a branch is. It is smooth as long as the order of the orbit's
+events does not change; where it changes, the curve is searched for on the other side, and may end there.
 """
 
 from collections.abc import Callable, Iterator
@@ -31,27 +31,27 @@ from vibro_ros.orbits.turn_map import TURN, direction
 from vibro_ros.simulation.motion import SimulationError
 
 FOLLOWED = (FOLD, DOUBLING, GRAZING)
-"""Kinds of special points that have curves."""
-_CRITICAL = {FOLD: 1.0, DOUBLING: -1.0}
-_MISS = 1e-6  # crank radii, at which grazing orbits are computed
+"""Kinds of special points whose curves can be followed."""
+_CRITICAL = {FOLD: 1.0, DOUBLING: -1.0}  # critical multipliers
+_MISS = 1e-6  # crank radii: distance from the plate at which grazing orbits are computed
 _MET = 1e-7  # largest defect of the second equation; rounding of the derivative makes 1e-10 to 1e-8
 _STEP = 1e-4  # of differences, in units of the machine: with `fine`, rounding / step is the larger error, 1e-10
 _MOST_ITERATIONS, _SLOW = 16, 0.1
-_APART = 0.3  # rad, farthest that a step moves the instant of a grazing
-_DEPTHS = (1e-5, 1e-4, 1e-3, 1e-2)  # crank radii, from which a grazing is approached where the prediction touches
+_APART = 0.3  # rad: largest change of a grazing's crank angle in one step
+_DEPTHS = (1e-5, 1e-4, 1e-3, 1e-2)  # crank radii: distances to start from where the mass touches in the prediction
 
 
 class Frame(NamedTuple):
-    """What the second equation refers to: null vectors of a fold or doubling; plate and instant of a grazing."""
+    """Reference data of the second equation: null vectors of a fold or doubling; plate and crank angle of a grazing."""
 
     left: np.ndarray
     right: np.ndarray
     side: str = ""
-    angle: float = 0.0  # rad of the crank, counted over all turns
+    angle: float = 0.0  # crank angle [rad], over all turns of the orbit
 
 
 class _Second(NamedTuple):
-    """The second equation at a point: its defect, its derivative by all unknowns, and its frame there."""
+    """The second equation at a point: its defect, its derivative with respect to all unknowns, and its frame there."""
 
     defect: float
     slope: Callable[[], np.ndarray]
@@ -65,13 +65,13 @@ class Bifurcation(BranchPoint):
     Attributes
     ----------
     kind : str
-        Of `FOLLOWED`.
+        One of `FOLLOWED`.
     near : ndarray, shape (n + 2,)
-        What was solved for: the same as `unknowns`, but of a grazing at the distance `_MISS` from its plate.
+        Computed solution: the same as `unknowns`, but for a grazing at the distance `_MISS` from the plate.
     matrix : ndarray, shape (n + 1, n + 2)
-        Derivative of the equations there.
+        Jacobian of the equations at `near`.
     frame : Frame
-        What the second equation refers to.
+        Reference data of the second equation.
     """
 
     kind: str = ""
@@ -81,7 +81,7 @@ class Bifurcation(BranchPoint):
 
 
 def _second(family: Family, kind: str, unknowns: np.ndarray, matrix: np.ndarray, frame: Frame | None) -> _Second:
-    """The second equation, where the first one has the derivative `matrix`."""
+    """Evaluate the second equation; `matrix` is the Jacobian of the residual there."""
     if kind == GRAZING:
         miss = _miss(family, unknowns, frame)
         angle = _angle(family, unknowns, miss) % (TURN * family.turns)
@@ -101,12 +101,15 @@ def _second(family: Family, kind: str, unknowns: np.ndarray, matrix: np.ndarray,
 
 
 def _reach(seen: Passage, longest: float) -> float:
-    """A step of differences of higher order, which stays on one side of all grazings."""
+    """Step of second differences, at most `longest`, that stays on one side of all grazings."""
     return max(1e-6, min(longest, 0.005 * seen.softest**2, 0.1 * seen.miss))
 
 
 def _derivative_slope(family: Family, unknowns: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """l' (dA/dz) r for each unknown z, shape (n + 2,), by second differences; A is the map's derivative."""
+    """l' (dA/dz) r for each unknown z, shape (n + 2,), by second differences.
+
+    A is the map's derivative, l is `left` and r is `right`.
+    """
     step, n = _reach(family.passage(unknowns), _STEP), len(unknowns) - 2
     free, size, row = family.free(unknowns), float(np.linalg.norm(right)), np.zeros(n + 2)
     along = np.append(right / size, [0.0, 0.0]) * free
@@ -118,7 +121,7 @@ def _derivative_slope(family: Family, unknowns: np.ndarray, left: np.ndarray, ri
 
 
 def _miss(family: Family, unknowns: np.ndarray, frame: Frame | None) -> Miss:
-    """Where the mass turns back that grazes its plate (LostError if it touches the plate)."""
+    """Near miss of the mass that grazes its plate (LostError if the mass touches the plate)."""
     found, around = family.passage(unknowns).misses, TURN * family.turns
 
     def apart(miss: Miss) -> float:
@@ -133,20 +136,20 @@ def _miss(family: Family, unknowns: np.ndarray, frame: Frame | None) -> Miss:
 
 
 def _angle(family: Family, unknowns: np.ndarray, miss: Miss) -> float:
-    """Crank angle [rad], counted on from the cut's, at which a mass turns back."""
+    """Crank angle [rad] at which a mass turns back, counted continuously from the angle of the cut."""
     turn_map = family.map_at(unknowns)
     (turns,), _ = turn_map.shares(family.state(unknowns), np.array([0.5 * (miss.first + miss.last)]), np.zeros(1))
     return family.phase + direction(turn_map.scene) * float(turns) * TURN
 
 
 def _distance(family: Family, unknowns: np.ndarray, miss: Miss) -> float:
-    """From the plate where a mass turns back, in crank radii."""
+    """Distance of a mass from its plate where it turns back, in crank radii."""
     turn_map = family.map_at(unknowns)
     return least_gap(turn_map, family.state(unknowns), miss) / turn_map.length
 
 
 def _distance_slope(family: Family, unknowns: np.ndarray, miss: Miss) -> np.ndarray:
-    """Derivative of a distance, shape (n + 2,)."""
+    """Derivative of `_distance` with respect to the unknowns, shape (n + 2,)."""
     free = family.free(unknowns)
     step, row = max(1e-9, 0.1 * min(_STEP, _distance(family, unknowns, miss))), np.zeros(len(unknowns))
     for i in np.flatnonzero(free):
@@ -158,20 +161,20 @@ def _distance_slope(family: Family, unknowns: np.ndarray, miss: Miss) -> np.ndar
 
 def found_near(family: Family, kind: str, guess: np.ndarray, normal: np.ndarray, frame: Frame | None,
                away: np.ndarray | None = None) -> tuple[Bifurcation, int]:
-    """The special point on the plane through `guess` that is perpendicular to `normal`, and Newton's iterations.
+    """Special point in the plane through `guess` that is perpendicular to `normal`, and number of Newton iterations.
 
     Parameters
     ----------
     family : Family
         The equations, over two parameters.
     kind : str
-        Of `FOLLOWED`.
+        One of `FOLLOWED`.
     guess, normal : ndarray, shape (n + 2,)
-        State and shares; the plane's normal, and about the direction of the tangent.
+        State and shares of the parameters; the plane's normal, which is roughly the direction of the tangent.
     frame : Frame or None
-        Of a neighbour.
+        Frame of a neighbouring point, if known.
     away : ndarray, shape (n + 2,), optional
-        Where to, in this plane, a grazing has the distance 1 from its plate.
+        Displacement in this plane that increases a grazing's distance from the plate by 1 to first order; see `away`.
 
     Raises
     ------
@@ -199,7 +202,7 @@ def found_near(family: Family, kind: str, guess: np.ndarray, normal: np.ndarray,
                 continue
             defects = np.where(family.free(at)[:-2], family.residual(at), 0.0)
             size = max(float(np.abs(defects).max()) / CLOSED, abs(second.defect) / _MET)
-            if best <= 1.0 and size >= 0.25 * best:  # as good as rounding lets it become
+            if best <= 1.0 and size >= 0.25 * best:  # rounding allows no smaller defect
                 break
             if row is None or size > _SLOW * best:
                 row = second.slope()
@@ -219,38 +222,38 @@ def found_near(family: Family, kind: str, guess: np.ndarray, normal: np.ndarray,
 
 def _point(family: Family, kind: str, near: np.ndarray, matrix: np.ndarray, second: _Second,
            along: np.ndarray) -> Bifurcation:
-    """The special point at a solution of the equations."""
+    """Return the special point at the solution `near` of the equations."""
     n, free = len(near) - 2, family.free(near)
     *_, rows = np.linalg.svd(matrix)
     # Rounding must not move what is held: a body at a height of -6e-27 m is refused.
     tangent, unknowns = free * (rows[-1] if rows[-1] @ along >= 0.0 else -rows[-1]), near
     if kind == GRAZING:
         unknowns = near - (_MISS + second.defect) * free * np.linalg.solve(np.vstack([matrix, along]), np.eye(n + 2)[n])
-    speed = 2.0 * family.mean_speed(near) - family.mean_speed(2.0 * near - unknowns)  # carried on as `unknowns` is
+    speed = 2.0 * family.mean_speed(near) - family.mean_speed(2.0 * near - unknowns)  # extrapolated from `near`
     return Bifurcation(family, unknowns, tangent, multipliers_of(matrix[:n, :n]), speed, family.passage(near),
                        kind=kind, near=near, matrix=matrix, frame=second.frame)
 
 
 def away(point: Bifurcation, normal: np.ndarray) -> np.ndarray:
-    """Where to, across `normal`, the second equation grows by 1; what something holds stays."""
+    """Displacement perpendicular to `normal` that increases the second equation by 1; held coordinates do not move."""
     found = np.linalg.solve(np.vstack([point.matrix, normal]), np.eye(len(normal))[-2])
     return np.where(point.family.free(point.near), found, 0.0)
 
 
-_FEW = 6  # iterations of Newton's method at most before a step that is longer
-_SHORTEST, _SHORT = 1e-8, 1e-5  # steps along a curve: the least, and that at which the other side of events is tried
-_ARCS = (1e-5, 1e-4, 1e-3)  # to the first point on the other side
-_ASIDE = 3.0  # arcs that a curve may turn aside within an arc at a change of events
-_AHEAD = 1e-6  # along the curve: where its direction is looked for when the cut changes
+_FEW = 6  # most Newton iterations of a step after which the next step is longer
+_SHORTEST, _SHORT = 1e-8, 1e-5  # steps along a curve: the least, and that below which a change of events is crossed
+_ARCS = (1e-5, 1e-4, 1e-3)  # arcs to the first point beyond a change of events
+_ASIDE = 3.0  # largest distance, in arcs, of that point from the prediction
+_AHEAD = 1e-6  # arc to a second point, which gives the curve's direction when the cut changes
 
 
 def follow_bifurcations(start: Bifurcation) -> Iterator[tuple[Bifurcation, Bifurcation]]:
-    """Neighbours on a curve from a point on, along its tangent, until it leaves the range of a parameter.
+    """Follow a curve from a point, along its tangent, until it leaves the range of a parameter.
 
     Yields
     ------
     Bifurcation, Bifurcation
-        A point and the next, with one cut; first the start and itself.
+        A point and the next one, with the same cut; first the start twice.
 
     Raises
     ------
@@ -266,7 +269,7 @@ def follow_bifurcations(start: Bifurcation) -> Iterator[tuple[Bifurcation, Bifur
 
 
 def _next(point: Bifurcation, step: float) -> tuple[list[Bifurcation], float]:
-    """The next point, also beyond a change of events; and the step after it."""
+    """Return the next point, which may lie beyond a change of events, and the length of the step after it."""
     apart = away(point, point.tangent)
 
     def solved(guess: np.ndarray, _: float) -> tuple[Bifurcation, bool]:
@@ -280,7 +283,7 @@ def _next(point: Bifurcation, step: float) -> tuple[list[Bifurcation], float]:
 
 
 def _beyond(point: Bifurcation) -> Bifurcation:
-    """The first point of the curve on the other side of a change of events."""
+    """Return the first point of the curve on the other side of a change of events (LostError if none is found)."""
     change = ""
     for arc in _ARCS:
         guess = point.near + arc * point.tangent
@@ -298,7 +301,7 @@ def _beyond(point: Bifurcation) -> Bifurcation:
 
 
 def _well_cut(point: Bifurcation) -> Bifurcation:
-    """The same orbit, cut far from all events, and from the instant of a grazing."""
+    """Return the same orbit with a cut that is far from all events and from the crank angle of a grazing."""
     family, seen = point.family, point.passage
 
     def from_grazing(phase: float) -> float:

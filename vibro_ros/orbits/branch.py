@@ -1,5 +1,5 @@
-"""Branches of periodic orbits, from the first orbit to the end: over one parameter through an orbit or from a period
-doubling on, and over two parameters, as curves of folds, period doublings and grazings.
+"""Whole branches of periodic orbits: over one parameter, through a given orbit or from a period doubling on; and over
+two parameters, as curves of folds, period doublings and grazings.
 
 A branch ends where it leaves the range of a parameter, closes, joins another branch, or is lost.
 """
@@ -22,14 +22,14 @@ from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import Simulator
 
 MOST_POINTS = 100_000
-_AMPLITUDES = (1e-2, 3e-3, 1e-3)  # in units of the machine, at which an orbit of doubled period is looked for
-_JOINED = 1e-6  # in units of the machine: an orbit that repeats itself so closely after half its turns has joined them
-_CLOSES = 0.75  # of a step: a branch that comes so near to its begin is closed
+_AMPLITUDES = (1e-2, 3e-3, 1e-3)  # units of the machine: distances from a doubling at which the doubled orbit is tried
+_JOINED = 1e-6  # units of the machine: largest change after half the period of an orbit that has joined those of half
+_CLOSES = 0.75  # steps: distance from its first orbit at which a branch is closed
 
 
 @dataclass(frozen=True)
 class Special:
-    """An orbit at which a branch changes its nature.
+    """A special point of a branch: a bifurcation, or a change of the order of events.
 
     Attributes
     ----------
@@ -37,19 +37,19 @@ class Special:
         Over one parameter ``fold``, ``period doubling``, ``Neimark-Sacker``, ``grazing`` or ``corner``; over two
         ``change of events``.
     mean_speed : float
-        Of the body [m/s].
+        Mean speed of the body [m/s].
     multipliers : ndarray of complex, shape (n,)
-        Floquet multipliers; where the order of events changes those on this side.
+        Floquet multipliers; at a change of the order of events, those before the change.
     change : str
-        What becomes of the events, and whether the branch turns back, where their order changes; else empty.
+        Change of the order of events in words, and whether the branch turns back; empty if the order does not change.
     phase : float
         Crank angle at the cut [rad].
     state : ndarray, shape (n,)
-        At the cut, in units of the machine.
+        State at the cut, in units of the machine.
     at : int
-        How many orbits lie before it.
+        Number of the branch's orbits that lie before it.
     values : ndarray, shape (1,) or (2,)
-        The parameters there, in their units.
+        Values of the parameters, in their units.
     width : float
         Width of the interval of the parameter [its unit] in which it was found; over two parameters 0.
     """
@@ -66,41 +66,43 @@ class Special:
 
     @property
     def value(self) -> float:
-        """The only parameter, in its unit."""
+        """Value of the first parameter, in its unit; the only one over one parameter."""
         return float(self.values[0])
 
 
 @dataclass(frozen=True)
 class Branch:
-    """Orbits that follow each other as one or two parameters change; along a branch a parameter may turn back.
+    """A sequence of neighbouring orbits over one or two parameters; along a branch a parameter may turn back.
 
     Attributes
     ----------
     scene : Scene
-        What moves so, apart from the values of the parameters.
+        Scene of the orbits, apart from the values of the varied parameters.
     names : tuple of str
-        The parameters.
+        Names of the varied parameters.
     kind : str
-        Over two parameters what all orbits are: ``fold``, ``period doubling`` or ``grazing``; else empty.
+        Over two parameters the kind of special point of all orbits: ``fold``, ``period doubling`` or ``grazing``; else
+        empty.
     turns : int
         Turns of the crank after which the orbits repeat themselves.
     values : ndarray
-        The parameters, in their units, in the order of the orbits: shape (points,) of one, (points, 2) of two.
+        Values of the parameters, in their units, in the order of the orbits: shape (points,) for one parameter,
+        (points, 2) for two.
     mean_speeds : ndarray, shape (points,)
-        Of the body [m/s].
+        Mean speeds of the body [m/s].
     multipliers : ndarray of complex, shape (points, n)
-        Floquet multipliers, the largest first; of grazings over two parameters those without the contact.
+        Floquet multipliers, the largest first; for grazings over two parameters those without the contact.
     phases : ndarray, shape (points,)
-        Crank angle of the cut [rad].
+        Crank angles of the cuts [rad].
     states : ndarray, shape (points, n)
-        At the cut, in units of the machine, `turn_map.units_of` the scene.
+        States at the cuts, in units of the machine (`turn_map.units_of` the scene).
     strobe : dict of str to ndarray, shape (points, turns)
         Over one parameter the state [m, m/s, rad/s, A] each time the crank passes the angle 0, by the names of
         `Samples`; else empty.
     special_points : tuple of Special
-        In the order of the branch.
+        Special points in the order of the branch.
     end : str
-        Why they were not followed further.
+        Reason why the branch ends.
     """
 
     scene: Scene
@@ -122,7 +124,7 @@ class Branch:
 
     @property
     def name(self) -> str:
-        """The first parameter."""
+        """Name of the first parameter."""
         return self.names[0]
 
     @property
@@ -132,24 +134,24 @@ class Branch:
 
 
 def follow_orbit(orbit: Orbit, name: str, low: float, high: float, upwards: bool = True, points: int = 1000) -> Branch:
-    """The branch of periodic orbits through `orbit` as a parameter changes, through folds, grazings and corners.
+    """Follow the branch of periodic orbits through `orbit` as a parameter changes, past folds, grazings and corners.
 
-    Pseudo-arclength continuation of the turn map (H. B. Keller 1977), which ends and begins anew where the order of
-    events changes, because the map is smooth only in between (M. di Bernardo et al., Piecewise-smooth Dynamical
+    Pseudo-arclength continuation of the turn map (H. B. Keller 1977). It is restarted where the order of events
+    changes, because the map is smooth only between these changes (M. di Bernardo et al., Piecewise-smooth Dynamical
     Systems, Springer 2008).
 
     Parameters
     ----------
     orbit : Orbit
-        As `find_orbit` gives it.
+        As returned by `find_orbit`.
     name : str
-        A number among the scene's parameters.
+        A numeric parameter of the scene.
     low, high : float
         Range of the parameter, in its unit; the orbit's own value lies within.
     upwards : bool
         Whether to begin towards larger values.
     points : int
-        Most orbits on the way, from 2 to 100 000.
+        Largest number of orbits, from 2 to 100 000.
 
     Returns
     -------
@@ -159,7 +161,7 @@ def follow_orbit(orbit: Orbit, name: str, low: float, high: float, upwards: bool
     Raises
     ------
     ValueError
-        For a parameter that is no number, a range that is none or does not hold the orbit's value, or a number of
+        For a parameter that is not numeric, a range that is empty or does not contain the orbit's value, or a number of
         points out of range.
 
     Examples
@@ -180,7 +182,7 @@ def follow_orbit(orbit: Orbit, name: str, low: float, high: float, upwards: bool
 
 
 def branch_from(family: Family, unknowns: np.ndarray, direction: float, points: int) -> Branch:
-    """The branch through a known orbit, towards larger values of the parameter with `direction` 1.0, else -1.0."""
+    """Return the branch through a known orbit; `direction` is 1.0 towards larger values of the parameter, else -1.0."""
     along = direction * np.eye(len(unknowns))[-1]
     try:
         unknowns, _ = corrected(family, unknowns, along)
@@ -191,10 +193,10 @@ def branch_from(family: Family, unknowns: np.ndarray, direction: float, points: 
 
 
 def doubled_branch_from(family: Family, begin: np.ndarray, points: int) -> Branch:
-    """The branch of orbits of twice the period that begins at a period doubling of `family`.
+    """Return the branch of orbits of twice the period that begins at the period doubling `begin` of `family`.
 
-    Its orbits leave along the eigenvector of the multiplier -1. The other side of the eigenvector holds the same
-    orbits, half a period later.
+    The branch leaves along the eigenvector of the multiplier -1. The opposite direction leads to the same orbits, half
+    a period later.
     """
     twice, matrix = family.with_turns(2 * family.turns), family.jacobian(begin)[:, :-1]
     values, vectors = np.linalg.eig(matrix + np.eye(len(matrix)))
@@ -211,7 +213,7 @@ def doubled_branch_from(family: Family, begin: np.ndarray, points: int) -> Branc
 
 
 def lies_on(family: Family, seed: Seed, value: float, branch: Branch) -> bool:
-    """Whether a branch of the same family passes through a seed at a value of the parameter."""
+    """Whether a branch of the family contains the orbit of `seed` at a value of the parameter."""
     if branch.turns != seed.turns:
         return False
     beside = branch.values - value
@@ -232,26 +234,26 @@ def lies_on(family: Family, seed: Seed, value: float, branch: Branch) -> bool:
 
 
 def whole_branch(start: BranchPoint, points: int) -> Branch:
-    """The branch from `start` along its tangent, of at most so many orbits."""
+    """Return the branch from `start` along its tangent, with at most `points` orbits."""
     return gathered(start.family, *_along(follow_on(start), start, points, _at_end, special_points))
 
 
 Between = Callable[[BranchPoint, BranchPoint], Iterable[SpecialPoint]]
-"""The special points between two neighbours."""
+"""Function that returns the special points between two neighbours."""
 
 
 def _along(neighbours: Iterator[tuple[Any, Any]], start: BranchPoint, points: int, at_bound: Callable[..., Any],
            special_between: Between) -> tuple[list[Any], list[tuple[int, SpecialPoint]], str]:
-    """The points of a branch until it leaves a range, closes or is lost, at most so many.
+    """Collect the points of a branch until it leaves a range, closes or is lost, at most `points` of them.
 
     Returns
     -------
     list of BranchPoint
-        The points, the last at a bound of the range if it is left there by `at_bound`.
+        The points. If the branch leaves a range, the last one lies on its bound, as computed by `at_bound`.
     list of (int, SpecialPoint)
         Each special point, with the number of points before it.
     str
-        Why they end.
+        Reason why the branch ends.
     """
     found, special = list[Any](), list[tuple[int, SpecialPoint]]()
     end, closing = f"{points} orbits, the most that were asked for", Closing(start)
@@ -275,7 +277,7 @@ def _along(neighbours: Iterator[tuple[Any, Any]], start: BranchPoint, points: in
 
 
 def range_left(family: Family, unknowns: np.ndarray) -> tuple[str, np.ndarray] | None:
-    """In words, which range the unknowns have left, and the outward normal of this bound; None inside."""
+    """Text that names the range that the unknowns have left, and the outward normal of its bound; None if inside."""
     shares = unknowns[len(family.units):]
     out = np.maximum(-shares, shares - 1.0)
     which = int(np.argmax(out))
@@ -288,7 +290,7 @@ def range_left(family: Family, unknowns: np.ndarray) -> tuple[str, np.ndarray] |
 
 
 def _at_end(before: BranchPoint, after: BranchPoint, normal: np.ndarray) -> BranchPoint:
-    """The point between two neighbours at which the branch leaves the range of the parameter."""
+    """Return the point between two neighbours at which the branch leaves the range of the parameter."""
     share = max(0.0, normal[-1])
     part = (share - before.unknowns[-1]) / (after.unknowns[-1] - before.unknowns[-1])
     guess = before.unknowns + part * (after.unknowns - before.unknowns)
@@ -299,13 +301,13 @@ def _at_end(before: BranchPoint, after: BranchPoint, normal: np.ndarray) -> Bran
 
 
 class Closing:
-    """Whether a branch has come back to its begin, or joins the orbits of half its period."""
+    """Test whether a branch has come back to its first orbit, or joins the orbits of half its period."""
 
     def __init__(self, start: BranchPoint):
         self._start, self._family, self._begins, self._left = start, start.family, [start.unknowns], False
 
     def reason(self, before: BranchPoint, after: BranchPoint) -> str:
-        """Why the branch ends between two neighbours; empty where it does not."""
+        """Reason why the branch ends between two neighbours; empty if it does not."""
         half = after.family.turns // 2
         joins = 2 * half == after.family.turns and len(after.family.names) == 1
         if joins and self._apart(before, half) @ self._apart(after, half) < 0.0:
@@ -317,7 +319,7 @@ class Closing:
         return "closes on itself" if closes else ""
 
     def reason_at(self, last: BranchPoint) -> str:
-        """Why the branch ends at a point that is not followed by another one; empty where that is not known."""
+        """Reason why the branch ends at its last point, where continuation failed; empty if unknown."""
         half = last.family.turns // 2
         joins = 2 * half == last.family.turns and len(last.family.names) == 1
         if joins and np.abs(self._apart(last, half)).max() < _JOINED:
@@ -328,7 +330,7 @@ class Closing:
         return point.family.map_at(point.unknowns)(point.state, half).state - point.state
 
     def _begins_at(self, family: Family) -> list[np.ndarray]:
-        """The begin at the cut of a family, on each of its turns."""
+        """Unknowns of the first orbit at the cut of a family, on each of its turns."""
         if family is not self._family:
             there, (unknowns,) = self._start.family.recut(family.phase, [self._start.unknowns])
             self._family, self._begins = family, there.starts_along(unknowns)
@@ -337,7 +339,10 @@ class Closing:
 
 def gathered(family: Family, points: Sequence[BranchPoint], special: Sequence[tuple[int, SpecialPoint]], end: str,
              kind: str = "") -> Branch:
-    """The branch of some points, with the number of points before each special point; over two parameters of a kind."""
+    """Make a `Branch` from its points, and from special points with the number of points before each.
+
+    `kind` is the kind of special point of a curve over two parameters, else empty.
+    """
     n, strobe = len(family.units), {}
     if not kind:
         states = [_strobe(point) for point in points]  # shapes (turns, n)
@@ -356,7 +361,7 @@ def gathered(family: Family, points: Sequence[BranchPoint], special: Sequence[tu
 
 
 def _strobe(point: BranchPoint) -> np.ndarray:
-    """The state, SI units, each time the crank passes the angle 0 within a passage, shape (turns, n)."""
+    """States in SI units each time the crank passes the angle 0 during one period, shape (turns, n)."""
     here = point.family.map_at(point.unknowns)
     device, there = Simulator(here.scene), TurnMap(here.scene, 0.0)
     here.put(device, point.state)
@@ -364,28 +369,28 @@ def _strobe(point: BranchPoint) -> np.ndarray:
 
 
 EDGE = "change of events"
-_NUDGES = (1e-6, -1e-6, 1e-5, -1e-5, 1e-4, -1e-4, 1e-3, -1e-3)  # of a parameter, to the side of a grazing without it
-_FOUND = 1e-5  # units of the machine, shares and m/s: how near special points of a curve and of a branch are
+_NUDGES = (1e-6, -1e-6, 1e-5, -1e-5, 1e-4, -1e-4, 1e-3, -1e-3)  # shares of a range: to a grazing's side without contact
+_FOUND = 1e-5  # units of the machine, shares and m/s: largest difference between two computations of a special point
 
 
 def follow_bifurcation(branch: Branch, special: Special, ranges: Mapping[str, tuple[float, float]],
                        upwards: bool = True, points: int = 400) -> Branch:
-    """The curve of folds, period doublings or grazings through a special point of a branch.
+    """Follow the curve of folds, period doublings or grazings through a special point of a branch.
 
     Pseudo-arclength continuation (H. B. Keller 1977) in the state and two parameters; see `orbits.bifurcation`.
 
     Parameters
     ----------
     branch : Branch
-        As `follow_orbit` gives it.
+        As returned by `follow_orbit`.
     special : Special
-        One of its special points; no corner, no Neimark-Sacker point, and no grazing of the body on the ground.
+        One of its special points; not a corner, a Neimark-Sacker point or a grazing of the body on the ground.
     ranges : mapping of str to (float, float)
-        The branch's parameter and another number among the scene's parameters, with their ranges, in their units.
+        The branch's parameter and another numeric parameter of the scene, with their ranges, in their units.
     upwards : bool
         Whether to begin towards larger values of the other parameter.
     points : int
-        Most orbits on the way, from 2 to 100 000.
+        Largest number of orbits, from 2 to 100 000.
 
     Returns
     -------
@@ -395,8 +400,8 @@ def follow_bifurcation(branch: Branch, special: Special, ranges: Mapping[str, tu
     Raises
     ------
     ValueError
-        For a special point that has no curve, parameters that are not these two, a range that is none or does not hold
-        the special point, or a number of points out of range.
+        For a special point that has no curve, parameters other than these two, a range that is empty or does not
+        contain the special point, or a number of points out of range.
 
     Examples
     --------
@@ -413,7 +418,7 @@ def follow_bifurcation(branch: Branch, special: Special, ranges: Mapping[str, tu
 
 
 def _family(branch: Branch, special: Special, ranges: Mapping[str, tuple[float, float]]) -> Family:
-    """The equations, the branch's parameter first (ValueError as `follow_bifurcation` has it)."""
+    """Equations over two parameters, the branch's parameter first (ValueError as in `follow_bifurcation`)."""
     if not has_curve(special):
         change = f" ({special.change})" if special.change else ""
         raise ValueError(f"special: a {special.kind}{change} has no curve; give a fold, a period doubling, or a "
@@ -433,7 +438,7 @@ def _family(branch: Branch, special: Special, ranges: Mapping[str, tuple[float, 
 
 
 def _start(family: Family, branch: Branch, special: Special, upwards: bool) -> Bifurcation:
-    """The special point as the first of a curve (LostError)."""
+    """Compute the special point as the first point of a curve (LostError if it is not found again)."""
     guess = np.append(special.state, family.scaled(special.value, branch.scene[family.names[1]]))
     across, nudge = np.zeros((2, len(guess)))
     across[-1], nudge[-2] = 1.0 if upwards else -1.0, 1.0
@@ -451,13 +456,13 @@ def _start(family: Family, branch: Branch, special: Special, upwards: bool) -> B
 
 
 def has_curve(special: Special) -> bool:
-    """Whether special points like this one are followed over two parameters."""
+    """Whether the curve of a special point can be followed over two parameters."""
     return special.kind in FOLLOWED and (special.kind != GRAZING or "_contact" in special.change)
 
 
 def whole_curve(branch: Branch, special: Special, ranges: Mapping[str, tuple[float, float]], upwards: bool, points: int
                 ) -> Branch:
-    """As `follow_bifurcation`, its arguments checked."""
+    """Implement `follow_bifurcation`, for a number of points that was checked."""
     family = _family(branch, special, ranges)
     try:
         start = _start(family, branch, special, upwards)
@@ -467,14 +472,14 @@ def whole_curve(branch: Branch, special: Special, ranges: Mapping[str, tuple[flo
 
 
 def _changes(before: BranchPoint, after: BranchPoint) -> Iterator[SpecialPoint]:
-    """Where the order of events changes along a curve."""
+    """Yield a special point if the order of events changes between two neighbours of a curve."""
     orders = before.passage.order, after.passage.order
     if not same_order(*orders):
         yield SpecialPoint(EDGE, before, 0.0, change_in_words(*orders))
 
 
 def _at_bound(before: Bifurcation, after: Bifurcation, normal: np.ndarray) -> Bifurcation:
-    """The point between two neighbours at which the curve leaves a range."""
+    """Return the point between two neighbours at which the curve leaves a range."""
     bound = max(0.0, np.sign(normal[-2:].sum()))
     part = (bound - abs(normal) @ before.unknowns) / (abs(normal) @ (after.unknowns - before.unknowns))
     guess = before.near + part * (after.near - before.near)
@@ -483,7 +488,7 @@ def _at_bound(before: Bifurcation, after: Bifurcation, normal: np.ndarray) -> Bi
 
 
 def passes(curve: Branch, branch: Branch, special: Special, ranges: Mapping[str, tuple[float, float]]) -> bool:
-    """Whether a curve through another special point of this kind passes through a special point of a branch, too."""
+    """Whether a curve, found from another special point, also passes through the special point of `branch`."""
     if not len(curve) or (curve.kind, curve.turns) != (special.kind, branch.turns):
         return False
     across, second = np.eye(len(special.state) + 2)[-1], branch.scene[curve.names[1]]

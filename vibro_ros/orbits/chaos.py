@@ -1,12 +1,13 @@
-"""How chaotic a motion is: all its Lyapunov exponents, from derivatives of the turn map along it, and the 0-1 test.
+"""Measures of chaos: Lyapunov exponents, from derivatives of the turn map along a motion, and the 0-1 test.
 
-A small sphere of states becomes an ellipsoid; the exponents are the rates at which its axes grow. The axes are kept
-apart by a QR decomposition after every turn: G. Benettin, L. Galgani, A. Giorgilli and J.-M. Strelcyn, Meccanica 15
-(1980) 9-20 and 21-30; J.-P. Eckmann and D. Ruelle, Reviews of Modern Physics 57 (1985) 617-656, section V.
+A small sphere of states becomes an ellipsoid; the exponents are the growth rates of its axes. A QR decomposition after
+every turn keeps the axes orthogonal: G. Benettin, L. Galgani, A. Giorgilli and J.-M. Strelcyn, Meccanica 15 (1980) 9-20
+and 21-30; J.-P. Eckmann and D. Ruelle, Reviews of Modern Physics 57 (1985) 617-656, section V.
 
-The derivatives are central differences of a map that is exact to rounding, seven digits; where a mass grazes a plate
-within a difference, the difference is the chord of the map's root there. A body that sticks, a landing and a mass that
-comes to rest make states equal that were not: such a direction is gone within a turn, and its exponent is -inf.
+The derivatives are central differences of a map that is exact to rounding; they have seven correct digits. Where a mass
+grazes a plate within a difference, the difference is a chord of the map's square root. When the body sticks or lands,
+or a mass comes to rest, states that differed become equal: such a direction vanishes within a turn, and its exponent is
+-inf.
 
 The 0-1 test needs no derivative. G. A. Gottwald and I. Melbourne, On the implementation of the 0-1 test for chaos, SIAM
 Journal on Applied Dynamical Systems 8 (2009) 129-145: a plane walk p(n) + i q(n) = sum of x(j) exp(i j c) stays bounded
@@ -14,8 +15,8 @@ when the series x is regular, and diffuses like a Brownian motion when the serie
 the walk's mean square displacement with time, by their eq. (2.4) without the oscillating part; the median over
 frequencies c leaves out those that resonate with the series.
 
-Where no turn map is at hand, or many starts are measured, the largest exponent comes from pairs of runs that begin
-close together, which cost two runs.
+Where no turn map is available, or for many starts, the largest exponent is measured with pairs of runs that begin close
+together, at the cost of two runs.
 """
 
 import math
@@ -35,36 +36,37 @@ from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, check_closes, 
 from vibro_ros.simulation.simulator import Simulator
 
 LEAST_TURNS, MOST_TURNS = 20, 1_000_000
-"""Turns that are measured, at least and at most."""
+"""Smallest and largest number of turns over which exponents are measured."""
 RESOLVED = 1e-7
-"""What a direction shrinks to within a turn, in parts of the largest derivative, below which it counts as gone."""
+"""Stretch of an axis in a turn, relative to the largest entry of the derivative, below which it counts as vanished."""
 MOST_DOUBLINGS = 4
-"""How often the turns are doubled of a spectrum whose sign is not known."""
+"""How often the number of turns is doubled, at most, until the sign of the largest exponent is known."""
 REPEATED = 1024
-"""Turns, about, for which the derivatives of a periodic motion are repeated."""
+"""Approximate number of turns for which the derivatives of a periodic motion are repeated."""
 LEAST_VALUES = 200
-"""Values that a series must have: the walk is watched over a tenth of them."""
+"""Least length of a series: the walk's displacement is correlated over a tenth of it."""
 _FREQUENCIES = 100
-_LOWEST, _HIGHEST = np.pi / 5.0, 4.0 * np.pi / 5.0  # of the frequencies, away from resonances with every series
-_WATCHED = 10  # the displacement is correlated with time over this part of the series
-_PARTS = 10  # of a run, whose means give the interval
-_ALIGNING = 10  # part of a run in which the axes turn to where they grow
+_LOWEST, _HIGHEST = np.pi / 5.0, 4.0 * np.pi / 5.0  # range of the frequencies, away from resonances with every series
+_WATCHED = 10  # the displacement is correlated with time over one part in so many of the series
+_PARTS = 10  # parts of a run whose means give the confidence interval
+_ALIGNING = 10  # one part in so many of the turns is added before, in which the axes align with the growing directions
 
 
 @dataclass(frozen=True)
 class LyapunovSpectrum:
-    """Exponents of a motion.
+    """Lyapunov exponents of a motion.
 
     Attributes
     ----------
     exponents : ndarray, shape (n,)
-        [1/s], the largest first, one for each coordinate of `TurnMap`; -inf for a direction that is gone within a turn.
-        The crank's angle and the body's place along the ground are no coordinates; their exponents would be 0.
+        Lyapunov exponents [1/s], the largest first, one for each coordinate of `TurnMap`; -inf for a direction that
+        vanishes within a turn. The crank's angle and the body's position along the ground are not coordinates; their
+        exponents would be 0.
     spread : ndarray, shape (n,)
         Half the width of 95 % confidence intervals [1/s], from the means of ten parts of the run; 0 for -inf, and for a
-        motion that repeats itself.
+        periodic motion.
     turns : int
-        Turns of the crank that were measured: the period of a motion that repeats itself.
+        Turns of the crank over which the exponents were measured: the period of a periodic motion.
     """
 
     exponents: np.ndarray
@@ -73,15 +75,15 @@ class LyapunovSpectrum:
 
     @property
     def sign(self) -> int:
-        """Of the largest exponent, 1 or -1; 0 where 0 lies inside its interval, and the sign is not known."""
+        """Sign of the largest exponent, 1 or -1; 0 if it is not known, because 0 lies inside the interval."""
         return sign_of(float(self.exponents[0]), float(self.spread[0]))
 
     @property
     def dimension(self) -> float:
-        """Kaplan and Yorke's dimension of the motion at the cut, dimensionless; its flow has one more.
+        """Kaplan-Yorke dimension of the motion at the cut, dimensionless; that of the flow is larger by one.
 
-        Directions that are gone within a turn add nothing. J. L. Kaplan and J. A. Yorke, Lecture Notes in Mathematics
-        730 (1979) 204-227.
+        Directions that vanish within a turn add nothing. J. L. Kaplan and J. A. Yorke, Lecture Notes in Mathematics 730
+        (1979) 204-227.
         """
         sums = np.cumsum(self.exponents)
         whole = int(np.sum(sums >= 0.0))
@@ -91,24 +93,24 @@ class LyapunovSpectrum:
 
 
 def sign_of(value: float, spread: float) -> int:
-    """Sign of a mean, 1 or -1; 0 where 0 lies inside its interval."""
+    """Sign of a mean, 1 or -1; 0 if 0 lies inside its interval of half width `spread`."""
     return int(math.copysign(1.0, value)) if abs(value) > spread else 0
 
 
 def lyapunov_spectrum(scene: Scene, turns: int = 500, settling: int = MOST_SETTLING) -> LyapunovSpectrum:
-    """All Lyapunov exponents of the motion that a scene settles to at `motor.speed`.
+    """Compute all Lyapunov exponents of the motion that a scene settles to at `motor.speed`.
 
     Parameters
     ----------
     scene : Scene
-        Its motor turns at `motor.speed`, or has `motor.voltage`, all the time; it begins as `start.state` has it.
+        Its motor has a constant `motor.speed` or `motor.voltage`; the run begins in the scene's `start.state`.
     turns : int
-        Turns of the crank over which a motion is measured that does not repeat itself, from `LEAST_TURNS` to
-        `MOST_TURNS`; 1000 take about 4 s. Where the sign of the largest exponent is not known after them, up to
-        16 times as many. Of a motion that repeats itself, its period is enough.
+        Turns of the crank over which a motion without a period is measured, from `LEAST_TURNS` to `MOST_TURNS`; 1000
+        take about 4 s. If the sign of the largest exponent is not known after them, up to 16 times as many. For a
+        periodic motion, one period is enough.
     settling : int
-        Turns that the motion may take to settle, from `FIRST_TURNS` to `MOST_TURNS`. What has not settled by then is
-        measured as it is.
+        Turns that the motion may take to settle, from `FIRST_TURNS` to `MOST_TURNS`. A motion that has not settled by
+        then is measured as it is.
 
     Returns
     -------
@@ -145,10 +147,10 @@ def lyapunov_spectrum(scene: Scene, turns: int = 500, settling: int = MOST_SETTL
 
 
 def spectrum_until_known(turn_map: TurnMap, state: np.ndarray, turns: int) -> LyapunovSpectrum:
-    """Exponents of a motion without a period up to `LONGEST_PERIOD`, from a state at the cut, shape (n,).
+    """Compute the exponents of a motion without a period up to `LONGEST_PERIOD`, from a state at the cut, shape (n,).
 
-    A motion that has settled and has no period has no largest exponent below 0. So a longer period is looked for first;
-    without one, `turns` are doubled, up to `MOST_DOUBLINGS` times, until 0 lies outside the interval.
+    The largest exponent of a settled motion without a period is not below 0. So a longer period is searched for first;
+    without one, `turns` is doubled, up to `MOST_DOUBLINGS` times, until 0 lies outside the interval.
     """
     stroboscope = Stroboscope(turn_map)
     stroboscope.begin(state)
@@ -158,9 +160,9 @@ def spectrum_until_known(turn_map: TurnMap, state: np.ndarray, turns: int) -> Ly
 
 
 def spectrum_from(turn_map: TurnMap, state: np.ndarray, turns: int, doublings: int = 0) -> LyapunovSpectrum:
-    """Exponents of the motion that goes on from a state at the cut, shape (n,), over so many turns.
+    """Compute the exponents of the motion from a state at the cut, shape (n,), over `turns` turns.
 
-    They are doubled so often, at most, until the sign of the largest one is known.
+    `turns` is doubled, at most `doublings` times, until the sign of the largest exponent is known.
     """
     aligning = turns // _ALIGNING
     axes, logarithms, durations = _first_axes(len(state)), [], []
@@ -178,7 +180,7 @@ def spectrum_from(turn_map: TurnMap, state: np.ndarray, turns: int, doublings: i
 
 
 def _spectrum_of(rates: np.ndarray) -> LyapunovSpectrum:
-    """Means of the axes' rates [1/s] in each turn, shape (turns, n), and their intervals."""
+    """Spectrum from the growth rates of the axes in each turn [1/s], shape (turns, n): means and their intervals."""
     found = rates.mean(axis=0)
     order = np.argsort(-found, kind="stable")
     spread, lasting = np.zeros_like(found), np.isfinite(found)
@@ -188,16 +190,20 @@ def _spectrum_of(rates: np.ndarray) -> LyapunovSpectrum:
 
 
 def half_interval(means: np.ndarray) -> Any:
-    """Half the width of the 95 % confidence interval of a mean, from its means over parts of a run, along axis 0."""
+    """Half the width of the 95 % confidence interval of a mean, from the means of parts of a run along axis 0.
+
+    NaN for a single part.
+    """
     return student.ppf(0.975, len(means) - 1) * sem(means, axis=0) if len(means) > 1 else math.nan
 
 
 def spectrum_of_cycle(turn_map: TurnMap, states: np.ndarray) -> LyapunovSpectrum:
-    """Exponents of a periodic motion whose states at successive cuts are `states`, shape (turns, n).
+    """Compute the exponents of a periodic motion whose states at successive cuts are `states`, shape (turns, n).
 
-    Its derivatives repeat themselves, so that each is computed once and used for `REPEATED` turns. What axes of complex
-    multipliers are stretched by goes to and fro for ever; its mean is a weighted one, which converges faster than any
-    power of the number of turns: S. Das, Y. Saiki, E. Sander and J. A. Yorke, Nonlinearity 30 (2017) 4111-4140.
+    The derivatives repeat themselves, so each is computed once, and the sequence is repeated for about `REPEATED`
+    turns. The stretch of axes that belong to complex multipliers oscillates for ever. So its mean is weighted, which
+    makes it converge faster than any power of the number of turns: S. Das, Y. Saiki, E. Sander and J. A. Yorke,
+    Nonlinearity 30 (2017) 4111-4140.
     """
     matrices, ends = zip(*(derivative(turn_map, state) for state in states), strict=True)
     laps = max(64, REPEATED // len(matrices))
@@ -216,41 +222,43 @@ def spectrum_of_cycle(turn_map: TurnMap, states: np.ndarray) -> LyapunovSpectrum
 
 
 def _mean(durations: Sequence[float]) -> float:
-    """Mean time of a turn [s]; of equal ones that time."""
+    """Mean duration of a turn [s]; exact if all durations are equal."""
     return math.fsum(durations) / len(durations)
 
 
 def _first_axes(count: int) -> np.ndarray:
-    """Orthonormal axes in general directions, shape (count, count): along a coordinate that others do not feel, an axis
-    would never turn to where it grows."""
+    """Orthonormal axes in random directions, shape (count, count).
+
+    An axis along a coordinate that does not affect the others would never turn to the growing direction.
+    """
     return np.linalg.qr(np.random.default_rng(0).normal(size=(count, count)))[0]
 
 
 def _stretched(matrix: np.ndarray, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The axes after a turn, orthonormal, shape (n, n), and the logarithms of what each was stretched by, (n,)."""
+    """Axes after a turn, orthonormal again, shape (n, n), and the logarithms of their stretches, shape (n,)."""
     axes, triangle = np.linalg.qr(matrix @ axes)
     stretch = np.abs(np.diag(triangle))
     gone = stretch <= RESOLVED * np.abs(matrix).max(initial=0.0)
     return axes, np.where(gone, -np.inf, np.log(np.where(gone, 1.0, stretch)))
 
 
-_APART = 1e-10  # relative difference of the commanded motor speeds, or voltages, while a pair parts
-# The distance counts by its maximum in a stretch of so many turns, or, where the motor stands, seconds.
+_APART = 1e-10  # relative difference of the commanded motor speeds, or voltages, that separates a pair
+# The distance of a pair is the maximum over samples of a stretch, of so many turns, or seconds if the motor stands.
 _TURNS, _STANDING, _SAMPLES = 2.0, 0.1, 64
-_SATURATED = 1e-4  # m, where the distance begins to feel the size of the motion
-_ROUNDING = 1e-13  # m, below which a distance says nothing
-_GROWN = 1e3  # times: a distance that grows linearly, while phases drift apart, grows less
+_SATURATED = 1e-4  # m, above which the size of the motion limits the distance
+_ROUNDING = 1e-13  # m, below which a distance is rounding
+_GROWN = 1e3  # growth factor of a pair that has separated; linear growth, from a drift of phases, stays below
 
 
 def exponent_of_pairs(device: Simulator, begin: float, duration: float) -> tuple[float, float]:
-    """Largest Lyapunov exponent of the masses' motion over `duration` [s] from the instant `begin` [s] on.
+    """Measure the largest Lyapunov exponent of the masses' motion over `duration` [s] from the instant `begin` [s] on.
 
     Returns
     -------
     (float, float)
         The exponent [1/s], and half the width of its 95 % confidence interval, from up to ten parts of the time. If no
-        two runs have parted, 0 and the largest exponent that would not have shown. NaN for a time of less than three
-        stretches of two turns, and for the interval of one pair that has.
+        pair of runs has separated, 0 and the largest exponent that would have remained undetected. Both are NaN for a
+        duration of less than three stretches of two turns; the interval is NaN if only one pair was measured.
 
     Raises
     ------
@@ -259,7 +267,7 @@ def exponent_of_pairs(device: Simulator, begin: float, duration: float) -> tuple
     """
     try:
         stretch = _TURNS * TURN / crank_speed(device.scene)
-    except ValueError:  # a crank that stands, or a dc motor's that turns backwards
+    except ValueError:  # a crank that stands, or a dc motor that turns backwards
         stretch = _STANDING
     count = math.floor(duration / stretch)
     if count < 3:
@@ -281,8 +289,10 @@ def exponent_of_pairs(device: Simulator, begin: float, duration: float) -> tuple
 
 
 def _distances(device: Simulator, twin: Simulator, begun: float, ends: Iterator[float]) -> list[float]:
-    """Distances [m] of a pair that has parted a little by the instant `begun`, at each of `ends` until it is far apart;
-    these ends are taken from the iterator."""
+    """Separate a pair slightly until the instant `begun`, and return its distances [m] in the stretches up to `ends`.
+
+    The distances end when the pair is far apart; their ends are consumed from the iterator.
+    """
     command = device.scene.motor_command
     value = device.scene[command.replace("_", ".")]
     twin.restore(device.checkpoint())
@@ -299,22 +309,21 @@ def _distances(device: Simulator, twin: Simulator, begun: float, ends: Iterator[
         if distances[-1] > _SATURATED:
             break
     for one in (device, twin):
-        one.take_events()  # or they would be kept
+        one.take_events()  # so that they do not accumulate
     return distances
 
 
 def zero_one_test(series: Sequence[float] | np.ndarray, noise: float = 1e-9) -> float:
-    """Whether a series of a motion, seen once a turn, is regular or chaotic.
+    """Apply the 0-1 test for chaos to a series of one value per turn.
 
     Parameters
     ----------
     series : ndarray, shape (n,)
-        One quantity at successive cuts, at least `LEAST_VALUES` of them; about 1000 tell clearly. Its unit does not
-        matter. Do not take samples that are closer together than a turn: neighbours that depend on each other look
-        regular.
+        One quantity at successive cuts, at least `LEAST_VALUES` values; about 1000 give a clear result. Its unit does
+        not matter. Samples must not be closer together than a turn, because correlated neighbours look regular.
     noise : float
-        A series whose standard deviation is smaller, in its own unit, counts as constant, and as regular: rounding
-        looks like chaos.
+        Standard deviation, in the unit of the series, up to which it counts as constant and therefore regular, because
+        rounding looks like chaos.
 
     Returns
     -------
@@ -348,7 +357,7 @@ def zero_one_test(series: Sequence[float] | np.ndarray, noise: float = 1e-9) -> 
 
 
 def _growth(values: np.ndarray, frequency: float) -> float:
-    """K of one frequency c [rad a value]."""
+    """K for one frequency c [rad per value]; see the module's docstring."""
     count, lags = len(values), np.arange(1, len(values) // _WATCHED + 1)
     walk = np.cumsum(values * np.exp(1j * frequency * np.arange(1, count + 1)))
     oscillating = values.mean()**2 * (1.0 - np.cos(frequency * lags)) / (1.0 - np.cos(frequency))
@@ -359,7 +368,7 @@ def _growth(values: np.ndarray, frequency: float) -> float:
 
 
 def _mean_square(walk: np.ndarray, lags: np.ndarray) -> np.ndarray:
-    """Mean of |walk(j + lag) - walk(j)|² over the j that every lag has, by one correlation for all lags."""
+    """Mean of |walk(j + lag) - walk(j)|² for each lag, over the j that exist for all lags, by one correlation."""
     kept = len(walk) - len(lags)
     size = 1 << (2 * len(walk)).bit_length()
     squares = np.concatenate([[0.0], np.cumsum(np.abs(walk)**2)])

@@ -1,24 +1,22 @@
-"""Continuation: a branch of periodic orbits as a parameter changes, by pseudo-arclength, through folds.
+"""Continuation of a branch of periodic orbits over one parameter, and location of its special points.
 
-The method is H. B. Keller's, in P. H. Rabinowitz (ed.), Applications of Bifurcation Theory, 1977, pp. 359-384: a step
-along the branch's tangent, then Newton's method on the plane across its end.
+The method is H. B. Keller's pseudo-arclength continuation, in P. H. Rabinowitz (ed.), Applications of Bifurcation
+Theory, 1977, pp. 359-384: a step along the branch's tangent, then Newton's method on the plane across its end. It
+passes folds.
 
-Where the order of events along an orbit changes, a branch has an edge: how to find it, and how to go on beyond it.
+Where the order of events along an orbit changes, a branch has an *edge*. On each side of the edge the turn map is
+smooth, and so is the branch; at the edge the branch has a corner, may turn back, or goes on like the square root of the
+distance. So no step of the continuation and no difference of a derivative crosses an edge: the branch is followed up to
+the edge with the map of this side, and restarted beyond it with the map of the other side.
 
-On each side of the edge the turn map is smooth, and the branch with it; at the edge the branch has a corner, may turn
-back, or goes on with the root of a distance. So no step of the continuation and no difference of a derivative goes
-across: the branch is followed up to the edge with the map of the one side, and begun anew beyond it with the map of the
-other side.
-
-Special points are where a branch changes its nature: folds, period doublings, Neimark-Sacker points, grazings and
-corners.
+Special points are folds, period doublings, Neimark-Sacker points, grazings and corners.
 
 The first three have a test function that changes its sign there (Yu. A. Kuznetsov, Elements of Applied Bifurcation
 Theory, section 10.2); with the multipliers lambda:
 
-- a fold, where the parameter turns back: the parameter's part of the branch's tangent;
+- a fold, where the parameter turns back: the parameter's component of the branch's tangent;
 - a period doubling: the product of lambda_i + 1;
-- a Neimark-Sacker point, where a motion of another frequency is born: the product of lambda_i lambda_j - 1 over all
+- a Neimark-Sacker point, where a motion with a second frequency is born: the product of lambda_i lambda_j - 1 over all
   pairs, at a pair of complex multipliers.
 
 The others lie where the order of the orbit's events changes (M. di Bernardo, C. J. Budd, A. R. Champneys, P. Kowalczyk,
@@ -42,35 +40,35 @@ from vibro_ros.orbits.passage import change_in_words, contacts_of, same_order
 from vibro_ros.simulation.motion import SimulationError
 
 FIRST_STEP, SHORTEST_STEP = 0.01, 1e-10
-"""Steps along the branch: in units of the machine and shares of the parameter's range."""
+"""First and shortest step along the branch, in units of the machine and shares of the parameter's range."""
 NEAREST_EVENT = 0.01
-"""Share of a turn that the cut keeps from all events; nearer, the branch is cut elsewhere."""
-_ARC = 1e-6  # in which a special point is, where the parameter alone would tell no more, as at a fold
-_AHEAD = 1e-6  # along the branch: where its direction is looked for when the cut changes
-_FEW = 2  # derivatives that Newton's method takes at most before a step that is longer
-_CREEP, _WILD = 1e-4, 1e3  # shortest step, and largest multiplier, of orbits that are followed in spite of the other
-_SHORT = 1e-5  # a step that fails: the branch may have an edge within it
+"""Least distance of the cut from all events, as a share of a turn; nearer, the cut is moved."""
+_ARC = 1e-6  # below this arc, the width of a special point's interval is that of the parameter alone, as at a fold
+_AHEAD = 1e-6  # arc to a second point, which gives the branch's direction when the cut changes
+_FEW = 2  # most derivatives of a step's Newton iteration after which the next step is longer
+_CREEP, _WILD = 1e-4, 1e3  # shorter steps, with a larger multiplier, end the branch as too unstable to be followed
+_SHORT = 1e-5  # a step that fails and is shorter is searched for an edge
 STRAIGHT = 0.9
-"""Cosine between tangents of neighbours, at least: else the bend is rounded by a shorter step."""
-_SHARP = 1e-12  # arc that may be left to the edge
-_CLEAR = 1e-9  # arc behind the edge at which events are others
+"""Least cosine between the tangents of neighbours; below, the step is halved."""
+_SHARP = 1e-12  # arc to which the edge is located
+_CLEAR = 1e-9  # arc beyond the edge at which the order of events must differ
 _MOST_ROUNDS = 8
-_BACK = 1e-6  # arc before the edge at which its multipliers are taken
-_PROBES = (1e-6, 1e-5, 1e-4, 1e-3)  # arcs beyond the edge at which the other side's derivative is taken
-_ENTRIES = (1e-4, 1e-5, 1e-3, 1e-6)  # arcs to the first point of the other side
-_DEPTHS = (0.0, 1.0, 10.0, 0.1)
-_MOST_CHORDS = 40
+_BACK = 1e-6  # arc before the edge at which its multipliers are computed
+_PROBES = (1e-6, 1e-5, 1e-4, 1e-3)  # arcs beyond the edge at which the other side's derivative is computed
+_ENTRIES = (1e-4, 1e-5, 1e-3, 1e-6)  # arcs from the edge to the first point of the other side
+_DEPTHS = (0.0, 1.0, 10.0, 0.1)  # see `_entered`
+_MOST_CHORDS = 40  # iterations of Newton's method with a constant derivative
 FOLD, DOUBLING, TORUS, GRAZING, CORNER = "fold", "period doubling", "Neimark-Sacker", "grazing", "corner"
 KINDS = (FOLD, DOUBLING, TORUS, GRAZING, CORNER)
 TOLERANCE = 1e-10
-"""Of a special point's place, as a share of the parameter's range."""
-_UNIT = 1e-3  # how far from 1 in magnitude the pair of a Neimark-Sacker point may be found
-_BEHIND = 1e-5  # arc behind an edge at which the other side is compared with this one
-_SMOOTH = 5e-3  # changes there of the tangent's cosine and, relatively, of the multipliers that are no corner
+"""Tolerance of a special point's parameter value, as a share of the parameter's range."""
+_UNIT = 1e-3  # largest distance from 1 of the magnitude of a Neimark-Sacker point's multipliers
+_BEHIND = 1e-5  # arc beyond an edge at which the other side is compared with this one
+_SMOOTH = 5e-3  # largest changes there of the tangent (1 - cosine) and, relative, of the multipliers without a corner
 
 
 class EdgeError(LostError):
-    """A branch ends where its events change; `grazing` is the special point there, None where it is another one."""
+    """A branch ends where its events change; `grazing` is the special point there, or None if it is not a grazing."""
 
     def __init__(self, message: str, grazing: "SpecialPoint | None"):
         super().__init__(message)
@@ -78,7 +76,7 @@ class EdgeError(LostError):
 
 
 def follow(family: Family, unknowns: np.ndarray, direction: float) -> Iterator[tuple[BranchPoint, BranchPoint]]:
-    """Neighbours on the branch through a known orbit, until it leaves the parameter's range.
+    """Follow the branch through a known orbit until it leaves the parameter's range.
 
     Parameters
     ----------
@@ -92,7 +90,7 @@ def follow(family: Family, unknowns: np.ndarray, direction: float) -> Iterator[t
     Yields
     ------
     BranchPoint, BranchPoint
-        A point and the next, with one cut; first the known orbit and itself.
+        A point and the next one, with the same cut; first the known orbit twice.
 
     Raises
     ------
@@ -105,7 +103,7 @@ def follow(family: Family, unknowns: np.ndarray, direction: float) -> Iterator[t
 
 
 def follow_on(point: BranchPoint) -> Iterator[tuple[BranchPoint, BranchPoint]]:
-    """Neighbours on the branch from a point on, along its tangent; as `follow`, which see."""
+    """Follow the branch from a point, along its tangent; yields and raises as `follow`."""
     point, step = _well_cut(point), FIRST_STEP
     yield point, point
     while 0.0 <= point.unknowns[-1] <= 1.0:
@@ -119,22 +117,31 @@ def follow_on(point: BranchPoint) -> Iterator[tuple[BranchPoint, BranchPoint]]:
 def stepped(point: BranchPoint, begin: np.ndarray, step: float, shortest: float,
             solved: Callable[[np.ndarray, float], tuple[Any, bool]], across: Callable[[float, bool], list[Any]],
             what: str) -> tuple[list[Any], float]:
-    """The next point of a branch or curve, or those at a change of events and beyond; and the step after it.
+    """Step to the next point of a branch or curve, or to the points at and beyond a change of events.
+
+    Returns these points and the length of the following step.
 
     Parameters
     ----------
     point : BranchPoint
-        Gives tangent and order of events.
+        Present point, with its tangent and order of events.
     begin : ndarray
-        From where the step goes along the tangent.
+        Unknowns from which the step leads along the tangent.
     step, shortest : float
-        The first arc that is tried, and the least; an arc that fails is halved.
+        The first arc that is tried, and the shortest; an arc that fails is halved.
     solved : callable
-        The point near a guess at the end of an arc, and whether Newton's method was quick (LostError).
+        Returns, for a guess and its arc, the point near the guess and whether Newton's method converged quickly
+        (LostError if it did not converge).
     across : callable
-        For an arc that fails, and whether events change within it: the points at and beyond the change, or none.
+        Returns, for an arc that fails and whether events change within it, the points at and beyond the change, or an
+        empty list.
     what : str
-        What is followed, for users.
+        Word for the branch or curve in messages.
+
+    Raises
+    ------
+    LostError
+        If no arc down to the shortest succeeds.
     """
     family, reason = point.family, ""
     while step >= shortest:
@@ -158,7 +165,7 @@ def stepped(point: BranchPoint, begin: np.ndarray, step: float, shortest: float,
 
 
 def _next(point: BranchPoint, step: float) -> tuple[list[BranchPoint], float]:
-    """The next point, or an edge and the first point beyond it; and the step after it."""
+    """Return the next point, or an edge and the first point beyond it, and the length of the following step."""
     family = point.family
 
     def solved(guess: np.ndarray, step: float) -> tuple[BranchPoint, bool]:
@@ -177,7 +184,7 @@ def _next(point: BranchPoint, step: float) -> tuple[list[BranchPoint], float]:
 
 
 def _well_cut(point: BranchPoint) -> BranchPoint:
-    """The same orbit, cut far from all events."""
+    """Return the same orbit with a cut that is far from all events."""
     if point.passage.clear >= NEAREST_EVENT:
         return point
     family, (here, ahead) = point.family.recut(point.passage.best, [
@@ -192,21 +199,21 @@ def _well_cut(point: BranchPoint) -> BranchPoint:
 
 def located(before: BranchPoint, after: BranchPoint, test: Callable[[BranchPoint], float],
             tolerance: float) -> tuple[BranchPoint, float]:
-    """The point between two neighbours where a test function changes its sign, by bisection and secant (Illinois).
+    """Locate the zero of a test function between two neighbours by the Illinois method (secant and bisection).
 
     Parameters
     ----------
     before, after : BranchPoint
-        Neighbours with one cut.
+        Neighbours with the same cut.
     test : callable
-        Of different signs there; +-1 where only the sign is known, which is then bisected.
+        Test function, of different signs at both neighbours; with values +-1 the method bisects.
     tolerance : float
-        Of the parameter, as a share of its range, dimensionless.
+        Tolerance of the parameter, as a share of its range, dimensionless.
 
     Returns
     -------
     BranchPoint, float
-        The point, and the width of the interval of the parameter [its unit] that holds the change.
+        The point, and the width of the interval of the parameter [its unit] that contains the zero.
     """
     family, start, end = before.family, before.unknowns, after.unknowns
     span = end - start
@@ -232,18 +239,19 @@ def located(before: BranchPoint, after: BranchPoint, test: Callable[[BranchPoint
 
 
 def _width(low: BranchPoint, high: BranchPoint, arc: float) -> float:
-    """How much of the parameter's range lies between two points; at a fold the tangents tell, not the difference."""
+    """Share of the parameter's range between two points; at a fold from the tangents, because the difference is small.
+    """
     within = max(abs(low.tangent[-1]), abs(high.tangent[-1])) * arc
     return float(max(within, abs(low.unknowns[-1] - high.unknowns[-1]), 0.0 if arc < _ARC else arc))
 
 
 def edge(point: BranchPoint, step: float) -> BranchPoint | None:
-    """The farthest point of the branch, within an arc of `step`, with the events of `point` in their order.
+    """Return the farthest point of the branch, within an arc of `step`, with the same order of events as `point`.
 
     Returns
     -------
     BranchPoint or None
-        Its tangent and multipliers are those of this side; None where the branch does not end at another order.
+        The edge, with tangent and multipliers of this side; None if the order of events does not change there.
     """
     low, far, family = point, step, point.family
     try:
@@ -257,16 +265,17 @@ def edge(point: BranchPoint, step: float) -> BranchPoint | None:
                                mean_speed=family.mean_speed(unknowns), width=family.span(abs(width * low.tangent[-1])))
             if apart == 0.0:
                 return None
-            low, far = point_at(family, unknowns, low.tangent, far), far - apart  # the derivative had changed too much
+            # The order ahead is the same: the search failed because the derivative at `low` was too old.
+            low, far = point_at(family, unknowns, low.tangent, far), far - apart
     except (LostError, SimulationError, ValueError):
         pass
     return None
 
 
 def _last_of_side(low: BranchPoint, far: float) -> tuple[np.ndarray, float]:
-    """The last point within `far` that is found and has the events of `low`, and the arc in which that changes.
+    """Find the last point within the arc `far` that has the order of events of `low`, and the arc left uncertain.
 
-    By bisection, with the derivative at `low` for Newton's method: near the edge, differences would reach across.
+    By bisection; Newton's method uses the derivative at `low`, because differences near the edge would cross it.
     """
     family = low.family
     held = ~family.free(low.unknowns)[:-1]
@@ -299,15 +308,15 @@ def _last_of_side(low: BranchPoint, far: float) -> tuple[np.ndarray, float]:
 
 
 def beyond(before: BranchPoint) -> BranchPoint:
-    """The first point of the branch on the other side of an edge.
+    """Return the first point of the branch on the other side of an edge.
 
-    The derivative of the map is taken on the prolongation of this side's branch, which lies on the other side; its null
-    vector is the branch's direction there, forwards or back.
+    The derivative of the residual is computed on the extrapolation of this side's branch, which lies on the other side;
+    its null vector is the branch's direction there, forwards or backwards.
 
     Raises
     ------
-    LostError
-        Where no orbit is found there.
+    EdgeError
+        If no orbit is found there.
     """
     family = before.family
     for probe in _PROBES:
@@ -331,7 +340,8 @@ def beyond(before: BranchPoint) -> BranchPoint:
 
 
 def _direction(family: Family, before: BranchPoint, probe: float) -> np.ndarray | None:
-    """Of the branch on the other side, towards that side if this can be told; None where it is not reached."""
+    """Direction of the branch on the other side, pointing into that side if known; None if `probe` does not reach it.
+    """
     there = before.unknowns + probe * before.tangent
     if same_order(family.order(there), before.passage.order):
         return None
@@ -343,10 +353,10 @@ def _direction(family: Family, before: BranchPoint, probe: float) -> np.ndarray 
 
 
 def _entered(before: BranchPoint, direction: np.ndarray, arc: float, depth: float) -> BranchPoint | None:
-    """The orbit near `arc` along a direction from the edge; None where it is not one of the other side.
+    """Orbit at about the distance `arc` from the edge along a direction; None if it is not on the other side.
 
-    Behind a grazing with the root of a distance, the branch begins along the edge, and is on the other side by the
-    square of the arc only. So Newton's method begins deeper there, by `depth` times this square.
+    Beyond a grazing where the map behaves like a square root, the branch begins along the edge, and its distance from
+    the edge grows only with the square of the arc. So Newton's method begins deeper, by `depth` times this square.
     """
     family = before.family
     guess = before.unknowns + arc * direction + depth * arc**2 * before.tangent
@@ -364,19 +374,19 @@ def _entered(before: BranchPoint, direction: np.ndarray, arc: float, depth: floa
 
 @dataclass(frozen=True)
 class SpecialPoint:
-    """A change of nature.
+    """A special point of a branch or curve.
 
     Attributes
     ----------
     kind : str
-        Of `KINDS`.
+        One of `KINDS`; on a curve over two parameters ``change of events``.
     point : BranchPoint
-        The branch there.
+        Point of the branch there.
     width : float
         Width of the interval of the parameter [its unit] in which it was found.
     change : str
-        What becomes of the events, such as ``stick vanishes``, and whether the branch turns back there; empty for a
-        point at which the order of events stays.
+        Change of the order of events, such as ``stick vanishes``, and whether the branch turns back there; empty if the
+        order does not change.
     """
 
     kind: str
@@ -398,8 +408,8 @@ _TESTS: dict[str, Callable[[BranchPoint], float]] = {
 def special_points(before: BranchPoint, after: BranchPoint) -> Iterator[SpecialPoint]:
     """Special points between two neighbours of a branch, in the order of their kinds.
 
-    A pair of special points of one kind between two neighbours is not seen: neighbours are at most
-    `continuation.LONGEST_STEP` apart, and closer where the branch bends.
+    Two special points of the same kind between two neighbours are not found. Neighbours are at most `LONGEST_STEP`
+    apart, and closer where the branch bends.
     """
     orders = before.passage.order, after.passage.order
     if not same_order(*orders):
@@ -414,13 +424,13 @@ def special_points(before: BranchPoint, after: BranchPoint) -> Iterator[SpecialP
         if (test(before) > 0.0) != (test(after) > 0.0):
             point, width = located(before, after, test, TOLERANCE)
             pair = np.abs(point.multipliers[point.multipliers.imag != 0.0])
-            # Real multipliers whose product is 1 are a neutral saddle, which is no Neimark-Sacker point.
+            # Real multipliers whose product is 1 are a neutral saddle, not a Neimark-Sacker point.
             if kind != TORUS or (len(pair) and np.abs(pair - 1.0).min() < _UNIT):
                 yield SpecialPoint(kind, point, width)
 
 
 def _is_smooth(before: BranchPoint, after: BranchPoint) -> bool:
-    """Whether a branch goes straight on across an edge, and its multipliers with it."""
+    """Whether neither the tangent nor the multipliers of a branch jump across an edge."""
     family, start = before.family, before.unknowns
     direction = (after.unknowns - start) / np.linalg.norm(after.unknowns - start)
     try:

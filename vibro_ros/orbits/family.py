@@ -1,7 +1,7 @@
-"""Orbits of one machine with one or two parameters that change: the equations that branches follow, and their points.
+"""Equations of a periodic orbit of a scene with one or two varied parameters; the points of branches.
 
-The *unknowns* are the state at the cut, in units of the machine, and behind it the parameters, scaled from 0 at the one
-end of their ranges to 1 at the other.
+The *unknowns* are the state at the cut, in units of the machine, followed by the *shares*: the parameters, scaled from
+0 at the lower end of their ranges to 1 at the upper.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,22 +20,22 @@ from vibro_ros.simulation.motion import SimulationError
 LONGEST_STEP = 0.05
 """Longest step along a branch: in units of the machine and shares of the parameters' ranges."""
 _MOST_ITERATIONS = 24
-_SLOW = 0.1  # a step that leaves a larger part of the residual has an old derivative
-_MAPS = 16  # that are kept: those of a derivative by two parameters, and of a step
-_LEAST_STEP = 1e-9  # of the differences, which rounding then leaves five digits
-_PART = 0.1  # of the reach, and of the nearest miss
-_SHARE = 0.005  # of the square of the softest contact's speed
+_SLOW = 0.1  # the derivative is computed again after a step that leaves a larger part of the residual
+_MAPS = 16  # turn maps in the cache: enough for a derivative with respect to two parameters and for a step
+_LEAST_STEP = 1e-9  # of the differences, of which rounding then leaves five digits
+_PART = 0.1  # longest step of differences as a part of the reach, and of the nearest miss
+_SHARE = 0.005  # the same as a part of the square of the softest contact's speed
 
 
 class Family:
-    """What comes back after `turns` turns, for each value of one parameter, or each pair of values of two.
+    """Equations of orbits with a period of `turns` turns, over one or two parameters of a scene.
 
     Parameters
     ----------
     scene : Scene
         The machine.
     ranges : mapping of str to (float, float)
-        One or two numbers among its parameters, and their ranges, in their units.
+        One or two of its numeric parameters, with their ranges, in their units.
     turns : int
         Turns of the crank after which orbits repeat themselves.
     phase : float
@@ -46,14 +46,14 @@ class Family:
     scene, ranges, turns, phase
         The parameters.
     names : tuple of str
-        The parameters that change.
+        Names of the varied parameters.
     units : ndarray, shape (n,)
-        What 1 is of each coordinate [m, m/s, rad/s or A], the same for all values.
+        Unit of each coordinate [m, m/s, rad/s or A], the same for all values of the parameters.
 
     Raises
     ------
     ValueError
-        For a parameter that is no number, a range that is none, or a value that the scene refuses.
+        For a parameter that is not numeric, an empty range, or a value that the scene refuses.
     """
 
     def __init__(self, scene: Scene, ranges: Mapping[str, tuple[float, float]], turns: int, phase: float):
@@ -67,24 +67,24 @@ class Family:
         self._map_of = lru_cache(_MAPS)(self._made)
 
     def values(self, unknowns: np.ndarray) -> np.ndarray:
-        """The parameters at some unknowns, in their units, shape (1,) or (2,)."""
+        """Values of the parameters at some unknowns, in their units, shape (1,) or (2,)."""
         return self._low + unknowns[len(self.units):] * (self._high - self._low)
 
     def scaled(self, *values: float) -> np.ndarray:
-        """The shares of the ranges at values of the parameters, shape (1,) or (2,)."""
+        """Shares of the ranges at values of the parameters, shape (1,) or (2,)."""
         return (np.array(values) - self._low) / (self._high - self._low)
 
     def span(self, share: float) -> float:
-        """A part of the last parameter's range, in its unit."""
+        """Convert a share of the last parameter's range to its unit."""
         return share * float(self._high[-1] - self._low[-1])
 
     def where(self, unknowns: np.ndarray) -> str:
-        """The parameters in words."""
+        """Names and values of the parameters at some unknowns, as text."""
         return ", ".join(f"{name} = {value:.9g}" for name, value in
                          zip(self.names, self.values(unknowns).tolist(), strict=True))
 
     def map_at(self, unknowns: np.ndarray) -> TurnMap:
-        """The turn map at the parameters of some unknowns (ValueError where the scene refuses the values)."""
+        """Return the turn map at the parameters of some unknowns (ValueError if the scene refuses the values)."""
         return self._map_of(*unknowns[len(self.units):].tolist())
 
     def _made(self, *shares: float) -> TurnMap:
@@ -94,44 +94,48 @@ class Family:
         return turn_map
 
     def state(self, unknowns: np.ndarray) -> np.ndarray:
-        """The state of some unknowns, shape (n,)."""
+        """State at the cut of some unknowns, shape (n,)."""
         return unknowns[:len(self.units)]
 
     def end(self, unknowns: np.ndarray) -> TurnEnd:
-        """Where `turns` turns lead."""
+        """Return the end of `turns` turns."""
         return self.map_at(unknowns)(self.state(unknowns), self.turns)
 
     def residual(self, unknowns: np.ndarray) -> np.ndarray:
-        """By how much the state does not come back, shape (n,)."""
+        """Residual of periodicity: the state after `turns` turns minus the state, shape (n,)."""
         return self.end(unknowns).state - self.state(unknowns)
 
     def mean_speed(self, unknowns: np.ndarray) -> float:
-        """Of the body [m/s]."""
+        """Mean speed of the body [m/s]."""
         end = self.end(unknowns)
         return end.advance / end.duration
 
     def free(self, unknowns: np.ndarray) -> np.ndarray:
-        """Which unknowns nothing holds at the cut, shape (n + parameters,) of bool."""
+        """Unknowns that are not held at the cut by friction, ground or a plate, shape (n + parameters,) of bool."""
         return np.append(~self.map_at(unknowns).held(self.state(unknowns)), np.ones(len(self.names), bool))
 
     def order(self, unknowns: np.ndarray) -> EventOrder:
-        """The order of the events between the cut and `turns` turns later."""
+        """Order of the events between the cut and `turns` turns later."""
         return ordered(self.map_at(unknowns), self.state(unknowns), self.turns)[1]
 
     def passage(self, unknowns: np.ndarray) -> Passage:
-        """What happens from the cut over `turns` turns."""
+        """Events from the cut over `turns` turns."""
         return passage(self.map_at(unknowns), self.state(unknowns), self.turns)
 
     def jacobian(self, unknowns: np.ndarray, reach: float = 1.0, fine: bool = False,
                  longest: float = STEP) -> np.ndarray:
-        """Derivative of the residual by all unknowns, shape (n, n + parameters). What is held stays.
+        """Jacobian of the residual with respect to the unknowns, shape (n, n + parameters), by central differences.
 
-        A mass that arrives at its plate with the speed v would miss the plate from v² / 2 farther back, in units of the
-        machine. Central differences stay far within that, because the map has the root of this distance there; they let
-        no mass touch that misses its plate; they stay within `reach`, over which the branch is straight; and they are
-        shortened, down to 1e-9, until all their ends have the same events in the same order, because elsewhere the map
-        has other derivatives. With `fine`, differences over half the step cancel the leading error of the step (L. F.
-        Richardson's extrapolation). `longest` is the longest step.
+        Held coordinates do not move. The step of the differences is limited in four ways:
+
+        - A mass that arrives at its plate with the speed v would miss the plate if it were v² / 2 farther back, in
+          units of the machine. The step is far below that, because there the map behaves like a square root.
+        - It is below the distance of the nearest miss, so that no other mass touches its plate.
+        - It is below `reach`, the arc over which the branch is straight.
+        - It is at most `longest`, and it is reduced, down to 1e-9, until the order of events is the same at all
+          displaced points, because for another order the map has other derivatives.
+
+        With `fine`, differences over half the step cancel the leading error (L. F. Richardson's extrapolation).
         """
         free, seen = self.free(unknowns), self.passage(unknowns)
         step = max(_LEAST_STEP, min(longest, _SHARE * seen.softest**2, _PART * seen.miss, _PART * reach))
@@ -144,7 +148,7 @@ class Family:
 
     def _differences(self, unknowns: np.ndarray, free: np.ndarray, order: EventOrder,
                      step: float) -> tuple[np.ndarray, bool]:
-        """The derivative by central differences, and whether all their ends have the events of `order`."""
+        """Jacobian by central differences, and whether all displaced points have the order of events `order`."""
         n = len(self.units)
         orders = list[EventOrder]()
 
@@ -159,15 +163,15 @@ class Family:
         return matrix, all(along == order for along in orders)
 
     def with_turns(self, turns: int) -> "Family":
-        """The same family for orbits that repeat themselves after another number of turns."""
+        """Return the same family for orbits that repeat themselves after another number of turns."""
         return Family(self.scene, self.ranges, turns, self.phase)
 
     def with_phase(self, phase: float) -> "Family":
-        """The same family cut at another crank angle [rad]."""
+        """Return the same family, cut at another crank angle [rad]."""
         return Family(self.scene, self.ranges, self.turns, phase)
 
     def recut(self, phase: float, points: Sequence[np.ndarray]) -> tuple["Family", list[np.ndarray]]:
-        """The same family cut at another phase, and there the states to which the given ones lead."""
+        """Return the same family, cut at another phase, and the points advanced to the new cut."""
         other, found = self.with_phase(phase), []
         for unknowns in points:
             state = at_cut(self.map_at(unknowns), self.state(unknowns), other.map_at(unknowns))
@@ -175,13 +179,13 @@ class Family:
         return other, found
 
     def starts_along(self, unknowns: np.ndarray) -> list[np.ndarray]:
-        """The same orbit at the cut of each of its turns."""
+        """Unknowns of the same orbit at the cut of each of its turns."""
         turn_map, shares = self.map_at(unknowns), unknowns[len(self.units):]
         return [np.append(turn_map(self.state(unknowns), turns).state, shares) for turns in range(1, self.turns + 1)]
 
 
 def _check_range(scene: Scene, name: str, low: float, high: float) -> None:
-    """Refuse a parameter that is no number, a range that is none, and ends that the scene refuses (ValueError)."""
+    """Raise a ValueError for a parameter that is not numeric, an empty range, or ends that the scene refuses."""
     parameter = parameter_named(name, BY_NAME)
     if not isinstance(parameter.default, float):
         raise ValueError(f"{name}: is {parameter.type_name}, along which no branch can be followed; choose a number")
@@ -210,11 +214,11 @@ class BranchPoint:
     multipliers : ndarray of complex, shape (n,)
         Floquet multipliers, the largest first.
     mean_speed : float
-        Of the body [m/s].
+        Mean speed of the body [m/s].
     passage : Passage
-        Its events.
+        Events of the orbit.
     width : float
-        Where the order of events changes just behind this point: width of the interval of the parameter [its unit] in
+        If the order of events changes just beyond this point: width of the interval of the parameter [its unit] in
         which it changes; else 0.
     """
 
@@ -228,17 +232,17 @@ class BranchPoint:
 
     @property
     def state(self) -> np.ndarray:
-        """At the cut, in units of the machine, shape (n,)."""
+        """State at the cut, in units of the machine, shape (n,)."""
         return self.family.state(self.unknowns)
 
     @property
     def values(self) -> np.ndarray:
-        """The parameters, in their units, shape (1,) or (2,)."""
+        """Values of the parameters, in their units, shape (1,) or (2,)."""
         return self.family.values(self.unknowns)
 
     @property
     def value(self) -> float:
-        """The only parameter, in its unit."""
+        """Value of the first parameter, in its unit; the only one over one parameter."""
         return float(self.values[0])
 
     @property
@@ -253,7 +257,7 @@ class LostError(RuntimeError):
 
 def corrected(family: Family, guess: np.ndarray, normal: np.ndarray,
               reach: float = LONGEST_STEP) -> tuple[np.ndarray, int]:
-    """The orbit on the plane through `guess` that is perpendicular to `normal`, and how many derivatives it took.
+    """Return the orbit in the plane through `guess` perpendicular to `normal`, and the number of Jacobians computed.
 
     Parameters
     ----------
@@ -267,14 +271,14 @@ def corrected(family: Family, guess: np.ndarray, normal: np.ndarray,
     Raises
     ------
     LostError
-        Where Newton's method does not converge.
+        If Newton's method does not converge.
     """
     at, best, closest, matrix, derivatives = guess.copy(), np.inf, guess, None, 0
     for _ in range(_MOST_ITERATIONS):
         try:
             free, residual = family.free(at), family.residual(at)
             size = float(np.abs(residual).max())
-            if size <= CLOSED and size >= 0.25 * best:  # as good as rounding lets it become
+            if size <= CLOSED and size >= 0.25 * best:  # rounding allows no smaller residual
                 return closest if best < size else at, derivatives
             if matrix is None or size > _SLOW * best:
                 matrix, derivatives = np.vstack([family.jacobian(at, reach), normal]), derivatives + 1
@@ -293,7 +297,10 @@ def corrected(family: Family, guess: np.ndarray, normal: np.ndarray,
 
 def point_at(family: Family, unknowns: np.ndarray, along: np.ndarray,
              reach: float = LONGEST_STEP, fine: bool = False) -> BranchPoint:
-    """The branch's point at a solution, shape (n + 1,); `reach` and `fine` as for `Family.jacobian`."""
+    """Return the branch's point at a solution, shape (n + 1,), with a tangent in the sense of `along`.
+
+    `reach` and `fine` are arguments of `Family.jacobian`.
+    """
     matrix, n = family.jacobian(unknowns, reach, fine), len(unknowns) - 1
     *_, rows = np.linalg.svd(matrix)
     tangent = rows[-1] if rows[-1] @ along >= 0.0 else -rows[-1]
@@ -302,6 +309,6 @@ def point_at(family: Family, unknowns: np.ndarray, along: np.ndarray,
 
 
 def multipliers_of(matrix: np.ndarray) -> np.ndarray:
-    """Floquet multipliers, the largest first, from the derivative of the residual by the state, shape (n, n)."""
+    """Floquet multipliers, the largest first, from the residual's Jacobian with respect to the state, shape (n, n)."""
     found = np.linalg.eigvals(matrix + np.eye(len(matrix)))
     return found[np.argsort(-np.abs(found), kind="stable")]

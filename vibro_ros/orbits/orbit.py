@@ -1,7 +1,8 @@
 """Periodic orbits: motions that repeat themselves every few turns of the crank, and their Floquet multipliers.
 
-Newton's method finds states to which the turn map comes back, with the map's derivative by central differences. It
-begins with states of the motion that the scene settles to, or for `seeds_of` that several starts settle to.
+Newton's method finds fixed points of the turn map over that many turns, with the map's derivative by central
+differences. Its initial guesses are states of the motion that the scene settles to from its own start; `seeds_of` also
+uses other starts.
 """
 
 from collections.abc import Callable
@@ -29,38 +30,39 @@ from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.simulator import Simulator
 
 MOST_TURNS = 64
-"""Turns after which an orbit may repeat itself at most: a derivative over more loses too many digits."""
+"""Longest period of an orbit [turns]: a derivative over more turns loses too many digits."""
 SETTLING = (200, 1000, 5000)
-"""Turns of the crank after the start of the scene at which orbits are looked for, one after the other."""
+"""Turns after the scene's start at which orbits are searched for; the next is used if the one before finds none."""
 STEP = 1e-5
-"""Of the central differences, in units of the machine: its square and rounding / step are errors of about 1e-9."""
+"""Step of the central differences, in units of the machine: the errors of the step (its square) and of rounding
+(rounding / step) are both about 1e-9."""
 _STEPS = (STEP, 1e-6, 1e-7, 1e-8)
 """Steps that are tried for multipliers: contacts that are soft or close to each other need smaller ones than `STEP`."""
-_AGREEING = 1e-8  # multipliers of two steps that agree so well need no third one
+_AGREEING = 1e-8  # difference of the multipliers of two steps below which no third step is tried
 CLOSED = 1e-11
 """Largest residual of an orbit, in units of the machine; rounding along a turn makes 1e-14 to 1e-12."""
 _MOST_STEPS = 40
-_SHORTEST = 2.0**-10  # part of a Newton step that is tried
+_SHORTEST = 2.0**-10  # smallest part of a Newton step that is tried
 SAME = 1e-6
-"""How far apart the states of the same orbit may be, in units of the machine."""
-_UNSTABLE = 4  # turns up to which unstable orbits are looked for
-_GUESSES = 4  # states of the settled motion that Newton's method begins with, those that come back best first
-_CLOSE = 1e-6  # of a state that comes back, in units of the machine: what has settled repeats itself much better
+"""Largest difference between states that count as the same orbit, in units of the machine."""
+_UNSTABLE = 4  # longest period [turns] of the unstable orbits that `seeds_of` searches for
+_GUESSES = 4  # states of the settled motion that Newton's method begins with, those of the smallest residual first
+_CLOSE = 1e-6  # units of the machine: largest difference after a period; a settled motion repeats itself much better
 
 
 class OrbitNotFoundError(RuntimeError):
-    """No motion was found that repeats itself after so many turns; the message says what was found."""
+    """No motion was found that repeats itself after the given number of turns; the message says what was found."""
 
 
 class Closed(NamedTuple):
-    """A state that comes back.
+    """A fixed point of the turn map over one or more turns.
 
     Attributes
     ----------
     state : ndarray, shape (n,)
-        In units of the machine.
+        State at the cut, in units of the machine.
     residual : float
-        Largest difference between the state and the one that follows, in units of the machine.
+        Largest difference between the state and its image under the map, in units of the machine.
     """
 
     state: np.ndarray
@@ -69,31 +71,31 @@ class Closed(NamedTuple):
 
 @dataclass(frozen=True)
 class Orbit:
-    """A motion that repeats itself.
+    """A periodic orbit.
 
     Attributes
     ----------
     scene : Scene
-        What moves so.
+        Scene that has this orbit.
     turns : int
         Turns of the crank after which it repeats itself.
     state : Samples
-        The device at the cut, at a crank angle from 0 to 2 pi [rad] where nothing touches; the body at 0.
+        Quantities at the cut, at a crank angle from 0 to 2 pi [rad] without contacts; the body at 0.
     multipliers : ndarray of complex, shape (n,)
-        Floquet multipliers: the eigenvalues of the derivative of `turns` turns, the largest first. A coordinate that
-        something holds at the cut has the multiplier 0. The body's place along the ground is no coordinate; its
-        multiplier would be 1.
+        Floquet multipliers: the eigenvalues of the map's derivative over `turns` turns, the largest first. A coordinate
+        that is held at the cut by friction, the ground or a rigid plate has the multiplier 0. The body's position along
+        the ground is not a coordinate; its multiplier would be 1.
     multiplier_error : float
-        Bound on the error of any multiplier, dimensionless: twice the largest change from one step of the differences
-        to the next, ten times smaller, of the two steps that agree best.
+        Bound on the error of any multiplier, dimensionless: twice the largest change of a multiplier between two
+        difference steps that differ by a factor of ten, for the pair of steps that agree best.
     mean_speed : float
-        Of the body [m/s], forwards positive.
+        Mean speed of the body [m/s], forwards positive.
     residual : float
         Largest difference between the state and the one `turns` turns later, in units of the machine: lengths in
         `crank.radius`, velocities in `crank.radius` times `motor.speed`; see `period`.
     period : float
-        Time after which the motion repeats itself [s]: of a dc motor's crank what follows from the orbit, and its speed
-        and current belong to the state, in units of the speed without load.
+        Time after which the motion repeats itself [s]. With a dc motor it follows from the orbit, and the crank's speed
+        and the current belong to the state, in units of the speed without load.
     """
 
     scene: Scene
@@ -112,18 +114,18 @@ class Orbit:
 
 
 def find_orbit(scene: Scene, turns: int = 1) -> Orbit:
-    """A motion of `scene` at `motor.speed` that repeats itself after `turns` turns of the crank.
+    """Find a periodic orbit of `scene` at `motor.speed` that repeats itself after `turns` turns of the crank.
 
-    A dc motor has a steady `motor.voltage` in place of the speed. One whose controller takes samples of the speed has
-    no orbit that closes, and is refused.
+    A dc motor runs at a constant `motor.voltage` instead. A dc motor whose controller samples the speed has no closed
+    orbits and is refused.
 
-    Newton's method on the turn map, which begins with states of the motion that the scene settles to. The orbit may be
-    unstable, and it may repeat itself sooner, after a part of `turns`.
+    The orbit is found by Newton's method on the turn map, which begins with states of the motion that the scene settles
+    to. The orbit may be unstable, and its least period may be a divisor of `turns`.
 
     Parameters
     ----------
     scene : Scene
-        Its motor turns at `motor.speed`, all the time.
+        Its motor turns at a constant `motor.speed`.
     turns : int
         From 1 to `MOST_TURNS`.
 
@@ -137,7 +139,7 @@ def find_orbit(scene: Scene, turns: int = 1) -> Orbit:
     ValueError
         For a number of turns out of range, a crank that stands, or a controller that takes samples.
     OrbitNotFoundError
-        When no such motion is found; it names the number of turns after which the motion repeats itself, if it does.
+        When no such orbit is found; the message names the period of the settled motion [turns], if it has one.
     SimulationError
         If the run cannot go on.
 
@@ -170,7 +172,7 @@ def find_orbit(scene: Scene, turns: int = 1) -> Orbit:
 
 
 def orbit_at(turn_map: TurnMap, closed: Closed, turns: int) -> Orbit:
-    """The orbit of a state that comes back, with multipliers and mean speed."""
+    """Return the orbit through a fixed point of the map, with multipliers and mean speed."""
     multipliers, error = _multipliers(turn_map, closed.state, turns)
     end = turn_map(closed.state, turns)
     return Orbit(turn_map.scene, int(turns), turn_map.sample(closed.state), multipliers, error,
@@ -178,10 +180,10 @@ def orbit_at(turn_map: TurnMap, closed: Closed, turns: int) -> Orbit:
 
 
 def _multipliers(turn_map: TurnMap, state: np.ndarray, turns: int) -> tuple[np.ndarray, float]:
-    """`Orbit.multipliers` of a closed state, and `Orbit.multiplier_error`.
+    """`Orbit.multipliers` and `Orbit.multiplier_error` at a fixed point of the map.
 
-    The error of a central difference falls with the square of its step, that of rounding grows as the step shrinks. So
-    the step shrinks for as long as the multipliers change less and less.
+    The truncation error of a central difference falls with the square of its step, the rounding error grows as the step
+    shrinks. So the step is reduced as long as the multipliers change less with each reduction.
     """
     free = np.flatnonzero(~turn_map.held(state))
     best, error, last = np.zeros(len(free), complex), np.inf, None
@@ -203,11 +205,11 @@ def _multipliers(turn_map: TurnMap, state: np.ndarray, turns: int) -> tuple[np.n
 
 def derivative(turn_map: TurnMap, state: np.ndarray, turns: int = 1,
                step: float = STEP) -> tuple[np.ndarray, TurnEnd]:
-    """Derivative of the map over `turns`, shape (n, n), and where they lead.
+    """Derivative of the map over `turns` turns, shape (n, n), and the end of these turns.
 
-    Central differences of a map that is exact to rounding: the error is that of their step, where nothing grazes a
-    plate within it. The column of a coordinate that something holds is 0. Where a coordinate cannot be moved one way,
-    because a rigid plate or the ground is there, the difference is one-sided.
+    Central differences of a map that is exact to rounding: their error is the truncation error of the step, unless a
+    mass grazes a plate within the step. The column of a coordinate that is held at the cut is 0. Where a coordinate
+    cannot be displaced to one side, because a rigid plate or the ground is there, the difference is one-sided.
     """
     end = turn_map(state, turns)
     free = ~turn_map.held(state)
@@ -216,10 +218,11 @@ def derivative(turn_map: TurnMap, state: np.ndarray, turns: int = 1,
 
 def differences(end_of: Callable[[np.ndarray], np.ndarray], at: np.ndarray, free: np.ndarray, step: float,
                 here: np.ndarray | None = None) -> np.ndarray:
-    """Derivative of `end_of` at unknowns by central differences, 0 for those that are not `free`, shape (n, unknowns).
+    """Derivative of `end_of` at the unknowns `at` by central differences, shape (n, unknowns).
 
-    With `here`, where `at` itself leads, an unknown that cannot be moved one way (ValueError) has a one-sided
-    difference, and 0 if it cannot be moved at all.
+    The columns of unknowns that are not `free` are 0. If `here`, the value of `end_of` at `at`, is given, an unknown
+    that cannot be displaced to one side (ValueError) has a one-sided difference, and 0 if it cannot be displaced at
+    all.
     """
     columns = dict[int, np.ndarray]()
     for i in np.flatnonzero(free).tolist():
@@ -240,9 +243,10 @@ def differences(end_of: Callable[[np.ndarray], np.ndarray], at: np.ndarray, free
 
 
 def close(turn_map: TurnMap, guess: np.ndarray, turns: int) -> Closed | None:
-    """The orbit that Newton's method finds from `guess`; None when there is none within its reach.
+    """Fixed point of the map over `turns` turns by Newton's method from `guess`; None if it does not converge.
 
-    A full step that makes the residual larger is halved. What a plate, the ground or friction holds at the cut is held.
+    A step that does not reduce the residual is halved. Coordinates that a plate, the ground or friction holds at the
+    cut are not changed.
     """
     state, residual = guess, turn_map(guess, turns).state - guess
     for _ in range(_MOST_STEPS):
@@ -281,7 +285,7 @@ class Seed:
     phase : float
         Crank angle at the cut [rad].
     state : ndarray, shape (n,)
-        At the cut, in units of the machine.
+        State at the cut, in units of the machine.
     """
 
     turns: int
@@ -290,17 +294,16 @@ class Seed:
 
 
 def seeds_of(scene: Scene, starts: int, most_turns: int) -> list[Seed]:
-    """Orbits of a scene that differ, those of the fewest turns first.
+    """Distinct orbits of a scene, those of the fewest turns first.
 
     Parameters
     ----------
     scene : Scene
-        Its motor turns at `motor.speed`, or has `motor.voltage`, all the time.
+        Its motor has a constant `motor.speed` or `motor.voltage`.
     starts : int
-        How many starts are tried: the scene's own, and others with crank angle and velocities drawn at random, always
-        the same.
+        Number of starts: the scene's own, and others with random crank angle and velocities, the same in every call.
     most_turns : int
-        Turns after which an orbit repeats itself at most.
+        Longest period of an orbit [turns].
 
     Raises
     ------
@@ -336,7 +339,10 @@ def seeds_of(scene: Scene, starts: int, most_turns: int) -> list[Seed]:
 
 
 def _drawn(turn_map: TurnMap, start: int) -> dict[str, float]:
-    """Crank angle and velocities of a start by its number; none for the scene's own, the first one."""
+    """Random crank angle and velocities of start number `start`, as arguments of `Simulator.set_state`.
+
+    Empty for start 0, the scene's own.
+    """
     if start == 0:
         return {}
     random = np.random.default_rng(start)
@@ -350,5 +356,5 @@ def _drawn(turn_map: TurnMap, start: int) -> dict[str, float]:
 
 
 def is_same(turn_map: TurnMap, one: np.ndarray, other: np.ndarray, turns: int) -> bool:
-    """Whether two states at one cut are of the same orbit."""
+    """Whether two states at the cut of `turn_map` belong to the same orbit of `turns` turns."""
     return any(np.abs(turn_map(one, ahead).state - other).max() < SAME for ahead in range(1, turns + 1))

@@ -1,8 +1,8 @@
-"""What happens along one passage of an orbit: its events in their order, its contacts, how far from them the cut lies.
+"""Events along one period of an orbit: their order, the contacts, near misses, and the distance of the cut from them.
 
-Between two states with the same events in the same order the turn map is analytic, because flows and jumps are. Where
-the order changes, the map has a corner or the root of a distance (M. di Bernardo, C. J. Budd, A. R. Champneys,
-P. Kowalczyk, Piecewise-smooth Dynamical Systems, Springer 2008, chapters 6 to 8).
+The turn map is analytic between two states whose events have the same order, because flows and jumps are analytic.
+Where the order changes, the map has a corner or behaves like the square root of the distance (M. di Bernardo,
+C. J. Budd, A. R. Champneys, P. Kowalczyk, Piecewise-smooth Dynamical Systems, Springer 2008, chapters 6 to 8).
 """
 
 import math
@@ -16,16 +16,16 @@ from scipy.optimize import brentq
 from vibro_ros.orbits.turn_map import CELLS, TURN, TurnEnd, TurnMap, direction, events_in_cells, middle_of_longest
 from vibro_ros.simulation.simulator import Simulator
 
-#: Kinds of events, and of contacts that end, in the order in which they happen.
+#: Kinds of events, including the ends of contacts, in the order in which they happen.
 EventOrder = tuple[str, ...]
 LANDING = "landing"
 _CONTACT, _ENDS = "_contact", "_ends"
 _BESIDE = np.array([-2.0, 2.0])  # spacings of floats before and after a landing, whose instant is rounded
-_SAME = 1e-11  # part of the time in which events happen at once, and in no order: a blow unloads the ground
+_SAME = 1e-11  # share of the whole time within which events count as simultaneous, as when an impact unloads the ground
 _STOPPED = 1e-12  # m/s along the ground: rounding of a body that a landing has stopped
 SAMPLES = 1024
-"""Of a turn, among which a mass is looked for that turns back before its plate."""
-_NEAR = 1e-3  # crank radii: a nearer miss is looked at closely
+"""Samples of a turn in which misses are searched for."""
+_NEAR = 1e-3  # crank radii: a miss nearer than this is computed exactly
 
 
 class Miss(NamedTuple):
@@ -38,7 +38,7 @@ class Miss(NamedTuple):
     first, last : float
         Instants [s] after the cut between which it turns back.
     gap : float
-        About how far from the plate [m].
+        Approximate distance from the plate there [m].
     """
 
     side: str
@@ -49,26 +49,27 @@ class Miss(NamedTuple):
 
 @dataclass(frozen=True)
 class Passage:
-    """Events of an orbit.
+    """Events of an orbit over one period.
 
     Attributes
     ----------
     contacts : tuple of (str, int)
-        Kinds of contacts, and how many there are of each.
+        Kinds of contacts, with the number of each.
     clear : float
         Distance of the cut from the nearest event, as a share of a turn, dimensionless; 0 within a contact.
     best : float
         Crank angle [rad] of the phase that is farthest from all events.
     softest : float
-        Least speed, in units of the machine, that separates a contact from a miss: that at which a mass arrives at its
-        plate, or that which its drive would turn back within half the contact; infinite without contacts.
+        Least impact speed of a contact, in units of the machine, as a measure of how close it is to a miss; infinite
+        without contacts. For each contact it is the larger of the speed at which the mass arrives at its plate and the
+        speed that its drive would reverse within half the contact.
     miss : float
         Least distance [crank radii] by which a mass misses its plate where it turns back, exact where it is below 1e-3;
         infinite without a miss.
     order : tuple of str
-        Its events in their order, counted from the cut.
+        Kinds of the events in their order, beginning at the cut.
     misses : tuple of Miss
-        Where a mass turns back before its plate.
+        All misses: where a mass turns back before its plate.
     """
 
     contacts: tuple[tuple[str, int], ...]
@@ -81,13 +82,13 @@ class Passage:
 
 
 def passage(turn_map: TurnMap, state: np.ndarray, turns: int) -> Passage:
-    """What happens from `state`, at the cut, over `turns` turns."""
+    """Return the events from `state`, at the cut, over `turns` turns."""
     device = Simulator(turn_map.scene)
     turn_map.put(device, state)
     device.take_events()
     turn_map.advance(device, turns)
     end = device.time
-    turn_map.advance(device, turns + 1)  # a contact is known when it has ended
+    turn_map.advance(device, turns + 1)  # an event of a contact exists only after the contact has ended
     events = device.take_events()
     events = events[events["time"] < end]
     of_contact = np.char.endswith(events["kind"], _CONTACT)
@@ -106,7 +107,8 @@ def passage(turn_map: TurnMap, state: np.ndarray, turns: int) -> Passage:
 
 
 def ordered(turn_map: TurnMap, state: np.ndarray, turns: int = 1) -> tuple[TurnEnd, EventOrder]:
-    """Where `turns` turns lead from `state`, as a call of the map, with the order of the events on the way."""
+    """Return the end of `turns` turns from `state`, as a call of the map does, and the order of the events until then.
+    """
     device = turn_map.device
     turn_map.put(device, state)
     start = device.checkpoint()
@@ -115,7 +117,7 @@ def ordered(turn_map: TurnMap, state: np.ndarray, turns: int = 1) -> tuple[TurnE
     end, now, events = device.time, device.state, device.take_events()
     landings = events["time"][events["kind"] == LANDING]
     speeds = np.zeros((len(landings), 2))
-    if len(landings):  # the body's speed before and after a landing is not in its event
+    if len(landings):  # an event of a landing does not contain the body's speeds before and after it
         device.restore(start)
         beside = landings[:, None] + _BESIDE * np.spacing(landings)[:, None]
         speeds = device.sample(beside.ravel()).body_velocity.reshape(-1, 2)
@@ -123,17 +125,17 @@ def ordered(turn_map: TurnMap, state: np.ndarray, turns: int = 1) -> tuple[TurnE
 
 
 def event_order(events: np.ndarray, until: float, speeds: np.ndarray) -> EventOrder:
-    """The order of what happens before the time `until` [s].
+    """Order of the events before the time `until` [s].
 
     Parameters
     ----------
     events : ndarray, shape (events,)
-        As `Simulator.take_events` gives them.
+        As returned by `Simulator.take_events`.
     until : float
         Time [s].
     speeds : ndarray, shape (landings, 2)
-        Of the body along the ground before and after each landing [m/s]: a landing after which the body slips on is
-        another event than one that stops it, or turns it round.
+        Speeds of the body along the ground before and after each landing [m/s]. Landings after which the body slips
+        on, stops, or slips the other way are different kinds of events.
     """
     happened = list(zip(events["time"].tolist(), events["kind"].tolist(), strict=True))
     ends = [(time + duration, kind + _ENDS) for (time, kind), duration in
@@ -157,7 +159,7 @@ def _landing(before: float, after: float) -> str:
 
 
 def same_order(one: EventOrder, other: EventOrder) -> bool:
-    """Whether two passages have the same events in the same order, wherever on the circle the cut lies."""
+    """Whether two passages have the same events in the same cyclic order; their cuts may differ."""
     if one == other:
         return True
     n = len(one)
@@ -165,13 +167,13 @@ def same_order(one: EventOrder, other: EventOrder) -> bool:
 
 
 def contacts_of(order: EventOrder) -> Counter[str]:
-    """How many contacts of each plate, and landings of the body, a passage has."""
+    """Numbers of contacts of each plate, and of landings of the body, in a passage."""
     return Counter(LANDING if kind.startswith(LANDING) else kind for kind in order
                    if kind.endswith(_CONTACT) or kind.startswith(LANDING))
 
 
 def change_in_words(before: EventOrder, after: EventOrder) -> str:
-    """What is different, such as ``stick appears, slip_forward appears`` or ``other order of landing, stick``."""
+    """Change of an order as text, such as ``stick vanishes, landing appears`` or ``other order of landing, stick``."""
     gained, lost = Counter(after) - Counter(before), Counter(before) - Counter(after)
     words = [f"{kind} {what}" for counted, what in ((lost, "vanishes"), (gained, "appears"))
              for kind in sorted(counted) if not kind.endswith(_ENDS) or len(lost) + len(gained) == 1]
@@ -184,7 +186,7 @@ def change_in_words(before: EventOrder, after: EventOrder) -> str:
 
 
 def _misses(turn_map: TurnMap, state: np.ndarray, times: np.ndarray, contacts: np.ndarray) -> tuple[Miss, ...]:
-    """`Passage.misses`, among samples at `times` [s]."""
+    """`Passage.misses`, found in samples at `times` [s]."""
     device, found = Simulator(turn_map.scene), list[Miss]()
     turn_map.put(device, state)
     run = device.sample(times)
@@ -200,7 +202,7 @@ def _misses(turn_map: TurnMap, state: np.ndarray, times: np.ndarray, contacts: n
 
 
 def _nearest(turn_map: TurnMap, state: np.ndarray, misses: tuple[Miss, ...]) -> float:
-    """`Passage.miss`, exact where a sample is near."""
+    """`Passage.miss`: the least distance of all misses [crank radii], computed exactly where a sample is near."""
     near = _NEAR * turn_map.length
     least = min((least_gap(turn_map, state, miss) if miss.gap < near else miss.gap for miss in misses), default=np.inf)
     return least / turn_map.length

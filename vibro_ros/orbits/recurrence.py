@@ -1,20 +1,20 @@
-"""Which motion a start settles to, told by recurrence: the states at the cut come back.
+"""Settled motion of a start, identified by recurrence: its states at the cut come back to earlier states.
 
-A motion that repeats itself after p turns is told by p and its p states, because a start comes as close to them as
-rounding lets it. Any other motion, quasi-periodic or chaotic, is told by a cloud of its states. A start has settled to
-it when the turns just gone have the same cloud as the turns before; two starts have the same motion when half of the
-states of the one are near the cloud of the other.
+A motion that repeats itself after p turns is identified by p and its p states, which a start approaches to rounding.
+Any other motion, quasi-periodic or chaotic, is identified by a cloud of its states. A start has settled to it when the
+last turns have the same cloud as the turns before; two starts have the same motion when half of the states of the one
+are near the cloud of the other.
 
-A dc motor's controller takes its samples at instants of its own. So even a motion that is in step with the crank comes
-back only as closely as the sample's place in a turn lets it: its states at the cut, over all places, are a short curve.
-There a start has settled when the states of each turn of the period, over the second half of all turns, lie within
-`JITTER` of each other and do not drift. Two motions, or a period and its double, that are closer than that are not told
-apart.
+The controller of a dc motor samples at instants that are not in step with the turns. So even a motion in step with the
+crank repeats only as closely as the position of the cut between two samples allows: its states at the cut form a short
+curve. There a start has settled when the states of each turn of the period, over the second half of all turns, lie
+within `JITTER` of each other and do not drift. Two motions, or a period and its double, that are closer than `JITTER`
+are not distinguished.
 
-The idea, that a motion is known as soon as its states come back to where it has been, is that of G. Datseris and
-A. Wagemakers, Effortless estimation of basins of attraction, Chaos 32 (2022) 023104. They divide the state space into
-cells and share what was visited among all starts. Here each start is judged for itself, so that it has the same motion
-whatever was computed before, on however many processes; and there are no cells, whose size would decide.
+The idea that a motion is identified as soon as its states come back is that of G. Datseris and A. Wagemakers,
+Effortless estimation of basins of attraction, Chaos 32 (2022) 023104. They divide the state space into cells and share
+the visited cells among all starts. Here each start is judged by itself, so that its motion does not depend on earlier
+starts or on the number of processes; and there are no cells, whose size would affect the result.
 """
 
 from collections.abc import Sequence
@@ -33,48 +33,49 @@ LONGEST_PERIOD = 64
 WATCHED = 8192
 """Turns for which `long_cycle` watches a motion; it finds periods up to a quarter of these."""
 FIRST_TURNS, MOST_TURNS = 64, 4096
-"""Turns after which a start is judged for the first time, and after which it is given up."""
+"""Turns after which a start is judged for the first time, and after which it counts as not settled."""
 CLOSE = 1e-6
-"""How far from its motion a periodic start that has settled still is, in units of the machine, as its approach says."""
+"""Largest remaining distance of a settled periodic start from its motion, in units of the machine, extrapolated from
+its approach."""
 SAME = 1e-5
-"""How far apart the states of the same periodic motion may be, in units of the machine."""
+"""Largest distance between states of the same periodic motion, in units of the machine."""
 JITTER = 5e-3
-"""The same of a dc motor with a controller, whose samples are in no step with the turns; `machine`, at 1000 samples a
-second, comes back within 2e-3, and motions of it without a period within 0.4."""
+"""The same for a dc motor with a controller, whose samples are not in step with the turns. Periodic motions of
+`machine`, at 1000 samples a second, come back within 2e-3, its motions without a period within 0.4."""
 LEAST_WATCHED = 2 * LONGEST_PERIOD
-"""Cuts at least of a motion without a period that `motion_of` tells."""
+"""Fewest cuts from which `motion_of` identifies a motion without a period."""
 CLOUD = 256
-"""States that tell a motion which is not periodic; and turns of which its clouds are made, at least."""
-_ROUNDING = 1e-9  # in units of the machine: fifty times that with which a motion of many turns comes back by rounding
+"""Number of states that identify a motion without a period, and least number of turns in each of its clouds."""
+_ROUNDING = 1e-9  # in units of the machine: fifty times the rounding error after a motion's period of many turns
 _DRIFT = 0.25  # of the jitter, between the means of two quarters: what is left of an approach is a few times as much
-_STANDS = 0.8  # a motion still settles whose returns shrink from quarter to quarter to less than this share
-# How near half of the states of a motion are to a cloud of it, in distances between neighbours of that cloud, and in
-# extents of the cloud; the first fails where the cloud lingers near a point, the second where it is thin.
+_STANDS = 0.8  # a motion whose returns shrink from quarter to quarter to less than this share is still settling
+# Largest median distance of a motion's states from a cloud of the same motion: in distances between neighbours of the
+# cloud, or in extents of the cloud. The first fails where the cloud lingers near a point, the second where it is thin.
 _NEIGHBOURS, _EXTENT = 3.0, 0.05
-_NO_EXTENT = 1e-3  # in units of the machine, at least, because a coordinate may be held
+_NO_EXTENT = 1e-3  # least extent of a coordinate, in units of the machine, because it may be held
 
 
 class NotSettledError(RuntimeError):
-    """A start whose motion still changes; the message says after how many turns."""
+    """The motion of a start still changes; the message says after how many turns."""
 
 
 @dataclass(frozen=True)
 class SettledMotion:
-    """What a start has settled to.
+    """Motion that a start has settled to.
 
     Attributes
     ----------
     turns : int
         Turns of the crank after which the motion repeats itself; 0 where it has no period up to `LONGEST_PERIOD`.
     states : ndarray, shape (m, n)
-        States at successive cuts, in units of the machine: one period, or `CLOUD` states of a motion without one. The
-        last one is the device's present state.
+        States at successive cuts, in units of the machine: one period, or `CLOUD` states of a motion without a period.
+        The last state is the device's present one.
     mean_speed : float
-        Of the body [m/s], forwards positive: over one period, or over the second half of all turns.
+        Mean speed of the body [m/s], forwards positive: over one period, or over the second half of all turns.
     after : int
-        Turns of the crank that the start was watched for.
+        Turns of the crank during which the start was observed.
     tolerance : float
-        How far apart states of the same motion may be, in units of the machine: `SAME`, or twice `JITTER`.
+        Largest distance between states of the same motion, in units of the machine: `SAME`, or twice `JITTER`.
     """
 
     turns: int
@@ -84,7 +85,7 @@ class SettledMotion:
     tolerance: float = SAME
 
     def is_same(self, other: "SettledMotion") -> bool:
-        """Whether two starts have settled to the same motion; of one turn map."""
+        """Whether two starts have settled to the same motion; both must have been observed with one turn map."""
         if self.turns != other.turns:
             return False
         if self.turns:
@@ -97,15 +98,15 @@ class SettledMotion:
 
 
 def settle(stroboscope: Stroboscope, first: int = FIRST_TURNS, most: int = MOST_TURNS) -> SettledMotion | None:
-    """The motion that a device settles to which has begun.
+    """Advance a device until it has settled, and return its motion.
 
     Parameters
     ----------
     stroboscope : Stroboscope
-        At a cut; it goes on.
+        The device, at a cut; it is advanced.
     first, most : int
-        Turns after which the motion is looked at for the first time, at least 8; then after twice as many and so on, up
-        to `most`.
+        Turns after which the motion is judged for the first time, at least 8; then after twice as many, and so on up to
+        `most`.
 
     Returns
     -------
@@ -119,16 +120,16 @@ def settle(stroboscope: Stroboscope, first: int = FIRST_TURNS, most: int = MOST_
 
     Notes
     -----
-    A periodic start has settled when what is left of its approach, summed up as a geometric series from the last two
-    quarters of all turns, is below `CLOSE`; with a controller that takes samples see above. Chaos that lasts long and
-    then ends cannot be told from chaos that stays.
+    A periodic start has settled when the rest of its approach, extrapolated as a geometric series from the last two
+    quarters of all turns, is below `CLOSE`; for a controller that takes samples see the module's docstring. Transient
+    chaos that lasts long cannot be distinguished from chaos that stays.
     """
     scene, seen = stroboscope.turn_map.scene, stroboscope.turns(first)
     while True:
         turns = period_in(seen.states, scene)
         if turns or (len(seen.states) >= 4 * CLOUD and _is_stationary(seen.states)):
             over = turns or len(seen.states) // 2
-            if turns and has_sampled_controller(scene):  # a mean over all places of a sample
+            if turns and has_sampled_controller(scene):  # average over many positions of the cut between two samples
                 over = turns * (len(seen.states) // (2 * turns))
             gone, lasted = (float(one[-1] - one[-1 - over]) for one in (seen.positions, seen.times))
             return SettledMotion(turns, seen.states[-(turns or CLOUD):].copy(), gone / lasted, len(seen.states),
@@ -141,16 +142,16 @@ def settle(stroboscope: Stroboscope, first: int = FIRST_TURNS, most: int = MOST_
 
 
 def motion_of(states: np.ndarray, mean_speed: float, scene: Scene) -> SettledMotion | None:
-    """The motion that a start has settled to which was watched for a fixed time; None if it still changes.
+    """Identify the motion of a start that was observed for a fixed time; None if it still changes.
 
     Parameters
     ----------
     states : ndarray, shape (cuts, n)
-        At successive cuts, in units of the machine; without a period from `LEAST_WATCHED` cuts on.
+        States at successive cuts, in units of the machine. A motion without a period needs `LEAST_WATCHED` cuts.
     mean_speed : float
-        Of the body [m/s].
+        Mean speed of the body [m/s].
     scene : Scene
-        Of the device.
+        The device's scene.
     """
     turns = period_in(states, scene)
     if not turns and (len(states) < LEAST_WATCHED or not _is_stationary(states)):
@@ -159,25 +160,24 @@ def motion_of(states: np.ndarray, mean_speed: float, scene: Scene) -> SettledMot
 
 
 def period_in(states: np.ndarray, scene: Scene) -> int:
-    """Least number of turns after which settled states at successive cuts, shape (cuts, n), repeat themselves; 0 where
-    they do not, or not yet."""
+    """Period [turns] of states at successive cuts, shape (cuts, n); 0 if they have no period or have not settled."""
     return _period_within_jitter(states) if has_sampled_controller(scene) else period_of(states)
 
 
 def tolerance_of(scene: Scene) -> float:
-    """How far apart states of the same motion may be, in units of the machine."""
+    """Largest distance between states of the same motion of a scene, in units of the machine."""
     return 2.0 * JITTER if has_sampled_controller(scene) else SAME
 
 
 def settled_motion(scene: Scene, **start: float) -> SettledMotion:
-    """The motion that a scene settles to from a start of your choice, at `motor.speed`.
+    """Return the motion that a scene settles to at `motor.speed` from a start of your choice.
 
     Parameters
     ----------
     scene : Scene
-        Its motor turns at `motor.speed`, or has `motor.voltage`, all the time.
+        Its motor has a constant `motor.speed` or `motor.voltage`.
     start : float
-        What differs from the scene's own start: names and SI units [m, m/s, rad] of `Simulator.set_state`.
+        Changes of the scene's own start: names and SI units [m, m/s, rad] of `Simulator.set_state`.
 
     Returns
     -------
@@ -187,9 +187,9 @@ def settled_motion(scene: Scene, **start: float) -> SettledMotion:
     Raises
     ------
     ValueError
-        For a start that cannot be, or a crank that stands.
+        For a start that is not possible, or a crank that stands.
     NotSettledError
-        When nothing has settled within `MOST_TURNS` turns.
+        When the motion has not settled within `MOST_TURNS` turns.
     SimulationError
         If the run cannot go on.
 
@@ -211,23 +211,23 @@ def settled_motion(scene: Scene, **start: float) -> SettledMotion:
 
 
 def command_in_words(scene: Scene) -> str:
-    """The speed that its motor is asked for, or the voltage, with the unit."""
+    """Commanded motor speed or voltage of a scene, with its unit, as text."""
     name = scene.motor_command.replace("_", ".")
     return f"{scene[name]:g} {BY_NAME[name].unit}"
 
 
 def number_among(motion: SettledMotion, known: Sequence[SettledMotion]) -> int | None:
-    """Place of the first of `known` motions that is the same as `motion`; None without one."""
+    """Index of the first of the `known` motions that is the same as `motion`; None if there is none."""
     return next((number for number, other in enumerate(known) if motion.is_same(other)), None)
 
 
 def long_cycle(stroboscope: Stroboscope) -> np.ndarray | None:
-    """States of one period of a motion that takes longer than `LONGEST_PERIOD` to repeat itself, shape (turns, n).
+    """States of one period of a motion whose period is longer than `LONGEST_PERIOD`, shape (turns, n).
 
     Parameters
     ----------
     stroboscope : Stroboscope
-        At a cut of the motion; it goes on.
+        The device, at a cut of the motion; it is advanced.
 
     Returns
     -------
@@ -240,14 +240,14 @@ def long_cycle(stroboscope: Stroboscope) -> np.ndarray | None:
 
 
 def period_of(states: np.ndarray, longest: int = LONGEST_PERIOD) -> int:
-    """Least number of turns after which settled states repeat themselves; 0 where they do not, or not yet.
+    """Least number of turns after which states repeat themselves; 0 if they have no period or have not settled.
 
     Parameters
     ----------
     states : ndarray, shape (cuts, n)
-        At successive cuts, in units of the machine.
+        States at successive cuts, in units of the machine.
     longest : int
-        Longest period that is looked for [turns]; never longer than a quarter of the states.
+        Longest period that is tried [turns]; never longer than a quarter of the states.
     """
     quarter = len(states) // 4
     for turns in range(1, min(longest, quarter) + 1):
@@ -259,8 +259,11 @@ def period_of(states: np.ndarray, longest: int = LONGEST_PERIOD) -> int:
 
 
 def _period_within_jitter(states: np.ndarray) -> int:
-    """Least number of turns after which states that have settled come back within `JITTER`; 0 where they do not, or not
-    yet: the means of the last two quarters still differ, or the states approach a motion of a shorter period."""
+    """Least number of turns after which states come back within `JITTER`; 0 without such a period or if not settled.
+
+    States have not settled if the means of the last two quarters differ, or if they approach a motion of a shorter
+    period.
+    """
     quarter = len(states) // 4
     for turns in range(1, min(LONGEST_PERIOD, quarter // 4) + 1):
         turn_by_turn = [states[-2 * quarter + first::turns] for first in range(turns)]
@@ -275,12 +278,12 @@ def _period_within_jitter(states: np.ndarray) -> int:
 
 
 class Cloud:
-    """States of a motion that does not repeat itself, and what is near them.
+    """States of a motion without a period, with a test whether other states are near them.
 
     Parameters
     ----------
     states : ndarray, shape (k, n)
-        At cuts, in units of the machine.
+        States at cuts, in units of the machine.
     """
 
     def __init__(self, states: np.ndarray):
@@ -290,12 +293,13 @@ class Cloud:
         self._reach = max(_EXTENT, _NEIGHBOURS * neighbours)
 
     def holds(self, states: np.ndarray) -> np.ndarray:
-        """Whether `states` of other starts, shape (..., m, n), are of the same motion: half of them are near."""
+        """Whether `states` of other starts, shape (..., m, n), belong to the same motion: half of them are near."""
         return np.median(self._tree.query(states / self._extent)[0], axis=-1) <= self._reach
 
 
 def _returns(states: np.ndarray, turns: int) -> tuple[float, float]:
-    """Largest distances between states `turns` apart: in the last quarter of all cuts, and in the quarter before."""
+    """Largest difference between states `turns` turns apart, in the last quarter of all cuts and in the quarter before.
+    """
     quarter = len(states) // 4
     now = np.abs(states[-quarter:] - states[-quarter - turns:-turns]).max()
     before = np.abs(states[-2 * quarter:-quarter] - states[-2 * quarter - turns:-quarter - turns]).max()
@@ -303,7 +307,7 @@ def _returns(states: np.ndarray, turns: int) -> tuple[float, float]:
 
 
 def _is_stationary(states: np.ndarray) -> bool:
-    """Whether the motion no longer approaches another one: its returns do not shrink, and its cloud stays."""
+    """Whether a motion without a period has settled: its smallest returns do not shrink, and its cloud stays."""
     now, before = min((_returns(states, turns) for turns in range(1, LONGEST_PERIOD + 1)), key=lambda pair: pair[0])
     quarter = len(states) // 4
     return now > _STANDS * before and bool(Cloud(states[-2 * quarter:-quarter]).holds(states[-quarter:]))

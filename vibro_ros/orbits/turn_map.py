@@ -1,27 +1,28 @@
-"""The turn map: the state of a device one or more turns of its crank after a given one; where to cut it; many turns.
+"""The turn map: the state of a device one or more turns of its crank after a given state; the choice of its cut.
 
-The map is cut at a phase of the crank. The state there is made of the masses' positions and velocities and the body's
-velocity, in a scene whose body hops of its height and vertical velocity too. The body's place along the ground is none
-of it, because nothing depends on it; how far a turn moves the body comes beside the state. The motor is steady.
+The cut is a phase of the crank. The state at the cut has the masses' positions and velocities and the body's velocity;
+in a scene whose body hops also its height and vertical velocity. The body's position along the ground is not part of
+the state, because nothing depends on it; the distance that a turn moves the body is returned beside the state. The
+motor's command is constant.
 
-A motor that is given in time turns the crank at its speed: a turn takes 2 pi / speed, and the map is a stroboscopic
-one. The crank of a dc motor is a coordinate:
+A motor whose speed is a given function of time turns the crank once in 2 pi / speed: the map is a stroboscopic map. The
+crank of a dc motor is a coordinate:
 
-- At a given voltage nothing depends on time, and the map is that of a section, in the sense of Poincare: the crank gets
-  to the phase from below. The state has the crank's speed, and the current of a winding with inductance; how long a
-  turn takes follows from it, and the multiplier 1 of a shift in time is none of the map's.
-- A controller takes samples at instants of its own, with which no turn is in step. So its motions repeat themselves
-  only as closely as they are seen at other instants between two samples. The state has the controller's integral; each
-  start begins with a sample. Such a device can be watched, turn after turn; that state alone has no derivative which
-  would tell how a disturbance grows, and no orbit closes.
+- At a given voltage nothing depends on time, and the map is a Poincare map: the crank reaches the phase from below. The
+  state includes the crank's speed, and the current of a winding with inductance. The duration of a turn follows from
+  the state. The multiplier 1 of a shift in time does not occur.
+- A controller samples the speed at instants that are not in step with the turns. So its motions repeat only as closely
+  as the position of the cut between two samples allows. The state includes the controller's integral; each start begins
+  with a sample. Such a device can be observed turn after turn, but this state alone has no derivative that would give
+  the growth of a disturbance, and no orbit closes.
 
-States are counted in units of the machine, so that no coordinate outweighs another: lengths in `crank.radius` l,
-velocities in l omega; the speed of a dc motor's crank in omega, its current and integral in what holds K omega, the
-voltage that the crank induces at that speed. omega is `motor.speed`, or at a given voltage the speed without load.
-Whatever lets a device run raises a SimulationError if the run cannot go on.
+States are in units of the machine, so that no coordinate outweighs another: lengths in `crank.radius` l, velocities in
+l omega; the speed of a dc motor's crank in omega, its current and the controller's integral in the value that balances
+K omega, the voltage that the crank induces at that speed. omega is `motor.speed`, or at a given voltage the speed
+without load. Every function that advances a device raises a SimulationError if the run cannot go on.
 
-A good cut is a phase of the crank where nothing touches and nothing happens. A cut that lies within a contact, or at an
-instant where the friction changes, makes the map rough: two states that are close could be in different modes there.
+A good cut is a phase of the crank without contacts and events. A cut within a contact, or at an instant where the
+friction changes, makes the map non-smooth: two states that are close could be in different modes there.
 """
 
 import math
@@ -38,27 +39,27 @@ from vibro_ros.simulation.simulator import Simulator
 
 TURN = 2.0 * math.pi
 SEEN = 64
-"""Turns that are looked at for a cut."""
+"""Turns whose events decide where the cut lies."""
 SETTLED = 200
-"""Turns that a scene is given to settle, from its own start, before they are looked at."""
+"""Turns from the scene's own start that are left for settling before the cut is chosen."""
 CELLS = 4096
-"""Parts of a turn in which events are told apart."""
+"""Equal parts of a turn that are marked as free of events or not."""
 _CONTACT = "_contact"
-_LONGEST_TURN = 64.0  # turns without load: a crank that takes longer for one stands
+_LONGEST_TURN = 64.0  # turns without load: a crank that needs longer for one turn is taken to stand
 _SEEN_IN_TURN = 256  # instants of a turn, between which the angle of an event is interpolated
 
 
 class TurnEnd(NamedTuple):
-    """Where a turn leads.
+    """Result of the turn map.
 
     Attributes
     ----------
     state : ndarray, shape (n,)
-        In units of the machine.
+        State at the cut after the turns, in units of the machine.
     advance : float
-        How far the body has moved [m], forwards positive.
+        Distance that the body has moved [m], forwards positive.
     duration : float
-        How long that has taken [s].
+        Time that the turns have taken [s].
     """
 
     state: np.ndarray
@@ -72,8 +73,8 @@ class TurnMap:
     Parameters
     ----------
     scene : Scene
-        Its crank turns, at `motor.speed` or by `motor.voltage`, which is held. A crank that turns backwards moves the
-        robot in another way.
+        Its crank turns, at `motor.speed` or by a constant `motor.voltage`. The crank may turn backwards at a given
+        speed; the robot then moves differently.
     phase : float
         Crank angle [rad] at the cut, from 0 to 2 pi.
 
@@ -84,17 +85,17 @@ class TurnMap:
     names : tuple of str
         Names of the state's coordinates, fields of `Samples`, and `controller_integral`.
     units : ndarray, shape (n,)
-        What 1 is of each coordinate [m, m/s, rad/s, A or V].
+        Unit of each coordinate [m, m/s, rad/s, A or V].
     period : float
-        Time of a turn [s]; of a dc motor that of a turn at the unit of speed.
+        Time of a turn [s]; with a dc motor the time of a turn at the unit of speed.
     device : Simulator
-        Of the scene; each call puts it into another state.
+        Simulator of the scene; each call puts it into another state.
 
     Raises
     ------
     ValueError
-        For a crank that does not turn, a dc motor that turns it backwards, or a dc motor by a method of fixed step,
-        which has no instant of the cut.
+        For a crank that does not turn, a dc motor that turns it backwards, or a dc motor with a solver of fixed step,
+        which does not locate the instant of the cut.
     """
 
     def __init__(self, scene: Scene, phase: float = 0.0):
@@ -107,13 +108,13 @@ class TurnMap:
         self._start = self.device.checkpoint()
 
     def __call__(self, state: np.ndarray, turns: int = 1) -> TurnEnd:
-        """Where `turns` turns lead from `state`, shape (n,) (ValueError for a state that cannot be)."""
+        """Return the end of `turns` turns from `state`, shape (n,) (ValueError for a state that is not possible)."""
         self.put(self.device, state)
         self.advance(self.device, turns)
         return TurnEnd(self.read_device(self.device), self.device.state.body_position, self.device.time)
 
     def put(self, device: Simulator, state: np.ndarray) -> None:
-        """Put a device of the scene at its time 0 into a state at the cut, the body at 0."""
+        """Put a device of the scene into a state at the cut, at time 0 and body position 0."""
         given = dict(zip(self.names, (state * self.units).tolist(), strict=True))
         if not given.get("motor_speed", 1.0) > 0.0:
             raise ValueError(f"motor_speed: {given['motor_speed']:g} rad/s does not pass the cut; give a speed above 0")
@@ -121,7 +122,7 @@ class TurnMap:
         device.set_state(crank_angle=self.phase, body_position=0.0, **given)
 
     def advance(self, device: Simulator, turns: int, phase: float | None = None) -> None:
-        """Advance a device that was put at the cut over `turns` turns, and to another `phase` [rad] after it."""
+        """Advance a device that was put at the cut over `turns` turns, and on to another `phase` [rad] if given."""
         phase = self.phase if phase is None else phase
         if self.scene.has_rotor:
             advance_to_cut(device, turns + (phase < self.phase), phase)
@@ -129,15 +130,15 @@ class TurnMap:
             device.advance_to((turns + share_of_turn(self.scene, self.phase, phase)) * self.period)
 
     def read_device(self, device: Simulator) -> np.ndarray:
-        """The state of a device, shape (n,)."""
+        """State of a device, in units of the machine, shape (n,)."""
         return self.read(device.state, device.controller_integral)
 
     def read(self, sample: Samples[float], integral: float = 0.0) -> np.ndarray:
-        """The state of a sample, with the integral of a controller [V or A], shape (n,)."""
+        """State of a sample and of the controller's integral [V or A], in units of the machine, shape (n,)."""
         return np.array([integral if name == INTEGRAL else getattr(sample, name) for name in self.names]) / self.units
 
     def cuts(self, device: Simulator, count: int) -> "Cuts":
-        """The next `count` cuts of a device, wherever it is; it stands at the last one."""
+        """Advance a device from any crank angle over the next `count` cuts, and return them."""
         if self.scene.has_rotor:
             first = math.ceil((device.state.crank_angle - self.phase) / TURN)
             return self.cuts_at_turns(device, range(first, first + count))
@@ -145,7 +146,7 @@ class TurnMap:
         return self.cuts_at_times(device, device.time + (ahead + np.arange(count)) * self.period)
 
     def cuts_at_turns(self, device: Simulator, turns: Sequence[int]) -> "Cuts":
-        """The cuts of a dc motor's crank after so many turns each."""
+        """Advance a device with a dc motor to the cut of each of `turns`, ascending, and return these cuts."""
         states, positions, times = np.empty((len(turns), len(self.names))), np.empty(len(turns)), np.empty(len(turns))
         for number, turn in enumerate(turns):
             advance_to_cut(device, turn, self.phase)
@@ -154,14 +155,17 @@ class TurnMap:
         return Cuts(states, positions, times)
 
     def cuts_at_times(self, device: Simulator, times: np.ndarray) -> "Cuts":
-        """The cuts at `times` [s], ascending, of a motor that is given in time."""
+        """Advance a device whose motor's speed is given to the cuts at `times` [s], ascending, and return them."""
         samples = device.sample(times)
         states = np.column_stack([getattr(samples, name) for name in self.names]) / self.units
         return Cuts(states, samples.body_position, times)
 
     def shares(self, state: np.ndarray, times: np.ndarray, durations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """How many turns the crank has turned since a state at the cut, at each of `times` [s] after it, and over the
-        `durations` [s] that begin there."""
+        """Convert times after a state at the cut to turns of the crank.
+
+        Returns the turns until each of `times` [s] after the cut, and the turns during the `durations` [s] that begin
+        there.
+        """
         if not self.scene.has_rotor:
             return times / self.period, durations / self.period
         self.put(self.device, state)
@@ -172,29 +176,32 @@ class TurnMap:
         return begins, ends - begins
 
     def turn_time(self, state: np.ndarray, turns: int) -> float:
-        """Mean time [s] of the turns that follow a state at the cut."""
+        """Mean time of a turn [s] over the `turns` turns that follow a state at the cut."""
         return self(state, turns).duration / turns if self.scene.has_rotor else self.period
 
     @property
     def length(self) -> float:
-        """What 1 is of a position [m]."""
+        """Unit of positions [m]."""
         return float(self.units[[name.endswith(("position", "height")) for name in self.names]].max(initial=0.0)
                      or _length(self.scene))
 
     @property
     def velocity(self) -> float:
-        """What 1 is of a velocity [m/s]."""
+        """Unit of velocities [m/s]."""
         return float(self.units[[name.endswith("velocity") for name in self.names]].max(initial=0.0)
                      or _length(self.scene) * crank_speed(self.scene))
 
     def sample(self, state: np.ndarray) -> Samples[float]:
-        """All quantities of a device in a state at the cut, the body at 0."""
+        """All quantities of a device in a state at the cut, with the body at position 0."""
         self.put(self.device, state)
         return self.device.state
 
     def held(self, state: np.ndarray) -> np.ndarray:
-        """Which coordinates something holds in `state`, shape (n,) of bool: friction a body that stands, the ground a
-        body that does not hop, a rigid plate a mass. A disturbance of these is gone at once."""
+        """Coordinates that are constrained in `state`, shape (n,) of bool.
+
+        Friction holds a body that stands, the ground a body that does not hop, a rigid plate a mass that rests on it. A
+        disturbance of these coordinates vanishes at once.
+        """
         sample, held = self.sample(state), dict.fromkeys(self.names, False)
         if sample.body_velocity == 0.0 and not sample.body_height:
             held["body_velocity"] = True
@@ -208,8 +215,7 @@ class TurnMap:
 
 
 def at_cut(here: TurnMap, state: np.ndarray, there: TurnMap) -> np.ndarray:
-    """The state at the next cut of another turn map of the scene to which a state at the cut `here` leads, shape (n,).
-    """
+    """Advance a state from the cut of the turn map `here` to the next cut of `there`, another map; shape (n,)."""
     here.put(here.device, state)
     here.advance(here.device, 0, there.phase)
     return there.read_device(here.device)
@@ -219,17 +225,17 @@ INTEGRAL = "controller_integral"
 
 
 def direction(scene: Scene) -> float:
-    """1, or -1 where the crank turns backwards; a dc motor's turns forwards, or has no turn map."""
+    """Sign of the crank's speed: 1, or -1 for backwards. A dc motor's is 1, because no turn map has it backwards."""
     return 1.0 if scene.has_rotor else math.copysign(1.0, scene["motor.speed"])
 
 
 def share_of_turn(scene: Scene, here: float, there: float) -> float:
-    """Part of a turn, from 0 to 1, that takes the crank from the angle `here` to the next `there` [rad]."""
+    """Part of a turn, from 0 to 1, from the crank angle `here` to the next passage of the angle `there` [rad]."""
     return direction(scene) * (there - here) % TURN / TURN
 
 
 def state_names(scene: Scene) -> tuple[str, ...]:
-    """Names that make up a state at the cut: fields of `Samples`, and `INTEGRAL` with a controller."""
+    """Names of the coordinates of a state at the cut: fields of `Samples`, and `INTEGRAL` with a controller."""
     check_scene(scene)
     masses = [f"{side}_{what}" for side in scene.guides for what in ("position", "velocity")]
     return (*masses, *["body_velocity"] * scene.body_moves,
@@ -238,7 +244,7 @@ def state_names(scene: Scene) -> tuple[str, ...]:
 
 
 def crank_speed(scene: Scene) -> float:
-    """Speed [rad/s] at which a motor turns its crank, above 0: `motor.speed`, or what a voltage gives without load.
+    """Magnitude of the crank's speed [rad/s], above 0: of `motor.speed`, or at a given voltage the speed without load.
 
     Raises
     ------
@@ -265,7 +271,7 @@ def crank_speed(scene: Scene) -> float:
 
 
 def units_of(scene: Scene) -> np.ndarray:
-    """What 1 is of each coordinate [m, m/s, rad/s, A or V], shape (n,)."""
+    """Unit of each coordinate of a state [m, m/s, rad/s, A or V], shape (n,)."""
     speed = crank_speed(scene)
     induced = scene.motor_constant * speed if scene.has_rotor else 0.0
     volts = scene["motor.control"] == "speed_by_voltage"
@@ -276,12 +282,12 @@ def units_of(scene: Scene) -> np.ndarray:
 
 
 def has_sampled_controller(scene: Scene) -> bool:
-    """Whether a controller takes samples of the crank's speed, with which no turn is in step."""
+    """Whether a controller samples the crank's speed, at instants that are not in step with the turns."""
     return INTEGRAL in state_names(scene)
 
 
 def check_closes(scene: Scene) -> None:
-    """Refuse a scene none of whose motions closes on itself (ValueError)."""
+    """Raise a ValueError for a scene that has no periodic orbits, because its controller takes samples."""
     if has_sampled_controller(scene):
         raise ValueError(
             f"motor.control: {scene['motor.control']} takes samples {scene['motor.control_rate']:g} times a second, "
@@ -294,12 +300,12 @@ def _length(scene: Scene) -> float:
 
 
 def advance_to_cut(device: Simulator, turn: int, phase: float) -> None:
-    """Advance a device with a dc motor to where its crank stands at `phase` [rad] after so many turns.
+    """Advance a device with a dc motor until its crank angle is `turn` full turns plus `phase` [rad].
 
     Raises
     ------
     SimulationError
-        For a crank that does not get there.
+        For a crank that does not reach this angle within 64 turns' time without load.
     """
     longest = _LONGEST_TURN * TURN / crank_speed(device.scene)
     if not device.advance_to_angle(turn, phase, min(device.time + longest, LATEST)):
@@ -309,7 +315,7 @@ def advance_to_cut(device: Simulator, turn: int, phase: float) -> None:
 
 
 def turn_round(device: Simulator, turns: int) -> None:
-    """Advance a device to where its crank has turned so often since the start, if it is not there yet."""
+    """Advance a device until its crank has made `turns` turns since the start, if it has made fewer."""
     if not device.scene.has_rotor:
         device.advance_to(max(device.time, turns * TURN / crank_speed(device.scene)))
     elif device.state.crank_angle < turns * TURN:
@@ -318,14 +324,14 @@ def turn_round(device: Simulator, turns: int) -> None:
 
 
 class Cuts(NamedTuple):
-    """A device at successive cuts.
+    """States of a device at successive cuts.
 
     Attributes
     ----------
     states : ndarray, shape (cuts, n)
-        In units of the machine, as `TurnMap` has them.
+        States in units of the machine, with the coordinates of `TurnMap`.
     positions : ndarray, shape (cuts,)
-        Of the body along the ground [m], forwards positive.
+        Positions of the body along the ground [m], forwards positive.
     times : ndarray, shape (cuts,)
         Instants [s].
     """
@@ -336,10 +342,10 @@ class Cuts(NamedTuple):
 
 
 class Stroboscope:
-    """A device of a turn map's scene that runs on, seen once a turn.
+    """A running device whose state is observed once a turn, at the cut.
 
-    `TurnMap` puts a device into a state for every turn, which costs as much as twenty turns. A stroboscope puts the
-    device once and lets it run on.
+    A call of `TurnMap` sets the device's state, which costs as much as twenty turns. A stroboscope sets the state once
+    and lets the device run on.
 
     Parameters
     ----------
@@ -349,7 +355,7 @@ class Stroboscope:
     Raises
     ------
     ValueError
-        For a scene in which nothing moves but the crank.
+        For a scene in which only the crank moves.
     """
 
     def __init__(self, turn_map: TurnMap):
@@ -359,19 +365,19 @@ class Stroboscope:
         self.turn_map = turn_map
         self._device = Simulator(turn_map.scene)
         self._start = self._device.checkpoint()
-        self._cut = 0.0  # s, the last cut ...
-        self._turns = 0  # ... and of a dc motor's crank the turns before it
+        self._cut = 0.0  # s, instant of the last cut ...
+        self._turns = 0  # ... and, with a dc motor, the crank's turns until then
 
     def begin(self, state: np.ndarray) -> None:
-        """Begin at the cut, in a state of shape (n,), the body at 0 (ValueError for a state that cannot be)."""
+        """Begin at the cut in `state`, shape (n,), the body at 0 (ValueError for a state that is not possible)."""
         self.turn_map.put(self._device, state)
         self._cut, self._turns = 0.0, 0
 
     def begin_as(self, **given: float) -> Cuts:
-        """Begin as the scene starts, but with what is `given`, and go on to the first cut.
+        """Begin with the scene's own start, changed by `given`, and advance to the first cut.
 
-        `given` is as `Simulator.set_state` takes it, in SI units (ValueError for a state that cannot be). The first cut
-        lies within the first turn, or is the start itself.
+        `given` has the arguments of `Simulator.set_state`, in SI units (ValueError for a state that is not possible).
+        The first cut lies within the first turn, or is the start itself.
         """
         self._device.restore(self._start)
         if given:
@@ -379,38 +385,38 @@ class Stroboscope:
         return self.begin_with(self._device)
 
     def begin_with(self, device: Simulator) -> Cuts:
-        """Go on with a device of the scene from wherever it is, its motor steady, to its first cut."""
+        """Take over a device of the scene at any crank angle, its motor steady, and advance it to its first cut."""
         self._device, phase, angle = device, self.turn_map.phase, device.state.crank_angle
         self._turns = math.ceil((angle - phase) / TURN) - 1
         self._cut = device.time + (share_of_turn(self.turn_map.scene, angle, phase) - 1.0) * self.turn_map.period
         return self.turns(1)
 
     def turns(self, count: int) -> Cuts:
-        """Go on over `count` turns; the cuts that follow the last one."""
+        """Advance over `count` turns, and return the cuts that follow the last one."""
         if self.turn_map.scene.has_rotor:
             cuts = self.turn_map.cuts_at_turns(self._device, range(self._turns + 1, self._turns + 1 + count))
         else:
             cuts = self.turn_map.cuts_at_times(self._device, self._cut + np.arange(1, count + 1) * self.turn_map.period)
-        self._device.take_events()  # or they would be kept
+        self._device.take_events()  # so that they do not accumulate
         self._cut, self._turns = float(cuts.times[-1]), self._turns + count
         return cuts
 
 
 def free_phase(scene: Scene, device: Simulator) -> tuple[float, float]:
-    """The phase farthest from all events of the coming `SEEN` turns, and the share of a turn that is free around it.
+    """Crank phase farthest from all events of the next `SEEN` turns, and the share of a turn around it without events.
 
     Parameters
     ----------
     scene : Scene
-        What the device simulates.
+        The device's scene.
     device : Simulator
-        It has settled; it is advanced by `SEEN` turns.
+        Device that has settled; it is advanced by `SEEN` turns.
 
     Returns
     -------
     float, float
-        Crank angle [rad], from 0 to 2 pi, and the share: 0 where every phase of the turn is within a contact, and the
-        phase is one that is within the fewest.
+        Crank angle [rad], from 0 to 2 pi, and the share. The share is 0 if no phase is free of events and contacts; the
+        phase is then one of those with the fewest.
     """
     device.take_events()
     if scene.has_rotor:
@@ -427,7 +433,8 @@ def free_phase(scene: Scene, device: Simulator) -> tuple[float, float]:
 
 
 def free_cut(scene: Scene) -> TurnMap:
-    """The turn map of a scene, cut where the motion from its own start is free (ValueError for a crank that stands)."""
+    """Turn map of a scene, cut where the motion from its own start has no events (ValueError for a crank that stands).
+    """
     TurnMap(scene)  # refuses a crank that stands
     device = Simulator(scene)
     turn_round(device, SETTLED)
@@ -439,8 +446,7 @@ def _of_contact(events: np.ndarray) -> np.ndarray:
 
 
 def _events_by_angle(device: Simulator) -> tuple[np.ndarray, np.ndarray]:
-    """Where in a turn each event of the coming `SEEN` turns or so begins, from 0 to 1, and for how much of turns it
-    lasts, of a dc motor's crank."""
+    """Phases of the events of about the next `SEEN` turns of a dc motor's crank, from 0 to 1, and durations [turns]."""
     turn = math.floor(device.state.crank_angle / TURN) + 1
     advance_to_cut(device, turn, 0.0)
     begin = device.time
@@ -455,12 +461,12 @@ def _events_by_angle(device: Simulator) -> tuple[np.ndarray, np.ndarray]:
 
 
 def events_in_cells(phase: np.ndarray, lasting: np.ndarray) -> np.ndarray:
-    """How many events fall on each of the `CELLS` of a turn, shape (CELLS,).
+    """Number of events in each of the `CELLS` of a turn, shape (CELLS,).
 
     Parameters
     ----------
     phase, lasting : ndarray, shape (events,)
-        Where in a turn an event begins, from 0 to 1, and for how much of turns it lasts; dimensionless.
+        Phase at which an event begins, from 0 to 1, and its duration in turns; dimensionless.
     """
     count = np.zeros(CELLS)
     for first, last in zip(phase * CELLS, (phase + np.minimum(lasting, 1.0)) * CELLS, strict=True):
@@ -469,10 +475,10 @@ def events_in_cells(phase: np.ndarray, lasting: np.ndarray) -> np.ndarray:
 
 
 def middle_of_longest(quiet: np.ndarray, free: bool) -> tuple[float, float]:
-    """Middle [rad] of the longest run of cells that are `quiet`, on the circle, and its share of the turn."""
+    """Middle [rad] of the longest run of `quiet` cells on the circle, and its share of the turn; 0 if not `free`."""
     if quiet.all():
         return 0.0, 1.0
-    start = int(np.flatnonzero(~quiet)[0])  # count from where a run cannot go on across
+    start = int(np.flatnonzero(~quiet)[0])  # count from a cell that is not quiet, so that no run wraps around
     turned = np.concatenate([[False], np.roll(quiet, -start), [False]])
     edges = np.flatnonzero(turned[1:] != turned[:-1]).reshape(-1, 2)
     first, last = edges[np.argmax(edges[:, 1] - edges[:, 0])]
