@@ -1,8 +1,8 @@
-"""The ROS arguments that rcl would refuse without a word that helps, or ignore.
+"""Checks of ROS arguments that rcl would ignore, or refuse with an unhelpful message.
 
 rcl answers a missing or malformed parameter file with an error of several lines, and skips a section for another node
-in silence: a misspelt node name leaves every parameter at its default. Names that remapping makes equal or too long
-show only when a topic is made.
+silently: a misspelt node name leaves every parameter at its default. Names that remapping makes equal or too long are
+found only when a topic is created.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -16,20 +16,20 @@ OVERRIDE = ("--param", "-p")
 REMAP = ("--remap", "-r")
 FILE = "--params-file"
 EXAMPLES = {**dict.fromkeys(OVERRIDE, "scene:=paper"), **dict.fromkeys(REMAP, "odom:=body/odom"), FILE: "robot.yaml"}
-"""What may follow each option of ROS."""
+"""Example of a value for each option of ROS."""
 TOPIC_LENGTH = 247
-"""Most characters of a topic's full name, in rcl and rmw."""
+"""Longest full name of a topic [characters] in rcl and rmw."""
 TAKEN = ("/diagnostics", "/clock", "/rosout", "/parameter_events")
-"""Topics that nodes use beside their own."""
+"""Topics that nodes share, which no other topic may be remapped to."""
 
 
 def own_arguments(words: Sequence[str]) -> list[str]:
-    """`words` without the parts that are for ROS: from each `--ros-args` to `--` or the end.
+    """Return `words` without the ROS arguments, which go from each `--ros-args` to `--` or the end.
 
     Raises
     ------
     ValueError
-        For an option of ROS that stands outside of them.
+        For an option of ROS outside of these parts.
     """
     own = [word for word, for_ros in _marked(words) if not for_ros and word != "--"]
     if stray := next((word for word in own if word in (*OVERRIDE, *REMAP, FILE)), None):
@@ -39,7 +39,7 @@ def own_arguments(words: Sequence[str]) -> list[str]:
 
 
 def check_arguments(words: Sequence[str]) -> tuple[Path, ...]:
-    """The parameter files among `words`, checked.
+    """Check the parameter files named in `words` and return their paths.
 
     Raises
     ------
@@ -53,19 +53,21 @@ def check_arguments(words: Sequence[str]) -> tuple[Path, ...]:
 
 
 def check_addressed(files: Sequence[Path], node: str) -> None:
-    """Refuse a parameter file without a section for `node`, a fully qualified name.
+    """Refuse parameter files without a section that applies to `node`, a fully qualified name.
 
     Raises
     ------
     ValueError
-        Naming the file, the nodes that it does address, and the remedy.
+        The message names the file, the nodes that it addresses, and the remedy.
     """
     for path in files:
         parameter_file.check_addressed(path, parameter_file.sections(path), node)
 
 
 def folder_of(name: str, words: Sequence[str], node: str) -> Path:
-    """Folder from which a relative path in the parameter `name` starts: of the file that gives it, else the current.
+    """Return the folder from which a relative path in the parameter `name` starts.
+
+    That is the folder of the file that sets the parameter, or the current folder if the command line sets it.
     """
     given: list[tuple[str, dict[str, Path]]] = []
     for flag, value in _pairs(words):
@@ -80,18 +82,18 @@ def folder_of(name: str, words: Sequence[str], node: str) -> Path:
 
 
 def check_names(node: Node, names: Iterable[str]) -> None:
-    """Refuse remapping that makes a full name too long, or one name of two topics.
+    """Refuse remappings that make a full name too long, or give two topics the same name.
 
     Raises
     ------
     ValueError
-        Naming the topics and the remedy.
+        The message names the topics and the remedy.
     """
     names_of: dict[str, str] = {}
     for name in names:
         try:
             topic = node.resolve_topic_name(name)
-        except RuntimeError:  # the names are good: rcl has refused bad rules and namespaces before
+        except RuntimeError:  # only the length can be wrong: rcl has refused bad rules and namespaces
             raise ValueError(f"{name}: its full name is too long; give a namespace or a remapping that leaves it at "
                              f"most {TOPIC_LENGTH} characters") from None
         if topic in TAKEN:
@@ -102,7 +104,7 @@ def check_names(node: Node, names: Iterable[str]) -> None:
 
 
 def _pairs(words: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """Each parameter file and override in the parts for ROS: the option, and the value that follows it."""
+    """Yield option and value of each parameter file and parameter override among the ROS arguments."""
     for_ros = iter([word for word, for_ros in _marked(words) if for_ros])
     for word in for_ros:
         if word in (*OVERRIDE, FILE):
@@ -110,7 +112,7 @@ def _pairs(words: Sequence[str]) -> Iterator[tuple[str, str]]:
 
 
 def _marked(words: Sequence[str]) -> Iterator[tuple[str, bool]]:
-    """Each word and whether it is for ROS."""
+    """Yield each word and whether it is a ROS argument."""
     for_ros = False
     for word in words:
         for_ros = (for_ros or word == "--ros-args") and word != "--"

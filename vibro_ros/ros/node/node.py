@@ -1,8 +1,8 @@
-"""A node that goes on, whatever its peers send.
+"""A node that keeps running, whatever its peers send.
 
-rclpy raises out of a callback whatever a request makes it meet: an unknown type number in `set_parameters`, a negative
-second on `/clock`. Here such a request is answered with words, because a caller without an answer waits for ever, and
-such a message is refused.
+In rclpy a malformed request or message raises an exception out of a callback, such as an unknown type number in
+`set_parameters` or a negative second on `/clock`. Here such a request is answered with a reason, because a caller
+without an answer waits for ever, and such a message is refused.
 """
 
 import copy
@@ -34,23 +34,23 @@ from vibro_ros.ros.node.parameters import change_of, set_refusal
 from vibro_ros.ros.node.refusals import LONGEST_SENTENCE, Refusals, peer_text
 
 LAST_SECOND = 2**31 - 1 - 10**7
-"""Latest ROS time [s] at which a node starts: a stamp's seconds end at 2**31 - 1, and it is to run for some months."""
+"""Latest ROS time [s] that is accepted from /clock: a stamp's seconds end at 2**31 - 1, some months later."""
 MOST_NAMES = 1000
-"""Names in one request to a parameter service; nobody has to ask for a parameter twice."""
+"""Most names in one request to a parameter service; the robot has fewer parameters."""
 LONGEST_NAME = 1000
-"""Characters of such a name."""
+"""Longest name in such a request [characters]."""
 RESULT_TIMEOUT = 60
-"""How long [s] the result of a goal can be asked for; each goal that was ever sent takes memory meanwhile."""
+"""Time [s] for which the result of a finished goal is kept for its sender; it takes memory until then."""
 SENTENCES = ("message", "reason", "failure_reason", "error_message")
-"""Fields of answers that hold a sentence."""
+"""Fields of service responses that hold a sentence."""
 _HASH = re.compile(r"RIHS01_[0-9a-f]{64}")
 
 
 class GuardedNode(Node):
-    """A node whose callbacks refuse what they cannot take; ROS arguments may change its name.
+    """A node that refuses malformed requests and messages; ROS arguments may change its name.
 
-    `clock_heard` says whether a time came on /clock, which may be 0. ValueError when one of rclpy's own parameters was
-    given another type than true or false.
+    `clock_heard` says whether a time, perhaps 0, was received on /clock. ValueError when one of rclpy's own parameters
+    is given and is not a boolean.
     """
 
     def __init__(self, name: str):
@@ -64,19 +64,19 @@ class GuardedNode(Node):
                 service.callback = partial(self._answer, service.service_name, service.callback)
 
     def create_service(self, srv_type: type, srv_name: str, callback: Callable, **options: Any) -> Service:
-        """As in `Node`; `callback` or the coroutine may raise: the request is then answered and counted as refused."""
+        """As in `Node`; if `callback`, a function or a coroutine, raises, the request is answered as refused."""
         answer = self._answer_later if iscoroutinefunction(callback) else self._answer
         callback = partial(answer, self.resolve_service_name(srv_name), callback)
         return super().create_service(srv_type, srv_name, callback, **options)
 
     def create_publisher(self, msg_type: type, topic: str, qos_profile: QoSProfile | int, **options: Any) -> Publisher:
-        """As in `Node`, with the `qos_overrides` that the user has given."""
+        """As in `Node`, with the user's `qos_overrides`."""
         qos_profile, options = self._overridden(topic, "publisher", qos_profile, options)
         return super().create_publisher(msg_type, topic, qos_profile, **options)
 
     def create_subscription(self, msg_type: type, topic: str, callback: Callable, qos_profile: QoSProfile | int,
                             **options: Any) -> Subscription:
-        """As in `Node`, with `qos_overrides`; a message on `/clock` that is no time does not reach `callback`."""
+        """As in `Node`, with the user's `qos_overrides`; an invalid time on `/clock` does not reach `callback`."""
         if msg_type is Clock:
             callback = partial(self._take_clock, self.resolve_topic_name(topic), callback)
         qos_profile, options = self._overridden(topic, "subscription", qos_profile, options)
@@ -84,9 +84,10 @@ class GuardedNode(Node):
 
     def _overridden(self, topic: str, kind: str, profile: QoSProfile | int, options: dict[str, Any]
                     ) -> tuple[QoSProfile | int, dict[str, Any]]:
-        """What rclpy needs to apply the overrides of a topic; without any, it declares no parameters for them.
+        """Return the profile and the options with which rclpy applies the user's overrides of a topic.
 
-        The profile is a copy then, because rclpy changes the one that it is given.
+        Without overrides both are unchanged, and rclpy declares no parameters for them. Otherwise the profile is a
+        copy, because rclpy changes the one that it is given.
         """
         name = f"{qos.OVERRIDES}.{self.resolve_topic_name(topic)}.{kind}"
         given = [policy for policy in QoSPolicyKind if self.has_parameter(f"{name}.{policy.name.lower()}")]
@@ -118,7 +119,7 @@ class GuardedNode(Node):
         return response
 
     def _set_parameters(self, name: str, request: Any, response: Any) -> Any:
-        """Set all parameters of a request, or none; those that have their value already need not be settable."""
+        """Set all parameters of a request, or none; a read-only parameter may be given its present value."""
         reasons = [set_refusal(self, one) for one in request.parameters]
         refused = next(filter(None, reasons), "")
         if not refused:
@@ -145,11 +146,11 @@ class GuardedNode(Node):
 
 
 class PollingSubscription:
-    """A topic whose messages are taken as bytes when its owner looks; nothing wakes for them.
+    """A subscription whose owner polls for messages, as bytes; an arriving message does not wake the executor.
 
-    At most as many messages wait as the quality of service says. `topic` is the topic's full name, `profile` the
-    quality with the user's `qos_overrides`. `take_message` of rclpy's handle is public and not documented:
-    test_subscriptions.py says so in words when it changes.
+    The depth of the quality of service limits the messages that wait. `topic` is the topic's full name, `profile` the
+    quality of service with the user's `qos_overrides`. `take_message` of rclpy's handle is public but not documented;
+    test_subscriptions.py fails with an explanation when it changes.
     """
 
     def __init__(self, node: Node, kind: type, topic: str, profile: QoSProfile):
@@ -160,7 +161,7 @@ class PollingSubscription:
         self._handle, self._kind = self._subscription.handle, self._subscription.msg_type
 
     def take(self, most: int) -> list[tuple[bytes, int]]:
-        """At most so many messages, in the order in which they came, each with the wall time [ns] at which it came."""
+        """Take up to `most` messages in order of arrival, each with the wall time [ns] at which it arrived."""
         found: list[tuple[bytes, int]] = []
         with self._handle:
             while len(found) < most and (taken := self._handle.take_message(self._kind, True)):
@@ -170,7 +171,7 @@ class PollingSubscription:
 
 
 class _Never(CallbackGroup):
-    """Lets the executor run nothing, so that it does not wait for it either."""
+    """A callback group that never runs, so that the executor does not wait for its subscription."""
 
     def can_execute(self, entity: object) -> bool:
         return False
@@ -183,7 +184,10 @@ class _Never(CallbackGroup):
 
 
 def installed_type(package: str, kind: str, name: str) -> Any:
-    """A type of an interface package, its kind `srv` or `action`; None where it is not installed or cannot be used."""
+    """Return a type of an interface package; None if it is not installed or has no type support.
+
+    `kind` is the package's module, such as `srv` or `action`.
+    """
     try:
         found = getattr(import_module(f"{package}.{kind}"), name)
         check_for_type_support(found)
@@ -193,15 +197,15 @@ def installed_type(package: str, kind: str, name: str) -> Any:
 
 
 class NextTurn:
-    """What a coroutine awaits to go on at the executor's next turn."""
+    """Awaitable with which a coroutine waits for the executor's next turn."""
 
     def __await__(self) -> Generator[None, None, None]:
-        """Give the turn away once."""
+        """Yield to the executor once."""
         yield
 
 
 def _fix(node: Node, name: str, meaning: str) -> None:
-    """Make a parameter that rclpy has declared one of true or false that cannot change while the node runs."""
+    """Make a parameter that rclpy has declared a read-only boolean (ValueError if its value is no boolean)."""
     if node.describe_parameter(name).read_only:
         return
     try:
@@ -213,8 +217,8 @@ def _fix(node: Node, name: str, meaning: str) -> None:
 
 
 def _fault(request: Any) -> str:
-    """Why a request of any service cannot mean anything; empty when it may."""
-    if isinstance(request, GetTypeDescription.Request):  # rcl answers a malformed hash with lines of its own on stderr
+    """Return why a request of any service is malformed; empty if it is not."""
+    if isinstance(request, GetTypeDescription.Request):  # of a malformed hash rcl prints lines on stderr
         return "" if _HASH.fullmatch(request.type_hash) else f"{peer_text(request.type_hash)}: no hash of a type"
     parameters = [one.name for one in getattr(request, "parameters", ())]
     names = [*parameters, *getattr(request, "names", ()), *getattr(request, "prefixes", ())]
@@ -229,7 +233,7 @@ def _answer_to_set(reason: str) -> SetParametersResult:
 
 
 def _reason_of(response: Any) -> str:
-    """Why an answer says no; empty when it says yes, or when its type cannot say either."""
+    """Return the reason in a response that reports a failure; empty if it reports success, or neither."""
     if isinstance(response, GetTypeDescription.Response):
         return "" if response.successful else response.failure_reason
     if hasattr(response, "success"):  # of std_srvs and of the project's own
@@ -238,7 +242,7 @@ def _reason_of(response: Any) -> str:
 
 
 def _bounded(response: Any) -> Any:
-    """`response` with each of its sentences in one printable line: what a peer sent may be part of it."""
+    """Make each sentence of a response one printable line, because it may quote what a peer sent."""
     results = getattr(response, "results", ()) if isinstance(response, SetParameters.Response) else ()
     for part in (response, getattr(response, "result", None), *results):
         for field in SENTENCES:
@@ -248,7 +252,7 @@ def _bounded(response: Any) -> Any:
 
 
 def _refused(request: Any, response: Any, reason: str) -> Any:
-    """`response` as the refusal of `request`, with words where its type has room for them."""
+    """Make `response` the refusal of `request`, with the reason where its type has a field for it."""
     if isinstance(request, SetParameters.Request):
         response.results = [_answer_to_set(reason)] * len(request.parameters)
     elif isinstance(request, SetParametersAtomically.Request):

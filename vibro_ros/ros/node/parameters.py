@@ -18,15 +18,15 @@ from vibro_ros.process.files import one_line
 from vibro_ros.ros.node.refusals import peer_text
 
 TABLE = (*DEVICE_PARAMETERS, *SCENE_PARAMETERS)
-"""All parameters of the robot."""
+"""Table of all parameters of the robot."""
 _TYPES = frozenset(one.value for one in ParameterOfRclpy.Type)
 _MAY_BE_NUMBERS = (ParameterOfRclpy.Type.INTEGER, ParameterOfRclpy.Type.STRING)
 
 
 def take_overrides(node: Node) -> dict[str, object]:
-    """Every parameter override that `node` was given, undeclared again.
+    """Return every parameter override that `node` was given, and undeclare all of them.
 
-    rclpy ignores an override that nobody declares; a misspelt name shows only by taking them all. The
+    rclpy ignores an override whose parameter is never declared; a misspelt name is found only by taking them all. The
     node must declare parameters from overrides automatically.
     """
     given = {name: parameter.value for name, parameter in node.get_parameters_by_prefix("").items()}
@@ -37,7 +37,7 @@ def take_overrides(node: Node) -> dict[str, object]:
 
 
 def declare(node: Node, table: Iterable[Parameter], values: Mapping[str, Value]) -> None:
-    """Declare every parameter of `table` on `node` with its checked value of `values`; again, if it is declared."""
+    """Declare every parameter of `table` on `node`, with its checked value in `values`, even if it is declared."""
     for parameter in table:
         if node.has_parameter(parameter.name):  # rclpy keeps the descriptor that it hands out
             node.describe_parameter(parameter.name).read_only = False
@@ -46,7 +46,7 @@ def declare(node: Node, table: Iterable[Parameter], values: Mapping[str, Value])
 
 
 def descriptor(parameter: Parameter) -> ParameterDescriptor:
-    """A new descriptor (`declare_parameter` changes the one it is given)."""
+    """Return a new descriptor of a parameter (new, because `declare_parameter` changes the one it is given)."""
     ranges, largest = [], sys.float_info.max
     if isinstance(parameter.default, float) and not _unlimited(parameter):
         low, high = max(parameter.minimum, -largest), min(parameter.maximum, largest)
@@ -61,7 +61,10 @@ def descriptor(parameter: Parameter) -> ParameterDescriptor:
 
 
 def constraints(parameter: Parameter) -> str:
-    """What a range cannot say: the choices, that zero is excluded, or how small a number other than 0 may be."""
+    """Return in words the constraints that a range cannot express.
+
+    They are the choices, that zero is excluded, or the smallest number other than 0.
+    """
     if parameter.choices:
         return f"one of {', '.join(parameter.choices)}"
     if parameter.smallest:
@@ -70,7 +73,7 @@ def constraints(parameter: Parameter) -> str:
 
 
 def set_refusal(node: Node, asked: ParameterMessage) -> str:
-    """Why a parameter cannot be set as a peer has `asked`; empty when it can, or when it has this value already."""
+    """Return why a parameter cannot be set as `asked`; empty if it can be, or has this value already."""
     shown = peer_text(asked.name)
     if not node.has_parameter(asked.name):
         return f"{shown}: unknown parameter; `ros2 param list` shows what there is"
@@ -89,10 +92,11 @@ def set_refusal(node: Node, asked: ParameterMessage) -> str:
 
 
 def change_of(node: Node, asked: ParameterMessage) -> ParameterOfRclpy | None:
-    """What a peer has `asked` for, as a number where the parameter is one; None if it is so already.
+    """Return the change that a peer has `asked` for; None if the parameter has this value already.
 
-    `ros2 param set` makes an integer of 300 and a text of 1e-6, and so does `ros2 param load` of what `ros2 param dump`
-    has written; the robot takes both for numbers in files and on its command line, too.
+    An integer or a text for a parameter of type double is converted: `ros2 param set` sends 300 as an integer and 1e-6
+    as a text, and so does `ros2 param load` with the files of `ros2 param dump`. The robot reads both as numbers in
+    files and on its command line, too.
     """
     present, wanted = node.get_parameter(asked.name), ParameterOfRclpy.from_parameter_msg(asked)
     if present.type_ is ParameterOfRclpy.Type.DOUBLE and wanted.type_ in _MAY_BE_NUMBERS:
@@ -102,12 +106,12 @@ def change_of(node: Node, asked: ParameterMessage) -> ParameterOfRclpy | None:
 
 
 def _plain(value: Any) -> Any:
-    """A value that equals every other that says the same: rclpy makes lists, tuples and arrays of lists."""
+    """Return a value in a form that can be compared: rclpy represents lists as lists, tuples or arrays."""
     return list(value) if isinstance(value, Sequence) and not isinstance(value, str) else value
 
 
 def parameter_lines(table: Iterable[Parameter], values: Mapping[str, Value]) -> str:
-    """One line for each parameter of `table`: name, default in `values`, meaning; for --help."""
+    """Return the help text of --help: for each parameter of `table` a line with name, value in `values`, meaning."""
     return "\n".join(
         f"  {parameter.name} = {_yaml(values[parameter.name])}{' ' * bool(parameter.unit)}{parameter.unit}: "
         f"{parameter.description}{_limits(parameter)}"

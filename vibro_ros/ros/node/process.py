@@ -1,8 +1,8 @@
-"""How a node's process gets its node, how its loop runs, and how it waits for simulated time.
+"""Start and end of a node's process, its loop, and the wait for simulated time.
 
-SIGINT, SIGTERM and SIGHUP are taken by `entry_point` instead of by rclpy: rclpy's handlers shut the context down under
-the threads that still publish, and a wait without end may then never return. A signal is a request that the loop polls,
-so that it can say a last word (seal the bag, stop the motor) while ROS is still up.
+SIGINT, SIGTERM and SIGHUP are handled by `entry_point`, not by rclpy: rclpy's handlers shut down the context while
+threads still publish, and a wait without a timeout may then never return. A signal is a request that the loop polls, so
+that the node can still seal the bag and stop the motor while ROS is up.
 """
 
 import os
@@ -28,32 +28,32 @@ REMEDIES = {
              "with a digit",
     "namespace": "give one such as /r1, of letters, digits and _, no part beginning with a digit",
 }
-"""What a user can do, by words of rcl's refusal."""
+"""Remedy for the user, by words that occur in rcl's error message."""
 POLL = 0.05
-"""Longest wait [s] of the executor before the loop looks whether it should end."""
+"""Longest wait [s] of the executor before the loop checks whether it should end."""
 CLOCK = "/clock"
 REMINDER = 2.0
-"""Time [s] between two lines that say what is waited for."""
+"""Time [s] between two log lines about a wait."""
 
 
 @contextmanager
 def node_running(name: str, words: Sequence[str]) -> Iterator[GuardedNode]:
-    """A node with an executor, from `rclpy.init` to the clean end.
+    """Context with a node and its executor, from `rclpy.init` to a clean shutdown.
 
-    The node takes every parameter override that it is given, so that misspelt ones can be found.
+    The node declares every parameter override that it is given, so that misspelt ones can be found.
 
     Raises
     ------
     ValueError
         For ROS arguments, a node name or a namespace that ROS refuses.
     """
-    set_logger_level("rcl", LoggingSeverity.FATAL)  # else rcl says first, in other words, what the error says
+    set_logger_level("rcl", LoggingSeverity.FATAL)  # else rcl logs the error that is raised here, too
     fault = _log_folder_fault()
     no_file = ("--ros-args", "--disable-external-lib-logs", "--") if fault else ()
     try:
         rclpy.init(args=[*no_file, *words], signal_handler_options=SignalHandlerOptions.NO)
         with catch_warnings():
-            simplefilter("ignore", RuntimeWarning)  # of rclpy about a node that it refuses
+            simplefilter("ignore", RuntimeWarning)  # rclpy warns of a node that it refuses
             node = GuardedNode(name)
     except Exception as error:
         rclpy.try_shutdown()
@@ -78,7 +78,7 @@ def node_running(name: str, words: Sequence[str]) -> Iterator[GuardedNode]:
 
 
 def spin_once(node: GuardedNode, timeout: float) -> None:
-    """Wait up to `timeout` [s] for one callback, and run it; what it raises is counted and said."""
+    """Wait up to `timeout` [s] for one callback, and run it; an exception is counted and logged."""
     try:
         node.executor.spin_once(timeout_sec=timeout)
     except Exception as error:  # of the callback, or of rclpy while it takes a message or a request
@@ -86,9 +86,9 @@ def spin_once(node: GuardedNode, timeout: float) -> None:
 
 
 def spin_until(node: GuardedNode, done: Callable[[], bool], poll: float = POLL) -> None:
-    """Run callbacks until `done`, which is looked at after each one, and at least every `poll` [s].
+    """Run callbacks until `done()`, which is called after each one, and at least every `poll` [s].
 
-    A signal is noticed at the next look. Each look costs half a millisecond, in which rclpy collects all that it waits
+    A signal is noticed at the next call. Each turn costs half a millisecond, in which rclpy collects all that it waits
     for.
     """
     while not done():
@@ -96,10 +96,10 @@ def spin_until(node: GuardedNode, done: Callable[[], bool], poll: float = POLL) 
 
 
 def wait_for_time(node: GuardedNode, stopped: Callable[[], bool]) -> None:
-    """Return once `node` has ROS time, or when `stopped`; say what is waited for.
+    """Return once `node` has ROS time, or when `stopped()`; the log says what is waited for.
 
-    Without `use_sim_time` that is at once. With it time begins when a message on /clock says one above 0, which
-    stands for "not set" in ROS. A signal that raises ends the wait, too.
+    Without `use_sim_time` this returns at once. With it, time begins with a message on /clock above 0, because 0 means
+    "not set" in ROS. A signal that raises an exception ends the wait, too.
     """
     clock, began, topic = node.get_clock(), time.monotonic(), node.resolve_topic_name(CLOCK)
 
@@ -117,7 +117,7 @@ def wait_for_time(node: GuardedNode, stopped: Callable[[], bool]) -> None:
 
 
 def _log_folder_fault() -> str:
-    """Why ROS cannot write its log file, without which it refuses every node; empty when it can."""
+    """Return why ROS cannot write its log file, without which it refuses every node; empty if it can."""
     home = os.environ.get("HOME")
     root = os.environ.get("ROS_HOME") or (home and os.path.join(home, ".ros"))
     folder = os.environ.get("ROS_LOG_DIR") or (root and os.path.join(root, "log"))

@@ -12,11 +12,11 @@ OVERRIDES = "qos_overrides"
 POLICIES = {"reliability": ("reliable", "best_effort"), "history": ("keep_last", "keep_all"), "depth": ()}
 """The policies that a user may override, and their values; a depth is a number."""
 DEEPEST = 100_000
-"""Largest depth: messages of one topic that DDS holds."""
+"""Largest depth [messages] that a user may give."""
 
 
 def profile(topic: str) -> QoSProfile:
-    """The quality of one of the robot's topics, by its own name."""
+    """Return the quality of service of one of the robot's topics, a key of `TOPICS`."""
     depth, reliable, transient_local = TOPICS[topic].quality
     return QoSProfile(
         depth=depth, reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
@@ -24,7 +24,7 @@ def profile(topic: str) -> QoSProfile:
 
 
 def check_overrides(node: Node, publishers: Iterable[str], subscriptions: Iterable[str]) -> None:
-    """Refuse each `qos_overrides` parameter that would be ignored or that no topic can have; fix the others.
+    """Refuse each `qos_overrides` parameter that would have no effect or has a bad value; make the others read-only.
 
     `publishers` and `subscriptions` are the node's topics, before namespace and remapping. ValueError names the
     parameter, the limit and the remedy.

@@ -1,4 +1,4 @@
-"""What peers send and a node cannot take: counted, and said without flooding the log."""
+"""Messages and requests of peers that a node refuses: counted, and logged without flooding the log."""
 
 import time
 from collections.abc import Callable
@@ -9,16 +9,16 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 from vibro_ros.process.files import one_line
 
 LONGEST_SENTENCE = 1000
-"""Characters of a sentence that an answer or the log gives as a reason, whatever of a peer's is in it."""
+"""Longest reason [characters] in an answer or in the log; it may quote what a peer sent."""
 LONGEST_SHOWN = 60
-"""Characters of a peer's text that are repeated to it or to the log."""
+"""Longest text of a peer [characters] that is quoted in an answer or in the log."""
 
 
 class Refusals:
-    """The refusals of one node.
+    """Counts and logs the refusals of one node.
 
-    `count` are the messages and requests that were refused, `failures` the callbacks that ended with an error of this
-    package's own.
+    `count` is the number of messages and requests that were refused, `failures` that of callbacks that ended with an
+    exception raised in this package's own code.
     """
 
     def __init__(self, log: Callable[[], RcutilsLogger]):
@@ -28,16 +28,16 @@ class Refusals:
         self._throttles: dict[str, Throttle] = {}
 
     def refuse(self, name: str, reason: str) -> None:
-        """Count what came under `name` (a topic's, a service's) and was refused, and say why."""
+        """Count and log the refusal of a message or request on the topic or service `name`."""
         self.count += 1
         if text := self._admitted(name, f"{name}: refused: {one_line(reason, LONGEST_SENTENCE)}"):
             self._log().warning(text)
 
     def catch(self, name: str, error: Exception) -> None:
-        """Count what raised an `error` that nobody foresaw, and say its kind, where it is caught.
+        """Count and log an unexpected exception in a callback; to be called where it is caught.
 
-        It is a refusal if rclpy raised it, as it does for a request that it cannot take, and a failure to be reported
-        if this package's own code did.
+        It is a refusal if rclpy raised it, as it does for a malformed request, and a failure that the user should
+        report if this package's own code did.
         """
         kind = f"{type(error).__name__}: {peer_text(str(error))}"
         place = _own_place(error.__traceback__)
@@ -53,12 +53,12 @@ class Refusals:
 
 
 def peer_text(text: str) -> str:
-    """A peer's `text` as it can be shown: one printable line, not too long, with quotes when it is empty."""
+    """Return a peer's `text` as one short printable line; a pair of quotes if it is empty."""
     return one_line(" ".join(text.split()), LONGEST_SHOWN) or "''"
 
 
 def _own_place(traceback: TracebackType | None) -> str:
-    """Module and line of the innermost frame of this package below the one that catches; nothing without one."""
+    """Return module and line of the innermost frame of this package below the one that catches; empty without one."""
     place = ""
     while traceback and (traceback := traceback.tb_next):
         module = traceback.tb_frame.f_globals.get("__name__", "")
@@ -68,10 +68,10 @@ def _own_place(traceback: TracebackType | None) -> str:
 
 
 class Throttle:
-    """Lets a short burst of warnings through, then one for each `period` [s] of the clock `now`.
+    """Admits a burst of warnings, then one in each `period` [s] of the clock `now`.
 
-    rclpy's own throttle (`throttle_duration_sec`) does not count what it leaves out, and knows a warning by its line of
-    code, where each topic and each peer here has a limit of its own.
+    rclpy's own throttle (`throttle_duration_sec`) does not count the warnings that it drops, and has one limit for each
+    line of code, while here each topic and service needs its own.
     """
 
     def __init__(self, burst: int = 5, period: float = 1.0, now: Callable[[], float] = time.monotonic):
@@ -83,7 +83,7 @@ class Throttle:
         self._withheld = 0
 
     def admit(self, text: str) -> str | None:
-        """`text`, with the number of those withheld before it, if it may be said now; else None."""
+        """Return `text`, with the number of warnings withheld before it, if it may be logged now; else None."""
         now = self._now()
         self._tokens = min(self._burst, self._tokens + (now - self._last) / self._period)
         self._last = now

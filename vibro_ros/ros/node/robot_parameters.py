@@ -1,4 +1,4 @@
-"""A robot's parameters, asked for over ROS by the live view and the controller: its scene, and what else peers need."""
+"""Read a robot's parameters over ROS, for the live view and the controller: its scene and some of the node's own."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -19,19 +19,19 @@ from vibro_ros.process.files import one_line
 from vibro_ros.ros.node.refusals import peer_text
 
 ASK_PERIOD = 1.0
-"""Time [s] without an answer after which a question is asked once more. DDS drops a question or its answer where robot
-and view know each other on one side only."""
+"""Time [s] without an answer after which a request is repeated. DDS drops a request or its response while only one of
+the two nodes has discovered the other."""
 OF_DEVICE = ("scene", "frame_prefix", "command.timeout")
-"""Parameters of the node that peers need beside those of the scene."""
+"""Parameters of the node that peers need besides those of the scene."""
 LONGEST_TEXT = 200
-"""Characters of a text among the parameters."""
+"""Longest text [characters] among the parameters, except `scene`."""
 _GROUPS = frozenset(parameter.name.partition(".")[0] for parameter in SCENE_PARAMETERS)
 _NAMES = (*(parameter.name for parameter in SCENE_PARAMETERS), *OF_DEVICE)
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What peers know of a robot: its scene, what the names of its frames begin with, and its `command.timeout` [s]."""
+    """Settings of a robot that its peers need: its scene, the prefix of its frames, and its `command.timeout` [s]."""
 
     scene: Scene
     prefix: str
@@ -49,7 +49,7 @@ def check_names(names: Sequence[str]) -> None:
 
 
 def settings_of(values: Sequence[ParameterValue]) -> Settings:
-    """The settings that a robot answers under `_NAMES` (ValueError when no robot can have them)."""
+    """Return the settings from a robot's values of the parameters `_NAMES` (ValueError if they are not valid)."""
     if len(values) != len(_NAMES):
         raise ValueError(f"it answers {len(values)} values to {len(_NAMES)} names")
     given: Mapping[str, Any] = {name: _value(name, value) for name, value in zip(_NAMES, values, strict=True)}
@@ -70,9 +70,10 @@ def _value(name: str, message: ParameterValue) -> Any:
 
 
 class SceneReader:
-    """Asks a robot for its parameters, again and again until it answers; `reading` says whether an answer is awaited.
+    """Asks a robot for its parameters, repeatedly until it answers; `reading` is true until then.
 
-    The node asks in its executor's thread. `found` is given the settings, or in words why there are none.
+    Requests are sent in the thread of the node's executor. `found` is called with the settings, or with the reason in
+    words why there are none.
     """
 
     def __init__(self, node: Node, robot: str, found: Callable[[Settings | str], object]):
@@ -85,16 +86,16 @@ class SceneReader:
 
     @property
     def sees_robot(self) -> bool:
-        """Whether a node of the robot's name offers its parameters."""
+        """Whether a node of the robot's name offers its parameter services."""
         return self._get.service_is_ready()
 
     def read(self) -> None:
-        """Ask from the beginning, as soon as possible; what was asked before is forgotten."""
+        """Start over with the requests as soon as possible; a pending request is dropped."""
         self._forget()
         self._listed, self.reading, self._due = False, True, 0.0
 
     def tick(self) -> None:
-        """Ask, if that is due; to be called often."""
+        """Send the next request if it is due; to be called often."""
         client = self._get if self._listed else self._list
         if not self.reading or time.monotonic() < self._due or not client.service_is_ready():
             return
@@ -120,7 +121,7 @@ class SceneReader:
         self._found(found)
 
     def _forget(self) -> None:
-        """Wait no longer for an answer; the client then forgets the question, too."""
+        """Drop the pending request, here and in the client."""
         asked, self._asked = self._asked, None
         if asked:
             asked.cancel()
