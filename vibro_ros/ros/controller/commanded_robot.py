@@ -1,8 +1,8 @@
-"""The robot that hears the commands: which machine it is, what it refuses, for how long a command counts; its odometry.
+"""The robot that receives the commands: its name, parameters and limits, its odometry, and its faults.
 
-The robot's parameters are asked for before the first command. Of them only `motor.max_speed` is a limit that can change
-while the robot runs; the robot never lowers it below the speed that it was commanded. So a command that is within the
-limits known here is taken, and one that was sent and lies beyond a limit that the robot announces later was refused.
+The robot's parameters are read before the first command. Of its limits only `motor.max_speed` can change while the
+robot runs, and the robot never lowers it below the commanded speed. So a command within the limits known here is
+accepted, and a command that was sent and exceeds a limit that the robot announces later was refused.
 """
 
 import math
@@ -33,27 +33,27 @@ from vibro_ros.ros.node.robot_parameters import SceneReader, Settings
 PARAMETERS_TIMEOUT = 5.0
 """Longest wait [s] for the robot's parameters before the first command."""
 ANSWERS_TIMEOUT = 1.0
-"""Time [s] after which the wait is over if every node that hears the commands has answered that it is no robot, or if
-one is a robot and others do not answer."""
+"""Time [s] after which the wait ends if no subscriber of the commands is a robot, or if one is and others do not
+answer."""
 LOOK_PERIOD = 0.2
-"""Time [s] between two looks for nodes that hear the commands."""
+"""Time [s] between two searches for subscribers of the commands."""
 MOST_ASKED = 16
-"""Nodes that are asked, of those that hear the commands."""
+"""Most subscribers of the commands that are asked for their parameters."""
 LONGEST_NAME = 200
-"""Characters of a node's full name."""
+"""Longest full name of a node [characters]."""
 OWN_TYPES = "vibro_ros_interfaces"
-"""Package of the types of faults and goals."""
+"""Package with the types of the service for faults and of the actions."""
 LIVE_LIMIT = "motor.max_speed"
 ODOM = "odom"
 ODOMETRY_DEPTH = 1000
-"""Samples that may wait for the next command: a second's at 1 kHz."""
+"""Most samples of odometry that wait for the next step of feedback: 1 s at 1 kHz."""
 
 
 class CommandedRobot:
-    """Learns from the nodes that hear the commands of `publisher` which of them is a robot; there may be one only.
+    """Finds the one robot among the subscribers of `publisher`, a publisher of commands.
 
-    `name` is the robot's full name, empty as long as it is not known; `settings` are its parameters, as they are now;
-    `sent_speed` is the motor speed [rad/s] that was sent last.
+    `name` is the robot's full name, empty until it is known; `settings` are its present parameters; `sent_speed` is the
+    motor speed [rad/s] that was sent last.
     """
 
     def __init__(self, node: Node, publisher: Publisher):
@@ -67,12 +67,12 @@ class CommandedRobot:
         node.create_subscription(ParameterEvent, "/parameter_events", self._hear, qos_profile_parameter_events)
 
     def tick(self) -> None:
-        """Ask, if that is due; to be called often.
+        """Search for subscribers and ask them for their parameters, if that is due; to be called often.
 
         Raises
         ------
         RuntimeError
-            When the robot has refused the motor speed that was sent last, or another robot hears the commands, too.
+            When the robot has refused the motor speed that was sent last, or two robots receive the commands.
         """
         if self._refused:
             raise RuntimeError(self._refused)
@@ -94,7 +94,7 @@ class CommandedRobot:
             reader.tick()
 
     def wait(self, stop: StopRequest) -> None:
-        """Return when the robot is known, when there is none of this package to be known, or on `stop`."""
+        """Return when the robot is known, when no subscriber is a robot of this package, or on `stop`."""
         self.ask_again()
 
         def over() -> bool:
@@ -106,7 +106,7 @@ class CommandedRobot:
             self._node.get_logger().info(f"{self} does not say its limits: what it refuses shows in its log only")
 
     def ask_again(self) -> None:
-        """Forget what the robot has answered, and ask for it: a robot of other limits may have taken its place."""
+        """Forget the robot's parameters and read them again, because another robot may have taken its place."""
         self.name, self.settings, self._refused, self._asked = "", None, "", time.monotonic()
         self._robots.clear()
         self._last_look = 0.0
@@ -115,7 +115,7 @@ class CommandedRobot:
 
     @property
     def answered(self) -> bool:
-        """Whether the robot is known, or need not be waited for any more."""
+        """Whether the robot is known, or the wait for it is over."""
         waited = time.monotonic() - self._asked
         reading = not self._readers or any(reader.reading for name, reader in self._readers.items()
                                            if name in self._hearers)
@@ -132,7 +132,7 @@ class CommandedRobot:
         return self.settings.command_timeout if self.settings else 0.0
 
     def refusal(self, command: str, value: float) -> str:
-        """Why the robot would refuse the value [rad/s or m] of a command of `COMMAND_UNITS`; empty if it takes it."""
+        """Return why the robot would refuse a command of `COMMAND_UNITS` with this value; empty if it accepts it."""
         if not self.settings:
             return ""
         try:
@@ -143,12 +143,12 @@ class CommandedRobot:
         return ""
 
     def note(self, command: str, value: float) -> None:
-        """Take note that a value is sent.
+        """Check a command and note that it is sent.
 
         Raises
         ------
         RuntimeError
-            When the robot refuses it.
+            When the robot would refuse it.
         """
         if reason := self.refusal(command, value):
             raise RuntimeError(reason)
@@ -156,7 +156,7 @@ class CommandedRobot:
             self.sent_speed = value
 
     def _take(self, name: str, found: Settings | str) -> None:
-        """What a node has answered; a node that is no robot, such as a recorder, answers in words."""
+        """Take a node's answer: its settings, or the reason in words why it is no robot, such as for a recorder."""
         if isinstance(found, Settings):
             self._robots.add(name)
             self._last_look = 0.0
@@ -164,12 +164,12 @@ class CommandedRobot:
                 self.name, self.settings = name, found
 
     def _hear(self, event: ParameterEvent) -> None:
-        """Follow the one limit of the robot that may change."""
+        """Follow changes of `LIVE_LIMIT`, the one limit that may change while the robot runs."""
         if not self.settings or event.node != self.name:
             return
         for parameter in event.changed_parameters:
             if parameter.name == LIVE_LIMIT:
-                with suppress(ValueError, RuntimeError):  # of another program that has taken the robot's name
+                with suppress(ValueError, RuntimeError):  # from another program with the robot's name
                     change = {LIVE_LIMIT: parameter_value_to_python(parameter.value)}
                     self.settings = replace(self.settings, scene=self.settings.scene.with_parameters(change))
         if self.sent_speed is not None:
@@ -177,12 +177,12 @@ class CommandedRobot:
 
 
 class OdometrySubscription:
-    """Takes `odom` from DDS at each step of feedback, and hands its samples to a `MeanPosition`.
+    """Takes `odom` from DDS at each step of feedback, and adds its samples to a `MeanPosition`.
 
-    An executor that ran a callback for each sample fell behind on a busy machine, and positions were old.
+    With a callback for each sample, the executor fell behind on a busy machine, and positions were old.
 
-    With `use_sim_time` only samples older than ROS time are handed over. In lock-step these are there for certain,
-    while of the sample and the clock of one instant either may come first: what is commanded would depend on that.
+    With `use_sim_time` only samples older than ROS time are added. In lock-step they have arrived for certain, while
+    the sample and the clock of the same instant arrive in any order, on which the commands would depend.
     """
 
     def __init__(self, node: Node):
@@ -192,16 +192,16 @@ class OdometrySubscription:
         self._samples = PollingSubscription(node, Odometry, ODOM, QoSProfile(depth=ODOMETRY_DEPTH))
 
     def restart(self) -> None:
-        """Begin another mean, of what is heard from now on."""
+        """Begin a new mean of the samples that arrive from now on."""
         self.mean = MeanPosition()
         self._samples.take(ODOMETRY_DEPTH)
         self._waiting.clear()
 
     def read(self, time: float) -> MeanPosition:
-        """The mean of all samples that count at `time` [s] of the script."""
+        """Return the mean with all samples that have arrived at `time` [s] of the script."""
         limit = self._clock.now().nanoseconds if self._clock.ros_time_is_active else math.inf
         for data, _ in self._samples.take(ODOMETRY_DEPTH):
-            with suppress(ValueError):  # of a peer that sends other bytes
+            with suppress(ValueError):  # malformed message of a peer
                 message = deserialised(data, "nav_msgs/msg/Odometry")
                 stamp = message.header.stamp
                 self._waiting.append((stamp.sec * 1_000_000_000 + stamp.nanosec, message.pose.pose.position.x))
@@ -211,7 +211,7 @@ class OdometrySubscription:
 
 
 class FaultService:
-    """Asks the robot to fail, by its service `inject_fault`; ValueError where the service's type is not installed."""
+    """Client of the robot's service `inject_fault`; ValueError if the service's type is not installed."""
 
     def __init__(self, node: Node, robot: CommandedRobot):
         self._kind = installed_type(OWN_TYPES, "srv", "InjectFault")
@@ -222,7 +222,7 @@ class FaultService:
         self._asked: list[tuple[str, Future]] = []
 
     def wait(self, stop: StopRequest) -> None:
-        """Return when the robot offers the service, or on `stop` (RuntimeError: it does not)."""
+        """Return when the robot offers the service, or on `stop` (RuntimeError if it does not offer it in time)."""
         name, begun = f"{self._robot.name}/inject_fault", time.monotonic()
         self._client = self._node.create_client(self._kind, name)
         process.spin_until(self._node, lambda: bool(stop or self._client.service_is_ready()
@@ -231,7 +231,7 @@ class FaultService:
             raise RuntimeError(f"{self._robot} offers no {name}; a robot with the types of {OWN_TYPES} does")
 
     def begin(self, entry: str, incident: Incident) -> None:
-        """Ask for the fault of an entry."""
+        """Request the fault of a script's entry."""
         self._asked.append((entry, self._client.call_async(self._kind.Request(**incident._asdict()))))
 
     def check(self) -> None:
@@ -243,6 +243,5 @@ class FaultService:
 
 
 def _can_be_asked(name: str) -> bool:
-    """Whether the name that a peer gives itself is one that ROS makes services of; a name not yet known begins with _.
-    """
+    """Return whether a node's name is valid for service names; DDS shows a name not yet known with a leading _."""
     return bool(re.fullmatch(r"(/[A-Za-z][A-Za-z0-9_]*)+", name)) and "__" not in name and len(name) < LONGEST_NAME

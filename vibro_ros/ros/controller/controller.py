@@ -53,7 +53,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0 when done; 1 when it failed, as without a robot; 2 for bad input; 128 + the signal's number when aborted.
+        0 when done; 1 on failure, such as no robot; 2 for bad input; 128 + the signal's number when aborted.
     """
     return exit_code("controller", lambda: _run(argv))
 
@@ -127,7 +127,7 @@ def _play(script: Script, known: tuple[CommandMap, Path], settings: Mapping[str,
 
 
 def _serve(settings: Mapping[str, Value], node: GuardedNode, stop: StopRequest) -> int:
-    """Pursue goals of other programs until a signal."""
+    """Serve the goals of other programs until a signal comes."""
     types = action_types()
     publisher = node.create_publisher(Float64, MOTOR, qos.profile(MOTOR))
     stop.hold()  # the motor must be told to stop
@@ -135,19 +135,19 @@ def _serve(settings: Mapping[str, Value], node: GuardedNode, stop: StopRequest) 
     node.get_logger().info("ready: actions " + ", ".join(map(node.resolve_service_name, NAMES.values())))
     process.spin_until(node, lambda: bool(stop))
     server.ending = True
-    over = time.monotonic() + ACKNOWLEDGE_TIMEOUT * server.busy  # the goal's sender is to have its result
+    over = time.monotonic() + ACKNOWLEDGE_TIMEOUT * server.busy  # time for the goal's sender to get its result
     process.spin_until(node, lambda: time.monotonic() >= over)
     publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGE_TIMEOUT))
     return 0
 
 
 def check_limits(script: Script, file: str, robot: CommandedRobot) -> None:
-    """Refuse the script of a `file` of which the robot would refuse a command.
+    """Refuse a script, read from `file`, with a command that the robot would refuse.
 
     Raises
     ------
     ValueError
-        Naming the entry, the topic, the limit and the robot.
+        The message names the entry, the topic, the limit and the robot.
     """
     for segment in script.segments:
         values = [(name, value) for name in segment.given

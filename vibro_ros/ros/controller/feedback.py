@@ -1,11 +1,11 @@
-"""Feedback from the position of the body to the speed of the motor: goals, odometry, two laws, and their tracking.
+"""Feedback control of the body's speed and position by the motor's speed: goals, odometry, two control laws.
 
-The mean speed over the motor's speed is neither monotonic nor single-valued: it has peaks where the crank meets the
-masses' resonances, and may depend on the motion before. So no law here trusts its slope. `SpeedLaw` and `PositionLaw`
-rest on this: the robot stands still while the motor does, goes in one direction only, and goes at least at `reach` at
-the largest motor speed.
+The mean speed as a function of the motor's speed is neither monotonic nor single-valued: it has peaks at the resonances
+of the masses, and may depend on the earlier motion. So no law here uses its slope. `SpeedLaw` and `PositionLaw` assume
+only that the robot stands still while the motor does, goes in one direction only, and goes at least at `reach` at the
+largest motor speed.
 
-Nothing here knows ROS: the caller gives the time, and the samples of odometry.
+Nothing here needs ROS: the caller passes the time and the samples of odometry.
 """
 
 import math
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 WITHIN = 0.005
 """Default tolerance of a goal [m/s or m]."""
 MOTOR_RANGE = (0.0, 100.0)
-"""Default range of the motor's speed [rad/s] that feedback uses."""
+"""Default range of motor speeds [rad/s] that feedback uses."""
 
 
 class GoalError(RuntimeError):
@@ -25,10 +25,10 @@ class GoalError(RuntimeError):
 
 @dataclass(frozen=True)
 class SpeedGoal:
-    """A mean speed [m/s] of the body to hold; negative backwards.
+    """Goal of holding a mean speed [m/s] of the body; negative backwards.
 
-    `within` is the largest deviation [m/s] of the mean over the second half of the entry, `motor` the least and the
-    largest motor speed [rad/s] to use.
+    `within` is the tolerance [m/s] of the mean over the second half of the entry, `motor` the least and the largest
+    motor speed [rad/s] to use.
     """
 
     speed: float
@@ -36,17 +36,16 @@ class SpeedGoal:
     motor: tuple[float, float]
 
     def describe(self) -> str:
-        """What is to be done, for people."""
+        """Return the goal in words."""
         low, high = self.motor
         return f"hold {self.speed:g} m/s within {self.within:g} m/s, motor {low:g} to {high:g} rad/s"
 
 
 @dataclass(frozen=True)
 class PositionGoal:
-    """A position [m] of the body to reach, in the frame of `odom`, and to stand at.
+    """Goal of reaching a position [m] of the body, in the frame of `odom`, and stopping there.
 
-    `within` is the largest distance [m] from it at which to stand, `motor` the least and the largest motor speed
-    [rad/s] to use.
+    `within` is the tolerance [m] of the final position, `motor` the least and the largest motor speed [rad/s] to use.
     """
 
     position: float
@@ -54,7 +53,7 @@ class PositionGoal:
     motor: tuple[float, float]
 
     def describe(self) -> str:
-        """What is to be done, for people."""
+        """Return the goal in words."""
         low, high = self.motor
         return f"go to {self.position:g} m within {self.within:g} m, motor {low:g} to {high:g} rad/s"
 
@@ -63,10 +62,10 @@ Goal = SpeedGoal | PositionGoal
 
 
 def check_reach(goals: Iterable[tuple[str, Goal]], reach: float) -> None:
-    """Refuse goals out of reach of a robot that goes in one direction only, as far as that is known before it starts.
+    """Refuse goals that a robot which goes in one direction only cannot reach, as far as known before it starts.
 
-    `goals` are the numbers of the entries, and their goals, in order; `reach` is the mean speed [m/s] that the robot
-    holds at most, with the sign of its direction. ValueError names the entry, the limit and the remedy.
+    `goals` are pairs of an entry's number and its goal, in order; `reach` is the largest mean speed [m/s] that the
+    robot holds, with the sign of its direction. ValueError names the entry, the limit and the remedy.
     """
     before: tuple[str, PositionGoal] | None = None
     for entry, goal in goals:
@@ -87,24 +86,24 @@ def check_reach(goals: Iterable[tuple[str, Goal]], reach: float) -> None:
 
 
 def direction(reach: float) -> str:
-    """The direction in which a robot of that `reach` [m/s] goes, in words."""
+    """Return in words the direction in which a robot with this `reach` [m/s] goes."""
     return "backwards" if reach < 0.0 else "forwards"
 
 
 WINDOW = 0.25
 """Time [s] over which a position is averaged, because the body swings with every turn of the crank."""
 FARTHEST = 1e9
-"""Largest distance [m] from the origin that odometry is believed."""
+"""Largest distance [m] from the origin in odometry; a sample beyond is refused."""
 LEAP, FASTEST = 0.1, 5.0
-"""Two samples further apart than 0.1 m and what 5 m/s makes of their time are no motion: odometry was reset."""
+"""A step between two samples of more than 0.1 m plus 5 m/s times their distance in time is a reset of odometry."""
 
 
 class MeanPosition:
-    """The positions of the last `WINDOW`, from samples of odometry that follow each other in time.
+    """Moving average of the body's position over the last `WINDOW`, from samples of odometry in ascending time.
 
     `position` and `stamp` are the means over the window of the position [m] and of its time [s], counted from the first
-    sample; None before it. `heard` is when the last sample was taken over, in the caller's time [s]. The window begins
-    again at each of the `leaps`; `reason` says why the last of the `refused` samples was.
+    sample; None before it. `heard` is the caller's time [s] at which the last sample was added. The window starts over
+    at each leap of the position; `leaps` counts them. `refused` counts refused samples, `reason` says why the last was.
     """
 
     def __init__(self):
@@ -125,7 +124,7 @@ class MeanPosition:
         return math.fsum(stamp for stamp, _ in self._samples) / len(self._samples) if self._samples else None
 
     def add(self, nanoseconds: int, position: float, time: float) -> None:
-        """Take over, at the caller's `time` [s], a sample that is stamped `nanoseconds`, or refuse it."""
+        """Add a sample with the stamp `nanoseconds` at the caller's `time` [s], or refuse it."""
         if not abs(position) <= FARTHEST:  # also for NaN
             self._refuse(f"a position of {position} m")
             return
@@ -147,24 +146,24 @@ class MeanPosition:
 
 
 BANDWIDTH = 1.5
-"""Of following [rad/s], if the mean speed were in proportion to the motor's speed up to `reach`."""
+"""Bandwidth [rad/s] of the speed law, if the mean speed were proportional to the motor's speed up to `reach`."""
 INTEGRAL = 0.25
-"""Gain of the integral part, as a part of `BANDWIDTH` squared, for which the following would be critically damped."""
+"""Integral gain as a fraction of `BANDWIDTH` squared; with it the control would be critically damped."""
 LONGEST_LEAD = 0.7
-"""Time [s] at `reach` that the moving position may be ahead of the body or behind it: it does not run away from a robot
-that cannot follow, which would have to make up for all of it later."""
+"""Largest distance of the target position from the body, as time [s] at `reach`: the target does not run away from a
+robot that cannot follow, which would have to catch up later."""
 LONGEST_STEP = 0.5
-"""Longest time [s] that one step may count for, after a pause of odometry."""
+"""Longest time [s] that one step counts for, after a pause of odometry."""
 SHORT = 1.0
-"""Time [s] over which the mean speed is looked at to say when it has settled, and how far it strays."""
+"""Time [s] of the mean speeds that show when the speed has settled, and how far it strays."""
 
 
 class SpeedLaw:
-    """Holds a mean speed: the body follows a position that moves on at that speed, by a proportional and integral law.
+    """Holds a mean speed: by a PI law the body follows a target position that moves at that speed.
 
-    The mean speed is right as long as the distance to this position stays bounded. That holds even where no motor
-    speed gives the wanted mean: the motor then alternates between two that lie on either side of it. It counts over the
-    second half of `duration` [s].
+    The mean speed is right as long as the distance to the target stays bounded. That works even where no motor speed
+    gives the wanted mean: the motor then alternates between two speeds on either side of it. The mean is judged over
+    the second half of `duration` [s].
     """
 
     def __init__(self, goal: SpeedGoal, duration: float, reach: float):
@@ -182,7 +181,7 @@ class SpeedLaw:
         self._at_high = self._at_low = 0.0
 
     def step(self, time: float, mean: MeanPosition) -> float:
-        """The motor speed [rad/s] to command, `time` [s] after the beginning.
+        """Return the motor speed [rad/s] to command, `time` [s] after the beginning.
 
         Raises
         ------
@@ -191,7 +190,7 @@ class SpeedLaw:
         """
         stamp, position = mean.stamp, mean.position
         assert stamp is not None and position is not None
-        if self._before is None or self._before[2] != mean.leaps:  # from here on, then
+        if self._before is None or self._before[2] != mean.leaps:  # the first step, or one after a leap
             self._target = position
             self._short.clear()
             elapsed = 0.0
@@ -218,7 +217,7 @@ class SpeedLaw:
         return speed
 
     def _measure(self, time: float, stamp: float, position: float) -> None:
-        """Add the distance since the last step to what counts; see whether the speed has settled."""
+        """Add the distance since the last step to the mean; note whether the speed has settled, and its extremes."""
         self._short.append((stamp, position))
         while self._short[0][0] < stamp - SHORT:
             self._short.popleft()
@@ -257,28 +256,29 @@ class SpeedLaw:
 
 
 APPROACH = 0.7
-"""Time [s] at `reach` below which the motor is slowed down; the distance then shrinks to 1/e in as long."""
+"""Distance at which the motor begins to slow down, as time [s] at `reach`; it is also the time constant of the
+approach."""
 CREEP = 0.3
-"""Least share of the motor's range while the position is approached: below it the robot hardly moves."""
+"""Least motor speed of the approach, as a share of the motor's range: below it the robot hardly moves."""
 BOOST = 0.1
-"""What is added to this share in a second [1/s] while the robot does not come nearer."""
+"""Rate [1/s] at which this share grows while the robot does not come nearer."""
 LOOK_BACK = 1.0
-"""Time [s] over which it is seen whether the robot comes nearer."""
+"""Time [s] over which it is checked whether the robot comes nearer."""
 NEARER = 0.1, 0.0005
-"""The robot comes nearer if it makes this part of the distance in `LOOK_BACK`, or this many metres."""
+"""The robot comes nearer if it covers this fraction of the distance in `LOOK_BACK`, or this many metres."""
 EARLY = 0.1
-"""Part of the tolerance that is left when the motor is told to stop: the distance until it stands."""
+"""The motor stops when the distance left after braking is this fraction of the tolerance."""
 BRAKING = 0.3
-"""Time [s] for which the robot goes on at its speed: half of its motor's ramp, and half of the window of the mean."""
+"""Time [s] for which a stopping robot counts as going on at its speed: half of its motor's ramp, and half of the window
+of the mean."""
 SPEED_OVER = 0.25
-"""Time [s] over which its speed is seen for that."""
+"""Time [s] over which the speed for the braking distance is measured."""
 STANDSTILL = 0.5, 0.05
-"""The body is at rest when it moved for so long [s] by no more than this part of the tolerance."""
+"""The body is at rest when it moved by no more than this fraction of the tolerance in this time [s]."""
 
 
 class PositionLaw:
-    """Reaches a position within `duration` [s] and stands there: a proportional law on the distance, never backwards.
-    """
+    """Reaches a position within `duration` [s] and stops there, by a proportional law that never drives backwards."""
 
     def __init__(self, goal: PositionGoal, duration: float, reach: float):
         self.over, self.words = False, list[str]()
@@ -290,7 +290,7 @@ class PositionLaw:
         self._time = 0.0
 
     def step(self, time: float, mean: MeanPosition) -> float:
-        """The motor speed [rad/s] to command, `time` [s] after the beginning; 0 at the end.
+        """Return the motor speed [rad/s] to command, `time` [s] after the beginning; 0 at the end.
 
         Raises
         ------
@@ -319,7 +319,7 @@ class PositionLaw:
         return 0.0 if self._stopping else self._approach(distance, ahead, elapsed)
 
     def _begin(self, distance: float, time: float, position: float) -> None:
-        """Say what it takes, or why it cannot be done, before anything moves."""
+        """Check before anything moves whether the position can be reached, and say how long it takes at least."""
         self._begun, self._time = True, time
         if distance < -self._goal.within:
             raise GoalError(f"{self._goal.position:g} m is out of reach: the robot is at {position:.4f} m and goes "
@@ -331,7 +331,7 @@ class PositionLaw:
         self.words.append(f"{distance:.4f} m to go, in {max(least, 0.0):.1f} s at least")
 
     def _braking_distance(self) -> float:
-        """What the robot goes on for [m] when the motor is told to stop, by its speed in `SPEED_OVER`."""
+        """Return the distance [m] that the robot still covers after the motor stops, by its speed over `SPEED_OVER`."""
         recent = [one for one in self._distances if one[0] >= self._time - SPEED_OVER]
         span = recent[-1][0] - recent[0][0]
         return max(0.0, recent[0][1] - recent[-1][1]) / span * BRAKING if span > 0.5 * SPEED_OVER else 0.0
@@ -347,7 +347,7 @@ class PositionLaw:
         return self._low + (self._high - self._low) * min(1.0, slowed)
 
     def _judge(self, distance: float, time: float) -> None:
-        """Once the body is at rest: done, or on again."""
+        """Once the body is at rest, end if it has reached the position, else drive on."""
         while len(self._distances) > 1 and self._distances[1][0] <= time - STANDSTILL[0]:
             self._distances.popleft()
         moved = abs(self._distances[0][1] - distance)
@@ -363,18 +363,18 @@ class PositionLaw:
 
 
 RATE = 20.0
-"""Commands a second."""
+"""Rate of feedback [commands/s]."""
 ODOMETRY_TIMEOUT = 2.0
 """Longest time [s] without a new sample of odometry."""
 MOST_LEAPS = 3
-"""Leaps of the position in one entry after which odometry is not believed any more."""
+"""Most leaps of the position in one entry; with more, odometry is not trusted any more."""
 
 
 class GoalTracking:
-    """A goal, and the law by which it is pursued.
+    """Pursues a goal by its control law.
 
-    The entry `began` in the time [s] of the calls, and holds a speed for `duration` [s] or takes as long at most to
-    reach a position. The caller adds to `mean` what odometry tells.
+    The goal `began` at this time [s] of the caller; a speed is held for `duration` [s], a position must be reached
+    within it. The caller adds the samples of odometry to `mean`.
     """
 
     def __init__(self, goal: Goal, began: float, duration: float, reach: float, mean: MeanPosition):
@@ -388,17 +388,17 @@ class GoalTracking:
         return self._law.over
 
     def take_words(self) -> list[str]:
-        """What there is to say since the last call."""
+        """Return the sentences for the log since the last call."""
         words, self._law.words = self._law.words, []
         return words
 
     def motor_speed(self, time: float) -> float | None:
-        """The motor speed [rad/s] to command at `time` [s]; None before the first sample of odometry.
+        """Return the motor speed [rad/s] to command at `time` [s]; None before the first sample of odometry.
 
         Raises
         ------
         GoalError
-            With the reason; the motor is then to be stopped.
+            When the goal is missed; the caller must then stop the motor.
         """
         mean = self._mean
         silence = time - max(self._began, self._began if mean.heard is None else mean.heard)

@@ -1,8 +1,9 @@
-"""`controller --serve`: a position or a mean speed as a goal of another program, with feedback and cancel.
+"""`controller --serve`: actions by which other programs set a position or a mean speed as a goal.
 
-The actions `go_to` and `hold_speed` have the types of `vibro_ros_interfaces`, and goals, laws and words of a script's
-entries. One goal at a time has the motor. However a goal ends that has commanded the motor, it is told to stop, because
-nobody else may look after it. Each goal is accepted, so that its result can say in words what is wrong with it.
+The actions `go_to` and `hold_speed` have types of `vibro_ros_interfaces`; their goals mean the same as the entries of a
+script and use the same laws. One goal at a time has the motor. Whenever a goal that has commanded the motor ends, the
+motor is stopped, because no other program may be in charge of it. Every goal is accepted, so that its result can say in
+words what is wrong with it.
 """
 
 import math
@@ -21,11 +22,11 @@ from vibro_ros.ros.controller.script import MOTOR, read_goal
 from vibro_ros.ros.node.node import RESULT_TIMEOUT, GuardedNode, NextTurn, installed_type
 
 NAMES = {"GoTo": "go_to", "HoldSpeed": "hold_speed"}
-"""The actions, by their types."""
+"""Name of each action, by its type."""
 
 
 def action_types() -> dict[str, Any]:
-    """The types of the actions; ValueError where they are not installed."""
+    """Return the types of the actions (ValueError if they are not installed)."""
     types = {name: installed_type(OWN_TYPES, "action", name) for name in NAMES}
     if not all(types.values()):
         raise ValueError(f"--serve: {OWN_TYPES} is not installed, so there are no actions; `make setup` builds it "
@@ -38,10 +39,10 @@ class _CancelledError(Exception):
 
 
 class GoalServer:
-    """Offers the actions of `types` from now on; for the executor's thread.
+    """Action servers of `types`; used in the executor's thread.
 
-    `time` is that in which goals count; `reach` the mean speed [m/s] that the robot holds at most, with the sign of its
-    direction. `busy` says whether a goal is being pursued, `ending` that none is to be any more.
+    `time` measures the time of a goal; `reach` is the largest mean speed [m/s] that the robot holds, with the sign of
+    its direction. `busy` says whether a goal is being pursued; the caller sets `ending` to end it.
     """
 
     def __init__(self, node: GuardedNode, types: dict[str, Any], robot: CommandedRobot, publisher: Publisher,
@@ -84,16 +85,16 @@ class GoalServer:
         return result
 
     async def _pursue(self, kind: Any, name: str, handle: ServerGoalHandle) -> str:
-        """What was reached, in words.
+        """Pursue a goal to its end and return in words what was reached.
 
         Raises
         ------
         ValueError
-            For a goal that cannot be, or that the robot cannot reach.
+            For an invalid goal, or one that the robot cannot reach.
         RuntimeError
-            When the goal was missed, or the robot is not there.
+            When the goal was missed, or no robot is there.
         _CancelledError
-            When it was cancelled.
+            When the goal was cancelled.
         """
         duration, goal = read_goal(_entry(name, handle.request))
         check_reach([(name, goal)], self._reach)
@@ -124,7 +125,7 @@ class GoalServer:
         return words
 
     async def _ask_robot(self, handle: ServerGoalHandle) -> None:
-        """Wait until there is a robot and it has said its limits, which may be others than at the goal before."""
+        """Wait until the robot has answered with its limits, which may have changed since the previous goal."""
         self._robot.ask_again()
         while not self._robot.answered:
             self._check(handle)
@@ -133,7 +134,7 @@ class GoalServer:
             raise RuntimeError(f"nobody listens to {', '.join(topics)}; start a robot")
 
     def _check(self, handle: ServerGoalHandle) -> None:
-        """Raise if the goal is not to be pursued any more."""
+        """Raise if the goal must not be pursued any more."""
         if handle.is_cancel_requested:
             raise _CancelledError
         if self.ending:
@@ -143,13 +144,13 @@ class GoalServer:
         self._robot.tick()
 
     def _position(self) -> float:
-        """Mean position [m] of the body; NaN before it was heard."""
+        """Return the mean position [m] of the body; NaN before the first sample of odometry."""
         position = self._odometer.mean.position
         return math.nan if position is None else position
 
 
 def _entry(name: str, goal: Any) -> dict[str, object]:
-    """A goal as an entry of a script: what is left at 0 has the script's default."""
+    """Return a goal as an entry of a script; a field that is 0 gets the script's default."""
     entry: dict[str, object] = {"go_to": goal.position, "timeout": goal.timeout} if name == "go_to" else {
         "hold_speed": goal.speed, "for": goal.duration}
     if goal.within:

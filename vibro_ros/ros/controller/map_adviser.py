@@ -1,9 +1,9 @@
-"""The command map in the controller's hands: whether it is the robot's, and where commands cross into another motion.
+"""Use of the command map in the controller: does it belong to the robot, and which commands change the motion?
 
-A map's motion goes on for as long as the cell of the commands has it. So a robot that is led into cells with two
-motions stays with its own, and crosses where this one ends. Motions that the commands only pass through, too fast for
-the robot to settle to them, are no crossing; what counts is the motion in which they stay. A robot that comes from
-outside of the map, as from standing still, crosses nothing.
+A motion goes on for as long as the map has it in the cell of the commands. So a robot that is led into cells with two
+motions keeps its own, and changes where that motion ends. Cells that the commands only pass through, too fast for the
+robot to settle, do not count; only the motion in which the commands stay does. A robot that comes from outside of the
+map, such as from standstill, changes nothing.
 """
 
 from collections import deque
@@ -16,14 +16,13 @@ from vibro_ros.configuration.command_map import CommandMap
 from vibro_ros.ros.controller.commanded_robot import PARAMETERS_TIMEOUT, CommandedRobot
 
 STAY = 1.0
-"""Time [s] for which a motion must go on to be one that the commands stay in."""
+"""Time [s] for which the commands must keep a motion to count as staying in it."""
 MOST_UNJUDGED = 1000
-"""Commands that are kept while the robot has not answered; of a robot that never does, the latest."""
+"""Most commands that are kept while the robot has not answered; the latest are kept."""
 
 
 class MapAdviser:
-    """Says where commands lead the robot into another motion, once the robot is known to be that of the map at `path`.
-    """
+    """Logs commands that lead the robot into another motion, once it is known that the map at `path` is the robot's."""
 
     def __init__(self, node: Node, command_map: CommandMap, path: Path, robot: CommandedRobot):
         self._node, self._map, self._path, self._robot = node, command_map, path, robot
@@ -32,12 +31,12 @@ class MapAdviser:
         self._unjudged: deque[tuple[str, Mapping[str, float], Mapping[str, float]]] = deque(maxlen=MOST_UNJUDGED)
 
     def require(self) -> None:
-        """Refuse a robot that is not that of the map.
+        """Refuse a robot that does not belong to the map.
 
         Raises
         ------
         RuntimeError
-            When the map is another machine's, or the robot has not said which machine it is.
+            When the map is another machine's, or the robot has not answered with its parameters.
         """
         self.judge()
         if self._fault:
@@ -47,12 +46,15 @@ class MapAdviser:
                                "machine it is; give motor_speed and gaps, or start a robot of this package")
 
     def advise(self, where: str, commands: Mapping[str, float], later: Mapping[str, float]) -> None:
-        """Say if commands, which are about to be sent, lead into another motion; `where` names the script's entry."""
+        """Log whether commands about to be sent lead into another motion; `where` names the script's entry.
+
+        `commands` and `later` are as in `MotionWatch.remark`.
+        """
         self._unjudged.append((where, commands, later))
         self.judge()
 
     def judge(self) -> None:
-        """Say what there is to say, late only of what was sent before the robot has answered."""
+        """Judge all waiting commands; they wait only until the robot has answered with its parameters."""
         if not self._watch and not self._fault and self._robot.settings:
             self._compare()
         log = self._node.get_logger()
@@ -65,7 +67,7 @@ class MapAdviser:
                 log.info(f"{where} {words}")
 
     def _compare(self) -> None:
-        """Whether the robot is that of the map, and where its commands stand."""
+        """Compare the robot with the map's machine; if they agree, watch its motion from its initial commands on."""
         assert self._robot.settings
         scene = self._robot.settings.scene
         if words := self._map.difference(scene):
@@ -78,8 +80,7 @@ class MapAdviser:
 
 
 class MotionWatch:
-    """Follows the motion of one robot, whose commands stand at `initial` before the first, in the units of the topics.
-    """
+    """Follows the motion of one robot; `initial` are its commands before the first one, in the units of the topics."""
 
     def __init__(self, command_map: CommandMap, initial: Mapping[str, float]):
         self._map, self._initial = command_map, initial
@@ -87,11 +88,11 @@ class MotionWatch:
         self._passing = False
 
     def remark(self, commands: Mapping[str, float], later: Mapping[str, float]) -> tuple[str, bool]:
-        """What is to be said before commands are sent, empty if nothing; and whether they leave the motion undecided.
+        """Return a remark on commands about to be sent, empty if none, and whether they allow several motions.
 
-        `commands` are all that stand then, in the units of the topics, NaN where one is not known; `later` those that
-        stand `STAY` after them. A change into the one motion that the commands have is what they ask for. Where they
-        have several, the motion before decides which of them it will be.
+        `commands` are all commands then in force, in the units of the topics, NaN where one is not known; `later` those
+        in force `STAY` later. A change into the only motion at the commands is what they ask for. Where several motions
+        are possible, the earlier motion decides which of them follows.
         """
         here, then = self._possible(commands), self._possible(later)
         lasting = {motion: words for motion, words in here.items() if motion in then}
@@ -112,7 +113,7 @@ class MotionWatch:
         return "", False
 
     def _possible(self, commands: Mapping[str, float]) -> dict[int, str]:
-        """Motions at commands by number, in words."""
+        """Return the motions that the map has at commands: their numbers, and their descriptions."""
         found = self._map.found
         return {int(found.motion[row]): found.describe(row)
                 for row in self._map.rows_at({**self._initial, **commands}).tolist()}
@@ -123,6 +124,6 @@ class MotionWatch:
 
 
 def _joined(motions: Mapping[int, str]) -> str:
-    """Motions as parts of a sentence: each by its speed, and the rest of its words in parentheses."""
+    """Join descriptions of motions to a phrase: the speed of each, and the rest in parentheses."""
     first, *others = [f"{words.replace(', ', ' (', 1)})" for words in motions.values()]
     return " or ".join([", ".join([first, *others[:-1]]), *others[-1:]])

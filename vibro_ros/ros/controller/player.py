@@ -1,4 +1,4 @@
-"""Playing a script to a robot in time: waiting for it, keeping time, and stopping the motor on an abort."""
+"""Play a script to a robot: wait for the robot, keep time, and stop the motor on an abort."""
 
 import math
 import time
@@ -25,19 +25,19 @@ from vibro_ros.ros.node.process import CLOCK
 ACKNOWLEDGE_TIMEOUT = 0.5
 """Longest wait [s] for the robot to acknowledge the last message; Fast DDS asks for that every 3 s only."""
 REPETITIONS = 3
-"""How often the motor's command comes within the robot's `command.timeout`."""
+"""Number of times that the motor's command is sent within the robot's `command.timeout`."""
 ROUNDING = 5e-10
-"""Time [s] by which an instant that was summed in floating point may lie beyond the nanosecond that is meant."""
+"""Tolerance [s] of instants, which are sums of rounded numbers while ROS time has whole nanoseconds."""
 Schedule = Iterable[tuple[float, Callable[[], None]]]
-"""Instants [s] from the start, ascending, and what is to be done then; the next is asked for when that is done."""
+"""Instants [s] from the start, ascending, each with an action; the next is taken when the action is done."""
 REPORT_PERIOD = 10.0
-"""Time [s] between two lines that say what is waited for."""
+"""Time [s] between two log lines about the wait for a robot."""
 STANDSTILL_PERIOD = 2.0
-"""Wall time [s] without progress of ROS time after which the log says so, once a standstill."""
+"""Wall time [s] without progress of ROS time after which the log says so, once for each standstill."""
 
 
 class WallTime:
-    """Seconds of the monotonic clock since `begin`."""
+    """Time in seconds of the monotonic clock since `begin`."""
 
     def begin(self) -> None:
         """Make this instant time 0."""
@@ -48,15 +48,15 @@ class WallTime:
         return time.monotonic() - self._began
 
     def longest_wait(self, remaining: float, period: float) -> float:
-        """Wall time [s], at most `period`, after which to look again when `remaining` [s] are left."""
+        """Return the wall time [s], at most `period`, after which to check again when `remaining` [s] are left."""
         return min(remaining, period)
 
 
 class RosTime:
-    """Seconds of ROS time since the time that the node had at `begin`, or since the first one that it hears after it.
+    """ROS time in seconds since `begin`, or since the first time received on /clock after it.
 
-    ROS time changes only while the node's executor runs a callback, so who looks after each callback misses none. A
-    clock that says 0 has begun. A clock that stands still is a paused simulation.
+    ROS time changes only while the node's executor runs a callback, so a check after each callback misses no change. A
+    clock at 0 has begun. A clock that stands still is a paused simulation.
     """
 
     def __init__(self, node: GuardedNode):
@@ -66,16 +66,16 @@ class RosTime:
         self._progress, self._said = time.monotonic(), False
 
     def begin(self) -> None:
-        """Make the present ROS time, or the first that is heard if none was, time 0."""
+        """Make the present ROS time time 0, or the first one received if there is none yet."""
         self._first, self._latest = None, 0
         self._progress, self._said = time.monotonic(), False
         self.elapsed()
 
     def elapsed(self) -> float:
-        """ROS time [s] since time 0; minus infinity until the first ROS time is heard.
+        """Return the ROS time [s] since time 0; minus infinity until the first time is received on /clock.
 
-        A script that began before that would begin at whatever time of a running simulation comes first, which differs
-        from run to run.
+        A script that began before that would begin at the first time that arrives from a running simulation, which
+        differs from run to run.
 
         Raises
         ------
@@ -99,7 +99,7 @@ class RosTime:
         return (now - self._first) / 1e9
 
     def longest_wait(self, remaining: float, period: float) -> float:
-        """`period` [s]: how much wall time `remaining` [s] of ROS time takes is for the clock's publisher to say."""
+        """Return `period` [s], because it is unknown how much wall time `remaining` [s] of ROS time takes."""
         return period
 
     def _say_standstill(self) -> None:
@@ -123,19 +123,19 @@ Timeline = WallTime | RosTime
 
 
 def timeline(node: GuardedNode) -> Timeline:
-    """The time in which `node` plays."""
+    """Return the clock of a node's script: ROS time if the node uses simulated time, else wall time."""
     return RosTime(node) if node.get_clock().ros_time_is_active else WallTime()
 
 
 class Player:
-    """Publishes to a robot in time.
+    """Publishes commands to a robot by a schedule.
 
-    `publishers` are of the commands, by their names; a robot must listen to each. While nothing is due, `meanwhile` is
-    called with the time [s] since the start, each `period` [s] of wall time at least; before each instant only with
-    times before it. `prepare` is called when a robot listens, before time begins to count.
+    `publishers` are the publishers of the commands, by name; a robot must subscribe to each. While nothing is due,
+    `meanwhile` is called with the time [s] since the start, at least each `period` [s] of wall time, and never with a
+    time beyond the next instant. `prepare` is called when a robot subscribes, before time begins to count.
 
-    Whatever is due by the node's time is done after the callback that brings the time, before the executor runs
-    another: a simulator that waits for this node's answer in lock-step relies on it.
+    An action that is due is done right after the callback that brings the time, before the executor runs another one: a
+    simulator that waits for this node's answer in lock-step relies on it.
     """
 
     def __init__(self, node: GuardedNode, publishers: Mapping[str, Publisher],
@@ -146,17 +146,17 @@ class Player:
         self._timeline = timeline(node)
 
     def run(self, schedule: Schedule, patience: float, stop: StopRequest) -> int:
-        """Wait for a robot, up to `patience` [s] or, if 0, without end; then play the schedule.
+        """Wait for a robot, up to `patience` [s], or for ever if 0; then play the schedule.
 
         Returns
         -------
         int
-            0 at the end; 128 + the signal's number if it was aborted, and the motor was told to stop.
+            0 at the end; 128 + the signal's number if a signal aborted it, and the motor was stopped.
 
         Raises
         ------
         RuntimeError
-            Without a robot, or as `prepare` raises it; and, with the motor told to stop, when the robot goes away or
+            Without a robot, or when `prepare` raises it; and, after the motor was stopped, when the robot goes away or
             time jumps back.
         """
         if self._publishers:
@@ -174,10 +174,10 @@ class Player:
                 act()
             done = True
         finally:
-            if self._moved and (stop or not done):  # a stopped motor is what an operator means who aborts
+            if self._moved and (stop or not done):  # an operator who aborts wants the motor to stop
                 self.send(MOTOR, 0.0)
                 self._node.get_logger().info(f"aborted: {self._publishers[MOTOR].topic_name} 0 rad/s")
-            deadline = time.monotonic() + ACKNOWLEDGE_TIMEOUT  # a publisher that goes takes its messages with it
+            deadline = time.monotonic() + ACKNOWLEDGE_TIMEOUT  # messages not yet received are lost with their publisher
             for publisher in self._publishers.values():
                 publisher.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))
         return stop.exit_code
@@ -188,7 +188,7 @@ class Player:
         self._moved |= name == MOTOR
 
     def _wait_until(self, instant: float, stop: StopRequest) -> None:
-        """Return at `instant` or on `stop`; `meanwhile` gets no time beyond it, so that time never goes back."""
+        """Return at `instant` or on `stop`; `meanwhile` gets no later time, so that its time never goes back."""
         while not stop and (elapsed := self._timeline.elapsed()) < instant - ROUNDING:
             self._meanwhile(elapsed)
             process.spin_once(self._node, self._timeline.longest_wait(instant - elapsed, self._period))
@@ -197,15 +197,15 @@ class Player:
 
 
 def topics_without_subscribers(publishers: Sequence[Publisher]) -> list[str]:
-    """Topics of `publishers` that nobody subscribes to."""
+    """Return the topics of `publishers` without a subscriber."""
     return [publisher.topic_name for publisher in publishers if publisher.get_subscription_count() == 0]
 
 
 def wait_for_listeners(node: GuardedNode, publishers: Sequence[Publisher], patience: float, stop: StopRequest) -> None:
-    """Return when somebody subscribes to every one of `publishers`, or on `stop`.
+    """Return when every one of `publishers` has a subscriber, or on `stop`.
 
-    A robot subscribes when it can obey, not before: what is sent to one that compiles would be applied in a burst.
-    RuntimeError after `patience` [s]; 0 waits without end, and says every `REPORT_PERIOD` what for.
+    A robot subscribes only when it is ready to obey, because commands sent while it compiles would be applied in a
+    burst. RuntimeError after `patience` [s]; 0 waits for ever, with a log line every `REPORT_PERIOD`.
     """
     begun, log = time.monotonic(), node.get_logger()
     limit = f"up to {patience:g} s " if patience else ""
@@ -226,7 +226,7 @@ def wait_for_listeners(node: GuardedNode, publishers: Sequence[Publisher], patie
 
 
 def _remedy(node: Node) -> str:
-    """What a user can do; a robot that is there and does not listen is starting, or is another's."""
+    """Return a remedy for the user; a robot that is there without subscribing is starting, or has other topics."""
     robots = sorted(f"{space.rstrip('/')}/{name}" for name, space in node.get_node_names_and_namespaces()
                     if name == NODE_NAME)  # unless it is remapped
     if robots:
@@ -236,11 +236,11 @@ def _remedy(node: Node) -> str:
 
 
 class ScriptSchedule:
-    """The commands of a script, each given to `send` when its value changes.
+    """Schedule of a script: passes each command to `send` when its value changes.
 
-    `reach` is the mean speed [m/s] that the robot holds at most, with the sign of its direction. `say` is given what
-    comes, and what came of it, in words. `advise` is given, before they are sent, the number of the entry, all commands
-    that stand then, and those that stand `STAY` later; NaN for a motor speed that feedback has given.
+    `reach` is the largest mean speed [m/s] that the robot holds, with the sign of its direction. `say` is called with
+    each entry and its outcome in words. `advise` is called before commands are sent, with the number of the entry, all
+    commands then in force, and those in force `STAY` later; a motor speed given by feedback is NaN.
     """
 
     def __init__(self, script: Script, reach: float, odometer: OdometrySubscription | None,
@@ -254,9 +254,9 @@ class ScriptSchedule:
         self._saved = 0.0
 
     def instants(self, rate: float) -> Schedule:
-        """Yield when to send, and what sends then: `rate` [Hz] times a second along ramps, and at the script's end.
+        """Yield each instant at which to send, with its action: `rate` [Hz] times a second along ramps, and at the end.
 
-        What follows a position that was reached sooner than it might have been comes so much sooner.
+        If a position is reached before its longest time, all that follows comes earlier by the time saved.
         """
         for segment in self._script.segments:
             for instant in merge(segment.instants(rate), self._repetitions(segment)):
@@ -267,7 +267,7 @@ class ScriptSchedule:
         yield end - self._saved, partial(self._send_changes, end)
 
     def _repetitions(self, segment: Segment) -> Iterator[float]:
-        """When the motor's command is due again [s], for a robot that stops its motor without commands."""
+        """Yield the instants [s] at which to repeat the motor's command, for a robot with a `command.timeout`."""
         if self._robot.timeout and MOTOR in segment.ramps:
             period = self._robot.timeout / REPETITIONS
             for step in count(1):
@@ -276,12 +276,12 @@ class ScriptSchedule:
                 yield instant
 
     def _send_changes(self, instant: float) -> None:
-        """Send what changes at an `instant` [s] of the script, counted as if nothing had been saved."""
+        """Send the changes at an `instant` [s] of the script, as if every goal took its longest time."""
         segment = self._script.segment_at(instant)
         if segment and segment is not self._segment:
             self._segment = segment
             self._say(segment.describe())
-            for name in segment.given:  # sent again: somebody else may have commanded meanwhile
+            for name in segment.given:  # sent again: another program may have sent commands meanwhile
                 self._sent.pop(name, None)
             if segment.incident and self._faults:
                 self._faults.begin(segment.entry, segment.incident)
@@ -299,7 +299,7 @@ class ScriptSchedule:
             self._sent[name] = value
 
     def _goal_instants(self, segment: Segment) -> Schedule:
-        """Yield the steps of feedback until its goal is reached, and count what time that saves."""
+        """Yield the steps of feedback until the segment's goal is reached, and add up the time that is saved."""
         odometer = self._odometer
         assert segment.goal and odometer
         began = segment.start - self._saved

@@ -1,10 +1,10 @@
 """A controller script, read from YAML, checked as a whole before anything is sent, and unfolded in time.
 
 A script is a block: a list of `entries`, played `repeat` times. An entry says for how long (`for`) each command is held
-(`motor_speed: 100.0`) or ramped (`motor_speed: {from: 0.0, to: 100.0}`; without `from`, from where it is), what
-feedback is to reach (`hold_speed: -0.05`, `go_to: -0.5`), or which mean speed the commands are to give that a command
-map knows (`speed_over_ground: -0.05`), and which fault the robot has meanwhile (`fault: motor_stall`). It begins when
-the entry before it ends, or `at` a time counted from the start of its block. An entry may itself be a block. A command
+(`motor_speed: 100.0`) or ramped (`motor_speed: {from: 0.0, to: 100.0}`; without `from`, from its present value), or
+gives feedback a goal (`hold_speed: -0.05`, `go_to: -0.5`), or a mean speed for which a command map gives the commands
+(`speed_over_ground: -0.05`); it may also give the robot a fault for this time (`fault: motor_stall`). It begins when
+the previous entry ends, or `at` a time counted from the start of its block. An entry may itself be a block. A command
 keeps its value until another entry changes it.
 """
 
@@ -27,9 +27,9 @@ MOTOR = "motor_speed"
 LONGEST_SCRIPT = 100_000
 """Most segments that a script may unfold to; nested repeats multiply."""
 DEEPEST_BLOCK = 10
-"""Most blocks inside each other."""
+"""Deepest nesting of blocks."""
 GOAL_KEYS = ("hold_speed", "go_to")
-"""Keys that make an entry one of feedback."""
+"""Keys of an entry with a goal for feedback."""
 SHORTEST = 4.0
 """Shortest time [s] to hold a speed: half of it to settle, half of it to be measured over some turns of the crank."""
 _GAPS = tuple(name for name in COMMAND_UNITS if name.endswith("_gap"))
@@ -39,39 +39,39 @@ _FAULT_KEYS = tuple(name for name in Incident._fields if name != "duration")
 
 @dataclass(frozen=True)
 class Ramp:
-    """A command's value over a segment: from `start` to `end` in a straight line; equal when held."""
+    """A command's value over a segment: linear from `start` to `end`, which are equal when it is held."""
 
     start: float
     end: float
 
     def at(self, share: float) -> float:
-        """Value after `share` (0 to 1) of the segment."""
+        """Return the value after a `share` (0 to 1) of the segment."""
         return self.start + (self.end - self.start) * share if share < 1.0 else self.end
 
 
 @dataclass(frozen=True)
 class Segment:
-    """One entry at its place in time.
+    """One entry of a script, with its start and duration.
 
     Attributes
     ----------
     entry : str
         Number of the entry in the file, from 1; "2.1" inside a block.
     start, duration : float
-        In seconds from the start of the script. An entry that goes to a position lasts this long at most; what follows
-        it begins sooner when the position is reached sooner.
+        Start [s] from the start of the script, and duration [s]. An entry that goes to a position lasts this long at
+        most; if the position is reached sooner, the next entry begins sooner.
     ramps : mapping of str to Ramp
-        Every command given so far, those that are only held from earlier entries included.
+        Every command given so far, including those held from earlier entries.
     given : tuple of str
         The commands that this entry itself gives.
     note : str
-        What the author says of it.
+        The author's note on the entry.
     goal : Goal or None
-        What feedback is to reach meanwhile by the motor's speed.
+        Goal that feedback pursues by the motor's speed during the entry.
     speed_over_ground : float or None
         Mean speed [m/s] for which a command map gave the commands.
     incident : Incident or None
-        A fault of the robot that begins with the entry and lasts as long.
+        Fault of the robot for the duration of the entry.
     """
 
     entry: str
@@ -95,7 +95,7 @@ class Segment:
         return any(ramp.start != ramp.end for ramp in self.ramps.values())
 
     def instants(self, rate: float) -> Iterator[float]:
-        """When its commands change [s], in order: at its start; along a ramp, `rate` times a second, and at its end."""
+        """Yield the instants [s] of changes: the start, and of a ramp also its steps, at `rate` [Hz], and its end."""
         yield self.start
         if self.is_ramp:
             steps = math.ceil(self.duration * rate)
@@ -103,7 +103,7 @@ class Segment:
             yield self.end
 
     def describe(self) -> str:
-        """What the segment commands, for people."""
+        """Return the segment in words."""
         words = [self.goal.describe()] if self.goal else []
         if self.speed_over_ground is not None:
             words = [f"{self.speed_over_ground:g} m/s over ground"]
@@ -144,7 +144,7 @@ class Script:
 
     @property
     def needs_faults(self) -> bool:
-        """Whether any entry lets the robot fail."""
+        """Whether any entry gives the robot a fault."""
         return any(segment.incident for segment in self.segments)
 
     @property
@@ -153,12 +153,12 @@ class Script:
         return any(segment.speed_over_ground is not None for segment in self.segments)
 
     def segment_at(self, time: float) -> Segment | None:
-        """The segment that began last at `time` [s]; None before the first."""
+        """Return the latest segment that has begun at `time` [s]; None before the first."""
         index = bisect_right(self._starts, time) - 1
         return self.segments[index] if index >= 0 else None
 
     def command_at(self, time: float) -> dict[str, float]:
-        """Value of every command given by `time` [s], in the units of `COMMAND_UNITS`."""
+        """Return the value at `time` [s] of every command given until then, in the units of `COMMAND_UNITS`."""
         segment = self.segment_at(time)
         if segment is None:
             return {}
@@ -166,16 +166,16 @@ class Script:
         return {name: ramp.at(share) for name, ramp in segment.ramps.items()}
 
     def instants(self, rate: float) -> Iterator[float]:
-        """When commands of the script change [s], in order, if every goal takes its longest time."""
+        """Yield the instants [s] at which commands change, in order, if every goal takes its longest time."""
         for segment in self.segments:
             yield from segment.instants(rate)
 
 
 def read_script(path: Path, command_map: CommandMap | None = None) -> Script:
-    """Read and check the script, a YAML file.
+    """Read and check a script, a YAML file.
 
-    An entry that asks for a speed over ground is refused without a command map, which gives its commands. ValueError
-    names the file, the entry and the reason.
+    Without a `command_map` an entry with a speed over ground is refused, because its commands come from the map.
+    ValueError names the file, the entry and the reason.
     """
     document = read_yaml(path)
     try:
@@ -190,25 +190,25 @@ def read_script(path: Path, command_map: CommandMap | None = None) -> Script:
 
 
 def read_goal(entry: Mapping[str, object]) -> tuple[float, Goal]:
-    """The longest time [s] and the goal of one entry that is not in a script (ValueError in a script's words)."""
+    """Return the longest time [s] and the goal of a single entry outside of a script (ValueError as in a script)."""
     segment = _Unfolding(None).goal_segment(entry, [], 0.0, 0.0, "")
     assert segment.goal
     return segment.duration, segment.goal
 
 
 class _EntryError(ValueError):
-    """What is wrong with an entry that the message names."""
+    """An error in an entry, whose number is already in the message."""
 
 
 class _Unfolding:
-    """Unfolds blocks to segments while it remembers where each command stands."""
+    """Unfolds blocks into segments, and keeps the present value of each command."""
 
     def __init__(self, command_map: CommandMap | None):
         self._map = command_map
         self._choice: CommandChoice | None = None
         self._last: dict[str, float] = {}
         self._count = 0
-        self._open_ends = 0  # entries so far that may end sooner than they say
+        self._open_ends = 0  # entries so far whose end is not known in advance
 
     def block(self, block: object, start: float, prefix: str) -> Iterator[Segment]:
         if not isinstance(block, Mapping):
@@ -282,7 +282,7 @@ class _Unfolding:
 
     def goal_segment(self, entry: Mapping, later: list[object], block_start: float, start: float, number: str
                      ) -> Segment:
-        """The segment of an entry with a goal; what the motor does at its end is known only if it stands then."""
+        """Return the segment of an entry with a goal; only after `go_to` the motor's command is known, which is 0."""
         goal = _read_goal(entry)
         reaches = isinstance(goal, PositionGoal)
         if not reaches:
@@ -321,14 +321,14 @@ def _start_of(entry: Mapping, block_start: float, clock: float) -> float:
     at = _finite_number(entry["at"], "at", "s")
     if at < 0.0:
         raise ValueError(f"at: {at:g} is negative; give a time of at least 0 s")
-    # a block's start plus `at` is rounded; the end of the entry before it as well
+    # both a block's start plus `at` and the end of the previous entry are rounded
     if block_start + at < clock - 1e-9 * max(1.0, clock):
         raise ValueError(f"at: {at:g} s lies before the end of the entry before it, {clock - block_start:g} s")
     return max(block_start + at, clock)
 
 
 def _duration(entry: Mapping, later: list[object], start: float) -> float:
-    """`for`, or the time until the next entry's `at`."""
+    """Return the duration [s] of an entry: `for`, or the time until the next entry's `at`."""
     if "for" in entry:
         duration, key = _finite_number(entry["for"], "for", "s"), "for"
     elif later and isinstance(later[0], Mapping) and "at" in later[0]:
@@ -342,7 +342,7 @@ def _duration(entry: Mapping, later: list[object], start: float) -> float:
 
 
 def _incident(entry: Mapping, duration: float) -> Incident | None:
-    """The fault that lasts as long as the entry, if it names one."""
+    """Return the entry's fault, which lasts as long as the entry; None if it names none."""
     if "fault" not in entry:
         if given := [key for key in _FAULT_KEYS if key in entry]:
             raise ValueError(f"{given[0]}: belongs to a fault; give `fault`, one of {', '.join(FAULTS)}")
@@ -351,7 +351,7 @@ def _incident(entry: Mapping, duration: float) -> Incident | None:
 
 
 def _read_goal(entry: Mapping) -> Goal:
-    """The goal of an entry that has one of `GOAL_KEYS`, beside which it may give gaps."""
+    """Return the goal of an entry with one of `GOAL_KEYS`; the entry may also give gaps."""
     if all(key in entry for key in GOAL_KEYS):
         raise ValueError("hold_speed and go_to: one entry has one goal; make two entries of it")
     motor = _motor_range(entry.get("motor_speed", {}))
@@ -363,7 +363,7 @@ def _read_goal(entry: Mapping) -> Goal:
 
 
 def _motor_range(value: object) -> tuple[float, float]:
-    """The range of motor speeds, from a mapping with `from`, `to` or neither."""
+    """Return the range of motor speeds [rad/s] from a mapping with `from`, `to`, both or neither."""
     if not isinstance(value, Mapping):
         raise ValueError(f"motor_speed: {value!r} is no range; beside a goal give the range that feedback uses, "
                          "{from: …, to: …}, or leave it out")
