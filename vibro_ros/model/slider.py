@@ -102,7 +102,7 @@ def _series(sliders: tuple[Slider, ...], middle: np.ndarray, half: np.ndarray) -
     psi = middle - angle
     cosine = radius[:, :, None] * _cosine_series(psi, half, 1.0)
     root = np.zeros_like(cosine)
-    square = half_square[:, :, None] * _cosine_series(2.0 * psi, half, 2.0)  # root squared, less its constant
+    square = half_square[:, :, None] * _cosine_series(2.0 * psi, half, 2.0)  # root² but for the constant term
     for k, slider in enumerate(sliders):
         if slider.radius == slider.rod:
             root[k] = np.sign(np.cos(psi[k]))[:, None] * cosine[k]

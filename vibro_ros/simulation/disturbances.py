@@ -1,8 +1,8 @@
-"""What disturbs a motion for a while: a push, a motor that stalls, a plate that sticks, a supply that sags, ice.
+"""Disturbances of a motion: a push, a stalled motor, a stuck plate, a supply sag, and a patch of other friction.
 
-They are one table of numbers, which a checkpoint holds. Each row ends at an instant of its own. A motor that stalls and
-a plate that sticks remember in it what they were asked for. The others change the equations: `Disturbances.equations`
-has what is to be compiled then.
+They are one table of numbers, which a checkpoint contains. Each row ends at an instant of its own. The rows of a
+stalled motor and of a stuck plate store the commands that arrive meanwhile. A push, a sag, a patch and a stalled dc
+motor change the equations: `Disturbances.equations` returns the arguments with which to compile them.
 """
 
 import math
@@ -15,34 +15,34 @@ from vibro_ros.model.parameters import AS_FORWARD, BY_NAME
 from vibro_ros.model.scene import Scene
 
 PUSH, STALL, STUCK, SAG, PATCH = "push", "motor_stall", "plate_stuck", "supply_sag", "friction_patch"
-#: Name, and the side that is stuck.
+#: The disturbances by row: name, and the side of a stuck plate.
 ROWS = ((PUSH, ""), (STALL, ""), (STUCK, "upper"), (STUCK, "inclined"), (SAG, ""), (PATCH, ""))
-#: A bearing that is seized stops the crank in less than a microsecond.
+#: Parameters of a seized bearing [N m], which stops the crank in less than a microsecond.
 SEIZED = {"motor.friction": 1e4, "motor.static_friction": 1e4}
 
 
 class Disturbances:
-    """What lasts now, of `ROWS`.
+    """The disturbances of `ROWS` that are active now.
 
     Attributes
     ----------
     table : ndarray, shape (6, 5)
-        Of each row the instant at which it ends [s], or 0 while there is none, and its numbers, then 0: the force along
-        x and upwards [N]; what the motor, or a plate, was asked for [rad/s, m]; the supply's voltage [V]; a patch's
-        friction coefficient, its ends [m], and -1, 0 or 1 while the body is before it, on it or behind it.
+        For each row the instant at which it ends [s], or 0 if it is not active; then its numbers, filled up with 0:
+        the force along x and upwards [N]; the command to the motor, or to a plate [rad/s, m]; the supply's voltage [V];
+        a patch's friction coefficient, its ends [m], and -1, 0 or 1 while the body is before it, on it or behind it.
     next_end : float
-        The instant at which the first of them ends [s]; infinite without any.
+        The instant at which the first disturbance ends [s]; infinite if none is active.
     """
 
     def __init__(self) -> None:
         self.table, self.next_end = np.zeros((len(ROWS), 5)), math.inf
 
     def row(self, name: str, of: str = "") -> np.ndarray:
-        """The row of the table, to be read or written, shape (5,)."""
+        """Return the row of a disturbance, to be read or written, shape (5,)."""
         return self.table[ROWS.index((name, of))]
 
     def write(self, name: str, of: str, until: float, numbers: tuple[float, ...]) -> None:
-        """Let one last until the instant `until` [s], in place of what it was; 0 ends it."""
+        """Activate a disturbance until the instant `until` [s], with new `numbers`; 0 ends it."""
         row = self.row(name, of)
         row[...] = 0.0
         if until:
@@ -50,20 +50,20 @@ class Disturbances:
         self.look_for_next_end()
 
     def look_for_next_end(self) -> None:
-        """Find `next_end` in a table that was written."""
+        """Set `next_end` from the table."""
         self.next_end = min(self.lasting().values(), default=math.inf)
 
     def lasting(self) -> dict[tuple[str, str], float]:
-        """What lasts now, by name and side, and the instant [s] at which it ends."""
+        """Return the instants [s] at which the active disturbances end, by name and side."""
         return {which: until for which, until in zip(ROWS, self.table[:, 0].tolist(), strict=True) if until}
 
     def asked(self, name: str, of: str = "") -> float | None:
-        """What a motor that stalls, or a plate that sticks, was asked for [rad/s, m]; None while it does not."""
+        """Return the last command to a stalled motor or a stuck plate [rad/s, m]; None if it is not disturbed."""
         until, asked, *_ = self.row(name, of).tolist()
         return asked if until else None
 
     def equations(self, scene: Scene) -> tuple[Scene, tuple[float, float], tuple[float, float]]:
-        """Arguments of `compile_scene`: the scene with what fails, the push, and the edges of the ground."""
+        """Return the arguments of `compile_scene`: the scene with its faults, the push, and the edges of the ground."""
         (until, friction, low, high, place), edges = self.row(PATCH).tolist(), NO_EDGES
         if until:
             edges = {-1.0: (-math.inf, low), 0.0: (low, high), 1.0: (high, math.inf)}[place]
@@ -72,27 +72,27 @@ class Disturbances:
         return self._with_failing_motor(scene).machine, (along_x, upwards), edges
 
     def _with_failing_motor(self, scene: Scene) -> Scene:
-        """The scene with what fails of a dc motor: its bearing is seized, or its supply has less voltage."""
+        """Return the scene with the faults of a dc motor: a seized bearing, or less supply voltage."""
         if not scene.has_rotor:
             return scene
         seized = SEIZED if self.row(STALL)[0] else {}
         supply = self.supply_voltage_of(scene)
         sagged = {} if supply == scene["motor.supply_voltage"] else {
-            "motor.supply_voltage": supply, "motor.voltage": 0.0}  # which enters no equation, and would be too high
+            "motor.supply_voltage": supply, "motor.voltage": 0.0}  # which enters no equation, and could be too high
         return scene.with_parameters({**seized, **sagged})
 
     def supply_voltage_of(self, scene: Scene) -> float:
-        """Voltage [V] of the supply, as the scene and a sag have it."""
+        """Return the supply's voltage [V]: the scene's, or less during a sag."""
         until, sagged, *_ = self.row(SAG).tolist()
         return min(sagged, scene["motor.supply_voltage"]) if until else scene["motor.supply_voltage"]
 
     def find_place(self, position: float) -> None:
-        """Note whether a body at `position` [m] is before, on or behind a patch, whose edges are part of it."""
+        """Store whether a body at `position` [m] is before, on or behind a patch; the edges belong to the patch."""
         patch = self.row(PATCH)
         patch[4] = float(position > patch[3]) - float(position < patch[2])
 
     def are_possible(self, scene: Scene, forms: Forms, now: float) -> bool:
-        """Whether `Simulator` can have begun them on this scene, and they last at the instant `now` [s]."""
+        """Whether `Simulator` can have started these disturbances of `scene`, so that they are active at `now` [s]."""
         (_, along_x, upwards, *_), (_, speed, *_), *plates, (sags, supply, *_), (ices, friction, low, high, place) = (
             self.table.tolist())
         if ices:
@@ -111,12 +111,12 @@ class Disturbances:
 
 
 def patched(scene: Scene, friction: float) -> Scene:
-    """The scene on ground with another friction coefficient, which is the same at rest and in both directions.
+    """Return the scene with another friction coefficient, which is the same at rest and in both directions.
 
     Raises
     ------
     ValueError
-        For a scene that has no such ground.
+        For a scene without friction on a moving body, a method that does not find edges, or a refused coefficient.
     """
     if not scene.body_moves or scene["effects.friction"] == "none":
         raise ValueError("fault: friction_patch needs friction on a body that moves, and this scene has none; leave it "

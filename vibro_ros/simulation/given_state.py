@@ -1,6 +1,6 @@
-"""A state of the user's choice: what may be given, and what of it the solver needs.
+"""States that users give: their checks, and their conversion to the solver's state.
 
-Commands are no part of it: a motor that takes time and a plate go on from where they are put to where they were sent.
+A given state contains no commands: plates, and a motor that is not `ideal`, go on from that state to their targets.
 """
 
 import math
@@ -21,23 +21,23 @@ from vibro_ros.solver.taylor import read_rotor
 
 UNITS = {name: number.unit for name, number in NUMBERS.items()} | {
     "motor_speed": "rad/s", "upper_plate_position": "m", "inclined_plate_position": "m"}
-"""What may be given, fields of `Samples`, with their units; all other fields follow from these."""
+"""Fields of `Samples` that may be given, with their units; all other fields follow from these."""
 OF_DC_MOTOR = {"motor_current": "A", "controller_integral": "V or A"}
-"""What may be given besides of a dc motor: the current of a winding with inductance, and the controller's integral, in
-the unit of what its samples hold."""
+"""What may also be given for a dc motor: the current of a winding with inductance, and the controller's integral, in
+the unit of the voltage or current that the controller sets."""
 STATE_UNITS = UNITS | OF_DC_MOTOR
-"""All that may be given."""
+"""All numbers that may be given, with their units."""
 _MOST = 1e6  # A, or V
 _TURN = 2.0 * math.pi
 
 
 def started(scene: Scene, model: Model, point: np.ndarray) -> State:
-    """The solver's state at t = 0, before its first segment.
+    """Return the solver's state at t = 0, before its first segment.
 
     Parameters
     ----------
     scene, model : Scene, Model
-        What is simulated, and the same compiled.
+        The scene, and its compiled model.
     point : ndarray, shape (channels,)
         All channels, overwritten: positions and velocities are those of the start.
     """
@@ -52,7 +52,7 @@ def started(scene: Scene, model: Model, point: np.ndarray) -> State:
     if scene["start.state"] == "given":
         place(scene, model, state, point, given_start(scene) | {"motor_speed": scene["motor.speed"]}, turned=True)
     else:
-        # The very bits that the flow uses: a mass at rest on its slider must feel no force at all.
+        # The sliders have the same bits as in the flow, because a mass at rest on its slider must feel no force at all.
         sliders = point[channels.signal(0):channels.signal(len(model.sliders))]
         if forms.has_rotor:
             point[channels.velocity(forms.phase)] = scene["motor.speed"]
@@ -71,21 +71,21 @@ def started(scene: Scene, model: Model, point: np.ndarray) -> State:
 
 
 def checked_state(scene: Scene, given: Mapping[str, object], now: Mapping[str, float]) -> dict[str, float]:
-    """All of `UNITS`, as `given` or else as it is `now`; and what is given of `OF_DC_MOTOR`.
+    """Return all numbers of `UNITS`, `given` or else as they are `now`, and the given ones of `OF_DC_MOTOR`.
 
     Parameters
     ----------
     scene : Scene
-        What is simulated.
+        The scene that is simulated.
     given : mapping of str to number
-        By the names of `UNITS` and `OF_DC_MOTOR`.
+        Given numbers, by the names of `UNITS` and `OF_DC_MOTOR`.
     now : mapping of str to float
         All fields of the present sample.
 
     Raises
     ------
     ValueError
-        For another name, for what is no finite number or beyond its limit, for what the scene does not have, and for a
+        For an unknown name, a number that is not finite or beyond its limit, a part that the scene does not have, and a
         mass beyond a rigid plate; the message names value, limit and remedy.
     """
     for name in given:
@@ -115,7 +115,7 @@ _NEEDED = {"motor_current": "a motor.winding_inductance above 0",
 
 
 def motor_coordinates(scene: Scene) -> tuple[str, ...]:
-    """Which of `OF_DC_MOTOR` the state of a scene's motor has."""
+    """Return the names of `OF_DC_MOTOR` that the state of a scene's motor has."""
     if not scene.has_rotor:
         return ()
     return (*["motor_current"] * (scene["motor.winding_inductance"] > 0.0),
@@ -124,20 +124,22 @@ def motor_coordinates(scene: Scene) -> tuple[str, ...]:
 
 def place(scene: Scene, model: Model, state: State, point: np.ndarray, values: Mapping[str, float],
           turned: bool) -> None:
-    """Put everything where `values` say, in the mode that holds there; a segment begins next.
+    """Set positions, velocities and the mode to those of `values`; the caller begins a segment next.
 
     Parameters
     ----------
     scene, model : Scene, Model
-        What is simulated.
+        The scene, and its compiled model.
     state : State
-        Interrupted now, changed in place. The plates are set, what they and the motor do next is not.
+        State that was interrupted now; changed in place. The plates' positions are set, but not the next motion of
+        plates and motor.
     point : ndarray, shape (channels,)
         All channels now, overwritten.
     values : mapping of str to float
-        All of `UNITS`, as a scene can have them; a `motor_current`, if it is given.
+        All numbers of `UNITS`, as the scene can have them; `motor_current`, if it is given.
     turned : bool
-        Whether the crank's angle is given; else it keeps its bits, which a sum of turns and an angle has lost.
+        Whether the crank's angle is given; else the angle keeps its bits, some of which are lost in `crank_angle`, the
+        sum of turns and angle.
     """
     forms, at, angle = model.forms, model.forms.channels, values["crank_angle"]
     for i, side in enumerate(forms.guides):
@@ -164,34 +166,34 @@ def place(scene: Scene, model: Model, state: State, point: np.ndarray, values: M
         drive["offset"] = rest - starts[cell] if drive["direction"] > 0 else starts[cell + 1] - rest
     for k, side in enumerate(forms.plates):
         state.ramp["value"][k] = point[at.ramp(k)] = values[f"{side}_plate_position"]
-    for k, slider in enumerate(model.sliders):  # they move with the crank; the energy of the drives is theirs
+    for k, slider in enumerate(model.sliders):  # sliders move with the crank, and decide the drives' energy
         point[at.signal(k)] = slider.position(angle)
     _set_slider_rates(model, point, angle, values["motor_speed"])
     mode = _mode(scene, model, point)
     state.now["automaton"]["mode"] = mode
     for k, side in enumerate(forms.plates):
-        if model.system.monitored[mode, k]:  # a contact that was under way has ended nowhere, and is no event
+        if model.system.monitored[mode, k]:  # a contact that was in progress is no event
             monitor = state.monitor[k]
             monitor["since"], monitor["peak"] = state.now["segment"]["start"][0], 0.0
             monitor["approach"] = forms.penetration(side)[1] @ point
 
 
 def _set_slider_rates(model: Model, point: np.ndarray, angle: float, speed: float) -> None:
-    """Set the speeds of the signals [m/s], whose energy is that of the linkage's masses."""
+    """Set the speeds of the signals [m/s], which decide the energy of the linkage's masses."""
     for k, slider in enumerate(model.sliders):
         point[model.forms.channels.signal_rate(k)] = slider.slope(angle) * speed
 
 
 def book_given_state(scene: Scene, model: Model, state: State, before: np.ndarray, old_mode: int,
                      point: np.ndarray) -> None:
-    """Let the accounts take the change of energy from `before`, in `old_mode`, to `point` as one from outside.
+    """Exclude from the accounts the change of stored energy from `before`, in `old_mode`, to `point`.
 
     Parameters
     ----------
     scene, model : Scene, Model
-        What is simulated.
+        The scene, and its compiled model.
     state : State
-        Put at `point`; its accounts are changed in place.
+        State at `point`; its accounts are changed in place.
     before, point : ndarray, shape (channels,)
         All channels, before and after.
     old_mode : int
@@ -204,7 +206,7 @@ def book_given_state(scene: Scene, model: Model, state: State, before: np.ndarra
 
 
 def _mode(scene: Scene, model: Model, point: np.ndarray) -> int:
-    """Number of the mode that holds at `point`, but for what forces decide: that follows at the first event."""
+    """Return the number of the mode at `point`; states that forces decide may be corrected at the first event."""
     states = tuple(_contact(scene, model, side, point) for side in model.forms.plates)
     motor = _motor(model, point) if model.forms.has_rotor else ("", "")
     return next(number for number, mode in enumerate(model.modes) if mode.motor == motor
@@ -212,14 +214,14 @@ def _mode(scene: Scene, model: Model, point: np.ndarray) -> int:
 
 
 def _first_mode(model: Model, point: np.ndarray) -> int:
-    """Number of the mode in which a run starts, whose plates are open, while the crank has the speed of `point`."""
+    """Return the number of the mode in which a run starts: open plates, and the bearing by the speed in `point`."""
     first, motor = model.modes[model.initial_mode].states, _motor(model, point)
     states = (*first[:len(model.forms.plates)], *filter(None, motor), first[-1])
     return next(number for number, mode in enumerate(model.modes) if mode.states == states)
 
 
 def _motor(model: Model, point: np.ndarray) -> tuple[str, str]:
-    """The states of bearing and current loop, as far as the crank's speed decides them."""
+    """Return the states of bearing and current loop by the crank's speed; the loop within its limits if it has any."""
     every = {mode.motor for mode in model.modes}
     bearing = ("stuck", "turns_forward", "turns_backward")[
         int(np.sign(point[model.forms.channels.velocity(model.forms.phase)]))]
@@ -239,7 +241,7 @@ def _contact(scene: Scene, model: Model, side: str, point: np.ndarray) -> str:
 
 
 def _friction(model: Model, state: str, point: np.ndarray) -> str:
-    """The state of the friction that holds, among those of the scene; `state` is one of them."""
+    """Return the state of the ground at `point`; `state` is one of the scene's, to tell whether friction is dry."""
     forms, at = model.forms, model.forms.channels
     if forms.body_hops and (point[at.position(forms.height)] > 0.0 or point[at.velocity(forms.height)] != 0.0):
         return "airborne"

@@ -1,8 +1,9 @@
 """The numerical kernels, compiled before a clock starts.
 
-A process of its own compiles and stores them, and this one loads them. Kernels that a process has compiled itself may
-call parts that were compiled before, apart, and that round otherwise in the last digit; loaded ones never do, so that
-the first start computes the same bits as any other. A stop signal ends that process at once, whatever it does.
+A separate process compiles and stores the kernels, and this process loads them. A kernel that a process has compiled
+itself may call parts that were compiled separately before, and that round differently in the last digit; a loaded
+kernel never does. So the first start computes the same bits as any other. A stop signal ends the compiling process at
+once, whatever it does.
 """
 
 import gc
@@ -27,25 +28,25 @@ from vibro_ros.solver.segment import read_signals
 from vibro_ros.solver.state import new_state
 from vibro_ros.solver.taylor import read_rotor
 
-# The compiler makes millions of objects, of which hardly any is garbage: searched as often as usual, they take a tenth
-# of its time; never searched, they take 80 MB.
+# Thresholds of the garbage collector during compilation. The compiler makes millions of objects, hardly any of them
+# garbage: with the usual thresholds, collection takes a tenth of the time; without collection, garbage takes 80 MB.
 _THRESHOLDS = 100_000, 50, 100
 
-#: Methods whose kernels this process has.
+#: Methods whose kernels this process has loaded.
 compiled_methods: set[str] = set()
 
 
 def compile_kernels(method: str = "exact") -> None:
-    """Compile the numerical kernels of a `solver.method`, or load them from the cache; the first time, in a process."""
+    """Load the numerical kernels of a `solver.method`; if the cache lacks them, another process compiles them first."""
     if method in compiled_methods:
         return
     if is_stored(method):
-        _compile_all(method)  # that is, load
+        _compile_all(method)  # loads them
     else:
         progress.under_way.append("kernels")
         try:
             _store_in_a_process(method)
-            _compile_all(method)  # that is, load, unless the process has failed: then its error comes here
+            _compile_all(method)  # loads them; if the process has failed, its error is raised here
         finally:
             progress.under_way.pop()
     compiled_methods.add(method)
@@ -62,7 +63,7 @@ def _compile_all(method: str) -> None:
 
 
 def _store_in_a_process(method: str) -> None:
-    """Compile and store all kernels; the process finds this package where this one does."""
+    """Compile and store all kernels in another process, which imports this package from the same place."""
     program = f"from vibro_ros.simulation.kernels import store_kernels; store_kernels({method!r})"
     environment = {**os.environ, **store_environment(), "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     with suppress(OSError), subprocess.Popen(
@@ -76,7 +77,7 @@ def _store_in_a_process(method: str) -> None:
 
 
 def store_kernels(method: str) -> None:
-    """Compile and store all kernels of a method, and end with the process at the other end of stdin."""
+    """Compile and store all kernels of a method; end when the process at the other end of stdin ends."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     _compile_all(method)
     mark_as_stored(method)
@@ -88,7 +89,7 @@ def _end_with_parent() -> None:
 
 
 def kernel_calls(method: str) -> Iterator[tuple[Callable, tuple]]:
-    """Every kernel of a `solver.method`, the longest to compile first, with arguments of the types that it takes."""
+    """Yield every kernel of a `solver.method`, the slowest to compile first, with arguments of the right types."""
     scene = Scene(parameters={"solver.method": method})
     model = compile_scene(scene)
     channels = model.forms.channels.count

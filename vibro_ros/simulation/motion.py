@@ -1,7 +1,7 @@
 """A scene in motion: the state of its solver, advanced in time and changed by commands, with its events and energy.
 
-Arguments are not checked here: `Simulator` sees to that. Every call that lets time pass or a segment begin raises a
-SimulationError if the motion cannot go on.
+Arguments are not checked here, because `Simulator` checks them. Every call that advances time or begins a segment
+raises a SimulationError if the motion cannot go on.
 """
 
 import itertools
@@ -34,21 +34,21 @@ from vibro_ros.solver.state import State, lasting, new_state
 from vibro_ros.solver.system import BY_COMMAND, BY_CURRENT, NOTHING
 
 EVENTS_AT_ONCE = 4096
-#: So many events take at least this time [s]; only in a state that no machine has, as of a forged checkpoint, less.
+#: `EVENTS_AT_ONCE` events take at least this time [s]; less only in an impossible state, as of a forged checkpoint.
 _PROGRESS = 1e-9
-#: No number of a device's state is larger, in SI units and counts; a local time of the present segment, with rounding.
+#: Largest number in a device's state, in SI units and counts; largest local time in a segment, with rounding.
 _LARGEST, _LOCAL = 1e15, 1.0 + 1e-9
-#: Part by which rounding may exceed a limit. A dc motor's crank is within a turn where a segment starts, and within
-#: this angle [rad] where it ends.
+#: Fraction by which rounding may exceed a limit; and largest angle [rad] of a dc motor's crank at the end of a segment
+#: that starts within a turn.
 _CLOSE, _MOST_TURNED = 1e-6, 30.0
 
-# Computing time [s] that a part of `Motion.advance` aims at; robot time [s] of the first, longer than a tick; the most
-# by which a part grows over the one before it.
+# Computing time [s] at which a part of `Motion.advance` aims; robot time [s] of the first part, longer than a tick;
+# largest factor by which a part is longer than the previous one.
 _PART, _FIRST_PART, _GROWTH = 0.02, 0.1, 1000.0
 
 _TURN = 2.0 * math.pi
-# Angle [rad] before the one that is looked for within which the crank goes from segment to segment; and instants of a
-# longer way at which it is watched.
+# Angle [rad] before the target within which the crank is followed segment by segment; and number of instants at which
+# the crank is checked over a longer distance.
 _NEAR, _SEEN = 0.5, 8
 
 _CAUSES = {
@@ -59,7 +59,7 @@ _CAUSES = {
 
 
 class SimulationError(RuntimeError):
-    """A run that cannot go on; the message gives time, mode and cause.
+    """Error of a run that cannot go on; the message gives time, mode and cause.
 
     Examples
     --------
@@ -73,7 +73,7 @@ class SimulationError(RuntimeError):
 
 
 def new_stepper(scene: Scene, model: Model) -> Stepper:
-    """What steps a scene, compiled as `model`, by its `solver.method`."""
+    """Return the stepper of a scene, compiled as `model`, for its `solver.method`."""
     name, step = scene["solver.method"], scene["solver.step"]
     if name == "exact":
         return Exact(model.laid)
@@ -86,9 +86,9 @@ class Motion:
     Parameters
     ----------
     scene : Scene
-        What moves.
+        The scene to simulate.
     bandwidth : float
-        Of the filter of the body's acceleration [Hz], see `Simulator`; 0 for none.
+        Bandwidth of the filter of the body's acceleration [Hz], see `Simulator`; 0 for no filter.
 
     Attributes
     ----------
@@ -97,13 +97,13 @@ class Motion:
     time : float
         Simulated time [s], from 0.
     state : State
-        The solver's.
+        The solver's state.
     point : ndarray, shape (channels,)
         Every channel at the end of the last advance or at the last command.
     events : EventLog
-        What has happened.
+        The events so far.
     disturbances : Disturbances
-        What lasts for a while, whose ends are to be passed by `end_disturbances`.
+        The active disturbances, which `end_disturbances` ends.
     """
 
     def __init__(self, scene: Scene, bandwidth: float = 0.0):
@@ -128,11 +128,11 @@ class Motion:
         self._stepper = new_stepper(scene, self.model)
         self._readout = Readout(self.model)
         self._instant, self._trace = np.empty(1), self.new_trace(1)
-        self._sampled = False  # whether they are of `time`, and nothing was commanded since
-        self._values: np.ndarray | None = None  # what was read from them
+        self._sampled = False  # whether both are of `time`, with no command since
+        self._values: np.ndarray | None = None  # the values read from the trace
 
     def _body_velocities(self) -> list[int]:
-        """Channels of the body's velocities along x and upwards, as far as it moves."""
+        """Channels of the body's velocities along x and upwards, if the body can move so."""
         forms = self.model.forms
         coordinates = [forms.body] * forms.body_moves + [forms.height] * forms.body_hops
         return [forms.channels.velocity(coordinate) for coordinate in coordinates]
@@ -145,8 +145,8 @@ class Motion:
         return (found[0] if forms.body_moves else 0.0), (found[-1] if forms.body_hops else 0.0)
 
     def command(self, motor: float | None, gaps: Mapping[str, float]) -> None:
-        """Ask the motor for a speed [rad/s], or for a voltage [V] if that is what commands it, and for gaps [m], by
-        side, from now on; gaps without a plate change nothing."""
+        """Command a motor speed [rad/s], or a voltage [V] if the motor takes that, and gaps [m], by side, from now on;
+        gaps without a plate change nothing."""
         self._sampled = False
         self._stepper.interrupt(self.state, self.time, self.point)
         if motor is not None:
@@ -159,7 +159,7 @@ class Motion:
     def change(self, scene: Scene) -> None:
         """Go on as `scene`, which differs in parameters that may change while the device runs.
 
-        What is on its way, the motor's speed or a plate, goes on to its target as the new scene has it.
+        A motor speed or a plate that is still changing goes on to its target under the parameters of the new scene.
         """
         self._stepper.interrupt(self.state, self.time, self.point)
         self._become(scene)
@@ -178,17 +178,17 @@ class Motion:
             self.state, self.point = carried_over(old, self.state, self.point, self.model)
 
     def disturb(self, name: str, of: str, until: float, numbers: tuple[float, ...] = ()) -> None:
-        """Let one of `disturbances.ROWS` last from now until the instant `until` [s], in place of what it was; an
-        instant that does not lie ahead ends it.
+        """Activate one of `disturbances.ROWS` from now until the instant `until` [s], with new `numbers`; an instant
+        that does not lie ahead ends the disturbance.
 
         Parameters
         ----------
         name, of : str
-            A push, or what fails, and of which side.
+            Name of the disturbance, and the side of a stuck plate.
         until : float
             Instant [s].
         numbers : tuple of float
-            Of a push its force [N], along x and upwards; of a sag the voltage [V]; of a patch its friction
+            For a push its force [N], along x and upwards; for a sag the voltage [V]; for a patch its friction
             coefficient, and its ends [m].
         """
         speed, side = self.motor_target, of if of in self.model.forms.plates else ""
@@ -207,14 +207,14 @@ class Motion:
         self._begin_segment(self.state)
 
     def end_disturbances(self) -> None:
-        """Advance to the next end, and end what ends there."""
+        """Advance to the next end of a disturbance, and end the disturbances that end there."""
         self._go_to(self.disturbances.next_end)
         for (name, of), until in self.disturbances.lasting().items():
             if until <= self.time:
                 self.disturb(name, of, 0.0)
 
     def _find_place_on_ground(self) -> bool:
-        """Note where the body is on ground with a patch; whether there is one."""
+        """Store where the body is relative to a patch of the ground; return whether there is a patch."""
         lasts = (PATCH, "") in self.disturbances.lasting()
         if lasts:
             position = self.model.forms.channels.position(self.model.forms.body)
@@ -222,11 +222,11 @@ class Motion:
         return lasts
 
     def _cross_edge(self) -> None:
-        """Go on where a system has ended, at an edge of a patch, with the system of the ground behind that edge."""
+        """Go on at an edge of a patch, where the system has ended, with the system of the ground beyond the edge."""
         system = self.model.system
         position, automaton = self.model.forms.channels.position(self.model.forms.body), self.state.now["automaton"][0]
         forwards = system.row[system.guard[automaton["mode"], automaton["guard"]], position] < 0.0
-        # Exactly, or rounding could put the body back behind the edge.
+        # The body is put exactly on the edge, because rounding could put it back behind the edge.
         self.point[position] = self._compiled[2][int(forwards)]
         self.disturbances.row(PATCH)[4] += 1.0 if forwards else -1.0
         self.time = float(self.state.now["segment"]["start"][0])
@@ -234,12 +234,12 @@ class Motion:
         self._begin_segment(self.state)
 
     def set_state(self, given: Mapping[str, object]) -> None:
-        """Go on from a state that is `given`, by fields of `Samples`; see `given_state`.
+        """Go on from the `given` state, by fields of `Samples`; see `given_state`.
 
         Raises
         ------
         ValueError
-            For what cannot be; nothing is changed then.
+            For an impossible state; nothing is changed then.
         """
         values = checked_state(self.scene, given, dict(zip(FIELDS, self.now().tolist(), strict=True)))
         ideal = self.scene["effects.motor"] == "ideal"
@@ -262,7 +262,7 @@ class Motion:
 
     @property
     def motor_target(self) -> float:
-        """Speed [rad/s] that the motor was asked for, or voltage [V] if that is what commands it."""
+        """Commanded speed of the motor [rad/s], or commanded voltage [V] if the motor takes that."""
         if self.scene.has_rotor:
             return float(self.state.now["motor"]["target"][0])
         asked = self.disturbances.asked(STALL)
@@ -270,11 +270,11 @@ class Motion:
 
     @property
     def controller_integral(self) -> float:
-        """Of a dc motor's controller, as its next sample finds it [V or A]; 0 without a controller."""
+        """Integral of a dc motor's controller before its next sample [V or A]; 0 without a controller."""
         return float(self.state.now["motor"]["integral"][0])
 
     def _command_motor(self, target: float, speed: float | None = None) -> None:
-        """Ask the motor for `target`, from the speed [rad/s] that it is put at, or else has."""
+        """Command the motor to go to `target` from `speed` [rad/s], or from its present speed if None."""
         if self.scene.has_rotor:
             command_rotor(self.model.system, self.state, self.time, target, self.scene["motor.acceleration"])
             return
@@ -290,7 +290,7 @@ class Motion:
             command_drive(signals, drive, speed, target, acceleration=self.scene["motor.acceleration"])
 
     def _plate_target(self, side: str) -> float:
-        """Where the plate was sent [m]."""
+        """Return the commanded position of the plate [m]."""
         asked = self.disturbances.asked(STUCK, side)
         return float(self.state.ramp["target"][self.model.forms.plates.index(side)]) if asked is None else asked
 
@@ -301,7 +301,7 @@ class Motion:
             stuck[1], target = target, float(ramp["value"])
         speed, difference = self.scene["gap_actuator.speed"], target - ramp["value"]
         rate = math.copysign(speed, difference) if difference != 0.0 else 0.0
-        if rate != ramp["rate"]:  # else a mass that rests on the plate rests on
+        if rate != ramp["rate"]:  # else a mass that rests on the plate goes on resting
             ended = leave_for_ramp(self.model.laid.layout, Laid(self.state).layout, plate, self.point, self._room, 0)
             self.events.add(self._room[:ended])
         ramp["target"], ramp["rate"], ramp["time_left"] = target, rate, abs(difference) / speed
@@ -315,9 +315,9 @@ class Motion:
         return [self.disturbances.table, self.point, *lasting(self.state), *self._stepper.memory]
 
     def disturbances_overwritten(self) -> None:
-        """Compile the scene with the disturbances that were written, unless `is_possible` is to refuse it.
+        """Compile the scene with the overwritten disturbances, unless `is_possible` will refuse them.
 
-        The present state, which may be of no device, is not carried over: all of it is overwritten next.
+        The present state, which may be impossible, is not carried over, because all of it is overwritten next.
         """
         possible = self.disturbances.are_possible(self.scene, self.model.forms, self.time)
         if possible and self.disturbances.equations(self.scene) != self._compiled:
@@ -327,16 +327,16 @@ class Motion:
             self.point = np.zeros(self.model.forms.channels.count)
 
     def lasting_overwritten(self) -> None:
-        """Begin to go on from what was written into the arrays of `lasting`."""
+        """Prepare to go on from the overwritten arrays of `lasting`."""
         self._sampled, self._restored = False, True
         self.disturbances.look_for_next_end()
 
     def is_possible(self) -> bool:
-        """Whether a device can go on from what was written into the arrays of `lasting`: a bag may be forged.
+        """Whether a device can go on from the overwritten arrays of `lasting`, which may come from a forged bag.
 
-        All numbers are finite, those that a kernel takes for a place in a table are within the table, or the kernel
-        would read foreign memory, and those that decide how much is to be computed are within what a device can have.
-        Whether the numbers fit each other is not asked.
+        All numbers must be finite, all indices that a kernel uses must be within their tables, or the kernel would read
+        foreign memory, and the numbers that decide how much is computed must be within the limits of a device.
+        Whether the numbers are consistent with each other is not checked.
         """
         system, scene, now = self.model.system, self.scene, self.state.now[0]
         segment, drive, automaton = now["segment"], now["drive"], now["automaton"]
@@ -362,10 +362,10 @@ class Motion:
         return (all(low <= number <= high for number, low, high in spans)
                 and drive["lag"] in (0.0, scene["motor.time_constant"])
                 and self.disturbances.are_possible(scene, self.model.forms, self.time)
-                and endless == (segment["cell_left"] > _LARGEST))  # of a crank that stands, or nearly so
+                and endless == (segment["cell_left"] > _LARGEST))  # infinite if the crank stands, or nearly so
 
     def _motor_spans(self, motor: np.void, start: float) -> list[tuple[float, float, float]]:
-        """Numbers of a dc motor that decide how much is to be computed from the instant `start` [s], with their
+        """Return the numbers of a dc motor that decide how much is computed from the instant `start` [s], with their
         limits."""
         scene, controller, phase = self.scene, self.model.system.rotor.controller[0], self.model.forms.phase
         period, law = float(controller["period"]), controller["law"]
@@ -397,7 +397,7 @@ class Motion:
         """Advance to each of `times` [s], ascending, and return the fields of `Samples` there."""
         found = []
         while True:
-            before = int(np.searchsorted(times, self.disturbances.next_end))  # a sample at an end is of what follows
+            before = int(np.searchsorted(times, self.disturbances.next_end))  # a sample at an end is taken after it
             trace = self.new_trace(before)
             taken = self.advance(times[:before], trace)
             found.append(self.quantities(times[:taken], trace.part(0, taken)))
@@ -413,28 +413,28 @@ class Motion:
         return {name: np.concatenate([part[name] for part in found]) for name in FIELDS}
 
     def advance_to(self, time: float) -> None:
-        """Advance to `time` [s], and keep what is sampled there for `now`."""
+        """Advance to `time` [s], and keep the sample there for `now`."""
         while self.disturbances.next_end <= time:
             self.end_disturbances()
         self._go_to(time)
         self._sampled = True
 
     def advance_to_angle(self, turn: int, angle: float, latest: float) -> bool:
-        """Advance to where a dc motor's crank first stands at `angle` [rad] of a turn, by the method exact.
+        """Advance to the instant at which a dc motor's crank first reaches an angle, by the method exact.
 
         Parameters
         ----------
         turn : int
-            Whole turns before it.
+            Whole turns before the angle.
         angle : float
-            From 0 to 2 pi [rad].
+            Angle within the next turn, from 0 to 2 pi [rad].
         latest : float
-            Instant [s] at which to end otherwise.
+            Instant [s] at which to stop if the crank does not reach the angle before.
 
         Returns
         -------
         bool
-            Whether the crank stands there: to rounding, because the angle is a polynomial over each segment.
+            Whether the crank has reached the angle, to rounding, because the angle is a polynomial over each segment.
         """
         phase, hops = self.model.forms.channels.phase, True
         while True:
@@ -442,7 +442,7 @@ class Motion:
             start, half = float(segment["start"]) + float(segment["residue"]), float(segment["half"])
             now, end = (self.time - start) / half - 1.0, float(segment["next_event"])
             x = first_reached(self.state.z[phase], (turn - turns) * _TURN + angle, now, end)
-            # An event lies at the segment's end to rounding; the next float is behind it.
+            # An event lies at the segment's end to rounding; the next float is after it.
             time = (max(self.time, start + half * (1.0 + x)) if x is not None else
                     max(math.nextafter(self.time, math.inf), start + half * (1.0 + end)))
             if x is None and hops and self.disturbances.next_end == math.inf:
@@ -456,10 +456,10 @@ class Motion:
                 return False
 
     def _hop(self, turn: int, angle: float, latest: float) -> bool:
-        """Advance over many segments at once, half as far as the crank would get to the angle at its present speed.
+        """Advance over many segments at once, for half the time to the angle at the crank's present speed.
 
-        A crank that is seen to turn back, or to be at the angle, is put back to where it was. Returns whether it is
-        worth while to hop again.
+        If a sample shows that the crank turns back or has reached the angle, the device is restored to its state before
+        the call. Return whether to try another hop.
         """
         now = self.now()
         left, speed = turn * _TURN + angle - now[CRANK_ANGLE], now[MOTOR_SPEED]
@@ -481,7 +481,7 @@ class Motion:
         return False
 
     def _go_to(self, time: float) -> None:
-        """Advance to `time` [s], across all edges, and sample there."""
+        """Advance to `time` [s], across all edges of a patch, and sample there."""
         advance = self._advance if time <= self.time + _FIRST_PART else self.advance
         self._instant[0] = time
         while advance(self._instant, self._trace) == 0:
@@ -489,7 +489,7 @@ class Motion:
             self._instant[0] = time
 
     def now(self) -> np.ndarray:
-        """Return the values of all `FIELDS` of `Samples` now, shape (fields,), until the next call."""
+        """Return the values of all `FIELDS` of `Samples` now, shape (fields,); the next call overwrites them."""
         if not self._sampled:
             self.advance_to(self.time)
         if self._values is None and self._cuts_forces:
@@ -500,7 +500,7 @@ class Motion:
 
     @property
     def steps(self) -> int:
-        """Segments of the event loop, or steps of fixed length, so far."""
+        """Number of segments of the event loop, or of steps of fixed length, so far."""
         return int(self.state.now["automaton"]["segments"][0])
 
     @property
@@ -511,17 +511,17 @@ class Motion:
         return {"energy_accounts": energy_accounts(self.model, self.state, self.time)}
 
     def new_trace(self, count: int) -> Trace:
-        """Return room for what `advance` samples at `count` instants."""
+        """Return an empty trace for the samples of `advance` at `count` instants."""
         return Trace(np.empty((count, self.model.forms.channels.count)), np.empty(count, dtype=np.int64),
                      np.empty((count, 3)))
 
     def advance(self, times: np.ndarray, trace: Trace) -> int:
-        """Advance to each of `times` [s], ascending, and fill the trace; return how many are sampled.
+        """Advance to each of `times` [s], ascending, and fill the trace; return how many instants are sampled.
 
-        Those at an edge and after it are not: `_cross_edge` follows.
+        Instants at an edge of a patch and after it are not sampled; the caller calls `_cross_edge` next.
 
-        A long way is gone in parts of some milliseconds of computation, between which Python hears Ctrl-C. Where the
-        parts end depends on the machine; the motion does not.
+        A long advance is made in parts of some milliseconds of computation, between which Python handles Ctrl-C. The
+        ends of the parts depend on the computer; the motion does not.
         """
         done, part = 0, _FIRST_PART
         while done < len(times):
@@ -540,7 +540,7 @@ class Motion:
         return done
 
     def _advance(self, times: np.ndarray, trace: Trace) -> int:
-        """Advance as `advance` does, without letting Python hear a signal meanwhile."""
+        """Advance as `advance` does, but in one part, during which Python handles no signal."""
         self._sampled, self._values = False, None
         end, status, sampled = float(times[-1]), event_loop.EVENTS_FULL, 0
         while status == event_loop.EVENTS_FULL:
@@ -561,7 +561,7 @@ class Motion:
         return sampled
 
     def _mode_began(self) -> float:
-        """Instant [s] at which the present mode began."""
+        """Return the instant [s] at which the present mode began."""
         segment = self.state.now["segment"][0]
         return float(segment["start"] + segment["half"] * (segment["mode_start"] + 1.0))
 
@@ -574,8 +574,8 @@ class Motion:
 
 
 def first_reached(p: np.ndarray, value: float, start: float, end: float) -> float | None:
-    """The first x from `start` to `end`, within -1 to 1, where the polynomial sum of p[n] x^n reaches `value` from
-    below; None without one."""
+    """Return the first x from `start` to `end`, within -1 to 1, where the polynomial sum of p[n] x^n reaches `value`
+    from below; None if there is none."""
     if p[0] + np.abs(p[1:]).sum() < value:
         return None
     powers = np.arange(len(p))
@@ -586,7 +586,7 @@ def first_reached(p: np.ndarray, value: float, start: float, end: float) -> floa
     if below(start) >= 0.0:
         return start
     rate, bounds = powers[1:] * p[1:], [start, end]
-    if abs(rate[0]) <= np.abs(rate[1:]).sum():  # the rate may change its sign: where is it 0?
+    if abs(rate[0]) <= np.abs(rate[1:]).sum():  # the rate may change its sign at one of its zeros
         zeros = np.polynomial.polynomial.polyroots(np.trim_zeros(rate, "b"))
         bounds[1:1] = sorted(zero.real for zero in zeros if zero.imag == 0.0 and start < zero.real < end)
     for low, high in itertools.pairwise(bounds):
@@ -596,7 +596,7 @@ def first_reached(p: np.ndarray, value: float, start: float, end: float) -> floa
 
 
 class EventLog:
-    """Events by kind.
+    """The events that were not taken yet, and the counts of all events by kind.
 
     Parameters
     ----------
@@ -654,23 +654,23 @@ class EventLog:
 
 
 def energy_accounts(model: Model, state: State, time: float) -> dict[str, float]:
-    """Where energy came from and went since t = 0 [J].
+    """Return the energy accounts since t = 0 [J].
 
     Parameters
     ----------
     model : Model
         A compiled scene with `solver.accounts`.
     state : State
-        Its state by the method exact; nothing of it changes.
+        The solver's state by the method exact; not changed.
     time : float
         Instant [s] within the present segment.
 
     Returns
     -------
     dict of str to float
-        What `Simulator.statistics` describes.
+        The entries that `Simulator.statistics` describes.
     """
-    # A command at this instant would book all work up to here: it is given to a copy.
+    # Interrupting the state books all work up to this instant; a copy is interrupted.
     ended = state._replace(**{name: getattr(state, name).copy()
                               for name in state._fields if name not in ("library", "scratch")})
     point = np.zeros(model.forms.channels.count)
@@ -681,7 +681,7 @@ def energy_accounts(model: Model, state: State, time: float) -> dict[str, float]
     net = work.pop(ACCOUNTS[MOTOR])
     if not model.forms.has_rotor:
         work = {name: amount for name, amount in work.items() if name not in OF_DC_MOTOR}
-    # What a dc motor's crank gives the sliders, its rotor and its winding lose: they get it from the supply.
+    # A dc motor gives the sliders energy that its rotor and winding get from the supply, which has its own account.
     received = 0.0 if model.forms.has_rotor else net
     return {"motor_delivered": 0.5 * (magnitude + net), "motor_taken_back": 0.5 * (magnitude - net),
             **{name: 0.0 - amount if name in LOSSES else amount for name, amount in work.items()},
@@ -689,27 +689,27 @@ def energy_accounts(model: Model, state: State, time: float) -> dict[str, float]
 
 
 def carried_over(model: Model, state: State, point: np.ndarray, new_model: Model) -> tuple[State, np.ndarray]:
-    """State and channels of `new_model` that go on from those of `model`, where the motion stands at a segment's end.
+    """Return state and channels of `new_model` that continue those of `model` at a segment's end.
 
-    The two models are of scenes that differ in friction coefficients, pushes and numbers of the motor alone, so that
-    coordinates, sliders and plates are the same. The states of the friction are not: there may be none where the
-    coefficient is 0. A state that does not hold any more, such as sticking, is left at the first event.
+    The scenes of the two models differ only in friction coefficients, pushes and numbers of the motor, so that
+    coordinates, sliders and plates are the same. The states of the ground may differ, because a coefficient of 0 has
+    no states of friction. A state that does not hold any more, such as sticking, is left at the first event.
 
     Parameters
     ----------
-    model, new_model : Model
-        The scene so far, and the one that follows.
+    model : Model
+        The compiled scene so far.
     state : State
-        Of the first; not changed.
+        State of `model`; not changed.
     point : ndarray, shape (channels of `model`,)
         Every channel now.
     new_model : Model
-        The scene that follows.
+        The compiled scene from now on.
 
     Returns
     -------
     State, ndarray, shape (channels of `new_model`,)
-        To begin a segment with.
+        State and channels from which a segment begins.
     """
     old = model.modes[int(state.now["automaton"]["mode"][0])]
     contacts, turns = old.states[:len(model.forms.plates)], 0.0
@@ -726,6 +726,6 @@ def carried_over(model: Model, state: State, point: np.ndarray, new_model: Model
         getattr(new, name)[...] = getattr(state, name)
     new.now["automaton"]["mode"] = mode
     channels, new_point = new_model.forms.channels, np.zeros(new_model.forms.channels.count)
-    kept = channels.ramp_rate(channels.ramps)  # what stands behind begins with the segment
+    kept = channels.ramp_rate(channels.ramps)  # later channels are set when the segment begins
     new_point[:kept] = point[:kept]
     return new, new_point

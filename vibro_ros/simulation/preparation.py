@@ -1,8 +1,8 @@
-"""Work that takes long before a run can begin, and how far it is.
+"""Long work before a run can begin, with reports of its progress.
 
-While a compiler works, signals wait for it, and its finalisers swallow exceptions. An executable leaves such work to a
-thread that can be left alone: its main thread hears every signal at once. A Python program compiles in its own thread,
-and another thread tells how far it is.
+Signals wait until a compiler has finished, and its finalisers swallow exceptions. An executable therefore compiles in
+a daemon thread, so that its main thread receives every signal at once. A Python program compiles in the calling thread,
+and another thread reports the progress.
 """
 
 import sys
@@ -15,8 +15,8 @@ from vibro_ros.process.entry_point import say
 from vibro_ros.simulation.kernels import compile_kernels, compiled_methods
 from vibro_ros.solver.compilation import progress
 
-POLL = 0.05  # s, between two looks whether the work is done
-REPORTS = 10.0  # s, between two lines that say how far it is
+POLL = 0.05  # s, between two checks whether the work is done
+REPORTS = 10.0  # s, between two lines of progress
 RENEWAL = 0.5  # s, after which the one line on a terminal is written again
 _STACK = 64 * 2**20  # bytes; the compiler's recursion is deep, and the usual stack of a thread is 2 MiB in some shells
 
@@ -24,12 +24,12 @@ Result = TypeVar("Result")
 
 
 class CompilationReport:
-    """Says what is being compiled, and how far it is: on a terminal in one line of stderr that renews itself.
+    """Progress report of a compilation; on a terminal, one line of stderr that is rewritten.
 
     Parameters
     ----------
     tell : callable
-        Is given lines for people: only when something is really compiled, or cannot be kept.
+        Called with lines for people, only when something is really compiled, or cannot be stored.
     """
 
     def __init__(self, tell: Callable[[str], object]):
@@ -37,7 +37,7 @@ class CompilationReport:
         self._begun, self._due, self._compiled = time.monotonic(), 0.0, len(progress.done)
 
     def look(self) -> None:
-        """Say how far it is, if that is due."""
+        """Report the progress, if a report is due."""
         under_way, now = progress.under_way[:1], time.monotonic()
         if not under_way or now < self._due:
             return
@@ -51,7 +51,7 @@ class CompilationReport:
         self._due = now + (RENEWAL if self._terminal else REPORTS)
 
     def end(self) -> None:
-        """Say why kernels are not kept."""
+        """Clear the line of progress, and report why kernels could not be stored."""
         if self._terminal and self._due:
             self._renew("")
         if progress.unwritable and len(progress.done) > self._compiled:
@@ -63,12 +63,12 @@ class CompilationReport:
 
 
 class Preparation(Generic[Result]):
-    """A piece of work that may compile kernels, begun at once in a thread.
+    """A piece of work that may compile kernels, started at once in a thread.
 
     Parameters
     ----------
     work : callable
-        Done in the thread.
+        The function to call in the thread.
     tell : callable
         As for `CompilationReport`.
     """
@@ -83,20 +83,20 @@ class Preparation(Generic[Result]):
         threading.stack_size(usual)
 
     def done(self) -> bool:
-        """Whether the work is done; asked again and again, it says how far it is."""
+        """Return whether the work is done; if it is not, report the progress when a report is due."""
         over = not self._thread.is_alive()
         if not over:
             self._report.look()
         return over
 
     def wait(self) -> Result:
-        """What the work returns, once it is done; an error of the work is raised."""
+        """Wait for the work, and return its result or raise its error."""
         while not self.done():
             self._thread.join(POLL)
         return self.result()
 
     def result(self) -> Result:
-        """What the work has returned; an error of the work is raised."""
+        """Return the result of the finished work, or raise its error."""
         if self._error is not None:
             raise self._error
         self._report.end()
@@ -110,12 +110,12 @@ class Preparation(Generic[Result]):
 
 
 def prepare_kernels(program: str, method: str) -> None:
-    """Compile the kernels of a `solver.method`, or load them; how far that is goes to stderr, after `program`."""
+    """Compile or load the kernels of a `solver.method` in a thread; progress goes to stderr, after `program`."""
     Preparation(lambda: compile_kernels(method), lambda text: say(program, text)).wait()
 
 
 def provide_kernels(method: str) -> None:
-    """Compile the kernels of a `solver.method`, or load them, in this thread; how far that is goes to stderr."""
+    """Compile or load the kernels of a `solver.method` in this thread; progress goes to stderr."""
     if method in compiled_methods:
         return
     report, over = CompilationReport(lambda text: say("vibro_ros", text)), threading.Event()

@@ -1,6 +1,7 @@
-"""A function of many items in several processes: results in order, items taken as needed, and no process left behind.
+"""A function applied to many items in several processes: results in order, items taken as needed, no process left over.
 
-Processes, not threads: compiling a scene to its tables is Python, and takes as long as seconds of robot time.
+Processes are used, not threads, because a scene is compiled to its tables in Python, which takes as long as simulating
+seconds of robot time.
 
 `Forks` is a `concurrent.futures.Executor` in which each worker is a fork with a pipe of its own, served by a thread.
 The workers of `concurrent.futures.ProcessPoolExecutor` share one pipe for results: one that is killed while it sends
@@ -22,7 +23,7 @@ from typing import Any
 
 from vibro_ros.process.entry_point import interrupt_again, interrupted_afterwards
 
-#: Items a process that may be submitted beyond the one whose result is due: more results than these never wait.
+#: Items per process that may be submitted beyond the item whose result is due; this limits the results that wait.
 AHEAD = 4
 _GIVEN = 2  # items that a worker has: it works on one while the other waits in its pipe, so that it is never idle
 _FORK = multiprocessing.get_context("fork")  # starts in milliseconds, with the kernels that the parent has compiled
@@ -30,7 +31,7 @@ _DIE_WITH_PARENT = 1  # prctl's PR_SET_PDEATHSIG
 
 
 class WorkerError(BrokenExecutor):
-    """A process that ended before its work, or a result that cannot be sent."""
+    """Error of a process that ended before its work was done, or of a result that cannot be sent."""
 
 
 def core_count() -> int:
@@ -40,15 +41,15 @@ def core_count() -> int:
 
 def in_order(executor: Executor, function: Callable, items: Iterable, ahead: int,
              when_done: Callable[[], None] = lambda: None) -> Generator[tuple[Any, Future], None, None]:
-    """Apply `function` to each of `items`, at most `ahead` of them beyond the one that is due.
+    """Apply `function` to each of `items`, at most `ahead` of them beyond the item whose result is due.
 
-    `when_done` is called when all is computed, before the last is yielded: whoever knows how many there are, as
-    ``zip(names, runs)`` does, does not ask for one more.
+    `when_done` is called when all results are computed, before the last is yielded, because a caller that knows their
+    number, as ``zip(names, runs)`` does, does not ask for one more.
 
     Yields
     ------
     tuple of (object, Future)
-        Each item and its future, in their order. An error of the iterable comes after all items before it.
+        Each item and its future, in the items' order. An error of the iterable is raised after all items before it.
 
     Raises
     ------
@@ -84,17 +85,17 @@ def in_order(executor: Executor, function: Callable, items: Iterable, ahead: int
 
 
 def in_processes(function: Callable, items: Iterable, workers: int) -> Generator[tuple[Any, Future], None, None]:
-    """`in_order` in so many processes, or in this one; they end before the last item is yielded, or when the iterator
-    is closed or dropped."""
+    """Return `in_order` over so many worker processes, or over this process if `workers` is 1. Workers end before the
+    last item is yielded, or when the iterator is closed or dropped."""
     with Forks(workers, function) if workers > 1 else InThisProcess() as executor:
         yield from in_order(executor, function, items, AHEAD * workers if workers > 1 else 0, executor.shutdown)
 
 
 class InThisProcess(Executor):
-    """Does each item when it is submitted."""
+    """Executor that computes each item in this process when the item is submitted."""
 
     def submit(self, function: Callable, /, *arguments: Any, **named: Any) -> Future:
-        """The future of the function's result, done."""
+        """Return the finished future of the function's result or error."""
         future: Future = Future()
         try:
             future.set_result(function(*arguments, **named))
@@ -109,9 +110,9 @@ class Forks(Executor):
     Parameters
     ----------
     workers : int
-        Processes.
+        Number of processes.
     inherited : callable
-        A function that the forks inherit, so that it may be a closure; others must have a name to be submitted.
+        A function that the forks inherit, so that it may be a closure; other submitted functions are pickled by name.
     """
 
     def __init__(self, workers: int, inherited: Callable):
@@ -133,13 +134,13 @@ class Forks(Executor):
             thread.start()
 
     def submit(self, function: Callable, /, *arguments: Any, **_: Any) -> Future:
-        """The future of the function's result of one item; a WorkerError if its process ends before."""
+        """Return the future of the function's result for one item; a WorkerError if its process ends before."""
         future: Future = Future()
         self._waiting.put((future, None if function is self._inherited else function, *arguments))
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = True) -> None:
-        """Kill every worker: a kernel would not notice a gentler signal before its run is over."""
+        """Kill every worker, because a kernel would not notice a gentler signal before its run is over."""
         for process in self._processes:
             process.kill()
         for _ in self._threads:
@@ -153,7 +154,7 @@ class Forks(Executor):
         self._processes, self._pipes, self._threads = [], [], []
 
     def _serve(self, pipe: Connection, process: Any) -> None:
-        """Give items to a worker and take its results, until there are no more or the worker has ended."""
+        """Send items to a worker and take its results, until there are no more items or the worker has ended."""
         given: deque[Future] = deque()
         with suppress(EOFError, OSError):
             while True:
@@ -175,7 +176,7 @@ class Forks(Executor):
                     future.set_exception(error)
         process.join()
         ended = WorkerError(f"its process ended with exit code {process.exitcode}")
-        while True:  # nothing is lost that this worker would have taken
+        while True:  # fail what this worker would have taken, so that no future waits for ever
             for future in given:
                 future.set_exception(ended)
             task = self._waiting.get()
@@ -185,13 +186,13 @@ class Forks(Executor):
 
 
 def _work(pipe: Connection, other_end: Connection, parent: int, inherited: Callable) -> None:
-    """Answer every item that comes, until the parent ends."""
-    for number in (signal.SIGINT, signal.SIGHUP):  # they reach the parent as well, which ends this process
+    """Compute and send the result of every item that arrives, until the parent ends."""
+    for number in (signal.SIGINT, signal.SIGHUP):  # the parent gets them as well, and ends this process
         signal.signal(number, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
     other_end.close()
-    if os.getppid() != parent:  # which ended before the kernel was asked
+    if os.getppid() != parent:  # the parent ended before the call of prctl
         return
     with suppress(EOFError, OSError):
         while True:
@@ -208,4 +209,4 @@ def _work(pipe: Connection, other_end: Connection, parent: int, inherited: Calla
             except Exception as error:
                 words = f"its result cannot be handed over: {type(error).__name__}: {error}"
                 pipe.send((None, WorkerError(words)))
-            del outcome  # while this process waits, it would keep its memory
+            del outcome  # else its memory is kept while this process waits

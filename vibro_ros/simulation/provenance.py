@@ -1,4 +1,4 @@
-"""Where numbers come from: what a recording must say for somebody to compute it again, bit for bit."""
+"""Provenance: the data that a recording must store so that its run can be computed again, bit for bit."""
 
 import functools
 import hashlib
@@ -17,7 +17,7 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import compile_scene
 from vibro_ros.solver.compilation import multiply_add, processor
 
-# Rooms and modules whose text decides the numbers that a robot publishes.
+# Subpackages and modules whose text decides the numbers that a robot publishes.
 _PACKAGE = "vibro_ros"
 _ROOMS = ("model", "sensors", "solver")
 _MODULES = (
@@ -27,13 +27,13 @@ _MODULES = (
 
 
 def provenance(parameters: Mapping[str, Value], start: int) -> dict[str, str]:
-    """All that fixes the bits of a run besides its commands, as custom data of a bag.
+    """Return all that decides the bits of a run besides its commands, as custom data of a bag.
 
     Parameters
     ----------
     parameters : mapping
-        Every parameter of the device and its scene. All that is random in a run, the errors of the sensors, follows
-        from ``sensors.seed`` among them.
+        Every parameter of the device and its scene. Among them ``sensors.seed`` decides all that is random in a run,
+        the errors of the sensors.
     start : int
         ROS time [ns] of simulated time 0.
     """
@@ -45,7 +45,7 @@ def provenance(parameters: Mapping[str, Value], start: int) -> dict[str, str]:
 
 @functools.cache
 def software() -> dict[str, str]:
-    """What this computer computes with: where all of it is equal, and `tables`, bits do not differ.
+    """Return what this computer computes with: if two computers agree in this and in `tables`, so do their bits.
 
     `version` of this package; `platform`; `sources`, a digest of the modules that decide the bits; `arithmetic`,
     whether kernels round a product before they add to it; `processor`, for which they are compiled; `c_library`, whose
@@ -62,7 +62,7 @@ def software() -> dict[str, str]:
 
 
 def tables(parameters: Mapping[str, Value]) -> str:
-    """Digest of the tables that the scene in `parameters` compiles to here: sines, cosines, eigenvalues and
+    """Return a digest of the tables to which the scene in `parameters` compiles here: sines, cosines, eigenvalues and
     solutions of linear equations as this computer's libraries round them."""
     names = {parameter.name for parameter in SCENE_PARAMETERS}
     system = compile_scene(Scene("", {name: value for name, value in parameters.items() if name in names})).system
@@ -78,7 +78,7 @@ def _arrays(table: tuple) -> Iterator[np.ndarray]:
 
 
 def _sources() -> Iterator[bytes]:
-    """Names and texts of the modules that decide the bits; line ends do not."""
+    """Yield names and texts of the modules that decide the bits, independent of the kind of line ends."""
     of_rooms = [(room, name) for room in _ROOMS for name in sorted(
         module.name for module in pkgutil.iter_modules(import_module(f"{_PACKAGE}.{room}").__path__))]
     for room, name in (*of_rooms, *_MODULES):

@@ -1,8 +1,8 @@
-"""The fields of `Samples` from what the solver samples.
+"""The fields of `Samples`, computed from the channels that the solver samples.
 
 Most are linear forms of the channels. Power and torque are products of them: power = sum of drive force times the
-slider's speed, torque = power / the crank's speed, and where the crank stands or turns round, sum of drive force times
-ds/dtheta.
+slider's speed, torque = power / the crank's speed; where the crank stands or changes its direction, torque = sum of
+drive force times ds/dtheta.
 """
 
 from collections.abc import Callable, MutableMapping
@@ -20,9 +20,10 @@ _TIME, _ANGLE, _SPEED, _POWER, _TORQUE, _NORMAL, _VOLTAGE, _CURRENT, _ELECTRICAL
     "motor_current", "electrical_power"))
 _LINEAR = np.array([FIELDS.index(name) for name in OUTPUTS])  # rows of the linear forms
 _TURN = 2.0 * np.pi
-# A motion that has died away to less is reported as zero: below 2e-308 doubles lose their digits.
+# A smaller value, of a motion that has died away, is reported as zero: below 2e-308 doubles lose their digits.
 _LEAST_VALUE = 1e-290
-# A crank that turns more slowly [rad/s] is passing 0, to rounding of the fastest; power over speed says nothing then.
+# A crank that turns more slowly [rad/s] counts as standing: this is rounding of the fastest speed, and power over speed
+# is meaningless.
 _STANDING = 1e-11
 _AT_ONCE = 4096  # instants; their values are small enough for the processor's cache
 # Height [m] that rounding may give to a body that stands on the ground.
@@ -30,7 +31,7 @@ _STANDING_HEIGHT = 1e-15
 
 
 class Readout:
-    """Reads a compiled scene's samples; for one thread.
+    """Computes a compiled scene's samples; for use by one thread.
 
     Parameters
     ----------
@@ -50,31 +51,31 @@ class Readout:
         self._slopes, self._slopes_at = np.zeros((len(model.sliders), 1)), np.nan
 
     def values(self, times: np.ndarray, trace: Trace) -> np.ndarray:
-        """Values of all `FIELDS` at one instant, shape (fields,), until the next call.
+        """Return the values of all `FIELDS` at one instant, shape (fields,); the next call overwrites them.
 
         Parameters
         ----------
         times : ndarray, shape (1,)
             The instant [s].
         trace : Trace
-            What was sampled there.
+            The solver's sample at that instant.
         """
         angle = trace.phases[0, 1]
-        # A crank that stands, stands at one angle.
+        # Slopes count only where the crank stands, and stay the same as long as it stands at the same angle.
         if abs(trace.phases[0, 2]) <= _STANDING and angle != self._slopes_at:
             self._slopes, self._slopes_at = self._slopes_where_standing(trace.phases), angle
         read_samples(*self._arguments(times, trace, self._slopes, self._values))
         return self._values[:, 0]
 
     def quantities(self, times: np.ndarray, trace: Trace) -> dict[str, np.ndarray]:
-        """Fields of `Samples` at several instants: arrays of their own, so that one can be kept without the others.
+        """Return the fields of `Samples` at several instants, as separate arrays, so that each can be kept by itself.
 
         Parameters
         ----------
         times : ndarray, shape (n,)
             Instants [s].
         trace : Trace
-            What was sampled there.
+            The solver's samples at these instants.
         """
         found = {name: np.empty(len(times)) for name in FIELDS}
         for first in range(0, len(times), _AT_ONCE):
@@ -87,7 +88,7 @@ class Readout:
         return found
 
     def calls(self, times: np.ndarray, trace: Trace) -> list[tuple[Callable, tuple]]:
-        """The kernels, with arguments of the types that they are called with; `times` and `trace` as in `values`."""
+        """Return the kernels with arguments of the types with which they are called; arguments as in `values`."""
         return [(read_samples, self._arguments(times, trace, self._slopes, self._values))]
 
     def _arguments(self, times: np.ndarray, trace: Trace, slopes: np.ndarray, values: np.ndarray) -> tuple:
@@ -124,13 +125,13 @@ def cut_to_laws(scene: Scene, pressed_only: bool, quantities: MutableMapping[str
 
 @rounding_part
 def _plus_product(sum_so_far, one, other):
-    """Every product is rounded, so that equal ones cancel to exactly zero."""
+    """Return sum_so_far + one * other with a rounded product, so that equal products cancel to exactly zero."""
     return sum_so_far + one * other
 
 
 @entry
 def read_samples(forms, terms, pressed_only, drives, linkage, slopes, times, points, modes, phases, values):
-    """Values of all `FIELDS` at sampled instants.
+    """Compute the values of all `FIELDS` at sampled instants.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ from vibro_ros.simulation.samples import Run, Samples, sample_times
 from vibro_ros.simulation.simulator import Simulator
 
 Result = TypeVar("Result")
-#: Instants [s], ascending, and what is commanded then, by the names of `Simulator.command`.
+#: Instants [s], ascending, each with its commands by the names of the arguments of `Simulator.command`.
 Commands = Iterable[tuple[float, Mapping[str, float]]]
 _NAMES = tuple(inspect.signature(Simulator.command).parameters)[1:]
 
@@ -32,7 +32,7 @@ def simulate(scene: Scene, duration: float | None = None, rate: float | None = N
     Parameters
     ----------
     scene : Scene
-        What to simulate.
+        The scene to simulate.
     duration : float
         Length of the run [s]; with `rate`.
     rate : float
@@ -42,7 +42,7 @@ def simulate(scene: Scene, duration: float | None = None, rate: float | None = N
     tolerance, method : float [m], str
         Override the scene's `solver.tolerance` and `solver.method`.
     commands : iterable of (float, mapping)
-        Instants [s], ascending, and what is commanded then: `motor_speed` [rad/s], `upper_gap`, `inclined_gap` [m].
+        Instants [s], ascending, each with its commands: `motor_speed` [rad/s], `upper_gap`, `inclined_gap` [m].
         A sample at such an instant is taken after the command; commands after the last sample are not given.
 
     Returns
@@ -90,14 +90,15 @@ def simulate_many(scenes: Iterable[Scene], duration: float | None = None, rate: 
     Parameters
     ----------
     scenes : iterable of Scene
-        What to simulate; it may be a generator without end. Taken as it is needed, at most four scenes a process
+        The scenes to simulate; it may be a generator without end. Scenes are taken as needed, at most four per process
         ahead of the result that is due.
     duration, rate, times, tolerance, method, commands
         As for `simulate`, the same for every scene.
     workers : int
-        Processes that simulate, as many as cores that this process may use unless given; with 1, this process does.
+        Number of processes that simulate, by default the number of cores that this process may use; with 1, this
+        process simulates.
     reduce : callable
-        Called with each run where it was simulated; what it returns is yielded in place of the run.
+        Called with each run in the process that simulated it; its result is yielded in place of the run.
 
     Yields
     ------
@@ -111,13 +112,13 @@ def simulate_many(scenes: Iterable[Scene], duration: float | None = None, rate: 
     ValueError
         At the call: as `simulate`, and for less than one worker.
     SimulationError
-        In the place of the first result that cannot be had, after all before it; the message names the scene by
-        its number, from 0, and by what distinguishes it from the first.
+        In the place of the first result that cannot be computed, after all results before it; the message names the
+        scene by its number, from 0, and by the parameters in which it differs from the first.
 
     Notes
     -----
-    Workers are forks of the calling process. Like every fork they are unwise while another thread compiles kernels,
-    and a worker of another pool may have none: give ``workers=1`` there.
+    Workers are forks of the calling process. As with every fork, do not start them while another thread compiles
+    kernels. A worker of another pool may not start processes: give ``workers=1`` there.
 
     Examples
     --------
@@ -171,17 +172,17 @@ def _checked_commands(commands: Commands) -> tuple[tuple[float, dict[str, float]
 
 
 def _overriding(tolerance: float | None, method: str | None) -> dict[str, object]:
-    """Parameters of the scene that the arguments of `simulate` override."""
+    """Return the parameters of the scene that the arguments of `simulate` override."""
     overrides = {"solver.tolerance": tolerance, "solver.method": method}
     return {name: value for name, value in overrides.items() if value is not None}
 
 
 def _results(scenes: Iterator[Scene], simulation: Callable, workers: int, method: str | None) -> Iterator:
-    """Yield what `simulation` returns of each scene; raise a SimulationError in place of the first that it cannot."""
+    """Yield the result of `simulation` for each scene; raise a SimulationError in place of the first that fails."""
     first = next(scenes, None)
     if first is None:
         return
-    if workers > 1:  # once for all that are forked
+    if workers > 1:  # once, before workers are forked
         provide_kernels(method or first["solver.method"])
     jobs = in_processes(simulation, itertools.chain([first], scenes), workers)
     try:

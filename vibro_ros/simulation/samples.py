@@ -1,4 +1,4 @@
-"""What a simulation returns, the device's quantities at the instants asked for; and those instants, checked."""
+"""Results of a simulation: the device's quantities at the requested instants; and checks of these instants."""
 
 import math
 from dataclasses import dataclass, fields
@@ -24,12 +24,12 @@ class Samples(Generic[Quantity]):
     body_position, body_velocity : float or ndarray
         x [m] and x' [m/s].
     body_height, body_vertical_velocity : float or ndarray
-        Height above the ground [m] and its rate [m/s]; zero but for the rule `hop`.
+        Height above the ground [m] and its rate [m/s]; zero except by the rule `hop`.
     upper_position, upper_velocity, inclined_position, inclined_velocity : float or ndarray
         Positions of the masses along their guides from the crank's centre, outwards positive [m], and rates [m/s].
-        Zero for a mass that the scene does not have, as everything of it below.
+        Zero for a mass that the scene does not have, as are its forces and its plate below.
     crank_angle, motor_speed : float or ndarray
-        theta [rad], counted on over the turns, and its rate [rad/s].
+        theta [rad], which grows beyond 2 pi with every turn, and its rate [rad/s].
     motor_power, motor_torque : float or ndarray
         Work rate [W] of the sliders on the springs, positive when it drives the robot, and the torque
         on the crank [N m] that does it.
@@ -42,9 +42,9 @@ class Samples(Generic[Quantity]):
     upper_plate_position, upper_plate_velocity, inclined_plate_position, inclined_plate_velocity : float or ndarray
         Plates along their guides [m] and rates [m/s].
     motor_voltage, motor_current : float or ndarray
-        Of a dc motor [V], [A]; zero for another, as its electrical power.
+        Voltage [V] and current [A] of a dc motor; zero for another motor, as is `electrical_power`.
     electrical_power : float or ndarray
-        What the supply gives, V i [W].
+        Power from the supply, V i [W].
     """
 
     time: Quantity
@@ -76,7 +76,7 @@ class Samples(Generic[Quantity]):
 
     @property
     def crank_speed(self) -> Quantity:
-        """theta' [rad/s]: `motor_speed`, the true one, whatever was commanded."""
+        """theta' [rad/s]: `motor_speed`, which is the true speed, not the commanded one."""
         return self.motor_speed
 
 
@@ -88,7 +88,7 @@ TIME, NORMAL_FORCE, CRANK_ANGLE, MOTOR_SPEED = (
 
 @dataclass(frozen=True)
 class Run(Samples[np.ndarray]):
-    """Samples of a whole simulation, with what happened between them.
+    """Samples of a whole simulation, with its events and statistics.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ class Run(Samples[np.ndarray]):
 
 
 class Trace(NamedTuple):
-    """What the solver samples at n instants.
+    """The solver's samples at n instants.
 
     Attributes
     ----------
@@ -126,23 +126,24 @@ class Trace(NamedTuple):
 
 
 def one_sample(values: np.ndarray) -> Samples[float]:
-    """The sample at one instant, from the values of all its `FIELDS`, shape (fields,).
+    """Return the sample at one instant, from the values of all its `FIELDS`, shape (fields,).
 
-    The constructor of a frozen class sets field by field and checks each: half of what a tick's sample would cost.
+    The constructor of a frozen class, which sets and checks each field, would double the cost of a tick's sample.
     """
     sample: Samples[float] = object.__new__(Samples)
     vars(sample).update(zip(FIELDS, values.tolist(), strict=True))
     return sample
 
 
-# No crank turns so many times as far as by the faster of its speeds at two samples, and an angle [rad] more.
+# Between two samples no crank turns by more than this multiple of the angle at the faster of its two speeds, plus this
+# angle [rad].
 _BEYOND, _FAR = 2.0, 1.0
 
 
 def resets(time: np.ndarray, crank_angle: np.ndarray, crank_speed: np.ndarray) -> np.ndarray:
-    """Whether the device was put elsewhere between neighbouring samples, as a reset does; bool, shape (n - 1,).
+    """Return whether the state was replaced between neighbouring samples, as by a reset; bool, shape (n - 1,).
 
-    The crank then turns against its speeds at both samples, or much farther than these make of the time between.
+    The crank has then turned against its speeds at both samples, or much farther than at these speeds.
 
     Parameters
     ----------
@@ -155,14 +156,14 @@ def resets(time: np.ndarray, crank_angle: np.ndarray, crank_speed: np.ndarray) -
     return (turned != 0.0) & (against | (np.abs(turned) > _BEYOND * np.abs(speeds).max(axis=0) * elapsed + _FAR))
 
 
-#: Latest instant [s] that can be asked for, 31 years: there, doubles tell instants apart that are 1e-7 s apart.
+#: Latest instant [s] that can be requested, 31 years; there, neighbouring doubles are 1e-7 s apart.
 LATEST = 1e9
 #: Most samples of one run: their fields take 20 GB.
 MOST_SAMPLES = 1e8
 
 
 def sample_times(duration: float | None, rate: float | None, times: np.ndarray | None) -> np.ndarray:
-    """Instants to sample [s], shape (n,), from the arguments of `simulate`; a ValueError for any that make no sense."""
+    """Return the instants to sample [s], shape (n,), from the arguments of `simulate`; ValueError if invalid."""
     if times is None:
         if duration is None or rate is None:
             raise ValueError("give duration and rate, or times")
@@ -177,7 +178,7 @@ def sample_times(duration: float | None, rate: float | None, times: np.ndarray |
 
 
 def checked_times(times: np.ndarray, start: float) -> np.ndarray:
-    """Copy of the instants `times` [s], shape (n,); a ValueError for any that make no sense or lie before `start`."""
+    """Return a copy of the instants `times` [s], shape (n,); ValueError if they are invalid or before `start`."""
     times = np.array(times, dtype=float)  # the caller's may change between parts
     if times.ndim != 1 or not np.isfinite(times).all() or (times < start).any() or (np.diff(times) < 0.0).any():
         raise ValueError("times: give a one-dimensional, ascending array of finite instants, none below "

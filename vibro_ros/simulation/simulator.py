@@ -17,26 +17,26 @@ from vibro_ros.simulation.samples import LATEST, Samples, checked_times, one_sam
 
 
 class ToleranceWarning(UserWarning):
-    """The default `solver.tolerance` promises more than rounding lets be kept; an explicit one is refused."""
+    """Warning that rounding does not permit the default `solver.tolerance`; an explicit one is refused."""
 
 
 class Simulator:
-    """The device, stepped in simulated time.
+    """The virtual device, stepped in simulated time.
 
-    What it holds does not grow with time, except for events: they are kept until `take_events` hands them over.
+    Its memory does not grow with time, except for events, which are kept until `take_events` returns them.
 
     Parameters
     ----------
     scene : Scene
-        What to simulate.
+        The scene to simulate.
     acceleration_bandwidth : float
-        Frequency [Hz] at which `filtered_acceleration` loses 3 dB; 0, the default, for none. Needs `solver.method`
-        exact.
+        Frequency [Hz] at which `filtered_acceleration` loses 3 dB; 0, the default, for no filter. Needs
+        `solver.method` exact.
 
     Attributes
     ----------
     scene : Scene
-        What is simulated.
+        The scene that is simulated.
 
     Examples
     --------
@@ -71,7 +71,7 @@ class Simulator:
 
     @property
     def state(self) -> Samples:
-        """The device now: every field of `Samples` as one number.
+        """The present state: every field of `Samples` as one number.
 
         Examples
         --------
@@ -82,7 +82,7 @@ class Simulator:
 
     @property
     def values(self) -> np.ndarray:
-        """The device now: the values of all `FIELDS` of `state`, shape (fields,); another call overwrites them.
+        """The present values of all `FIELDS` of `state`, shape (fields,); the next call overwrites them.
 
         Examples
         --------
@@ -93,10 +93,10 @@ class Simulator:
         return self._motion.now()
 
     def filtered_acceleration(self) -> tuple[float, float]:
-        """The body's acceleration [m/s²] along x and upwards, now, behind a Butterworth filter of second order.
+        """Return the body's present acceleration [m/s²] along x and upwards after a second-order Butterworth low-pass.
 
-        Exact: landings, blows and a speed that `set_state` gives enter as steps of the speed. The last digit depends on
-        the instants of earlier calls, not on those to which the device was advanced.
+        The result is exact: landings, blows and a speed given to `set_state` enter as steps of the speed. The last
+        digit depends on the instants of earlier calls, not on those to which the device was advanced.
 
         Examples
         --------
@@ -109,8 +109,8 @@ class Simulator:
 
     @property
     def commanded_motor_speed(self) -> float:
-        """Speed [rad/s] that the motor was asked for, by a command or the scene; the voltage [V] of a dc motor that one
-        commands.
+        """Commanded speed of the motor [rad/s], by a command or the scene; for a dc motor with `motor.control` voltage,
+        the commanded voltage [V].
 
         Examples
         --------
@@ -121,7 +121,7 @@ class Simulator:
 
     @property
     def controller_integral(self) -> float:
-        """What the controller of a dc motor has summed up [V, or A with `speed_by_current`]; 0 without a controller.
+        """Integral of a dc motor's controller [V, or A with `speed_by_current`]; 0 without a controller.
 
         Examples
         --------
@@ -135,7 +135,7 @@ class Simulator:
 
     @property
     def supply_voltage(self) -> float:
-        """Voltage [V] that the supply of a dc motor has now: `motor.supply_voltage`, or what a sag leaves of it.
+        """Present supply voltage of a dc motor [V]: `motor.supply_voltage`, or less during a sag.
 
         Examples
         --------
@@ -148,10 +148,10 @@ class Simulator:
 
     def command(self, motor_speed: float | None = None, upper_gap: float | None = None,
                 inclined_gap: float | None = None, motor_voltage: float | None = None) -> None:
-        """Ask for a motor speed [rad/s] and for gaps [m], from now on.
+        """Command a motor speed [rad/s] and gaps [m] from now on.
 
-        The speed follows at once or on a ramp, as the scene's motor does; the plates move at
-        `gap_actuator.speed`. A dc motor whose `motor.control` is voltage takes a voltage [V] in place of a speed.
+        The speed follows as `effects.motor` says; the plates move at `gap_actuator.speed`. A dc motor whose
+        `motor.control` is voltage takes a voltage [V] in place of a speed.
 
         Raises
         ------
@@ -178,15 +178,15 @@ class Simulator:
         self._motion.command(motor, gaps)
 
     def _check_jump(self, speed: float) -> None:
-        """Refuse a motor speed [rad/s] that masses of the linkage would reach in a jump."""
+        """Refuse a new motor speed [rad/s] of an ideal motor with linkage masses, whose speeds would jump."""
         if speed != self.commanded_motor_speed and self.scene.linkage and self.scene["effects.motor"] == "ideal":
             raise ValueError(f"motor_speed: {speed:g} rad/s would be reached at once by effects.motor 'ideal', and "
                              f"mass.{self.scene.linkage[0]} would strike the body; choose ramp or lag")
 
     def set_parameters(self, changes: Mapping[str, object]) -> None:
-        """Change parameters of the scene from now on: those that `SCENE_PARAMETERS` lists as changing while running.
+        """Change parameters of the scene from now on: those that `SCENE_PARAMETERS` marks as `while_running`.
 
-        A motor or a plate that is on its way goes on to where it was sent as the new parameters have it.
+        A motor speed or a plate that is still changing goes on to its target under the new parameters.
         With `ground.friction` the robot goes on over another floor.
 
         Parameters
@@ -197,8 +197,8 @@ class Simulator:
         Raises
         ------
         ValueError
-            For a parameter that makes another machine, a value beyond its limit, or a `motor.max_speed` below the speed
-            that was commanded; nothing is changed then.
+            For a parameter that may not change while running, a value beyond its limit, or a `motor.max_speed` below
+            the commanded speed; nothing is changed then.
         SimulationError
             If the run cannot go on.
 
@@ -226,21 +226,22 @@ class Simulator:
         self.scene = scene
 
     def set_state(self, /, **given: float) -> None:
-        """Put the device into a state of your choice, at its present time.
+        """Put the device into a given state at its present time.
 
-        What may be given are fields of `state`: `body_position`, `body_velocity`, `body_height`,
+        The state is given by fields of `state`: `body_position`, `body_velocity`, `body_height`,
         `body_vertical_velocity`, `upper_position`, `upper_velocity`, `inclined_position`, `inclined_velocity`,
         `crank_angle`, `motor_speed`, `upper_plate_position` and `inclined_plate_position`, in the units and signs of
-        `Samples`, and of a dc motor `motor_current`, if its winding has an inductance, and `controller_integral`, if it
-        has a controller. The others stay, and so do commands: a motor that takes time and a plate go on from here to
-        where they were sent. A motor whose law is `ideal` keeps the speed. A contact that is under way has no event. A
-        sample that a controller has taken at this very instant is taken again if its integral is given.
+        `Samples`; for a dc motor also by `motor_current`, if its winding has an inductance, and `controller_integral`,
+        if it has a controller. Other fields do not change, and neither do commands: plates, and a motor that is not
+        `ideal`, go on from the given state to their targets. An `ideal` motor keeps the given speed. A contact in
+        progress is not recorded as an event. A sample that a controller has taken at this very instant is taken again
+        if its integral is given.
 
         Raises
         ------
         ValueError
-            For a state that cannot be: another name, no finite number, a value beyond its limit, a part that the scene
-            does not have, a mass beyond a rigid plate. Nothing is changed then.
+            For an unknown name, a number that is not finite or beyond its limit, a part that the scene does not have,
+            or a mass beyond a rigid plate. Nothing is changed then.
         SimulationError
             If the run cannot go on.
 
@@ -258,24 +259,25 @@ class Simulator:
         self._motion.set_state(given)
 
     def push(self, duration: float, force_x: float = 0.0, force_z: float = 0.0) -> None:
-        """Push the body with a constant force from outside, from now on, in place of a push that lasts.
+        """Push the body with a constant external force from now on, which replaces a push that is still active.
 
-        Exact, with all that it sets off: the body may start, lift off or land. A blow is a push that is short: an
-        impulse of 0.1 N s is ``push(1e-4, force_x=1000.0)``, and `set_state` gives the body another speed at once.
+        The motion stays exact: the body may start, lift off or land. A short push acts as a blow: an impulse of
+        0.1 N s is ``push(1e-4, force_x=1000.0)``. To change the body's speed at once, use `set_state`.
 
         Parameters
         ----------
         duration : float
-            How long [s]; 0 ends the push.
+            Duration [s]; 0 ends the push.
         force_x : float
-            Force [N] along the ground, forwards positive; in a scene whose body moves.
+            Force [N] along the ground, forwards positive; only in a scene whose body moves.
         force_z : float
-            Force [N] upwards; in a scene whose body may leave the ground (`effects.normal_force` hop).
+            Force [N] upwards; only in a scene whose body may leave the ground (`effects.normal_force` hop).
 
         Raises
         ------
         ValueError
-            For a number beyond its limit, or a body that cannot move so; nothing is changed then.
+            For a number beyond its limit, or a force in a direction in which the body cannot move; nothing is changed
+            then.
 
         Examples
         --------
@@ -296,30 +298,30 @@ class Simulator:
 
     def fail(self, fault: str, duration: float, of: str = "", value: float = 0.0, from_x: float = 0.0,
              to_x: float = 0.0) -> None:
-        """Let a part fail from now on: a fault of `FAULTS` that befalls the device.
+        """Start a fault of the device from now on, one of `FAULTS`.
 
         Parameters
         ----------
         fault : str
             `motor_stall`: the motor stops as it does for a command of 0, and does not follow commands meanwhile; the
             bearing of a dc motor is seized. `plate_stuck`: a plate stands where it is, and does not follow commands
-            meanwhile. Afterwards both follow the last one. `supply_sag`: the supply of a dc motor has `value` volts.
+            meanwhile. Afterwards both follow the last command. `supply_sag`: a dc motor's supply has `value` volts.
             `friction_patch`: the ground has the friction coefficient `value`, as ice has, where the body's position
             is from `from_x` to `to_x`; by `solver.method` exact.
         duration : float
-            How long [s]; 0 ends the fault.
+            Duration [s]; 0 ends the fault.
         of : str
-            The plate, `upper` or `inclined`.
+            The plate that sticks, `upper` or `inclined`.
         value : float
             The supply's voltage [V], above 0 and at most `motor.supply_voltage`, or the patch's friction coefficient,
-            which is the same at rest and in both directions; the others need none.
+            which is the same at rest and in both directions; other faults need no value.
         from_x, to_x : float
             The ends of the patch [m].
 
         Raises
         ------
         ValueError
-            For a fault that cannot be; nothing is changed then.
+            For a fault that the scene cannot have, or a number beyond its limit; nothing is changed then.
 
         Examples
         --------
@@ -350,7 +352,7 @@ class Simulator:
 
     @property
     def disturbances(self) -> dict[str, float]:
-        """What lasts now, a push or faults of the device, and the instants [s] at which they end.
+        """Active disturbances, a push or faults of the device, each with the instant [s] at which it ends.
 
         Examples
         --------
@@ -365,9 +367,7 @@ class Simulator:
     def reset(self) -> None:
         """Put the device back to its start: time 0, the state and the commands of the scene's parameters, no events.
 
-        A push and faults end.
-
-        What follows is, bit for bit, what follows the start of a new device of the present `scene`.
+        A push and faults end. From then on the device moves, bit for bit, as a new device of the present `scene`.
 
         Examples
         --------
@@ -380,9 +380,9 @@ class Simulator:
         self._motion = Motion(self.scene, self._bandwidth)
 
     def checkpoint(self) -> np.ndarray:
-        """All that the device's future depends on besides its scene and commands, for `restore`; shape (n,).
+        """Return all that the device's future depends on besides its scene and commands, for `restore`; shape (n,).
 
-        Events that were not taken, and the counts of `statistics`, are not in it.
+        Events that were not taken, and the counts of `statistics`, are not included.
 
         Examples
         --------
@@ -396,13 +396,13 @@ class Simulator:
         return np.concatenate([[self.time], *(part.ravel() for part in self._motion.lasting())])
 
     def restore(self, checkpoint: np.ndarray) -> None:
-        """Go on from a `checkpoint` of a device of the same scene, bit for bit as that one; also back in time.
+        """Go on from a `checkpoint` of a device of the same scene, bit for bit as that device; time may go back.
 
         Raises
         ------
         ValueError
-            For a checkpoint of another scene, as far as its size tells, or one that no device can have made: a bag may
-            hold anything. Nothing is changed then.
+            For a checkpoint whose size is not that of the scene's, or whose numbers no device can have, as in a forged
+            bag. Nothing is changed then.
 
         Examples
         --------
@@ -413,7 +413,7 @@ class Simulator:
         >>> device.time
         0.0
         """
-        before = Simulator.checkpoint(self)  # without what a subclass adds
+        before = Simulator.checkpoint(self)  # not the longer one of a subclass
         try:
             self._overwrite(checkpoint)
             if not self._motion.is_possible():
@@ -426,7 +426,7 @@ class Simulator:
 
     def _overwrite(self, checkpoint: np.ndarray) -> None:
         disturbances, end = self._motion.disturbances.table, 1
-        if np.ndim(checkpoint) == 1 and len(checkpoint) > disturbances.size:  # which decide how many numbers follow
+        if np.ndim(checkpoint) == 1 and len(checkpoint) > disturbances.size:  # disturbances decide the length
             self._motion.time = float(checkpoint[0])
             disturbances[...] = checkpoint[end:end + disturbances.size].reshape(disturbances.shape)
             self._motion.disturbances_overwritten()
@@ -442,7 +442,7 @@ class Simulator:
         self._motion.lasting_overwritten()
 
     def advance_to(self, time: float) -> None:
-        """Advance to the absolute instant `time` [s]; the trajectory does not depend on how time is cut up.
+        """Advance to the absolute instant `time` [s]; the motion does not depend on how the time is divided into calls.
 
         Raises
         ------
@@ -466,21 +466,22 @@ class Simulator:
         self._motion.advance_to(time)
 
     def advance_to_angle(self, turn: int, angle: float, latest: float = LATEST) -> bool:
-        """Advance to the instant at which the crank of a dc motor first stands at an angle, exactly.
+        """Advance exactly to the instant at which the crank of a dc motor first reaches an angle.
 
         Parameters
         ----------
         turn : int
-            Whole turns of the crank before that.
+            Whole turns of the crank before the angle.
         angle : float
-            Within the turn that follows [rad], from 0 to 2 pi.
+            Angle within the next turn [rad], from 0 to 2 pi.
         latest : float
-            Instant [s] at which the device stops otherwise: the crank may come to rest before, or turn backwards.
+            Instant [s] at which the device stops if the crank does not reach the angle before, because the crank rests
+            or turns backwards.
 
         Returns
         -------
         bool
-            Whether the crank stands there. If it is beyond that angle already, the device stays where it is.
+            Whether the crank has reached the angle. If it was beyond the angle before, the device stays where it is.
 
         Raises
         ------
@@ -506,7 +507,7 @@ class Simulator:
         return self._motion.advance_to_angle(turn, angle, latest)
 
     def sample(self, times: np.ndarray) -> Samples:
-        """Advance to each of `times` [s] in turn; the device there, every field of shape (n,).
+        """Advance to each of `times` [s] in turn, and return the samples there, every field of shape (n,).
 
         Raises
         ------
@@ -524,7 +525,7 @@ class Simulator:
         return Samples(**self._motion.sampled(checked_times(times, self.time)))
 
     def take_events(self) -> np.ndarray:
-        """Events completed since the last call, in the order in which they ended; dtype `EVENT_DTYPE`.
+        """Return the events that ended since the last call, in the order in which they ended; dtype `EVENT_DTYPE`.
 
         Examples
         --------
@@ -540,16 +541,16 @@ class Simulator:
 
     @property
     def statistics(self) -> dict:
-        """Events by kind; `steps`, the segments of the event loop; `solver.method`, and `solver.step` if it has one;
-        and with `solver.accounts` also `energy_accounts`, a dict of what has happened to energy since t = 0 [J]:
+        """Counts of events by kind; `steps`, the segments of the event loop; `solver.method`, and `solver.step` if the
+        method has one; and with `solver.accounts` also `energy_accounts`, a dict of energies since t = 0 [J]:
 
         - received: `motor_delivered` less `motor_taken_back`, the integrals of `motor_power` where it is positive and
           where the springs drive the motor; `plates`, from their actuators; and `unpaid`, from a push, and in scenes
-          without `effects.reaction` from nobody: the masses push the body and do not feel it;
+          without `effects.reaction` from no source, because the masses push the body and do not feel it;
         - lost: `drive_dampers`, `plate_dampers`, `friction` (below 0 where eq. (6) lets it drive the body), `blows` on
           rigid plates with the friction during them, `landings`;
-        - `stored`, the change of what masses, body and springs hold;
-        - `residual`, what is received and neither lost nor stored: the solver's error.
+        - `stored`, the change of the energy of masses, body and springs;
+        - `residual`, the energy that is received but neither lost nor stored: the solver's error.
 
         Examples
         --------

@@ -1,4 +1,4 @@
-"""Whether what a model leaves out of a motion may be left out: the body's pitch, and the heat of a motor's winding."""
+"""Whether a motion is one for which the model may leave out the body's pitch and the heat of a motor's winding."""
 
 import math
 from collections.abc import Mapping
@@ -11,29 +11,29 @@ from vibro_ros.model.scene import Scene
 FAIR_PITCH = 0.2
 """Pitch index up to which a model without pitch is fair."""
 LEAST_HOP = 1e-4
-"""Hop [m] below which no pitch index is given: such flights are over between two samples."""
+"""Hop [m] below which no pitch index is given, because such flights end between two samples."""
 TOUCHED = 0.05
-"""Part of the largest speed upwards by which a touch of the ground changes the speed of the centre of mass."""
+"""Change of the centre of mass's vertical speed that counts as a touch of the ground, over the body's largest one."""
 GAP = 2.5
-"""Sample periods; a longer pause hides what happened."""
+"""Longest pause between samples, in median sample periods, across which a flight is followed."""
 
 
 class Validity(NamedTuple):
-    """What `validity_of` finds of a motion.
+    """Result of `validity_of` for a motion.
 
     Attributes
     ----------
     pitch_index : float or None
         Lift of a wheel by the pitch that is left out, over the largest hop; None where the body does not hop.
     current_share : float or None
-        Rms current over `motor.continuous_current`; None of a motor without a winding.
+        Rms current over `motor.continuous_current`; None for a motor without a winding.
     """
 
     pitch_index: float | None
     current_share: float | None
 
     def warnings(self) -> list[str]:
-        """A sentence for each that is above its limit."""
+        """Return a sentence for each number that is above its limit."""
         said = []
         if self.pitch_index is not None and self.pitch_index > FAIR_PITCH:
             said.append(f"the pitch index {self.pitch_index:.2g} is above {FAIR_PITCH:g}: a body of this body.inertia "
@@ -45,7 +45,7 @@ class Validity(NamedTuple):
 
 
 def validity_of(scene: Scene, samples: Mapping[str, np.ndarray]) -> Validity:
-    """Judge a motion by its samples; few of them in a flight may more than double a small pitch index.
+    """Judge a motion by its samples; with few samples in a flight, a small pitch index may more than double.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def validity_of(scene: Scene, samples: Mapping[str, np.ndarray]) -> Validity:
 
 
 def _pitch_index(scene: Scene, samples: Mapping[str, np.ndarray]) -> float | None:
-    """The angle [rad] of the worst flight times half the wheelbase, over the largest hop.
+    """Return the pitch angle [rad] of the worst flight times half the wheelbase, over the largest hop.
 
     In free flight a_G + g = -P''/M, where P = sum of m_i p_i. So the moment T = -sum of m_i p_i × (a_i + g) about the
     body's centre is the rate of (P × P')/M - sum of m_i p_i × p_i', which needs no forces, and misses no blow that
@@ -82,7 +82,7 @@ def _pitch_index(scene: Scene, samples: Mapping[str, np.ndarray]) -> float | Non
     pushed = np.diff(rising + momentum[1] / scene.total_mass) + scene.gravity[1] * step
     lost = (step <= 0.0) | (step > GAP * np.median(step))
     touched = (height[:-1] <= 0.0) | (pushed > TOUCHED * np.abs(rising).max()) | lost
-    begin = np.maximum.accumulate(np.where(touched, np.arange(len(step)), -1))  # of the flight of each step
+    begin = np.maximum.accumulate(np.where(touched, np.arange(len(step)), -1))  # last touch before each step
     flying = (height[1:] > 0.0) & (begin >= 0) & ~lost[begin]
     gained = np.where(flying, step * ((turning[:-1] + turning[1:]) / 2.0 - turning[begin]), 0.0)
     angle = np.cumsum(gained)
@@ -91,5 +91,5 @@ def _pitch_index(scene: Scene, samples: Mapping[str, np.ndarray]) -> float | Non
 
 
 def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """The product one × other of vectors in the plane of the guides, with parts along x and upwards."""
+    """Return the cross product of vectors in the plane of the guides, with components along x and upwards."""
     return one[0] * other[1] - one[1] * other[0]
