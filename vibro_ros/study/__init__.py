@@ -1,15 +1,16 @@
-"""What a machine can do: sweeps, the optimum, branches of orbits, orbit diagrams, basins, command maps.
+"""Parameter studies of a machine: sweeps, optimisation, branches of orbits, orbit diagrams, basins, command maps.
 
-What comes in is a command line, ``study NAME ...``: a scene, what varies, and how much. What goes out are Parquet files
-that say units and meanings, a picture, and sentences on standard output.
+A command line comes in, ``study NAME ...``: a scene, and the parameters to vary with their values. Parquet files whose
+columns have units and meanings, a picture, and text on standard output go out.
 
-A study is a file whose `main` is a `command.StudyCommand`: its own options, the *design* that they give, which decides
-all its numbers, and its results. From the design it makes a `table.Study`: the columns, and the rows of the point of a
-number. `table.computed` reads the blocks of points that are whole in the output folder, has the others computed by an
-`execution.Execution` (processes here, or a Dask cluster), and writes each block at once, so that the same command goes
-on where it was stopped. Then come the result, its words and its picture.
+A study is a module whose `main` is a `command.StudyCommand`: its own options, the *design* made from them, which
+determines all its numbers, and its results. From the design it makes a `table.Study`: the columns, and a function from
+the number of a point to its rows. `table.computed` reads the blocks of points that are complete in the output folder,
+lets an `execution.Execution` (processes of this machine, or a Dask cluster) compute the others, and writes each block
+when it is done, so that the same command resumes where it was stopped. Then follow results, text and picture.
 
-Read `table` first, then `sweep`, the plainest study, and `execution` for who computes. `command` has what all command
-lines share, `variation` axes and ranges, `measures` what one run gives; `optimise` searches the robots of `space` by
-their `trials`. Where several starts are run, the result is a row for each motion (`orbits.attractors`), never a mean.
+Read `table` first, then `sweep`, the simplest study, and `execution` for the distribution of work. `command` has the
+parts common to all command lines, `variation` axes and ranges, `measures` the results of one run; `optimise` searches
+the robots of `space` by their `trials`. If several starts are run, the result has a row for each motion
+(`orbits.attractors`), never a mean over motions.
 """

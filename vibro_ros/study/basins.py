@@ -1,4 +1,4 @@
-"""``study basins``: which start leads to which motion, and how many of the starts each motion has."""
+"""``study basins``: the motion that each of many starts leads to, and the share of the starts of each motion."""
 
 import argparse
 import math
@@ -42,11 +42,11 @@ from vibro_ros.study.variation import whole_number
 FOLDER, STARTS, ATTRACTORS, PICTURE = "blocks", "starts.parquet", "attractors.parquet", "basins.png"
 TURNS, MOST_TURNS, STARTS_DRAWN, QUICK_STARTS = 64, 4096, 1000, 300
 MOST_STARTS = 1_000_000
-"""Most starts of a study."""
+"""Largest number of starts of a study."""
 _MOST_VALUES = 10_000  # of a coordinate of a grid
-_FIRST, _MOST = 8, 1_000_000  # limits of turns
-_BLOCK_ROWS = 1024  # some seconds of work: what an interruption can lose
-_KEPT_STATES = 32  # of a motion without a period, in a row
+_FIRST, _MOST = 8, 1_000_000  # limits of --turns and --most-turns
+_BLOCK_ROWS = 1024  # starts of a block, some seconds of work: the most that an interruption loses
+_KEPT_STATES = 32  # states of a motion without a period that a row keeps
 ANGLE = "crank_angle"
 
 
@@ -57,11 +57,11 @@ class Over:
     Attributes
     ----------
     name : str
-        As `Simulator.set_state` has it.
+        Name of an argument of `Simulator.set_state`.
     low, high : float
-        Its range [m, m/s or rad].
+        Its range, in its SI unit.
     count : int
-        Values on a grid, both ends among them; 0 where starts are drawn.
+        Number of values on a grid, both ends included; 0 if starts are random.
     """
 
     name: str
@@ -71,7 +71,7 @@ class Over:
 
     @property
     def unit(self) -> str:
-        """Its unit."""
+        """SI unit of the coordinate."""
         return STATE_UNITS[self.name]
 
     @property
@@ -82,16 +82,16 @@ class Over:
 
 @dataclass(frozen=True)
 class Starts:
-    """A grid over two coordinates, of which the second changes fastest, or starts drawn evenly from a box.
+    """A grid of starts over two coordinates, of which the second changes fastest, or random starts, uniform in a box.
 
-    A drawn start depends on seed and number alone: more starts are the same starts and others.
+    A random start depends only on seed and number, so a larger count includes the starts of a smaller one.
 
     Attributes
     ----------
     over : tuple of Over
         The coordinates of a grid, or the sides of the box.
     count, seed : int
-        Starts, and what else the random numbers of drawn ones depend on.
+        Number of starts, and seed of the random ones.
     """
 
     over: tuple[Over, ...]
@@ -100,11 +100,11 @@ class Starts:
 
     @property
     def is_grid(self) -> bool:
-        """Whether the starts are those of a grid."""
+        """Whether the starts form a grid."""
         return self.over[0].count > 0
 
     def start(self, number: int) -> dict[str, float]:
-        """What a start gives to `Simulator.set_state`."""
+        """Arguments of `Simulator.set_state` for a start by its number."""
         if self.is_grid:
             places = divmod(number, self.over[1].count)
             return {one.name: float(values[place])
@@ -114,7 +114,7 @@ class Starts:
                 for one, share in zip(self.over, shares, strict=True)}
 
     def document(self) -> dict:
-        """All that decides the starts, as JSON has it."""
+        """Everything that determines the starts, for JSON."""
         over = [[one.name, one.low, one.high, one.count] for one in self.over]
         return {"grid": over} if self.is_grid else {"box": over, "count": self.count, "seed": self.seed}
 
@@ -125,25 +125,25 @@ class Starts:
 
 @dataclass(frozen=True)
 class Design:
-    """A study of basins, checked.
+    """A checked design of a study of basins.
 
     Attributes
     ----------
     scene : Scene
-        What starts.
+        Scene that is started.
     phase : float
         Crank angle at the cut [rad].
     starts : Starts
-        From where.
+        Its starts.
     turns : int
-        Turns of the crank after which a start is looked at for the first time.
+        Turns of the crank after which a start is judged for the first time.
     most_turns : int
-        Turns after which a start is given up.
+        Turns after which a start counts as not settled.
 
     Raises
     ------
     ValueError
-        For numbers of turns that make no sense.
+        For numbers of turns that are out of range or in the wrong order.
     """
 
     scene: Scene
@@ -158,18 +158,18 @@ class Design:
                              f"{_MOST}, the smaller one first")
 
     def document(self) -> dict:
-        """All that decides where the starts lead, as JSON has it."""
+        """Everything that determines the results, for JSON."""
         return {"scene": self.scene.name, "set": dict(self.scene.parameters), "phase": self.phase,
                 "starts": self.starts.document(), "turns": self.turns, "most_turns": self.most_turns}
 
 
 def over_in_words(scene: Scene, text: str) -> Over:
-    """A coordinate from ``NAME=LOW:HIGH`` or ``NAME=LOW:HIGH:COUNT``.
+    """Parse a coordinate from ``NAME=LOW:HIGH`` or ``NAME=LOW:HIGH:COUNT``.
 
     Raises
     ------
     ValueError
-        Naming the value, the limit and the remedy.
+        For text that is not of this form, with the value, the limit and the remedy.
     """
     name, equals, values = text.partition("=")
     parts = [read_scalar(part) for part in values.split(":")]
@@ -195,12 +195,12 @@ def _number(name: str, value: object) -> float:
 
 
 def chosen_starts(scene: Scene, over: tuple[Over, ...], count: int, seed: int) -> Starts:
-    """The starts that the command line asks for.
+    """Return the starts of the options `--over`, `--starts` and `--seed`.
 
     Raises
     ------
     ValueError
-        For what contradicts itself or is too much.
+        For options that contradict each other, or too many starts.
     """
     if len({one.name for one in over}) < len(over):
         raise ValueError("--over: a coordinate is given twice; keep one")
@@ -216,9 +216,9 @@ def chosen_starts(scene: Scene, over: tuple[Over, ...], count: int, seed: int) -
 
 
 def everywhere(scene: Scene) -> tuple[Over, ...]:
-    """All coordinates, each within one unit of the machine of rest: a crank radius l, and l omega.
+    """All coordinates, each within one unit of the machine from rest: crank radius l, or l omega for velocities.
 
-    The body starts on the ground. Where a rigid plate is nearer, the range of its mass ends at the plate. A dc motor's
+    The body starts on the ground. If a rigid plate is nearer, the range of its mass ends at the plate. A dc motor's
     crank turns forwards; current and integral are those of the scene's own start.
     """
     reach = scene["crank.radius"]
@@ -237,11 +237,11 @@ def everywhere(scene: Scene) -> tuple[Over, ...]:
 
 
 NO_START = "no such start: "
-"""How the error of a start begins that cannot be, such as a mass beyond its rigid plate."""
+"""Prefix of the error of a start that is not possible, such as a mass beyond its rigid plate."""
 
 
 def study_of(design: Design) -> Study:
-    """The table of where each start leads, a row a start."""
+    """The table of the motions that the starts lead to, with one row for each start."""
     fields = [
         *(Field(one.name, pa.float64(), one.unit, "of the start; other coordinates are as the scene starts")
           for one in design.starts.over),
@@ -266,7 +266,7 @@ def study_of(design: Design) -> Study:
 
 
 def rows_of(design: Design, number: int) -> list[dict]:
-    """Let a start settle; one row."""
+    """Let a start settle by its number, and return its row."""
     stroboscope, start = stroboscope_of(design), design.starts.start(number)
     motion, after, error = None, design.most_turns, None
     try:
@@ -283,7 +283,7 @@ def rows_of(design: Design, number: int) -> list[dict]:
 
 
 def stroboscope_of(design: Design) -> Stroboscope:
-    """The stroboscope of a design, the last one again if it is the same: it takes as long to make as a start."""
+    """Return the stroboscope of a design. The last one is cached, because making it takes as long as a start."""
     return _stroboscope(design.scene.name, tuple(design.scene.parameters.items()), design.phase)
 
 
@@ -293,20 +293,20 @@ def _stroboscope(name: str, parameters: tuple[tuple[str, Value], ...], phase: fl
 
 
 UNSETTLED, IMPOSSIBLE, OTHER = 0, -1, -2
-"""Numbers of starts without an attractor: nothing had settled; the start cannot be, or could not go on; the motion is
-none of the first `MOST_ATTRACTORS`."""
+"""Numbers of starts without an attractor: the motion had not settled; the start is not possible, or its run failed; the
+motion is not among the first `MOST_ATTRACTORS`."""
 
 
 @dataclass(frozen=True)
 class Basins:
-    """What all starts lead to.
+    """The attractors of all starts, and the attractor of each start.
 
     Attributes
     ----------
     attractors : Attractors
-        The motions, that of most starts first; without those starts that have none of them.
+        The settled motions, that of most starts first.
     numbers : ndarray of int, shape (starts,)
-        Place of each start's attractor, counted from 1; or `UNSETTLED`, `IMPOSSIBLE`, `OTHER`.
+        Number of each start's attractor, counted from 1; or `UNSETTLED`, `IMPOSSIBLE`, `OTHER`.
     """
 
     attractors: Attractors
@@ -314,9 +314,9 @@ class Basins:
 
 
 def basins_in(design: Design, table: pa.Table) -> Basins:
-    """The attractors of all rows, with multipliers and exponents.
+    """Group all rows by attractor, and compute multipliers and exponents.
 
-    Rows are judged in their order, so that the outcome does not depend on who computed them.
+    Rows are grouped in their order, so that the result does not depend on how they were computed.
     """
     turn_map, turns = stroboscope_of(design).turn_map, table["turns"].to_pylist()
     able = np.array([error is None for error in table["error"].to_pylist()])
@@ -339,17 +339,17 @@ def basins_in(design: Design, table: pa.Table) -> Basins:
 
 
 class BasinEntropy(NamedTuple):
-    """How hard it is to tell where a start leads.
+    """Basin entropy: a measure of the uncertainty of the motion that a start leads to.
 
     Attributes
     ----------
     entropy : float
-        Mean over all boxes of the entropy of the motions within a box [nat]: 0 where every box has one motion.
+        Mean over all boxes of the entropy of the motions within a box [nat]: 0 if every box has one motion.
     boundary : float
-        Mean over the boxes with more than one motion [nat]; NaN without any. Above log 2, in boxes ever
-        smaller and with ever more starts, the boundary is fractal; in the boxes of a grid it is a hint.
+        Mean over the boxes with more than one motion [nat]; NaN without such boxes. In the limit of small boxes with
+        many starts, a value above log 2 proves a fractal boundary; with the boxes of a grid it is only a hint.
     boxes, mixed : int
-        Boxes, and those with more than one motion.
+        Number of boxes, and of those with more than one motion.
     """
 
     entropy: float
@@ -359,7 +359,7 @@ class BasinEntropy(NamedTuple):
 
 
 def basin_entropy(numbers: np.ndarray, outside: int = IMPOSSIBLE, side: int = 5) -> BasinEntropy | None:
-    """Basin entropy and boundary basin entropy of a grid of starts; None for a grid without a whole box.
+    """Compute basin entropy and boundary basin entropy of a grid of starts; None for a grid without a whole box.
 
     Both, and the criterion of log 2, are those of A. Daza, A. Wagemakers, B. Georgeot, D. Guery-Odelin and
     M. A. F. Sanjuan, Sci. Rep. 6 (2016) 31416.
@@ -367,11 +367,11 @@ def basin_entropy(numbers: np.ndarray, outside: int = IMPOSSIBLE, side: int = 5)
     Parameters
     ----------
     numbers : ndarray of int, shape (rows, columns)
-        Where each start leads.
+        Number of each start's attractor.
     outside : int
-        What stands where nothing can start; a box with such a start is left out.
+        Number that marks impossible starts; boxes with such a start are left out.
     side : int
-        Starts along a side of a box, dimensionless; what is left over at the ends of the grid is left out.
+        Starts along a side of a box, dimensionless; incomplete boxes at the ends of the grid are left out.
     """
     rows, columns = (count // side for count in numbers.shape)
     boxes = numbers[:rows * side, :columns * side].reshape(rows, side, columns, side).swapaxes(1, 2)
@@ -389,7 +389,7 @@ def basin_entropy(numbers: np.ndarray, outside: int = IMPOSSIBLE, side: int = 5)
 
 
 def starts_table(table: pa.Table, found: Basins) -> bytes:
-    """All starts with the numbers of their attractors, as a Parquet file."""
+    """Return a Parquet file of all starts with the numbers of their attractors."""
     meaning = ("number of the motion that the start leads to; 0: nothing had settled; -1: it cannot start, or not go "
                "on; -2: another motion than the first ones")
     field = pa.field("attractor", pa.int64(), metadata={"unit": "1", "meaning": meaning})
@@ -398,7 +398,7 @@ def starts_table(table: pa.Table, found: Basins) -> bytes:
 
 
 def attractors_table(found: Basins) -> bytes:
-    """All attractors, as a Parquet file."""
+    """Return a Parquet file of all attractors."""
     fields = [
         Field("attractor", pa.int64(), "1", "number of the motion"),
         Field("turns", pa.int64(), "1", "turns after which it repeats itself, 0: it does not"),
@@ -421,11 +421,11 @@ def attractors_table(found: Basins) -> bytes:
          "states": one.states.ravel()} for number, one in enumerate(found.attractors, 1)], fields))
 
 
-_SHOWN = 12  # motions
+_SHOWN = 12  # largest number of motions that are printed
 
 
 def in_words(design: Design, table: pa.Table, found: Basins) -> list[str]:
-    """What was found, a line each."""
+    """Return the results as lines of text."""
     over = ", ".join(f"{one.name} {one.low:g} to {one.high:g} {one.unit}" for one in design.starts.over)
     watched = float(np.mean(table["after"].to_numpy()))
     lines = [f"{design.starts.count} starts over {over}; watched for {watched:.1f} turns on average, cut at "
@@ -469,11 +469,11 @@ def _entropy_in_words(design: Design, found: Basins) -> list[str]:
 
 
 _COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILION, YELLOW, BLACK)  # further motions share the last one
-_GREY, _WHITE = "#a0a0a0", "#ffffff"  # of starts without a motion of their own, and of starts that cannot be
+_GREY, _WHITE = "#a0a0a0", "#ffffff"  # for `UNSETTLED` and `OTHER`, and for `IMPOSSIBLE`
 
 
 def draw_basins(design: Design, table: pa.Table, found: Basins) -> bytes:
-    """Draw where the starts lead; returns a PNG file."""
+    """Draw the motions that the starts lead to; returns a PNG file."""
     figure, over = new_figure(9.0, 5.0), design.starts.over
     if design.starts.is_grid:
         _draw_map(figure.subplots(), over, found.numbers)

@@ -1,10 +1,10 @@
-"""Executable ``study``: its first word names the study, whose own module takes the others.
+"""Executable ``study``: its first argument names the study, whose own module parses the rest.
 
-A study's `main` is a `StudyCommand`: all that the command lines share, from the options to the files that are written,
-with the machine, who computes, the locked folder, stops, and how far a study is.
+A study's `main` is a `StudyCommand`. It has the parts common to all studies: common options, scene, execution, lock of
+the output folder, writing of files, stop signals and progress.
 """
 
-if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
+if __name__ == "__main__":  # before all imports, which take a second or two, in which a signal may arrive
     import sys
 
     from vibro_ros.process.entry_point import enter
@@ -45,7 +45,7 @@ STUDIES = {
     "basins": "Tell which start leads to which motion.",
     "map": "Find every motion over motor speed and gap: the command map that `controller` reads.",
 }
-"""What each study does, by its name, which is that of its module; `main` there is a `StudyCommand`."""
+"""Summary of each study by its name, which is also the name of its module; `main` there is a `StudyCommand`."""
 
 
 def main(words: Sequence[str]) -> int:
@@ -74,13 +74,13 @@ def _front_parser() -> Parser:
 
 
 MOST_WORKERS = 4096
-"""Processes that may be asked for."""
-# The workers of a study that was killed hold its lock until they have ended the run that they are in [s].
+"""Largest number of processes."""
+# Time [s] for which the lock is tried, and between tries: workers of a killed study hold it until their run has ended.
 _PATIENCE, _POLL = 3.0, 0.05
 
 
 class Results(NamedTuple):
-    """What a study gives: the bytes of its files by their names, the lines that it says, and whether a run failed."""
+    """Results of a study: contents of files by name, lines for standard output, and whether a run failed."""
 
     files: Mapping[str, bytes]
     words: Iterable[str]
@@ -89,24 +89,24 @@ class Results(NamedTuple):
 
 @dataclass(frozen=True)
 class StudyCommand:
-    """The command line of a study. Called with the words that follow the study's name, it returns the exit code.
+    """The command line of a study. Called with the arguments after the study's name, it returns the exit code.
 
     Attributes
     ----------
     name : str
-        Of the study, and of its folder below ``out/study``.
+        Name of the study, and of its folder below ``out/study``.
     does : str
-        What it does and writes, for its help.
+        Description for its help: what it does and writes.
     add_options : callable
-        Adds the options that no other study has.
+        Adds the options that only this study has to a parser.
     design_of : callable
-        The design that the options give; it raises ValueError before anything is written.
+        Makes the design from the parsed options; it raises ValueError before anything is written.
     results : callable
-        Takes the design, the locked folder and who computes, and yields `Results` as they are done.
+        Takes the design, the locked folder and the execution, and yields `Results` as they are done.
     scene : str or None
-        The scene unless `--scene` names one; None for a study that adds `--scene` and `--set` by itself.
+        Default of `--scene`; None for a study that adds `--scene` and `--set` itself.
     failure : str
-        What exit code 1 means.
+        Meaning of exit code 1, for its help.
     """
 
     name: str
@@ -118,7 +118,7 @@ class StudyCommand:
     failure: str = "a run failed, or the disk is full"
 
     def parser(self) -> Parser:
-        """All options."""
+        """Return the parser of all options."""
         parser = Parser(
             prog=f"study {self.name}",
             description=f"{self.does} Ctrl-C keeps finished work; the same command goes on from there.",
@@ -140,14 +140,14 @@ class StudyCommand:
         return parser
 
     def __call__(self, words: Sequence[str]) -> int:
-        """Run the study; a stop signal keeps what is done."""
+        """Run the study; finished work is kept if a signal stops it."""
         return exit_code("study", lambda: self._run(self.parser().parse_args(words)))
 
     def _run(self, options: argparse.Namespace) -> int:
         failed = False
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", ToleranceWarning)  # `machine_of` says it once
+                warnings.simplefilter("ignore", ToleranceWarning)  # `machine_of` prints it once
                 execution, design = execution_of(options), self.design_of(options)
                 with locked(options.output):
                     for found in self.results(design, options.output, execution):
@@ -163,7 +163,7 @@ class StudyCommand:
 
 
 def machine_of(options: argparse.Namespace) -> Scene:
-    """The machine that `--scene` and `--set` name (ValueError)."""
+    """Return the scene given by `--scene` and `--set` (ValueError)."""
     scene = load_scene(options.scene).with_parameters(settings_of(options.set))
     if scene.broken_promise:
         say("study", f"warning: {scene.broken_promise}")
@@ -171,7 +171,7 @@ def machine_of(options: argparse.Namespace) -> Scene:
 
 
 def settings_of(words: Sequence[str]) -> dict[str, Value]:
-    """The values that `--set NAME=VALUE` gives, each checked.
+    """Return the checked parameter values of all `--set NAME=VALUE`, by name.
 
     Raises
     ------
@@ -190,21 +190,21 @@ def settings_of(words: Sequence[str]) -> dict[str, Value]:
 
 
 def execution_of(options: argparse.Namespace) -> Execution:
-    """Who computes, by `--workers` or `--scheduler` (ValueError)."""
+    """Return the execution given by `--workers` or `--scheduler` (ValueError)."""
     workers = core_count() if options.workers is None else options.workers
     return Execution(whole_number("--workers", workers, 1, MOST_WORKERS), options.scheduler)
 
 
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Make `folder`, and keep other studies from it until the context or the process ends.
+    """Make `folder`, and lock it against other studies until the context or the process ends.
 
-    Where the file system knows no locks, nobody is kept away.
+    On a file system without locks the folder is not protected.
 
     Raises
     ------
     ValueError
-        When another study uses it, or it cannot be made.
+        When another study uses the folder, or it cannot be made.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -229,21 +229,21 @@ def locked(folder: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
-_LINES = 10.0  # s between lines that say how far it is, where no bar can be drawn
+_LINES = 10.0  # s between progress lines where no bar can be drawn
 _DELAY = 2.0  # s before a bar is drawn
 
 
 class Progress:
-    """A bar with the time that is left or, where standard error is no terminal, a line now and then; a context.
+    """Progress bar with the remaining time, or occasional lines if standard error is not a terminal; a context manager.
 
     Parameters
     ----------
     what : str
-        What is done.
+        Description of the work.
     unit : str
-        What is counted, such as ``run``.
+        Name of a counted unit, such as ``run``.
     total, done : int
-        How many there are, and how many were done before [-].
+        Number of units, and number of them that were done before [-].
     """
 
     def __init__(self, what: str, unit: str, total: int, done: int = 0):

@@ -1,9 +1,9 @@
-"""``study diagram``: the states once a turn over a parameter, swept up and down, and what kind of motion they are.
+"""``study diagram``: the states once a turn over a parameter, swept up and down, with periods and Lyapunov exponents.
 
-Each value's motion begins with the state that the motion at the value before has left (`visited`). So a motion is
-followed as far as it is stable, and where it ends depends on the direction: that is hysteresis. The visits cannot be
-shared among processes; a visit takes some hundredths of a second, unless nothing settles. The exponents of each
-visit can be (`measured`).
+A *visit* is the motion at one value in one direction. It begins with the last state of the visit before (`visited`). So
+a motion is followed as long as it is stable, and its end depends on the direction: this is hysteresis. Visits depend on
+each other and are computed in one process; a visit takes some hundredths of a second, unless nothing settles. Their
+exponents are independent and are computed in several processes (`measured`).
 """
 
 import argparse
@@ -45,34 +45,34 @@ from vibro_ros.study.table import KEY, Field, Study, are, computed, file_of, par
 from vibro_ros.study.variation import Axis, at_the_edge, ends_at, varied_in_words, whole_number
 
 UP, DOWN = "up", "down"
-#: Most turns that a motion may be given to settle.
+#: Largest value of `--most-turns`.
 MOST_SETTLING = 1_000_000
-_BLOCK = 8  # visits of a block: what an interruption can lose
+_BLOCK = 8  # visits of a block: the most that an interruption loses
 
 
 @dataclass(frozen=True)
 class Design:
-    """A diagram, checked.
+    """A checked design of a diagram.
 
     Attributes
     ----------
     scene : Scene
-        What is varied, and how it starts at the first value.
+        Scene whose parameter is varied, and whose start is used at the first value.
     axis : Axis
         The parameter and its values, ascending.
     phase : float
-        Crank angle [rad] at which the states are seen.
+        Crank angle [rad] of the cut, at which states are recorded.
     coordinate : str
-        Of the state, which the picture shows.
+        Coordinate of the state that the picture shows.
     most_turns : int
-        Turns of the crank that a motion has to settle.
+        Largest number of turns of the crank in which a motion may settle.
     exponents : int
-        Turns over which Lyapunov exponents are measured; 0 for none.
+        Turns over which Lyapunov exponents are measured; 0 for no exponents.
 
     Raises
     ------
     ValueError
-        For what contradicts itself or is too much; one line that names the remedy.
+        For values that are out of range or contradict each other; one line that names the remedy.
     """
 
     scene: Scene
@@ -105,36 +105,36 @@ class Design:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The state's coordinates, fields of `Samples`."""
+        """Names of the state's coordinates, fields of `Samples`."""
         return state_names(self.scene_at(self.axis.values[0]))
 
     @property
     def visits(self) -> int:
-        """Values, up and down."""
+        """Number of visits: each value upwards and downwards."""
         return 2 * len(self.axis.values)
 
     def direction(self, visit: int) -> str:
-        """`UP` or `DOWN`."""
+        """Direction of a visit, `UP` or `DOWN`."""
         return UP if visit < len(self.axis.values) else DOWN
 
     def place(self, visit: int) -> int:
-        """Place of the visited value among the values."""
+        """Index of a visit's value among the values."""
         return min(visit, self.visits - 1 - visit)
 
     def value(self, visit: int) -> float:
-        """The visited value, in the parameter's unit."""
+        """Value of a visit, in the parameter's unit."""
         return float(self.axis.values[self.place(visit)])
 
     def scene_at(self, value: object) -> Scene:
-        """The scene at a value (ValueError where it is none)."""
+        """Return the scene at a value (ValueError if the scene refuses it)."""
         return self.scene.with_parameters({self.axis.name: value})
 
     def map_of(self, visit: int) -> TurnMap:
-        """The turn map at a visit."""
+        """Return the turn map of a visit."""
         return TurnMap(self.scene_at(self.value(visit)), self.phase)
 
     def document(self) -> dict[str, object]:
-        """All that decides what is found, as JSON has it."""
+        """Everything that determines the results, for JSON."""
         fixed = {name: value for name, value in self.scene.parameters.items() if name != self.axis.name}
         return {"scene": self.scene.name, "set": fixed, "vary": {self.axis.name: self.axis.document()},
                 "phase": self.phase, "coordinate": self.coordinate, "most_turns": self.most_turns,
@@ -143,14 +143,14 @@ class Design:
 
 @dataclass(frozen=True)
 class Visit:
-    """What a value's motion has settled to.
+    """The motion at a value in one direction.
 
     Attributes
     ----------
     number : int
-        Of the visit.
+        Number of the visit.
     motion : SettledMotion
-        Its states in units of the machine.
+        The motion, with states in units of the machine.
     settled : bool
         False for a motion that still changes; its states are the last `CLOUD`.
     states : ndarray, shape (m, n)
@@ -164,7 +164,7 @@ class Visit:
 
 
 def visited(design: Design, folder: Path) -> tuple[pa.Table, tuple[Visit, ...]]:
-    """All visits, and their states as a table; blocks that are missing in the folder are computed.
+    """Return the table of all states, and all visits; blocks that are missing in the folder are computed.
 
     Raises
     ------
@@ -212,7 +212,10 @@ def visited(design: Design, folder: Path) -> tuple[pa.Table, tuple[Visit, ...]]:
 
 
 def _visit(design: Design, number: int, left: np.ndarray | None) -> Visit:
-    """A visit that begins in the state that the one before has `left`, SI units, shape (n,); or as the scene starts."""
+    """Compute a visit that begins in `left`, the last state of the visit before, SI units, shape (n,).
+
+    Without it, the visit begins with the scene's own start.
+    """
     turn_map = design.map_of(number)
     stroboscope = Stroboscope(turn_map)
     if left is None:
@@ -229,7 +232,7 @@ def _visit(design: Design, number: int, left: np.ndarray | None) -> Visit:
 
 
 def _within_plates(turn_map: TurnMap, state: np.ndarray) -> np.ndarray:
-    """The state with each mass on its rigid plate that has moved into it since the value before."""
+    """Return the state, moving each mass that lies inside its rigid plate at the new value onto the plate."""
     scene, moved = turn_map.scene, state.copy()
     for side in scene.plates:
         if scene[f"effects.{side}_contact"] == "restitution":
@@ -239,7 +242,7 @@ def _within_plates(turn_map: TurnMap, state: np.ndarray) -> np.ndarray:
 
 
 def _rows_of(design: Design, one: Visit) -> list[dict]:
-    """The rows of a visit, one a state."""
+    """Return the rows of a visit, one for each state."""
     about = {"visit": one.number, "direction": design.direction(one.number),
              design.axis.name: design.value(one.number), "period": one.motion.turns, "settled": one.settled,
              "after": one.motion.after, "mean_speed": one.motion.mean_speed}
@@ -248,7 +251,7 @@ def _rows_of(design: Design, one: Visit) -> list[dict]:
 
 
 def _visits_in(design: Design, table: pa.Table) -> list[Visit]:
-    """The visits that a block's table holds."""
+    """Return the visits whose states a table contains."""
     columns = {name: table[name].to_numpy() for name in ("visit", "period", "settled", "after", "mean_speed",
                                                          *design.names)}
     found = []
@@ -263,9 +266,9 @@ def _visits_in(design: Design, table: pa.Table) -> list[Visit]:
 
 
 def exponents_of(design: Design, settled: tuple[tuple[int, np.ndarray], ...], number: int) -> list[dict]:
-    """All Lyapunov exponents of the visit of a number; one row.
+    """Compute all Lyapunov exponents of a visit by its number, and return its row.
 
-    `settled` has of each visit the turns after which its motion repeats itself, or 0, and its last state in SI units.
+    `settled` has for each visit its period [turns], or 0, and its last state in SI units.
     """
     turn_map = design.map_of(number)
     turns, state = settled[number][0], settled[number][1] / turn_map.units
@@ -282,7 +285,8 @@ def exponents_of(design: Design, settled: tuple[tuple[int, np.ndarray], ...], nu
 
 
 def measured(design: Design, seen: Sequence[Visit], folder: Path, execution: Execution) -> pa.Table:
-    """What kind of motion each visit has found, a row each; blocks that are missing in the folder are measured."""
+    """Table of the periods and exponents, one row for each visit; blocks that are missing in the folder are computed.
+    """
     numbers = range(1, len(design.names) + 1)
     fields = [
         Field("visit", pa.int64(), "1", "number of the visit"),
@@ -291,7 +295,7 @@ def measured(design: Design, seen: Sequence[Visit], folder: Path, execution: Exe
           for k in numbers),
         *(Field(f"spread_{k}", pa.float64(), "1/s", "half the width of the exponent's 95 % interval; 0 for a periodic "
                 "motion") for k in numbers)]
-    run_time = 300.0 * design.exponents * 0.06  # s, about: a derivative takes some fifteen turns, each begun anew
+    run_time = 300.0 * design.exponents * 0.06  # s, about: a derivative takes some fifteen restarted turns
     settled = tuple((one.motion.turns, one.states[-1]) for one in seen)
     return computed(Study(
         "motions measured", design.document(), fields, partial(exponents_of, design, settled),
@@ -301,16 +305,16 @@ def measured(design: Design, seen: Sequence[Visit], folder: Path, execution: Exe
 
 @dataclass(frozen=True)
 class Diagram:
-    """A diagram that is done.
+    """Results of a diagram.
 
     Attributes
     ----------
     design : Design
-        What was asked.
+        The design.
     visits : tuple of Visit
-        By their numbers.
+        All visits, in the order of their numbers.
     exponents : Table or None
-        What was measured of each; None where nothing was.
+        Table of `measured`; None if no exponents were measured.
     """
 
     design: Design
@@ -318,30 +322,30 @@ class Diagram:
     exponents: pa.Table | None
 
     def of(self, direction: str) -> tuple[Visit, ...]:
-        """The visits of a direction, by value."""
+        """Visits of a direction, in ascending order of the values."""
         count = len(self.design.axis.values)
         return self.visits[:count] if direction == UP else self.visits[:count - 1:-1]
 
     def value_of(self, column: str, visit: int) -> float:
-        """What was measured of a visit, a column of its table; NaN where nothing was."""
+        """Value in a column of `exponents` for the visit of a number; NaN if no exponents were measured."""
         return float(self.exponents[column][visit].as_py()) if self.exponents is not None else float("nan")
 
     def period(self, visit: Visit) -> int:
-        """Turns after which a motion repeats itself, a long period among them; 0 where none was found."""
+        """Period of a motion [turns], which may be longer than `LONGEST_PERIOD`; 0 if none was found."""
         return visit.motion.turns if self.exponents is None else int(self.value_of("period", visit.number))
 
     def sign(self, visit: Visit) -> int | None:
-        """Sign of a visit's largest exponent, 0 where it is not known; None where none was measured."""
+        """Sign of a visit's largest exponent, 0 if it is not known; None if no exponents were measured."""
         exponent = self.value_of("exponent_1", visit.number)
         return None if math.isnan(exponent) else sign_of(exponent, self.value_of("spread_1", visit.number))
 
     def differ(self) -> list[bool]:
-        """For each value, whether the motions found upwards and downwards are settled, and two."""
+        """Whether the motions found upwards and downwards are both settled and different, for each value."""
         return [up.settled and down.settled and not up.motion.is_same(down.motion)
                 for up, down in zip(self.of(UP), self.of(DOWN), strict=True)]
 
     def kind(self, visit: Visit) -> str:
-        """How a motion repeats itself, in words."""
+        """Description of a motion's period in words."""
         turns = self.period(visit)
         if not (visit.settled or turns):
             return "not settled"
@@ -349,12 +353,12 @@ class Diagram:
         return f"no period to {watched}" if not turns else "every turn" if turns == 1 else f"every {turns} turns"
 
     def hysteresis(self) -> list[list[int]]:
-        """Places of neighbouring values at which the motion found upwards is another one than that found downwards."""
+        """Regions of hysteresis: runs of indices of values at which the two directions found different motions."""
         two = self.differ()
         return [list(places) for is_two, places in itertools.groupby(range(len(two)), two.__getitem__) if is_two]
 
     def ranges(self) -> list[list[Visit]]:
-        """Visits of neighbouring values, of one direction and period, all with two motions or all with one."""
+        """Runs of visits of neighbouring values, with equal direction, period and presence of hysteresis."""
         two, found = self.differ(), []
         for direction in (UP, DOWN):
             keys = [(self.kind(one), is_two) for one, is_two in zip(self.of(direction), two, strict=True)]
@@ -364,12 +368,12 @@ class Diagram:
 
 
 def states_table(design: Design, table: pa.Table) -> bytes:
-    """All states, as one Parquet file."""
+    """Return a Parquet file of all states."""
     return _file(table, design)
 
 
 def values_table(found: Diagram) -> bytes:
-    """A row a visit, as one Parquet file."""
+    """Return a Parquet file with one row for each visit."""
     design, two = found.design, found.differ()
     first = {
         "visit": pa.array([one.number for one in found.visits], pa.int64()),
@@ -391,11 +395,11 @@ def _file(table: pa.Table, design: Design) -> bytes:
     return file_of(table.replace_schema_metadata({KEY: about}))
 
 
-_MOST_RANGES = 40  # of a table that is read; the files hold all
+_MOST_RANGES = 40  # rows of the printed table; the files contain all
 
 
 def in_words(found: Diagram) -> Iterator[str]:
-    """Lines: a table of ranges, then the regions of hysteresis."""
+    """Yield the results as lines of text: a table of ranges, then the regions of hysteresis."""
     design, name = found.design, found.design.axis.name
     unit = BY_NAME[name].unit
     yield (f"{'':5} {of_parameter(name):>24}  {'repeats itself':17} {'mean speed [mm/s]':>18} "
@@ -436,7 +440,7 @@ def in_words(found: Diagram) -> Iterator[str]:
 
 
 def _exponents(found: Diagram, numbers: Sequence[int]) -> str:
-    """The least and the largest exponent of visits; of a single one with its interval."""
+    """Text of the least and the largest exponent of some visits; for a single visit with its interval."""
     values, spreads = ([found.value_of(column, number) for number in numbers] for column in ("exponent_1", "spread_1"))
     if len(numbers) == 1 and spreads[0] > 0.0:
         return f"{values[0]:.2f} ± {spreads[0]:.2g}" + ", sign not known" * (not sign_of(values[0], spreads[0]))
@@ -444,7 +448,7 @@ def _exponents(found: Diagram, numbers: Sequence[int]) -> str:
 
 
 def _between(values: Sequence[float], form: str) -> str:
-    """The least and the largest of the values that are finite; empty without any."""
+    """Text of the least and the largest of the finite values; empty if there are none."""
     finite = [value for value in values if math.isfinite(value)]
     if not finite:
         return ""
@@ -452,16 +456,16 @@ def _between(values: Sequence[float], form: str) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-# Okabe and Ito's blue and vermilion, which the colour-blind can tell apart. Where both ways lead to one motion, the dot
-# of the way down stands within the ring of the way up.
+# Okabe and Ito's blue and vermilion, which colour-blind readers can distinguish. Where both directions found the same
+# motion, the dot of the downward visit lies within the ring of the upward one.
 _COLOURS = {UP: BLUE, DOWN: VERMILION}
 _MARKS: dict[str, dict[str, Any]] = {
     UP: {"marker": "o", "markerfacecolor": "none", "markeredgewidth": 0.8},
     DOWN: {"marker": ".", "markeredgewidth": 0.0}}
 _SHADE = "#e4e4e4"
-_FAINT = 0.3  # of the many states of a motion that does not repeat itself
+_FAINT = 0.3  # opacity of the many states of a motion without a period
 _WIDTH, _STATES, _PANEL = 9.0, 3.8, 1.8  # in
-_MOST, _LEAST, _CROWD = 5.0, 2.0, 450.0  # size of a ring [pt]: a share of the crowd, among so many values
+_MOST, _LEAST, _CROWD = 5.0, 2.0, 450.0  # size of a ring [pt]: `_CROWD` / number of values, within these limits
 
 
 def draw_diagram(found: Diagram) -> bytes:
@@ -509,7 +513,7 @@ def _draw_speed(axes: Axes, found: Diagram) -> None:
 
 
 def _draw_exponents(axes: Axes, found: Diagram) -> None:
-    """The largest exponent with its interval, and the second one as a thin line."""
+    """Draw the largest exponent with its interval, and the second one as a thin line."""
     for direction in (UP, DOWN):
         for column, share in (("exponent_1", 1.0), ("exponent_2", 0.4)):
             if found.exponents is not None and column in found.exponents.column_names:
@@ -530,7 +534,7 @@ def _draw_line(axes: Axes, found: Diagram, direction: str, values: list[float], 
 
 
 def _shade(axes: Axes, found: Diagram) -> None:
-    """Grey where both ways lead to two motions, from halfway to the values beside."""
+    """Shade regions of hysteresis grey, up to halfway to the neighbouring values."""
     values = np.array(found.design.axis.values, dtype=float)
     middles = np.concatenate([values[:1], 0.5 * (values[1:] + values[:-1]), values[-1:]])
     for places in found.hysteresis():
@@ -551,7 +555,7 @@ def _results(design: Design, folder: Path, execution: Execution) -> Iterator[Res
 
 
 def _axis(options: argparse.Namespace) -> Axis:
-    """The parameter that varies, and its values, ascending."""
+    """Return the varied parameter and its values, ascending."""
     default = f"{_VARY}:{_QUICK_COUNT if options.quick else _COUNT}"
     name, axis = varied_in_words(options.vary or default)
     if not isinstance(axis, Axis):
@@ -566,7 +570,7 @@ def _axis(options: argparse.Namespace) -> Axis:
 
 
 def _design(options: argparse.Namespace) -> Design:
-    """The design; the cut is that of the first value unless it is given."""
+    """Make the design from the options; unless `--phase` is given, the cut is chosen at the first value."""
     scene, axis = machine_of(options), _axis(options)
     first = scene.with_parameters({axis.name: axis.values[0]})
     prepare_kernels("study", scene["solver.method"])

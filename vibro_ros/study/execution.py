@@ -1,8 +1,9 @@
-"""Who computes the points of a study, with the same numbers everywhere: processes of this machine, or a cluster.
+"""Distribution of a study's points over processes of this machine or a Dask cluster, with bitwise equal results.
 
-Both are a `concurrent.futures.Executor`. A task is some points, so that handing out costs little of it; every answer
-says what it was computed with, and one that may differ in a bit is refused, because nobody could tell afterwards which
-rows it made. Where a process is killed, as by a system that lacks memory, its task and those after it are done again.
+Both are a `concurrent.futures.Executor`. A task is a group of points, so that its overhead is small. Every answer
+includes the versions of the software that computed it, and an answer from other software is refused, because it may
+differ in a bit and nobody could find its rows afterwards. If a process is killed, for example for lack of memory, its
+task and the later ones are computed again.
 """
 
 import functools
@@ -25,24 +26,25 @@ from vibro_ros.simulation.provenance import software
 from vibro_ros.simulation.simulator import ToleranceWarning
 
 MOST_DEATHS = 3
-"""How often in a row processes may end before the task that is due is done."""
+"""Number of times in a row that processes may end before the next task is done."""
 AHEAD = 16
-"""Tasks a process that may be submitted beyond the one that is due."""
-# Robot time [s] of a task, and its most points: some hundredths of a second of work here, and half a second on a
-# cluster, whose scheduler hands out some thousand tasks a second.
+"""Tasks per process that may be submitted beyond the next one whose result is awaited."""
+# Simulated time [s] of a task, and its largest number of points: some hundredths of a second of work on this machine,
+# and half a second on a cluster, whose scheduler distributes some thousand tasks a second.
 _HERE, _THERE = (64.0, 64), (512.0, 256)
-_PATIENCE = "10s"  # to find the scheduler
+_PATIENCE = "10s"  # to connect to the scheduler
 _one_at_a_time = threading.Lock()
 
 Rows = Generator[Any, None, None]
-"""The rows of each point, in the order of the points."""
+"""Generator of the rows of each point, in the order of the points."""
 
 
 @functools.cache
 def fingerprint() -> dict[str, str]:
-    """Version of the package, and a digest of all that may decide the numbers of a study; equal where it may go on.
+    """Version of the package, and a digest of all sources that may affect a study's numbers.
 
-    Every module of the rooms `orbits` and `study` counts, beside those of the robot.
+    A study resumes only if both are equal. Beside the sources of the simulation, the digest covers every module of
+    `orbits` and `study`.
     """
     package, digest = Path(__file__).parents[1], hashlib.sha256(software()["sources"].encode())
     for path in sorted([*package.glob("orbits/**/*.py"), *package.glob("study/**/*.py")]):
@@ -52,31 +54,32 @@ def fingerprint() -> dict[str, str]:
 
 @functools.cache
 def computes_with() -> dict[str, str]:
-    """All that the bits of a study's run depend on besides its scene: where it is equal, numbers are equal to the last
-    bit."""
+    """Everything besides the scene that a run's bits depend on; if it is equal, numbers are equal to the last bit."""
     return {**software(), **fingerprint()}
 
 
 @dataclass(frozen=True)
 class Task:
-    """The rows of some points.
+    """Function that computes the rows of some points in a worker.
 
     Attributes
     ----------
     rows : callable
-        Rows of the point of a number.
+        Returns the rows of a point by its number.
     methods : tuple of str
-        Each `solver.method` whose kernels are needed.
+        Values of `solver.method` whose kernels are needed.
     """
 
     rows: Callable[[int], Any]
     methods: tuple[str, ...]
 
     def __call__(self, numbers: tuple[int, ...]) -> tuple[dict[str, str], list]:
-        """What it was computed with, and the rows of each point; threads of a worker take turns, because a device is
-        for one thread."""
+        """Return `computes_with` and the rows of each point.
+
+        Threads of a worker take turns, because a device may be used by one thread only.
+        """
         with _one_at_a_time, warnings.catch_warnings():
-            warnings.simplefilter("ignore", ToleranceWarning)  # the command has said it, or it stands in a row
+            warnings.simplefilter("ignore", ToleranceWarning)  # the command has printed it, or a row contains it
             for method in self.methods:
                 provide_kernels(method)
             return computes_with(), [self.rows(number) for number in numbers]
@@ -84,14 +87,14 @@ class Task:
 
 @dataclass(frozen=True)
 class Execution:
-    """Who computes.
+    """Choice of the workers: processes of this machine, or a Dask cluster.
 
     Attributes
     ----------
     workers : int
-        Processes of this machine.
+        Number of processes of this machine.
     address : str or None
-        Of the scheduler of a Dask cluster that takes their place.
+        Address of a Dask cluster's scheduler; if given, the cluster computes instead.
     """
 
     workers: int
@@ -99,17 +102,17 @@ class Execution:
 
     def rows(self, rows: Callable[[int], Any], numbers: Iterable[int], run_time: float,
              methods: tuple[str, ...]) -> Rows:
-        """The rows of the point of each number, in order; a point takes about `run_time` seconds of robot time.
+        """Yield the rows of each numbered point, in order; a point takes about `run_time` seconds of simulated time.
 
         Raises
         ------
         ValueError
-            If there is no scheduler.
+            If the scheduler cannot be reached.
         RuntimeError
-            If workers compute otherwise than this machine, die again and again, or the scheduler goes.
+            If workers have other software than this machine, die repeatedly, or the scheduler disappears.
         """
         for method in () if self.address else methods:
-            prepare_kernels("study", method)  # once for all that are forked
+            prepare_kernels("study", method)  # compile once, before the processes are forked
         task, (time, most) = Task(rows, methods), _THERE if self.address else _HERE
         given = _groups(iter(numbers), max(1, min(most, int(time / run_time))))
         due: deque[tuple[int, ...]] = deque()
@@ -144,7 +147,7 @@ def _groups(numbers: Iterator[int], size: int) -> Iterator[tuple[int, ...]]:
 
 def _noted(groups: Iterable[tuple[int, ...]], due: deque[tuple[int, ...]]) -> Iterator[tuple[int, ...]]:
     for group in groups:
-        due.append(group)  # before it is given away: whatever happens then, it is done or in here
+        due.append(group)  # before it is submitted, so that it is never lost: it is done or in `due`
         yield group
 
 
@@ -158,7 +161,7 @@ def _checked(theirs: dict[str, str], found: list) -> list:
 
 
 class _Here:
-    """Processes of this machine, and how many tasks may be ahead; a context."""
+    """Context manager that gives an executor of processes of this machine, and the number of tasks ahead."""
 
     def __init__(self, workers: int, task: Task):
         self._executor: Executor = Forks(workers, task) if workers > 1 else InThisProcess()
@@ -172,7 +175,7 @@ class _Here:
 
 
 class _Cluster:
-    """The workers of the scheduler at ``tcp://host:8786`` or the like, and how many tasks may be ahead; a context."""
+    """Context manager that gives an executor of a Dask cluster (``tcp://host:8786``), and the number of tasks ahead."""
 
     def __init__(self, address: str):
         try:

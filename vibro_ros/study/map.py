@@ -1,13 +1,13 @@
-"""``study map``: the motions of a machine over motor speed and gap, as Parquet, a picture, and a file to command by.
+"""``study map``: the motions of a machine over motor speed and gap, as Parquet, a picture, and a controller's file.
 
-Each row and column of the grid is swept up and down (`visits`), each cell beginning with the state that the one before
-has left, so that motions that exist together are found. In a cell two visits have found the same motion by the rule of
-`SettledMotion.is_same`. Motions of neighbouring cells are one where the period and the landings are equal and the mean
-speed changes little; but two motions that exist in one cell are never one, whatever path leads from the one to the
-other through other cells: a fold ends where its two sheets meet, and behind that end nothing separates them.
+Each row and column of the grid is swept up and down (`visits`). Each cell begins with the last state of the cell
+before, so that coexisting motions are found. Two visits of one cell have the same motion by the rule of
+`SettledMotion.is_same`. Motions of neighbouring cells are the same if their periods and landings are equal and their
+mean speeds are close. But two motions of one cell are never the same, even if a path through other cells connects them:
+beyond the end of a fold, where its two sheets meet, nothing separates them.
 
-Where a motion ends, its branch is followed to the special point there (`end_point`), and these are joined to curves.
-At last the commands that a controller would give are tried from drawn starts (`proved`).
+Where a motion ends, its branch is followed to the special point there (`end_point`), and these points are joined to
+curves. Finally, the commands that a controller would give are tried from random starts (`proved`).
 """
 
 import argparse
@@ -59,7 +59,7 @@ from vibro_ros.study.variation import whole_number
 
 SPEED, GAP = "motor_speed", "gap"
 MOST_CELLS = 25_000
-"""Of a grid. Each cell is visited four times."""
+"""Largest number of cells of a grid. Each cell is visited four times."""
 
 
 @dataclass(frozen=True)
@@ -69,9 +69,9 @@ class Line:
     Attributes
     ----------
     along : str
-        `SPEED` or `GAP`: what changes.
+        `SPEED` or `GAP`: the parameter that changes.
     place : int
-        Index of what stays.
+        Index of the other parameter, which is constant.
     upwards : bool
         Whether the smallest value comes first.
     """
@@ -83,14 +83,14 @@ class Line:
 
 @dataclass(frozen=True)
 class MapDesign:
-    """A map to be made.
+    """Design of a map.
 
     Attributes
     ----------
     scene : Scene
-        The machine; its own motor speed, gaps of `sides` and start do not count.
+        The machine; its own motor speed and gaps of `sides` are not used.
     sides : tuple of str
-        Sides whose gaps are varied, both alike if there are two.
+        Sides whose gaps are varied; two sides have equal gaps.
     speeds, gaps : Axis
         Motor speeds [rad/s] and gaps [m].
     """
@@ -101,11 +101,11 @@ class MapDesign:
     gaps: Axis
 
     def scene_at(self, speed_index: int, gap_index: int) -> Scene:
-        """The machine in a cell (ValueError where the scene refuses the values)."""
+        """Return the scene in a cell (ValueError if the scene refuses the values)."""
         return self.scene_with(float(self.speeds.values[speed_index]), float(self.gaps.values[gap_index]))
 
     def scene_with(self, motor_speed: float, gap: float) -> Scene:
-        """The machine at a motor speed [rad/s] and a gap [m] (ValueError where the scene refuses the values)."""
+        """Return the scene at a motor speed [rad/s] and a gap [m] (ValueError if the scene refuses the values)."""
         return self.scene.with_parameters({"motor.speed": motor_speed, **{f"{side}.gap": gap for side in self.sides}})
 
     def lines(self) -> list[Line]:
@@ -114,13 +114,13 @@ class MapDesign:
                 for place in range(other.count) for upwards in (True, False)]
 
     def cells(self, line: Line) -> Iterator[tuple[int, int]]:
-        """Speed and gap index of each cell of a line, in its direction."""
+        """Yield speed and gap index of each cell of a line, in its direction."""
         axis = self.speeds if line.along == SPEED else self.gaps
         for index in range(axis.count) if line.upwards else reversed(range(axis.count)):
             yield (index, line.place) if line.along == SPEED else (line.place, index)
 
     def document(self) -> dict[str, object]:
-        """All that the motions depend on, for the record."""
+        """Everything that the motions depend on, for JSON."""
         solver = {name: value for name, value in self.scene.parameters.items() if name.startswith("solver.")}
         return {"parameters": parameters_that_count(self.scene, self.sides), "solver": solver, "gaps": list(self.sides),
                 **{name: [axis.low, axis.high, axis.count]
@@ -134,12 +134,12 @@ QUICK = "60:180:13", "0:0.006:4"
 
 
 def design_of(options: argparse.Namespace) -> MapDesign:
-    """The map that is asked for.
+    """Make the design of a map from the options.
 
     Raises
     ------
     ValueError
-        For what is no grid or no scene; the message names value, limit and remedy.
+        For options that give no grid or no scene; the message names value, limit and remedy.
     """
     scene = machine_of(options)
     if scene["solver.method"] != "exact":
@@ -169,7 +169,7 @@ def design_of(options: argparse.Namespace) -> MapDesign:
 
 
 def _rows_of_curves(design: MapDesign, asked: int | None) -> range:
-    """Gaps, equally spaced and about as many as `asked`, at which motions are followed to their ends."""
+    """Indices of the gaps at which motions are followed to their ends: equally spaced, about as many as `asked`."""
     count = (0 if has_sampled_controller(design.scene) else min(CURVES, design.gaps.count)) if asked is None else asked
     if count:
         check_closes(design.scene)
@@ -189,37 +189,38 @@ def _axis(option: str, text: str) -> Axis:
 
 
 PHASE = math.pi
-"""Crank angle [rad] at which states are looked at: both sliders are far from the plates there."""
+"""Crank angle [rad] of the cut: both sliders are far from the plates there."""
 MOST_TURNS = 2048
-"""Turns of the crank after which a start is given up that has not settled."""
+"""Turns of the crank after which a visit counts as not settled."""
 UNSETTLED = -1
-"""In place of the period of a start that has not settled."""
-_LEAST_TURNS, _WITHOUT_PERIOD, _KEPT = 16, 256, 32  # turns that are measured, and states of a visit that are kept
+"""Value of the period of a visit that has not settled."""
+# Turns that are measured: at least, if periodic; without a period. Number of states kept of a motion without a period.
+_LEAST_TURNS, _WITHOUT_PERIOD, _KEPT = 16, 256, 32
 _NOTHING = (math.nan, math.nan, math.nan, math.nan)
 
 
 LONG = 8
-"""Turns beyond which a period tells nothing: a longer one counts as none, because a small change of the commands ends
-it, and visits that settle slowly do not find it alike."""
+"""Longest period [turns] that characterises a motion. A longer one counts as none, because a small change of the
+commands destroys it, and visits that settle slowly do not find it reliably."""
 
 
 class Visit(NamedTuple):
-    """One motion that was found.
+    """The motion that a sweep found in a cell.
 
     Attributes
     ----------
     speed_index, gap_index : int
         Cell of the grid.
     turns : int
-        Turns of the crank after which it repeats itself; 0 where it does not, `UNSETTLED` where none was found.
+        Period [turns of the crank]; 0 for a motion without a period, `UNSETTLED` if none was found.
     landings : int
-        Landings within these turns; 0 without a period.
+        Landings of the body within these turns; 0 without a period.
     mean_speed : float
-        Of the body [m/s], forwards positive.
+        Mean speed of the body [m/s], forwards positive.
     cost_of_transport, stick_share, air_share : float
-        As `study.measures` has them, dimensionless.
+        Measures as defined in `study.measures`, dimensionless.
     states : ndarray, shape (m, n)
-        At successive cuts, in units of the machine: a period, or the last `_KEPT`; empty where none was found.
+        States at successive cuts, in units of the machine: one period, or the last `_KEPT`; empty if none was found.
     """
 
     speed_index: int
@@ -233,13 +234,14 @@ class Visit(NamedTuple):
     states: np.ndarray
 
     def settled(self, tolerance: float) -> SettledMotion:
-        """The motion to compare with others of the cell; one of a long period counts as one without."""
+        """Return the motion for comparison within the cell; a period longer than `LONG` counts as none."""
         turns = self.turns if self.turns <= LONG else 0
         return SettledMotion(turns, self.states, self.mean_speed, self.turns, tolerance)
 
 
 def visits(design: MapDesign, line: Line) -> list[Visit]:
-    """Sweep a line: each cell begins with the state that the cell before has led to, the first with the scene's own."""
+    """Sweep a line: each cell begins with the last state of the cell before, the first one with the scene's own start.
+    """
     found, before = [], None
     for speed_index, gap_index in design.cells(line):
         turn_map = TurnMap(design.scene_at(speed_index, gap_index), PHASE)
@@ -250,7 +252,7 @@ def visits(design: MapDesign, line: Line) -> list[Visit]:
                     stroboscope.begin_as()
                 else:
                     stroboscope.begin(before / turn_map.units)
-            except ValueError:  # the state before cannot be in this cell
+            except ValueError:  # the last state is not possible in this cell
                 stroboscope.begin_as()
             motion = settle(stroboscope, most=MOST_TURNS)
             seen = motion and _measured(turn_map, motion)
@@ -266,7 +268,7 @@ def visits(design: MapDesign, line: Line) -> list[Visit]:
 
 
 def _measured(turn_map: TurnMap, motion: SettledMotion) -> tuple[int, float, float, float, float]:
-    """Landings, mean speed, cost of transport, and shares of the time in which the body stands and flies."""
+    """Measure landings, mean speed [m/s], cost of transport, and shares of time in which the body stands and flies."""
     turns = motion.turns * math.ceil(_LEAST_TURNS / motion.turns) if motion.turns else _WITHOUT_PERIOD
     device = Simulator(turn_map.scene.with_parameters({"solver.accounts": True}))
     device.set_state(crank_angle=turn_map.phase, **dict(zip(turn_map.names, motion.states[-1] * turn_map.units,
@@ -280,7 +282,7 @@ def _measured(turn_map: TurnMap, motion: SettledMotion) -> tuple[int, float, flo
 
 
 LINES = "lines"
-_RUN_TIME = 20.0  # robot time [s] of a visit, about
+_RUN_TIME = 20.0  # simulated time [s] of a visit, about
 _VISIT = [
     Field("speed_index", pa.int64(), "1", "index of the motor speed in the grid"),
     Field("gap_index", pa.int64(), "1", "index of the gap in the grid"),
@@ -295,7 +297,7 @@ _VISIT = [
           "radii and crank radii times motor speed"),
 ]
 def visits_of(design: MapDesign, lines: Path, execution: Execution) -> list[Visit]:
-    """All visits of a map; lines that are missing in the folder `lines` are swept (see `computed`)."""
+    """Return all visits of a map; lines that are missing in the folder `lines` are swept (see `computed`)."""
     every, dimension = design.lines(), len(state_names(design.scene))
 
     def are_own(numbers: Sequence[int], rows: list[dict]) -> bool:
@@ -311,17 +313,17 @@ def visits_of(design: MapDesign, lines: Path, execution: Execution) -> list[Visi
 
 
 def rows_of_line(design: MapDesign, number: int) -> list[dict]:
-    """Sweep the line of a number; a row a visit."""
+    """Sweep a line by its number, and return one row for each visit."""
     return [{**one._asdict(), "states": one.states.ravel()} for one in visits(design, design.lines()[number])]
 
 
 LEAST_CELLS = 8
-"""Cells of a motion that gets a number; smaller ones are `PATCHWORK`."""
-_FROM_CELL_TO_CELL = 3e-3, 0.25  # m/s, and share: differences of mean speeds of one motion in neighbouring cells
+"""Least number of cells of a numbered motion; smaller ones are `PATCHWORK`."""
+_FROM_CELL_TO_CELL = 3e-3, 0.25  # largest change of a motion's mean speed between cells: m/s, plus share of the speed
 
 
 def motions(visits: Iterable[Visit], tolerance: float = SAME) -> tuple[Found, list[Visit]]:
-    """The motions of each cell, with their numbers; and for each a visit that has found it."""
+    """Return the distinct motions of each cell, with their numbers, and for each a visit that found it."""
     in_cell: dict[tuple[int, int], list[Visit]] = defaultdict(list)
     for visit in visits:
         cell = in_cell[visit.speed_index, visit.gap_index]
@@ -342,7 +344,7 @@ def motions(visits: Iterable[Visit], tolerance: float = SAME) -> tuple[Found, li
 
 
 def _continues(one: Visit, other: Visit) -> bool:
-    """Whether motions of neighbouring cells may be one."""
+    """Whether motions of neighbouring cells may be the same motion."""
     most, (least, share) = max(abs(one.mean_speed), abs(other.mean_speed)), _FROM_CELL_TO_CELL
     return _kind(one) == _kind(other) and abs(one.mean_speed - other.mean_speed) <= least + share * most
 
@@ -352,9 +354,10 @@ def _kind(visit: Visit) -> tuple[int, int]:
 
 
 def _numbers(rows: Sequence[Visit]) -> np.ndarray:
-    """Number of each row's motion, 0 for that of the most cells.
+    """Number of each row's motion; motion 0 has the most cells.
 
-    Rows of neighbouring cells are joined to groups, the most alike first, but never two rows of one cell to one group.
+    Rows of neighbouring cells are merged into groups, in the order of the difference of their mean speeds. Two rows of
+    one cell never get into one group.
     """
     at: dict[tuple[int, int], list[int]] = defaultdict(list)
     for row, visit in enumerate(rows):
@@ -381,27 +384,27 @@ def _numbers(rows: Sequence[Visit]) -> np.ndarray:
 
 
 LONGEST = 4
-"""Period [turns] of motions that are followed, at most."""
+"""Longest period [turns] of motions that are followed to their ends."""
 BEYOND = 3.0
-"""Cells over which a motion is followed beyond its last cell."""
+"""Number of cells over which a motion is followed beyond its last cell."""
 _MOST_STEPS = 60  # along a branch
-_LEAST_RUN = 3  # cells
-_TILT = 8.0  # rad/s a mm of gap: as far as a curve may lean between two gaps
+_LEAST_RUN = 3  # least number of neighbouring cells of a motion whose ends are followed
+_TILT = 8.0  # rad/s per mm of gap: largest slope of a curve between two gaps
 
 
 class End(NamedTuple):
-    """A motion, and a way along the motor speed on which it ends.
+    """The last cell of a motion in a row of the grid, in one direction of the motor speed.
 
     Attributes
     ----------
     gap_index, turns : int
         Row of the grid, and period [turns].
     motion : int
-        Its number.
+        Number of the motion.
     speed_index : int
-        Last cell.
+        Index of the last cell's motor speed.
     direction : int
-        1 upwards, -1 downwards.
+        Direction in which the motion ends: 1 upwards, -1 downwards.
     state : tuple of float
         State in the last cell, at the cut, in units of the machine.
     """
@@ -415,18 +418,18 @@ class End(NamedTuple):
 
 
 class Point(NamedTuple):
-    """What was found beyond the end of a motion.
+    """Special point at which a motion ends.
 
     Attributes
     ----------
     kind : str
-        The special point, as `orbits.special_points` names it.
+        Kind of special point, one of `orbits.continuation.KINDS`.
     turns, motion, direction : int
-        Of the `End`.
+        Fields of the `End`.
     gap_index : int
         Row of the grid.
     motor_speed : float
-        [rad/s]
+        Motor speed of the special point [rad/s].
     """
 
     kind: str
@@ -438,7 +441,7 @@ class Point(NamedTuple):
 
 
 def ends(found: Found, rows: list[Visit], speeds: Axis, gap_indices: range) -> list[End]:
-    """Where the motions of some rows of the grid end within it, in both directions of the motor speed."""
+    """Find the ends of motions in some rows of the grid, in both directions of the motor speed; not at its borders."""
     listed = []
     for gap_index in gap_indices:
         for motion in np.unique(found.motion[(found.gap_index == gap_index) & (found.motion > PATCHWORK)]).tolist():
@@ -456,7 +459,7 @@ def ends(found: Found, rows: list[Visit], speeds: Axis, gap_indices: range) -> l
 
 
 def end_point(design: MapDesign, end: End) -> Point | None:
-    """The special point at which a motion ends; None where its branch goes on over `BEYOND`, or is lost."""
+    """Return the special point at which a motion ends; None if none is found within `BEYOND`, or the branch is lost."""
     span = BEYOND * design.speeds.step
     here = float(design.speeds.values[end.speed_index])
     low, high = (here, here + span) if end.direction > 0 else (max(here - span, 0.1 * here), here)
@@ -474,7 +477,7 @@ def end_point(design: MapDesign, end: End) -> Point | None:
 
 
 def points_of(design: MapDesign, ends: Sequence[End], execution: Execution) -> list[Point]:
-    """The special point of each end that has one."""
+    """Return the special points of all ends that have one."""
     with Progress("ends of motions followed", "end", len(ends)) as progress, closing(execution.rows(
             partial(_point_at, design, tuple(ends)), range(len(ends)), 20.0 * _RUN_TIME, ("exact",))) as found:
         points = []
@@ -490,7 +493,7 @@ def _point_at(design: MapDesign, ends: tuple[End, ...], number: int) -> Point | 
 
 
 def curves(design: MapDesign, points: list[Point], gap_indices: range) -> tuple[Curve, ...]:
-    """Points joined to curves, each of at least two points."""
+    """Join points of neighbouring gaps to curves, each of at least two points."""
     lines: list[list[Point]] = []
     open_lines: list[list[Point]] = []
     reach = _TILT * 1e3 * gap_indices.step * design.gaps.step + design.speeds.step
@@ -514,22 +517,22 @@ def curves(design: MapDesign, points: list[Point], gap_indices: range) -> tuple[
 
 
 PROOFS, QUICK_PROOFS = 185, 16
-"""Mean speeds that are tried, equally spaced over what a map offers, or a quick one."""
+"""Number of mean speeds that are tried, equally spaced over the range of a map; the same for a quick map."""
 STARTS = 8
-"""Drawn starts of each, `orbits.starts`: a first second at other motor speeds and gaps."""
+"""Random starts of each trial (`orbits.starts`): a first second at other motor speeds and gaps."""
 SETTLING, MEASURING = 10.0, 10.0
-"""Time [s] that does not count, and time that does, cut to whole turns."""
+"""Settling time and measuring time [s], the latter rounded to whole turns."""
 MET = 0.05
-"""Deviation, as a share of what was asked, within which a trial leads where it should."""
+"""Largest deviation of a successful trial, as a share of the requested mean speed."""
 
 
 class Trial(NamedTuple):
-    """One mean speed asked for.
+    """Trial of the commands for one mean speed.
 
     Attributes
     ----------
     asked, got : float
-        Mean speeds [m/s]; `got` is that of the start which is farthest off.
+        Requested and obtained mean speed [m/s]; `got` is that of the start with the largest deviation.
     choice : Choice
         The commands.
     """
@@ -540,24 +543,24 @@ class Trial(NamedTuple):
 
     @property
     def error(self) -> float:
-        """Deviation as a share of what was asked, dimensionless."""
+        """Deviation as a share of the requested mean speed, dimensionless."""
         return abs(self.got / self.asked - 1.0)
 
 
 def proved(command_map: CommandMap, design: MapDesign, count: int, execution: Execution
            ) -> tuple[CommandMap, list[Trial]]:
-    """The map without cells that are not sure after all, and the trials of its commands, by mean speed.
+    """Try the map's commands; return the map, its failed cells no longer sure, and the trials, by mean speed.
 
     Parameters
     ----------
     command_map : CommandMap
-        With the cells that sweeps have found to be sure.
+        Map with the cells that are sure by the sweeps.
     design : MapDesign
         The machine and the grid.
     count : int
-        Mean speeds to try.
+        Number of mean speeds to try.
     execution : Execution
-        Who computes.
+        Workers that run the trials.
     """
     if not has_choice(command_map):
         return command_map, []
@@ -569,7 +572,7 @@ def proved(command_map: CommandMap, design: MapDesign, count: int, execution: Ex
         if has_choice(command_map):
             choice = CommandChoice(command_map)
             for speed in asked:
-                with suppress(ValueError):  # a speed for which there are no sure commands
+                with suppress(ValueError):  # no sure commands for this speed
                     chosen = choice.commands_for(speed)
                     choices[(speed, *chosen.commands.values())] = (speed, chosen)
         new = [key for key in choices if key not in done]
@@ -589,7 +592,7 @@ def proved(command_map: CommandMap, design: MapDesign, count: int, execution: Ex
 
 
 def _trial(design: MapDesign, every: tuple[tuple[float, Choice], ...], number: int) -> Trial:
-    """Give the commands of a number, all at once, to a device after each of the drawn starts."""
+    """Run the trial of a number: measure the mean speed at its commands after each of the random starts."""
     asked, choice = every[number]
     motor, gap = list(choice.commands.values())[:2]
     turn, speeds = TURN / motor, []
@@ -604,11 +607,11 @@ def _trial(design: MapDesign, every: tuple[tuple[float, Choice], ...], number: i
 
 
 SHOWN = 22
-"""Rows of the table of trials, about."""
+"""Approximate number of rows of the printed table of trials."""
 
 
 def map_in_words(command_map: CommandMap, visits: list[Visit]) -> list[str]:
-    """How many motions there are, where, and how fast they go."""
+    """Return lines of text about the map: numbers of motions, mean speeds, curves, and sure commands."""
     found = command_map.found
     cells, counts = np.unique(np.column_stack([found.speed_index, found.gap_index]), axis=0, return_counts=True)
     unsettled = sum(visit.turns == UNSETTLED for visit in visits)
@@ -638,7 +641,7 @@ def map_in_words(command_map: CommandMap, visits: list[Visit]) -> list[str]:
 
 
 def trials_in_words(trials: list[Trial]) -> list[str]:
-    """A table of mean speeds asked for, with the start that is farthest off, and the largest deviation of all."""
+    """Return lines of text: a table of requested mean speeds with the worst start of each; the largest deviation."""
     if not trials:
         return []
     lines = ["asked [mm/s]  motor speed [rad/s]  gap [mm]  got [mm/s]  off [%]"]
@@ -659,7 +662,7 @@ _STYLES = {"fold": (BLACK, "-"), "period doubling": (BLACK, "--"), "Neimark-Sack
 
 
 def draw_map(command_map: CommandMap) -> bytes:
-    """Mean speed, and period, over motor speed and gap: a PNG."""
+    """Draw mean speed and period over motor speed and gap; returns a PNG file."""
     figure = new_figure(WIDTH, HEIGHT)
     upper, lower = figure.subplots(2, 1, sharex=True, sharey=True)
     _draw_quantity(figure, upper, command_map, command_map.found.mean_speed * 1e3, "mean speed [mm/s]", "viridis")
@@ -683,7 +686,7 @@ def draw_map(command_map: CommandMap) -> bytes:
 
 
 def _fastest(command_map: CommandMap, values: np.ndarray) -> np.ndarray:
-    """Of each cell the value of its fastest motion, whichever way it goes."""
+    """Value of the fastest motion of each cell, forwards or backwards, shape (gaps, speeds); NaN without a motion."""
     order = np.argsort(np.abs(command_map.found.mean_speed), kind="stable")
     cells = np.full((command_map.gaps.count, command_map.speeds.count), np.nan)
     cells[command_map.found.gap_index[order], command_map.found.speed_index[order]] = values[order]
@@ -724,11 +727,11 @@ def _draw_curves(axes: Axes, command_map: CommandMap) -> None:
 
 TABLE, PICTURE = "motions.parquet", "map.png"
 CURVES = 11
-"""Gaps at which motions are followed to their ends, unless another number is given."""
+"""Default number of gaps at which motions are followed to their ends."""
 
 
 class Asked(NamedTuple):
-    """What the command line asks for: the map, the gaps of its curves, and how many mean speeds are tried."""
+    """Design of the study: the map, the indices of the gaps of its curves, and the number of mean speeds to try."""
 
     design: MapDesign
     gap_indices: range
@@ -755,7 +758,7 @@ def _results(asked: Asked, folder: Path, execution: Execution) -> Iterator[Resul
 
 
 def _files(command_map: CommandMap, rows: list[Visit]) -> dict[str, bytes]:
-    """Command map, table and picture by the names of their files."""
+    """Contents of command map, table and picture by file name."""
     name, text = f"{command_map.scene}.json", written(command_map, f"vibro_ros {software()['version']}").encode()
     if len(text) > LARGEST:
         raise RuntimeError(f"{name}: {len(text)} bytes are more than the {LARGEST} that a controller reads; give a "
@@ -764,7 +767,7 @@ def _files(command_map: CommandMap, rows: list[Visit]) -> dict[str, bytes]:
 
 
 def _table(command_map: CommandMap, rows: list[Visit]) -> bytes:
-    """All motions, with the values of the commands in place of indices."""
+    """Return a Parquet file of all motions, with motor speeds and gaps in place of indices."""
     found, speeds, gaps = command_map.found, command_map.speeds, command_map.gaps
     columns = {"motor_speed": (speeds.values[found.speed_index], "rad/s"), "gap": (gaps.values[found.gap_index], "m"),
                "motion": (found.motion, "1"), "turns": ([visit.turns for visit in rows], "1"),
