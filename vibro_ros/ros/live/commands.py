@@ -1,6 +1,6 @@
-"""The commands of a live robot: the pages' are published, everybody's are heard, and so it is known which are in force.
+"""The commands of a live robot: publishes those of pages, and follows those of all programs to know which hold.
 
-A page is a dead man's switch: the motor stops once a page has commanded it and no page is open any more.
+A page is a dead man's switch: if a page has commanded the motor, it stops when no page is open any more.
 """
 
 import time
@@ -20,20 +20,20 @@ from vibro_ros.ros.node.node import PollingSubscription
 
 SPEED = "motor_speed"
 MOST = 200
-"""Messages of one topic that are looked at in one batch."""
+"""Most messages of one topic that are taken in one batch."""
 RETURN_TIMEOUT = 3.0
-"""Time [s] in which a page that is loaded again comes back, or one that has lost its connection."""
+"""Time [s] that a page gets to come back after it was reloaded or lost its connection."""
 REPEATS = 3
-"""Commands in one `command.timeout` of the robot, so that one or two may be lost."""
+"""Number of times that the motor's command is sent in one `command.timeout`, so that one or two may be lost."""
 STOP_TIMEOUT = Duration(seconds=2)
-"""How long the last command may take to the robot when the view ends."""
+"""Longest wait for the robot to receive the last command when the view ends."""
 
 
 class Commands:
-    """Publishes and hears the commands of one robot, in the executor's thread, by the clock `now` [s].
+    """Publishes and follows the commands of one robot, in the executor's thread, by the clock `now` [s].
 
-    `in_force` has by topic what was commanded in this run [SI] and has effect. What is missing nobody has commanded,
-    or it is not known; then what the robot does is in force. `of_page` says whether a page's command keeps the motor
+    `in_force` has the commands [SI] of this run that are in effect, by topic. A missing command was not sent, or is not
+    known; then only the samples show what the robot does. `of_page` says whether a page's command keeps the motor
     turning.
     """
 
@@ -42,23 +42,23 @@ class Commands:
         self.of_page = False
         self._topics = {name: PollingSubscription(node, Float64, name, qos.profile(name)) for name in COMMAND_UNITS}
         self._publishers = {name: node.create_publisher(Float64, name, qos.profile(name)) for name in COMMAND_UNITS}
-        self._sent = deque[float](maxlen=MOST)  # speeds of pages that have not been heard yet
+        self._sent = deque[float](maxlen=MOST)  # speeds sent by pages, not yet received back
         self._now = now
         self._seen = self._repeated = now()
 
     def send(self, name: str, value: float, answer: Callable[[bool, str], object]) -> None:
-        """Publish a command, as it is: the robot knows its limits, and says when it refuses."""
+        """Publish a command unchecked: the robot knows its limits and reports a refusal."""
         publisher = self._publishers[name]
-        if not publisher.get_subscription_count() > 1:  # the view hears it, too
+        if not publisher.get_subscription_count() > 1:  # the view itself is one subscriber
             answer(False, f"nobody listens to {publisher.topic_name}; is the robot running?")
             return
         self._publish(name, value)
         answer(True, f"{name} {value:g} {COMMAND_UNITS[name]} sent")
 
     def take(self, scene: Scene | None, operations: Sequence[Operation]) -> None:
-        """Take what was commanded since the last call, and what operations have made of it.
+        """Take the commands since the last call, and apply the effect of `operations` on them.
 
-        Without a `scene` there is no robot that obeys; the next one begins anew.
+        Without a `scene` there is no robot, and all commands are forgotten.
         """
         for name, topic in self._topics.items():
             for data, _ in topic.take(MOST):
@@ -68,19 +68,19 @@ class Commands:
                 if name == SPEED:
                     is_own = value in self._sent
                     self.of_page = is_own and value != 0.0
-                    while is_own and self._sent.popleft() != value:  # what was sent before was refused, or is lost
+                    while is_own and self._sent.popleft() != value:  # earlier values were refused or lost
                         pass
         names = {operation.name for operation in operations}
         if scene is None or RESET in names:
             self.in_force, self.of_page = {}, False
-        elif TIMEOUT in names:  # or a command that came after it: the samples tell
+        elif TIMEOUT in names:  # or of a later command: then the samples show its effect
             self.in_force.pop(SPEED, None)
             self.of_page = False
 
     def stop_if_alone(self, pages: int, timeout: float) -> bool:
-        """Keep the motor turning while pages are open, and stop it when they have gone; whether it was stopped now.
+        """Keep the motor turning while pages are open, and stop it when none is left.
 
-        `timeout` [s] is the robot's `command.timeout`, 0 if it has none.
+        Returns whether the motor was stopped now. `timeout` [s] is the robot's `command.timeout`, 0 if it has none.
         """
         now = self._now()
         if pages:
@@ -97,7 +97,7 @@ class Commands:
         return False
 
     def end(self) -> str:
-        """Stop a motor that a page keeps turning, because the view ends; says so in words if that was so."""
+        """Stop a motor that a page keeps turning, because the view ends; return in words what was done, if anything."""
         if not self.of_page:
             return ""
         self._publish(SPEED, 0.0)
@@ -111,7 +111,7 @@ class Commands:
 
 
 def _valid(scene: Scene, name: str, data: bytes) -> float | None:
-    """The command in a message; None if the robot refuses it."""
+    """Return the command in a message; None if the robot refuses it."""
     try:
         value = float(deserialised(data, "std_msgs/msg/Float64").data)
         return scene.checked_command(name, value)

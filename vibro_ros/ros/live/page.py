@@ -1,4 +1,4 @@
-"""The live view's node: what of the robot goes to the pages, and what of the pages goes to the robot."""
+"""The core of the live view: forwards the robot's data to the pages, and the pages' requests to the robot."""
 
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -31,26 +31,29 @@ from vibro_ros.view.slow_motion import History, SlowMotions
 PERIOD = 1.0 / 30.0
 """Time [s] between two batches of samples."""
 LOOK_PERIOD = 0.5
-"""Time [s] between two looks who publishes and who offers services."""
+"""Time [s] between two checks of who publishes and who offers services."""
 ABSENCE_TIMEOUT = 5.0
-"""Time [s] after which the terminal says that there is no robot; a robot that is started with the view takes two."""
+"""Time [s] after which the log says that there is no robot; a robot started together with the view takes 2 s."""
 MOST_REQUESTED = 400
-"""Requests of pages that wait for the node."""
+"""Most requests of pages that wait for the node."""
 IMPACT_MARGIN = 1.0
-"""Time [s] by which an impact may lie outside of the samples that were seen."""
+"""Time [s] by which an impact may lie before robot time 0 or after the latest sample."""
 ANSWER_TIMEOUT = 5.0
-"""Longest time [s] that an answer of the robot is waited for."""
+"""Longest wait [s] for an answer of the robot."""
 MOST_WAITING = 50
-"""Calls that wait for an answer at once."""
+"""Most service calls that wait for an answer at once."""
 STATUS = {"real_time_factor": 0.0, "dropped_share": 0.0, "refused": 0, "paused": False, "recording": ""}
 _TIME = COLUMNS.index("time")
 
 Answer = Callable[[bool, str], object]
-"""Is given whether the request was done, and the words."""
+"""Callback with the outcome of a request: whether it was done, and a sentence."""
 
 
 class Presence(NamedTuple):
-    """How things stand: why there is no robot, or which one, since when, and the services that it offers."""
+    """State of the robot for the pages: why there is none, or its settings, start and offered services.
+
+    `origin` is the stamp [ns] of its robot time 0.
+    """
 
     absence: str
     settings: Settings | None
@@ -59,13 +62,13 @@ class Presence(NamedTuple):
 
 
 class LivePage:
-    """Stands between the robot, whose node has the full name `robot`, and the server of its pages."""
+    """Connects the robot, whose node has the full name `robot`, with the server of its pages."""
 
     def __init__(self, node: GuardedNode, robot: str):
         self._node, self._name = node, robot
         self._commands, self._requests = Commands(node), Requests(node, robot)
         self._robot_status = RobotStatus(node, robot)
-        self._robot = LiveRobot(node, robot)  # last, so that a robot which has told its parameters knows all clients
+        self._robot = LiveRobot(node, robot)  # last: a robot that answers it has discovered all clients
         self._slow_motions = SlowMotions(node.get_logger().info)
         self._history, self._requested = History(), deque[tuple[int, Request]](maxlen=MOST_REQUESTED)
         self._presence = Presence("the view is starting", None, None, {})
@@ -86,12 +89,12 @@ class LivePage:
         self._node.executor.create_task(self._execute_requests)
 
     def greeting(self) -> list[tuple[str, str]]:
-        """What a page that has just opened is told; for the server's thread."""
+        """Return kind and text of the frames for a page that has just opened; for the server's thread."""
         frames = [self._frame(self._presence), ("commands", self._in_force)]
         return [*frames, ("status", self._status())] if self._robot_status.status else frames
 
     def end(self) -> None:
-        """Stop the motor, if a page has made it turn: nobody is left who could stop it here."""
+        """Stop the motor if a page has commanded it, because no page can stop it any more."""
         if words := self._commands.end():
             self._node.get_logger().info(f"the motor was commanded from a page; {words}")
 
@@ -117,7 +120,7 @@ class LivePage:
         self._slow_motions.watch()
 
     def _warn_of_absence(self, now: float) -> None:
-        """Say in the terminal, once, why there is nothing to show, if that lasts."""
+        """Log once why there is nothing to show, if that lasts."""
         if self._presence.absence != self._absence:
             self._absence, self._since = self._presence.absence, now
         elif self._absence and now > self._since + ABSENCE_TIMEOUT:
@@ -125,7 +128,7 @@ class LivePage:
             self._node.get_logger().warning(self._absence)
 
     def _update_presence(self, server: Server) -> None:
-        """Tell the pages how things stand, if that has changed."""
+        """Send the robot's state to the pages, if it has changed."""
         robot = self._robot
         absence = robot.absence
         presence = (Presence(absence, None, None, {}) if absence
@@ -139,10 +142,10 @@ class LivePage:
         server.send(*self._frame(presence))
 
     def _forward_reports(self, server: Server) -> None:
-        """Hand on what the robot says beside its samples."""
+        """Forward what the robot publishes besides samples: operations, impacts and log."""
         robot, operations = self._robot, self._robot_status.operations()
         run = robot.origin, robot.silences
-        goes_on, self._run = run == self._run, run  # else what was commanded before holds no more
+        goes_on, self._run = run == self._run, run  # else earlier commands do not hold any more
         self._commands.take(robot.settings.scene if robot.settings and goes_on else None, operations)
         if any(one.name == SET for one in operations):
             self._robot.reader.read()
@@ -159,7 +162,7 @@ class LivePage:
             server.send("log", text_frame("log", level=level, words=words))
 
     def _watch_commands(self, server: Server) -> None:
-        """Tell the pages which commands are in force, and stop a motor that they have left turning."""
+        """Send the commands in force to the pages, and stop a motor that closed pages have left turning."""
         in_force = text_frame("commands", values=self._commands.in_force)
         if in_force != self._in_force:
             self._in_force = in_force
@@ -197,7 +200,7 @@ class LivePage:
         return text_frame("status", **{**STATUS, **self._robot_status.status})
 
     def _frame(self, presence: Presence) -> tuple[str, str]:
-        """Kind and text of the frame that says how things stand."""
+        """Return kind and text of the frame with the robot's state."""
         if presence.settings is None:
             return "absent", text_frame("absent", words=presence.absence)
         return "robot", text_frame("robot", name=self._name, machine=drawing(presence.settings.scene),
@@ -216,7 +219,7 @@ class _Waiting:
 
 
 class Requests:
-    """The clients of one robot's services; all that follows is for the executor's thread."""
+    """Clients of one robot's services; used in the executor's thread."""
 
     def __init__(self, node: Node, robot: str):
         kinds = {**dict.fromkeys(PLAIN_CALLS, Trigger), **dict.fromkeys(SWITCHES, SetBool)}
@@ -230,7 +233,7 @@ class Requests:
         return {name: client.service_is_ready() for name, client in self._clients.items()}
 
     def ask(self, asked: Request, answer: Answer) -> None:
-        """Call a service, or set a parameter."""
+        """Call a service or set a parameter of the robot; `answer` is called with the outcome."""
         client = self._clients[asked.name] if asked.kind == CALL else self._setting
         if not client.service_is_ready():
             answer(False, f"nobody offers {client.srv_name}; is the robot running?")
@@ -242,7 +245,7 @@ class Requests:
             one.sent.add_done_callback(lambda done: self._take(one))
 
     def tick(self) -> None:
-        """Give up what has waited too long; to be called often."""
+        """Give up requests that have waited too long; to be called often."""
         for one in [one for one in self._waiting if monotonic() > one.begun + ANSWER_TIMEOUT]:
             self._waiting.remove(one)
             one.sent.cancel()  # the client then forgets it
@@ -263,7 +266,7 @@ class Requests:
 
 
 def _message(asked: Request) -> Any:
-    """The request of a service."""
+    """Return the request message for a page's request."""
     if asked.kind != CALL:
         return SetParameters.Request(parameters=[Parameter(asked.name, value=asked.value).to_parameter_msg()])
     return Trigger.Request() if asked.value is None else SetBool.Request(data=asked.value)

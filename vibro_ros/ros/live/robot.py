@@ -1,8 +1,8 @@
-"""One live robot as the view sees it: its scene, its samples since it began, and in words why there are none.
+"""A live robot as the view receives it: its scene, its samples, and in words why there are none.
 
-Samples wait in DDS until the view looks: an executor's turn costs 0.15 to 0.5 ms, and a node that shows 30 pictures a
-second has no use for a turn for each of 1000 messages a second; taken together, a message costs some 30 us. Anybody may
-publish anything on their topic, so each one is read strictly.
+Samples wait in DDS until the view polls: an executor's turn costs 0.15 to 0.5 ms, too much for each of 1000 messages a
+second when the page shows 30 pictures a second; taken in batches, a message costs some 30 us. Any program can publish
+on the topic, so each message is checked strictly.
 """
 
 import time
@@ -22,24 +22,23 @@ from vibro_ros.ros.node.robot_parameters import SceneReader, Settings
 from vibro_ros.simulation.samples import FIELDS, TIME
 
 SECOND = 1_000_000_000
-"""Nanoseconds of a stamp's second."""
+"""Nanoseconds in a second."""
 MOST = 500
-"""Samples that are taken at once, 15,000 a second; those of a flood wait, and DDS drops the oldest."""
+"""Most samples taken in one batch, 15,000 a second; of more, DDS drops the oldest."""
 LONGEST = 10_000
-"""Bytes of the longest message that is read; a robot's have a thousand."""
+"""Longest message [bytes] that is read; a sample has about a thousand."""
 LONGEST_RUN = 1e8
-"""Time [s] that a robot may have run, three years: of later times a float does not hold the nanoseconds."""
+"""Longest robot time [s], three years; later times do not have nanoseconds as a float."""
 SILENCE_TIMEOUT = 3.0
-"""Time [s] without a sample and without diagnostics, which come each second, after which a robot is not heard."""
+"""Time [s] without samples and diagnostics, which come each second, after which a robot counts as silent."""
 READ_PERIOD = 2.0
-"""Time [s] after which a robot whose parameters cannot be its own is asked for them once more."""
+"""Time [s] after which a robot is asked again for its parameters, if they were invalid."""
 FIRST_SAMPLE_TIMEOUT = 1.5
-"""Time [s] that the first sample may take; of a robot that has said something by then and sent none, time stands still.
-"""
+"""Time [s] in which the first sample must arrive; a robot that publishes diagnostics and no sample is paused."""
 RIVALRY_PERIOD = 2.0
-"""Time [s] within which a run is followed by another one once at most; a robot needs about a second to start."""
+"""Time [s] in which the run changes at most once, unless there are two robots: a robot needs about 1 s to start."""
 MOST_NAMED = 5
-"""Other robots that are named."""
+"""Most other robots that are named in a message."""
 _LABEL = ",".join(SAMPLE_LABELS)
 _NONE = np.empty((0, len(FIELDS)))
 
@@ -47,9 +46,9 @@ _NONE = np.empty((0, len(FIELDS)))
 class LiveRobot:
     """Follows one robot, whose node has the full name `robot`, through its starts and ends.
 
-    The node counts and says what it refuses. `settings` is what is known of the robot that publishes now, `origin` the
-    stamp [ns] of its robot time 0, and `silences` counts how often it was heard again after a silence, perhaps as
-    another robot.
+    The node counts and logs refused messages. `settings` are those of the robot that publishes now, `origin` is the
+    stamp [ns] of its robot time 0, and `silences` counts how often it came back after a silence, perhaps as another
+    robot.
     """
 
     def __init__(self, node: GuardedNode, robot: str):
@@ -61,10 +60,10 @@ class LiveRobot:
         self._fault, self._publishers = "", frozenset[bytes]()
         self._others: list[str] = []
         self._heard = self._read_at = float("-inf")
-        self.reader = SceneReader(node, robot, self._take_settings)  # last: then the robot knows the other clients
+        self.reader = SceneReader(node, robot, self._take_settings)  # last: the robot then knows the other clients
 
     def poll(self) -> np.ndarray:
-        """Rows of `FIELDS` that have come since the last call, `time` as robot time [s]; shape (n, len(FIELDS))."""
+        """Return the samples since the last call, with robot time [s] as `time`; shape (n, len(FIELDS))."""
         if self.settings is None and not (self._fault or self.reader.reading):
             self.reader.read()
         self.reader.tick()
@@ -78,9 +77,9 @@ class LiveRobot:
         return self._of_this_run([start for start, _ in found], np.array([row for _, row in found]))
 
     def hear(self) -> None:
-        """Take note that the robot has said something.
+        """Note that a message of the robot was received.
 
-        After a silence it may be another robot, and is shown when it has told who it is.
+        After a silence it may be another robot, so that its parameters are read again before it is shown.
         """
         now = time.monotonic()
         if float("-inf") < self._heard < now - SILENCE_TIMEOUT:
@@ -90,20 +89,20 @@ class LiveRobot:
         self._heard = now
 
     def look(self) -> None:
-        """Look who publishes, and ask again where that has changed or is not explained; to be called now and then."""
+        """Look up who publishes samples, and read the parameters again after a change or a fault; called often."""
         found = frozenset(bytes(one.endpoint_gid)
                           for one in self._node.get_publishers_info_by_topic(self._samples.topic))
         ask_again = self._fault and not self.reader.reading and time.monotonic() > self._read_at + READ_PERIOD
         if found - self._publishers or ask_again:
             self.reader.read()
-        if self._publishers and not found:  # it has gone, and who comes next is to be asked what it is
+        if self._publishers and not found:  # the robot has gone; the next one must give its parameters
             self.settings, self.origin, self._fault = None, None, ""
         self._publishers = found
         self._others = [] if self.settings else self._robots_seen()
 
     @property
     def absence(self) -> str:
-        """Why there is nothing to show, in words; empty if there is."""
+        """Reason in words why there is nothing to show; empty if there is something."""
         now = time.monotonic()
         if self._runs.rivals:
             return (f"two robots publish on {self._samples.topic}; give one of them a namespace, such as "
@@ -125,14 +124,14 @@ class LiveRobot:
         return ""
 
     def _robots_seen(self) -> list[str]:
-        """Full names of other robots' nodes in this domain: those that publish what is done to their runs."""
+        """Return the full names of other robots' nodes in this domain: the nodes that publish operations."""
         last = f"/{OPERATIONS}"
         names = [topic.removesuffix(last) for topic, types in self._node.get_topic_names_and_types()
                  if topic.endswith(last) and TOPICS[OPERATIONS].type in types and self._node.count_publishers(topic)]
         return sorted(peer_text(name) for name in names if name != self._robot)
 
     def _nobody(self) -> str:
-        """That the robot is not there, who is, and what can be done."""
+        """Return in words that the robot is not there, which other robots are, and the remedy."""
         domain = f"in ROS domain {self._node.context.get_domain_id()}"
         if not self._others:
             return (f"no robot {self._robot}, nor another one, {domain}; start one there (ros2 run vibro_ros robot), "
@@ -145,10 +144,10 @@ class LiveRobot:
                 f"first: view --robot {first}{remap}")
 
     def _of_this_run(self, starts: list[int], rows: np.ndarray) -> np.ndarray:
-        """The rows of the present run; none until it is known who sends them."""
+        """Return the rows if they belong to the present run of a known robot; else none."""
         rivals = self._runs.rivals
         restarted = self._runs.restarted(starts, [row[TIME] for row in rows])
-        if not self._runs.rivals and (restarted or rivals):  # who is heard from now on is to be asked what it is
+        if not self._runs.rivals and (restarted or rivals):  # another run: its robot must give its parameters
             self.settings = self.origin = None
         if starts and not self._runs.rivals:
             self.hear()
@@ -158,14 +157,17 @@ class LiveRobot:
         return _NONE
 
     def _take_settings(self, found: Settings | str) -> None:
-        """Take what was read."""
+        """Take the settings, or the reason why there are none, from the reader."""
         self._read_at = time.monotonic()
         self._fault = found if isinstance(found, str) else ""
         self.settings = None if isinstance(found, str) else found
 
 
 def read_sample(data: bytes) -> tuple[int, np.ndarray] | None:
-    """ROS time [ns] of robot time 0, and the quantities of `FIELDS`; None if `data` is no sample of this version."""
+    """Return the ROS time [ns] of robot time 0 and the quantities of `FIELDS` from a message on `~/samples`.
+
+    None if `data` is no sample of this version.
+    """
     try:
         message = deserialised(data if len(data) <= LONGEST else b"", TOPICS[SAMPLES].type)
     except ValueError:
@@ -180,10 +182,10 @@ def read_sample(data: bytes) -> tuple[int, np.ndarray] | None:
 
 
 class Runs:
-    """Tells the samples of one run from those of the next, and one robot from two, by the clock `now` [s].
+    """Detects a new run, and two robots that publish on the same topic, by the clock `now` [s].
 
-    Robot time never goes back, so another start, or an earlier time, is another run. Of two robots that publish on the
-    same topic one follows the other again and again.
+    Robot time never goes back, so a different start or an earlier time means another run. With two robots, the run
+    seems to change again and again.
     """
 
     def __init__(self, now: Callable[[], float] = time.monotonic):
@@ -193,12 +195,12 @@ class Runs:
 
     @property
     def rivals(self) -> bool:
-        """Whether two robots have been heard lately."""
+        """Whether two robots have published lately."""
         return len(self._changes) == 2 and (self._changes[1] - self._changes[0] < RIVALRY_PERIOD
                                             and self._now() - self._changes[1] < RIVALRY_PERIOD)
 
     def restarted(self, starts: Sequence[int], times: Sequence[float]) -> bool:
-        """Take note of samples, by their starts [ns] and times [s]; whether another run has begun with one of them."""
+        """Note the starts [ns] and times [s] of samples; return whether another run has begun with one of them."""
         found = False
         for start, time_of_sample in zip(starts, times, strict=True):
             before, self._last = self._last, (start, time_of_sample)

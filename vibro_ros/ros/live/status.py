@@ -1,7 +1,7 @@
-"""What a robot says of itself beside its samples: contacts, diagnostics, operations, and lines of its log.
+"""What a robot publishes besides its samples: contacts, diagnostics, operations, and lines of its log.
 
-All of it comes on topics on which anybody may publish anything, so each message is read strictly, and what is not the
-robot's is left alone. Texts are shown as texts, on one line, and not too long.
+Any program can publish on these topics, so each message is checked strictly, and messages that are not the robot's are
+ignored. Texts are shown as plain text, in one line of limited length.
 """
 
 import math
@@ -25,13 +25,13 @@ from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.node import PollingSubscription
 
 MOST = 200
-"""Messages of one topic that are looked at in one batch; those of a flood wait, and DDS drops the oldest."""
+"""Most messages of one topic that are taken in one batch; of more, DDS drops the oldest."""
 LONGEST = 100_000
-"""Bytes of the longest message that is read."""
+"""Longest message [bytes] that is read."""
 LONGEST_LINE = 500
-"""Characters of a line that is shown."""
+"""Longest line [characters] that is shown."""
 _NO_RECORDING, _FAULT = "not recording", 2
-"""What the robot says when it records nothing, and the level of diagnostics at which it cannot."""
+"""The recorder's diagnostics: message when nothing is recorded, and level when recording has failed."""
 WARNING, ERROR = 30, 40
 """Levels of rcl_interfaces/msg/Log."""
 _LOG = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
@@ -46,7 +46,10 @@ class Impact(NamedTuple):
 
 
 class RobotStatus:
-    """Listens to the robot whose node has the full name `robot`; `status` has the fields of the frame of that name."""
+    """Subscribes to the status of the robot whose node has the full name `robot`.
+
+    `status` has fields of the frame "status" that pages get; it is empty before the first diagnostics.
+    """
 
     def __init__(self, node: Node, robot: str):
         self._robot, self._logger = robot, robot.strip("/").replace("/", ".")
@@ -59,12 +62,12 @@ class RobotStatus:
         self.status: dict[str, Any] = {}
 
     def begin(self, prefix: str) -> None:
-        """Listen to a robot whose frames' names begin so."""
+        """Begin with a robot whose frames' names have this prefix, and forget the status."""
         self._frames = {prefix + frame: frame.partition("_")[0] for frame in PLATES.values()}
         self.status = {}
 
     def impacts(self) -> list[Impact]:
-        """Contacts that have come since the last call."""
+        """Return the contacts received since the last call."""
         found = []
         for message in _read(self._impacts, TOPICS["impacts"].type):
             stamp, side = message.header.stamp, self._frames.get(message.header.frame_id)
@@ -74,7 +77,7 @@ class RobotStatus:
         return found
 
     def operations(self) -> list[Operation]:
-        """What was done to the run since the last call; whether it is paused goes into the status."""
+        """Return the operations since the last call; a pause or its end is noted in `status`."""
         found = []
         for message in _read(self._operations, TOPICS[OPERATIONS].type):
             try:
@@ -86,7 +89,7 @@ class RobotStatus:
         return found
 
     def diagnostics(self) -> bool:
-        """Whether the robot has said anything of itself since the last call, which then is the status."""
+        """Update `status` from the diagnostics since the last call; return whether there were any."""
         heard = False
         for message in _read(self._diagnostics, "diagnostic_msgs/msg/DiagnosticArray"):
             for one in message.status:
@@ -96,7 +99,7 @@ class RobotStatus:
         return heard
 
     def log(self) -> list[tuple[str, str]]:
-        """Level and words of the robot's warnings and errors since the last call."""
+        """Return level and text of the robot's warnings and errors since the last call."""
         return [("error" if message.level >= ERROR else "warning", one_line(message.msg, LONGEST_LINE))
                 for message in _read(self._log, "rcl_interfaces/msg/Log")
                 if message.name == self._logger and message.level >= WARNING]
@@ -121,7 +124,7 @@ class RobotStatus:
 
 
 def _read(subscription: PollingSubscription, type_name: str) -> list[Any]:
-    """Messages that have come and are of their type."""
+    """Take the messages that have arrived, and return those that can be read."""
     found = []
     for data, _ in subscription.take(MOST):
         if len(data) <= LONGEST:
@@ -133,7 +136,7 @@ def _read(subscription: PollingSubscription, type_name: str) -> list[Any]:
 
 
 def _number(values: Mapping[str, str], name: str) -> float:
-    """A number that the robot has said as text; 0 for what is none."""
+    """Return a number that diagnostics have as text; 0 if it is missing or not a finite number."""
     try:
         number = float(values.get(name, ""))
     except ValueError:

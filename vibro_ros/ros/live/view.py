@@ -37,7 +37,7 @@ from vibro_ros.view.server import Server, is_loopback, listening
 NODE_NAME = "vibro_view"
 PORT = 8742
 NICENESS = 5
-"""By how much the view steps back behind the robot, which must keep time."""
+"""Niceness of the view, so that it gives way to the robot, which must keep time."""
 PARAMETERS = (
     Parameter("robot", ROBOT, "", "name of the robot's node, with its namespace if that is another than the view's"),
 )
@@ -70,7 +70,7 @@ def _run(words: Sequence[str]) -> int:
         with server:
             stop.hold()
             page.begin(server)
-            gc.freeze()  # all of this lasts: what comes and goes, such as pages, is then found sooner when it has gone
+            gc.freeze()  # permanent objects: without them, garbage such as closed pages is collected sooner
             name = "127.0.0.1" if options.address in ("", "0.0.0.0", "::") else options.address
             port = sockets[0].getsockname()[1]
             address = f"http://{f'[{name}]' if ':' in name else name}:{port}/?token={server.token}"
@@ -90,7 +90,7 @@ def _run(words: Sequence[str]) -> int:
 
 
 def _robot(node: GuardedNode, given: str | None) -> str:
-    """Full name of the robot's node."""
+    """Return the full name of the robot's node."""
     settings = checked_parameters(take_overrides(node), PARAMETERS)
     name = given if given is not None else settings.get("robot", ROBOT)
     declare(node, PARAMETERS, {"robot": name})
@@ -105,9 +105,9 @@ def _robot(node: GuardedNode, given: str | None) -> str:
 
 @contextmanager
 def _redirect(address: str) -> Iterator[str]:
-    """The URL of a file that only this user can read and that leads to an address with its token.
+    """Context with the URL of a file that redirects to `address` and that only this user can read.
 
-    Every user of the machine can read the command line of a browser that is started.
+    The address holds a token, and every user of the machine can read the command line with which a browser is started.
     """
     with tempfile.NamedTemporaryFile("w", prefix="vibro_view_", suffix=".html") as file:  # its mode is 0600
         file.write(f'<!doctype html><meta http-equiv="refresh" content="0;url={escape(address)}">')
