@@ -1,4 +1,4 @@
-"""What the robot says of itself on /diagnostics, once a second (REP-107)."""
+"""The robot's diagnostics on /diagnostics, once a second (REP-107)."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -25,27 +25,26 @@ NOT_EVENTS = ("steps", "energy_accounts", "solver.method", "solver.step")
 
 REFUSED = {"refused": "commands refused", "requests": "requests refused",
            "failures": "callbacks failed"}
-"""What is said of counters that have grown within a period."""
+"""Words for counters that have grown within a period."""
 BEHIND = 1.0
-"""Time [s] by which stamps may be behind the wall clock without a warning: short stalls are warned of as such."""
+"""Time [s] by which stamps may be behind the wall clock without a warning; short stalls have a warning of their own."""
 
 
 class Diagnostics:
-    """Publishes the state of simulation and recorder, in the executor's thread; `now` gives ROS time [ns], for stamps.
-    """
+    """Publishes the state of simulation and recorder, in the executor's thread; `now` returns ROS time [ns]."""
 
     def __init__(self, node: GuardedNode, run: Run, now: Callable[[], int]):
         self._node, self._run, self._now = node, run, now
         self._publisher = node.create_publisher(DiagnosticArray, full_name("diagnostics"), qos.profile("diagnostics"))
         self._namesakes = 0
         self._before = self._counters()
-        # a clock that runs whatever drives the stamps
+        # a steady clock, because ROS time may stand still
         node.create_timer(PERIOD, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def publish(self) -> None:
         """Publish once."""
         now = self._counters()
-        # a reset begins the count of events again
+        # a reset restarts the counts of events
         change = {name: value - self._before[name] if value >= self._before[name] else value
                   for name, value in now.items()}
         self._before = now
@@ -54,12 +53,12 @@ class Diagnostics:
         self._publisher.publish(message)
 
     def publish_last(self) -> None:
-        """Publish once more and wait up to `LAST_WORD` until it has arrived: the process is about to end."""
+        """Publish once more and wait up to `LAST_WORD` until it has arrived, because the process is about to end."""
         self.publish()
         self._publisher.wait_for_all_acked(Duration(seconds=LAST_WORD))
 
     def _counters(self) -> dict[str, float]:
-        """What only grows; numbers that the stepping thread may change meanwhile, each of them whole."""
+        """Return all counters; the stepping thread may increase them meanwhile, but each value is consistent."""
         statistics, self._lasts = self._run.device_facts()
         self._statistics = statistics
         return {"wall": time.monotonic(), "simulated": self._run.robot_time.time, "ticks": self._run.robot_time.ticks,
@@ -88,7 +87,7 @@ class Diagnostics:
             DiagnosticStatus.OK, "paused" if self._run.paused else "running")
         if self._run.error:
             level, text = DiagnosticStatus.ERROR, str(self._run.error)
-        late = self._run.pacing.take_lateness()  # nothing of a device that never waits
+        late = self._run.pacing.take_lateness()  # empty if the device never waits
         of_ticks = zip(("median", "p99", "max"), np.quantile(late, (0.5, 0.99, 1.0)), strict=True) if late else ()
         values = {
             "simulated time [s]": f"{self._run.robot_time.time:.6f}",
@@ -123,18 +122,18 @@ class Diagnostics:
         return self._status("simulation", level, text, values)
 
     def _lasting(self) -> dict[str, float]:
-        """A push and faults that last, and the instants of robot time [s] at which they end."""
+        """Return the disturbances that are active now, a push and faults, with the robot time [s] of their end."""
         run, time = self._run, self._run.robot_time
         stamps = {name: time.stamp_of(until) for name, until in self._lasts.items()}
         stamps |= run.commands.disturbances
         return {name: (stamp - time.start) / SECOND for name, stamp in stamps.items() if stamp > time.stamp}
 
     def _behind(self) -> float:
-        """How far [s] the last sample's stamp is behind ROS time; 0 where robot time is ROS time."""
+        """Return the time [s] by which the last sample's stamp is behind ROS time; 0 where robot time is ROS time."""
         return max(0.0, (self._now() - self._run.robot_time.stamp) / SECOND)
 
     def _other_robots(self) -> int:
-        """How many other nodes of the graph have this node's full name; the log says so when their number grows."""
+        """Return the number of other nodes with this node's full name; the log warns when the number grows."""
         before, own = self._namesakes, (self._node.get_name(), self._node.get_namespace())
         self._namesakes = max(0, self._node.get_node_names_and_namespaces().count(own) - 1)
         if self._namesakes > before:
@@ -167,7 +166,7 @@ class Diagnostics:
 
 
 def _accuracy_of(scene: Scene) -> str:
-    """What a scene is simulated to, in words."""
+    """Return in words the accuracy of a scene's simulation."""
     if scene["solver.method"] == "exact":
         return f"rounding: {scene.attainable_accuracy:.2g} m for 0.2 s"
     return "not known: a step of fixed length promises nothing, and the executable accuracy measures its error"

@@ -1,10 +1,11 @@
-"""Lock-step: each sample waits until the nodes that follow the robot have done what the sample before set off.
+"""Lock-step: each sample waits until the nodes that follow the robot have finished their reactions to the previous one.
 
-ROS has no message that says so, but every node of rclpy and rclcpp answers its parameter service, in the thread that
-runs its callbacks. The robot publishes a sample and then /clock, and calls that service of each node `ROUNDS` times in
-a row. A node takes requests after the messages that have come before them. So the first answer says that it has taken
-the sample and /clock, and what these callbacks publish is out; the second that the timers have run which that time has
-made due; and the third that what these set off has run. What a node publishes before an answer arrives before it.
+ROS has no message for this, but every node of rclpy and rclcpp answers its parameter service, in the thread that runs
+its callbacks. The robot publishes a sample and then /clock, and calls that service of each node `ROUNDS` times in a
+row. A node handles a request after the messages that arrived before it. So the first answer means that the callbacks of
+the sample and of /clock have run, and their messages are published; the second that the timers due at that time have
+run; and the third that the callbacks triggered by these have run. What a node publishes before an answer arrives before
+the answer.
 """
 
 import re
@@ -23,16 +24,16 @@ from vibro_ros.ros.node.refusals import peer_text
 
 ROUNDS = 3
 ANSWER_TIMEOUT = 2.0
-"""Time [s] without an answer after which the robot says for whom it waits, and asks once more."""
+"""Time [s] without an answer after which the log names the node that the robot waits for, and it is called again."""
 MOST_NODES = 20
-"""Nodes that a sample may wait for: each is called three times a sample."""
+"""Most nodes that a sample may wait for; each is called three times a sample."""
 _NAME = re.compile(r"(?:/[A-Za-z_][A-Za-z0-9_]*)+")
 
 
 class LockStep:
-    """Waits after each sample for the nodes with these full `names`; asks in the executor's thread.
+    """Calls the nodes with these full `names` after each sample; their answers come in the executor's thread.
 
-    `all_answered` says whether they have answered since the last `ask`; `when_answered` is called when they have.
+    `all_answered` says whether all have answered since the last `ask`; `when_answered` is called when they have.
     """
 
     def __init__(self, node: Node, names: Sequence[str]):
@@ -41,19 +42,19 @@ class LockStep:
         self._log = node.get_logger()
         self._clients = {name: node.create_client(GetParameters, f"{name}/get_parameters") for name in names}
         self._awaited: set[str] = set()
-        self._tokens = dict.fromkeys(names, 0)  # of the last call of each node, for answers that come too late
+        self._tokens = dict.fromkeys(names, 0)  # number of each node's last call: answers to earlier calls are ignored
         self._asked = self._reminded = time.monotonic()
         node.create_timer(ANSWER_TIMEOUT / 4.0, self._remind, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def ask(self) -> None:
-        """Let the next sample wait for all nodes; for the stepping thread."""
+        """Call all nodes, for whose answers the next sample waits; used in the stepping thread."""
         self._asked = self._reminded = time.monotonic()
         self._awaited, self.all_answered = set(self._clients), False
         for name in self._clients:
             self._call(name, ROUNDS)
 
     def _call(self, name: str, rounds: int) -> None:
-        """Call a node so many times in a row, if it is there; else `_remind` does so when it is."""
+        """Call a node `rounds` times in a row if it is there; else `_remind` calls it later."""
         self._tokens[name] += 1
         client = self._clients[name]
         if client.service_is_ready():
@@ -72,7 +73,7 @@ class LockStep:
             self.when_answered()
 
     def _remind(self) -> None:
-        """Say for whom the robot waits, and ask once more: an answer may be lost where a node was restarted."""
+        """Log which nodes the robot waits for, and call them again, because a restarted node may lose an answer."""
         now = time.monotonic()
         if self.all_answered or now - self._reminded < ANSWER_TIMEOUT:
             return
@@ -85,12 +86,12 @@ class LockStep:
 
 
 def checked_nodes(node: Node, names: Sequence[str]) -> tuple[str, ...]:
-    """Full names of the nodes in `clock.lock_step`; none for the default.
+    """Return the full names of the nodes in `clock.lock_step`; none for the default.
 
     Raises
     ------
     ValueError
-        For what is no node's name, and for the robot's own.
+        For an invalid name, for the robot's own name, and for more than `MOST_NODES` names.
     """
     if tuple(names) == NOBODY:
         return ()

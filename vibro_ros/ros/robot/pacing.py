@@ -1,4 +1,4 @@
-"""Simulated time against the wall clock: absolute deadlines, time dropped after a stall, and the times of samples."""
+"""Pacing of simulated time by the wall clock: absolute deadlines, time dropped after a stall, times of samples."""
 
 import math
 import os
@@ -12,26 +12,26 @@ from vibro_ros.messages.robot_messages import stamp_at
 from vibro_ros.simulation.simulator import Simulator
 
 LONGEST_SLEEP = 0.05
-"""Longest single sleep [s], so that a stop is noticed however far away the deadline is."""
+"""Longest single sleep [s], so that a stop is noticed however distant the deadline is."""
 MOST_LATENESSES = 100_000
-"""Latenesses that wait for somebody to take them, the last ones: ten seconds at the highest rate."""
+"""Most measured latenesses that are kept, the latest ones: ten seconds at the highest rate."""
 WATCHED = ("motor_speed", "motor_voltage")
 """The commands without which `command.timeout` stops the motor."""
 SUMMARY_PERIOD = 60.0
-"""Least time [s] between two lines that tell of stalls."""
+"""Least time [s] between two log lines about stalls."""
 FASTEST = 1e4
-"""Speed of the crank [rad/s] beyond which a stall is its doing: its turns cost more than real time from there on."""
+"""Crank speed [rad/s] beyond which a stall is blamed on it, because its turns then cost more than real time."""
 POLICY, PRIORITY = os.SCHED_RR, 1
-"""Real time, in turn with others of that kind, and the lowest of its priorities. ros2_control asks for one likewise."""
+"""Scheduling policy of the robot, round-robin real time at the lowest priority; ros2_control uses one likewise."""
 
 
 class Pacing:
-    """Holds simulated time to `factor` times the wall clock `now` [s]; 0 never waits.
+    """Holds simulated time to `factor` times the wall clock `now` [s]; with the factor 0 it never waits.
 
-    Deadlines are absolute, so sleeping too long once does not add up to drift. A lateness of at most `max_catch_up`
-    [wall s] is made good by ticks without sleep; after a longer stall the whole lateness is dropped, so that the
-    device never bursts. `missed` counts how often the next deadline had passed before anybody waited for it, `stalls`
-    how often time was dropped; `dropped` is the simulated time [s] that this cost in all.
+    Deadlines are absolute, so that long sleeps do not add up to drift. A lateness of at most `max_catch_up` [wall s] is
+    made up for by ticks without sleep; after a longer stall the whole lateness is dropped, so that the device never
+    bursts. `missed` counts the deadlines that had passed when the wait for them began, `stalls` the times that time was
+    dropped; `dropped` is the total simulated time [s] dropped.
     """
 
     def __init__(
@@ -48,29 +48,29 @@ class Pacing:
         self._max_catch_up = max_catch_up
         self._now = now
         self._sleep = sleep
-        self._origin, self._begin = now(), 0.0  # [s] by the wall clock, and the simulated time of that instant
+        self._origin, self._begin = now(), 0.0  # an instant of the wall clock [s], and its simulated time [s]
         self._lateness: deque[float] = deque(maxlen=MOST_LATENESSES)
 
     def start(self, instant: float | None = None) -> None:
-        """Let simulated time 0 be an `instant` [s] of the wall clock; now unless given."""
+        """Set the `instant` [s] of the wall clock at which simulated time is 0; the default is now."""
         self._origin, self._begin = self._now() if instant is None else instant, 0.0
 
     def follow(self, simulated_time: float) -> None:
-        """Let `simulated_time` [s] be now, after a pause: time that was not asked for is not late."""
+        """Let `simulated_time` [s] be due now, after a pause, so that the pause counts as no lateness."""
         self._origin, self._begin = self._now(), simulated_time
 
     def change_factor(self, factor: float, simulated_time: float) -> None:
-        """Go on at another factor from `simulated_time` [s], which is now."""
+        """Change the factor; `simulated_time` [s] is due now."""
         self.factor = factor
         self.follow(simulated_time)
 
     def take_lateness(self) -> list[float]:
-        """How much too late [wall s] each wait since the last call has ended; for one other thread."""
+        """Return the lateness [wall s] of the end of each wait since the last call; for one other thread."""
         taken, self._lateness = self._lateness, deque(maxlen=MOST_LATENESSES)
         return list(taken)
 
     def wait_until(self, simulated_time: float, stopped: Callable[[], bool] = lambda: False) -> float:
-        """Sleep until `simulated_time` [s] is due, or `stopped` says so, which may also change the factor.
+        """Sleep until `simulated_time` [s] is due or `stopped()`, which may also change the factor.
 
         Returns
         -------
@@ -78,7 +78,7 @@ class Pacing:
             Simulated time [s] dropped because the deadline passed more than `max_catch_up` ago; else 0.
         """
         if self.factor == 0.0:
-            self._sleep(0.0)  # lets the executor's thread in
+            self._sleep(0.0)  # offers the interpreter lock to the executor's thread
             return 0.0
         self.missed += self._ahead(simulated_time) < 0.0
         while (ahead := self._ahead(simulated_time)) > 0.0:
@@ -94,25 +94,25 @@ class Pacing:
         return -ahead * self.factor
 
     def _ahead(self, simulated_time: float) -> float:
-        """Wall time [s] until `simulated_time` [s] is due."""
+        """Return the wall time [s] until `simulated_time` [s] is due."""
         ahead = (simulated_time - self._begin) / self.factor if self.factor else 0.0
         return self._origin + ahead - self._now()
 
 
 class RobotTime:
-    """Times of a run's samples, of which there are `rate` [Hz].
+    """Times of a run's samples, taken at `rate` [Hz].
 
-    Robot time is `ticks / rate` [s], never a sum of steps, so it does not drift, and nothing turns it back. The
-    device's own time begins at 0 with each reset, so that what follows a reset has the bits of what follows a start.
-    `start` is the ROS time [ns] of robot time 0, to be set before the first sample if it is not known earlier; `ticks`
-    is the number of the last sample, from 0.
+    Robot time is `ticks / rate` [s], never a sum of steps, so that it does not drift, and it never goes back. The
+    device's own time begins at 0 with each reset, so that a run after a reset has the same bits as after a start.
+    `start` is the ROS time [ns] of robot time 0, which must be set before the first sample; `ticks` is the number of
+    the last sample, from 0.
     """
 
     def __init__(self, rate: float, start: int = 0):
         self.start = start
         self.ticks = 0
         self._rate = rate
-        self._origin = 0  # the sample at which the device's time was 0
+        self._origin = 0  # number of the sample at which the device's time was 0
 
     @property
     def time(self) -> float:
@@ -126,12 +126,12 @@ class RobotTime:
 
     @property
     def due_of_device(self) -> float:
-        """Time [s] of the next sample by the device's clock."""
+        """Time [s] of the next sample on the device's clock."""
         return (self.ticks + 1 - self._origin) / self._rate
 
     @property
     def at_start(self) -> bool:
-        """Whether nothing has moved since the start or the last reset: no sample came after its first."""
+        """Whether the last sample is the first one since the start or the last reset."""
         return self.ticks <= self._origin
 
     @property
@@ -140,20 +140,20 @@ class RobotTime:
         return stamp_at(self.start, self.time)
 
     def stamp_of(self, time: float) -> int:
-        """ROS time [ns] of a `time` [s] of the device's clock."""
+        """Return the ROS time [ns] of a `time` [s] on the device's clock."""
         return stamp_at(stamp_at(self.start, self._origin / self._rate), time)
 
     def restart(self) -> None:
-        """Let the device's time be 0 at the next sample."""
+        """Make the next sample the one at which the device's time is 0."""
         self._origin = self.ticks + 1
 
 
 class CommandTimeout:
-    """When more than `limit` [s] of robot time has passed since the last command of the motor's speed that took effect.
+    """Detects that for `limit` [s] of robot time no command of the motor has taken effect.
 
-    Robot time, because then a replay finds the same instant, and a pause does not count; the start counts as a command.
-    `topics` are the full names of all topics that command it, for the `words` that are said when the motor is stopped,
-    `count` times so far.
+    It uses robot time so that a replay finds the same instant, and a pause does not count; the start counts as a
+    command. `topics` are the full names of all topics that command the motor, for `words`, the warning when the motor
+    is stopped; `count` is how often that has happened.
     """
 
     def __init__(self, limit: float, topics: Sequence[str]):
@@ -165,7 +165,7 @@ class CommandTimeout:
         self._last, self._accepted = 0.0, 0
 
     def is_over(self, time: float, accepted: Counter[str], device: Simulator) -> bool:
-        """Whether the motor is to stop at robot time `time` [s], where so many commands were `accepted`."""
+        """Return whether the motor must stop at robot time `time` [s]; `accepted` counts the commands so far."""
         if (count := sum(accepted[name] for name in WATCHED)) != self._accepted:
             self._last, self._accepted = time, count
         if time - self._last < self._limit or not device.commanded_motor_speed:
@@ -175,7 +175,7 @@ class CommandTimeout:
 
 
 class StallReport:
-    """Says why simulated time was dropped: when stalls begin, then in a summary once a minute at most."""
+    """Warns why simulated time was dropped: at the first stall, then in a summary at most once a minute."""
 
     def __init__(self, warn: Callable[[str], object], now: Callable[[], float] = time.monotonic):
         self._warn, self._now = warn, now
@@ -183,7 +183,7 @@ class StallReport:
         self._count, self._dropped = 0, 0.0
 
     def add(self, dropped: float, total: float, busy: float, ticks: int, speed: float) -> None:
-        """Take note of a stall that cost `dropped` [s] of simulated time; all stalls of the run have cost `total` [s].
+        """Note a stall that dropped `dropped` [s] of simulated time; all stalls of the run dropped `total` [s].
 
         The run's `ticks` steps have taken `busy` [s] of wall time, without publishing; the crank turns at `speed`
         [rad/s].
@@ -213,14 +213,14 @@ class StallReport:
 
 
 def set_real_time_priority(factor: float, paused: bool) -> None:
-    """Go before other programs while the robot keeps time at a real-time `factor` up to 1, and only then.
+    """Give the process real-time priority while it runs unpaused at a real-time `factor` up to 1, else take it away.
 
-    A robot that is to be faster may take all the time of a processor, as does one that takes steps while it is paused.
-    It is to leave their share to the program that hears its samples, and to its own thread that serves requests.
+    A robot at a larger factor, or one that takes steps while paused, may use all the time of a processor. It must leave
+    a share to the program that receives its samples, and to its own thread that serves requests.
 
-    Nothing changes where the system does not allow it, nor for a user who has chosen a niceness. It concerns all
-    threads, and those that they begin, because they share the interpreter's lock: one that waits for a processor while
-    it holds the lock would delay the others.
+    Nothing changes if the system does not allow it, or if the user has chosen a niceness. All threads get the priority,
+    and with them those that they start, because they share the interpreter lock: a thread that waits for a processor
+    while it holds the lock would delay the others.
     """
     with suppress(OSError):
         if os.getpriority(os.PRIO_PROCESS, 0) == 0:

@@ -1,4 +1,4 @@
-"""The robot's bags: what is recorded by the parameters `record.*`, when bags begin and end, and failures."""
+"""The robot's bags: which topics the parameters `record.*` select, when bags begin and end, and failures."""
 
 import math
 import tempfile
@@ -22,25 +22,25 @@ from vibro_ros.ros.node.refusals import Throttle
 from vibro_ros.ros.robot.publishers import RobotPublishers
 
 SEALING = 5.0
-"""Longest time [s] that the answer of `~/record` waits for the disk; commands wait with it."""
+"""Longest wait [s] of `~/record` for the disk before it answers; other services wait meanwhile."""
 CHECKPOINT_PERIOD = 500_000_000
 """Longest robot time [ns] between two checkpoints, about 6 kB each."""
 CHECKPOINTS_A_FILE = 4
-"""Checkpoints in a file of limited size at least: a robot faster than real time fills several in that time."""
+"""Fewest checkpoints in a file of limited size: a robot faster than real time may fill several files in a period."""
 MOST_BAGS = 5
-"""Bags that `~/record` begins one right after the other; from then on it begins at most one a second."""
+"""Most bags that `~/record` begins in a row; after them it begins at most one a second."""
 MOST_UNSEALED = 10
-"""Unsealed bags that are named at the start; how many more there are is said."""
+"""Most unsealed bags that the log names at the start; the others are counted."""
 _ALL = "all"
 _TOO_MANY = f"more than {MOST_BAGS} bags were asked for at once; one a second can be begun, ask again"
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How the robot records: `topics` under resolved names into bags in `directory`.
+    """How the robot records: `topics`, with their resolved names, into bags in `directory`.
 
-    `metadata` is what each bag says of itself. On `checkpoint` a bag that may lack the run's
-    beginning has the device's whole state now and then. The robot's namespace is for the folders' names.
+    `metadata` is each bag's custom data. The topic `checkpoint` has the device's whole state at intervals, in bags that
+    may lack the run's beginning. The robot's `namespace` becomes part of the folders' names.
     """
 
     directory: Path
@@ -53,9 +53,10 @@ class Plan:
 
 def plan_recording(settings: Mapping[str, Value], received: Mapping[str, str], publishers: RobotPublishers,
                    about: Mapping[str, str]) -> Plan:
-    """How to record, from the parameters `record.*`: the resolved names of `received`, and the topics of `publishers`.
+    """Return the plan of a recording from the parameters `record.*`.
 
-    ValueError for a topic that the robot does not have, and for limits that make no sense.
+    `received` has the resolved names of the subscribed topics, `publishers` the published topics, `about` is the bag's
+    custom data. ValueError for a topic that the robot does not have, and for limits that contradict each other.
     """
     storage = Storage(settings["record.compression"], int(settings["record.max_size"]),
                       settings["record.max_duration"], int(settings["record.max_bytes"]))
@@ -65,14 +66,14 @@ def plan_recording(settings: Mapping[str, Value], received: Mapping[str, str], p
 
 
 def recorded_topic(name: str, resolved: str) -> RecordedTopic:
-    """One of the robot's topics, by its own name, as a bag has it under its `resolved` name."""
+    """Return the description for a bag of the topic `name`, a key of `TOPICS`, under its `resolved` name."""
     topic = TOPICS[name]
     return RecordedTopic(resolved, topic.type, topic.quality.depth, topic.quality.transient_local,
                          is_input=name in (*INPUTS, CHECKPOINT))
 
 
 def check_directory(directory: Path) -> None:
-    """Make the folder of recordings if need be (ValueError when nothing can be written there)."""
+    """Make the folder of recordings if it is missing (ValueError when it cannot be written to)."""
     try:
         directory.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=directory).close()
@@ -98,8 +99,8 @@ def _chosen(names: Sequence[str], topics: Mapping[str, RecordedTopic]) -> tuple[
 class Recording:
     """The bags of one run; a context manager that seals the last one.
 
-    `record` is for the stepping thread, everything else for the main thread. `faults` says why recordings stopped, in
-    order; `latest` is the bag that is being written, or was written last; None when there was none.
+    `record` and `checkpoint` are for threads that hold the run's lock, all else for the main thread. `faults` are the
+    reasons why recordings stopped, in order; `latest` is the bag that is being written, or was written last, or None.
     """
 
     def __init__(self, plan: Plan, log: RcutilsLogger):
@@ -108,12 +109,12 @@ class Recording:
         self._log = log
         self._latched: list[tuple[str, bytes]] = []
         self._names = {topic.name for topic in (*plan.topics, *filter(None, [plan.checkpoint]))}
-        self._whole: Recorder | None = None  # the one that holds the run's beginning, whatever comes
-        self._checkpointed: Recorder | None = None  # where the last checkpoint is
+        self._whole: Recorder | None = None  # the bag that has the run's beginning and keeps it
+        self._checkpointed: Recorder | None = None  # the bag with the last checkpoint
         self._checkpoint_due = 0
-        self._since_checkpoint = 0  # bytes of messages
+        self._since_checkpoint = 0  # bytes of messages since then
         self._checkpoint_bytes = plan.storage.file_size / CHECKPOINTS_A_FILE or math.inf
-        self._recorder: Recorder | None = None  # the one that messages go to
+        self._recorder: Recorder | None = None  # the bag that messages go to
         self.latest: Recorder | None = None
         self._watched: list[Recorder] = []
         self._dropped = 0
@@ -130,7 +131,7 @@ class Recording:
 
     @property
     def is_backlogged(self) -> bool:
-        """Whether the next messages had better wait, if they can, for the disk to write those before."""
+        """Whether a caller that can wait should let the disk catch up before the next messages."""
         recorder = self._recorder
         return recorder is not None and recorder.is_backlogged
 
@@ -145,13 +146,16 @@ class Recording:
         self._whole = None if self._plan.storage.max_bytes else self._recorder
 
     def latch(self, latched: Sequence[tuple[str, bytes]]) -> None:
-        """Let each file of every bag begin with these, resolved topic name and message; before the first `record`."""
+        """Begin each file of every bag with these messages, pairs of resolved topic name and bytes.
+
+        To be called before the first `record`.
+        """
         self._latched = [(topic, data) for topic, data in latched if topic in self._names]
         if self._recorder is not None:
             self._recorder.latch(self._latched)
 
     def describe(self, custom: Mapping[str, str]) -> None:
-        """Add to what each bag says of itself, before the messages that come from now on."""
+        """Add to the custom data of each bag, before the messages that come from now on."""
         self._plan = replace(self._plan, metadata={**self._plan.metadata, **custom})
         if self._recorder is not None:
             self._recorder.describe(custom)
@@ -164,9 +168,10 @@ class Recording:
             recorder.write(topic, stamp, data)
 
     def checkpoint(self, stamp: int, messages: Callable[[], Iterable[tuple[str, bytes]]]) -> None:
-        """Record the device's whole state, `messages` of topics and bytes, if the bag needs it; in the stepping thread.
+        """Record the device's whole state, if the bag needs it and a checkpoint is due.
 
-        So a bag that was begun late, or whose beginning was deleted, can be replayed.
+        `messages` returns its messages as resolved topic name and bytes. With a checkpoint, a bag that was begun late,
+        or whose beginning was deleted, can be replayed.
         """
         target = self._recorder
         if self._plan.checkpoint is None or target is None or target is self._whole:
@@ -179,12 +184,12 @@ class Recording:
                 self.record(topic, stamp, data)
 
     def switch(self, on: bool) -> tuple[bool, str]:
-        """Begin a new bag, or seal the one that is written: what `~/record` asks for.
+        """Begin a new bag if `on`, else seal the present one, as the service `~/record` asks.
 
         Returns
         -------
         bool, str
-            Whether it was done; where the bag is, or why not.
+            Whether it was done; where the bag is, or why it was not done.
         """
         try:
             return self._start() if on else self._stop()
@@ -192,7 +197,7 @@ class Recording:
             return False, str(error)
 
     def watch(self) -> None:
-        """Say what has gone wrong since the last call."""
+        """Log recordings that have stopped, and messages that were dropped, since the last call."""
         for recorder in [recorder for recorder in self._watched if recorder.ended]:
             self._watched.remove(recorder)
             if recorder.fault:
@@ -200,7 +205,7 @@ class Recording:
                 self._log.error(f"not recorded: {recorder.fault}. The robot goes on; the service ~/record begins "
                                 "another bag")
         dropped = self._recorder.dropped if self._recorder else 0
-        # Asked last: one that stops refuses everything.
+        # `accepting` is read last, because a recorder that stops refuses everything.
         if self._recorder and dropped > self._dropped and self._recorder.accepting:
             self._dropped = dropped
             text = self._throttle.admit(f"not recorded: the disk is too slow, {self._dropped} messages dropped")
@@ -208,14 +213,14 @@ class Recording:
                 self._log.error(text)
 
     def destination(self) -> str:
-        """Where the bag is, or why there is none, for people."""
+        """Return in words where the bag is, or why there is none."""
         recorder = self._recorder
         if recorder is None or not recorder.accepting:
             return f"not recording: {recorder.fault}" if recorder and recorder.fault else "not recording"
         return f"recording to {recorder.folder}"
 
     def summary(self) -> str:
-        """Where the last bag is and what is in it, for people."""
+        """Return in words where the last bag is and what is in it."""
         return f"bag {_contents(self.latest)}" if self.latest else "nothing recorded"
 
     def _start(self) -> tuple[bool, str]:
@@ -252,7 +257,7 @@ class Recording:
 
 
 def open_recording(plan: Plan, enabled: bool, log: RcutilsLogger) -> Recording:
-    """A recording, begun if `enabled` (ValueError when the folder cannot be written)."""
+    """Return a recording, which has begun if `enabled` (ValueError when the folder cannot be written)."""
     recording = Recording(plan, log)
     try:
         if enabled:
@@ -263,13 +268,13 @@ def open_recording(plan: Plan, enabled: bool, log: RcutilsLogger) -> Recording:
 
 
 def _contents(recorder: Recorder) -> str:
-    """Where a bag is and what is in it, for people."""
+    """Return in words where a bag is and what is in it."""
     lost = f"{recorder.lost} lost, " if recorder.lost else ""
     return f"{recorder.folder}: {recorder.written} messages, {lost}{recorder.dropped} dropped"
 
 
 def offer_recovery(directory: Path, do_it: bool, log: RcutilsLogger) -> None:
-    """Say which bags in `directory` a killed robot has left unsealed, and seal them if `do_it`."""
+    """Log the bags in `directory` that a killed robot has left unsealed, or seal them if `do_it`."""
     unsealed = unsealed_bags(directory, BAG_PATTERN)
     if not do_it:
         for folder in unsealed[:MOST_UNSEALED]:

@@ -1,4 +1,4 @@
-"""The `robot` executable: the virtual device behind its ROS interface."""
+"""The `robot` executable: the virtual device with its ROS interface."""
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
     import sys
@@ -74,9 +74,9 @@ from vibro_ros.simulation.provenance import provenance
 from vibro_ros.simulation.simulator import Simulator, ToleranceWarning
 
 PUBLISHED = tuple(full_name(name) for name, topic in TOPICS.items() if topic.when in (SAMPLE, EVENT, ONCE))
-"""Topics that some robot says its device's motion on, before namespace and remapping."""
+"""Topics on which any robot publishes its device's motion, before namespace and remapping."""
 WATCH = 0.2
-"""Longest time [s] from a signal, or a failure of the device or the recording, until the node acts on it."""
+"""Longest time [s] until the node reacts to a signal, or to a failure of the device or the recording."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -106,18 +106,21 @@ def _run(words: Sequence[str]) -> int:
         preparation = Preparation(partial(_prepare, node, settings, scene, plan), node.get_logger().info)
         process.spin_until(node, lambda: bool(stop) or preparation.done())
         device = None if stop else preparation.result()
-        if not settings["clock.publish"]:  # else the robot itself says what time it is
+        if not settings["clock.publish"]:  # else the robot itself publishes the time
             wait_for_time(node, lambda: bool(stop))
         if stop or device is None:
             say("robot", "stopped while starting")
             return 0
-        gc.freeze()  # all of this lasts: to go through it again and again would delay ticks, and the process's end
+        gc.freeze()  # permanent objects: to collect among them would delay ticks and the process's end
         set_real_time_priority(settings["rate.real_time_factor"], settings["rate.start_paused"])
         return _operate(node, settings, device, publishers, plan, stop)
 
 
 def _configure(node: GuardedNode, words: Sequence[str]) -> tuple[dict[str, Value], Scene]:
-    """The node's settings and scene, from its overrides in the command's `words`; each parameter declared on `node`."""
+    """Return the node's settings and scene from its parameter overrides, and declare each parameter on `node`.
+
+    `words` is the command line, from which relative paths are resolved.
+    """
     overrides = checked_parameters(take_overrides(node), (*DEVICE_PARAMETERS, *SCENE_PARAMETERS))
     settings = {parameter.name: overrides.pop(parameter.name, parameter.default) for parameter in DEVICE_PARAMETERS}
     own_name = node.get_fully_qualified_name()
@@ -132,7 +135,7 @@ def _configure(node: GuardedNode, words: Sequence[str]) -> tuple[dict[str, Value
 
 
 def _plan(node: GuardedNode, settings: Mapping[str, Value], scene: Scene, publishers: RobotPublishers) -> Plan:
-    """How to record, as far as it is known before the start; whatever is wrong with it is found here."""
+    """Return the plan of the recording, as far as known before the start (ValueError when it cannot be recorded)."""
     checkpoint = recorded_topic(CHECKPOINT, node.resolve_topic_name(full_name(CHECKPOINT)))
     received = {**{name: node.resolve_topic_name(name) for name in commands_of(scene)},
                 OPERATIONS: node.resolve_topic_name(full_name(OPERATIONS))}
@@ -145,8 +148,11 @@ def _plan(node: GuardedNode, settings: Mapping[str, Value], scene: Scene, publis
 
 
 def _prepare(node: GuardedNode, settings: Mapping[str, Value], scene: Scene, plan: Plan) -> Simulator:
-    """The device, ready to be stepped; and whatever else takes long, so that a signal need not wait for it."""
-    warnings.simplefilter("ignore", ToleranceWarning)  # said in the log's form
+    """Compile the kernels, make the device, and handle unsealed bags.
+
+    All this takes long, and runs in a thread so that a signal need not wait for it.
+    """
+    warnings.simplefilter("ignore", ToleranceWarning)  # the log says it below
     compile_kernels(scene["solver.method"])
     if fault := scene.broken_promise:
         node.get_logger().warning(fault)
@@ -161,9 +167,9 @@ def _operate(node: GuardedNode, settings: Mapping[str, Value], device: Simulator
     plan = replace(plan, metadata={**plan.metadata, **provenance(parameters, _now(node, settings))})
     stop.hold()  # before the bag is opened, so that no signal can come between its opening and its sealing
     with open_recording(plan, settings["record.enabled"], log) as recording:
-        run = _new_run(node, settings, device, publishers, recording, stop)  # listens to commands from now on
+        run = _new_run(node, settings, device, publishers, recording, stop)  # subscribes to commands from now on
         follow_parameters(node, run)
-        # the clocks are read last, when all that takes time is done; the bag is open by then
+        # the clocks are read last, after everything that takes time; the bag is open by then
         run.robot_time.start, begin = _now(node, settings, run), time.monotonic()
         recording.describe({"start": str(run.robot_time.start)})
         recording.latch(publishers.begin(run.robot_time.start))
@@ -180,7 +186,7 @@ def _operate(node: GuardedNode, settings: Mapping[str, Value], device: Simulator
                 return bool(stop or run.error or run.quitting)
 
             process.spin_until(node, over, WATCH)
-        run.quitting = True  # nothing is stepped any more: whoever still waits has an answer, and is to get it
+        run.quitting = True  # no more steps: requests that still wait have an answer, which must be sent
         process.spin_until(node, lambda: not run.waiting)
     if run.error or recording.faults:
         diagnostics.publish_last()
@@ -195,7 +201,7 @@ def _operate(node: GuardedNode, settings: Mapping[str, Value], device: Simulator
 
 def _new_run(node: GuardedNode, settings: Mapping[str, Value], device: Simulator, publishers: RobotPublishers,
              recording: Recording, stop: StopRequest) -> Run:
-    """The run of a `device`, whose services are offered, and which is stepped once it is entered."""
+    """Return the run of a `device` and offer its services; its stepping begins when the run is entered."""
     robot_time, commands = RobotTime(settings["rate.publish"]), CommandSubscriptions(node, device.scene)
     nodes = checked_nodes(node, settings["clock.lock_step"])
     publish_clock = None
@@ -203,7 +209,7 @@ def _new_run(node: GuardedNode, settings: Mapping[str, Value], device: Simulator
         publisher = node.create_publisher(Clock, CLOCK, qos.profile("clock"))
 
         def publish_clock() -> None:
-            """After each sample, so that a controller of any rate has every sample before the time that it is of."""
+            """Publish robot time after each sample, so that every sample arrives before its time."""
             seconds, nanoseconds = divmod(robot_time.stamp, SECOND)
             publisher.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
 
@@ -219,7 +225,7 @@ def _new_run(node: GuardedNode, settings: Mapping[str, Value], device: Simulator
 
 
 def _offer_simulation(node: GuardedNode, run: Run, frame: str) -> None:
-    """Offer the services of `simulation_interfaces`, if that package is installed; else the log says so."""
+    """Offer the services of `simulation_interfaces` if that package is installed; else log that it is not."""
     if installed_type("simulation_interfaces", "msg", "Result"):
         from vibro_ros.ros.robot.simulation_services import SimulationServices
 
@@ -229,13 +235,13 @@ def _offer_simulation(node: GuardedNode, run: Run, frame: str) -> None:
 
 
 def _motor_topics(scene: Scene, commands: CommandSubscriptions) -> list[str]:
-    """Full names of the topics that command the motor: joints are commanded by speed, never by voltage."""
+    """Return the full names of the topics that command the motor; joints are commanded by speed, never by voltage."""
     of_joints = [JOINT_COMMANDS] if scene.motor_command == "motor_speed" else []
     return [commands.topics[name] for name in (scene.motor_command, *of_joints)]
 
 
 def _now(node: Node, settings: Mapping[str, Value], run: Run | None = None) -> int:
-    """ROS time [ns]: robot time where that is published, because it then drives every stamp."""
+    """Return the ROS time [ns]; where the robot publishes /clock, this is robot time, from which all stamps come."""
     if settings["clock.publish"]:
         return run.robot_time.stamp if run else 0
     return node.get_clock().now().nanoseconds

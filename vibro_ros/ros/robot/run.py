@@ -1,8 +1,8 @@
-"""One run of the robot: the device behind one lock, which a thread of its own steps in real time.
+"""One run of the robot: the device behind one lock, stepped by its own thread in real time.
 
-Between two ticks the device's time is the last sample's instant. So whatever takes the lock acts at that instant, and
-is published and recorded with that stamp, after all commands that had come before: services act at once, in the
-executor's thread, and a replay finds the same instants. Only steps are waited for.
+Between two ticks the device's time is the last sample's instant. So a thread that takes the lock acts at that instant,
+and its operation is published and recorded with that stamp, after all commands that had arrived before. Services act at
+once, in the executor's thread, and a replay finds the same instants. Only a request for steps waits for its answer.
 """
 
 import math
@@ -57,20 +57,20 @@ FACTOR = "rate.real_time_factor"
 ENDED = "the simulation has ended"
 BUSY = "the simulation has not answered in time; nothing was changed"
 LOCK_TIMEOUT = 0.5
-"""Longest time [s] that a service waits for the device, so that the main thread goes on hearing signals."""
+"""Longest time [s] that a service waits for the device, so that the main thread still notices signals."""
 MOST_KEPT = 10_000
-"""Samples that are kept for diagnostics: a second's at the highest `rate.publish`."""
+"""Most samples that are kept for diagnostics: one second at the highest `rate.publish`."""
 BAG_PERIOD = 0.001
-"""Wait [s] of samples that are faster than the disk, until they look again."""
+"""Wait [s] for the disk between two checks, when samples are faster than the disk."""
 MOST_TURNS = 100.0
-"""Turns of the crank between two looks whether the run is to end; they cost some milliseconds."""
+"""Most turns of the crank between two checks whether the run must end; they cost some milliseconds."""
 
 
 class Steps(Future):
-    """Samples that were asked for while robot time stands still: a future of the words that answer.
+    """A request for `asked` samples while the robot is paused; a future whose result is the answer in words.
 
-    `counted` is given the number of samples so far after each one, by the thread that takes them. `completed` are
-    those of `asked` that were taken so far.
+    `counted` is called after each sample with the number of samples so far, in the stepping thread. `completed` is the
+    number of samples taken so far.
     """
 
     def __init__(self, asked: int, counted: Callable[[int], object] | None):
@@ -85,7 +85,7 @@ class Run:
     ----------
     node : Node
     device : Simulator
-        Touched with `lock` held only.
+        Used only while `lock` is held.
     robot_time : RobotTime
     pacing : Pacing
     commands : CommandSubscriptions
@@ -99,26 +99,26 @@ class Run:
     publish_clock : callable, optional
         Publishes robot time; None where the robot publishes no /clock.
     stop_requested : callable
-        Whether a signal has come; looked at within a tick that lasts long.
+        Returns whether a signal has come; called within a tick that takes long.
 
     Attributes
     ----------
     lock : threading.Condition
-        Notified when something has changed for a thread that has nothing to do.
+        Notified when something has changed for a stepping thread that waits.
     paused : bool
         Whether robot time stands still.
     changed : dict of str to value
         Parameters that were changed since the start.
     error : Exception or None
-        What ended the run before it was asked to.
+        The error that ended the run.
     quitting : bool
-        Whether somebody asked that the robot ends.
+        Whether the robot must end, or is ending.
     waiting : int
-        Requests whose answer is awaited.
+        Number of requests for steps that wait for their answer.
     busy : float
-        Wall time [s] that ticks took, without publishing.
+        Total wall time [s] of all ticks, without publishing.
     ticks_without_normal_force : int
-        Ticks after which the ground carried nothing: N by eq. (6) was not above 0, or the body was in the air.
+        Number of samples at which N by eq. (6) was not above 0, or the body was in the air.
     """
 
     def __init__(self, node: Node, device: Simulator, robot_time: RobotTime, pacing: Pacing,
@@ -137,7 +137,7 @@ class Run:
         self._publisher = node.create_publisher(String, full_name(OPERATIONS), qos.profile(OPERATIONS))
         self.topic = self._publisher.topic_name
         self._steps: Steps | None = None
-        self._resumes = False  # as soon as the nodes of the lock-step have answered
+        self._resumes = False  # resume when the nodes of the lock-step have answered
         self._samples: deque[np.ndarray] = deque(maxlen=MOST_KEPT)
         self._keeps_samples = device.scene.body_hops or device.scene.has_rotor  # for `validity_of`
         self._facts = device.statistics, device.disturbances
@@ -152,7 +152,7 @@ class Run:
                       PUSH: self._let, FAULT: self._fail}
 
     def start(self, begin: float) -> "Run":
-        """Let robot time 0 be the instant `begin` [s] of the pacing's clock, when the thread starts."""
+        """Set the instant `begin` [s] of the pacing's clock that is robot time 0; returns this run, to be entered."""
         self._begin = begin
         return self
 
@@ -165,17 +165,17 @@ class Run:
         self._notify()
         self._thread.join()
 
-    # What services ask for, in the executor's thread.
+    # Called by services, in the executor's thread.
 
     def perform(self, operation: Operation) -> str:
-        """Do what was asked for, now, after what was commanded before; the words that answer.
+        """Perform an operation now, after all commands that have arrived, and return the answer in words.
 
         Raises
         ------
         ValueError
             When the device refuses it; nothing is changed then.
         RuntimeError
-            When the run has ended, or ends by it, or does not answer within `LOCK_TIMEOUT`.
+            When the run has ended, or the operation ends it, or the lock is not free within `LOCK_TIMEOUT`.
         """
         with self._held():
             words = self._does[operation.name](operation)
@@ -183,7 +183,7 @@ class Run:
             return words
 
     def begin_steps(self, steps: int, counted: Callable[[int], object] | None = None) -> Steps:
-        """Let so many samples be taken while robot time stands still, as fast as the computer and the recording allow.
+        """Let the paused robot take `steps` samples, as fast as the computer and the recording allow.
 
         ValueError when the robot is not paused, or takes steps already; RuntimeError as `perform`.
         """
@@ -199,7 +199,7 @@ class Run:
             return self._steps
 
     def end_steps(self) -> None:
-        """Take no more of the samples that were asked for; the answer says how many there were."""
+        """End the present steps early, if there are any; their answer says how many samples were taken."""
         with self.lock:
             if steps := self._steps:
                 self._steps = None
@@ -207,29 +207,29 @@ class Run:
 
     @property
     def steps(self) -> Steps | None:
-        """The samples that are being taken."""
+        """The steps that are being taken, or None."""
         return self._steps
 
     def look(self) -> tuple[Samples, int]:
-        """The device's state, and its stamp [ns] (RuntimeError as `perform`)."""
+        """Return the device's state and its stamp [ns] (RuntimeError as `perform`)."""
         with self._held():
             return self.device.state, self.robot_time.stamp
 
     def device_facts(self) -> tuple[dict[str, Any], dict[str, float]]:
-        """The device's statistics and what lasts now; those of the last call while a tick takes long."""
+        """Return the device's statistics and active disturbances; those of the last call while a tick takes long."""
         if self.lock.acquire(timeout=LOCK_TIMEOUT):
             self._facts = self.device.statistics, self.device.disturbances
             self.lock.release()
         return self._facts
 
     def take_samples(self) -> np.ndarray:
-        """The samples since the last call, the latest `MOST_KEPT`, shape (n, fields); for one other thread."""
+        """Return the samples since the last call, at most `MOST_KEPT`, shape (n, fields); for one other thread."""
         taken, self._samples = self._samples, deque(maxlen=MOST_KEPT)
         return np.array(list(taken)).reshape(-1, len(FIELDS))
 
     @contextmanager
     def _held(self) -> Iterator[None]:
-        """Hold the lock, after what was commanded so far; an error that the device did not foresee ends the run."""
+        """Context that holds the lock, after all arrived commands; any error other than ValueError ends the run."""
         if not self.lock.acquire(timeout=LOCK_TIMEOUT):
             raise RuntimeError(BUSY)
         try:
@@ -246,7 +246,7 @@ class Run:
         finally:
             self.lock.release()
 
-    # What the stepping thread does.
+    # The stepping thread.
 
     def _step_until_stopped(self) -> None:
         try:
@@ -258,7 +258,7 @@ class Run:
                     self._take_commands()
                     if not self._is_held():
                         self._tick()
-        except Exception as error:  # the main thread says it, after it has sealed the bag
+        except Exception as error:  # the main thread reports it, after it has sealed the bag
             self._fail_with(error)
         finally:
             with self.lock:
@@ -273,9 +273,9 @@ class Run:
         self._stopped.set()
 
     def _wait(self) -> bool:
-        """Wait until the next sample is due; False at the end.
+        """Wait until the next sample is due; return False at the end of the run.
 
-        A wait that is longer than `LONGEST_SLEEP` gives the device meanwhile what is commanded; else the tick does.
+        A wait longer than `LONGEST_SLEEP` passes arriving commands to the device; otherwise the tick does.
         """
         while not self._stopped.is_set():
             with self.lock:
@@ -285,9 +285,9 @@ class Run:
                 if self._is_held():
                     self._take_commands()
                     if not self.lock.wait(LONGEST_SLEEP) and self._publish_clock:
-                        self._publish_clock()  # again, for nodes that have just begun to listen
+                        self._publish_clock()  # again, for new subscribers
                     continue
-            if (self.paused or not self.pacing.factor) and self.recording.is_backlogged:  # the disk comes first
+            if (self.paused or not self.pacing.factor) and self.recording.is_backlogged:  # let the disk catch up
                 self._stopped.wait(BAG_PERIOD)
             elif self.paused:
                 return True
@@ -298,13 +298,13 @@ class Run:
         return False
 
     def _interrupted(self) -> bool:
-        """Give the device what has come; whether the wait for the next sample is over."""
+        """Pass arrived commands to the device; return whether the wait for the next sample is over."""
         with self.lock:
             self._take_commands()
             return self._stopped.is_set() or self._is_held()
 
     def _is_held(self) -> bool:
-        """Whether no sample may be taken now."""
+        """Return whether no sample may be taken now, because of a pause or the lock-step."""
         return (self.paused and not self._steps) or bool(self._lock_step and not self._lock_step.all_answered)
 
     def _tick(self) -> None:
@@ -326,9 +326,9 @@ class Run:
                 self.end_steps()
 
     def _advance(self, until: float) -> bool:
-        """Bring the device to a time [s], in parts while its crank spins so fast that one tick would take seconds.
+        """Advance the device to a time [s], in parts if its crank spins so fast that a tick would take seconds.
 
-        False when a signal has come before the end.
+        Returns False when a signal has come before the end.
         """
         while (part := 2.0 * math.pi * MOST_TURNS / max(abs(self._speed), 1.0)) < until - self.device.time:
             if self._stopped.is_set() or self._stop_requested():
@@ -352,7 +352,7 @@ class Run:
         return values
 
     def _checkpoint(self) -> Iterator[tuple[str, bytes]]:
-        """The device's whole state, and before it the parameters that changed; the bag seldom asks for them."""
+        """Yield topic and bytes of the parameters that changed since the start, and of the device's whole state."""
         if self.changed:
             yield self.topic, _operation_message(Operation(SET, parameters=self.changed))
         state = new_message(TOPICS[CHECKPOINT].type)
@@ -360,7 +360,7 @@ class Run:
         yield self.recording.checkpoint_topic, serialised(state, TOPICS[CHECKPOINT].type)
 
     def _take_commands(self) -> None:
-        """Give the device what has been commanded, and look after a motor that nobody commands."""
+        """Pass arrived commands to the device, and stop the motor if its command has timed out."""
         self.commands.apply(self.device, self.robot_time.stamp, self.recording.record)
         if self.timeout and self.timeout.is_over(self.robot_time.time, self.commands.accepted, self.device):
             self._done(Operation(TIMEOUT))
@@ -369,7 +369,7 @@ class Run:
     # Operations, with the lock held.
 
     def _done(self, operation: Operation) -> None:
-        """Perform an operation (ValueError: refused), publish and record it."""
+        """Perform an operation (ValueError if refused), then publish and record it."""
         perform(operation, self.device)
         data = _operation_message(operation)
         self._publisher.publish(data)
@@ -380,7 +380,7 @@ class Run:
         self.commands.recover()
         self.robot_time.restart()
         words = f"reset: the sample at {self.robot_time.due:.9g} s of robot time is the start"
-        if self.paused and not self._steps:  # a sample takes a period of robot time, and the start is to be seen
+        if self.paused and not self._steps:  # so that peers see the start, although the robot is paused
             self._tick()
         return words
 
@@ -403,7 +403,7 @@ class Run:
         return "running"
 
     def _go_on(self) -> None:
-        """Let robot time go on."""
+        """Resume robot time."""
         self._resumes = False
         self.end_steps()
         self._done(Operation(RESUME))
@@ -437,12 +437,12 @@ class Run:
         self._wake()
 
     def _wake(self) -> None:
-        """Let the executor see that a future is done; it would look half a second later."""
+        """Wake the executor because a future is done; else it would notice half a second later."""
         if self._node.executor:
             self._node.executor.wake()
 
     def _notify(self) -> None:
-        """Wake the stepping thread, if it has nothing to do."""
+        """Wake the stepping thread, if it waits."""
         if self.lock.acquire(timeout=LOCK_TIMEOUT):
             self.lock.notify()
             self.lock.release()

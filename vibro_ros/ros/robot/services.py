@@ -1,4 +1,4 @@
-"""The robot's own services: reset, pause and step, recording, a state, a push, a fault, and its live parameters.
+"""The robot's own services: reset, pause, step, record, set state, push, inject fault, and its live parameters.
 
 Each acts at once, in the executor's thread (`Run.perform`). Only steps are awaited, while the executor serves others.
 """
@@ -20,7 +20,7 @@ from vibro_ros.ros.robot.run import Run, Steps
 
 OWN_PACKAGE = "vibro_ros_interfaces"
 DISTURBANCES = {"SetState": "~/set_state", "Push": "~/push", "InjectFault": "~/inject_fault"}
-"""What is offered of the project's own package, by type."""
+"""Names of the services with types of the project's own package, by type."""
 
 
 def offer_run_services(node: GuardedNode, run: Run) -> None:
@@ -44,7 +44,7 @@ def offer_run_services(node: GuardedNode, run: Run) -> None:
 
 
 def offer_disturbances(node: GuardedNode, run: Run) -> None:
-    """Offer `DISTURBANCES`, as far as their types are installed; the log says in one line what is left out."""
+    """Offer the services of `DISTURBANCES` whose types are installed; the log names the others in one line."""
     types = installed_types(OWN_PACKAGE, DISTURBANCES)
     if len(types) < len(DISTURBANCES):
         node.get_logger().info(f"{OWN_PACKAGE} is not installed, or old: without "
@@ -54,7 +54,7 @@ def offer_disturbances(node: GuardedNode, run: Run) -> None:
 
 
 def _offer(node: GuardedNode, run: Run, kind: type, name: str, meant: Callable[[Any], Operation]) -> None:
-    """Offer a service whose requests mean an operation (`meant` raises ValueError where they mean nothing)."""
+    """Offer a service that performs an operation; `meant` returns it for a request, or raises ValueError."""
     def answer(request: Any, response: Any) -> Any:
         try:
             response.message = run.perform(meant(request))
@@ -84,9 +84,10 @@ _MEANT: dict[str, Callable[[Any], Operation]] = {
 
 
 def follow_parameters(node: GuardedNode, run: Run) -> None:
-    """Let the robot follow its ROS parameters from now on.
+    """Apply changes of the ROS parameters to the robot from now on.
 
-    Those of one request are checked together and change at one instant of robot time; what is refused is not stored.
+    The parameters of a request are checked together and change at one instant of robot time; refused ones stay as they
+    are.
     """
     def change(parameters: Sequence[ParameterOfRclpy]) -> SetParametersResult:
         try:
@@ -101,13 +102,13 @@ def follow_parameters(node: GuardedNode, run: Run) -> None:
 
 
 def refuse_while_starting(parameters: Sequence[ParameterOfRclpy]) -> SetParametersResult:
-    """Refuse every change of a robot that has no device yet."""
+    """Refuse every change of parameters while the robot has no device yet."""
     reason = f"{parameters[0].name}: the robot is still starting; set it when it is ready"
     return SetParametersResult(successful=False, reason=reason)
 
 
 async def finished(run: Run, steps: Steps) -> str:
-    """The words that answer steps, once they are taken (RuntimeError: the run has ended); `run.waiting` counts it."""
+    """Wait for steps and return their answer in words (RuntimeError if the run ends); `run.waiting` counts the wait."""
     run.waiting += 1
     try:
         return await steps
@@ -116,6 +117,6 @@ async def finished(run: Run, steps: Steps) -> str:
 
 
 def installed_types(package: str, names: Iterable[str]) -> dict[str, Any]:
-    """The types of `names` that are installed and can be used, by their names."""
+    """Return the types of `names` that are installed and have type support, by name."""
     found = {name: installed_type(package, "action" if name == "SimulateSteps" else "srv", name) for name in names}
     return {name: kind for name, kind in found.items() if kind}

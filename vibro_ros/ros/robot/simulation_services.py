@@ -1,7 +1,7 @@
-"""The robot as a simulator: the services and the action of `simulation_interfaces` 2.1.0, with their own constants.
+"""The robot as a simulator: the services and the action of `simulation_interfaces` 2.1.0, with its own constants.
 
-Imported only where that package is installed. A request is answered by the operations of `Run`; what it means, or why
-it is refused, is said by pure functions of numbers.
+Imported only where that package is installed. Requests are carried out by operations of `Run`; pure functions decide
+what a request means, or why it is refused.
 """
 
 import math
@@ -40,15 +40,15 @@ OFFERED: dict[str, tuple[str, tuple[int, ...]]] = {
     "GetEntityState": ("~/get_entity_state", (SimulatorFeatures.ENTITY_STATE_GETTING,)),
     "SetEntityState": ("~/set_entity_state", (SimulatorFeatures.ENTITY_STATE_SETTING,)),
 }
-"""By type: the name of the service or action, and the features that it brings."""
+"""For each type: the name of the service or action, and the features that it brings."""
 MOST_STEPS = 100_000
-"""Steps that one request may ask for: about 8 minutes of robot time and 0.3 GB of a bag at the default rate."""
+"""Most steps of one request: about 8 minutes of robot time and 0.3 GB of a bag at the default rate."""
 FEEDBACK_PERIOD = 0.02
-"""Least time [s] between two messages of feedback, the last one aside: no clock holds the steps back."""
+"""Least time [s] between two messages of feedback, except the last, because steps run as fast as they can."""
 
 STATES = {SimulationState.STATE_STOPPED: "STOPPED", SimulationState.STATE_PLAYING: "PLAYING",
           SimulationState.STATE_PAUSED: "PAUSED", SimulationState.STATE_QUITTING: "QUITTING"}
-"""States of this robot; `STOPPED` is paused at its start."""
+"""States of this robot; `STOPPED` means paused at its start."""
 TRANSITIONS: dict[int, dict[int, tuple[str, ...]]] = {
     SimulationState.STATE_STOPPED: {
         SimulationState.STATE_PLAYING: (RESUME,), SimulationState.STATE_QUITTING: ()},
@@ -60,16 +60,16 @@ TRANSITIONS: dict[int, dict[int, tuple[str, ...]]] = {
         SimulationState.STATE_QUITTING: ()},
     SimulationState.STATE_QUITTING: {},
 }
-"""The operations that lead from a state to another. `STOPPED` to `PAUSED` is the definition's own example of an
-incorrect transition: a stopped simulation stands still already."""
+"""The operations that lead from one state to another. `STOPPED` to `PAUSED` is missing: it is the example of an
+incorrect transition in the definition of simulation_interfaces, because a stopped simulation stands still already."""
 
 Answer = Callable[[Any, Any], Awaitable[Any]]
 
 
 class RefusalError(ValueError):
-    """A request is refused: `code` says why for programs, `words` for people, with the value, the limit and the remedy.
+    """Refusal of a request: `code` is the reason for programs, `words` that for people, with value, limit and remedy.
 
-    Any other ValueError or RuntimeError means the code `RESULT_OPERATION_FAILED`.
+    Any other ValueError or RuntimeError is answered with the code `RESULT_OPERATION_FAILED`.
     """
 
     def __init__(self, code: int, words: str):
@@ -78,7 +78,7 @@ class RefusalError(ValueError):
 
 
 def current_state(paused: bool, at_start: bool, quitting: bool) -> int:
-    """What a robot is doing."""
+    """Return the state of the simulation, one of `STATES`."""
     if quitting:
         return SimulationState.STATE_QUITTING
     if not paused:
@@ -87,13 +87,13 @@ def current_state(paused: bool, at_start: bool, quitting: bool) -> int:
 
 
 def transition(current: int, wanted: int) -> tuple[str, ...]:
-    """The operations that lead from the current state to the one that is wanted.
+    """Return the operations that lead from the current state to the wanted one.
 
     Raises
     ------
     RefusalError
-        When the number is no state, when it is a state that this robot does not know, when the robot is in it already,
-        or when nothing leads there.
+        When the number is no state, when this robot never has that state, when the robot is in it already, or when no
+        transition leads there.
     """
     if wanted in (SimulationState.STATE_NO_WORLD, SimulationState.STATE_LOADING_WORLD):
         raise RefusalError(Result.RESULT_FEATURE_UNSUPPORTED, f"{wanted}: a robot is always in its scene; give one of "
@@ -112,9 +112,9 @@ def transition(current: int, wanted: int) -> tuple[str, ...]:
 
 
 def check_scope(scope: int) -> None:
-    """Refuse a reset of something that is not put back, so that nothing is put back by halves (RefusalError).
+    """Refuse a reset that includes what this robot cannot reset, so that no reset is partial (RefusalError).
 
-    Everything, which is `SCOPE_DEFAULT` or `SCOPE_ALL`, means everything that this robot can put back: its state.
+    `SCOPE_DEFAULT` and `SCOPE_ALL` mean everything that this robot can reset: its state.
     """
     asked = ResetSimulation.Request
     remedy = "give 2 for the state, or 0 for all that can be put back"
@@ -127,7 +127,7 @@ def check_scope(scope: int) -> None:
 
 
 def check_steps(steps: int) -> None:
-    """Refuse a number of steps that is 0, or more than one request should take (ValueError)."""
+    """Refuse a number of steps that is not from 1 to `MOST_STEPS` (ValueError)."""
     if not 1 <= steps <= MOST_STEPS:
         raise ValueError(f"{steps} steps; give 1 to {MOST_STEPS}, and ask again for more")
 
@@ -137,10 +137,10 @@ def _listed(states: Iterable[int]) -> str:
 
 
 def entity_state_asked(request: Any, entity: str, frame: str) -> dict[str, float]:
-    """What a request of SetEntityState gives, by fields of the state; `frame` is that of the odometry.
+    """Return the state in a request of SetEntityState, by fields of the device's state; `frame` is that of odometry.
 
-    ValueError for another entity or frame, where an empty one means that of the odometry, and for what no body on the
-    ground's line can do. Accelerations are ignored.
+    An empty frame in the request means `frame`. ValueError for another entity or frame, and for a pose or twist that
+    leaves the plane of motion or turns the body. Accelerations are ignored.
     """
     check_entity(request.entity, entity)
     if request.state.header.frame_id not in ("", frame):
@@ -162,13 +162,13 @@ def entity_state_asked(request: Any, entity: str, frame: str) -> dict[str, float
 
 
 def check_entity(asked: str, entity: str) -> None:
-    """Refuse another entity than the robot (RefusalError)."""
+    """Refuse any entity other than the robot (RefusalError)."""
     if asked != entity:
         raise RefusalError(Result.RESULT_NOT_FOUND, f"entity: {quoted(asked)} is not here; give {entity}")
 
 
 def fill_entity_state(message: Any, state: Samples, stamp: int, frame: str) -> None:
-    """Place [m] and velocity [m/s] of the body; its accelerations are not known, which is NaN."""
+    """Fill in position [m] and velocity [m/s] of the body; its accelerations are not known: NaN."""
     fill_header(message.header, stamp, frame)
     message.pose.position.x, message.pose.position.z = float(state.body_position), float(state.body_height)
     message.twist.linear.x = float(state.body_velocity)
@@ -177,11 +177,10 @@ def fill_entity_state(message: Any, state: Samples, stamp: int, frame: str) -> N
 
 
 class SimulationServices:
-    """What answers requests of `simulation_interfaces`; for the executor's thread.
+    """Servers of the services and the action of `simulation_interfaces`; used in the executor's thread.
 
-    Whatever has its type installed is offered; the log says in one line what is left out. `frame` is that of the
-    odometry, in which the robot's state as an entity is. `run.quitting` says whether somebody asked that the robot
-    ends.
+    Those with installed types are offered; the log names the others in one line. `frame` is the frame of odometry, in
+    which the robot's state as an entity is given. `run.quitting` is set by a request for the state `QUITTING`.
     """
 
     def __init__(self, node: GuardedNode, run: Run, frame: str):
@@ -195,7 +194,7 @@ class SimulationServices:
         answers: dict[str, Answer] = {
             "ResetSimulation": self._reset, "SetSimulationState": self._set_state, "GetEntityState": self._entity_state,
             "SetEntityState": self._set_entity_state, "StepSimulation": self._step}
-        group = ReentrantCallbackGroup()  # who waits for steps keeps nobody from being served
+        group = ReentrantCallbackGroup()  # so that others are served while one waits for steps
         for name, kind in types.items():
             path = OFFERED[name][0]
             if name == "SimulateSteps":
@@ -207,7 +206,7 @@ class SimulationServices:
 
     @property
     def state(self) -> int:
-        """What the robot is doing; steps are taken while it is paused."""
+        """State of the simulation; a robot that takes steps is paused."""
         return current_state(self._run.paused, self._run.robot_time.at_start, self._run.quitting)
 
     def _tell_features(self, request: Any, response: Any) -> Any:
@@ -224,7 +223,7 @@ class SimulationServices:
         self._run.perform(Operation(RESET))
 
     async def _set_state(self, request: Any, response: Any) -> None:
-        """Bring the robot into another state; ends the steps that are being taken."""
+        """Bring the robot into another state; steps that are being taken end."""
         names = transition(self.state, request.state.state)
         self._run.quitting = request.state.state == SimulationState.STATE_QUITTING
         if not self._run.quitting:
@@ -253,13 +252,13 @@ class SimulationServices:
         return self._run.begin_steps(steps, counted)
 
     async def _finish(self, steps: Steps) -> None:
-        """Wait until the samples are taken (RuntimeError: fewer were taken)."""
+        """Wait until all samples are taken (RuntimeError if fewer were taken)."""
         words = await finished(self._run, steps)
         if steps.completed < steps.asked:
             raise RuntimeError(words)
 
     def _check_idle(self) -> None:
-        """Refuse what cannot be done while steps are taken, or while the robot ends (RefusalError)."""
+        """Refuse a request while steps are taken, or while the robot ends (RefusalError)."""
         if self._run.quitting:
             raise RefusalError(Result.RESULT_INCORRECT_STATE, "the robot is about to end")
         if steps := self._run.steps:
@@ -288,7 +287,7 @@ class SimulationServices:
             return result
 
         def feedback_of(goal: ServerGoalHandle) -> Callable[[int], None]:
-            """Publish feedback for a number of samples; in the stepping thread, which nothing about a goal may end."""
+            """Return a function that publishes feedback; the stepping thread calls it, so it must not raise."""
             due = -math.inf
 
             def publish(completed: int) -> None:
@@ -313,7 +312,7 @@ class SimulationServices:
 
 
 def _answering(perform: Callable[[Any, Any], Awaitable[None]]) -> Answer:
-    """An answer with the result's code and words, of a function that fills the rest or raises why it is refused."""
+    """Return a callback that runs `perform`, which fills the response or raises, and then fills in the result."""
     async def answer(request: Any, response: Any) -> Any:
         try:
             await perform(request, response)

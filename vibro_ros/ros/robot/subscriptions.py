@@ -1,9 +1,9 @@
-"""The robot's subscriptions: commands, which the stepping thread takes from DDS itself.
+"""The robot's subscriptions to commands, which the stepping thread takes from DDS itself.
 
-The executor is not woken for a command: its turn costs 0.15 ms of the interpreter's time, by which the ticks came late
-(p99 of lateness beside 1 kHz commands 0.3 ms without, 2 ms with a queue between the threads). DDS keeps the last ten
-messages of a topic; those that it displaces between two looks would have had no effect, because all commands that wait
-take effect at one instant, at which the last one of a topic stands.
+The executor is not woken for a command, because its turn costs 0.15 ms of the interpreter's time and delays ticks (p99
+of lateness beside 1 kHz commands: 0.3 ms so, 2 ms with a queue between the threads). DDS keeps the last ten messages of
+a topic. The messages that it drops between two polls would have had no effect, because all waiting commands take effect
+at the same instant, where the last one of a topic wins.
 """
 
 from collections import Counter
@@ -29,21 +29,22 @@ from vibro_ros.ros.robot.publishers import Record, message_class
 from vibro_ros.simulation.simulator import Simulator
 
 LONGEST = 1024
-"""Bytes of the longest message that is recorded; a command has 12, one for all joints some 200."""
+"""Longest message [bytes] that is recorded; a command has 12, one for all joints some 200."""
 MOST_TAKEN = 100
-"""Messages of a topic that are taken at one look: a flood must not hold up a tick."""
+"""Most messages of a topic that are taken in one poll, so that a flood does not delay a tick."""
 MOST_LATE = 10_000
-"""Commands that are kept while the fault `late_commands` lasts."""
+"""Most commands that are kept while the fault `late_commands` lasts."""
 GRAPH_PERIOD = 1.0
-"""Time [s] between two looks at the graph for publishers that cannot be heard."""
+"""Time [s] between two searches of the graph for publishers whose messages cannot arrive."""
 
 
 class CommandSubscriptions:
     """The robot's command subscriptions; for one thread at a time.
 
     `topics` has the resolved name of each command's topic. `accepted` counts the commands that took effect, by name,
-    `refused` those that the device refused, or that were no number, `lost` those that the fault `lost_commands` took;
-    `disturbances` are faults of commands that last, and the instants at which they end, as stamps [ns].
+    `refused` those that the device refused or that could not be read, `lost` those that the fault `lost_commands`
+    took, or that `late_commands` had no room for; `disturbances` are the active faults of commands, each with the stamp
+    [ns] of its end.
     """
 
     def __init__(self, node: Node, scene: Scene):
@@ -51,7 +52,7 @@ class CommandSubscriptions:
         self.refused, self.accepted = 0, Counter[str]()
         self.lost, self.disturbances = 0, dict[str, int]()
         self._delay, self._arrivals = 0, count()
-        self._late: list[tuple[int, int, str, bytes]] = []  # a heap by the instants of effect
+        self._late: list[tuple[int, int, str, bytes]] = []  # a heap, ordered by the instant of effect
         self._throttles = {name: Throttle() for name in COMMANDS}
         self._subscriptions = {
             name: PollingSubscription(node, message_class(TOPICS[name].type), name, qos.profile(name))
@@ -61,7 +62,7 @@ class CommandSubscriptions:
                                 for name, subscription in self._subscriptions.items()})
 
     def apply(self, device: Simulator, stamp: int, record: Record) -> None:
-        """Give the device, at its present time, every command that has come; record each, the refused ones too."""
+        """Pass every command that has arrived to the device, at its present time, and record it, even if refused."""
         while self._late and self._late[0][0] <= stamp:
             *_, name, data = heappop(self._late)
             self._take(device, name, data, stamp, record)
@@ -74,13 +75,13 @@ class CommandSubscriptions:
                 self._take(device, name, data, stamp, record)
 
     def fail(self, incident: Incident, stamp: int) -> None:
-        """Let commands be late or get lost from `stamp` [ns] on."""
+        """Begin or end a fault of commands, which makes them late or lost, at `stamp` [ns]."""
         self.disturbances[incident.fault] = stamp + round(1e9 * incident.duration)
         if incident.fault == "late_commands" and incident.duration:
             self._delay = round(1e9 * incident.value)
 
     def recover(self) -> None:
-        """End all faults; commands that are still to come are dropped."""
+        """End all faults of commands, and drop the late commands that have not yet taken effect."""
         self.disturbances.clear()
         self._late.clear()
 
@@ -98,7 +99,7 @@ class CommandSubscriptions:
             self._command(device, name, data)
 
     def _arrived(self) -> list[tuple[str, bytes]]:
-        """What has come since the last look, with its topic, in the order of arrival across topics."""
+        """Return topic and bytes of the messages since the last poll, in order of arrival across topics."""
         taken = [(instant, name, data) for name, subscription in self._subscriptions.items()
                  for data, instant in subscription.take(MOST_TAKEN)]
         if len(taken) > 1:
@@ -130,8 +131,11 @@ class CommandSubscriptions:
 
 
 def _warn_of_unheard(node: Node, heard: Mapping[str, tuple[str, QoSProfile]]) -> None:
-    """Let `node` warn of publishers that its topics (full names) cannot hear, because DDS keeps them apart in silence:
-    those of another type, and best-effort ones where the subscription is reliable."""
+    """Let `node` warn of publishers that DDS silently does not match with its subscriptions.
+
+    These are publishers of another type, and best-effort ones where the subscription is reliable; `heard` has type and
+    quality of service of the subscriptions, by full name.
+    """
     known: set[str] = set()
     throttle = Throttle()
 
