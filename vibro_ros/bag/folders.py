@@ -1,4 +1,4 @@
-"""The folders that bags are in: their names, their files, whether one is still recorded, and which are not sealed."""
+"""Folders of bags: their names, their files, whether a bag is still being recorded, and which bags are not sealed."""
 
 import contextlib
 import fcntl
@@ -13,13 +13,13 @@ from vibro_ros.bag.metadata import FILE_NAME
 from vibro_ros.process.files import kind_of
 
 BAG_PATTERN = "vibro_robot_*"
-"""Of the names that `bag_folders` gives."""
+"""Pattern of the names that `bag_folders` gives."""
 
 LONGEST_NAMESPACE = 150
-"""Characters of a namespace in a folder's name; file systems allow 255 for the whole."""
+"""Longest part [characters] of a namespace in a folder's name; file systems allow 255 for the whole name."""
 
 MOST_ENTRIES = 100_000
-"""Files of a folder that are looked at."""
+"""Most files of a folder that are examined."""
 
 SUFFIX = ".mcap"
 _OTHERS = {".db3": "is of the storage sqlite3; `ros2 bag convert` makes an MCAP bag of it",
@@ -27,11 +27,11 @@ _OTHERS = {".db3": "is of the storage sqlite3; `ros2 bag convert` makes an MCAP 
 
 
 def bag_folders(directory: Path, now: datetime, namespace: str = "/") -> Iterator[Path]:
-    """Names of bag folders, as rosbag2 names them, each to be tried when the one before exists.
+    """Yield names for a bag's folder, as rosbag2 names them; each is to be tried if the previous one exists.
 
-    They are ``vibro_robot_YYYY_MM_DD-HH_MM_SS`` in `directory`, in the namespace ``/r1`` ``vibro_robot_r1_YYYY…``, of
-    which the name has at most the first `LONGEST_NAMESPACE` characters, then with ``_2``, ``_3``, …; `now` is the
-    start of the recording, local time. Whether a name is free, only the attempt to make the folder tells: another
+    The first is ``vibro_robot_YYYY_MM_DD-HH_MM_SS`` in `directory`, in the namespace ``/r1`` ``vibro_robot_r1_YYYY…``
+    (at most `LONGEST_NAMESPACE` characters of the namespace); then ``_2``, ``_3``, … are appended. `now` is the start
+    of the recording, local time. Only the attempt to make the folder shows whether a name is free, because another
     robot may make it at the same instant. `Recorder` makes it, and raises FileExistsError.
     """
     own = namespace.rstrip("/").replace("/", "_")[:LONGEST_NAMESPACE]
@@ -41,7 +41,7 @@ def bag_folders(directory: Path, now: datetime, namespace: str = "/") -> Iterato
 
 
 def bag_files(folder: Path) -> tuple[list[Path], list[str]]:
-    """The MCAP files of a bag in the order of their numbers, and why others are not read (OSError)."""
+    """Return the MCAP files of a bag in the order of their numbers, and why other files are not read (OSError)."""
     files, flaws = [], []
     with os.scandir(folder) as entries:
         for entry in islice(entries, MOST_ENTRIES):
@@ -57,14 +57,14 @@ def bag_files(folder: Path) -> tuple[list[Path], list[str]]:
 
 
 def lock(folder: Path) -> int:
-    """Mark a bag folder as in use until the returned descriptor is closed, at the latest by the process's end.
+    """Lock a bag folder until the returned descriptor is closed, at the latest at the process's end.
 
-    Where the file system knows no locks the folder stays unmarked.
+    On a file system without locks the folder stays unlocked.
 
     Raises
     ------
     BlockingIOError
-        When another process has marked it.
+        When another process has locked it.
     """
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
@@ -79,7 +79,7 @@ def lock(folder: Path) -> int:
 
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """A context in which the folder is marked as in use (BlockingIOError when it is already)."""
+    """Context in which the folder is locked (BlockingIOError when it is locked already)."""
     descriptor = lock(folder)
     try:
         yield
@@ -88,9 +88,9 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def writing_processes(folders: Iterable[Path]) -> dict[Path, list[int]]:
-    """Of those folders in which MCAP files are open for writing, the ids of the processes that this user may see.
+    """Return the ids of the processes that have MCAP files in a folder open for writing, by folder.
 
-    Finds recorders that do not lock, such as ``ros2 bag record``.
+    It finds recorders that do not lock, such as ``ros2 bag record``, among the processes that this user may inspect.
     """
     by_name = {str(folder.resolve()): folder for folder in folders}
     found: dict[Path, set[int]] = {}
@@ -108,9 +108,9 @@ def writing_processes(folders: Iterable[Path]) -> dict[Path, list[int]]:
 
 
 def unsealed_bags(directory: Path, pattern: str = "*") -> list[Path]:
-    """Bag folders in `directory` that are not sealed, hold something, and are not being recorded.
+    """Return the bag folders in `directory` that are not sealed, not empty, and not being recorded.
 
-    Folders that this user may not look into belong to somebody else, and links lead elsewhere: neither is listed.
+    Folders that this user may not read, and symbolic links, are not listed.
     """
     try:
         folders = sorted(folder for folder in directory.glob(pattern) if _is_unsealed(folder))
@@ -131,7 +131,7 @@ def _is_unsealed(folder: Path) -> bool:
 
 
 def _is_left(folder: Path) -> bool:
-    """Whether nobody records the bag of an unsealed folder, and nobody has sealed it since it was found so."""
+    """Return whether an unsealed folder is not locked by a recorder, and has not been sealed meanwhile."""
     try:
         with locked(folder):
             return _is_unsealed(folder)

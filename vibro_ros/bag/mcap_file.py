@@ -1,10 +1,10 @@
-"""One MCAP file of a bag: read record by record, sealed or not; and the end that `recover` writes behind a torn one.
+"""One MCAP file of a bag: reads it record by record, sealed or not, and makes the end with which `recover` seals it.
 
-The library `mcap` parses each record. Its readers are not used on files of unknown origin, because they allocate what
-a length says before it is compared with the file, and stop at the first damage. Here a length is compared with the file
-first, so that the lengths inside a record are bounded by the record's own, and a chunk is decompressed to no more than
-the size it says and compared with its checksum. A damaged chunk costs that chunk. A record whose own length is damaged
-costs the rest of the file.
+The library `mcap` parses each record. Its readers are not used on files of unknown origin, because they allocate a
+buffer of the length in a record before they compare it with the file, and stop at the first damage. Here the length is
+compared with the file first, so that the lengths inside a record are bounded by its own; a chunk is decompressed to no
+more than the size that it states, and its checksum is verified. A damaged chunk costs only that chunk. A record whose
+own length is damaged costs the rest of the file.
 """
 
 import os
@@ -45,14 +45,14 @@ METADATA_NAME = "rosbag2"
 METADATA_KEY = "serialized_metadata"
 
 LARGEST_RECORD = 128 * 2**20
-"""Bytes of a record's content, and of a chunk's when it is decompressed; a longer one is not read."""
+"""Largest content [bytes] of a record, and of a decompressed chunk; a larger one is not read."""
 UNFOLDING = 100
-"""How many times as long as the file its chunks may be when they are decompressed, beyond `FREE_UNFOLDING`."""
+"""Largest total size of the decompressed chunks, in multiples of the file's size, beyond `FREE_UNFOLDING`."""
 FREE_UNFOLDING = 32 * 2**20
-"""Bytes that chunks may be decompressed to in any case."""
+"""Total size [bytes] of decompressed chunks that is always allowed."""
 
 HEAD = struct.Struct("<BQ")
-"""Of a record: its opcode and the length of the content that follows."""
+"""Head of a record: its opcode, and the length of the content that follows."""
 
 Message = tuple[str, int, bytes]
 """Topic, recorded stamp [ns], serialised message."""
@@ -63,17 +63,18 @@ _FOOTER_SIZE = HEAD.size + 20 + len(MAGIC)  # bytes, with the magic that ends th
 
 
 class ForeignFileError(ValueError):
-    """A file that is no ROS 2 recording; the message says why."""
+    """The file is no ROS 2 recording; the message says why."""
 
 
 class DamagedError(ValueError):
-    """Bytes that are not the record they should be."""
+    """Bytes are not the record that they should be."""
 
 
 def records(file: BinaryIO, at: int, end: int) -> Iterator[tuple[int, int, int, bytes]]:
-    """Opcode, offset, offset of what follows, and content of each record from `at` to `end`, or to what is no record.
+    """Yield opcode, offset, offset of the next record, and content of each record from `at` to `end`.
 
-    Contents of attachments are left out: nobody reads them, and they may be long.
+    Ends early at bytes that are no record. The content of attachments is left out, because it is not needed and may be
+    large.
     """
     while at + HEAD.size <= end:
         file.seek(at)
@@ -87,9 +88,9 @@ def records(file: BinaryIO, at: int, end: int) -> Iterator[tuple[int, int, int, 
 
 
 class McapFile:
-    """An MCAP file of ROS 2, a regular one, looked through when it is made; it is open only while it is read.
+    """An MCAP file of ROS 2, scanned once when this object is made; the file is open only while it is read.
 
-    ForeignFileError when the file is empty, no MCAP, or not of ROS 2; OSError when it cannot be read.
+    ForeignFileError when the file is empty, not MCAP, or not of ROS 2; OSError when it cannot be read.
 
     Attributes
     ----------
@@ -98,15 +99,15 @@ class McapFile:
     topics : list of TopicInformation
         Each topic of `information`, once.
     custom : dict of str to str
-        Custom data that the file keeps inside.
+        The bag's custom data in the file.
     ordered : bool
-        Whether every message is at least as late as the one before.
+        Whether the messages are in the order of their stamps.
     flaws : list of str
         Sentences on the parts that are not read.
     size, end : int
-        Bytes of the file, and those up to the end of its last whole record of data.
+        Size of the file, and offset of the end of its last whole record of data [bytes].
     damaged : int
-        Bytes in whole records, or of a sealed file behind them, that cannot be read.
+        Bytes that cannot be read in whole records, or after these in a sealed file.
     sealed : bool
         Whether the file has its footer.
     """
@@ -122,7 +123,7 @@ class McapFile:
         self._blocks = array("Q")  # offsets of the readable chunks, and of the readable messages outside of chunks
         self._loose = 0  # messages outside of chunks
         self._damaged: dict[int, int] = {}  # offsets of damaged records, and their bytes
-        self._damage = ""  # of the first
+        self._damage = ""  # description of the first damage
         with open_to_read(path, follow=False) as file:
             self.size = os.fstat(file.fileno()).st_size
             self._begin = self.end = self._header(file)
@@ -136,7 +137,7 @@ class McapFile:
         self.information = FileInformation(path.name, *((self._first, self._last) if self._counts else (0, 0)), counts)
 
     def messages(self, topics: frozenset[str]) -> Iterator[Message]:
-        """The messages of some topics, as they lie in the file (OSError when it cannot be opened any more)."""
+        """Yield the messages of some topics in the order of the file (OSError if it cannot be opened any more)."""
         chosen = {channel: topic for channel, topic in self._read_channels.items() if topic in topics}
         try:
             with open_to_read(self.path, follow=False) as file:
@@ -147,14 +148,14 @@ class McapFile:
                             channel, stamp = _message_head(inner)
                             if channel in chosen:
                                 yield chosen[channel], stamp, inner[_MESSAGE_HEAD.size:]
-        except (DamagedError, StopIteration) as error:  # it could be read a moment ago
+        except (DamagedError, StopIteration) as error:  # it was readable when it was scanned
             self.flaws.append(f"{self.path.name}: changed while it was read: {error or 'it ends too early'}")
 
     def ending(self, metadata: str) -> bytes:
-        """What seals the file behind `end`: message indexes, `metadata` of the bag, summary and footer (OSError).
+        """Return the bytes that seal the file from `end` on: message indexes, metadata, summary and footer (OSError).
 
-        The message indexes are those of the last chunk, where some of them were torn off. A chunk that is damaged
-        stays in the file, and the summary does not know it.
+        Message indexes are added for the last chunk, if some of its indexes were torn off; `metadata` is the bag's, as
+        text. A damaged chunk stays in the file, but the summary does not list it.
         """
         indexes, noted = bytearray(), []
         chunk: ChunkIndex | None = None
@@ -185,14 +186,14 @@ class McapFile:
             attachment_count=0, channel_count=len(counts), channel_message_counts=counts, chunk_count=chunks,
             message_count=sum(counts.values()), message_start_time=first, message_end_time=last,
             metadata_count=len(noted), schema_count=len(self._schemas))
-        # Without an index of chunks, readers go through the file from its beginning.
+        # Without an index of chunks, readers scan the file from its beginning.
         summary = [packed(*self._schemas.values(), *self._channels.values(), statistics),
                    bytes(indexes) if is_indexed else b"", packed(*noted)]
         footer = Footer(summary_start=at + len(record) + len(data_end), summary_offset_start=0, summary_crc=0)
         return b"".join([torn, record, data_end, *summary, packed(footer), MAGIC])
 
     def _header(self, file: BinaryIO) -> int:
-        """Offset of the first record after the header."""
+        """Check magic and header, and return the offset of the first record after them."""
         if self.size == 0:
             raise ForeignFileError("the file is empty, nothing was recorded")
         if file.read(len(MAGIC)) != MAGIC[:self.size]:
@@ -209,7 +210,7 @@ class McapFile:
         return following
 
     def _footer(self, file: BinaryIO) -> tuple[bool, int]:
-        """Whether the file has its footer, and the offset of the summary that it names."""
+        """Return whether the file has its footer, and the offset of the summary that the footer names."""
         at = max(self._begin, self.size - _FOOTER_SIZE)
         opcode, _, following, content = next(records(file, at, self.size), (0, 0, 0, b""))
         if opcode != Opcode.FOOTER or following != self.size - len(MAGIC) or file.read(len(MAGIC)) != MAGIC:
@@ -218,7 +219,10 @@ class McapFile:
         return True, summary if summary else self.size
 
     def _look_through(self, file: BinaryIO, summary: int) -> None:
-        """Count what can be read. Of the summary only the topics are believed: a damaged chunk may have named them."""
+        """Scan all records and count what can be read.
+
+        From the summary only schemas and channels are taken, in case a damaged chunk announced them.
+        """
         unfolded, has_end = 0, False
         for opcode, at, following, content in records(file, self._begin, self.size):
             if opcode == Opcode.DATA_END:
@@ -253,7 +257,7 @@ class McapFile:
                 return
 
     def _define(self, opcode: int, content: bytes) -> None:
-        """Take a schema, a channel or what the bag says of itself (DamagedError when it is none, or contradicts)."""
+        """Take a schema, a channel or the bag's metadata (DamagedError if it is malformed or contradicts another)."""
         if opcode == Opcode.METADATA:
             about = parsed(Metadata, content)
             if about.name == METADATA_NAME:
@@ -265,7 +269,7 @@ class McapFile:
                 raise DamagedError(f"{type(found).__name__.lower()} {found.id} is announced twice, and differs")
 
     def _count(self, at: int, heads: list[tuple[int, int]]) -> None:
-        """Count the messages, channel and stamp of each, of the chunk or the message at an offset."""
+        """Count the messages of the chunk or the message at the offset `at`; `heads` has their channels and stamps."""
         self._blocks.append(at)
         if heads:
             stamps = [stamp for _, stamp in heads]
@@ -275,7 +279,7 @@ class McapFile:
             self._counts.update(channel for channel, _ in heads)
 
     def _described(self) -> tuple[list[TopicInformation], dict[int, str], list[str]]:
-        """Each topic once, the topic of each channel that is read, and sentences on the parts that are not."""
+        """Return each topic once, the topic of each channel that is read, and sentences on what is not read."""
         name, flaws = self.path.name, []
         if self.damaged:
             flaws.append(f"{name}: {self.damaged} damaged bytes are not read: {self._damage}")
@@ -306,7 +310,7 @@ _DEFINITIONS: dict[int, type] = {Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel}
 
 
 def packed(*given: McapRecord) -> bytes:
-    """Records one after the other."""
+    """Return the bytes of records, one after the other."""
     builder = RecordBuilder()
     for one in given:
         one.write(builder)
@@ -314,9 +318,9 @@ def packed(*given: McapRecord) -> bytes:
 
 
 def parsed(kind: type[_Record], content: bytes) -> _Record:
-    """The record of this kind with this content (DamagedError when it is none).
+    """Return the record of this kind with this content (DamagedError if it is malformed).
 
-    A chunk that ends before its content does is refused: its length would swallow the records behind it.
+    A chunk that is shorter than its content is refused, because its damaged length covers the records after it.
     """
     stream = BytesIO(content)
     try:
@@ -329,9 +333,9 @@ def parsed(kind: type[_Record], content: bytes) -> _Record:
 
 
 def chunk_content(chunk: Chunk) -> bytes:
-    """The records in a chunk (DamagedError when it cannot be decompressed, or has another checksum or size).
+    """Return the records in a chunk as bytes (DamagedError if it cannot be decompressed, or checksum or size differ).
 
-    Never makes more bytes than the chunk says, nor more than `LARGEST_RECORD`.
+    Never makes more bytes than the size that the chunk states, nor more than `LARGEST_RECORD`.
     """
     size = chunk.uncompressed_size
     if size > LARGEST_RECORD:
@@ -357,7 +361,7 @@ _DECOMPRESSORS: dict[str, Callable[[bytes, int], bytes]] = {
 
 
 def records_in(opcode: int, content: bytes) -> Iterator[tuple[int, int, bytes]]:
-    """Opcode, offset and content of each record in a chunk, or of the record itself (DamagedError when one is torn)."""
+    """Yield opcode, offset and content of each record in a chunk, or of a record that is no chunk (DamagedError)."""
     if opcode != Opcode.CHUNK:
         yield opcode, 0, content
         return
@@ -370,7 +374,7 @@ def records_in(opcode: int, content: bytes) -> Iterator[tuple[int, int, bytes]]:
 
 
 def _message_head(content: bytes) -> tuple[int, int]:
-    """Channel and log time [ns] of a message (DamagedError when it is none)."""
+    """Return channel and log time [ns] of a message (DamagedError if it is malformed)."""
     if len(content) < _MESSAGE_HEAD.size:
         raise DamagedError("a message ends too early")
     channel, _, stamp, _ = _MESSAGE_HEAD.unpack_from(content)
@@ -380,7 +384,7 @@ def _message_head(content: bytes) -> tuple[int, int]:
 
 
 def _chunk_index(at: int, following: int, chunk: Chunk) -> ChunkIndex:
-    """The index of a chunk between two offsets, without its message indexes."""
+    """Return the index of the chunk from the offset `at` to `following`, without its message indexes."""
     return ChunkIndex(
         chunk_start_offset=at, chunk_length=following - at, compression=chunk.compression,
         compressed_size=len(chunk.data), uncompressed_size=chunk.uncompressed_size, message_index_offsets={},
@@ -388,7 +392,10 @@ def _chunk_index(at: int, following: int, chunk: Chunk) -> ChunkIndex:
 
 
 def _missing_indexes(file: BinaryIO, chunk: ChunkIndex, end: int) -> bytes:
-    """The message indexes of a file's last chunk, for its `end`, if the chunk lacks some; `chunk` then names them."""
+    """Return the message indexes of a file's last chunk, to be written at `end`; empty if none is missing.
+
+    Their offsets are entered in `chunk`.
+    """
     opcode, _, _, content = next(records(file, chunk.chunk_start_offset, end))
     entries: dict[int, list[tuple[int, int]]] = {}  # stamp and offset of each message, by channel
     for kind, at, inner in records_in(opcode, content):

@@ -1,4 +1,4 @@
-"""What a bag says of itself: metadata.yaml as rosbag2 of Jazzy writes it (version 9), and its topics."""
+"""Metadata of a bag: metadata.yaml as rosbag2 of Jazzy writes it (version 9), and the descriptions of topics."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,12 +13,12 @@ from vibro_ros.process.files import replace_file
 BAG_VERSION = 9
 FILE_NAME = "metadata.yaml"
 LIMITS = Limits(size=8 * 2**20, values=250_000)
-"""Of metadata.yaml, which names each file of a bag: 20 thousand of them."""
+"""Limits of metadata.yaml, which lists each file of a bag: enough for 20 thousand files."""
 LABEL_LIMITS = Limits(size=50_000, values=2000, depth=8)
-"""Of the QoS profiles with which a topic is labelled; a publisher's takes about 20 values."""
+"""Limits of the QoS profiles of a topic; the profile of one publisher has about 20 values."""
 
 LAST_STAMP = 2**63 - 2
-"""Greatest recorded stamp [ns]: rosbag2 keeps signed 64-bit stamps, and rosbags reserves the last one."""
+"""Largest recorded stamp [ns]: rosbag2 has signed 64-bit stamps, and rosbags reserves the largest."""
 
 _MOST_DEPTH = 2**31 - 1
 _TRANSIENT_LOCAL = "transient_local"
@@ -40,7 +40,8 @@ class Topic:
     transient_local : bool
         Whether late subscribers get what was published before (transient local).
     is_input : bool
-        Whether it decides the run, so that its messages are still recorded when others are dropped.
+        Whether the topic is an input of the run: its messages are still recorded when others are dropped, because a
+        replay cannot compute them.
     """
 
     name: str
@@ -52,9 +53,10 @@ class Topic:
 
 @dataclass(frozen=True)
 class TopicInformation:
-    """What a bag says of a topic: the offered QoS profiles, as rosbag2 writes them, and the serialisation, always CDR.
+    """Description of a topic in a bag.
 
-    `type_hash` is the RIHS01 hash of the type; empty when unknown.
+    `qos` has the offered QoS profiles, as rosbag2 writes them; `type_hash` is the RIHS01 hash of the type, empty when
+    unknown; `encoding` is the serialisation, always CDR.
     """
 
     name: str
@@ -66,7 +68,7 @@ class TopicInformation:
 
 @dataclass(frozen=True)
 class FileInformation:
-    """One file of a bag: its name, times of the first and last message [ns] (0 when empty), messages by topic."""
+    """Description of a file of a bag: name, stamps of first and last message [ns] (0 if empty), messages by topic."""
 
     name: str
     first: int
@@ -80,7 +82,7 @@ class FileInformation:
 
 
 def defined(topics: Sequence[Topic]) -> list[TopicInformation]:
-    """What a bag will say of the topics that are to be recorded.
+    """Return the descriptions of the topics that are to be recorded.
 
     Raises
     ------
@@ -105,18 +107,18 @@ def _offered_qos(topic: Topic) -> dict:
 
 
 def definition_text(type_name: str) -> str:
-    """A message definition as MCAP files keep it (ros2msg)."""
+    """Return a message definition in the format of MCAP files (ros2msg)."""
     return jazzy_types().generate_msgdef(type_name, ros_version=2)[0]
 
 
 def label(topic: TopicInformation) -> dict[str, str]:
-    """What rosbag2 writes to a topic's channel."""
+    """Return the metadata that rosbag2 writes to a topic's channel."""
     return {"offered_qos_profiles": as_text(topic.qos).strip(), "topic_type_hash": topic.type_hash}
 
 
 def bag_information(files: Sequence[FileInformation], topics: Iterable[TopicInformation],
                     custom: Mapping[str, str]) -> dict:
-    """What metadata.yaml says of a bag: its files in the order of time, every topic, those without messages too."""
+    """Return the content of metadata.yaml: the files in time order, and all topics, even those without messages."""
     filled = [file for file in files if file.messages]
     first = min((file.first for file in filled), default=0)
     last = max((file.last for file in filled), default=0)
@@ -142,7 +144,7 @@ def bag_information(files: Sequence[FileInformation], topics: Iterable[TopicInfo
 
 
 def as_text(information: object) -> str:
-    """YAML of anything made of dicts, lists, texts and numbers."""
+    """Return dicts, lists, texts and numbers as YAML."""
     return yaml.dump(information, Dumper=_Dumper, sort_keys=False, allow_unicode=True)
 
 
@@ -152,7 +154,7 @@ def write_metadata(file: Path, information: dict) -> None:
 
 
 def read_metadata(folder: Path) -> dict:
-    """What metadata.yaml of a bag folder says (ValueError when it cannot be read, or is of a later version)."""
+    """Read metadata.yaml of a bag folder (ValueError when it cannot be read, or is of a later version)."""
     document = read_yaml(folder / FILE_NAME, LIMITS, follow=False)
     information = document.get("rosbag2_bagfile_information") if isinstance(document, dict) else None
     if not isinstance(information, dict):
@@ -164,7 +166,7 @@ def read_metadata(folder: Path) -> dict:
 
 
 def custom_data(text: str) -> dict[str, str]:
-    """The custom data of metadata as text, as files keep it inside; empty when there are none."""
+    """Return the custom data in the text of a bag's metadata; empty when there are none."""
     try:
         found = parsed(text, LIMITS)
     except ValueError:
@@ -173,13 +175,13 @@ def custom_data(text: str) -> dict[str, str]:
 
 
 def custom_of(information: Mapping[str, object]) -> dict[str, str]:
-    """The custom data of a bag's information, texts by texts; empty when there are none."""
+    """Return the custom data in a bag's metadata, as texts by name; empty when there are none."""
     found = information.get("custom_data")
     return {str(key): str(value) for key, value in found.items()} if isinstance(found, dict) else {}
 
 
 def qos_profiles(text: str) -> list[dict]:
-    """The QoS profiles of a channel's label; none when they cannot be understood."""
+    """Return the QoS profiles in the text of a channel's metadata; empty when it cannot be read."""
     try:
         found = parsed(text, LABEL_LIMITS) if len(text) <= LABEL_LIMITS.size else None
     except ValueError:
@@ -188,17 +190,17 @@ def qos_profiles(text: str) -> list[dict]:
 
 
 def is_transient_local(profiles: Sequence[Mapping]) -> bool:
-    """Whether the first of QoS profiles has late subscribers get what was published before (transient local)."""
+    """Return whether the first of the QoS profiles is transient local."""
     return bool(profiles) and profiles[0].get("durability") in (_TRANSIENT_LOCAL, 1)  # a number in bags before Jazzy
 
 
 def depth_of(profiles: Sequence[Mapping], otherwise: int) -> int:
-    """History depth of the first of QoS profiles; `otherwise` without a valid one."""
+    """Return the history depth in the first of the QoS profiles; `otherwise` if there is no valid one."""
     depth = profiles[0].get("depth") if profiles else None
     return depth if type(depth) is int and 0 <= depth <= _MOST_DEPTH else otherwise
 
 
 class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[misc]
     def ignore_aliases(self, data: object) -> bool:
-        """Write equal parts out: yaml-cpp reads anchors, but people do not."""
+        """Return True, so that equal parts are written out: yaml-cpp reads anchors, but people do not."""
         return True

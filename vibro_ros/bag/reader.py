@@ -27,11 +27,11 @@ Arrays = dict[str, np.ndarray]
 
 JOINT_STATE, TRANSFORMS = "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
 LONGEST_FRAME = 1000
-"""Characters of a frame's name; the array of all names takes as much for each message as the longest one."""
+"""Longest name of a frame [characters]; in the array of names every row takes the memory of the longest one."""
 
 
 class BagWarning(UserWarning):
-    """Part of a recording is not read."""
+    """Part of a recording was not read."""
 
 
 class MissingTopicError(BagError, KeyError):
@@ -54,15 +54,15 @@ class Bag(Mapping[str, Arrays]):
     start_ns : int
         Recorded stamp of the first message, ROS time [ns]; 0 in an empty bag.
     duration : float
-        From the first message to the last [s].
+        Time from the first message to the last [s].
     metadata : dict of str to str
-        What the recorder said about itself (the bag's custom data).
+        The bag's custom data, in which the recorder describes the run.
     topics : dict of str to RecordedTopic
-        Every topic, those of other types included, by full name.
+        Every topic, by full name, including those of types that are not read.
     arrays : dict of str to dict of str to ndarray
-        What `read_bag` lists, by full name.
+        The arrays that `read_bag` lists, by full name of the topic.
     flaws : tuple of str
-        What of the recording is not read, one line each; empty when all of it is.
+        Sentences on the parts of the recording that were not read; empty when all of it was.
     """
 
     path: Path
@@ -83,12 +83,12 @@ class Bag(Mapping[str, Arrays]):
         return len(self.arrays)
 
     def full_name(self, name: str) -> str:
-        """Full name of the topic called `name`.
+        """Return the full name of the topic called `name`.
 
         Raises
         ------
         MissingTopicError
-            When no topic, or more than one, is called so.
+            When no topic, or more than one, has this name.
         """
         types = {topic: one.type_name for topic, one in self.topics.items()}
         found = [topic for topic in self.arrays if topic == name or topic.endswith(f"/{name}")
@@ -101,7 +101,7 @@ class Bag(Mapping[str, Arrays]):
         return found[0]
 
     def to_pandas(self) -> "Mapping[str, pandas.DataFrame]":
-        """Every topic as a table of pandas, with the index ``time`` [s]; found by the same names as in the bag.
+        """Return every topic as a table of pandas, with the index ``time`` [s], by the same names as in the bag.
 
         Returns
         -------
@@ -141,7 +141,7 @@ def _last(topic: str) -> str:
 def read_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = None) -> Bag:
     """Read a bag folder, of the robot's recorder or of ``ros2 bag record``, into numpy arrays by topic.
 
-    Messages are read one by one into growing arrays: they take 8 bytes a number. Needs no ROS.
+    Messages are read one by one into growing arrays of 8 bytes a number. Needs no ROS.
 
     Parameters
     ----------
@@ -149,9 +149,9 @@ def read_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = Non
         The bag folder, sealed or not; of one MCAP file or several, compressed chunks or not. `ros2 bag convert`
         makes such a bag of one in the storage sqlite3.
     columns : mapping of str to sequence of str, optional
-        What to read when the bag is large: by the last part of a topic's name, names of its arrays, with ``*`` for any
-        text (``{"odom": ["position"], "joint_states": ["*.position"]}``). ``time`` is always there. Topics that
-        are not named are counted, not read. Everything by default.
+        The arrays to read, if not all: names of arrays, with ``*`` for any text, by the last part of a topic's name
+        (``{"odom": ["position"], "joint_states": ["*.position"]}``). ``time`` is always read. Topics that are not named
+        are counted, not read.
 
     Returns
     -------
@@ -184,9 +184,9 @@ def read_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = Non
                                           such as ``reset`` or ``set {"ground.friction": 0.1}``, and its URDF
         ================================  ==========================================================
 
-        Topics of other types are counted, not read. What cannot be read - a damaged part of a file, a message
-        that is not of its topic's type, as a hostile peer may publish it - is left out of the arrays and named in
-        `Bag.flaws`; the rest is read.
+        Topics of other types are counted, not read. What cannot be read (a damaged part of a file, or a message that is
+        not of its topic's type, which a hostile peer may publish) is left out of the arrays and named in `Bag.flaws`;
+        the rest is read.
 
     Raises
     ------
@@ -197,7 +197,7 @@ def read_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = Non
     Warns
     -----
     BagWarning
-        Once, when something is left out: with the first of the flaws and their number.
+        Once, when something is left out, with the first of the flaws and their number.
 
     Examples
     --------
@@ -214,7 +214,7 @@ def read_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = Non
 
 
 def load_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = None) -> Bag:
-    """`read_bag` without its warning, for those who name the flaws themselves."""
+    """Read a bag as `read_bag` does, without its warning, for callers that report the flaws themselves."""
     with BagStream(path) as stream:
         series = {topic: Series(one.type_name, stream.start, ("*",) if columns is None else columns[_last(topic)])
                   for topic, one in stream.topics.items()
@@ -232,10 +232,10 @@ def load_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = Non
 
 
 class Series:
-    """Chosen columns of one topic, growing message by message in compact arrays; their times are 0 at `start_ns` [ns].
+    """Columns of one topic, which grow message by message in compact arrays; their times count from `start_ns` [ns].
 
-    `patterns` of the columns' names are as `fnmatch` reads them. `columns` are what messages of the type `type_name`
-    have, by default those of `COLUMNS`.
+    `patterns` select the columns by name, as in `fnmatch`. `columns` are those of messages of the type `type_name`, by
+    default those in `COLUMNS`.
     """
 
     def __init__(self, type_name: str, start_ns: int, patterns: Sequence[str] = ("*",),
@@ -243,8 +243,8 @@ class Series:
         self._type, self._start_ns, self._patterns = type_name, start_ns, patterns
         known = COLUMNS[type_name] if columns is None else columns
         self._columns = {name: column for name, column in known.items() if self._wants(name)}
-        self._joints: tuple[list[str], list[str]] = [], []  # names and quantities of the message before
-        self._of_joints: list[str] = []  # its columns
+        self._joints: tuple[list[str], list[str]] = [], []  # names and quantities of the previous message
+        self._of_joints: list[str] = []  # columns of the previous message
         self._times = array("d")
         self._found: dict[str, array] = {name: array("L" if column.is_text else "d")
                                          for name, column in self._columns.items()}
@@ -256,7 +256,7 @@ class Series:
         Raises
         ------
         ValueError
-            When it cannot be read, or does not fit to the columns; nothing is added then.
+            When it cannot be read, or does not fit the columns; nothing is added then.
         """
         message = deserialised(data, self._type)
         rows = message.transforms if self._type == TRANSFORMS else (message,)
@@ -274,7 +274,7 @@ class Series:
                     self._found[name].append(value)
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """The columns by name, as `vibro_ros.read_bag` lists them; nothing can be appended any more."""
+        """Return the columns by name, as `vibro_ros.read_bag` lists them; nothing can be appended afterwards."""
         arrays = {"time": _as_array(self._times)}
         for name, found in self._found.items():
             arrays[name] = _as_array(found)
@@ -289,14 +289,14 @@ class Series:
         return {name: column[order] for name, column in arrays.items()}
 
     def _read(self, row: Any) -> dict[str, Any]:
-        """What a row says, by column (ValueError when that does not fit to the columns)."""
+        """Return the values of a row by column (ValueError when they do not fit the columns)."""
         found = {name: column.read(row) for name, column in self._columns.items()}
         return found | self._read_joints(row) if self._type == JOINT_STATE else found
 
     def _read_joints(self, message: Any) -> dict[str, float]:
-        """A joint's quantities, as far as there is a number for each joint of the message.
+        """Return the quantities of the joints, from the arrays with a number for each joint of the message.
 
-        Other numbers may belong to any of the joints (`messages.commands`).
+        In shorter arrays the numbers may belong to any of the joints (`messages.commands`).
         """
         told = [quantity for quantity in JOINT_QUANTITIES if len(getattr(message, quantity)) == len(message.name)]
         if (message.name, told) != self._joints:
@@ -315,12 +315,12 @@ class Series:
 
 
 def _as_array(numbers: array) -> np.ndarray:
-    """The same memory as an ndarray."""
+    """Return an ndarray over the same memory."""
     return np.frombuffer(numbers, dtype=numbers.typecode) if numbers else np.empty(0, dtype=numbers.typecode)
 
 
 class Column(NamedTuple):
-    """How a column is read from a message: numbers, `width` of them, or a text."""
+    """How a column is read from a message: as `width` numbers, or as a text."""
 
     read: Callable[[Any], Any]
     width: int = 1
@@ -328,7 +328,7 @@ class Column(NamedTuple):
 
 
 def at(*paths: str) -> Column:
-    """The numbers at some paths in a message, such as ``twist.twist.linear.x``."""
+    """Return a column of the numbers at some paths in a message, such as ``twist.twist.linear.x``."""
     return Column(attrgetter(*paths), len(paths))
 
 
@@ -337,7 +337,7 @@ def _axes(path: str, axes: str = "xyz") -> Column:
 
 
 def _variances(path: str, of_diagonal: slice = slice(None, None, 4)) -> Column:
-    """Three variances of the covariance at a path."""
+    """Return a column of three variances from the covariance at a path; `of_diagonal` selects them."""
     read = attrgetter(path)
     return Column(lambda message: read(message)[of_diagonal].tolist(), 3)
 
@@ -358,7 +358,7 @@ def _frame(path: str) -> Column:
 
 
 STAMP = Column(_stamp)
-"""The header's stamp [ns], which becomes seconds on the scale of ``time``."""
+"""Column of the header's stamp [ns], which becomes seconds on the scale of ``time``."""
 JOINT_QUANTITIES = ("position", "velocity", "effort")
 COLUMNS: Mapping[str, Mapping[str, Column]] = {
     "std_msgs/msg/Float64": {"value": at("data")},
@@ -377,9 +377,9 @@ COLUMNS: Mapping[str, Mapping[str, Column]] = {
     "geometry_msgs/msg/PoseWithCovarianceStamped": {
         "stamp": STAMP, "position": _axes("pose.pose.position"), "variance": _variances("pose.covariance",
                                                                                         slice(0, 15, 7))},
-    JOINT_STATE: {"stamp": STAMP},  # and what its joints are called
+    JOINT_STATE: {"stamp": STAMP},  # and columns named after the joints
     TRANSFORMS: {
         "stamp": STAMP, "frame": _frame("header.frame_id"), "child": _frame("child_frame_id"),
         "translation": _axes("transform.translation"), "rotation": _axes("transform.rotation", "xyzw")},
 }
-"""What the messages of a type say, by the names of the arrays; of each transform in a message of transforms."""
+"""The columns of each message type, by name; for TFMessage, those of each transform in the message."""

@@ -1,15 +1,15 @@
-"""Record messages to a bag from a thread of its own, so that no caller ever waits for the disk.
+"""Record messages to a bag in a thread of its own, so that no caller ever waits for the disk.
 
-`Recorder.write` only puts the message on a bounded queue, and wakes the writer thread by the first message that comes
-when a flush is due: then the recorder works when a tick has just ended, not when the next one begins. Where no message
-comes, the thread wakes by itself a little later. It wakes no more often, because to wake costs more than to write what
-a tick has published. The thread takes a few messages at a time: many would hold the interpreter lock and delay the
-robot's clock, and after each single one it would wait so long for the lock to come back that it would fall behind a
-robot that publishes at 1 kHz.
+`Recorder.write` only puts the message on a bounded queue. The first message after a flush is due wakes the writer
+thread, so that the recorder works when a tick has just ended, not when the next one begins. If no message comes, the
+thread wakes by itself a little later. It does not wake more often, because waking costs more than writing the messages
+of a tick. The thread takes a few messages at a time: with many, it would hold the interpreter lock too long and delay
+the robot's clock; with one, it would wait for the lock so often that it would fall behind a robot that publishes at 1
+kHz.
 
-Files are written by `mcap.writer.Writer`, whose `flush` finishes a chunk: what a killed process loses is what came in
-the last `FLUSH_PERIOD`. The Writer keeps 63 MB an hour of chunk indexes in memory, so the robot begins another file
-after an hour (`record.max_duration`).
+Files are written by `mcap.writer.Writer`, whose `flush` finishes a chunk: a killed process loses the messages of the
+last `FLUSH_PERIOD`. The Writer keeps chunk indexes in memory, 63 MB an hour, so the robot begins another file after an
+hour (`record.max_duration`).
 """
 
 import contextlib
@@ -42,35 +42,35 @@ from vibro_ros.bag.metadata import (
     write_metadata,
 )
 
-FLUSH_PERIOD = 0.05  # s, that a message stays in memory only; 0.1 is promised, and a busy machine is late
-WAKE_DELAY = 0.01  # s, after a flush was due, until the thread wakes by itself
-WAKING = 1000  # messages that wait and wake the thread before: a robot faster than real time must not fill the queue
+FLUSH_PERIOD = 0.05  # s, between two flushes; a message is promised to be safe after 0.1, as a busy machine is late
+WAKE_DELAY = 0.01  # s, from the time when a flush is due until the thread wakes by itself
+WAKING = 1000  # waiting messages that wake the thread early, so that a robot faster than real time fills no queue
 BATCH = 15  # messages between two offers of the interpreter lock; about 60 us
-BACKLOG = 20_000  # messages waiting for the disk; about 4 s of a robot that publishes at 1 kHz
+BACKLOG = 20_000  # most messages waiting for the disk; about 4 s of a robot that publishes at 1 kHz
 
 CHUNK_SIZE = 2**20  # bytes; the largest chunk, unless one message is larger
 SMALLEST_FILE = 100_000  # bytes; topics, index and metadata of a file take about a third of it
-SHORTEST_FILE = 0.1  # s, that between two flushes
-FEWEST_FILES = 2  # of a bag that is limited: the one that is written, and one before it
-_PARTS = 10  # in how many files a bag is cut when only its whole size is limited
-_METADATA_SIZE = 64 * 1024  # bytes, room for metadata.yaml and a file's end in a bag that is limited
+SHORTEST_FILE = 0.1  # s, smallest limit of a file's duration; longer than a period between flushes
+FEWEST_FILES = 2  # in a bag of limited size: the one that is written, and the previous one
+_PARTS = 10  # number of files of a bag when only its total size is limited
+_METADATA_SIZE = 64 * 1024  # bytes reserved for metadata.yaml and a file's end in a bag of limited size
 _COMPRESSIONS = {"none": CompressionType.NONE, "zstd": CompressionType.ZSTD}
 
 
 @dataclass(frozen=True)
 class Storage:
-    """How a bag lies on the disk.
+    """How a bag is stored on the disk: compression and limits.
 
     Attributes
     ----------
     compression : str
-        ``none`` or ``zstd``, of chunks.
+        Compression of chunks, ``none`` or ``zstd``.
     max_size : int
-        Largest file [bytes]; 0 is no limit. A file exceeds it by what one flush writes, and by its index.
+        Largest file [bytes]; 0 is no limit. A file exceeds it by up to one flush, and by its index.
     max_duration : float
         Longest file [s]; 0 is no limit.
     max_bytes : int
-        Largest bag [bytes]: the oldest file is deleted before it would be exceeded; 0 is no limit.
+        Largest bag [bytes]: the oldest file is deleted before the bag would exceed it; 0 is no limit.
 
     Raises
     ------
@@ -106,10 +106,10 @@ _PLAIN = Storage()
 class Recorder:
     """Writes messages to a new bag folder; a context manager.
 
-    Once open, nothing that happens to the disk reaches the caller: the recording stops, `fault` says why, what was
-    written stays for `recover` to seal, and further messages are dropped and counted. After `close`, the number of
-    `write` calls, and of `latched` messages in each file, is `written` + `dropped` + `lost`; the bag's custom data say
-    these three as well.
+    Once it is open, an error of the disk never reaches the caller: the recording stops, `fault` says why, the messages
+    already written stay for `recover` to seal, and further messages are dropped and counted. After `close`, `written` +
+    `dropped` + `lost` is the number of `write` calls plus that of latched messages in all files; the bag's custom data
+    have these three numbers, too.
 
     Parameters
     ----------
@@ -118,12 +118,12 @@ class Recorder:
     topics : sequence of Topic
         Every topic that will be written.
     metadata : mapping of str to str
-        Kept as the bag's custom data (scene, parameters, version, start time), also when the process is killed.
+        The bag's custom data (scene, parameters, version, start time), which survive a killed process.
     backlog : int
-        Largest number of messages waiting for the disk; beyond it, messages are dropped. Those of inputs have twice
-        the room, because a replay computes all others again.
+        Largest number of messages waiting for the disk; beyond it, messages are dropped. Inputs are dropped only at
+        twice this number, because a replay computes all other messages again.
     storage : Storage
-        How the bag lies on the disk.
+        How the bag is stored on the disk.
 
     Raises
     ------
@@ -145,10 +145,10 @@ class Recorder:
         self._taken = 0
         self._due = time.monotonic() + FLUSH_PERIOD
         self._accepting = True
-        self._over = False  # no message is written any more
+        self._over = False  # no more messages are written
         self._closing = False
         self._known: Mapping[str, str] = {}
-        self._waking = self._due  # when a message wakes the thread; never while it is awake
+        self._waking = self._due  # time from which a message wakes the thread; infinite while it is awake
         self._bell: SimpleQueue[None] = SimpleQueue()
         self._room = {topic.name: 2 * backlog if topic.is_input else backlog for topic in topics}
         self._queue: deque[tuple[str, int, bytes]] = deque()
@@ -166,8 +166,8 @@ class Recorder:
     def write(self, topic_name: str, stamp_ns: int, data: bytes) -> bool:
         """Queue a serialised message (CDR) with its stamp, ROS time [ns], 0 to `LAST_STAMP`; never blocks or raises.
 
-        False when the message was dropped (and counted): unknown topic, stamp that would spoil the bag, data that is
-        not bytes, queue full, recording stopped.
+        Returns False when the message was dropped (and counted): unknown topic, stamp out of range, data that is not
+        bytes, queue full, recording stopped.
         """
         if (len(self._queue) < self._room.get(topic_name, 0) and type(stamp_ns) is int and 0 <= stamp_ns <= LAST_STAMP
                 and type(data) is bytes and self._accepting):
@@ -181,42 +181,45 @@ class Recorder:
         return False
 
     def latch(self, latched: Sequence[tuple[str, bytes]]) -> None:
-        """Let each file begin with these, topic and message, under its first message's stamp; before any `write`."""
+        """Begin each file with these messages, pairs of topic and bytes, with the stamp of its first message.
+
+        To be called before any `write`.
+        """
         self._writer.latch(latched)
 
     def describe(self, custom: Mapping[str, str]) -> None:
-        """Add to the bag's custom data what is known now, before the messages that are written from now on."""
+        """Add to the bag's custom data, before the messages that are written from now on."""
         self._known = custom
         self._bell.put(None)
 
     @property
     def accepting(self) -> bool:
-        """Whether `write` takes messages; no longer from the moment when the disk fails, before `fault` says so."""
+        """Whether `write` takes messages; false as soon as the disk fails, a little before `fault` says so."""
         return self._accepting
 
     @property
     def written(self) -> int:
-        """Messages in the bag that a killed process would not lose."""
+        """Number of messages in the bag that a killed process would not lose."""
         return self._writer.stored
 
     @property
     def dropped(self) -> int:
-        """Messages that `write` refused."""
+        """Number of messages that `write` refused."""
         return self._refused
 
     @property
     def lost(self) -> int:
-        """Messages that `write` took and that did not reach the bag, because the recording stopped."""
+        """Number of messages that `write` took and that did not reach the bag, because the recording stopped."""
         return self._taken + self._writer.added - self.written if self._over else 0
 
     @property
     def backlog(self) -> int:
-        """Messages that wait for the writer thread."""
+        """Number of messages that wait for the writer thread."""
         return len(self._queue)
 
     @property
     def is_backlogged(self) -> bool:
-        """Whether half of the room for waiting messages is taken, so that a caller who can wait should."""
+        """Whether more than half of the backlog is taken, so that a caller who can wait should."""
         return self._accepting and 2 * len(self._queue) > self._backlog
 
     @property
@@ -225,9 +228,9 @@ class Recorder:
         return not self._thread.is_alive()
 
     def close(self, patience: float | None = None) -> bool:
-        """Accept no more, write what is queued, seal the bag and end the thread; calling it again does nothing.
+        """Stop accepting, write the queue, seal the bag and end the thread; calling it again does nothing.
 
-        False when the disk was slower than `patience` [s]: the thread goes on by itself. None waits until it is done.
+        Returns False when this took longer than `patience` [s]; the thread then goes on by itself. None waits for ever.
         """
         self._accepting = False
         self._closing = True
@@ -253,20 +256,20 @@ class Recorder:
             self._stop(error)
 
     def _write_queue(self) -> None:
-        """Write what is queued until `close` asks to end, flushing every `FLUSH_PERIOD`."""
+        """Write queued messages until `close` asks to end, and flush every `FLUSH_PERIOD`."""
         closing = False
         while not closing:
             self._waking = self._due
             with contextlib.suppress(Empty):
                 self._bell.get(timeout=max(0.0, self._due + WAKE_DELAY - time.monotonic()))
             self._waking = math.inf
-            closing = self._closing  # asked before the queue is emptied for the last time
+            closing = self._closing  # read before the queue is emptied for the last time
             self._write_batch()
             while self._queue:
                 self._write_batch()
 
     def _write_batch(self) -> None:
-        """Describe what has become known, write up to `BATCH` messages, and flush when that is due."""
+        """Write new custom data and up to `BATCH` messages, and flush when that is due."""
         if self._known:
             known, self._known = self._known, {}
             self._writer.describe(known)
@@ -281,7 +284,7 @@ class Recorder:
             self._due = time.monotonic() + FLUSH_PERIOD
 
     def _stop(self, error: Exception) -> None:
-        """End the recording; what is stored stays as it is, for every reader of this package and for `recover`."""
+        """End the recording; stored messages stay as they are, for the readers of this package and for `recover`."""
         self._accepting = False
         self._over = True
         reason = " ".join((getattr(error, "strerror", None) or str(error) or type(error).__name__).split())
@@ -301,10 +304,10 @@ class Recorder:
 class BagWriter:
     """Writes a bag folder: one MCAP file, or several that follow each other in time.
 
-    It holds the folder's lock, so that nobody takes it for abandoned. `folder` must not exist, its parents may be
-    missing. `custom` is the bag's custom data, from its beginning on; `added` counts the messages that the writer
-    itself has put at the beginning of files, `stored` those that the operating system has, or had before files were
-    deleted to make room. After an OSError the bag ends with its last flush, for `recover` to seal.
+    It holds the folder's lock, so that the bag does not count as abandoned. `folder` must not exist, its parents may be
+    missing. `custom` is the bag's custom data, from its beginning on; `added` counts the latched messages at the
+    beginning of files, `stored` the messages handed to the operating system, even if their file was deleted later to
+    make room. After an OSError the bag ends with its last flush, and `recover` can seal it.
     FileExistsError when the folder exists; OSError when it cannot be made or written, and then nothing is left behind.
     """
 
@@ -322,9 +325,9 @@ class BagWriter:
         self._latched: tuple[tuple[str, bytes], ...] = ()
         self._finished: deque[tuple[FileInformation, int]] = deque()  # sealed files, and their bytes
         self._number = 0
-        self._sink: _Sink  # of the file that is written, or was written last
+        self._sink: _Sink  # the file that is written, or was written last
         self._is_open = False
-        self._flushed = 0  # messages of that file that the operating system has
+        self._flushed = 0  # messages of that file handed to the operating system
         self._discarded_files = self._discarded_messages = 0
         folder.mkdir(parents=True)
         self._lock = lock(folder)
@@ -336,14 +339,14 @@ class BagWriter:
             raise
 
     def latch(self, latched: Sequence[tuple[str, bytes]]) -> None:
-        """Let each file begin with these, topic and message, under its first message's stamp; before that is written.
+        """Begin each file with these messages, pairs of topic and bytes, with the stamp of its first message.
 
-        So whoever has one file, or plays the bag from there on, has what was published once and for all.
+        So each file alone, or a bag played from there on, has the messages that are published only once.
         """
         self._latched = self._waiting = tuple(latched)
 
     def write(self, topic: str, stamp: int, data: bytes) -> None:
-        """Take a message (OSError when the disk fails); a new file begins only where time goes on."""
+        """Write a message (OSError when the disk fails); a new file begins only before a message with a later stamp."""
         if self._is_full or (self._longest and stamp - self._first >= self._longest):
             if 0 <= self._last < stamp:
                 self.flush()
@@ -355,7 +358,7 @@ class BagWriter:
             for name, message in waiting:
                 self._add(name, stamp, message)
         self._add(topic, stamp, data)
-        if self._sink.pending:  # a chunk is full, so many messages came since the last flush
+        if self._sink.pending:  # the Writer has finished a full chunk by itself
             self.flush()
 
     def flush(self) -> None:
@@ -379,7 +382,7 @@ class BagWriter:
         self._make_room()
 
     def describe(self, custom: Mapping[str, str]) -> None:
-        """Add to the bag's custom data, with the next flush also for a reader of a bag that was killed."""
+        """Add to the bag's custom data; after the next flush they survive a killed process."""
         self._custom |= custom
         self._file.add_metadata(METADATA_NAME, self._description(self._file_information()))
 
@@ -407,7 +410,7 @@ class BagWriter:
 
     def _begin_file(self) -> None:
         path = self.folder / f"{self.folder.name}_{self._number}{SUFFIX}"
-        # The text comes first, because it takes long: a process that is killed meanwhile leaves no empty file.
+        # The description takes long, so it is made first: a process killed meanwhile leaves no empty file.
         about = self._description(FileInformation(path.name, 0, 0))
         self._sink = _Sink(path)
         chunk = min(CHUNK_SIZE, self._storage.file_size // 8 or CHUNK_SIZE)
@@ -417,7 +420,7 @@ class BagWriter:
             self._file.register_schema(schema.name, schema.encoding, schema.data)
         for one in self._channels:
             self._file.register_channel(one.topic, one.message_encoding, one.schema_id, one.metadata)
-        # The Writer puts topics into the first chunk. Here they are on the disk before there is one, and if it is lost.
+        # The Writer puts topics into the first chunk. Here they are written before it, in case it is damaged.
         self._sink.write(packed(*self._schemas, *self._channels))
         self._file.add_metadata(METADATA_NAME, about)
         try:
@@ -444,7 +447,7 @@ class BagWriter:
             self._last = stamp
 
     def _finish_file(self) -> None:
-        """Seal the file (OSError, and then it ends with what was flushed before)."""
+        """Seal the file; after an OSError it ends with its last flush."""
         information = self._file_information()
         self._file.add_metadata(METADATA_NAME, self._description(information))
         self._file.finish()
@@ -454,7 +457,7 @@ class BagWriter:
         self._is_open = False
 
     def _make_room(self) -> None:
-        """Delete the oldest files before a limited bag would exceed its limit."""
+        """Delete the oldest files before a bag of limited size would exceed its limit."""
         room = self._storage.max_bytes - self._storage.file_size // 10 - _METADATA_SIZE - self._sink.size
         while self._storage.max_bytes and self._finished and sum(size for _, size in self._finished) > room:
             file, _ = self._finished.popleft()
@@ -468,14 +471,14 @@ class BagWriter:
                                dict(self._counts))
 
     def _description(self, file: FileInformation) -> dict[str, str]:
-        """What a file says of the bag, as if it were the only one."""
+        """Return the bag's metadata for a record in the file, as if it were the only file."""
         return {METADATA_KEY: as_text(bag_information([file], self._topics, self._custom))}
 
 
 class _Sink:
-    """A new file that takes what was written since the last `flush` as a whole, or not at all.
+    """A new file; each `flush` writes all that was written since the previous one, or nothing.
 
-    `size` are the bytes on the disk, `pending` those that wait for the next flush.
+    `size` is the number of bytes on the disk, `pending` that of bytes that wait for the next flush.
     """
 
     def __init__(self, path: Path):
@@ -485,17 +488,17 @@ class _Sink:
         self._file = path.open("xb", buffering=0)
 
     def write(self, data: bytes) -> int:
-        """Take some bytes."""
+        """Keep bytes for the next flush."""
         self._parts.append(data)
         self.pending += len(data)
         return len(data)
 
     def tell(self) -> int:
-        """Bytes that were taken."""
+        """Return the number of bytes written so far, pending ones included."""
         return self.size + self.pending
 
     def flush(self) -> None:
-        """Hand the bytes on to the operating system (OSError when it cannot take them, or the file is gone)."""
+        """Hand the pending bytes to the operating system (OSError when that fails, or the file is gone)."""
         rest = memoryview(b"".join(self._parts))
         whole = self.size + len(rest)
         self._parts.clear()
@@ -507,13 +510,13 @@ class _Sink:
             os.ftruncate(self._file.fileno(), self.size)
             self._file.seek(self.size)
             raise
-        if not self.is_in_place:  # what is written to such a file is nowhere
+        if not self.is_in_place:  # bytes written to such a file are lost
             raise OSError(0, f"{self.path.name} was removed, or replaced by another file", str(self.path))
         self.size = whole
 
     @property
     def is_in_place(self) -> bool:
-        """Whether the path still leads to this file."""
+        """Whether the path still names this file."""
         try:
             return os.path.samestat(os.fstat(self._file.fileno()), os.stat(self.path, follow_symlinks=False))
         except OSError:

@@ -1,4 +1,4 @@
-"""A bag's messages one after the other, as bytes, whatever its size, and whatever is damaged in it."""
+"""A bag's messages one after the other, as bytes; works for bags of any size, and for damaged ones."""
 
 import errno
 import heapq
@@ -18,21 +18,21 @@ from vibro_ros.messages.topics import ROBOT_TOPICS, TOPICS
 from vibro_ros.process.files import one_line
 
 QOS_DEPTH = 10
-"""Of a topic of which the bag does not say it."""
+"""History depth of a topic if the bag does not state it."""
 
 MOST_FLAWS = 20
-"""Sentences on what cannot be read that people are shown."""
+"""Most sentences on what cannot be read that are shown."""
 
 MOST_HELD = 100_000
-"""Messages of a file that wait to be put in the order of time, where they lie out of it."""
+"""Most messages that are held to sort a file that is not in time order."""
 MOST_HELD_BYTES = 64 * 2**20
-"""Bytes of them."""
+"""Most bytes of such messages."""
 
 _TYPES = {name: topic.type for name, topic in TOPICS.items()}
 
 
 class BagError(Exception):
-    """A recording cannot be read; the message is one line for the user."""
+    """The recording cannot be read; the message is one line for the user."""
 
     def __init__(self, message: str):
         super().__init__(one_line(message))
@@ -40,7 +40,7 @@ class BagError(Exception):
 
 @contextmanager
 def bag_errors(bag: Path) -> Iterator[None]:
-    """A context in which whatever goes wrong with a bag is a ValueError of one line, as executables end with."""
+    """Context that turns every error with a bag into a ValueError of one line, as executables expect."""
     try:
         yield
     except BagError as error:
@@ -53,7 +53,7 @@ def bag_errors(bag: Path) -> Iterator[None]:
 
 
 def check_is_bag(folder: Path) -> None:
-    """Return when a folder holds files of a bag, or says that it should (BagError; OSError when it cannot be read)."""
+    """Raise a BagError unless a folder has MCAP files or a metadata.yaml (OSError when it cannot be read)."""
     reason = ""
     if not folder.exists():
         reason = "no such folder"
@@ -69,7 +69,7 @@ def check_is_bag(folder: Path) -> None:
 
 @dataclass(frozen=True)
 class RecordedTopic:
-    """What a recording holds of one topic.
+    """One topic of a recording.
 
     Attributes
     ----------
@@ -92,15 +92,14 @@ class RecordedTopic:
 class BagStream:
     """A bag folder, of this recorder or of ``ros2 bag record``, opened for reading; a context manager.
 
-    Every file is looked through once before its messages are read, so that the topics and counts are those of the
-    messages. What cannot be read is left out and named; nothing is ever written into the folder, and no link in it
+    Every file is scanned once before its messages are read, so that topics and counts are those of the messages
+    themselves. What cannot be read is left out and named; nothing is ever written into the folder, and no link in it is
     followed.
 
     `start` and `end` are the least and the greatest recorded stamp [ns] of a message, 0 in an empty bag; `metadata` is
-    the bag's custom data. In `unreadable` those who read the messages count the ones that are not of their topic's
-    type. A bag that is not sealed, because its recorder was killed or still runs, is read as far as it was written.
-    BagError when the folder is missing or no bag, or when nothing in it can be read; the message names path, reason and
-    remedy.
+    the bag's custom data. Readers of the messages count in `unreadable` those that are not of their topic's type. A bag
+    that is not sealed, because its recorder was killed or still runs, is read as far as it was written. BagError when
+    the folder is missing or no bag, or when nothing in it can be read; the message names path, reason and remedy.
     """
 
     def __init__(self, path: str | Path):
@@ -128,15 +127,15 @@ class BagStream:
 
     @property
     def flaws(self) -> list[str]:
-        """What of the bag is not read, one line each: what is damaged, and what was counted as unreadable so far."""
+        """Sentences on the parts of the bag that are not read: damage, and the unreadable messages so far."""
         found = [*self._flaws, *(flaw for file in self._files for flaw in file.flaws)]
         return [one_line(flaw) for flaw in (*found, *self.unreadable.lines())]
 
     def messages(self, topics: frozenset[str] | None = None) -> Iterator[Message]:
-        """Topic, recorded stamp [ns] and bytes of each message of `topics`, None for all, in the order of recording.
+        """Yield topic, recorded stamp [ns] and bytes of each message of `topics`, None for all, in time order.
 
-        Messages of a file that lie out of the order of time are put in it as far as they lie within `MOST_HELD` of
-        their place. BagError when the disk fails.
+        A file that is not in time order is sorted, as far as no message is more than `MOST_HELD` out of place. BagError
+        when the disk fails.
         """
         chosen = frozenset(self.topics) if topics is None else topics & self.topics.keys()
         try:
@@ -166,11 +165,11 @@ class BagStream:
 
 
 class BagContents:
-    """What lies in a bag folder: its metadata.yaml and its files in the order of time, each looked through.
+    """Contents of a bag folder: its metadata.yaml and its files in time order, each scanned.
 
-    `all_files` reads files as well that metadata.yaml does not name. `information` is what it says, empty when it
-    cannot be read, `custom` the bag's custom data; `flaws` are sentences on metadata.yaml and on files that cannot be
-    read at all. OSError when the folder or a file in it cannot be opened for a reason that lies with the machine.
+    With `all_files`, files that metadata.yaml does not name are read, too. `information` is the content of
+    metadata.yaml, empty when it cannot be read, `custom` the bag's custom data; `flaws` are sentences on metadata.yaml
+    and on files that cannot be read at all. OSError when the folder cannot be read, or too many files are open.
     """
 
     def __init__(self, folder: Path, all_files: bool = False):
@@ -199,7 +198,7 @@ class BagContents:
             key: value for file in self.files for key, value in file.custom.items()}
 
     def _named(self, paths: list[Path]) -> list[Path]:
-        """Those of the folder's files that metadata.yaml names; all of them when it names none of them."""
+        """Return the folder's files that metadata.yaml names; all files if it names none of them."""
         if str(self.information.get("compression_mode", "")).lower() == "message":
             self.flaws.append(f"{FILE_NAME}: each message is compressed; `ros2 bag convert` unfolds them")
             return []
@@ -218,36 +217,38 @@ class BagContents:
 
 
 class Unreadable:
-    """Counts unreadable messages, and keeps the first of each topic."""
+    """Counts unreadable messages, and keeps the description of the first of each topic."""
 
     def __init__(self) -> None:
         self._counts: Counter[str] = Counter()
         self._firsts: dict[str, str] = {}
 
     def add(self, topic: str, index: int, stamp: int, reason: object) -> None:
-        """Count one: its topic, number on that topic in the bag from 0, recorded stamp [ns], and what is wrong."""
+        """Count a message; `index` is its number on the topic in the bag, from 0, `stamp` its recorded stamp [ns]."""
         self._counts[topic] += 1
         self._firsts.setdefault(topic, f"the first is number {index} at {stamp} ns: {reason}")
 
     def lines(self) -> list[str]:
-        """A sentence for each topic."""
+        """Return a sentence for each topic with unreadable messages."""
         return [f"{topic}: {count} unreadable message{'s' if count > 1 else ''}, {self._firsts[topic]}"
                 for topic, count in self._counts.items()]
 
 
 def not_read(flaws: Sequence[str]) -> list[str]:
-    """The first `MOST_FLAWS` sentences on what cannot be read, as lines for people, and how many more there are."""
+    """Return lines for people: the first `MOST_FLAWS` of the flaws, and how many more there are."""
     more = [f"not read: {len(flaws) - MOST_FLAWS} more"] if len(flaws) > MOST_FLAWS else []
     return [*(f"not read: {one_line(flaw)}" for flaw in flaws[:MOST_FLAWS]), *more]
 
 
 def robot_topics(stream: BagStream) -> dict[str, str]:
-    """Full names of the robot's topics, by its own names for them: from the bag's custom data, else by last parts.
+    """Return the full names of the robot's topics in a bag, by their keys in `TOPICS`.
+
+    They are taken from the bag's custom data, or else found by the last part of the name and the type.
 
     Raises
     ------
     BagError
-        When a topic in the custom data has another type, and when two robots are in a bag without custom data.
+        When a topic in the custom data has another type, or when a bag without custom data has two robots.
     """
     try:
         recorded_names = json.loads(stream.metadata.get("topics", "{}"))
@@ -270,7 +271,7 @@ def robot_topics(stream: BagStream) -> dict[str, str]:
 
 
 def _in_time(messages: Iterator[Message]) -> Iterator[Message]:
-    """The messages in the order of their stamps, equal ones as they came, as far as they can be held."""
+    """Yield messages sorted by stamp, as far as the limits of held messages allow; equal stamps keep their order."""
     held: list[tuple[int, int, Message]] = []
     numbers, size = count(), 0
     for message in messages:
