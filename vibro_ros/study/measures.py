@@ -1,4 +1,4 @@
-"""What a study measures of a scene and a start: every measure once, with its unit and its meaning."""
+"""Measures of a run of a scene from a start: each one defined once, with its unit and its meaning."""
 
 import difflib
 import math
@@ -19,27 +19,27 @@ from vibro_ros.orbits.turn_map import TURN, TurnMap, share_of_turn
 from vibro_ros.simulation.samples import LATEST, Samples
 from vibro_ros.simulation.simulator import Simulator
 
-#: Most turns [-] of one window; doubles count them exactly, and a run of so many takes hours.
+#: Largest number of turns [-] of one window; doubles count them exactly, and such a run takes hours.
 MOST_TURNS = 1e9
-# Part of a turn that rounding may take from a duration that was meant to be whole turns.
+# Part of a turn by which rounding may shorten a duration of whole turns.
 _ROUNDING = 1e-9
-_DRIFT = 0.01  # part of a mean speed, within which nobody minds that it drifts
+_DRIFT = 0.01  # drift that is ignored, as a part of the mean speed
 
 
 @dataclass(frozen=True)
 class Window:
-    """A measuring time.
+    """Time interval of a measurement, which is a whole number of turns if possible.
 
     Attributes
     ----------
     begin : float
         Its first instant [s].
     turn : float
-        Time of a turn [s]: at the scene's motor speed, or the mean of a dc motor's; infinite if the motor stands.
+        Duration of a turn [s]: at the scene's motor speed, or for a dc motor the mean; infinite if the motor stands.
     turns : int
         Whole turns of the window; 0 if the motor stands or turns less than once.
     duration : float
-        Its length [s]: of the turns, or, without one, as given.
+        Its length [s]: that of the turns, or the given duration if there is no whole turn.
     ends : tuple of float
         Instants [s] at which the turns of a dc motor end.
     """
@@ -57,9 +57,9 @@ class Window:
 
 
 def window(scene: Scene, settling: float, duration: float) -> Window:
-    """The largest whole number of turns within `duration` [s], after `settling` [s].
+    """Return the window of the most whole turns within `duration` [s], after `settling` [s].
 
-    The speed of the body swings within a turn, so that a part of a turn would give a mean of another kind.
+    The body's speed oscillates within a turn, so a mean over an incomplete turn would be biased.
     """
     turn = TURN / abs(scene["motor.speed"]) if scene["motor.speed"] else math.inf
     turns = math.floor(min(duration / turn + _ROUNDING, MOST_TURNS))
@@ -67,8 +67,8 @@ def window(scene: Scene, settling: float, duration: float) -> Window:
 
 
 def _window_of_dc_motor(device: Simulator, duration: float) -> Window:
-    """The turns that a dc motor's crank makes, forwards, within `duration` [s] from now; the device is left at the
-    last."""
+    """Advance a device over the forward turns of its dc motor's crank within `duration` [s], and return their window.
+    """
     begin, turn, ends = device.time, device.state.crank_angle / TURN, list[float]()
     whole = math.floor(turn)
     while device.advance_to_angle(whole + len(ends) + 1, (turn - whole) * TURN, begin + duration):
@@ -79,19 +79,19 @@ def _window_of_dc_motor(device: Simulator, duration: float) -> Window:
 
 
 def checked_times(settling: float, duration: float, drawn_start: bool) -> None:
-    """Refuse times of a measurement that make no sense.
+    """Check the times of a measurement.
 
     Parameters
     ----------
     settling, duration : float
-        Time that does not count [s], and time that does [s].
+        Settling time [s], which is not measured, and measuring time [s].
     drawn_start : bool
-        Whether the start is a drawn one, which takes `STARTING` seconds.
+        Whether the start is random, which takes `STARTING` seconds.
 
     Raises
     ------
     ValueError
-        Naming the value, the limit and the remedy.
+        For a time out of range, with the value, the limit and the remedy.
     """
     least = STARTING if drawn_start else 0.0
     if not least <= settling <= LATEST:
@@ -109,22 +109,23 @@ _TELLS_NOT = ("loaded", "landing")
 
 def standing_and_airborne(device: Simulator, checkpoint: np.ndarray | None, before: Samples[float], events: np.ndarray,
                           end: float) -> tuple[float, float]:
-    """Times [s] that the body stood still on the ground, NaN without a checkpoint, and was in the air.
+    """Times [s] during which the body stood still on the ground (NaN without a checkpoint), and was in the air.
 
     Parameters
     ----------
     device : Simulator
-        The device; it is left at some instant of the measuring time where an event does not say which state begins.
+        The device. It is left at some instant of the measuring time if an event does not determine whether the body
+        sticks or slips after it, because the speed is then sampled.
     checkpoint : ndarray, shape (n,), or None
-        Of the device at the first instant.
+        Checkpoint of the device at the first instant.
     before : Samples of float
-        The device at the first instant, SI units.
+        Quantities at the first instant, SI units.
     events : structured ndarray, shape (n,)
-        What `Simulator.take_events` gave between the first instant and `end` [s].
+        Events from `Simulator.take_events` between the first instant and `end` [s].
     """
     events = events[np.isin(events["kind"], (*_STANDS, *_MOVES, *_TELLS_NOT))]
     events = events[np.argsort(events["time"], kind="stable")]
-    # An event that may have led to the state of the body at the first instant.
+    # Begin with an artificial event that gives the body's state, in the air or on the ground, at the first instant.
     in_air = events["kind"][0] == "landing" if len(events) else before.body_height > 0.0
     kinds = np.concatenate([["lift_off" if in_air else "loaded"], events["kind"]])
     times = np.concatenate([[before.time], events["time"], [end]])
@@ -141,22 +142,22 @@ def standing_and_airborne(device: Simulator, checkpoint: np.ndarray | None, befo
     return float(lengths[stands].sum()), airborne
 
 
-#: What can be asked for beside displacement, turns and blows.
+#: Kinds of data that `observe` gathers on request, beside displacement, turns and impacts.
 WORK, REST, LOAD, MOTION = "work", "rest", "load", "motion"
-#: Cuts that tell a motion, at least and at most, and crank angle [rad] at which they are: both sliders are far from the
-#: plates there.
+#: Least and largest number of cuts from which a motion is identified, and their crank angle [rad], at which both
+#: sliders are far from the plates.
 LEAST_CUTS, MOST_CUTS, PHASE = 4, LEAST_WATCHED, math.pi
-# Samples a turn of the motor's power, and of N; and turns whose samples are in memory at a time.
+# Samples per turn of the motor's power, and of N; and turns whose samples are in memory at a time.
 _PER_TURN, _LOADS_PER_TURN, _TURNS_AT_ONCE = 256, 1024, 64
 
 
 class Loads(NamedTuple):
-    """How the ground carries the body.
+    """Statistics of the normal force N of the ground on the body.
 
     Attributes
     ----------
     mean : float
-        Mean N over the weight's part across the ground; dimensionless.
+        Mean N divided by the component of the weight normal to the ground; dimensionless.
     unloaded : float
         Share of the time in which N is not above 0; dimensionless.
     """
@@ -167,38 +168,38 @@ class Loads(NamedTuple):
 
 @dataclass(frozen=True)
 class Observation:
-    """What was seen during the measuring time.
+    """Data gathered during the measuring time.
 
     Attributes
     ----------
     scene : Scene
-        What was simulated.
+        Scene that was simulated.
     window : Window
         The measuring time.
     displacement : float
-        Of the body [m], forward positive.
+        Displacement of the body [m], forward positive.
     turns : float
-        Of the crank [-].
+        Turns of the crank [-].
     steady : bool
-        Whether the motor had its commanded speed from the first instant to the last, and turned; of a dc motor, whether
-        it turned once.
+        Whether the motor turned and had its commanded speed at the first and the last instant; for a dc motor, whether
+        it made at least one turn.
     events : structured ndarray, shape (n,)
-        Events that ended in the time, as `Simulator.take_events` gives them.
+        Events that ended in the measuring time, from `Simulator.take_events`.
     delivered, taken_back : float
-        Work of the motor while its power was positive, and while it was negative, both >= 0 [J]; NaN unless asked.
+        Work of the motor while its power was positive, and while it was negative, both >= 0 [J]; NaN unless requested.
     supplied, heated : float
-        What the supply of a dc motor gave, and what its winding turned into heat [J]; NaN unless asked.
+        Energy from the supply of a dc motor, and heat of its winding [J]; NaN unless requested.
     standing : float
-        Time [s] that the body stood still on the ground; NaN unless asked.
+        Time [s] during which the body stood still on the ground; NaN unless requested.
     airborne : float
-        Time [s] that the body was in the air.
+        Time [s] during which the body was in the air.
     loads : Loads
-        Of the ground; NaN unless asked.
+        Statistics of the normal force; NaN unless requested.
     cuts : ndarray, shape (m, coordinates), or None
-        States at the last cuts of the time, at most `MOST_CUTS`, in units of the machine as `TurnMap` has them; None
-        unless asked, and for a motor that is not steady or turns less than twice.
+        States at the last cuts of the measuring time, at most `MOST_CUTS`, in units of the machine, with the
+        coordinates of `TurnMap`; None unless requested, and for a motor that is not steady or turns less than twice.
     drift : float
-        Mean speed [m/s] in the second half of all turns less that in the first half; NaN where there are no cuts.
+        Mean speed [m/s] in the second half of all turns minus that in the first half; NaN without enough cuts.
     """
 
     scene: Scene
@@ -219,12 +220,12 @@ class Observation:
 
 
 def device_at_start(scene: Scene, start: int | None) -> Simulator:
-    """A device of `scene` at its own start (None), or after the drawn start of that number, as `drawn_start`."""
+    """Return a device of `scene` at the scene's own start (None), or after the random start of that number."""
     return Simulator(scene) if start is None else drawn_start(scene, start)
 
 
 def observe(scene: Scene, wanted: Collection[str], settling: float, duration: float, start: int | None) -> Observation:
-    """Run `scene` once and gather what is `wanted`, of `WORK`, `REST`, `LOAD`, `MOTION`; times [s] as in `window`.
+    """Run `scene` once and gather the `wanted` data: any of `WORK`, `REST`, `LOAD`, `MOTION`; times [s] as in `window`.
 
     Raises
     ------
@@ -244,9 +245,9 @@ def observe(scene: Scene, wanted: Collection[str], settling: float, duration: fl
 
 
 def observed(device: Simulator, wanted: Collection[str], measured: Window) -> Observation:
-    """Run a device on, which is at the first instant of a measuring time, and gather what is `wanted`, as `observe`.
+    """Advance a device from the first instant of a measuring time to its end, and gather the `wanted` data.
 
-    The work is that of `solver.accounts` where the device keeps them.
+    The work is taken from `solver.accounts` if the device keeps them, else from samples.
     """
     device.take_events()
     scene, before = device.scene, device.state
@@ -280,7 +281,7 @@ def observed(device: Simulator, wanted: Collection[str], measured: Window) -> Ob
 
 
 def _cuts(device: Simulator, measured: Window) -> tuple[np.ndarray | None, float]:
-    """Run a device on, which is at the first instant of a measuring time: `cuts` and `drift` of an `Observation`."""
+    """Advance a device from the first instant of a measuring time; returns `cuts` and `drift` of an `Observation`."""
     turn_map, angle = _turn_map(device.scene.name, tuple(device.scene.parameters.items())), device.state.crank_angle
     last = measured.turns - 2
     if last < 0 or not turn_map.names:
@@ -303,19 +304,20 @@ def _cuts(device: Simulator, measured: Window) -> tuple[np.ndarray | None, float
 
 @lru_cache(maxsize=1)
 def _turn_map(name: str, parameters: tuple[tuple[str, Value], ...]) -> TurnMap:
-    """The turn map of a scene, that of the last one again if it is the same."""
+    """Return the turn map of a scene; the last one is cached."""
     return TurnMap(Scene(name, dict(parameters)), PHASE)
 
 
 def _booked(device: Simulator) -> np.ndarray:
-    """Since t = 0 [J]: work of the motor delivered and taken back; from the supply and heat of a dc motor, or NaN."""
+    """Energies since t = 0 [J], shape (4,): motor work delivered and taken back; a dc motor's supply and heat, or NaN.
+    """
     accounts = device.statistics["energy_accounts"]
     return np.array([accounts["motor_delivered"], accounts["motor_taken_back"], accounts.get("supply", math.nan),
                      accounts.get("copper", math.nan)])
 
 
 def _sampled_work(device: Simulator, measured: Window) -> tuple[float, float]:
-    """Work delivered and taken back [J] by samples, for the methods of fixed step, which keep no energy accounts."""
+    """Work delivered and taken back [J], from samples, for the methods of fixed step, which keep no energy accounts."""
     count, length = max(measured.turns, 1), measured.turn if measured.turns else measured.duration
     delivered = taken_back = 0.0
     for begin in range(0, count, _TURNS_AT_ONCE):
@@ -327,11 +329,11 @@ def _sampled_work(device: Simulator, measured: Window) -> tuple[float, float]:
 
 
 def loads_of(device: Simulator, measured: Window) -> Loads:
-    """Run a device on, which is at the first instant of a measuring time, and gather N.
+    """Advance a device from the first instant of a measuring time to its end, and return the statistics of N.
 
-    By `hop` the shocks of landings, and by `printed` the pulls of the ground, are too short to be sampled. There the
-    mean follows from the vertical momentum of body and masses, whose change is the impulse of N less that of the
-    weight. `unilateral` and the misprint break this balance, and `weight` leaves it out: their N is sampled.
+    With the rule `hop` the shocks of landings, and with `printed` the pulls of the ground, are too short to be sampled.
+    There the mean follows from the vertical momentum of body and masses, whose change is the impulse of N minus that of
+    the weight. `unilateral` and the misprint violate this balance, and `weight` does not use it: their N is sampled.
     """
     scene = device.scene
     weight = scene.total_mass * scene.gravity[1]
@@ -352,24 +354,25 @@ def loads_of(device: Simulator, measured: Window) -> Loads:
 
 
 def _upward_momentum(scene: Scene, state: Samples[float]) -> float:
-    """Momentum of body and masses across the ground [kg m/s], without the linkage's, which a turn restores."""
+    """Momentum of body and masses normal to the ground [kg m/s], without the linkage's, which is the same every turn.
+    """
     return scene.total_mass * state.body_vertical_velocity + sum(
         scene[f"mass.{side}"] * scene.direction(side)[1] * getattr(state, f"{side}_velocity") for side in scene.guides)
 
 
 class Measure(NamedTuple):
-    """One measure.
+    """Definition of a measure.
 
     Attributes
     ----------
     unit : str
         SI unit; 1 for pure numbers.
     meaning : str
-        One line for users.
+        Definition in one line, for users.
     needs : tuple of str
-        What `observe` must gather for it.
+        Data that `observe` must gather for it.
     value : callable
-        Its value from an `Observation`.
+        Returns its value from an `Observation`.
     """
 
     unit: str
@@ -398,7 +401,7 @@ def _current_share(seen: Observation) -> float:
 
 
 def _ratio(over: float, under: float) -> float:
-    """`over` / `under`; NaN where the latter is not positive, or so small that the ratio is not finite."""
+    """Return `over` / `under`; NaN if `under` is not positive, or so small that the ratio is not finite."""
     ratio = over / under if under > 0.0 else math.nan
     return ratio if math.isfinite(ratio) else math.nan
 
@@ -422,7 +425,7 @@ def _peak_force(side: str) -> Callable[[Observation], float]:
 
 
 def _period(seen: Observation) -> float:
-    """Turns after which the motion repeats itself."""
+    """Turns after which the motion repeats itself; 0 for no period, NaN if unknown."""
     if seen.cuts is None or not seen.steady or len(seen.cuts) < LEAST_CUTS:
         return math.nan
     return float(period_in(seen.cuts, seen.scene))
@@ -430,7 +433,7 @@ def _period(seen: Observation) -> float:
 
 _NO_WINDING = "NaN for another motor, and by a method of fixed step"
 _NO_POWER = "NaN if that power is not above 0"
-#: The exponent and half its 95 % interval, which is measured with it and never left out.
+#: Names of the exponent and of half its 95 % interval, which is always measured with it.
 LYAPUNOV = EXPONENT, SPREAD = "lyapunov_exponent", "lyapunov_spread"
 
 MEASURES: dict[str, Measure] = {
@@ -481,12 +484,12 @@ MEASURES: dict[str, Measure] = {
 
 
 def checked_names(names: Sequence[str]) -> tuple[str, ...]:
-    """`names` of measures without repetition; an exponent has its interval behind it.
+    """Return the names of measures without repetition; the exponent is followed by its interval.
 
     Raises
     ------
     ValueError
-        For no name, and for a name that `MEASURES` lacks; the message suggests the nearest one.
+        For no name, or a name that is not in `MEASURES`; the message suggests the nearest one.
     """
     for name in names:
         if name not in MEASURES:
@@ -506,15 +509,15 @@ def measure(scene: Scene, names: Collection[str], settling: float, duration: flo
     Parameters
     ----------
     scene : Scene
-        What is simulated, by its own method.
+        Scene that is simulated, with its own solver method.
     names : collection of str
-        Of `MEASURES`.
+        Names in `MEASURES`.
     settling : float
-        Time that does not count [s].
+        Time before the measurement [s].
     duration : float
-        Time that counts after that [s]: its whole turns of the crank (see `window`).
+        Time of the measurement [s], of which the whole turns of the crank are used (see `window`).
     start : int, optional
-        Number of a drawn start (`vibro_ros.orbits.starts`), which scenes share; without it the scene's own.
+        Number of a random start (`vibro_ros.orbits.starts`), equal for all scenes; by default the scene's own start.
 
     Returns
     -------
@@ -524,7 +527,7 @@ def measure(scene: Scene, names: Collection[str], settling: float, duration: flo
     Raises
     ------
     ValueError
-        For unknown names, and times that make no sense.
+        For unknown names, or times out of range.
     SimulationError
         If a run cannot go on.
     """
@@ -532,16 +535,16 @@ def measure(scene: Scene, names: Collection[str], settling: float, duration: flo
 
 
 class Measured(NamedTuple):
-    """What one start gives.
+    """Results of one start.
 
     Attributes
     ----------
     values : dict of str to float
-        The measures by name, as `measure` has them.
+        The measures by name, as returned by `measure`.
     motion : SettledMotion or None
-        What the start has settled to by the end of the time; None if it has not.
+        Motion that the start has settled to by the end of the measuring time; None if it has not settled.
     drift : float
-        Mean speed [m/s] in the second half of all turns less that in the first half; NaN of less than four turns.
+        Mean speed [m/s] in the second half of all turns minus that in the first half; NaN for less than four turns.
     """
 
     values: dict[str, float]
@@ -551,17 +554,17 @@ class Measured(NamedTuple):
 
 def measure_with_motion(scene: Scene, names: Collection[str], settling: float, duration: float,
                         start: int | None) -> Measured:
-    """As `measure`, with the motion that the start has settled to, and how its speed drifts."""
+    """As `measure`, and also return the motion that the start has settled to, and the drift of its speed."""
     values, seen = _measured(scene, checked_names(tuple(names)), settling, duration, start, frozenset({MOTION}))
     motion = None if seen.cuts is None or not seen.steady else motion_of(seen.cuts, _speed(seen), scene)
     return Measured(values, motion, seen.drift)
 
 
 def drift_in(drifts: np.ndarray, speed: float) -> float:
-    """How much faster [m/s] the second half of the time was, the mean over the starts of one attractor.
+    """Mean drift [m/s] of the starts of one attractor, or 0 if it is not significant.
 
-    It is 0 unless it is larger than twice Student's 95 % interval, which chance exceeds in one of some hundred means of
-    8 starts, and than a hundredth of `speed` [m/s]. Starts of one periodic motion are not asked.
+    It is significant if it is larger than twice the half width of Student's 95 % interval, which chance exceeds in one
+    of some hundred means of 8 starts, and larger than a hundredth of `speed` [m/s]. Periodic motions do not use it.
     """
     known = drifts[~np.isnan(drifts)]
     mean = float(known.mean()) if len(known) > 1 else 0.0

@@ -1,9 +1,9 @@
-"""``study optimise``: search for the best robot, verify it, and write what was found.
+"""``study optimise``: search for the best robot, verify it, and write the results.
 
-A search proposes groups of robots by CMA-ES (`proposals`); group n is block n of a `table.Study`. A search that goes on
-proposes the same robots again, because every draw is seeded and scores are the same to the last bit, and reads their
-values. Robots are scored by the poorer quarter of their starts; fresh starts choose among the best, and a third set of
-starts verifies the optimum, a row for each of its attractors under each reading of the forces.
+A search proposes groups of robots by CMA-ES (`proposals`); group n is block n of a `table.Study`. A search that is
+resumed proposes the same robots again, because every draw is seeded and scores are equal to the last bit, and reads
+their values. A robot's score is a quartile over its starts. A second set of starts selects among the best robots, and a
+third set verifies the optimum, with a row for each of its attractors under each reading of the forces.
 """
 
 import argparse
@@ -55,22 +55,22 @@ from vibro_ros.study.trials import (
 )
 from vibro_ros.study.variation import Range, at_the_edge, varied_in_words
 
-#: The objective of two numbers, beside those of `OBJECTIVES`.
+#: The objective with two numbers, speed and cost; `OBJECTIVES` have one.
 FRONT = "front"
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is simulated.
+    """Amount of simulation.
 
     Attributes
     ----------
     budget : int
-        Candidates of the search.
+        Number of candidates of the search.
     trials : Trials
         The runs of a candidate.
     finalists : int
-        Candidates among which fresh starts choose.
+        Number of best candidates among which other starts select.
     choosing, verifying : Trials
         The runs of a finalist, and of the optimum.
     """
@@ -85,29 +85,29 @@ class Effort:
 QUICK = Effort(budget=120, trials=Trials(starts=3, settling=1.5, duration=2.0), finalists=3,
                choosing=Trials(starts=4, settling=2.0, duration=4.0),
                verifying=Trials(starts=6, settling=2.0, duration=6.0))
-"""For a look at everything within a minute or two; the optimum is not found."""
+"""A demonstration of all steps within a minute or two; it does not find the optimum."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What is searched for.
+    """Design of a search.
 
     Attributes
     ----------
     space : Space
-        The robots.
+        Search space of robots.
     objective : str
-        Of `OBJECTIVES`, or `FRONT`.
+        Name in `OBJECTIVES`, or `FRONT`.
     reading : Reading
-        How speed and power are read.
+        Definition of speed and power.
     least_speed : float
-        Speed [m/s] below which a robot does not count.
+        Least speed [m/s] of an accepted robot.
     most_air : float
-        Share of the time in the air above which a robot does not count; dimensionless.
+        Largest share of the time in the air of an accepted robot; dimensionless.
     effort : Effort
-        How much is simulated.
+        Amount of simulation.
     seed : int
-        Of the search.
+        Seed of the search.
     """
 
     space: Space
@@ -126,21 +126,21 @@ class Plan:
 
     @property
     def unit(self) -> str:
-        """Of `score`."""
+        """Unit of `score`."""
         return OBJECTIVES[self.scored].unit
 
     @property
     def scored(self) -> str:
-        """The objective of one number that a robot is judged by; of a front, V/P."""
+        """Name of the objective with one number that gives the score; for a front, V/P."""
         return "speed_per_power" if self.objective == FRONT else self.objective
 
     @property
     def run_time(self) -> float:
-        """Robot time of a candidate [s]."""
+        """Simulated time of a candidate [s]."""
         return self.effort.trials.run_time
 
     def score(self, values: np.ndarray) -> float:
-        """Score of a robot from its values; a robot that is too slow, or flies too long, is judged by how much so."""
+        """Score of a robot from its values; if it is too slow, or in the air for too long, minus the excess."""
         quartile = speed(values, self.reading)
         missing = self._flies(values) + (max(self.least_speed - quartile, 0.0) if self.least_speed > 0.0 else 0.0)
         if missing > 0.0:
@@ -148,11 +148,11 @@ class Plan:
         return OBJECTIVES[self.scored].score(values, self.reading)
 
     def _flies(self, values: np.ndarray) -> float:
-        """Share of the time that a robot flies beyond what counts, from the start with most of it."""
+        """Excess of the share of the time in the air over `most_air`, from the start with the largest share."""
         return max(float(values[:, AIR].max()) - self.most_air, 0.0) if self.most_air < 1.0 else 0.0
 
     def speed_and_cost(self, point: np.ndarray, values: np.ndarray) -> tuple[float, float]:
-        """Speed [m/s] and cost of transport [-] of the robot at a point; infinite for one that does not count."""
+        """Speed [m/s] and cost of transport [-] of the robot at a point; infinite cost if it is not accepted."""
         if not np.isfinite(values).all():
             return FAILED, np.inf
         if excess := self._flies(values):
@@ -162,7 +162,7 @@ class Plan:
         return speed(values, self.reading), cost_of_transport(values, self.reading, weight)
 
     def identity(self) -> dict[str, object]:
-        """All that the candidates and their values depend on, in numbers and texts; the budget is not among it."""
+        """Everything that the candidates and their values depend on, as numbers and texts, without the budget."""
         return {"objective": self.objective, "reading": dict(self.reading._asdict()),
                 "least_speed": self.least_speed, "most_air": self.most_air, "seed": self.seed,
                 "trials": asdict(self.effort.trials),
@@ -171,16 +171,16 @@ class Plan:
                 "computed_with": computes_with()}
 
 
-#: Most groups of candidates of a search, a file each.
+#: Largest number of groups of candidates of a search, each of which is a file.
 MOST_GROUPS = 1_000_000
 FIELDS = [
     Field("point", NUMBERS, "1", "coordinates in the unit cube of the varied parameters"),
     Field("values", NUMBERS, "1", f"{', '.join(MEASURED)} of each start, one after the other, in SI units; NaN where a "
           "run cannot go on")]
-#: First standard deviation of CMA-ES in parts of the cube's edge.
+#: Initial standard deviation of CMA-ES, in units of the cube's edge.
 SIGMA = 0.3
-# A run of CMA-ES ends when its steps are shorter than this part of the edge, or the scores of a group differ by less
-# than this part of the first group's: the noise is larger.
+# A run of CMA-ES ends when its steps are shorter than this part of the edge, or when the scores of a group differ by
+# less than this part of the first group's, because the noise is larger.
 _FINE = 1e-3
 
 
@@ -190,9 +190,9 @@ class Candidates(NamedTuple):
     Attributes
     ----------
     points : ndarray, shape (n, dimension)
-        In the unit cube.
+        Points of the unit cube.
     values : ndarray, shape (n, starts, measures)
-        Columns as `plan.MEASURED`.
+        Values of each start, with the columns `trials.MEASURED`.
     """
 
     points: np.ndarray
@@ -200,10 +200,10 @@ class Candidates(NamedTuple):
 
 
 def proposals(dimension: int, seed: int) -> Generator[np.ndarray, np.ndarray, None]:
-    """Groups of points of the unit cube, shape (n, dimension), by CMA-ES; takes their scores, the larger the better.
+    """Generate groups of points of the unit cube, shape (n, dimension), by CMA-ES; send the scores to be maximised.
 
-    A run begins in the middle of the cube. When it has ended, the next begins at a drawn point with twice as many
-    points a group (A. Auger and N. Hansen, CEC 2005, 1769).
+    A run begins in the middle of the cube. When it has ended, the next begins at a random point with twice as many
+    points per group (A. Auger and N. Hansen, CEC 2005, 1769).
     """
     draw, begin, options = np.random.default_rng(seed), np.full(dimension, 0.5), {
         "bounds": [0.0, 1.0], "verbose": -9, "verb_log": 0, "tolx": _FINE, "tolfunrel": _FINE}
@@ -216,9 +216,9 @@ def proposals(dimension: int, seed: int) -> Generator[np.ndarray, np.ndarray, No
 
 
 def searched(plan: Plan, folder: Path, execution: Execution, progress: Progress) -> Candidates:
-    """Search until the budget is spent; the last group is not cut.
+    """Search until the budget is spent; the last group is complete.
 
-    The front takes one of `WEIGHTS` after the other, a group each, so that each gets a fifth of any budget.
+    For the front, groups use the `WEIGHTS` in turn, so that each weight gets a fifth of any budget.
 
     Raises
     ------
@@ -240,11 +240,11 @@ def searched(plan: Plan, folder: Path, execution: Execution, progress: Progress)
         count += len(own)
         progress.add(len(own))
         points[which] = searches[which].send(_scores(plan, weights[which], own, values))
-    raise AssertionError  # no group is the last
+    raise AssertionError  # not reached, because the loop has no end
 
 
 def evaluated(plan: Plan, group: int, points: np.ndarray, folder: Path, execution: Execution) -> np.ndarray:
-    """Values of a group of candidates, shape (n, starts, measures), read or computed and kept."""
+    """Values of a group of candidates, shape (n, starts, measures), read from its file, or computed and stored."""
     width = plan.effort.trials.starts * len(MEASURED)
 
     def are_own(_: Sequence[int], rows: list[dict]) -> bool:
@@ -269,15 +269,15 @@ def _scores(plan: Plan, weight: float | None, points: np.ndarray, values: np.nda
     return _weighted(plan, weight, points, values)
 
 
-#: Most robots of a front that are shown.
+#: Largest number of robots of a front.
 SHOWN = 24
-#: Weights of the logarithm of the speed against that of the cost.
+#: Weights of the logarithm of the speed; the logarithm of the cost has 1 minus the weight.
 WEIGHTS = (0.5, 0.0, 1.0, 0.25, 0.75)
 
 
 @dataclass(frozen=True)
 class FrontRobot:
-    """A robot of the front, from starts that the search has not seen.
+    """A robot of the front, evaluated from starts that the search has not used.
 
     Attributes
     ----------
@@ -286,7 +286,7 @@ class FrontRobot:
     cost : float
         Upper quartile of the costs of transport [-].
     power : float
-        Upper quartile of the powers that are read [W].
+        Upper quartile of the powers [W], as defined by the plan's reading.
     robot : Scene
         The robot.
     """
@@ -308,18 +308,18 @@ def _weighted(plan: Plan, weight: float, points: np.ndarray, values: np.ndarray)
 
 
 def front_of(plan: Plan, candidates: Candidates, execution: Execution, progress: Progress) -> list[FrontRobot]:
-    """The front of a search's candidates, the slowest first, verified from other starts.
+    """Return the front of a search's candidates, the slowest first, verified from other starts.
 
     Parameters
     ----------
     plan : Plan
-        Of the search.
+        Plan of the search.
     candidates : Candidates
-        All that it has evaluated.
+        All candidates that it has evaluated.
     execution : Execution
-        Who computes.
+        Workers that run the verification.
     progress : Progress
-        Counts every robot.
+        Counts the robots.
     """
     pairs = [plan.speed_and_cost(*one) for one in zip(candidates.points, candidates.values, strict=True)]
     points = candidates.points[_spread(non_dominated(np.array(pairs)), pairs)]
@@ -334,12 +334,12 @@ def front_of(plan: Plan, candidates: Candidates, execution: Execution, progress:
 
 
 def non_dominated(pairs: np.ndarray) -> list[int]:
-    """Numbers of the rows (speed, cost) that no other row beats in both, the slowest first.
+    """Indices of the rows (speed, cost) that no other row dominates, the slowest first.
 
     Parameters
     ----------
     pairs : ndarray, shape (n, 2)
-        Speeds that are not positive, and costs that are not finite, do not count.
+        Speeds and costs. Rows whose speed is not positive or whose cost is not finite are left out.
     """
     counted = [number for number, (own_speed, cost) in enumerate(pairs) if own_speed > 0.0 and np.isfinite(cost)]
     found, cheapest = [], np.inf
@@ -351,7 +351,7 @@ def non_dominated(pairs: np.ndarray) -> list[int]:
 
 
 def _spread(numbers: list[int], pairs: list[tuple[float, float]]) -> list[int]:
-    """At most `SHOWN` of `numbers`, spread evenly over the logarithm of their speeds."""
+    """Return at most `SHOWN` of the indices, spread evenly over the logarithm of their speeds."""
     if len(numbers) <= SHOWN:
         return numbers
     logs = np.log([pairs[number][0] for number in numbers])
@@ -361,25 +361,25 @@ def _spread(numbers: list[int], pairs: list[tuple[float, float]]) -> list[int]:
 
 @dataclass(frozen=True)
 class Result:
-    """What a study has found.
+    """Result of a search.
 
     Attributes
     ----------
     plan : Plan
-        What was asked for.
+        Design of the search.
     robots : int
         Number of candidates.
     optimum : mapping
-        Varied parameters of the best.
+        Values of the varied parameters of the best robot.
     robot : Scene
-        The best.
+        The best robot.
     on_bound : tuple of str
-        For each variable `low`, `high` or an empty text.
+        Bound on which each variable lies, `low` or `high`, else an empty text.
     verified : tuple of Verified
-        Attractors of the best under other readings of the forces, from fresh starts.
+        Attractors of the best robot under all readings of the forces, from other starts.
     front : tuple of FrontRobot
-        Robots of which none is both faster and cheaper than another, from fresh starts; empty where energy does not
-        balance.
+        Robots of which none is both faster and cheaper than another, from other starts; empty if the scene's energy
+        does not balance.
     """
 
     plan: Plan
@@ -392,21 +392,21 @@ class Result:
 
 
 def studied(plan: Plan, folder: Path, execution: Execution) -> tuple[Result, Candidates]:
-    """Search and verify; returns all candidates of the search as well.
+    """Search and verify; returns the result and all candidates of the search.
 
     Parameters
     ----------
     plan : Plan
-        What is asked for.
+        Design of the search.
     folder : Path
-        Of the files of the search, which goes on from them; it exists, and nobody else writes into it.
+        Folder of the search's files, from which it resumes; no other process may write into it.
     execution : Execution
-        Who computes.
+        Workers that run the trials.
 
     Raises
     ------
     ValueError
-        If the files are another search's, or no candidate moves.
+        If the files belong to another search, or no candidate moves.
     OSError, RuntimeError
         If files cannot be read, or written.
     """
@@ -426,7 +426,7 @@ def studied(plan: Plan, folder: Path, execution: Execution) -> tuple[Result, Can
 
 
 def _chosen(plan: Plan, candidates: Candidates, scores: np.ndarray, execution: Execution) -> np.ndarray:
-    """The point that is best from fresh starts, of those that were best in the search: luck does not repeat."""
+    """Return the point that is best from other starts among the best of the search, whose scores were partly luck."""
     scores = np.where(np.isfinite(candidates.values).all(axis=(1, 2)), scores, -np.inf)
     finalists = _apart(candidates.points, scores, plan.effort.finalists)
     trials = replace(plan.effort.choosing, first=CHOOSING)
@@ -445,7 +445,7 @@ def _chosen(plan: Plan, candidates: Candidates, scores: np.ndarray, execution: E
 
 
 def _apart(points: np.ndarray, scores: np.ndarray, count: int, distance: float = 0.05) -> list[np.ndarray]:
-    """The best points of which no two are nearer than `distance` in every coordinate."""
+    """Return the `count` best points such that any two differ by at least `distance` in some coordinate."""
     found: list[np.ndarray] = []
     for number in np.argsort(-scores, kind="stable"):
         if scores[number] == -np.inf:
@@ -458,7 +458,7 @@ def _apart(points: np.ndarray, scores: np.ndarray, count: int, distance: float =
 
 
 def result_file(result: Result) -> bytes:
-    """A result as JSON: what its tables and sentences are made of, without its plan."""
+    """Return a result as JSON: the data of its tables and sentences, without its plan."""
     front = [{"speed": one.speed, "cost": one.cost, "power": one.power,
               "parameters": {variable.name: one.robot[variable.name] for variable in result.plan.space.variables}}
              for one in result.front]
@@ -468,7 +468,7 @@ def result_file(result: Result) -> bytes:
 
 
 def _finite(value: Any) -> Any:
-    """`value` with None for numbers that are not finite, which JSON does not know."""
+    """Replace numbers that are not finite by None, because JSON does not have them."""
     if isinstance(value, dict):
         return {name: _finite(one) for name, one in value.items()}
     if isinstance(value, (list, tuple)):
@@ -477,14 +477,14 @@ def _finite(value: Any) -> Any:
 
 
 def scene_file(scene: Scene, comment: str) -> bytes:
-    """A scene file with every parameter of `scene`, which depends on no other scene; `comment` is its first line."""
+    """Return a scene file with the value of every parameter of `scene`; `comment` is its first line."""
     text = yaml.safe_dump({"/**": {"ros__parameters": {"scene": "paper", **scene.parameters}}}, sort_keys=False)
     return f"# {comment}\n{text}".encode()
 
 
 POWER = {"net": "the work of the motor less what the springs return to it, over time",
          "delivered": "the work that the motor delivers, over time; what the springs return to it is lost"}
-"""What P is, by the reading."""
+"""Definition of P for each reading of the power."""
 _DIRECTIONS = {"either": "in either direction", "forward": "forwards only", "backward": "backwards only"}
 _ENDS = {"low": "lower", "high": "upper", "": ""}
 
@@ -495,18 +495,18 @@ def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def _number(value: float) -> str:
-    """`value` to three digits; a dash for what is no number."""
+    """Format `value` with three digits; a dash if it is not finite."""
     if not math.isfinite(value):
         return "-"
     text = f"{value:.3g}"
     return f"{float(text):.0f}" if 1e3 <= abs(float(text)) < 1e6 else text
 
 
-_SAME = 1e-5  # relative: a smaller interval is that of starts which repeat one motion, and not shown
+_SAME = 1e-5  # relative: a smaller interval belongs to starts of one periodic motion, and is not shown
 
 
 def _with_spread(found: Mean, factor: float = 1.0) -> str:
-    """Mean ± half the 95 % interval, times `factor`; a dash for what is no number."""
+    """Format a mean ± half its 95 % interval, times `factor`; a dash if it is not finite."""
     if not math.isfinite(found.mean):
         return "-"
     spread = f" ± {factor * found.spread:.2g}" if found.spread > _SAME * abs(found.mean) else ""
@@ -522,7 +522,7 @@ def _motion(row: Verified) -> str:
 
 
 def document(result: Result) -> str:
-    """The summary of a search."""
+    """Return the summary of a search as Markdown."""
     parts = [f"# {title(result.plan)}", *_question_and_verdict(result), "## Parameters", *_parameters(result),
              "## Verification", *_verification(result)]
     if result.front:
@@ -531,13 +531,13 @@ def document(result: Result) -> str:
 
 
 def title(plan: Plan) -> str:
-    """Heading of the summary: the objective and the scene."""
+    """Heading of the summary, with the objective and the scene."""
     what = "the front of speed and cost of transport" if plan.objective == FRONT else OBJECTIVES[plan.objective].does
     return f"Optimum: {what}, scene {plan.space.scene.name}"
 
 
 def _question_and_verdict(result: Result) -> list[str]:
-    """How was searched; and the optimum against the paper's under the same reading, a sentence a quantity."""
+    """Paragraphs on the method of the search, and on the speed of the optimum's attractors."""
     plan, trials = result.plan, result.plan.effort.trials
     floor = f" A robot slower than {_number(plan.least_speed * 1e3)} mm/s does not count." if plan.least_speed else ""
     if plan.most_air < 1.0:
@@ -559,14 +559,14 @@ def _yield(row: Verified) -> str:
 
 
 def on_bounds(result: Result) -> str:
-    """Which parameters of the optimum lie on a bound, beyond which the score may still rise."""
+    """Sentence that names the parameters of the optimum that lie on a bound, beyond which the score may still rise."""
     ends = [f"{variable.name} ({_ENDS[end]})" for variable, end in zip(
         result.plan.space.variables, result.on_bound, strict=True) if end]
     return at_the_edge("the best score", ends) or "The optimum lies within the range of every parameter."
 
 
 def _parameters(result: Result) -> list[str]:
-    """What `on_bounds` says, and a table of all parameters."""
+    """The sentence of `on_bounds`, and a table of all parameters."""
     rows = []
     for variable, end in zip(result.plan.space.variables, result.on_bound, strict=True):
         parameter = BY_NAME[variable.name]
@@ -594,7 +594,7 @@ def _verification(result: Result) -> list[str]:
 
 
 def _front(front: Sequence[FrontRobot]) -> list[str]:
-    """From where to where a front reaches, and its robots."""
+    """Sentence on the extent of a front, and a table of its robots."""
     text = (f"The front reaches from {_number(1e3 * front[0].speed)} mm/s at a cost of transport of "
             f"{_number(front[0].cost)} to {_number(1e3 * front[-1].speed)} mm/s at {_number(front[-1].cost)}: of each "
             "robot the poorer quarter of its starts.")
@@ -607,7 +607,7 @@ def _front(front: Sequence[FrontRobot]) -> list[str]:
                   for one in front))]
 
 
-# Speed [m/s] below which a robot stands still for all that can be seen.
+# Speed [m/s] below which a robot is not drawn.
 _SLOWEST = 1e-4
 _COST = "cost of transport P / (M g V) [-]"
 _ALL, _BEST, _OTHER = SKY, BLACK, VERMILION
@@ -622,7 +622,7 @@ def _figure(width: float, height: float) -> tuple[Figure, Axes]:
 
 
 def draw_convergence(plan: Plan, candidates: Candidates, title: str) -> Figure:
-    """Score of every candidate in turn, and the best so far."""
+    """Draw the score of every candidate in turn, and the best so far."""
     figure, axes = _figure(8.0, 4.5)
     scores = np.array([plan.score(values) for values in candidates.values])
     scores, turns = np.where(scores > 0.0, scores, np.nan), np.arange(1, len(scores) + 1)
@@ -634,7 +634,7 @@ def draw_convergence(plan: Plan, candidates: Candidates, title: str) -> Figure:
 
 
 def draw_front(result: Result, candidates: Candidates, title: str) -> Figure:
-    """Cost of transport over speed: all candidates, the front from fresh starts, and the motions of the optimum."""
+    """Draw cost of transport over speed: all candidates, the front from other starts, the motions of the optimum."""
     figure, axes = _figure(8.0, 5.5)
     plan = result.plan
     every = np.array([plan.speed_and_cost(point, values)
@@ -663,12 +663,12 @@ def _results(plan: Plan, folder: Path, execution: Execution) -> Iterator[Results
 
 
 def plan_of(options: argparse.Namespace) -> Plan:
-    """What the command line asks for.
+    """Make the plan from the options.
 
     Raises
     ------
     ValueError
-        For an option that makes no sense.
+        For an option that is out of range or contradicts another.
     """
     for name in _MOST:
         value = getattr(options, name)
@@ -688,12 +688,12 @@ def plan_of(options: argparse.Namespace) -> Plan:
 
 
 def sought(scene: Scene) -> Scene:
-    """`scene` with its motor turning from the start, and without what costs time and changes nothing."""
+    """Return `scene` with its motor turning from the start, and without energy accounts, which cost time."""
     return running(scene).with_parameters({"solver.accounts": False})
 
 
 def files_of(result: Result, candidates: Candidates) -> dict[str, bytes]:
-    """Text, scene, numbers and pictures of a result, by the names of their files."""
+    """Contents of a result's text, scene, numbers and pictures by file name."""
     head = title(result.plan)
     pictures = {"convergence.png": draw_convergence(result.plan, candidates, head)}
     if result.front:
@@ -703,7 +703,7 @@ def files_of(result: Result, candidates: Candidates) -> dict[str, bytes]:
 
 
 def _asked_varied(words: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Names and the bounds between which they are varied."""
+    """Bounds of the options `--vary`, by parameter name."""
     found = {}
     for word in words:
         name, over = varied_in_words(word)

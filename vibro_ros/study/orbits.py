@@ -1,9 +1,9 @@
 """``study orbits``: branches of periodic orbits over a parameter, and curves of their special points over two.
 
-Orbits are looked for at some values of the parameter. The branch through each that lies on none yet is followed in both
-directions, then the branches of doubled period from period doublings on (`followed_branches`). With a second parameter,
-each special point is followed as a curve (`followed_curves`). A branch or curve is a block of a `table.Study`: a row an
-orbit or special point, in its order.
+Orbits are searched for at some values of the parameter. The branch through each orbit that does not lie on a known
+branch is followed in both directions, then the branches of doubled period from period doublings
+(`followed_branches`). With a second parameter, each special point is followed as a curve (`followed_curves`). A branch
+or curve is a block of a `table.Study`, with one row for each orbit or special point, in its order.
 """
 
 import argparse
@@ -52,32 +52,32 @@ CURVES, CURVE_PICTURE = "curves.parquet", "curves.png"
 FOLDER, CURVES_FOLDER = "branches", "curves"
 MOST_TURNS, MOST_BRANCHES = 32, 10_000
 _QUICK_VARY, _QUICK_FROM = "motor.speed=60:66", 65.0
-# Default, default with --quick, least and most of the numbers that an option gives.
+# Default, default with --quick, least and largest value of options with a count.
 _COUNTS = {"turns": (8, 2, 1, MOST_TURNS), "starts": (4, 2, 1, 1000), "points": (400, 120, 2, 100_000)}
-_RUN_TIME = 1000.0  # robot time [s] of a search or a branch, about: so long that each is handed out alone
+_RUN_TIME = 1000.0  # approximate simulated time [s] of a search or a branch: so long that each is a task of its own
 UP, DOWN, DOUBLED = "upwards", "downwards", "doubled"
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What is asked for.
+    """Design of a study of branches.
 
     Attributes
     ----------
     scene : Scene
         The machine, its motor running.
     name : str
-        The parameter that changes.
+        Name of the varied parameter.
     low, high : float
         Its range, in its unit.
     begin : tuple of float
-        Values at which orbits are looked for, in its unit.
+        Values at which orbits are searched for, in its unit.
     turns : int
-        Turns after which orbits repeat themselves at most.
+        Longest period of orbits [turns].
     starts : int
-        Starts at each of these values.
+        Number of starts at each of these values.
     points : int
-        Most orbits of a branch.
+        Largest number of orbits of a branch.
     """
 
     scene: Scene
@@ -90,20 +90,22 @@ class Plan:
     points: int
 
     def document(self) -> dict[str, object]:
-        """All that decides the branches."""
+        """Everything that determines the branches, for JSON."""
         fixed = {name: value for name, value in self.scene.parameters.items() if name != self.name}
         return {"scene": self.scene.name, "set": fixed, "vary": {self.name: {"from": self.low, "to": self.high}},
                 "units_at": self.scene[self.name], "begin": list(self.begin), "turns": self.turns,
                 "starts": self.starts, "points": self.points}
 
     def family(self, turns: int, phase: float) -> Family:
-        """The orbits over the range; ValueError for a range that the scene refuses."""
+        """Return the equations of orbits over the range (ValueError for a range that the scene refuses)."""
         return Family(self.scene, {self.name: (self.low, self.high)}, turns, phase)
 
 
 class CurvePlan(NamedTuple):
-    """The curves that are asked for: those of special points of a plan, over its parameter and the one of a `name`,
-    from `low` to `high` in its unit."""
+    """Design of a study of curves: those of a plan's special points, over its parameter and a second one.
+
+    The second parameter has a `name`, and a range from `low` to `high` in its unit.
+    """
 
     plan: Plan
     name: str
@@ -112,29 +114,29 @@ class CurvePlan(NamedTuple):
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """Both parameters and their ranges."""
+        """Ranges of both parameters, by name."""
         return {self.plan.name: (self.plan.low, self.plan.high), self.name: (self.low, self.high)}
 
     def document(self) -> dict[str, object]:
-        """All that decides the curves."""
+        """Everything that determines the curves, for JSON."""
         return {**self.plan.document(), "curves": {self.name: {"from": self.low, "to": self.high}}}
 
 
 class Task(NamedTuple):
-    """One branch to follow.
+    """A branch to follow.
 
     Attributes
     ----------
     direction : str
         `UP` or `DOWN` from an orbit, or `DOUBLED` from a period doubling.
     turns : int
-        Of the orbit that it begins with.
+        Period of the first orbit [turns].
     phase : float
         Crank angle at the cut [rad].
     state : ndarray, shape (n,)
-        At the cut, in units of the machine.
+        State of the first orbit at the cut, in units of the machine.
     value : float
-        The parameter there, in its unit.
+        Value of the parameter there, in its unit.
     parent : int or None
         Number of the branch whose period doubles.
     """
@@ -148,8 +150,10 @@ class Task(NamedTuple):
 
 
 class CurveTask(NamedTuple):
-    """One direction of a curve: `UP` or `DOWN` in the second parameter, through the special point of a branch with a
-    `name` in the table of special points."""
+    """A curve to follow in one direction of the second parameter, `UP` or `DOWN`, from a special point of a branch.
+
+    `name` is the special point's name in the table of special points.
+    """
 
     name: str
     branch: Branch
@@ -158,7 +162,7 @@ class CurveTask(NamedTuple):
 
 
 def seeds_at(plan: Plan, number: int) -> list[Seed]:
-    """Orbits at the value of a number of those at which they are looked for, in the units of their families."""
+    """Search for orbits at the value `plan.begin[number]`; their states are in the units of their families."""
     scene, found = plan.scene.with_parameters({plan.name: plan.begin[number]}), []
     for seed in seeds_of(scene, plan.starts, plan.turns):
         ratio = units_of(scene) / plan.family(seed.turns, seed.phase).units
@@ -167,7 +171,7 @@ def seeds_at(plan: Plan, number: int) -> list[Seed]:
 
 
 def branch_of_task(plan: Plan, task: Task) -> Branch:
-    """Follow a branch."""
+    """Follow the branch of a task."""
     family = plan.family(task.turns, task.phase)
     begin = np.append(task.state, family.scaled(task.value))
     if task.direction == DOUBLED:
@@ -176,12 +180,12 @@ def branch_of_task(plan: Plan, task: Task) -> Branch:
 
 
 def curve_of_task(asked: CurvePlan, task: CurveTask) -> Branch:
-    """Follow a curve."""
+    """Follow the curve of a task."""
     return whole_curve(task.branch, task.special, asked.ranges, task.direction == UP, asked.plan.points)
 
 
 def rows_of(branch: Branch) -> list[dict]:
-    """The rows of a branch or curve, or why there is no orbit in one row."""
+    """Return the rows of a branch or curve; one row with the reason if it has no orbit."""
     over_one = len(branch.names) == 1
 
     def row(values: np.ndarray | float, one: Any, multipliers: np.ndarray) -> dict:
@@ -206,7 +210,7 @@ def rows_of(branch: Branch) -> list[dict]:
 
 
 def branch_in(table: pa.Table, scene: Scene, names: tuple[str, ...]) -> Branch:
-    """The branch over one parameter, or curve over two, that a block holds."""
+    """Return the branch over one parameter, or curve over two, that a block's table contains."""
     rows = table.to_pylist()
     turns, end, kind = int(rows[0]["turns"]), rows[-1]["end"], "" if len(names) == 1 else rows[0]["kind"]
     n = len(rows[0]["state"]) or 1
@@ -236,7 +240,7 @@ def _multipliers_of(row: dict[str, Any]) -> np.ndarray:
 
 
 def fields_of(plan: Plan, names: Sequence[str]) -> list[Field]:
-    """The columns of a branch over one parameter, or of a curve over two."""
+    """Return the columns of a branch over one parameter, or of a curve over two."""
     if len(names) == 1:
         each = "each time the crank passes the angle 0; null for a special point"
         own = [
@@ -264,7 +268,7 @@ def fields_of(plan: Plan, names: Sequence[str]) -> list[Field]:
 
 
 def study_of(asked: Plan | CurvePlan, follow: Callable[[Any, Any], Branch], tasks: Mapping[int, Any]) -> Study:
-    """The branches or curves of a plan, a block each."""
+    """Return the study of a plan's branches or curves, each of which is a block."""
     plan, names = (asked, [asked.name]) if isinstance(asked, Plan) else (asked.plan, list(asked.ranges))
     coordinates = state_names(plan.scene)
 
@@ -290,7 +294,10 @@ def _rows_of_task(asked: Any, follow: Callable[[Any, Any], Branch], tasks: Mappi
 
 def _followed(study: Study, scene: Scene, names: tuple[str, ...], tasks: Mapping[int, Any], folder: Path,
               execution: Execution, said: Callable[[int], str]) -> list[tuple[Any, Branch]]:
-    """Tasks and their branches, those of which a block is there as it has them; of the others, `said` is told."""
+    """Return tasks with their branches, read from their blocks or computed.
+
+    `said` returns the line that is printed before a number is computed.
+    """
     if tasks and max(tasks) >= MOST_BRANCHES:
         raise RuntimeError(f"there are more than {MOST_BRANCHES} branches or curves; give fewer --turns or smaller "
                            "ranges")
@@ -304,19 +311,19 @@ def _followed(study: Study, scene: Scene, names: tuple[str, ...], tasks: Mapping
     return [(task, branch_in(tables[number], scene, names)) for number, task in tasks.items()]
 
 
-_SAME = 1e-6  # share of the range within which a period doubling that two branches have is one
-_JOINS = 0.05  # share of the range within which a branch that joins another one ends at its period doubling
+_SAME = 1e-6  # share of the range within which period doublings of two branches are the same
+_JOINS = 0.05  # share of the range within which a branch that joins another one ends at a period doubling of that one
 
 
 def followed_branches(plan: Plan, folder: Path, execution: Execution) -> list[tuple[Task, Branch]]:
-    """Every branch of a plan, by its number, in a folder that nobody else writes into.
+    """Return every branch of a plan with its task, by number, stored in a folder into which no other process writes.
 
     Raises
     ------
     ForeignBlockError
         For files of another study.
     RuntimeError
-        When the disk is full or refuses, or a run cannot go on; finished branches are kept.
+        When a file cannot be written, or a run cannot go on; finished branches are kept.
     """
     done: list[tuple[Task, Branch]] = []
 
@@ -331,7 +338,7 @@ def followed_branches(plan: Plan, folder: Path, execution: Execution) -> list[tu
         done.extend(_followed(study_of(plan, branch_of_task, numbered), plan.scene, (plan.name,), numbered, folder,
                               execution, said))
 
-    read(study_of(plan, branch_of_task, {}), folder, 0, [0])  # refuses another study before the search, which is long
+    read(study_of(plan, branch_of_task, {}), folder, 0, [0])  # refuses files of another study before the long search
     found = list[list[Seed]]()
     with contextlib.closing(execution.rows(partial(seeds_at, plan), range(len(plan.begin)), _RUN_TIME, (
             plan.scene["solver.method"],))) as results, Progress("orbits looked for", "value", len(plan.begin)) as bar:
@@ -350,9 +357,9 @@ def followed_branches(plan: Plan, folder: Path, execution: Execution) -> list[tu
 
 
 def _doublings(plan: Plan, done: Sequence[tuple[Task, Branch]], begun: set[tuple[int, int]]) -> list[Task]:
-    """The first period doubling of each branch whose branch of doubled period is not known yet.
+    """Return tasks for the first period doubling of each branch whose branch of doubled period is not known yet.
 
-    `begun` has the numbers of branches and of their special points that were looked at, and gets these.
+    `begun` has the numbers of the branches and special points that were examined before; new ones are added.
     """
     tasks, span = list[Task](), plan.high - plan.low
     for parent, (_, branch) in enumerate(done):
@@ -375,10 +382,9 @@ def _doublings(plan: Plan, done: Sequence[tuple[Task, Branch]], begun: set[tuple
 
 def followed_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]], folder: Path,
                     execution: Execution) -> list[tuple[CurveTask, Branch]]:
-    """The curves through all special points of branches that have one, in both directions of the second parameter.
+    """Follow the curves of the branches' special points, in both directions of the second parameter.
 
-    A special point that lies on a curve which is known already has none of its own. Errors are those of
-    `followed_branches`.
+    A special point that lies on a known curve is not followed again. Errors are those of `followed_branches`.
     """
     found: list[tuple[CurveTask, Branch]] = []
     for _, branch, name, special in special_points_of(done):
@@ -397,12 +403,14 @@ def followed_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]], folde
 
 
 LETTERS = {FOLD: "F", DOUBLING: "P", TORUS: "N", GRAZING: "G", CORNER: "C"}
-"""By kind of special point, the letter that begins its name in picture and table."""
+"""First letter of a special point's name in picture and table, by its kind."""
 
 
 def special_points_of(done: Sequence[tuple[Task, Branch]]) -> Iterator[tuple[int, Branch, str, Special]]:
-    """Each special point with the number of its branch, the branch, and its name: the letter of its kind and a number,
-    counted over all branches."""
+    """Yield each special point with the number of its branch, the branch, and its name.
+
+    The name is the letter of its kind and a number, counted over all branches.
+    """
     counts = dict.fromkeys(LETTERS, 0)
     for number, (_, branch) in enumerate(done):
         for special in branch.special_points:
@@ -411,7 +419,7 @@ def special_points_of(done: Sequence[tuple[Task, Branch]]) -> Iterator[tuple[int
 
 
 def document(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> str:
-    """The tables as a page."""
+    """Return the tables of branches and special points as a Markdown page."""
     head, unit = of_parameter(plan.name), BY_NAME[plan.name].unit
     lines = [
         f"# Orbits of {plan.scene.name} over {plan.name}", "",
@@ -432,7 +440,7 @@ def document(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> str:
 
 
 def curve_document(asked: CurvePlan, found: Sequence[tuple[CurveTask, Branch]]) -> str:
-    """The tables of curves as the last part of a page."""
+    """Return the tables of curves, in Markdown, as the last part of the page."""
     first, second = map(of_parameter, asked.ranges)
     lines = ["", f"## Curves over {' and '.join(asked.ranges)}", "", "![Curves](curves.png)", "",
              f"| through | kind | turns | {asked.name} | orbits | {first} | {second} | ends |",
@@ -448,7 +456,7 @@ def curve_document(asked: CurvePlan, found: Sequence[tuple[CurveTask, Branch]]) 
 
 
 def in_words(done: Sequence[tuple[Task, Branch]]) -> Iterator[str]:
-    """One line a branch."""
+    """Yield one line of text for each branch."""
     every = list(special_points_of(done))
     for number, (task, branch) in enumerate(done):
         special = ", ".join(f"{name} {one.kind} at {one.value:.9g}" for of, _, name, one in every
@@ -458,13 +466,13 @@ def in_words(done: Sequence[tuple[Task, Branch]]) -> Iterator[str]:
 
 
 def curves_in_words(found: Sequence[tuple[CurveTask, Branch]]) -> Iterator[str]:
-    """One line a curve and direction."""
+    """Yield one line of text for each curve and direction."""
     for task, curve in found:
         yield f"{task.special.kind} curve through {task.name}, {task.direction}: {len(curve)} orbits; {curve.end}"
 
 
 def stable_ranges(branch: Branch) -> list[tuple[float, float]]:
-    """Ranges of the parameter [its unit] over which neighbours on the branch are stable, in its order."""
+    """Ranges of the parameter [its unit] in which consecutive orbits of a branch are stable, in its order."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], branch.stable.astype(int), [0]]))).reshape(-1, 2)
     return [(float(branch.values[first:last].min()), float(branch.values[first:last].max())) for first, last in edges]
 
@@ -489,7 +497,7 @@ def _row(number: int, task: Task, branch: Branch) -> str:
 
 
 def _multipliers(values: np.ndarray) -> str:
-    """The two largest, a pair as one."""
+    """Format the two largest multipliers; a complex pair is one entry."""
     shown = []
     for value in values[:2]:
         if value.imag == 0.0:
@@ -499,12 +507,12 @@ def _multipliers(values: np.ndarray) -> str:
     return ", ".join(shown)
 
 
-# Colours of branches by their turns, the last one for all others; of curves by their kinds.
+# Colours of branches by their turns, with 0 for all others; and of curves by their kinds.
 _COLOURS = {1: BLACK, 2: BLUE, 3: VERMILION, 4: GREEN, 8: PURPLE, 0: ORANGE}
 _CURVE_COLOURS, _STYLES = {FOLD: VERMILION, DOUBLING: BLUE, GRAZING: BLACK}, {FOLD: "-", DOUBLING: "--", GRAZING: ":"}
 MARKS = {FOLD: ("s", 5.0), DOUBLING: ("o", 5.0), TORUS: ("D", 5.0), GRAZING: ("^", 5.5), CORNER: (".", 3.5)}
-_MOST_NAMES = 24  # places whose names are written into the picture
-_CELLS = 50.0  # of a panel along each axis: names of one cell share a label
+_MOST_NAMES = 24  # largest number of labels in the picture
+_CELLS = 50.0  # cells along each axis of a panel; special points of one cell share a label
 
 
 def draw_orbits(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> bytes:
@@ -535,7 +543,7 @@ def draw_orbits(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> bytes:
 
 
 def _draw_line(axes: Axes, branch: Branch, values: np.ndarray) -> None:
-    """Stable parts solid, unstable ones dashed; neighbours of which one is unstable are joined by a dashed line."""
+    """Draw a branch: solid between two stable neighbours, dashed if one of them is unstable."""
     colour, stable = _COLOURS.get(branch.turns, _COLOURS[0]), branch.stable
     both = stable[1:] & stable[:-1]
     for chosen, style in ((np.flatnonzero(both), "-"), (np.flatnonzero(~both), (0, (3.0, 1.5)))):
@@ -546,7 +554,7 @@ def _draw_line(axes: Axes, branch: Branch, values: np.ndarray) -> None:
 
 
 def _write_names(axes: Axes, named: Sequence[tuple[str, float, float]]) -> None:
-    """Names of special points at their places; those that lie together share a label."""
+    """Write names of special points into the picture; those that lie close together share a label."""
     cells: dict[tuple[int, int], list[str]] = {}
     for name, *place in named:
         across, up = axes.transLimits.transform(place)
@@ -591,7 +599,7 @@ def draw_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]],
 
 
 class Asked(NamedTuple):
-    """What the command line asks for: branches, and perhaps the curves of their special points."""
+    """Design of the study: branches, and optionally the curves of their special points."""
 
     plan: Plan
     curves: CurvePlan | None
@@ -614,12 +622,12 @@ def _results(asked: Asked, folder: Path, execution: Execution) -> Iterator[Resul
 
 
 def plan_of(options: argparse.Namespace) -> Plan:
-    """What the command line asks for.
+    """Make the plan from the options.
 
     Raises
     ------
     ValueError
-        For an option that makes no sense, or a range that the scene refuses.
+        For an option that is missing or out of range, or a range that the scene refuses.
     """
     vary = options.vary or (_QUICK_VARY if options.quick else None)
     if vary is None:
@@ -647,13 +655,13 @@ def plan_of(options: argparse.Namespace) -> Plan:
 
 
 def curves_of(options: argparse.Namespace, plan: Plan) -> CurvePlan:
-    """The second parameter that `--curves` names (ValueError for one that makes no sense)."""
+    """Make the plan of the curves from the option `--curves` (ValueError)."""
     name, over = varied_in_words(options.curves)
     if not isinstance(over, Range) or over.log:
         raise ValueError(f"--curves {options.curves}: is no range; give NAME=LOW:HIGH, such as upper.gap=0:0.002")
     if name == plan.name:
         raise ValueError(f"--curves {options.curves}: {name} is the parameter of --vary; give another one")
-    Family(plan.scene, {name: (over.low, over.high)}, 1, 0.0)  # refuses what is no range of a number
+    Family(plan.scene, {name: (over.low, over.high)}, 1, 0.0)  # refuses a parameter that is not numeric, or its range
     if not over.low <= plan.scene[name] <= over.high:
         raise ValueError(f"--curves {options.curves}: does not hold the machine's {plan.scene[name]:g}; give a range "
                          "that holds it, or another --set")
@@ -661,7 +669,7 @@ def curves_of(options: argparse.Namespace, plan: Plan) -> CurvePlan:
 
 
 def _files(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> dict[str, bytes]:
-    """Tables, text and picture by the names of their files; no tables without a branch."""
+    """Contents of tables, text and picture by file name; no tables without a branch."""
     names = iter([name for _, _, name, _ in special_points_of(done)])
     rows = [{"branch": number, "name": next(names) if "kind" in row else None, **row}
             for number, (_, branch) in enumerate(done) for row in rows_of(branch) if len(branch)]
@@ -676,7 +684,7 @@ def _files(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> dict[str, bytes]:
 
 def _curve_files(asked: CurvePlan, done: Sequence[tuple[Task, Branch]],
                  found: Sequence[tuple[CurveTask, Branch]]) -> dict[str, bytes]:
-    """Table, text and picture of the curves by the names of their files; the text holds that of the branches, too."""
+    """Contents of the curves' table, text and picture by file name; the text includes that of the branches."""
     rows = [{"through": task.name, "way": task.direction, **row} for task, curve in found if len(curve)
             for row in rows_of(curve)]
     own = [Field("through", pa.string(), "1", "name of the special point that the curve begins with"),

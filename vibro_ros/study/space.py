@@ -1,8 +1,9 @@
-"""The robots among which the optimum is sought: the paper's seventeen parameters, their bounds, and why these.
+"""Search space of the optimisation: the paper's seventeen parameters, their bounds, and the reasons for the bounds.
 
 A candidate is a point of the unit cube. Lengths depend on each other: a crank longer than a rod jams, and a plate that
-the slider never nears is no plate. So the bounds of the crank's radius end at the shorter rod, those of a gap at the
-radius, and a coordinate is a share of what is left: every point of the cube is a robot that can be built.
+the slider never approaches has no effect. So the bounds of the crank's radius end at the shorter rod, those of a gap at
+the radius, and a coordinate is a share of the remaining interval: in these respects, every point of the cube is a robot
+that can be built.
 """
 
 import math
@@ -14,7 +15,7 @@ import numpy as np
 from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.model.scene import Scene
 
-#: A coordinate nearer than this to an end of its interval is said to be on the bound.
+#: A coordinate nearer than this to an end of its interval counts as on the bound.
 ON_BOUND = 0.01
 
 Point = Sequence[float] | np.ndarray
@@ -23,7 +24,7 @@ Point = Sequence[float] | np.ndarray
 
 @dataclass(frozen=True)
 class Variable:
-    """A parameter that is sought.
+    """A parameter that the optimisation varies.
 
     Attributes
     ----------
@@ -34,9 +35,9 @@ class Variable:
     low, high : float
         Bounds, in the parameter's unit.
     logarithmic : bool
-        Whether equal steps of the coordinate are equal ratios, else equal differences.
+        Whether equal steps of the coordinate are equal ratios of the value; else equal differences.
     reason : str
-        Why these bounds.
+        Reason for the bounds.
     """
 
     name: str
@@ -47,13 +48,13 @@ class Variable:
     reason: str
 
     def value(self, share: float, low: float, high: float) -> float:
-        """The parameter at `share` (0 to 1) of the interval from `low` to `high`; never outside it."""
+        """Value at `share` (0 to 1) of the interval from `low` to `high`, clipped to it."""
         if self.logarithmic:
             return min(max(low * (high / low)**share, low), high)
         return min(max(low + share * (high - low), low), high)
 
     def share(self, value: float, low: float, high: float) -> float:
-        """Inverse of `value`; 0.5 in an interval without length."""
+        """Share of the interval at a value: the inverse of `value`; 0.5 for an interval without length."""
         if high <= low:
             return 0.5
         return math.log(value / low) / math.log(high / low) if self.logarithmic else (value - low) / (high - low)
@@ -87,18 +88,18 @@ VARIABLES: tuple[Variable, ...] = (
     Variable("inclined.gap", "ξ_H - l_AC", -0.06, 0.06, False, _GAP),
     Variable("upper.gap", "ζ_E - l_AB", -0.06, 0.06, False, _GAP),
 )
-"""The paper's parameters of F_opt, those first on which the bounds of others depend."""
+"""The paper's parameters of F_opt; parameters on which the bounds of others depend come first."""
 
 
 class Space:
-    """The robots that differ from a scene in some of `VARIABLES`.
+    """Search space of robots that differ from a scene in some of `VARIABLES`.
 
     Parameters
     ----------
     scene : Scene
-        Gives everything that is not varied.
+        Scene with the values of all other parameters.
     variables : sequence of Variable
-        What is varied, in the order of `VARIABLES`.
+        The varied parameters, in the order of `VARIABLES`.
 
     Raises
     ------
@@ -125,20 +126,20 @@ class Space:
         return len(self.variables)
 
     def parameters(self, point: Point) -> dict[str, float]:
-        """The varied parameters at a point of the unit cube, shape (dimension,); by name."""
+        """Values of the varied parameters, by name, at a point of the unit cube, shape (dimension,)."""
         found: dict[str, float] = {}
         for variable, share in zip(self.variables, point, strict=True):
             found[variable.name] = variable.value(float(share), *self.interval(variable, found))
         return found
 
     def robot(self, point: Point) -> Scene:
-        """The scene at a point of the unit cube."""
+        """Return the scene at a point of the unit cube (ValueError if the scene refuses the values)."""
         return self.scene.with_parameters(self.parameters(point))
 
     def buildable(self, point: Point) -> Scene | None:
-        """The scene at a point of the unit cube; None where limits that join parameters refuse it.
+        """Return the scene at a point of the unit cube; None if limits on combinations of parameters refuse it.
 
-        Such limits, as of Painlevé's paradox, depend on the scene: no choice of coordinates avoids them all.
+        Such limits, for example Painlevé's paradox, depend on the scene: no choice of coordinates avoids them all.
         """
         try:
             return self.robot(point)
@@ -146,11 +147,12 @@ class Space:
             return None
 
     def point(self, parameters: Mapping[str, float]) -> np.ndarray:
-        """Coordinates of the varied parameters' values, shape (dimension,); outside 0 to 1 beyond the bounds."""
+        """Coordinates of given values of the varied parameters, shape (dimension,); outside 0 to 1 if out of bounds."""
         return np.array([one.share(parameters[one.name], *self.interval(one, parameters)) for one in self.variables])
 
     def interval(self, variable: Variable, parameters: Mapping[str, float]) -> tuple[float, float]:
-        """Ends of what `variable` may be, in its unit, beside the other `parameters`; the scene's where not given."""
+        """Interval of `variable`, in its unit, for values of the other `parameters`; if not given, the scene's values.
+        """
         def length(name: str) -> float:
             return parameters.get(name, self.scene[name])
 
@@ -162,24 +164,25 @@ class Space:
         return variable.low, variable.high
 
     def on_bound(self, point: Point) -> list[str]:
-        """For each variable `low`, `high` or, away from its bounds, an empty text."""
+        """Bound on which each variable lies, `low` or `high`; an empty text away from its bounds."""
         return ["low" if share < ON_BOUND else "high" if share > 1.0 - ON_BOUND else "" for share in point]
 
 
 def chosen_variables(fixed: Sequence[str], varied: Mapping[str, tuple[float, float]]) -> tuple[Variable, ...]:
-    """`VARIABLES` without those that are fixed, and with the bounds of those that are varied.
+    """Return `VARIABLES` without the fixed ones, and with the given bounds of the varied ones.
 
     Parameters
     ----------
     fixed : sequence of str
-        Names.
+        Names of fixed parameters.
     varied : mapping
-        Name to lower and upper bound, in the parameter's unit, as `variation.Range` has checked them.
+        Lower and upper bound by name, in the parameter's unit, already checked as a `variation.Range`.
 
     Raises
     ------
     ValueError
-        For a name that is none of `VARIABLES`, one that is fixed and varied, and bounds without equal ratios.
+        For a name that is not in `VARIABLES`, a name that is fixed and varied, and a bound that is not above 0 of a
+        logarithmic parameter.
     """
     names = {variable.name: variable for variable in VARIABLES}
     for option, name in [*(("--fix", name) for name in fixed), *(("--vary", name) for name in varied)]:

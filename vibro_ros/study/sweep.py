@@ -1,8 +1,8 @@
-"""``study sweep``: parameters over lists, grids or samples; what the robot does at every point, as Parquet files.
+"""``study sweep``: vary parameters over lists, grids or samples, and measure the robot at every point.
 
-A `Design` says which points are run from which starts, and what is measured. Its rows are numbered point by point, and
-within a point start by start; points come in the order of the product of the axes, of which the last one changes
-fastest, and beside it the samples. The `Summary` has a row for each point and attractor.
+A `Design` determines the points, the starts of each, and the measures. Its rows are numbered point by point, and within
+a point start by start. Points have the order of the product of the axes and the samples: the sample changes fastest,
+then the last axis. The `Summary` has a row for each point and attractor.
 """
 
 import argparse
@@ -74,41 +74,42 @@ from vibro_ros.study.variation import (
     whole_number,
 )
 
-#: Most runs of a sweep.
+#: Largest number of runs of a sweep.
 MOST_RUNS = 100_000_000
-#: Most drawn starts of a point.
+#: Largest number of random starts of a point.
 MOST_STARTS = 1_000_000
 KEPT_STATES = 32
-"""States that a row keeps of a motion without a period."""
+"""States of a motion without a period that a row keeps."""
 PART = 16
-"""Most starts of a part of a point: runs of the same machine, whose equations are compiled once."""
-# Robot time [s] of the runs of a block, a second or two of work, and most of its rows: what an interruption can lose.
+"""Largest number of starts in a part of a point: runs of the same machine, whose equations are set up once."""
+# Simulated time [s] of the runs of a block, a second or two of work, and its largest number of rows: the most that an
+# interruption loses.
 _BLOCK_TIME, _BLOCK_ROWS = 4096.0, 1024
 
 
 @dataclass(frozen=True)
 class Design:
-    """A sweep, checked.
+    """A checked design of a sweep.
 
     Attributes
     ----------
     scene : Scene
-        What is varied.
+        Scene with the values of all other parameters.
     varied : tuple of Axis or Range
-        The parameters that vary.
+        The varied parameters.
     sampling : Sampling or None
-        How the ranges are sampled; None without a range.
+        Sampling of the ranges; None without a range.
     measures : tuple of str
-        What is measured.
+        Names of the measures.
     starts : int
-        Drawn starts of each point; 0 for one run from the scene's own start.
+        Number of random starts of each point; 0 for one run from the scene's own start.
     settling, duration : float
-        Time of a run that does not count, and time that does [s].
+        Settling time and measuring time of a run [s].
 
     Raises
     ------
     ValueError
-        For what contradicts itself or is too much; one line that names the remedy.
+        For values that are out of range or contradict each other; one line that names the remedy.
     """
 
     scene: Scene
@@ -139,7 +140,7 @@ class Design:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters that vary."""
+        """Names of the varied parameters."""
         return tuple(one.name for one in self.varied)
 
     @property
@@ -154,21 +155,21 @@ class Design:
 
     @property
     def points(self) -> int:
-        """Combinations of parameters."""
+        """Number of combinations of parameter values."""
         return math.prod(len(axis.values) for axis in self.axes) * (self.sampling.count if self.sampling else 1)
 
     @property
     def rows(self) -> int:
-        """Runs."""
+        """Number of runs, each of which has a row."""
         return self.points * max(self.starts, 1)
 
     @property
     def parts(self) -> int:
-        """Parts that the starts of a point are cut into, of which each has at most `PART` runs of one machine."""
+        """Number of parts of a point, each of which has at most `PART` starts."""
         return max(1, -(-self.starts // PART))
 
     def runs(self, number: int) -> tuple[int, tuple[int | None, ...]]:
-        """Point, and numbers of the starts, of the part of a number; None for the scene's own start."""
+        """Point and numbers of the starts of part `number`, counted over all points; None for the scene's own start."""
         point, part = divmod(number, self.parts)
         return point, tuple(range(part * PART, min((part + 1) * PART, self.starts))) or (None,)
 
@@ -185,7 +186,7 @@ class Design:
         return {name: found[name] for name in self.names}
 
     def scenes(self) -> Iterator[tuple[int, Scene | None, str]]:
-        """Each point's number and scene; where such a scene is refused, None and why."""
+        """Yield number, scene and an empty text for each point; for values that are refused, None and the reason."""
         for point in range(self.points):
             try:
                 yield point, self.scene.with_parameters(self.changes(point)), ""
@@ -193,7 +194,7 @@ class Design:
                 yield point, None, str(error)
 
     def document(self) -> dict[str, object]:
-        """The design in the words of a sweep's file, with every parameter of the scene."""
+        """The design in the form of a sweep's file, with every parameter of the scene."""
         fixed = {name: value for name, value in self.scene.parameters.items() if name not in self.names}
         sample = {"sample": vars(self.sampling)} if self.sampling else {}
         return {"scene": self.scene.name, "set": fixed, "vary": {one.name: one.document() for one in self.varied},
@@ -209,19 +210,19 @@ class Design:
         return np.column_stack([one.at(shares[:, k]) for k, one in enumerate(self.ranges)])
 
 
-#: What a sweep is when neither file nor command line say otherwise; a scene and something that varies must be given.
+#: Defaults of a sweep's file and command line; a scene and a varied parameter must be given.
 DEFAULTS: Mapping[str, Any] = {"set": {}, "vary": {}, "sample": None, "measure": ["mean_speed"], "starts": 8,
                                   "settling": SETTLING, "duration": 10.0}
 KEYS = ("scene", *DEFAULTS)
 
 
 def read_sweep(path: Path) -> dict[str, Any]:
-    """What the file at `path` says, checked key by key, for `design_of`; a relative path of its scene starts there.
+    """Read the checked entries of a sweep's file, for `design_of`; a relative path of its scene starts at the file.
 
     Raises
     ------
     ValueError
-        Naming the file, the key, the value and the remedy.
+        For an invalid entry, with the file, the key, the value and the remedy.
     """
     document = read_yaml(path)
     try:
@@ -263,7 +264,7 @@ def _checked(key: str, value: object, folder: Path) -> Any:
 
 
 def given_in_words(options: argparse.Namespace) -> dict[str, Any]:
-    """What the command line says, for `design_of`."""
+    """Return the entries that the command line gives, for `design_of`."""
     given = {key: getattr(options, key) for key in ("scene", "measure", "settling", "duration")}
     given["starts"] = None if options.starts is None else whole_number("--starts", options.starts, 0, MOST_STARTS)
     given["sample"] = sampling_in_words(options.sample) if options.sample else None
@@ -276,9 +277,9 @@ def given_in_words(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def design_of(file: Mapping[str, Any], words: Mapping[str, Any]) -> Design:
-    """The design that a sweep's file and the command line give together.
+    """Make the design from a sweep's file and the command line.
 
-    A parameter that the command line sets or varies is no longer set or varied as the file says.
+    A parameter that the command line sets or varies overrides its entry in the file.
 
     Parameters
     ----------
@@ -288,7 +289,7 @@ def design_of(file: Mapping[str, Any], words: Mapping[str, Any]) -> Design:
     Raises
     ------
     ValueError
-        For what is missing, contradicts itself or has no meaning.
+        For entries that are missing, invalid or contradict each other.
     """
     said = {**DEFAULTS, **file, **words}
     for key, other in (("set", "vary"), ("vary", "set")):
@@ -305,13 +306,13 @@ def design_of(file: Mapping[str, Any], words: Mapping[str, Any]) -> Design:
 
 
 FOLDER = "blocks"
-#: How the error of a row begins whose point is no legal scene.
+#: Prefix of a row's error if the scene refuses the point's values.
 NO_SCENE = "no such scene: "
 _TYPES = {float: pa.float64(), bool: pa.bool_(), str: pa.string()}
 
 
 def study_of(design: Design) -> Study:
-    """The table of a sweep: a row a run, point by point, and within a point start by start."""
+    """Return the study of a sweep, with one row for each run, point by point, and within a point start by start."""
     methods = next((axis.values for axis in design.axes if axis.name == "solver.method"),
                    (design.scene["solver.method"],))
     starts = min(max(design.starts, 1), PART)
@@ -329,7 +330,7 @@ def _are_own(design: Design, numbers: Sequence[int], rows: list[dict]) -> bool:
 
 
 def rows_of(design: Design, number: int) -> list[dict]:
-    """Run a part; a row a start, with NaN and the reason where it cannot go on."""
+    """Run a part by its number, and return one row for each start, with NaN and the reason if the run cannot go on."""
     point, starts = design.runs(number)
     changes = design.changes(point)
     rows = [{"point": point, "start": start, **changes, **dict.fromkeys(design.measures, math.nan), "turns": None,
@@ -352,7 +353,7 @@ def rows_of(design: Design, number: int) -> list[dict]:
 
 
 def fields_of(design: Design) -> list[Field]:
-    """The columns: what varies, and what was measured."""
+    """Return the columns: varied parameters, measures, the settled motion, and errors."""
     return [
         Field("point", pa.int64(), "1", "number of the combination of parameters"),
         Field("start", pa.int64(), "1", "number of the drawn start; null for the scene's own", True),
@@ -375,31 +376,31 @@ SPEED = "mean_speed"
 
 @dataclass(frozen=True)
 class Summary:
-    """A sweep, a row a point and attractor: several motions of a point have no mean in common.
+    """Summary of a sweep, with one row for each point and attractor, because several motions have no common mean.
 
     Attributes
     ----------
     design : Design
-        What was run.
+        Design of the sweep.
     parameters : dict of str to list
-        By varied parameter, its value at each point, in SI units.
+        Values of each varied parameter at all points, in SI units, by name.
     attractors : list of Attractors
-        Of each point; empty where no run has values.
+        Attractors of each point; empty if no run has values.
     point, place : ndarray of int, shape (rows,)
-        Point of each row, and the number of its attractor there, from 0.
+        Point of each row, and the index of its attractor there, from 0.
     mean, spread : dict of str to ndarray, shape (rows,)
-        By measure, in its unit: the mean over the starts of the attractor that have a value, and half of its 95 %
-        interval by Student's distribution; NaN where fewer than one, or two, have one. The exponent of a single start,
-        or of starts of which none parts, has the interval that was measured with it.
+        By measure, in its unit: the mean over the attractor's starts that have a value, NaN without any; and half of
+        its 95 % interval by Student's distribution, NaN for fewer than two. The exponent of a single start, or of
+        starts whose exponents are all equal, has the interval that was measured with it.
     count : dict of str to ndarray, shape (rows,)
-        Starts that have a value.
+        Number of starts that have a value, by measure.
     drift : ndarray, shape (rows,)
-        How much faster [m/s] the second half of the time was, by which a mean is one of a transient; 0 where no drift
-        is known, and of a periodic motion.
+        Mean speed in the second half of the time minus that in the first [m/s], if significant, so that the mean
+        describes a transient; else 0, and for a periodic motion.
     failed, refused : ndarray, shape (points,)
-        Runs that could not go on, and runs of scenes that are refused.
+        Number of runs that could not go on, and of runs whose scene was refused.
     errors, warnings : list of str
-        What was said of rows, each text once.
+        Texts of all rows, without repetition.
     """
 
     design: Design
@@ -417,16 +418,16 @@ class Summary:
     warnings: list[str]
 
     def of_row(self, row: int) -> Attractor:
-        """The attractor of a row."""
+        """Return the attractor of a row."""
         return self.attractors[self.point[row]][self.place[row]]
 
     def is_periodic(self, row: int) -> bool:
-        """Whether the starts of a row repeat one motion, of which an interval would describe the draw."""
+        """Whether a row's motion is periodic, so that an interval would only describe the choice of starts."""
         return bool(self.of_row(row).turns)
 
 
 def summary(design: Design, table: pa.Table) -> Summary:
-    """Sum up the rows of a design."""
+    """Summarise the rows of a sweep's table."""
     errors, turns = table["error"].to_pylist(), table["turns"].to_pylist()
     states, starts = table["states"].to_pylist(), max(design.starts, 1)
     columns = {name: table[name].to_numpy() for name in design.measures}
@@ -472,7 +473,8 @@ def _each_once(texts: Sequence[str | None]) -> list[str]:
 
 
 def as_csv(found: Summary) -> str:
-    """The summary as a table: a row a point and attractor, units in the heading; a point without values has one row."""
+    """Return the summary as CSV: a row for each point and attractor, one for a point without values; units in the head.
+    """
     names, measures = found.design.names, found.design.measures
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -496,7 +498,7 @@ def as_csv(found: Summary) -> str:
 
 
 def in_words(found: Summary) -> list[str]:
-    """What the sweep found, a line each."""
+    """Return the results as lines of text."""
     design = found.design
     lines = [f"{design.points} points from {design.starts} drawn starts each" if design.starts else
              f"{design.points} points, each from the scene's own start"]
@@ -529,12 +531,12 @@ def in_words(found: Summary) -> list[str]:
 
 
 def _shown(design: Design) -> list[str]:
-    """The measures, without the interval of another one, which stands there."""
+    """The measures without the exponent's interval, which is shown together with the exponent."""
     return [name for name in design.measures if name != SPREAD]
 
 
 def _of_unknown_sign(found: Summary) -> int:
-    """Points at which 0 lies within the interval of the exponent, or the interval is not known."""
+    """Number of rows whose exponent has an unknown sign: 0 lies within its interval, or the interval is unknown."""
     return sum(not math.isnan(mean) and not sign_of(mean, spread) for mean, spread in zip(
         found.mean[EXPONENT].tolist(), found.spread[EXPONENT].tolist(), strict=True))
 
@@ -554,15 +556,15 @@ def _at(found: Summary, name: str, row: int) -> str:
             f"({where}{motion})")
 
 
-#: Most lines of a panel; further combinations are left to the table.
+#: Largest number of lines of a panel; further combinations are only in the table.
 MOST_LINES = 6
-# Colours, and markers for whoever cannot tell these apart.
+# Colours, and markers for readers who cannot distinguish them.
 _STYLES = ((BLUE, "o"), (VERMILION, "^"), (GREEN, "s"), (PURPLE, "v"), (BLACK, "D"), (ORANGE, "x"))
 _WIDTH, _HEIGHT = 5.2, 3.6  # in, of a panel
 
 
 def draw_sweep(found: Summary) -> bytes:
-    """Draw every measure of a sweep, a row a measure; returns a PNG file."""
+    """Draw every measure of a sweep in a row of panels; returns a PNG file."""
     numbers = [name for name in found.design.names if isinstance(BY_NAME[name].default, float)]
     on_grid = not found.design.ranges
     is_map = on_grid and len(numbers) == 2 and len(found.design.names) == 2
@@ -589,7 +591,7 @@ def draw_sweep(found: Summary) -> bytes:
 
 
 def _draw_lines(axes: Axes, found: Summary, measure: str, over: str, legend: bool) -> None:
-    """A mark a motion, joined by lines where every point has one motion."""
+    """Draw a mark for each motion; marks are joined by lines if every point has one motion."""
     line = "-" if all(len(own) <= 1 for own in found.attractors) else "none"
     for (label, chosen), (colour, marker) in zip(_combinations(found, over), itertools.cycle(_STYLES), strict=False):
         rows = np.flatnonzero(np.isin(found.point, chosen))
@@ -602,7 +604,7 @@ def _draw_lines(axes: Axes, found: Summary, measure: str, over: str, legend: boo
 
 
 def _combinations(found: Summary, over: str) -> Iterator[tuple[str, np.ndarray]]:
-    """Label and points of each combination of all parameters but one, at most `MOST_LINES`."""
+    """Yield label and points of each combination of the parameters other than `over`, at most `MOST_LINES`."""
     others = [name for name in found.design.names if name != over]
     keys = list(zip(*(found.parameters[name] for name in others), strict=True)) or [()] * found.design.points
     for key in list(dict.fromkeys(keys))[:MOST_LINES]:
@@ -646,7 +648,13 @@ def _results(design: Design, folder: Path, execution: Execution) -> Iterator[Res
 
 
 def check_points(design: Design) -> None:
-    """Refuse a grid of which a point is no scene, and samples of which none is (ValueError); say how many are not."""
+    """Check all points; print the number of refused ones.
+
+    Raises
+    ------
+    ValueError
+        If the scene refuses the values of any point of a grid, or of all points of samples.
+    """
     refused = 0
     with Progress("points checked", "point", design.points) as progress:
         for point, scene, reason in design.scenes():

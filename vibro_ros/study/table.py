@@ -1,13 +1,13 @@
-"""The table of a study: rows of numbered points, computed in order, kept in files, and resumed.
+"""The table of a study: rows of numbered points, computed in order, stored in files, and resumed.
 
-`Study` says what the rows are. `computed` gives its whole table: it reads the blocks that are whole, has the others
-computed, and writes each of them at once.
+`Study` defines the rows. `computed` returns its whole table: it reads the blocks that are complete, lets the others be
+computed, and writes each block as soon as it is complete.
 
-A block is a Parquet file whose bytes depend on the study alone. Its schema's metadata say, under the key `vibro_ros`,
-the version, the whole design, and which block it is, and, under `digest`, by which damage is seen, a digest of this and
-of its values; every column says its unit and meaning. A file is whole or absent: it is written beside its place,
-brought to the disk and renamed. Anybody can write a file with a digest that fits, so a file also counts only if it has
-the columns of the study and the rows of its points.
+A block is a Parquet file whose bytes depend only on the study. The metadata of its schema contain, under the key
+`vibro_ros`, the version, the whole design and the number of the block, and, under `digest`, a digest of these and of
+the values, which detects damage; every column has its unit and meaning. A file is complete or absent: it is written
+under a temporary name, flushed to the disk and renamed. A digest can be forged, so a file is accepted only if it also
+has the columns of the study and the rows of its points.
 """
 
 import contextlib
@@ -33,9 +33,9 @@ from vibro_ros.study.execution import Execution, Rows, fingerprint
 
 KEY, _DIGEST = b"vibro_ros", b"digest"
 NUMBERS = pa.list_(pa.field("element", pa.float64(), nullable=False))
-"""A list of numbers, by the name of its items that a file has which is read again."""
-_LARGEST, _MOST_ROWS = 2**28, 2**20  # bytes of a block's file, and its rows: few bytes can stand for many rows
-# What comes of reading values that are not those of a study.
+"""Type of a list of numbers; the items are named as in a file that is read back."""
+_LARGEST, _MOST_ROWS = 2**28, 2**20  # largest file of a block [bytes], and its rows, because few bytes can encode many
+# Errors that reading a damaged or foreign file may raise.
 _UNSOUND = (pa.ArrowException, ArithmeticError, LookupError, TypeError, ValueError)
 
 
@@ -44,7 +44,7 @@ class ForeignBlockError(ValueError):
 
 
 class Field(NamedTuple):
-    """One column of a table; `optional`: whether a row may have no value there."""
+    """Column of a table; `optional` is true if a row may have no value (null)."""
 
     name: str
     type: pa.DataType
@@ -54,35 +54,36 @@ class Field(NamedTuple):
 
 
 def parameter_field(name: str) -> Field:
-    """The column of a number among a scene's parameters."""
+    """Column of a numeric parameter of a scene."""
     return Field(name, pa.float64(), BY_NAME[name].unit or "1", BY_NAME[name].description)
 
 
 @dataclass(frozen=True)
 class Study:
-    """What decides a table, and how its rows are computed.
+    """Definition of a table: its design, columns, and the function that computes its rows.
 
     Attributes
     ----------
     what : str
-        What is done, for the lines that say how far it is.
+        Description of the work for the progress display.
     design : dict
-        All that decides the rows, as JSON has it.
+        Everything that determines the rows, for JSON.
     fields : sequence of Field
         The columns.
     rows : callable
-        The rows of the point of a number, a function of this number alone; other processes get it pickled.
+        Returns the rows of a point from its number, on which alone they depend. It must be picklable for other
+        processes.
     are_own : callable
-        Whether rows, whose columns have the right types, are those of the points of some numbers; it may raise instead
-        of returning False.
+        Whether rows, whose columns have the right types, belong to the points of given numbers; it may raise instead of
+        returning False.
     run_time : float
-        Robot time of a point [s], about.
+        Approximate simulated time of a point [s].
     methods : tuple of str
-        Each `solver.method` whose kernels are needed.
+        Values of `solver.method` whose kernels are needed.
     count : int
-        Points, or the most that there may be.
+        Number of points, or an upper limit.
     block : int
-        Points of a block: what an interruption can lose.
+        Points of a block: the most that an interruption loses.
     """
 
     what: str
@@ -97,7 +98,7 @@ class Study:
 
     @property
     def blocks(self) -> int:
-        """How many blocks there are."""
+        """Number of blocks."""
         return -(-self.count // self.block)
 
     def points(self, block: int) -> range:
@@ -106,7 +107,7 @@ class Study:
 
 
 def computed(study: Study, folder: Path, execution: Execution) -> pa.Table:
-    """The whole table of a study, in a folder into which nobody else writes.
+    """Return the whole table of a study, stored in a folder into which no other process writes.
 
     Raises
     ------
@@ -115,7 +116,7 @@ def computed(study: Study, folder: Path, execution: Execution) -> pa.Table:
     OSError
         For files that cannot be read.
     RuntimeError
-        When the disk is full or refuses, or the runs cannot go on; finished blocks are kept.
+        When a file cannot be written, or the runs cannot go on; finished blocks are kept.
     """
     blocks = {block: study.points(block) for block in range(study.blocks)}
     tables = stored(study, folder, blocks, lambda numbers: execution.rows(
@@ -125,10 +126,10 @@ def computed(study: Study, folder: Path, execution: Execution) -> pa.Table:
 
 def stored(study: Study, folder: Path, blocks: Mapping[int, Sequence[int]],
            compute: Callable[[Iterable[int]], Rows]) -> dict[int, pa.Table]:
-    """The tables of some blocks, of which each has the points of some numbers.
+    """Return the tables of some blocks; `blocks` has the numbers of the points of each.
 
-    Those that are there are read. `compute` gives, in order, the rows of the others' points, and each block is written
-    when it is whole; a block without a row leaves no file. Errors are those of `computed`.
+    Existing blocks are read. `compute` yields, in order, the rows of the other blocks' points, and each block is
+    written when it is complete; a block without rows leaves no file. Errors are those of `computed`.
     """
     _check_folder(study, folder)
     tables: dict[int, pa.Table] = {}
@@ -152,19 +153,19 @@ def stored(study: Study, folder: Path, blocks: Mapping[int, Sequence[int]],
 
 
 def path_of(folder: Path, block: int) -> Path:
-    """The file of a block."""
+    """Path of a block's file."""
     return folder / f"block_{block:06d}.parquet"
 
 
 def read(study: Study, folder: Path, block: int, numbers: Sequence[int]) -> pa.Table | None:
-    """The table of a block; None where there is no file, or one that is damaged or has the rows of something else.
+    """Read the table of a block; None if there is no file, or if it is damaged or has rows of other points.
 
     Raises
     ------
     ForeignBlockError
         For a file of another design or version; the message names the first difference.
     OSError
-        For one that cannot be read.
+        For a file that cannot be read.
     """
     path = path_of(folder, block)
     if not path.exists():
@@ -199,7 +200,7 @@ def _say_damaged(path: Path) -> None:
 
 
 def _check_folder(study: Study, folder: Path) -> None:
-    """Make the folder, or delete what an interrupted write has left (ForeignBlockError for files of another study)."""
+    """Make the folder, or delete files of an interrupted write in it (ForeignBlockError for files of another study)."""
     folder.mkdir(exist_ok=True)
     for name in sorted(os.listdir(folder)):
         found = re.fullmatch(r"\.?(block_(\d{6})\.parquet)(\.\w+)?", name)
@@ -212,7 +213,7 @@ def _check_folder(study: Study, folder: Path) -> None:
 
 
 def _write(study: Study, folder: Path, block: int, rows: Sequence[dict]) -> pa.Table:
-    """Put a block on the disk, in the place of an older file (RuntimeError with the remedy); returns its table."""
+    """Write a block to the disk, replacing an older file (RuntimeError with the remedy); returns its table."""
     table, document, path = table_of(rows, study.fields), _document(study, block), path_of(folder, block)
     table = table.replace_schema_metadata({KEY: document, _DIGEST: _digest(document, table)})
     if not rows:
@@ -232,24 +233,24 @@ def _write(study: Study, folder: Path, block: int, rows: Sequence[dict]) -> pa.T
 
 
 def are(rows: Sequence[dict], expected: Sequence[dict]) -> bool:
-    """Whether there are as many rows as `expected`, and each has what is expected of it."""
+    """Whether there are as many rows as `expected`, and each has the expected values."""
     return len(rows) == len(expected) and all(
         row[name] == value for row, own in zip(rows, expected, strict=True) for name, value in own.items())
 
 
 def table_of(rows: Sequence[dict], fields: Sequence[Field]) -> pa.Table:
-    """A table whose schema says units and meanings."""
+    """Return a table of rows, whose schema contains units and meanings."""
     return pa.Table.from_pylist(list(rows), schema_of(fields))
 
 
 def schema_of(fields: Sequence[Field]) -> pa.Schema:
-    """The schema that says units and meanings."""
+    """Return the schema of columns, with units and meanings as metadata."""
     return pa.schema([pa.field(one.name, one.type, one.optional, {"unit": one.unit, "meaning": one.meaning})
                       for one in fields])
 
 
 def file_of(table: pa.Table) -> bytes:
-    """A table as a Parquet file, with a checksum of every page."""
+    """Return a table as the contents of a Parquet file, with a checksum of every page."""
     sink = io.BytesIO()
     pq.write_table(table, sink, compression="zstd", write_page_checksum=True)
     return sink.getvalue()
@@ -264,13 +265,13 @@ def _document(study: Study, block: int) -> bytes:
 
 
 def _digest(document: bytes, table: pa.Table) -> bytes:
-    """Digest of what a file says of its study, of its columns, and of all its values to the last bit."""
+    """Digest of a file's description of its study, of its columns, and of all its values to the last bit."""
     columns = [(one.name, str(one.type), sorted((one.metadata or {}).items())) for one in table.schema]
     return hashlib.sha256(document + repr((columns, table.to_pylist())).encode()).hexdigest().encode()
 
 
 def _difference(theirs: object, ours: object, where: str = "") -> str:
-    """The first difference between two documents, in words."""
+    """Describe the first difference between two documents."""
     if not (isinstance(theirs, dict) and isinstance(ours, dict)):
         shown = [text if len(text) <= 60 else f"{text[:60]}…" for text in map(str, (theirs, ours))]
         return f"{where} is {shown[0]} there, {shown[1]} here"

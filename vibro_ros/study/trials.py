@@ -1,7 +1,7 @@
-"""Trials of a robot: its values from drawn starts, its score, and what an optimum is worth.
+"""Trials of a robot: its values from random starts, its score, and the verification of an optimum.
 
-A robot's values are `MEASURED` from each start of some `Trials`; an `Objective` makes a score of them, by the poorer
-quarter of the starts. `verified` tells the attractors of an optimum under several readings of the forces.
+A robot's values are the measures `MEASURED` from each start of its `Trials`; an `Objective` makes a score of them, a
+quartile over the starts. `verified` finds the attractors of an optimum under several readings of the forces.
 """
 
 import contextlib
@@ -23,29 +23,29 @@ from vibro_ros.study.execution import Execution
 from vibro_ros.study.measures import drift_in, measure, measure_with_motion
 from vibro_ros.study.space import Space
 
-#: Measures that every score is made of, the columns of the values of a robot.
+#: Measures from which every score is computed: the columns of the values of a robot.
 MEASURED = ("mean_speed", "mean_power", "delivered_power", "air_share")
-#: Quantile of the starts that counts.
+#: Quantile over the starts that gives the score.
 QUANTILE = 0.25
-#: Score of a robot that cannot be simulated: below every other.
+#: Score of a robot that cannot be simulated: below all others.
 FAILED = -1e3
-#: Column of `MEASURED` that each reading of P takes.
+#: Column of `MEASURED` for each reading of P.
 POWERS = {"net": 1, "delivered": 2}
-#: Column of `MEASURED` that has the share of the time in the air.
+#: Column of `MEASURED` with the share of the time in the air.
 AIR = 3
-#: Sign of the mean speed that counts; 0 for either.
+#: Sign of the mean speed for each direction; 0 for either.
 DIRECTIONS = {"either": 0.0, "forward": 1.0, "backward": -1.0}
 
 
 class Reading(NamedTuple):
-    """How speeds and powers are read.
+    """Definition of the speed and power in a score.
 
     Attributes
     ----------
     power : str
-        Of `POWERS`.
+        Name in `POWERS`.
     direction : str
-        Of `DIRECTIONS`.
+        Name in `DIRECTIONS`.
     """
 
     power: str = "net"
@@ -53,13 +53,16 @@ class Reading(NamedTuple):
 
 
 def directed(speeds: np.ndarray, direction: str) -> np.ndarray:
-    """Speeds [m/s], shape (starts,), counted positive in the direction asked for, or in that of their mean."""
+    """Speeds [m/s], shape (starts,), positive in the given direction, or for `either` in that of their mean."""
     sign = DIRECTIONS[direction] or float(np.sign(np.mean(speeds))) or 1.0
     return sign * speeds
 
 
 def speed(values: np.ndarray, reading: Reading) -> float:
-    """Lower quartile [m/s] of the speeds of a robot; `values` of shape (starts, measures), columns `MEASURED`."""
+    """Lower quartile of the speeds of a robot [m/s]; the least speed if one is not above 0.
+
+    `values` has the shape (starts, measures), with columns `MEASURED`.
+    """
     if not np.isfinite(values).all():
         return FAILED
     speeds = directed(values[:, 0], reading.direction)
@@ -67,18 +70,19 @@ def speed(values: np.ndarray, reading: Reading) -> float:
 
 
 def speed_per_power(values: np.ndarray, reading: Reading) -> float:
-    """Lower quartile of V/P [m/J]; not above 0 where starts disagree or a power is not above 0."""
+    """Lower quartile of V/P [m/J]; not above 0 if starts go in different directions or a power is not above 0."""
     quartile = speed(values, reading)
     if quartile <= 0.0:
         return quartile
     power = values[:, POWERS[reading.power]]
     if power.min() <= 0.0:
-        return 0.0  # springs returned stored energy: the time was too short to tell a mean
+        return 0.0  # springs returned stored energy: the time was too short for a mean
     return float(np.quantile(directed(values[:, 0], reading.direction) / power, QUANTILE))
 
 
 def cost_of_transport(values: np.ndarray, reading: Reading, weight: float) -> float:
-    """Upper quartile over the starts of P / (M g V) [-], with M g = `weight` [N]; inf where there is no such cost."""
+    """Upper quartile over the starts of P / (M g V) [-], with M g = `weight` [N]; inf unless V, P and M g are above 0.
+    """
     power = values[:, POWERS[reading.power]]
     if speed(values, reading) <= 0.0 or power.min() <= 0.0 or weight <= 0.0:
         return np.inf
@@ -86,18 +90,18 @@ def cost_of_transport(values: np.ndarray, reading: Reading, weight: float) -> fl
 
 
 class Objective(NamedTuple):
-    """What a search maximises.
+    """Quantity that a search maximises.
 
     Attributes
     ----------
     unit : str
-        Of the score.
+        Unit of the score.
     does : str
-        In words, for users.
+        Description for users.
     score : callable
-        Score from values and reading.
+        Returns the score from values and reading.
     needs_reaction : bool
-        Whether it has a meaning only where energy balances.
+        Whether it is meaningful only if energy balances.
     """
 
     unit: str
@@ -110,16 +114,16 @@ OBJECTIVES = {
     "speed": Objective("m/s", "mean speed", speed, False),
     "speed_per_power": Objective("m/J", "mean speed over mean power, the paper's F_opt = V/P", speed_per_power, True),
 }
-"""Every objective of one number by its name."""
+"""Every objective with one number, by its name."""
 
 
 def check_reaction(scene: Scene, what: str) -> None:
-    """Refuse a scene in which the masses do not pay for the body's friction, so that power measures nothing.
+    """Refuse a scene without reaction of the body's friction on the masses, in which power has no meaning.
 
     Raises
     ------
     ValueError
-        Naming the remedy.
+        If `effects.reaction` is false, with the remedy.
     """
     if not scene["effects.reaction"]:
         raise ValueError(f"--scene {scene.name}: has effects.reaction false, by which the masses do not pay for the "
@@ -127,20 +131,20 @@ def check_reaction(scene: Scene, what: str) -> None:
                          "with effects.reaction true such as device, or --objective speed")
 
 
-#: First of the starts that choose among the best candidates, and of those that verify: no search has seen them.
+#: Number of the first start for selection among the best candidates, and for verification; a search uses neither.
 CHOOSING, VERIFYING = 10_000, 20_000
 
 
 @dataclass(frozen=True)
 class Trials:
-    """The runs of a robot.
+    """Runs of a robot.
 
     Attributes
     ----------
     starts : int
-        Number of drawn starts.
+        Number of random starts.
     settling, duration : float
-        Time of a run that does not count, and time that does [s].
+        Settling time and measuring time of a run [s].
     first : int
         Number of the first start; those of a search begin at 0.
     """
@@ -152,14 +156,14 @@ class Trials:
 
     @property
     def run_time(self) -> float:
-        """Robot time of all starts [s]."""
+        """Simulated time of all starts [s]."""
         return self.starts * (self.settling + self.duration)
 
 
 def values_of(scene: Scene | None, trials: Trials) -> np.ndarray:
-    """`MEASURED` of a robot from each start, shape (starts, measures).
+    """Values of `MEASURED` of a robot from each start, shape (starts, measures).
 
-    NaN if a run cannot go on, and for a robot that cannot be built (None).
+    All are NaN if a run cannot go on, and for a robot that cannot be built (None).
     """
     nothing = np.full((trials.starts, len(MEASURED)), np.nan)
     if scene is None:
@@ -173,7 +177,7 @@ def values_of(scene: Scene | None, trials: Trials) -> np.ndarray:
 
 
 def values_of_many(scenes: Sequence[Scene], trials: Trials, execution: Execution) -> Generator[np.ndarray, None, None]:
-    """Yield `values_of` of each of `scenes`, which have one method, in their order."""
+    """Yield `values_of` for each of `scenes`, in their order."""
     return execution.rows(partial(_values_at, tuple(scenes), trials), range(len(scenes)), trials.run_time,
                           tuple({scene["solver.method"] for scene in scenes}))
 
@@ -186,7 +190,7 @@ _LOADS = ("mean_load", "unloaded_share")
 
 
 class Mean(NamedTuple):
-    """A mean over the starts of one attractor, and half the width of its 95 % interval; NaN of one start."""
+    """Mean over the starts of one attractor, and half the width of its 95 % interval, NaN for one start."""
 
     mean: float
     spread: float
@@ -194,29 +198,29 @@ class Mean(NamedTuple):
 
 @dataclass(frozen=True)
 class Verified:
-    """An attractor of the optimum under a reading.
+    """An attractor of the optimum under a reading of the forces.
 
     Attributes
     ----------
     reading : str
-        Which forces act.
+        Description of the reading.
     turns : int or None
-        Turns after which it repeats itself; 0 without a period, None for starts that have not settled.
+        Turns after which the motion repeats itself; 0 without a period, None for starts that have not settled.
     starts : int
-        Starts that lead to it.
+        Number of starts that lead to it.
     share, low, high : float
-        Their part of all starts, and its 95 % confidence interval; dimensionless.
+        Their share of all starts, and its 95 % confidence interval; dimensionless.
     speed : Mean
         Mean speed [m/s], forward positive.
     power, delivered : Mean
         Net and delivered mean power [W].
     ratio : Mean
-        Speed, in either direction, over the power that is read [m/J].
+        Absolute speed over the power of the reading of P [m/J].
     cost : float
-        Cost of transport [-] with the power that is read; NaN where energy does not balance.
+        Cost of transport [-] with the same power; NaN if energy does not balance.
     drift : float
-        How much faster [m/s] the second half of the time was, by which the means are those of a transient; 0 where no
-        drift is known, and of a periodic motion.
+        Mean speed in the second half of the time minus that in the first [m/s], if significant, so that the means
+        describe a transient; else 0, and for a periodic motion.
     load, unloaded, air : float
         `mean_load`, `unloaded_share` and `air_share` of `study.measures`; dimensionless.
     """
@@ -239,7 +243,7 @@ class Verified:
 
 
 def readings(scene: Scene) -> dict[str, Scene]:
-    """The scene, and what of other forces differs from it, each by what is different."""
+    """Scenes for the verification by their descriptions: the scene itself, and variants with other effects or start."""
     of_device = load_scene("device").parameters
     others: dict[str, dict[str, object]] = {
         "the body is held on the ground by decree (`unilateral`)": {"effects.normal_force": "unilateral"},
@@ -257,22 +261,22 @@ def readings(scene: Scene) -> dict[str, Scene]:
 
 def verified(space: Space, optimum: Mapping[str, float], reading: Reading, trials: Trials, execution: Execution,
              progress: Progress) -> list[Verified]:
-    """The attractors of the optimum under every one of `readings`, that of most starts first.
+    """Find the attractors of the optimum under each of `readings`, that of most starts first.
 
     Parameters
     ----------
     space : Space
-        Its scene gives what is not varied.
+        Search space, whose scene has the values of the other parameters.
     optimum : mapping
         Values of the varied parameters.
     reading : Reading
-        How powers are read.
+        Definition of the power.
     trials : Trials
-        Its starts are counted from `VERIFYING` on.
+        Number of starts, counted from `VERIFYING`, and times.
     execution : Execution
-        Who computes.
+        Workers that run the trials.
     progress : Progress
-        Counts every reading.
+        Counts the readings.
     """
     fresh = replace(trials, first=VERIFYING)
     scenes = {words: scene.with_parameters(optimum) for words, scene in readings(space.scene).items()}
@@ -292,7 +296,10 @@ def verified(space: Space, optimum: Mapping[str, float], reading: Reading, trial
 
 
 def _settled_at(scenes: tuple[Scene, ...], trials: Trials, number: int) -> list[tuple[list[float], Any, float]]:
-    """Of each start `MEASURED` and `_LOADS`, NaN if a run cannot go on, the motion it has settled to, and the drift."""
+    """Return for each start the values of `MEASURED` and `_LOADS`, the settled motion or None, and the drift.
+
+    Values are NaN if the run cannot go on.
+    """
     names, found = (*MEASURED, *_LOADS), []
     for start in range(trials.first, trials.first + trials.starts):
         try:
@@ -305,7 +312,8 @@ def _settled_at(scenes: tuple[Scene, ...], trials: Trials, number: int) -> list[
 
 
 def _verified(words: str, scene: Scene, attractor: Attractor, values: np.ndarray, reading: Reading) -> Verified:
-    """A row from the values of the starts of one attractor, shape (starts, measures + 1), the drift in the last."""
+    """Make a row from the values of one attractor's starts, shape (starts, measures + 1); the last column is the drift.
+    """
     def mean(column: np.ndarray) -> Mean:
         return Mean(float(column.mean()), float(half_interval(column)))
 

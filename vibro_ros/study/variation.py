@@ -1,4 +1,4 @@
-"""What a sweep varies: parameters over lists and grids, and, beside these, over ranges that are sampled."""
+"""Varied parameters of a sweep: lists and grids of values, and ranges that are sampled."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,10 +9,10 @@ from scipy.stats import qmc
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.parameters import BY_NAME, Parameter, Value, parameter_named
 
-#: Most values of a list or a grid, each of which stands in the metadata of every file, and most samples.
+#: Largest number of values of a list or grid, because every file's metadata contain all of them, and of samples.
 MOST_VALUES, MOST_SAMPLES = 10_000, 10_000_000
 LOG = "log"
-#: Ways to sample ranges, all from a seed.
+#: Methods to sample ranges, all with a seed.
 SAMPLERS = {"sobol": qmc.Sobol, "latin_hypercube": qmc.LatinHypercube}
 
 
@@ -23,7 +23,7 @@ class Axis:
     Attributes
     ----------
     name : str
-        Of the parameter.
+        Name of the parameter.
     values : tuple
         Its values, in SI units, in their order.
     """
@@ -32,18 +32,18 @@ class Axis:
     values: tuple[Value, ...]
 
     def document(self) -> list[Value]:
-        """What a sweep's file says of it."""
+        """Its entry in a sweep's file."""
         return list(self.values)
 
 
 @dataclass(frozen=True)
 class Range:
-    """A number that is sampled.
+    """A numeric parameter that is sampled in a range.
 
     Attributes
     ----------
     name : str
-        Of the parameter.
+        Name of the parameter.
     low, high : float
         Its limits, in SI units.
     log : bool
@@ -56,26 +56,26 @@ class Range:
     log: bool
 
     def at(self, shares: np.ndarray) -> np.ndarray:
-        """The numbers at `shares` of the range, from 0 to 1."""
+        """Values at `shares` of the range, from 0 to 1."""
         return spread(self.low, self.high, self.log, shares)
 
     def document(self) -> dict[str, Value]:
-        """What a sweep's file says of it."""
+        """Its entry in a sweep's file."""
         return {"from": self.low, "to": self.high, **({"scale": LOG} if self.log else {})}
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """How ranges are sampled.
+    """Sampling of the ranges.
 
     Attributes
     ----------
     method : str
-        Of `SAMPLERS`.
+        Name in `SAMPLERS`.
     count : int
-        Points.
+        Number of points.
     seed : int
-        Of the random numbers that shift or scatter the points.
+        Seed of the random numbers that shift or scatter the points.
     """
 
     method: str
@@ -88,26 +88,26 @@ class Sampling:
 
 
 def spread(low: float, high: float, log: bool, shares: np.ndarray) -> np.ndarray:
-    """Numbers from `low` at the share 0 to `high` at the share 1, evenly or by their logarithms; both ends exact."""
+    """Values from `low` at share 0 to `high` at share 1, linear or logarithmic; both ends are exact."""
     values = low * (high / low) ** shares if log else low + (high - low) * shares
     return np.where(shares == 1.0, high, np.clip(values, min(low, high), max(low, high)))
 
 
 def varied(name: str, given: object) -> Axis | Range:
-    """What a sweep's file says that a parameter is to be.
+    """Return the axis or range of a parameter from its entry in a sweep's file.
 
     Parameters
     ----------
     name : str
-        Of a parameter of the scene.
+        Name of a parameter of the scene.
     given : object
-        A list of values; or a mapping with `from`, `to`, and perhaps `scale`, for a range that is sampled; with
-        `count`, too, for a grid.
+        A list of values; or a mapping with `from`, `to` and optionally `scale` for a range that is sampled, and with
+        `count` for a grid.
 
     Raises
     ------
     ValueError
-        Naming the parameter, the value, the limit and the remedy.
+        For an entry of another form, with the parameter, the value, the limit and the remedy.
     """
     parameter = parameter_named(name, BY_NAME)
     if isinstance(given, (list, tuple)):
@@ -124,9 +124,9 @@ def varied(name: str, given: object) -> Axis | Range:
 
 
 def varied_in_words(text: str) -> tuple[str, Axis | Range]:
-    """A parameter's name and what it is to be, from ``NAME=A,B,C``, ``NAME=LOW:HIGH:COUNT`` or ``NAME=LOW:HIGH``.
+    """Parse a parameter's name and its axis or range: ``NAME=A,B,C``, ``NAME=LOW:HIGH:COUNT`` or ``NAME=LOW:HIGH``.
 
-    After either of the last two, ``:log`` spreads the values evenly by their logarithms.
+    After either of the last two, ``:log`` spaces the values evenly by their logarithms.
 
     Raises
     ------
@@ -153,12 +153,12 @@ def varied_in_words(text: str) -> tuple[str, Axis | Range]:
 
 
 def sampling(method: object, count: object, seed: object) -> Sampling:
-    """A checked `Sampling`.
+    """Return a checked `Sampling`.
 
     Raises
     ------
     ValueError
-        For an unknown method, and numbers that are no counts.
+        For an unknown method, or a count or seed out of range.
     """
     if method not in SAMPLERS:
         raise ValueError(f"sample: {method!r} is unknown; choose one of {', '.join(SAMPLERS)}")
@@ -170,7 +170,7 @@ def sampling(method: object, count: object, seed: object) -> Sampling:
 
 
 def sampling_in_words(text: str) -> Sampling:
-    """A `Sampling` from ``METHOD:COUNT`` or ``METHOD:COUNT:SEED`` (ValueError as for `sampling`)."""
+    """Parse a `Sampling` from ``METHOD:COUNT`` or ``METHOD:COUNT:SEED`` (ValueError as for `sampling`)."""
     method, *numbers = text.split(":")
     if len(numbers) not in (1, 2):
         raise ValueError(f"--sample {text}: give METHOD:COUNT or METHOD:COUNT:SEED, with METHOD one of "
@@ -180,21 +180,24 @@ def sampling_in_words(text: str) -> Sampling:
 
 
 def ends_at(values: Mapping[str, Sequence[Value]], at: int) -> list[str]:
-    """The scanned parameters of which the point `at` has the least or the largest value; texts have no ends.
+    """Names of the numeric scanned parameters that have their least or largest value at the point `at`.
 
-    `values` has, by scanned parameter, its value at every point.
+    `values` contains, by scanned parameter, its value at every point.
     """
     numbers = [name for name, every in values.items() if isinstance(every[0], float) and len(set(every)) > 1]
     return [name for name in numbers if values[name][at] in (min(values[name]), max(values[name]))]  # type: ignore
 
 
 def at_the_edge(what: str, ends: Sequence[str], direction: str = "rise") -> str:
-    """A sentence where an extreme of a scan, `what`, is at an end of what was scanned, so that it is no optimum."""
+    """Return a sentence that the extreme `what` lies at the end of a range, so that it may be no optimum.
+
+    Empty without `ends`, the names of the parameters.
+    """
     return f"{what} is at the end of the range of {', '.join(ends)}: it may still {direction} beyond" if ends else ""
 
 
 def whole_number(what: str, value: object, least: int, most: int) -> int:
-    """`value` as an integer from `least` to `most`; else a ValueError that begins with `what`."""
+    """Return `value` if it is an integer from `least` to `most`; else raise a ValueError that begins with `what`."""
     if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
         raise ValueError(f"{what}: {value!r} is out of range; give a whole number from {least} to {most}")
     return value
