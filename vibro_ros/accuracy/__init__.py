@@ -1,11 +1,11 @@
-"""What accuracy costs: every program on one problem, its error against a reference, its cost against one unit.
+"""Work-precision comparison: errors of simulation programs against a reference, and their cost relative to one unit.
 
-A problem comes in (a scene within a horizon, or one of the benchmark with stored values), and rows go out: a setting of
-a program, its errors, its cost. Read in this order:
+A problem comes in (a scene up to a horizon, or a benchmark problem with stored values). Rows go out, each with a
+setting of a program, its errors and its cost. Read in this order:
 
-- `programs`: what a program is, what it answers, and the device's own methods;
-- `harness`: `Problem`, the one error, the one cost, `Row`, and `rows(problem, program)`;
-- `scene_rows`: how long chaos lets trajectories of a scene be compared, what checks the reference, mean speeds;
-- `report` and `chart`: rows in words, tables and a diagram;
+- `programs`: the interface of a program, its answers, and the device's own methods;
+- `harness`: `Problem`, the error, the cost, `Row`, and `rows(problem, program)`;
+- `scene_rows`: the horizon to which chaos allows a comparison, the check of the reference, and mean speeds;
+- `report` and `chart`: text, tables and a diagram from rows;
 - `accuracy`: the executable. `benchmark/` at the repository's root runs the same harness with more programs.
 """

@@ -1,6 +1,6 @@
-"""Executable ``accuracy``: what a digit of accuracy costs with every method, for a scene."""
+"""Executable ``accuracy``: measure error and cost of every method for a scene."""
 
-if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
+if __name__ == "__main__":  # before all imports, which take a second or two, in which a signal may arrive
     import sys
 
     from vibro_ros.process.entry_point import enter
@@ -54,7 +54,7 @@ _LEAST_HORIZON = 1e-3  # s, one sample
 
 
 def machine() -> str:
-    """What costs depend on: versions, processor, date."""
+    """Text of what costs depend on: versions and machine, and the date."""
     versions = ["vibro_ros from source", f"Python {platform.python_version()}",
                 *(f"{package} {metadata.version(package)}" for package in _PACKAGES)]
     with suppress(metadata.PackageNotFoundError):
@@ -65,7 +65,7 @@ def machine() -> str:
 
 def measure(scene_name: str, programs: Mapping[str, Program], effort: Effort, write: Callable[[Row], None],
             checks: Sequence[tuple[Program, Setting]] = (OWN_CHECK,)) -> list[Row]:
-    """The rows of a scene, measured with a progress bar; each is handed to `write` at once."""
+    """Measure and return the rows of a scene with a progress bar; each row is passed to `write` at once."""
     found: list[Row] = []
     scene = load_scene(scene_name)
     tqdm.write(f"{scene.name}: chaos and reference ...")
@@ -83,14 +83,14 @@ def measure(scene_name: str, programs: Mapping[str, Program], effort: Effort, wr
 
 
 def findings(rows: Sequence[Row]) -> list[str]:
-    """What the rows of a scene tell, one sentence each."""
+    """Return the findings from the rows of a scene, in sentences."""
     return [*slopes_in_words({rows[0].problem: rows}),
             *(f"{asked[0].upper()}{asked[1:]}: {use}." for asked, use in advice(rows).items()),
             *(finding(rows, method) for method in AVERAGED)]
 
 
 def write_report(rows: Mapping[str, Sequence[Row]], effort: Effort, folder: Path, interrupted: bool) -> list[Path]:
-    """Write what the rows measured so far tell, by scene; returns the files."""
+    """Write the report of the rows measured so far, by scene, and the diagrams; returns the files."""
     pictures = draw(rows, effort, folder)
     parts = ["# What accuracy costs"]
     if interrupted:
@@ -107,7 +107,7 @@ def write_report(rows: Mapping[str, Sequence[Row]], effort: Effort, folder: Path
 
 
 def how_measured(rows: Mapping[str, Sequence[Row]], effort: Effort, on: str) -> str:
-    """Machine, rounds and unit, in Markdown."""
+    """Return a description of the measurement in Markdown: machine, rounds, unit, instants and starts."""
     return (f"Measured on: {on}.\n\n"
             f"{unit_in_words(rows)} Costs are medians of at most {effort.repeats} rounds, each the "
             f"median of the runs that {LEAST_TIME:g} s allow, as ratios to that cost, run in turn with them. "
@@ -123,7 +123,7 @@ def how_measured(rows: Mapping[str, Sequence[Row]], effort: Effort, on: str) -> 
 
 
 def draw(rows: Mapping[str, Sequence[Row]], effort: Effort, folder: Path) -> dict[str, Path]:
-    """Draw every scene whose reference is known; scene to its diagram."""
+    """Draw the diagram of every scene whose reference was checked; returns the files by scene."""
     pictures = {}
     for name, own in rows.items():
         if any(row.compared == REFERENCE for row in own):
@@ -134,12 +134,12 @@ def draw(rows: Mapping[str, Sequence[Row]], effort: Effort, folder: Path) -> dic
 
 
 def chosen(names: Sequence[str] | None, programs: Mapping[str, Program]) -> dict[str, Program]:
-    """The methods named of those in `programs`, in their order; all for None.
+    """Return the programs with the given names, in the order of `programs`; all for None.
 
     Raises
     ------
     ValueError
-        For no name, and for a name that is not there.
+        For an empty sequence of names, and for an unknown name.
     """
     if names is not None and not names:
         raise ValueError(f"--methods: none named; methods are {', '.join(programs)}")
@@ -150,7 +150,7 @@ def chosen(names: Sequence[str] | None, programs: Mapping[str, Program]) -> dict
 
 
 def main(words: Sequence[str]) -> int:
-    """Run the executable; its exit code."""
+    """Run the executable; returns its exit code."""
     return exit_code("accuracy", lambda: _measure(_parser().parse_args(words)))
 
 
@@ -160,7 +160,7 @@ def _measure(options: argparse.Namespace) -> int:
         effort = _asked_effort(options)
         scenes = shipped_scenes() if options.all else [options.scene]
         for scene in scenes:
-            load_scene(scene)  # one that is not there is refused before anything is written
+            load_scene(scene)  # a missing scene is refused before anything is written
         options.output.mkdir(parents=True, exist_ok=True)
         for method in ("exact", "rk4"):
             prepare_kernels("accuracy", method)

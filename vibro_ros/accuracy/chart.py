@@ -10,18 +10,18 @@ from vibro_ros.accuracy.harness import AVERAGE, RATE, REFERENCE, TRAJECTORY, Row
 from vibro_ros.accuracy.report import WITHIN
 from vibro_ros.study.figures import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, new_figure, tidy
 
-# Colours, and markers for whoever cannot tell these apart.
+# Colours, and markers for readers who cannot distinguish them.
 _STYLES = {"exact": (BLACK, "*"), "rk4": (BLUE, "o"), "rk4_located": ("#882255", "P"),
            "rk4_by_hand": ("#777777", "X"), "heyoka": (SKY, "D"), "scipy": (PURPLE, "v"),
            "cvode": (ORANGE, "<"), "diffrax": (GREEN, "s"), "drake": (VERMILION, "^"),
            "mujoco": ("#8c564b", "h"), "siconos": ("#5b2c83", ">")}
 _OTHER = ("#999999", ".")
 _BAND, _NEAR = "#dddddd", "#f6e58d"
-# m or s, longer than the robot and the horizon: a method that is off by more has diverged, and leaves the panel.
+# m or s, more than the robot's length or the horizon: a method with a larger error has diverged, and is not shown.
 _LARGEST_ERROR = 1.0
 _PANELS = (("body_error", "error of the body's position [m]"), ("mass_error", "error of the masses' positions [m]"),
            ("event_error", "error of the contacts' instants [s]"))
-# Times the exact mean speed, or ten times its interval where that is more; what differs by more leaves the panel.
+# Largest difference from the exact mean speed that is shown, in multiples of it, or of ten of its intervals if larger.
 _LARGEST_DIFFERENCE = 2.0
 
 def draw_scene(rows: Sequence[Row], caption: str) -> Figure:
@@ -30,9 +30,9 @@ def draw_scene(rows: Sequence[Row], caption: str) -> Figure:
     Parameters
     ----------
     rows : sequence of Row
-        All of the same scene; what was not measured is left out.
+        Rows of one scene; missing rows are not drawn.
     caption : str
-        A line under the title.
+        Text under the title.
 
     Returns
     -------
@@ -52,7 +52,7 @@ def draw_scene(rows: Sequence[Row], caption: str) -> Figure:
 
 
 def _draw_errors(axes: Axes, rows: Sequence[Row], column: str, label: str) -> None:
-    """Error over cost; errors below the reference's own are unknown, so their points are put on its edge."""
+    """Draw error over cost; errors below the reference's own are unknown, so their points are drawn at that error."""
     reference = next((row for row in rows if row.compared == REFERENCE), None)
     floor = getattr(reference, column) if reference else math.nan
     floor = floor if math.isfinite(floor) and floor > 0.0 else 1e-16
@@ -78,7 +78,7 @@ def _draw_errors(axes: Axes, rows: Sequence[Row], column: str, label: str) -> No
 
 
 def _draw_speeds(axes: Axes, rows: Sequence[Row]) -> None:
-    """Mean speeds over the step, with the exact one and its 95 % interval as a band."""
+    """Draw mean speeds over the step, with the exact mean speed and its 95 % interval as a band."""
     averages = [row for row in rows if row.compared == AVERAGE and math.isfinite(row.mean)]
     motions = [row for row in averages if row.program == "exact"]
     for one in motions:

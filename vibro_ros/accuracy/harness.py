@@ -1,9 +1,10 @@
-"""What accuracy costs: one problem, one program, a row for each setting.
+"""Measurement of errors and costs: one problem, one program, one row for each setting.
 
-`rows(problem, program, effort)` is all that the executable `accuracy` and the benchmark call. A row has the program's
-error (`errors`, against the problem's reference) and its cost, a ratio to the device's own Runge-Kutta 4 of 1e-5 s on
-the same problem, run in turn. A program that does not ship runs in a process of its own (`Program.command`), so that a
-crash, an endless loop or an absent library is a result. Like `programs`, this file needs numpy alone.
+The executable `accuracy` and the benchmark only call `rows(problem, program, effort)`. A row has the program's errors
+(`errors`, against the problem's reference) and its cost, relative to the device's own Runge-Kutta 4 with steps of
+1e-5 s on the same problem, run alternately with the program. A program that is not part of the package runs in its own
+process (`Program.command`), so that a crash, an endless loop or a missing library becomes a result. Like `programs`,
+this module imports only numpy.
 """
 
 import csv
@@ -37,47 +38,47 @@ from vibro_ros.accuracy.programs import (
 if TYPE_CHECKING:
     from vibro_ros.model.scene import Scene
 
-#: Samples per second of robot time in the runs whose cost is measured.
+#: Samples per second of simulated time in the runs whose cost is measured.
 RATE = 1000.0
-#: Time [s] that the median cost of a round is taken over, at least.
+#: Wall time [s] for which a round repeats a run, at least; its cost is the median.
 LEAST_TIME = 0.1
-#: Instants at which errors are looked for, in each horizon; they lie off all grids of samples and steps.
+#: Number of instants of a horizon at which errors are evaluated; they lie off all grids of samples and steps.
 INSTANTS = 50_000
-#: What a row compares: trajectories within a horizon, the same within the horizon of a requirement, mean speeds over
-#: starts, the reference with an independent program, and how fast motions part.
+#: Comparison in a row: trajectories within a horizon, the same within the horizon of a requirement, mean speeds over
+#: starts, the reference with an independent program, and the Lyapunov exponent.
 TRAJECTORY, REQUIRED, AVERAGE, REFERENCE, EXPONENT = "trajectory", "requirement", "mean speed", "reference", "exponent"
 #: Outcomes of a row.
 OK, CANNOT, DIVERGES, FAILS, TIMEOUT, ABSENT = "ok", "cannot", "diverges", "fails", "out of time", "absent"
-_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)  # multiples of it lie in all parts of an interval alike
-COMPILING = 120.0  # s, that a process may take beyond its limit
-_OF_UNIT = 1001  # samples that the unit is run for at most
+_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)  # the fractional parts of its multiples fill an interval evenly
+COMPILING = 120.0  # s, time for compilation in addition to the limit of a process
+_OF_UNIT = 1001  # largest number of samples of a run of the unit
 _FINEST = 1e-12  # tolerance of exact as the reference
-_BEGINNING = 1e-3  # s, within which contacts may count as events or not
+_BEGINNING = 1e-3  # s, from the start, in which contacts are ignored, because programs may count them differently
 _BODY, _HEIGHT = COLUMNS.index("body_position"), COLUMNS.index("body_height")
 _MASSES = COLUMNS.index("upper_position"), COLUMNS.index("inclined_position")
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is measured.
+    """Amount of measurement.
 
     Attributes
     ----------
     repeats : int
         Rounds of each row, each of runs for `LEAST_TIME`; costs are medians.
     horizon : float or None
-        Time over which trajectories are compared [s]; by the Lyapunov time if None.
+        Time over which trajectories are compared [s]; None to derive it from the Lyapunov time.
     patience : float
-        Time [s] of one run after which its program's settings go no finer; steps that are expected to take longer are
-        not tried. Nothing is repeated after a quarter of it: a long run's time has less scatter.
+        Wall time [s] of a run after which no finer settings of its program are tried; steps that are expected to take
+        longer are skipped. Rounds end after a quarter of it, because the time of a long run has less scatter.
     patience_for_averages : float
         The same time [s] for all starts of a mean speed.
     starts : int
-        Starts of a mean speed, at least 2; the spread between them does not shrink with their duration.
+        Number of starts of a mean speed, at least 2; the spread between them does not shrink with their duration.
     duration : float
-        Time of each start that counts [s].
+        Measuring time of each start [s].
     limit : float
-        Time [s] of one run after which the process of a program that does not ship is ended; compiling is apart.
+        Wall time [s] of a run, without compilation, after which the process of an external program is ended.
     """
 
     repeats: int = 5
@@ -91,16 +92,16 @@ class Effort:
 
 @dataclass(frozen=True)
 class Errors:
-    """Distances of an answer from a reference, each the largest at the instants compared.
+    """Errors of an answer: the largest differences from a reference at the compared instants.
 
     Attributes
     ----------
     columns : tuple of float
-        By `COLUMNS` [m, m/s].
+        Error of each of `COLUMNS` [m, m/s].
     events : float
-        Largest distance in time [s] of a contact from the nearest of its kind in the other answer, both ways, so that
-        a contact too many or too few counts too; infinite where one answer has none of a kind; NaN where the
-        program locates no events or nothing touches.
+        Largest distance in time [s] of a contact from the nearest of its kind in the other answer, in both directions,
+        so that additional and missing contacts count; infinite if only one answer has contacts of a kind; NaN if the
+        program locates no events or there are no contacts.
     speed : float
         Error of the mean speed from t = 0 to the end [m/s].
     """
@@ -126,12 +127,12 @@ class Errors:
 
     @property
     def finite(self) -> bool:
-        """Whether the positions are numbers at all."""
+        """Whether all position errors are finite."""
         return math.isfinite(self.body + self.height + self.masses)
 
 
 def errors(answer: Answer, reference: Answer, duration: float) -> Errors:
-    """Errors of `answer` at the instants that it shares with `reference`, the last of them at `duration` [s]."""
+    """Compute the errors of `answer` against `reference`, both at the same instants, the last at `duration` [s]."""
     off = np.abs(answer.samples - reference.samples)
     ends = answer.samples[[0, -1], _BODY] - reference.samples[[0, -1], _BODY]
     return Errors(tuple(map(float, off.max(axis=0))), _event_error(answer, reference),
@@ -148,14 +149,14 @@ def _event_error(answer: Answer, reference: Answer) -> float:
 
 
 def _farthest(some: np.ndarray, others: np.ndarray) -> float:
-    """The largest distance [s] of an instant in `some` from the nearest in `others`; both ascend."""
+    """Largest distance [s] of an instant in `some` from the nearest in `others`; both are ascending."""
     after = np.searchsorted(others, some)
     later, earlier = others[np.minimum(after, len(others) - 1)], others[np.maximum(after - 1, 0)]
     return float(np.minimum(np.abs(later - some), np.abs(some - earlier)).max())
 
 
 def _contacts(answer: Answer) -> dict[str, np.ndarray]:
-    """Instants [s] of contacts by kind, ascending; kinds without one are left out."""
+    """Instants [s] of contacts by kind, ascending; kinds without contacts are left out."""
     if answer.events is None:
         return {}
     events = answer.events[answer.events["time"] > _BEGINNING]
@@ -165,15 +166,20 @@ def _contacts(answer: Answer) -> dict[str, np.ndarray]:
 
 @dataclass(frozen=True)
 class Row:
-    """One setting of one program on one problem; NaN where a number does not apply.
+    """Result of one setting of one program on one problem; NaN where a number does not apply.
 
-    `compared` is `TRAJECTORY` (the errors are distances within `horizon`), `REQUIRED` (the same, within the horizon of
-    a requirement), `AVERAGE` (`mean` is the speed of one of the `motions` that starts of `horizon` seconds lead
-    to, with its 95 % interval `spread`, NaN of one start, over the `repeats` starts that do, of which `starts_forwards`
-    go forwards; several motions have a row each), `REFERENCE` (the errors are those of `exact` against the program
-    named) or `EXPONENT` (`mean` and `spread` are the largest Lyapunov exponent). `cost` is a ratio to the
-    unit's, `wall_time` in seconds; lengths in m, times in s, speeds in m/s. `share_error` is the largest error of the
-    columns that a problem is judged by, as a share of the span of its reference.
+    `compared` has one of these values:
+
+    - `TRAJECTORY`: the errors are the largest within `horizon` [s].
+    - `REQUIRED`: the same, within the horizon of a requirement.
+    - `AVERAGE`: `mean` is the mean speed of one of the `motions` that starts of `horizon` seconds lead to. `spread` is
+      half its 95 % interval, NaN for one start. `repeats` starts lead to it, of which `starts_forwards` go forwards.
+      Each motion has a row.
+    - `REFERENCE`: the errors are those of `exact` against the named program.
+    - `EXPONENT`: `mean` and `spread` are the largest Lyapunov exponent and half its 95 % interval [1/s].
+
+    `cost` is relative to the unit, `wall_time` in seconds; lengths in m, times in s, speeds in m/s. `share_error` is
+    the largest error of the columns by which a problem is judged, as a share of the span of its reference.
     """
 
     problem: str
@@ -202,29 +208,29 @@ class Row:
 
     @property
     def path_error(self) -> float:
-        """Largest error [m] of the body's path: along the ground or above it."""
+        """Largest error [m] of the body's position along the ground or of its height."""
         return float(np.maximum(self.body_error, self.height_error))
 
     @property
     def position_error(self) -> float:
-        """Largest error [m] of any position: of body, height or a mass; NaN if one is no number."""
+        """Largest error [m] of body position, height and mass positions; NaN if one is NaN."""
         return float(np.maximum(self.path_error, self.mass_error))
 
     def with_errors(self, off: Errors) -> "Row":
-        """This row with so many errors."""
+        """Return this row with the given errors."""
         return replace(self, body_error=off.body, height_error=off.height, mass_error=off.masses,
                        event_error=off.events, speed_error=off.speed)
 
 
 @contextmanager
 def row_writer(path: Path) -> Iterator[Callable[[Row], None]]:
-    """Give a function that appends a `Row` to a new CSV file, on disk before it returns."""
+    """Context manager that gives a function to append a `Row` to a new CSV file; the function flushes the file."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow([field.name for field in fields(Row)])
 
         def write(row: Row) -> None:
-            # more digits than any text shows: who makes the text from the rows again gets the same one
+            # more digits than any text shows, so that a text made from the file is the same
             writer.writerow(f"{cell:.10g}" if isinstance(cell, float) else cell for cell in astuple(row))
             file.flush()
 
@@ -233,7 +239,7 @@ def row_writer(path: Path) -> Iterator[Callable[[Row], None]]:
 
 
 def read_rows(path: Path) -> list[Row]:
-    """The rows of a file that `row_writer` has written."""
+    """Read the rows of a file written by `row_writer`."""
     types = {field.name: {"str": str, "int": int, "float": float}[str(getattr(field.type, "__name__", field.type))]
              for field in fields(Row)}
     with path.open(encoding="utf-8") as lines:
@@ -241,9 +247,10 @@ def read_rows(path: Path) -> list[Row]:
 
 
 def off_every_grid(horizon: float, count: int) -> np.ndarray:
-    """Instants [s], shape (count + 1,), from 0 to `horizon`, ascending: one in each part of it, nowhere the same part.
+    """Return instants [s], shape (count + 1,), from 0 to `horizon`, ascending.
 
-    On a grid an error between its instants would go unseen, and one between a method's steps as well.
+    There is one in each of `count` equal parts of the horizon, at a different place of every part, and the end. On a
+    grid, errors between its instants or between a method's steps would remain undetected.
     """
     k = np.arange(count)
     instants = (k + np.mod(_GOLDEN * k, 1.0)) * (horizon / count)
@@ -251,64 +258,64 @@ def off_every_grid(horizon: float, count: int) -> np.ndarray:
 
 
 class Problem(Protocol):
-    """What programs run on: a scene within a horizon, here, or one of the benchmark with stored values."""
+    """Interface of a problem: a scene within a horizon (`SceneProblem`), or a benchmark problem with stored values."""
 
     @property
     def name(self) -> str:
-        """In rows."""
+        """Name of the problem in rows."""
 
     @property
     def scene(self) -> Any:
-        """A `Scene` with the same equations, motion and start."""
+        """`Scene` with the same equations, motion and start."""
 
     @property
     def times(self) -> np.ndarray:
         """Instants [s], ascending from 0, at which a run is sampled, shape (n,)."""
 
     def at(self, times: np.ndarray) -> "Problem":
-        """The same problem, sampled at other instants [s]."""
+        """Return the same problem, sampled at other instants [s]."""
 
     def instants(self, program: Program, setting: Setting) -> np.ndarray:
-        """Instants [s] at which errors are looked for."""
+        """Instants [s] at which errors are evaluated."""
 
     def judge(self, row: "Row", answer: Answer, times: np.ndarray) -> "Row":
-        """The row with the errors of an answer at instants [s], and the outcome that they mean."""
+        """Return the row with the errors of an answer at instants [s], and the resulting outcome."""
 
 
 @dataclass(frozen=True)
 class SceneProblem:
-    """A scene within a horizon, judged by `exact` at its finest; see `Problem`."""
+    """A scene within a horizon, whose reference is `exact` at its finest tolerance; see `Problem`."""
 
     scene: "Scene"
     times: np.ndarray
 
     @classmethod
     def within(cls, scene: "Scene", horizon: float) -> "SceneProblem":
-        """The scene from 0 to `horizon` [s], sampled at `RATE`."""
+        """Return the problem of a scene from 0 to `horizon` [s], sampled at `RATE`."""
         return cls(scene, np.arange(max(1, round(horizon * RATE)) + 1) / RATE)
 
     @property
     def name(self) -> str:
-        """Of the scene."""
+        """Name of the scene."""
         return self.scene.name
 
     def at(self, times: np.ndarray) -> "SceneProblem":
-        """The same scene, sampled at other instants [s]."""
+        """Return the same problem, sampled at other instants [s]."""
         return replace(self, times=times)
 
     def instants(self, program: Program, setting: Setting) -> np.ndarray:
-        """Off every grid, or the ends of each second step of a program that knows nothing between them."""
+        """Instants off every grid; for a program without dense output the ends of every second step."""
         horizon = float(self.times[-1])
         if program.is_dense:
             return off_every_grid(horizon, INSTANTS)
         return np.arange(round(horizon / (2.0 * setting.value)) + 1) * (2.0 * setting.value)
 
     def reference(self, times: np.ndarray) -> Answer:
-        """The true answer at instants [s]."""
+        """Return the reference answer at instants [s]."""
         return by_device("exact", self.scene, times, _FINEST)
 
     def judge(self, row: Row, answer: Answer, times: np.ndarray) -> Row:
-        """The row with the errors of an answer at instants [s]."""
+        """Return the row with the errors of an answer at instants [s], or its outcome if positions are not finite."""
         off = errors(answer, self.reference(times), float(times[-1]))
         if not off.finite:
             return replace(row, outcome=DIVERGES, note="positions not finite", cost=math.nan, wall_time=math.nan)
@@ -316,7 +323,7 @@ class SceneProblem:
 
 
 def rows(problem: Problem, program: Program, effort: Effort, compared: str = TRAJECTORY) -> Iterator[Row]:
-    """A row for each setting, from coarse to fine, until one takes longer than the effort's patience."""
+    """Yield a row for each setting, from coarse to fine, until one takes longer than the effort's patience."""
     before, seconds = math.inf, 0.0
     for number, setting in enumerate(program.settings):
         if setting.is_step and seconds * before / setting.value > effort.patience and math.isfinite(before):
@@ -333,19 +340,19 @@ def rows(problem: Problem, program: Program, effort: Effort, compared: str = TRA
 
 
 def row_of(problem: Problem, program: Program, setting: Setting, compared: str = TRAJECTORY) -> Row:
-    """A row without numbers."""
+    """Return a row without results."""
     return Row(problem.name, compared, program.name, setting.use, setting.label, setting.value,
                float(problem.times[-1]))
 
 
 def measured(problem: Problem, program: Program, setting: Setting, effort: Effort) -> Row:
-    """The row of one setting, measured in this process."""
+    """Measure one setting in this process, and return its row."""
     row = replace(row_of(problem, program, setting), version=program.version())
     walls: list[float] = []
     ratios: list[float] = []
     try:
         instants = problem.instants(program, setting)
-        answer = program.prepare(problem.at(instants), setting)()  # first, so that compiling at first use is no cost
+        answer = program.prepare(problem.at(instants), setting)()  # first, so that compilation is not part of the cost
         run = program.prepare(problem, setting)
         while len(walls) < effort.repeats and sum(walls) <= effort.patience / 4.0:
             walls.append(typical(run))
@@ -357,7 +364,7 @@ def measured(problem: Problem, program: Program, setting: Setting, effort: Effor
 
 
 def unit_seconds(problem: Problem) -> float:
-    """Wall time [s] of the unit of cost on this problem, now; NaN in a Python without numba."""
+    """Measure the wall time [s] of the unit of cost on a problem; NaN in a Python without numba."""
     times = problem.times[:_OF_UNIT]
     try:
         run = DEVICE[UNIT].prepare(problem.at(times), Setting(UNIT_STEP, ""))
@@ -367,7 +374,7 @@ def unit_seconds(problem: Problem) -> float:
 
 
 def seconds(function: Callable[[], object]) -> float:
-    """Wall time [s] of one call."""
+    """Measure the wall time [s] of one call."""
     began = time.perf_counter()
     function()
     return time.perf_counter() - began
@@ -376,8 +383,7 @@ def seconds(function: Callable[[], object]) -> float:
 def typical(function: Callable[[], object]) -> float:
     """Median wall time [s] of as many calls as fit into `LEAST_TIME`.
 
-    A single run of milliseconds would be measured with caches that the run before it left cold, or with what else the
-    machine did just then.
+    The time of a single run of milliseconds would depend on cold caches and on other load of the machine.
     """
     began, times = time.perf_counter(), list[float]()
     while not times or time.perf_counter() - began < LEAST_TIME:
@@ -386,7 +392,7 @@ def typical(function: Callable[[], object]) -> float:
 
 
 def _in_child(problem: Problem, program: Program, setting: Setting, number: int, effort: Effort) -> Row:
-    """The row of one setting, measured in a process of its own, or what became of that process."""
+    """Measure one setting in its own process; returns its row, or a row with the outcome of the failed process."""
     row = row_of(problem, program, setting)
     try:
         done = run_child([*program.command, problem.name, str(number), str(effort.limit)], effort.limit + COMPILING)
@@ -394,7 +400,7 @@ def _in_child(problem: Problem, program: Program, setting: Setting, number: int,
         return replace(row, outcome=TIMEOUT, note=f"more than {effort.limit + COMPILING:g} s, with compiling")
     if done.returncode == 0:
         row = Row(**json.loads(done.stdout.splitlines()[-1]))
-        # an interpreter of its own has no numba to time the unit
+        # another interpreter may lack numba, and cannot time the unit
         cost = row.wall_time / unit_seconds(problem) if math.isnan(row.cost) and row.wall_time > 0.0 else row.cost
         return replace(row, cost=cost)
     last = (done.stderr.strip().splitlines() or [""])[-1]
@@ -408,12 +414,12 @@ def _in_child(problem: Problem, program: Program, setting: Setting, number: int,
 
 
 def print_row(row: Row) -> None:
-    """What a child prints as its last line."""
+    """Print a row as the last line of a child process, which `rows` reads."""
     print(json.dumps(asdict(row)), flush=True)
 
 
 def run_child(command: Sequence[str], limit: float) -> subprocess.CompletedProcess[str]:
-    """A finished process, in a group of its own, so that nothing of it stays behind.
+    """Run a command in its own process group, end all its processes, and return the completed process.
 
     Raises
     ------

@@ -1,13 +1,14 @@
-"""What is compared: programs that simulate a problem, their settings, and what they answer.
+"""Programs that are compared, their settings and answers.
 
-1. A `Program` is a name, its settings from coarse to fine, and `prepare(problem, setting)`. `prepare` compiles what is
-   not to be counted and returns a function without arguments.
+1. A `Program` has a name, its settings from coarse to fine, and `prepare(problem, setting)`. `prepare` does all work
+   that is not part of the cost, such as compilation, and returns a function without arguments.
 2. Each call of that function is one run from the start to the last of `problem.times`, and returns an `Answer`.
-3. What the program cannot do, it says by `UnableError`, in one line.
-4. A program that knows nothing between its steps is not `is_dense`, and is asked for ends of steps alone.
+3. A program that cannot simulate the problem raises `UnableError`, with a message of one line.
+4. A program without dense output has `is_dense` false, and is sampled only at the ends of its steps.
 
-`DEVICE` are the device's own methods, which ship. The benchmark adds others in files of their own; a wrong one is added
-the same way. This file imports numpy alone before a run is prepared, because a program may live in another Python.
+`DEVICE` has the device's own methods, which are part of the package. The benchmark adds others in their own files; a
+program that is wrong on purpose can be added in the same way. This module imports only numpy until a run is prepared,
+because a program may need another Python.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -35,7 +36,7 @@ class UnableError(RuntimeError):
 
 
 class Setting(NamedTuple):
-    """One use of a program: a step [s] or a tolerance, in words, and whether it is `PLAIN` or `TUNED`."""
+    """Setting of a program: a step [s] or a tolerance, its label, its use (`PLAIN` or `TUNED`), and if it is a step."""
 
     value: float
     label: str
@@ -45,17 +46,18 @@ class Setting(NamedTuple):
 
 @dataclass(frozen=True)
 class Answer:
-    """What a program found at the instants that it was asked for.
+    """Result of a run of a program.
 
     Attributes
     ----------
     samples : ndarray, shape (n, 8)
-        Positions and velocities there [m, m/s], by `COLUMNS`; zero for what the problem does not have.
+        Positions and velocities at the requested instants [m, m/s], in the columns `COLUMNS`; zero for coordinates that
+        the problem does not have.
     events : structured ndarray, shape (events,), or None
-        By time: `time` [s] and `kind` of the contacts and of the body's changes of state; None from a program that
-        locates no events.
+        `time` [s] and `kind` of the contacts and of the body's changes of state, ordered by time; None from a program
+        that locates no events.
     callbacks : callable, or None
-        Gives the part of the run's wall time [s] that went into functions in Python which the program calls back.
+        Returns the part of the run's wall time [s] spent in Python functions that the program calls back.
     """
 
     samples: np.ndarray
@@ -64,12 +66,12 @@ class Answer:
 
 
 class Program(NamedTuple):
-    """A program to compare; see the module.
+    """A program to compare; see the module's docstring.
 
-    `prepare` takes a problem (`harness.Problem`) and a `Setting`. `version` is what the program says of itself.
-    `is_dense` is false of a program that knows nothing between its steps. `command` is empty of a program that runs in
-    this process; else the command of a process that measures one setting, to which the problem's name and the number
-    of the setting are added.
+    `prepare` takes a problem (`harness.Problem`) and a `Setting`. `version` returns the program's version. `is_dense`
+    is false for a program without output between its steps. `command` is empty for a program that runs in this process;
+    else it starts a process that measures one setting. The problem's name, the number of the setting and the time limit
+    [s] are appended to it.
     """
 
     name: str
@@ -81,28 +83,28 @@ class Program(NamedTuple):
 
 
 def steps(*values: float) -> tuple[Setting, ...]:
-    """Settings of so many steps [s]."""
+    """Settings with the given steps [s]."""
     return tuple(Setting(value, f"step {value:g} s", is_step=True) for value in values)
 
 
 def tolerances(*values: float) -> tuple[Setting, ...]:
-    """Settings of so many tolerances."""
+    """Settings with the given tolerances."""
     return tuple(Setting(value, f"tolerance {value:g}") for value in values)
 
 
 def event_array(found: Iterable[tuple[float, str]]) -> np.ndarray:
-    """Instants [s] and kinds as `Answer.events`."""
+    """Return pairs of instant [s] and kind as an array for `Answer.events`, ordered by time."""
     events = np.array([(time, kind) for time, kind in found], dtype=EVENT_DTYPE)
     return events[np.argsort(events["time"], kind="stable")]
 
 
 def drive_speed(scene: "Scene") -> float | None:
-    """Speed [rad/s] to command at t = 0, or None if the motor turns by itself."""
+    """Speed [rad/s] to command at t = 0, or None if the scene's motor turns from the start."""
     return min(DRIVE_SPEED, scene["motor.max_speed"]) if scene["motor.speed"] == 0.0 else None
 
 
 def by_device(method: str, scene: "Scene", times: np.ndarray, value: float) -> Answer:
-    """A `solver.method` of the device itself, at instants [s], shape (n,), with a step [s] or a tolerance."""
+    """Run a `solver.method` of the device at instants [s], shape (n,), with a step [s] or a tolerance `value`."""
     return _device_run(method, scene, np.asarray(times, dtype=float), value)()
 
 
@@ -116,7 +118,7 @@ def _device_run(method: str, scene: "Scene", times: np.ndarray, value: float) ->
 
     parameter = "solver.tolerance" if method == "exact" else "solver.step"
     scene = scene.with_parameters({"solver.method": method, parameter: value, "solver.accounts": False})
-    Simulator(scene).advance_to(0.0)  # what is compiled once a scene or once a process is not the method's cost
+    Simulator(scene).advance_to(0.0)  # compilation for a scene or process is not part of the method's cost
 
     def run() -> Answer:
         device = Simulator(scene)
@@ -144,11 +146,11 @@ def _decades(coarsest: float, finest: float) -> Sequence[float]:
     return [float(f"{coarsest * 10.0**-k:.3g}") for k in range(count + 1)]
 
 
-#: Name to program: the device's own methods. `exact` has one setting, because a looser tolerance saves nothing.
+#: The device's own methods by name. `exact` has one setting, because a looser tolerance saves nothing.
 DEVICE: dict[str, Program] = {
     "exact": Program("exact", (Setting(1e-9, "as it comes", PLAIN),), _prepared("exact"), _version),
     **{name: Program(name, steps(*_decades(1e-3, 1e-7)), _prepared(name), _version)
        for name in ("rk4", "rk4_located")}}
-#: What costs are ratios to: the device's own Runge-Kutta 4 with steps of 1e-5 s.
+#: The unit of cost: the device's own Runge-Kutta 4 with steps of 1e-5 s.
 UNIT, UNIT_STEP = "rk4", 1e-5
 UNIT_IN_WORDS = "the device's own Runge-Kutta 4 (`solver.method: rk4`) of 1e-5 s"

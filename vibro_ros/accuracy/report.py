@@ -1,4 +1,4 @@
-"""Rows in words: what a digit costs, which program meets a requirement, mean speeds, and the tables in Markdown."""
+"""Report from rows: cost of a digit, programs that meet requirements, mean speeds, and tables in Markdown."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -14,21 +14,21 @@ from vibro_ros.accuracy.scene_rows import LONG, SHORT, lyapunov_time_in
 from vibro_ros.orbits.chaos import half_interval
 from vibro_ros.orbits.starts import SETTLING
 
-#: Within 5 %: a mean speed that counts as right.
+#: Largest relative error of a mean speed that counts as right.
 WITHIN = 0.05
-#: The program that headlines are quotients to, where it was measured: Runge-Kutta 4 written for one scene alone.
+#: The program whose cost headlines are relative to, where it was measured: Runge-Kutta 4 written for one scene only.
 BY_HAND, BY_HAND_IN_WORDS = "rk4_by_hand", f"Runge-Kutta 4 of {UNIT_STEP:g} s written by hand (`rk4_by_hand`)"
 BELOW = "below the reference's"
 _HEADING = ("program", "setting", "cost, RK4 = 1", "wall time", "runs", "body", "height", "masses", "contacts",
             "mean speed", "")
-# Of a fit: errors above this are not small beside the robot's motion [m], and errors that are not so many times the
-# reference's own have ended at rounding.
+# Limits of a fit: larger errors [m] are not small beside the robot's motion; errors below this multiple of the
+# reference's own error are dominated by rounding; least number of points.
 _LARGEST_ERROR, _ABOVE_REFERENCE, _LEAST_POINTS = 1e-2, 10.0, 3
-_MOST_STARTS = 10_000  # as many as somebody may want to simulate
+_MOST_STARTS = 10_000  # largest number of starts that is recommended to a user
 
 
 def section(rows: Sequence[Row], picture: str) -> str:
-    """One scene in Markdown: diagram, chaos, reference and mean speeds."""
+    """Return the section of a scene in Markdown: diagram, chaos, reference and mean speeds."""
     reference, growth = reference_of(rows), lyapunov_time_in(rows)
     chaos, name = str(growth), rows[0].problem
     horizon = f"Trajectories are compared within {reference.horizon:g} s only; beyond, averages are."
@@ -40,12 +40,12 @@ def section(rows: Sequence[Row], picture: str) -> str:
 
 
 def reference_of(rows: Sequence[Row]) -> Row:
-    """The row of the reference's uncertainty, within the diagram's horizon."""
+    """Return the row with the uncertainty of the reference within the diagram's horizon."""
     return next(row for row in rows if row.compared == REFERENCE)
 
 
 def reference_in_words(row: Row) -> str:
-    """What the reference is, and how well it is known."""
+    """Return a sentence on the reference and its uncertainty."""
     if math.isnan(row.body_error):
         return f"Reference: exact; no independent program could check it ({row.note})."
     return (f"Reference: exact; it agrees with {row.program}, {row.setting}, within {row.horizon:g} s to "
@@ -55,7 +55,7 @@ def reference_in_words(row: Row) -> str:
 
 
 def table(rows: Sequence[Row]) -> str:
-    """Table of one scene's trajectories."""
+    """Return the table of a scene's trajectories in Markdown."""
     reference = reference_of(rows)
     least = _errors(reference)
     lines = [f"Trajectories, compared within {reference.horizon:g} s; errors are the largest within it.", "",
@@ -74,7 +74,7 @@ def _errors(row: Row) -> tuple[float, ...]:
 
 
 def unit_in_words(rows: Mapping[str, Sequence[Row]]) -> str:
-    """What `RK4 = 1` is, and how far off it is itself."""
+    """Return a sentence on the unit of cost, `RK4 = 1`, and its own error."""
     text = f"RK4 = 1 is the cost of {UNIT_IN_WORDS}"
     off = {name: error for name, own in rows.items() if math.isfinite(error := unit_error(own))}
     if not off:
@@ -87,13 +87,14 @@ def unit_in_words(rows: Mapping[str, Sequence[Row]]) -> str:
 
 
 def unit_error(rows: Sequence[Row]) -> float:
-    """Error of every position [m] of the run that costs are ratios to; NaN where it was not measured."""
+    """Largest position error [m] of the run that is the unit of cost; NaN if it was not measured."""
     return next((row.position_error for row in rows if (row.program, row.compared, row.horizon, row.value) == (
         "rk4", REQUIRED, SHORT, UNIT_STEP)), math.nan)
 
 
 def finding(rows: Sequence[Row], method: str = "rk4") -> str:
-    """From which step on a method reports the mean speed within 5 %, and its sign before that."""
+    """Return sentences on the step from which a method gives the mean speed within 5 %, and its sign at larger steps.
+    """
     averages = [row for row in rows if row.compared == AVERAGE and math.isfinite(row.mean)]
     exact = next((row for row in averages if row.program == "exact"), None)
     if exact is not None and exact.motions > 1:
@@ -127,14 +128,14 @@ def finding(rows: Sequence[Row], method: str = "rk4") -> str:
 
 
 def speeds_of_exact(rows: Sequence[Row]) -> str:
-    """The mean speed by `exact`; of several motions, each with its starts."""
+    """Text of the mean speed by `exact`; for several motions, each with its number of starts."""
     own = [row for row in rows if row.compared == AVERAGE and row.program == "exact"]
     starts = sum(row.repeats for row in own)
     return "; ".join(_speed(row) + f" from {row.repeats} of {starts} starts" * (len(own) > 1) for row in own)
 
 
 def _farthest(rows: Sequence[Row], exact: Row | None) -> list[Row]:
-    """Of each step, the coarsest first, the motion that is farthest from that of `exact`."""
+    """Return for each step, the coarsest first, the motion whose mean speed is farthest from that of `exact`."""
     found: dict[float, Row] = {}
     for row in sorted(rows, key=lambda row: abs(row.mean - exact.mean) if exact else 0.0):
         found[row.value] = row
@@ -142,7 +143,7 @@ def _farthest(rows: Sequence[Row], exact: Row | None) -> list[Row]:
 
 
 def speeds_table(rows: Sequence[Row]) -> str:
-    """Mean speeds by method and step in Markdown; bold within 5 %, marked where they have the wrong sign."""
+    """Return the table of mean speeds by method and step in Markdown; bold within 5 %, marked if of the wrong sign."""
     averages: dict[tuple[str, float], list[Row]] = {}
     for row in rows:
         if row.compared == AVERAGE and row.program != "exact":
@@ -174,7 +175,7 @@ def _cell(row: Row, exact: Row) -> str:
 
 
 def _known(row: Row) -> bool:
-    """Whether the sign of a mean speed is known."""
+    """Whether the sign of a mean speed is known: 0 lies outside its interval."""
     return abs(row.mean) > row.spread
 
 
@@ -198,23 +199,23 @@ def _number(value: float, unit: str = "") -> str:
 
 
 def line(cells: Sequence[object]) -> str:
-    """A line of a table in Markdown."""
+    """Return a line of a table in Markdown."""
     return f"| {' | '.join(str(cell).replace('|', '/') for cell in cells)} |"
 
 
 @dataclass(frozen=True)
 class Slope:
-    """How the cost of a program grows with the digits of its answers: the slope of log cost over log error.
+    """Growth of a program's cost with the digits of its answers: the slope of log cost over log error.
 
     Attributes
     ----------
     slope, spread : float
-        Change of log10 of the cost by one digit, and half the width of its 95 % interval: of the fit's residuals on one
-        problem, of the problems' slopes on several.
+        Change of log10 of the cost per digit, and half the width of its 95 % interval: from the fit's residuals for one
+        problem, from the problems' slopes for several.
     points, problems : int
-        Number of settings, and of problems, that it is known from.
+        Number of settings, and of problems, in the fit.
     coarse, fine : float
-        Largest and least error that the fit has seen.
+        Largest and least error in the fit [m].
     """
 
     slope: float
@@ -226,7 +227,7 @@ class Slope:
 
     @property
     def factor(self) -> float:
-        """The factor by which one more digit raises the cost."""
+        """Factor by which one more digit raises the cost."""
         return 10.0**self.slope
 
     def __str__(self):
@@ -238,7 +239,7 @@ class Slope:
 
 
 def fitted(groups: Sequence[Sequence[tuple[float, float]]]) -> Slope | None:
-    """One slope for groups of (error, cost), each with an offset of its own; None where too little was measured."""
+    """Fit one slope to groups of (error, cost), each with its own offset; None if there is too little data."""
     logs = [np.log10(np.array(points)) for points in groups if len(points) > 1]
     count = sum(map(len, logs))
     if not logs:
@@ -256,13 +257,13 @@ def fitted(groups: Sequence[Sequence[tuple[float, float]]]) -> Slope | None:
 
 
 def slope_of_scene(rows: Sequence[Row], program: str) -> Slope | None:
-    """The slope of a program in one scene; None where too little was measured."""
+    """Slope of a program in one scene; None if there is too little data."""
     groups = [points for kind in (TRAJECTORY, REQUIRED) if len(points := _points(rows, program, kind)) > 1]
     return fitted(groups) if sum(map(len, groups)) >= max(_LEAST_POINTS, len(groups) + 2) else None
 
 
 def slope_over_scenes(rows: Mapping[str, Sequence[Row]], program: str) -> Slope | None:
-    """Mean over scenes, or the fit of the only one; None where too little was measured."""
+    """Mean slope over scenes, or the fit of the only one; None if there is too little data."""
     found = [slope for own in rows.values() if (slope := slope_of_scene(own, program))]
     if len(found) < 2:
         return found[0] if found else None
@@ -273,7 +274,7 @@ def slope_over_scenes(rows: Mapping[str, Sequence[Row]], program: str) -> Slope 
 
 
 def _points(rows: Sequence[Row], program: str, kind: str) -> list[tuple[float, float]]:
-    """Error of every position [m] and cost of each setting, where the error still falls."""
+    """Largest position error [m] and cost of each setting whose error is within the limits of a fit."""
     own = [row for row in rows if row.program == program and row.compared == kind
            and (kind == TRAJECTORY or row.horizon == SHORT)]
     known = [row.position_error for row in rows if row.compared == REFERENCE and own and row.horizon == own[0].horizon]
@@ -283,9 +284,9 @@ def _points(rows: Sequence[Row], program: str, kind: str) -> list[tuple[float, f
 
 
 def slopes_in_words(rows: Mapping[str, Sequence[Row]]) -> list[str]:
-    """A sentence for each program: what one more digit of every position costs by it.
+    """Return a sentence for each program on the cost of one more digit of every position.
 
-    `exact` has no setting, so that one more digit of it has no price: it has one cost and one error.
+    `exact` has no setting, and therefore one cost and one error.
     """
     programs = dict.fromkeys(row.program for own in rows.values() for row in own if row.compared == TRAJECTORY)
     sentences = [f"One more digit of every position by `{program}` costs {slope}." for program in programs
@@ -300,7 +301,7 @@ def slopes_in_words(rows: Mapping[str, Sequence[Row]]) -> list[str]:
 
 
 def headline(rows: Mapping[str, Sequence[Row]], program: str, horizon: float) -> str:
-    """`quotients` in words."""
+    """Return `quotients` as text."""
     by_hand, by_unit = quotients(rows, program, horizon)
     said = [f"{cost_range(list(by_hand.values()))} of {BY_HAND_IN_WORDS}"] if by_hand else []
     if by_unit:
@@ -311,8 +312,10 @@ def headline(rows: Mapping[str, Sequence[Row]], program: str, horizon: float) ->
 
 def quotients(rows: Mapping[str, Sequence[Row]], program: str, horizon: float) -> tuple[dict[str, float],
                                                                                      dict[str, float]]:
-    """Costs of a program's cheapest row within a horizon [s]: by scene, as quotients to the row of `rk4_by_hand`; and
-    in the scenes that have none, as ratios to the unit."""
+    """Costs of a program's cheapest row within a horizon [s], by scene.
+
+    The first result has costs relative to `rk4_by_hand`; the second, for scenes without it, relative to the unit.
+    """
     by_hand, by_unit = dict[str, float](), dict[str, float]()
     for name, own in rows.items():
         compared = [row for row in own if row.compared == REQUIRED and row.horizon == horizon
@@ -327,19 +330,19 @@ def quotients(rows: Mapping[str, Sequence[Row]], program: str, horizon: float) -
 
 
 def cost_range(costs: Sequence[float]) -> str:
-    """From the least to the largest, without exponents."""
+    """Text of the least and the largest cost, without exponents."""
     low, high = two_digits(min(costs)), two_digits(max(costs))
     return low if low == high else f"{low} to {high}"
 
 
 def two_digits(cost: float) -> str:
-    """A cost without an exponent."""
+    """Text of a cost with two digits, without an exponent."""
     return f"{float(f'{cost:.2g}'):g}"
 
 
 @dataclass(frozen=True)
 class Requirement:
-    """What may be asked for: in words, the `horizon` [s], the `column` of a row that is the error, and its `limit`."""
+    """An accuracy requirement: its text, its `horizon` [s], the `column` of a row with the error, and its `limit`."""
 
     words: str
     horizon: float
@@ -355,16 +358,16 @@ MEAN_SPEED = "the mean speed to 1 %"
 
 
 def advice(rows: Sequence[Row]) -> dict[str, str]:
-    """Requirement to what meets it in one scene, from the cheapest on; it says why, where nothing does."""
+    """Return for each requirement the programs that meet it in a scene, the cheapest first, or why none does."""
     comparable = lyapunov_time_in(rows).comparable
     return {asked.words: _advice(rows, asked, comparable) for asked in REQUIREMENTS} | {
         MEAN_SPEED: _mean_speed_advice(rows)}
 
 
 def cheapest(rows: Sequence[Row], asked: Requirement) -> dict[str, Row]:
-    """Program to its coarsest row that meets a requirement, from the cheapest on.
+    """Return the coarsest row of each program that meets a requirement, the cheapest first.
 
-    A setting counts only if all finer ones that were measured meet the requirement, too: not by luck.
+    A setting counts only if all finer settings that were measured meet the requirement, too, which excludes luck.
     """
     known = [row for row in rows if row.compared == REFERENCE and row.horizon == asked.horizon]
     found = {}

@@ -1,6 +1,7 @@
-"""All rows of one scene: its chaos, the check of its reference, trajectories, requirements, and mean speeds.
+"""All rows of one scene: its Lyapunov exponent, the check of its reference, trajectories, requirements, mean speeds.
 
-Chaos decides how long trajectories can be compared: five Lyapunov times. Beyond, mean speeds over drawn starts are.
+Because of chaos, trajectories can be compared for five Lyapunov times. Beyond, mean speeds over random starts are
+compared.
 """
 
 import math
@@ -40,35 +41,35 @@ from vibro_ros.simulation.processes import core_count
 from vibro_ros.study.execution import Execution
 from vibro_ros.study.measures import drift_in, measure_with_motion
 
-#: Horizons [s] of requirements: a short one, which chaos allows everywhere, and a long one.
+#: Horizons [s] of requirements: a short one, which chaos allows in all scenes, and a long one.
 SHORT, LONG = 0.2, 10.0
-#: Longest horizon [s] of a comparison by every program, and how many Lyapunov times it may have: an error of the first
-#: instant has grown e^5 = 150 times by then.
+#: Longest horizon [s] of trajectories, in seconds and in Lyapunov times, after which an initial error has grown
+#: e^5 = 150 times.
 LONGEST_HORIZON, LYAPUNOV_TIMES = 1.0, 5.0
 #: The device's methods of fixed step whose mean speeds are measured, and the steps [s].
 AVERAGED, AVERAGE_STEPS = ("rk4", "rk4_located"), (1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5, 1e-5, 5e-6, 2e-6, 1e-6)
-_WATCHED, _PAIRS = 15.0, 24  # s and number of pairs of nearby motions
-# Starts for the exact mean, times those of the others: it is what they are measured against, and cheap.
+_WATCHED, _PAIRS = 15.0, 24  # duration [s] and number of the pairs of nearby motions
+# Factor on the starts of `exact`, because its mean is cheap and the other methods are compared with it.
 _MORE_STARTS = 4
-# m/s, about that of sound: a body that is faster has no mean speed, its method has diverged.
+# m/s, about the speed of sound: the method of a faster body has diverged.
 _DIVERGED = 300.0
-#: The check of a reference where no other program is at hand: another integrator with another location of events. The
-#: tables of the model are shared.
+#: Default check of the reference: another integrator with another location of events. It uses the same tables of the
+#: model.
 OWN_CHECK = (DEVICE["rk4_located"], Setting(1e-6, "step 1e-06 s", is_step=True))
 
 
 @dataclass(frozen=True)
 class LyapunovTime:
-    """How fast nearby motions part.
+    """Rate of separation of nearby motions.
 
     Attributes
     ----------
     rate, spread : float
-        Largest Lyapunov exponent [1/s] and its 95 % confidence interval's half width, over pairs.
+        Largest Lyapunov exponent [1/s] and the half width of its 95 % confidence interval, over pairs.
     chaotic : bool
-        Whether most pairs have parted and the exponent is positive beyond its interval.
+        Whether most pairs have separated and the exponent is positive beyond its interval.
     duration : float
-        Time that each pair was watched for at most [s].
+        Longest time for which a pair was observed [s].
     """
 
     rate: float
@@ -78,12 +79,12 @@ class LyapunovTime:
 
     @property
     def time(self) -> float:
-        """[s]; infinite if no growth was seen."""
+        """Lyapunov time [s]; infinite if the scene is not chaotic."""
         return 1.0 / self.rate if self.chaotic else math.inf
 
     @property
     def comparable(self) -> float:
-        """Time [s] within which trajectories can be compared; as far as was watched where there is no chaos."""
+        """Time [s] for which trajectories can be compared; without chaos the time of observation."""
         return min(self.duration, LYAPUNOV_TIMES * self.time)
 
     def __str__(self):
@@ -93,13 +94,13 @@ class LyapunovTime:
         return f"no chaos seen: motions that start close stay close for {self.duration:g} s"
 
     def row(self, scene: str) -> Row:
-        """As a row; `starts_forwards` is 1 of a chaotic scene."""
+        """Return it as a row, whose `starts_forwards` is 1 for a chaotic scene, else 0."""
         return Row(scene, EXPONENT, "exact", PLAIN, "as it comes", math.nan, self.duration, _PAIRS, mean=self.rate,
                    spread=self.spread, starts_forwards=int(self.chaotic))
 
 
 def lyapunov_time_in(own: Sequence[Row]) -> LyapunovTime:
-    """The chaos of a scene by its rows."""
+    """Return the Lyapunov time of a scene from its rows."""
     row = next(row for row in own if row.compared == EXPONENT)
     return LyapunovTime(row.mean, row.spread, bool(row.starts_forwards), row.horizon)
 
@@ -117,7 +118,7 @@ def lyapunov_time(scene: Scene, duration: float = _WATCHED, starts: int = _PAIRS
 
 def rows_of_scene(scene: Scene, programs: Mapping[str, Program], effort: Effort,
                   checks: Sequence[tuple[Program, Setting]] = (OWN_CHECK,)) -> Iterator[Row]:
-    """Measure row by row; `checks` are independent programs, the best first: the first that is able is the check."""
+    """Measure a scene row by row; the reference is checked by the first of `checks` that can simulate the scene."""
     scene = running(scene)
     found = lyapunov_time(scene)
     yield found.row(scene.name)
@@ -133,7 +134,7 @@ def rows_of_scene(scene: Scene, programs: Mapping[str, Program], effort: Effort,
 
 
 def checked(problem: SceneProblem, checks: Sequence[tuple[Program, Setting]]) -> Row:
-    """Errors of the reference against the first check that is able, named there."""
+    """Return the row of the reference's errors against the first of `checks` that can simulate the problem."""
     horizon, reasons = float(problem.times[-1]), list[str]()
     instants = off_every_grid(horizon, INSTANTS)
     for program, setting in checks:
@@ -161,7 +162,7 @@ def _averages(scene: Scene, effort: Effort) -> Iterator[Row]:
 
 
 def averages(scene: Scene, method: str, step: float, effort: Effort) -> list[Row]:
-    """The mean speed of each motion that drawn starts lead to, that of most starts first, by a method."""
+    """Measure the mean speed of each motion that random starts lead to with a method, that of most starts first."""
     exact = method == "exact"
     starts = effort.starts * (_MORE_STARTS if exact else 1)
     row = Row(scene.name, AVERAGE, method, PLAIN, "as it comes" if exact else f"step {step:g} s", step, effort.duration,
@@ -192,6 +193,6 @@ def averages(scene: Scene, method: str, step: float, effort: Effort) -> list[Row
 
 
 def _settled(scene: Scene, duration: float, number: int) -> tuple[float, SettledMotion | None, float]:
-    """Mean speed [m/s] of a drawn start over `duration` [s] after `SETTLING`, what it has settled to, and its drift."""
+    """Mean speed [m/s] of start `number` over `duration` [s] after `SETTLING`, its motion or None, and its drift."""
     values, motion, drift = measure_with_motion(scene, ("mean_speed",), SETTLING, duration, number)
     return values["mean_speed"], motion, drift
