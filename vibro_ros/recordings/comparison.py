@@ -1,4 +1,4 @@
-"""A recording against the same run computed again, message by message and bit by bit."""
+"""Compare a recording with the same run simulated again, message by message and bit by bit."""
 
 import math
 import struct
@@ -19,9 +19,10 @@ ABSENT = "no message"
 
 @dataclass(frozen=True)
 class Difference:
-    """Where recording and simulation part: the message's number on its topic in the bag, from 0, and a field of it.
+    """A difference between recording and simulation in a field of one message.
 
-    `stamp` is the recorded one [ns], `time` simulated time [s]; `field` such as ``pose.pose.position.x``.
+    `index` is the message's number on its topic in the bag, from 0; `stamp` its recorded stamp [ns], `time` its
+    simulated time [s]; `field` a path such as ``pose.pose.position.x``.
     """
 
     topic: str
@@ -48,11 +49,11 @@ class Difference:
 
 @dataclass
 class Comparison:
-    """What came of it; it ends at the first difference.
+    """Result of a comparison, which ends at the first difference.
 
-    `compared` counts by topic the messages that are equal to the last bit, `commands` those that the device was given;
-    the others cannot be read, and the robot refused them. `missing` are messages that the recorder dropped, between
-    others that are there; `notes` say why a difference may be no fault of the simulation. `last` is the simulated time
+    `compared` counts the messages that are equal to the last bit, by topic; `commands` counts the command messages that
+    could be read (the robot refused the others). `missing` counts messages that the recorder dropped between others
+    that it kept; `notes` are other possible reasons for a difference than the simulation. `last` is the simulated time
     [s] of the last recorded sample that was compared.
     """
 
@@ -66,10 +67,10 @@ class Comparison:
 
 
 def compare(stream: BagStream) -> Comparison:
-    """Compute the recorded run again and compare it with every message of the bag.
+    """Simulate the recorded run again and compare it with every message of the bag.
 
-    Messages that are not there are not compared: a bag may begin late, break off, or lack topics. Where the recorder
-    says that it dropped none, one that lacks between others is a difference.
+    Missing messages are not compared, because a bag may begin late, break off, or lack topics. But if the recorder
+    states that it dropped none, a message that is missing between others is a difference.
 
     Raises
     ------
@@ -98,19 +99,19 @@ def compare(stream: BagStream) -> Comparison:
 
 
 class _Comparing:
-    """Compares what a run computed again publishes with what was recorded."""
+    """Compares the messages of a run that is simulated again with the recorded ones."""
 
     def __init__(self, stream: BagStream, facts: RecordedRun, rerun: Rerun):
         self._facts, self._rerun = facts, rerun
         self.found = Comparison(facts, notes=notes(stream, facts))
         self._recorded = {name for name, topic in facts.topics.items() if topic in stream.topics}
         self._may_lack = stream.metadata.get("dropped") != "0" or bool(stream.flaws)
-        self._begun = begins_at_checkpoint(stream, facts)  # then its samples are whole
-        self._matched: Counter = Counter()  # of the sample that is compared, by topic
-        self._lacking: list[tuple[str, int]] = []  # messages that follow others and are not there: topic, sample
+        self._begun = begins_at_checkpoint(stream, facts)  # samples after a checkpoint are complete
+        self._matched: Counter = Counter()  # messages of the present sample that are equal, by topic
+        self._lacking: list[tuple[str, int]] = []  # missing messages after others that are there: topic, sample
 
     def sample(self, recorded: Recorded) -> Difference | None:
-        """Compare what was recorded with the sample that was reached with what is published there."""
+        """Compare the messages recorded at the present sample with those that the robot publishes there."""
         published = self._rerun.published()
         self._matched.clear()
         if not recorded:
@@ -141,7 +142,7 @@ class _Comparing:
             del waiting[:skipped + 1]
             self._matched[name] += 1
             self.found.compared[self._facts.topics[name]] += 1
-        # A bag may begin and end amid a sample, so this counts only once more follows.
+        # A bag may end amid a sample, so missing messages count only when later ones follow.
         self._lack([name for name, waiting in expected.items() for _ in waiting], begun)
         return None
 
@@ -151,7 +152,7 @@ class _Comparing:
 
     def difference(self, where: str, recorded: object, replayed: object, name: str = "",
                    stamp: int | None = None) -> Difference:
-        """A difference in a message of the topic `name`, by default the first one of those that were reached."""
+        """Return a difference in a message on the topic `name`, by default that of the first message of the sample."""
         matched = self._matched[name] if name else 0
         name = name or self._rerun.recorded[0][0]
         stamp = self._rerun.stamp if stamp is None else stamp
@@ -164,7 +165,7 @@ class _Comparing:
 
 
 def notes(stream: BagStream, facts: RecordedRun) -> list[str]:
-    """What in the bag may make a replay differ from it, for people."""
+    """Return in words the facts about the bag that may make a replay differ from it."""
     found, recorded = [], stream.metadata
     here = {**software(), "tables": tables(facts.scene.parameters)}
     found += [f"recorded with {key.replace('_', ' ')} {recorded[key]}, replayed with {here[key]}: bits may differ"

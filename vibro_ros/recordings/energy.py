@@ -1,4 +1,4 @@
-"""Where the energy of a recorded run went: the run simulated again from its commands, with its accounts kept."""
+"""Energy accounts of a recorded run, from simulating it again with its commands."""
 
 from typing import Any
 
@@ -13,28 +13,28 @@ from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.simulation.samples import resets
 
-#: What the robot receives, with the sign that it counts with, and what it loses. A dc motor's crank gives the masses
-#: nothing that its supply has not given before.
+#: Accounts of received energy, with their signs, and of lost energy. With a dc motor the supply counts in place of what
+#: the motor delivered, because all of that comes from the supply.
 RECEIVED = {"motor_delivered": 1.0, "motor_taken_back": -1.0, "plates": 1.0, "unpaid": 1.0}
 RECEIVED_BY_DC = {"supply": 1.0, "plates": 1.0, "unpaid": 1.0}
 LOST = ("drive_dampers", "plate_dampers", "friction", "blows", "landings", "copper", "bearing")
 
-_SILENCE = 2.0  # s, before the bar is shown
+_SILENCE = 2.0  # s, until the progress bar is shown
 
 
 def energy_of(bag: Bag) -> dict[str, Any]:
-    """Energy accounts of a recorded run, from its first odometry to its last, ready for JSON.
+    """Return the energy accounts of a recorded run, from its first odometry to its last, ready for JSON.
 
-    The run must be one of the method exact, and simulated again it must end, to the last bit, where the recorded one
-    did; else the accounts are unknown.
+    The run must have the method exact, and the run simulated again must end at the same position to the last bit; else
+    the accounts are unknown.
 
     Returns
     -------
     dict
         ``duration`` [s]; ``accounts``, the changes of `Simulator.statistics`'s ``energy_accounts`` [J];
-        ``mean_power`` [W], the motor's net work over the duration, of a dc motor what its supply gave, and
-        ``cost_of_transport``, over weight times displacement, None where that is 0. Or ``unknown``, a sentence that
-        says why there are none.
+        ``mean_power`` [W], the motor's net work (of a dc motor, that of its supply) over the duration;
+        ``cost_of_transport``, this work over weight times displacement, None if that is 0. Or only ``unknown``, a
+        sentence that says why there are no accounts.
     """
     try:
         with BagStream(bag.path) as stream:
@@ -56,7 +56,7 @@ def _energy(bag: Bag, stream: BagStream, facts: RecordedRun) -> dict[str, Any]:
     rerun = Rerun(facts, facts.scene.with_parameters({"solver.accounts": True}))
     if stream.start <= facts.start:
         _check_span(stream, facts, last - rerun.tick, len(times))
-    held: dict[str, float] = {}  # accounts [J] from the start on, across resets
+    held: dict[str, float] = {}  # accounts [J] since the robot's start, summed over resets
     before, of_earlier_runs, resets = held, held, 0
     samples = rerun.through(stream, (*INPUTS, CHECKPOINT), until=last)
     for tick, recorded in tqdm(samples, total=last, desc="energy", unit=" samples", delay=_SILENCE):
@@ -90,19 +90,18 @@ def _energy(bag: Bag, stream: BagStream, facts: RecordedRun) -> dict[str, Any]:
 
 
 def _check_span(stream: BagStream, facts: RecordedRun, samples: int, recorded: int) -> None:
-    """Return when a run of so many samples may be computed, of which so many of odometry are recorded (BagError)."""
+    """Raise a BagError if the bag has far fewer messages than `samples`; `recorded` is the number of odometry."""
     if samples > most_ticks(stream, facts):
         raise BagError(f"only {recorded} of {samples} samples of odometry are recorded")
 
 
 def reset_times(joints: Arrays) -> np.ndarray:
-    """Times [s] of the first samples after resets to the start, shape (n,)."""
+    """Return the times [s] of the first samples after resets to the start, shape (n,)."""
     return joints["time"][1:][resets(joints["time"], joints["crank.position"], joints["crank.velocity"])]
 
 
 def changes(time: np.ndarray, values: np.ndarray, resets: np.ndarray) -> np.ndarray:
-    """Differences of neighbouring `values`, shape (n - 1,); 0 where one of `resets` (`reset_times`) lies between them.
-    """
+    """Return the differences of neighbouring `values`, shape (n - 1,); 0 across each of the `resets` (times [s])."""
     found = np.diff(values)
     after = np.searchsorted(time, resets)
     found[after[(after > 0) & (after < len(time))] - 1] = 0.0

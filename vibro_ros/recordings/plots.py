@@ -1,6 +1,6 @@
-"""The picture of a recording: the whole run, and beside it a moment in which every swing can be seen.
+"""The picture of a recording: the whole run, and beside it a close-up in which every oscillation can be seen.
 
-Lines of a recording that is longer than a picture is wide lose no peak, and a gap in the stream stays one.
+All samples are drawn, so that no peak is lost however long the recording is; gaps in the stream stay gaps.
 """
 
 import math
@@ -21,15 +21,15 @@ from vibro_ros.recordings.summary import impacts_of
 from vibro_ros.simulation.validity import GAP
 
 MOMENT = 0.3  # s, the close-up; about five crank turns at 100 rad/s
-FEW = 3000  # impacts that can be told apart over the whole run; of more, each is a pixel
-FAR = 10.0  # m, from there on in metres
-STRONG = 8.0  # times what 95 % of the samples stay below: from there on a linear scale would hide these
+FEW = 3000  # most impacts drawn as marks over the whole run; of more, each is a pixel
+FAR = 10.0  # m, displacement from which the axis is in metres
+STRONG = 8.0  # peak force over the 95 % quantile from which the scale is logarithmic, because a linear one hides most
 MM = 1e3  # mm/m
 _BAR = 1.75  # in, height of the bars of energy
-MOST_MEANS = 240  # over whole turns of the crank
-TINT = 0.3  # of a colour in white; opaque, so that nothing mixes with what lies below
+MOST_MEANS = 240  # most means over whole turns of the crank
+TINT = 0.3  # share of a colour in a pale one, which is opaque, so that it does not mix with what lies below
 
-# Okabe and Ito's palette, which the colour-blind tell apart
+# Okabe and Ito's palette, which the colour-blind can distinguish
 _BODY, _MOTOR, _POWER, _FORCE, _HEIGHT = "#000000", "#009e73", "#aa4499", "#7a5c00", "#56788f"
 _GUIDE_COLOURS = {"upper": "#0072b2", "inclined": "#d55e00"}
 _GUIDE_MARKS = {"upper": "v", "inclined": "^"}
@@ -40,23 +40,23 @@ _NONE = "N \N{LESS-THAN OR EQUAL TO} 0"
 _ACCOUNT_COLOURS = {"motor": "#009e73", "plates": "#999999", "unpaid": "#cc79a7", "drive dampers": "#0072b2",
             "plate dampers": "#d55e00", "friction": "#e69f00", "blows": "#000000", "landings": "#56b4e9",
             "stored": "#f0e442"}
-_NEGLIGIBLE = 1e-3  # of the whole: too narrow to be seen
+_NEGLIGIBLE = 1e-3  # share of the largest account below which an account is too narrow to be seen
 
 Span = tuple[float, float]
 Panel = Callable[[Axes, Bag, Span], None]
 
 
 def plot_run(bag: Bag, caption: str = "", energy: dict[str, Any] | None = None) -> Figure:
-    """Body, masses, blows, ground, motor and power over time [s]; what the recording lacks is left out.
+    """Plot body, masses, impacts, ground, motor and power over time [s]; panels without data are left out.
 
-    Left is the whole run, right are `MOMENT` seconds of it; `caption` is a line under the title. Below stands a bar of
-    `energy`, what `energy_of` tells; none if it is unknown.
+    The whole run is on the left, `MOMENT` seconds of it on the right; `caption` is a line under the title. Below is a
+    bar of the accounts in `energy`, the result of `energy_of`, unless they are unknown.
     """
     whole, moment, panels = (0.0, max(bag.duration, 1e-3)), _moment(bag), list(_panels(bag))
     below = _BAR if energy and "accounts" in energy else 0.0
     height = 1.7 + 1.75 * len(panels) + below
     figure = Figure(figsize=(13.0, height), dpi=120, facecolor="white")
-    # Margins [in] instead of a layout engine, which would draw everything twice more to find them.
+    # Margins [in] are given, because a layout engine would draw everything twice more to find them.
     figure.subplots_adjust(left=0.07, right=0.985, bottom=(0.55 + below) / height, top=1.0 - 1.15 / height, wspace=0.24,
                            hspace=0.42)
     FigureCanvasAgg(figure)
@@ -84,7 +84,7 @@ def plot_run(bag: Bag, caption: str = "", energy: dict[str, Any] | None = None) 
 
 
 def plot_pair(first: Bag, second: Bag) -> Figure:
-    """Displacement, motor speed and mean power of two recordings, one over the other, each from time 0 [s]."""
+    """Plot displacement, motor speed and mean power of two recordings in the same axes, each from time 0 [s]."""
     figure = Figure(figsize=(13.0, 8.0), dpi=120, facecolor="white", layout="constrained")
     FigureCanvasAgg(figure)
     rows = figure.subplots(3, 1, sharex=True)
@@ -105,7 +105,7 @@ def plot_pair(first: Bag, second: Bag) -> Figure:
 
 
 def _panels(bag: Bag) -> Iterator[Panel]:
-    """The panels that the recording has something for, from top to bottom."""
+    """Yield the panels for which the recording has data, from top to bottom."""
     yield _draw_body
     if np.any(bag["odom"]["position"][:, 2]):
         yield _draw_height
@@ -128,7 +128,7 @@ def _impacts(bag: Bag) -> Arrays:
 
 
 def _moment(bag: Bag) -> Span:
-    """A window in mid-run: around the median of the impacts while the motor is fast."""
+    """Return the span of the close-up: around the median of the impacts while the motor is fast."""
     joints, impacts = bag["joint_states"], _impacts(bag)["stamp"]
     speed = np.abs(joints["crank.velocity"])
     fast = impacts[np.interp(impacts, joints["time"], speed) >= 0.9 * speed.max()]
@@ -155,7 +155,7 @@ def _draw_height(axes: Axes, bag: Bag, span: Span) -> None:
 def _draw_mass(guide: str, axes: Axes, bag: Bag, span: Span) -> None:
     """Draw the position of one mass with its contacts, and its plate.
 
-    At a contact the mass is where the plate is; samples alone would show less of its travel.
+    At a contact the mass is at the plate; these points are added, because samples alone would miss part of its travel.
     """
     joints, impacts, colour = bag["joint_states"], _impacts(bag), _GUIDE_COLOURS[guide]
     contacts = met = np.array([])
@@ -184,7 +184,7 @@ def _draw_blows(axes: Axes, bag: Bag, span: Span) -> None:
         own = shown & impacts_of(bag, guide)
         time, force = impacts["stamp"][own], impacts["force"][own, 2]
         if len(time):
-            few = len(time) <= FEW  # else a mark of each hides those of the other guide
+            few = len(time) <= FEW  # many marks would hide those of the other guide
             axes.plot(time, force, _GUIDE_MARKS[guide] if few else ",", color=colour, ms=7 if _is_moment(span) else 3,
                       mec="white" if few else colour, mew=0.7 if _is_moment(span) else 0.0, label=f"{guide} impacts",
                       zorder=3)
@@ -196,7 +196,7 @@ def _draw_ground(axes: Axes, bag: Bag, span: Span) -> None:
     time, force = bag["ground_contact"]["time"], bag["ground_contact"]["force"][:, 2]
     _swings(axes, time, force, span, _FORCE, "N")
     usual = float(np.percentile(np.abs(force), 95))
-    if usual > 0.0 and np.abs(force).max() > STRONG * usual:  # then a logarithmic scale beyond the usual
+    if usual > 0.0 and np.abs(force).max() > STRONG * usual:  # logarithmic beyond the 95 % quantile
         axes.set_yscale("symlog", linthresh=usual)
         powers = 10.0 ** np.arange(np.ceil(np.log10(usual)), 1 + np.ceil(np.log10(np.abs(force).max())))
         axes.set_yticks([*-powers[::-1], 0.0, *powers])
@@ -206,7 +206,7 @@ def _draw_ground(axes: Axes, bag: Bag, span: Span) -> None:
 
 
 def _shade_air(axes: Axes, bag: Bag, span: Span) -> None:
-    """Mark where the ground carries nothing, if that can be seen."""
+    """Shade the times at which the normal force is not above 0, if the span is short enough to see them."""
     if not _is_short(span) or "ground_contact" not in bag:
         return
     time, force = bag["ground_contact"]["time"], bag["ground_contact"]["force"][:, 2]
@@ -239,7 +239,7 @@ def _draw_power(axes: Axes, bag: Bag, span: Span) -> None:
 
 
 def _swings(axes: Axes, time: np.ndarray, values: np.ndarray, span: Span, colour: str, label: str) -> None:
-    """A quick oscillation; over a long run its line fills the range of the swings, and is pale."""
+    """Draw a fast oscillation; over a long span its line fills the range of the oscillation, and is pale."""
     tinted = tuple(1.0 - TINT * (1.0 - part) for part in to_rgb(colour))
     style = {"marker": ".", "ms": 4} if _is_moment(span) else {}
     line(axes, time, values, span, color=colour if _is_short(span) else tinted, label=label, zorder=1.5, **style)
@@ -270,7 +270,7 @@ def _tidy(axes: Axes, span: Span) -> None:
 
 
 def draw_energy(axes: Axes, energy: dict[str, Any]) -> None:
-    """Draw the accounts of `recordings.energy.energy_of`; what gives where it usually takes changes the bar."""
+    """Draw the accounts of `recordings.energy.energy_of`; an account with reversed sign goes to the other bar."""
     received, spent = parts_of(energy["accounts"])
     for row, parts in enumerate((spent, received)):
         start = 0.0
@@ -291,7 +291,7 @@ def draw_energy(axes: Axes, energy: dict[str, Any]) -> None:
 
 
 def parts_of(accounts: dict[str, float]) -> tuple[dict[str, float], dict[str, float]]:
-    """Amounts [J] that were received, and those that were lost or stored, none negative; negligible ones left out."""
+    """Return the received amounts [J], and the lost or stored ones, none negative; negligible ones are left out."""
     keys = {name: name.replace(" ", "_") for name in _ACCOUNT_COLOURS}
     signed = {name: accounts.get(key, 0.0) * RECEIVED.get(key, -1.0) for name, key in keys.items()}
     signed["motor"] = accounts["motor_delivered"] - accounts["motor_taken_back"]
@@ -301,7 +301,7 @@ def parts_of(accounts: dict[str, float]) -> tuple[dict[str, float], dict[str, fl
 
 
 def line(axes: Axes, time: np.ndarray, values: np.ndarray, span: Span, **style: object) -> None:
-    """The samples of `span` [s], broken at gaps in the stream; matplotlib leaves out points that cannot be seen."""
+    """Draw the samples of `span` [s] as a line, broken at gaps; matplotlib leaves out points that cannot be seen."""
     shown = (time >= span[0]) & (time <= span[1])
     broken = gaps(time[shown])
     axes.plot(*(np.insert(column[shown].astype(float), broken, np.nan) for column in (time, values)),
@@ -310,13 +310,13 @@ def line(axes: Axes, time: np.ndarray, values: np.ndarray, span: Span, **style: 
 
 def mean_over_turns(time: np.ndarray, values: np.ndarray, angle_time: np.ndarray,
                     angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean of a quantity that swings with the crank over each so many whole turns; NaN where a gap lies in them.
+    """Return means over whole turns of the crank of a quantity that oscillates with it; NaN across gaps.
 
-    Means that cut a turn anywhere would swing themselves. `time` [s] and `values` are samples, `angle_time` and
-    `angle` [rad] those of the crank. Returns the middle of the turns that each mean is over [s], and the means,
-    `MOST_MEANS` at most.
+    Means over parts of a turn would oscillate themselves. `time` [s] and `values` are samples, `angle_time` and `angle`
+    [rad] those of the crank. Returns the middle [s] of each interval of whole turns, and the means, at most
+    `MOST_MEANS`.
     """
-    turned = np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(angle), 0.0))]) / math.tau  # a reset turns it back
+    turned = np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(angle), 0.0))]) / math.tau  # without resets
     turns = np.arange(0.0, turned[-1] + 1e-9, max(1.0, np.ceil(turned[-1] / MOST_MEANS)))
     ends = np.unique(np.clip(np.interp(turns, turned, angle_time), time[0], time[-1]))
     work = np.interp(ends, time, cumulative_trapezoid(values, time, initial=0.0))
@@ -327,6 +327,6 @@ def mean_over_turns(time: np.ndarray, values: np.ndarray, angle_time: np.ndarray
 
 
 def gaps(time: np.ndarray) -> np.ndarray:
-    """Indices of the samples that follow a pause of more than `GAP` periods."""
+    """Return the indices of the samples after a pause of more than `GAP` periods."""
     pauses = np.diff(time)
     return np.flatnonzero(pauses > GAP * np.median(pauses)) + 1 if len(pauses) else np.array([], dtype=int)

@@ -1,10 +1,10 @@
-"""The `recover` executable: seals a bag whose recorder was killed, so that other programs read it as well.
+"""The `recover` executable: seals a bag whose recorder was killed, so that other programs can read it, too.
 
-A file without its end is cut behind its last whole record, and gets index and footer there; the torn end is kept beside
-it before. A file that has its end is left as it is, whatever is damaged in it. metadata.yaml appears whole, at last.
-Everything is read before anything is written. When a step fails (the disk is full), nothing readable is lost, and
-recovery can be repeated. No link is followed. Files are sealed in place: a copy of a long recording would take as much
-room again.
+A file without a footer is cut after its last whole record, where index and footer are written; before that, the torn
+end is saved to a file beside it. A file with a footer is left as it is, even if it is damaged. metadata.yaml is written
+last, whole or not at all. Everything is read before anything is written. When a step fails (the disk is full), nothing
+readable is lost, and recovery can be repeated. No link is followed. Files are sealed in place, because a copy of a long
+recording would need as much space again.
 """
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
@@ -33,15 +33,15 @@ _BLOCK = 2**20  # bytes that are copied at a time
 
 
 class InUseError(BagError):
-    """A bag is being recorded, or another process seals it."""
+    """The bag is being recorded, or another process is sealing it."""
 
 
 @dataclass(frozen=True)
 class Recovery:
-    """What was done to a bag, which has so many messages now, the last one at the time `last` [ns]; 0 without messages.
+    """Result of sealing a bag, which has `messages` messages now, the last with the stamp `last` [ns] (0 without any).
 
-    `cut` bytes were torn and are `kept` there. `was_sealed` says that nothing was to do, and nothing was done; `flaws`
-    are sentences on the parts of the bag that cannot be read.
+    `cut` is the number of torn bytes, which are saved in the files `kept`. `was_sealed` says that the bag was sealed
+    before and nothing was done; `flaws` are sentences on the parts of the bag that cannot be read.
     """
 
     folder: Path
@@ -54,15 +54,15 @@ class Recovery:
 
 
 def main(words: Sequence[str]) -> int:
-    """Seal each bag; 0 when all are sealed now, 2 with a line on stderr for each that cannot be."""
+    """Seal each bag; return 0 when all are sealed now, else 2, with a line on stderr for each that cannot be."""
     return exit_code("recover", lambda: _run(words))
 
 
 def recover(path: str | Path, keep_torn: bool = True) -> Recovery:
-    """Seal the bag in the folder `path`, or that of the file `path`.
+    """Seal the bag in the folder `path`, or the bag of the MCAP file `path`.
 
-    `keep_torn` keeps what is cut beside it, as ``<file>.torn``, ``<file>.torn.2``, … BagError when it is no bag, holds
-    nothing that can be read, is being recorded (`InUseError`), or cannot be written.
+    With `keep_torn` the bytes that are cut are saved beside it, as ``<file>.torn``, ``<file>.torn.2``, … BagError when
+    it is no bag, holds nothing that can be read, is being recorded (`InUseError`), or cannot be written.
     """
     path = Path(path)
     folder = path.absolute().parent if path.suffix == SUFFIX and path.is_file() else path
@@ -83,7 +83,7 @@ def recover(path: str | Path, keep_torn: bool = True) -> Recovery:
 
 
 def described(recovery: Recovery, stamp: Callable[[int], str]) -> Iterable[str]:
-    """What was done, for people; `stamp` writes a time [ns]."""
+    """Yield lines for people on the result of sealing; `stamp` formats a time [ns]."""
     if recovery.was_sealed:
         yield one_line(f"{recovery.folder}: sealed already, {recovery.messages} messages; nothing to do")
     else:
@@ -119,15 +119,15 @@ def _recovered(folder: Path, keep_torn: bool) -> Recovery:
             kept.append(metadata.rename(_torn_name(metadata)))
         else:
             metadata.unlink()
-    topics = {topic.name: topic for file in reversed(bag.files) for topic in file.topics}  # as the first file has them
+    topics = {topic.name: topic for file in reversed(bag.files) for topic in file.topics}  # the first file wins
     write_metadata(metadata, bag_information(files, [*topics.values()], custom))
     return _read_back(folder, cut, tuple(kept))
 
 
 def _seal(file: McapFile, metadata: str, keep_torn: bool) -> list[Path]:
-    """Cut a file behind its last whole record, and write `metadata`, index and footer there (OSError).
+    """Cut a file after its last whole record, and write `metadata`, index and footer there (OSError).
 
-    The torn end is on the disk under another name before it is overwritten; the names of such files are returned.
+    The torn end is saved to another file before it is overwritten; the paths of such files are returned.
     """
     ending = file.ending(metadata)
     descriptor = opened(file.path, os.O_RDWR, follow=False)
@@ -139,7 +139,7 @@ def _seal(file: McapFile, metadata: str, keep_torn: bool) -> list[Path]:
             raise BagError(f"{file.path}: has another name (a hard link) that would change, too; give a copy")
         kept = [_keep_tail(file, descriptor)] if keep_torn and file.size > file.end else []
         try:
-            os.posix_fallocate(descriptor, file.end, len(ending))  # before anything is overwritten: is there room?
+            os.posix_fallocate(descriptor, file.end, len(ending))  # fails without space, before any overwriting
         except OSError:
             os.ftruncate(descriptor, file.size)
             for copy in kept:
@@ -155,7 +155,7 @@ def _seal(file: McapFile, metadata: str, keep_torn: bool) -> list[Path]:
 
 
 def _keep_tail(file: McapFile, descriptor: int) -> Path:
-    """Copy the torn end of an open file to a new one beside it (OSError, and then nothing is left of the copy)."""
+    """Copy the torn end of an open file to a new file beside it (OSError; the copy is then removed)."""
     path = _torn_name(file.path)
     copy = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
     try:
@@ -171,13 +171,13 @@ def _keep_tail(file: McapFile, descriptor: int) -> Path:
 
 
 def _torn_name(path: Path) -> Path:
-    """A free name beside `path` for what is cut from it: ``<file>.torn``, ``<file>.torn.2``, …"""
+    """Return a free path beside `path` for the bytes cut from it: ``<file>.torn``, ``<file>.torn.2``, …"""
     names = (path.with_name(f"{path.name}.torn{suffix}") for suffix in chain([""], (f".{i}" for i in count(2))))
     return next(name for name in names if not os.path.lexists(name))
 
 
 def _read_back(folder: Path, cut: int = 0, kept: tuple[Path, ...] = (), was_sealed: bool = False) -> Recovery:
-    """What a reader finds now."""
+    """Read the bag again and return the result with what a reader finds now."""
     with BagStream(folder) as stream:
         messages = sum(topic.messages for topic in stream.topics.values())
         return Recovery(folder, messages, cut, stream.end, was_sealed, kept, tuple(stream.flaws))
@@ -196,7 +196,7 @@ def _run(words: Sequence[str]) -> int:
 
 
 def _clock(stamp: int) -> str:
-    """A time [ns] for people, UTC."""
+    """Return a time [ns] as text, in UTC."""
     seconds, nanoseconds = divmod(stamp, 10**9)
     try:
         return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%d %H:%M:%S}.{nanoseconds // 10**6:03d} UTC"

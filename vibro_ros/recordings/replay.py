@@ -1,4 +1,4 @@
-"""The `replay` executable: a recorded run computed again, compared, or changed."""
+"""The `replay` executable: simulates a recorded run again, and compares it, or changes its parameters."""
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
     import sys
@@ -33,7 +33,7 @@ from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.provenance import provenance
 
 IDENTICAL, DIFFERENT = 0, 1
-"""Exit codes; a changed run that was written is `IDENTICAL`, one that could not go on is `DIFFERENT`."""
+"""Exit codes; with --set, `IDENTICAL` means that the run was written, `DIFFERENT` that it could not go on."""
 
 
 def main(words: Sequence[str]) -> int:
@@ -63,7 +63,7 @@ def _compare(bag: Path) -> int:
 
 
 def described(found: Comparison) -> list[str]:
-    """A comparison, in lines for people."""
+    """Return the lines for people on a comparison."""
     lines = [f"{'different' if found.difference else 'identical'}: {sum(found.compared.values())} messages to "
              f"{found.last:.3f} s of robot time, {found.commands} commands"]
     if found.difference:
@@ -77,7 +77,7 @@ def described(found: Comparison) -> list[str]:
 
 
 def _show_what_if(bag: Path, changes: Mapping[str, object]) -> int:
-    """Compute the run again with other parameters, into a new bag."""
+    """Simulate the run with other parameters into a new bag, and print the summaries of both bags."""
     folder, failure = what_if(bag, changes)
     replayed = "replayed with " + ", ".join(f"{name}={value}" for name, value in changes.items())
     for title, one in (("recorded", bag), (replayed, folder)):
@@ -93,7 +93,7 @@ def _show_what_if(bag: Path, changes: Mapping[str, object]) -> int:
 
 
 def what_if(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str]:
-    """Simulate a recorded run with `changes` of its scene, from its start to its last message, into a new bag.
+    """Simulate a recorded run with `changes` to its scene, from its start to its last message, into a new bag.
 
     The new bag is ``<bag>_replay`` beside the recording, with ``_2``, ``_3``, … where taken. Returns its folder, and
     why the simulation could not go on to the end; empty when it could. BagError when the recording cannot be read, or
@@ -101,7 +101,7 @@ def what_if(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str]:
     """
     of_node = {parameter.name for parameter in DEVICE_PARAMETERS}
     for name, value in changes.items():
-        if name in of_node:  # when commands took effect is counted in samples of the recorded rate
+        if name in of_node:  # commands are replayed by sample, so the rate is fixed
             raise ValueError(f"{name}={value}: is a parameter of the node, which the recording fixes; change one of "
                              f"the scene, such as guide.angle=1.2, or record again with -p {name}:={value}")
     with BagStream(bag) as stream:
@@ -136,7 +136,7 @@ def what_if(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str]:
 
 
 def _topics(stream: BagStream, facts: RecordedRun) -> dict[str, Topic]:
-    """Every topic that the recorded robot had, under the recorded names; an earlier version had fewer."""
+    """Return the topics of the new bag: those of the recorded robot, with their recorded names."""
     names = facts.topics
     if missing := [name for name in (*SAMPLED, "impacts", *COMMAND_UNITS)
                    if name not in names and name not in OF_DC_MOTOR]:
@@ -149,13 +149,13 @@ def _topics(stream: BagStream, facts: RecordedRun) -> dict[str, Topic]:
 
 
 def _sensor_topics(facts: RecordedRun, scene: Scene) -> dict[str, str]:
-    """Names of the topics of a scene's sensors, which the recorded robot may not have had: beside its `odom`."""
+    """Return names for the topics of a scene's sensors, which the recorded robot may lack; with the prefix of odom."""
     names = [SENSOR_TOPICS[sensor] for sensor in sensors_on(scene)]
     return {name: f"{facts.topics['odom'].removesuffix('odom')}{name}" for name in names if "odom" in facts.topics}
 
 
 def _changes(texts: Sequence[str]) -> dict[str, object]:
-    """Names and values of several `name=value`."""
+    """Return names and values from texts of the form `name=value` (ValueError)."""
     changes: dict[str, object] = {}
     for text in texts:
         name, equals, value = text.partition("=")

@@ -1,4 +1,4 @@
-"""Executable ``report``: sum a recording up, or two beside each other, in words, numbers and a picture."""
+"""The `report` executable: summarises a recording, or compares two, in words, numbers and a picture."""
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
     import sys
@@ -22,12 +22,12 @@ from vibro_ros.recordings.summary import as_caption, as_text, load_samples, pair
 
 def write_report(bag_folder: Path, output: Path | None = None,
                  other: Path | None = None) -> tuple[str, tuple[Path, ...]]:
-    """Write summary.txt, summary.json and report.png about a recording, or about two beside each other.
+    """Write summary.txt, summary.json and report.png about a recording, or about two in comparison.
 
-    They go into `output`, which is made when missing, by default ``<bag folder>_report`` or ``<bag
-    folder>_against_<name of the other>`` beside the recording, into which nothing is ever written. Returns the summary
-    for people, and the files written. BagError when a recording cannot be read or `output` lies inside it; OSError
-    when `output` cannot be written.
+    They go into the folder `output`, which is made if missing, by default ``<bag folder>_report`` or ``<bag
+    folder>_against_<name of the other>`` beside the recording. Nothing is ever written into a recording. Returns the
+    summary as text, and the files written. BagError when a recording cannot be read or `output` lies inside it;
+    OSError when `output` cannot be written.
     """
     folders = [Path(one).resolve() for one in (bag_folder, other) if one]
     ending = f"against_{folders[1].name}" if other else "report"

@@ -1,11 +1,12 @@
-"""A recorded run computed again, sample by sample, as the robot computed it.
+"""Simulate a recorded run again, sample by sample, as the robot did.
 
-What the robot does between two samples is fixed: it publishes sample k, taken at k / `rate.publish`, gives the device
-the commands and operations that have arrived, in their order, and advances to sample k + 1, or, after a reset, puts the
-device to its start there. A recorded stamp is the run's start plus the time of the sample, also for a command: so the
-bag tells k exactly, whatever the wall clock did (stalls, another real-time factor).
+Between two samples the robot always does the same: it publishes sample k, taken at k / `rate.publish`, passes the
+commands and operations that have arrived to the device, in their order, and advances to sample k + 1; after a reset,
+sample k + 1 is the device's start. Every message, also a command, is recorded with the stamp of a sample: the run's
+start plus the sample's time. So the bag gives k exactly, whatever the wall clock did (stalls, another real-time
+factor).
 
-`Rerun.through` is the one loop that goes through a bag so. Comparing, varying and accounting are loops over it.
+`Rerun.through` is the one loop over a bag's samples. Comparison, changed runs and energy accounts are loops over it.
 """
 
 import json
@@ -44,34 +45,34 @@ from vibro_ros.sensors.device import SensedSimulator, new_device
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.preparation import prepare_kernels
 
-#: Pause [s] of robot time without a message, after which a stamp is doubted.
+#: Pause [s] of robot time without a message, after which a stamp is checked against a header.
 LONGEST_PAUSE = 10.0
-#: Robot time [s] that is simulated for a bag that holds no samples, only commands.
+#: Longest robot time [s] that is simulated for a bag without samples, only with commands.
 LONGEST_UNSAMPLED = 86_400.0
-#: Samples of it at most.
+#: Most samples that are simulated for such a bag.
 MOST_UNSAMPLED = 40_000_000
-#: Steps of a sample at most.
+#: Most solver steps of a sample.
 MOST_STEPS = 1_000_000
-_PART = 0.1  # s of robot time between two looks at the steps
+_PART = 0.1  # s of robot time between two checks of the number of steps
 SAMPLED = tuple(name for name, topic in TOPICS.items()
                 if topic.when == SAMPLE and not topic.of_dc_motor and NONE in topic.transforms)
 """Topics that every robot publishes with each sample."""
 STAMPED = tuple(name for name in SAMPLED if TOPICS[name].frame)
-"""Those of them whose headers have the recorded stamp."""
+"""Topics of `SAMPLED` whose headers have the recorded stamp."""
 
 Recorded = list[tuple[str, bytes]]
-"""Messages of one recorded stamp: the robot's own name of each topic, and the message."""
+"""Messages with the same recorded stamp: topic (its key in `TOPICS`) and bytes of each."""
 
 
 class StampError(BagError):
-    """A recorded stamp that no sample can have."""
+    """A recorded stamp is not that of a sample, or is not plausible."""
 
 
 @dataclass(frozen=True)
 class RecordedRun:
-    """What a bag says of the run that it recorded: the device's parameters, and the scene that was simulated.
+    """Description of the run in a bag: the node's parameters `settings`, and the simulated scene.
 
-    `start` is the ROS time [ns] of simulated time 0; `topics` has resolved names by the robot's own.
+    `start` is the ROS time [ns] of simulated time 0; `topics` has the resolved names by the keys of `TOPICS`.
     """
 
     settings: dict[str, Value]
@@ -85,26 +86,26 @@ class RecordedRun:
         return self.settings["rate.publish"]
 
     def time(self, tick: int) -> float:
-        """Simulated time [s] of a sample."""
+        """Return the simulated time [s] of a sample."""
         return tick / self.rate
 
     def stamp(self, tick: int) -> int:
-        """Recorded stamp [ns] of a sample."""
+        """Return the recorded stamp [ns] of a sample."""
         return stamp_at(self.start, self.time(tick))
 
     def tick(self, stamp: int) -> int | None:
-        """Number of the sample with a recorded stamp [ns]; None when no sample has it."""
+        """Return the number of the sample with a recorded stamp [ns]; None if no sample has it."""
         tick = round((stamp - self.start) * 1e-9 * self.rate)
         return tick if tick >= 0 and self.stamp(tick) == stamp else None
 
 
 def recorded_run(stream: BagStream) -> RecordedRun:
-    """What the bag says of its run.
+    """Return the description of the run in a bag.
 
     Raises
     ------
     BagError
-        When the robot's own recorder did not write it, or a robot with other parameters than this version's.
+        When the bag is not of the robot's own recorder, or its parameters are not valid in this version.
     """
     known = stream.metadata
     if missing := [key for key in ("scene", "parameters", "start") if key not in known]:
@@ -113,7 +114,7 @@ def recorded_run(stream: BagStream) -> RecordedRun:
     try:
         parameters = {name: value for name, value in json.loads(known["parameters"]).items() if name not in GONE}
         of_scene = {one.name for one in SCENE_PARAMETERS}
-        settings = checked_parameters({name: value for name, value in parameters.items()  # how it was recorded is over
+        settings = checked_parameters({name: value for name, value in parameters.items()  # record.* do not matter
                                        if name not in of_scene and not name.startswith("record.")}, DEVICE_PARAMETERS)
         scene = Scene(known["scene"], {name: value for name, value in parameters.items() if name in of_scene})
         defaults = {one.name: one.default for one in DEVICE_PARAMETERS}
@@ -131,13 +132,13 @@ def recorded_run(stream: BagStream) -> RecordedRun:
 
 
 class Rerun:
-    """The device, stepped and commanded as the robot does it.
+    """A device that is stepped and commanded as the robot steps and commands its own.
 
-    `tick` is the number of the last sample taken, -1 before the first, `origin` that of the sample at which the
-    device's own time is 0. `latched` is what the robot publishes once: its own name of each topic, and the message.
-    `commands` counts the messages that commanded the device, `resets` how often it was put back to its start. While
-    `through` goes on, `stamp` [ns] and `recorded` are what it has reached, or could not reach, and `seen` counts the
-    messages before it by topic.
+    `tick` is the number of the last sample taken, -1 before the first; `origin` that of the sample at which the
+    device's own time is 0. `latched` has the messages that the robot publishes once, by topic (a key of `TOPICS`).
+    `commands` counts the command messages passed to the device, `resets` its resets. During `through`, `stamp` [ns] and
+    `recorded` are those of the present sample, or of the one that could not be reached, and `seen` counts the earlier
+    messages by topic.
     """
 
     def __init__(self, facts: RecordedRun, scene: Scene):
@@ -162,28 +163,28 @@ class Rerun:
 
     def through(self, stream: BagStream, names: Collection[str] | None = None,
                 until: int = -1) -> Iterator[tuple[int | None, Recorded]]:
-        """Compute the run of a bag again; the device gets what the robot received after each sample.
+        """Simulate the run of a bag again; the device gets the inputs that the robot received after each sample.
 
-        Yields the number of each sample, at which the device then stands, and what was recorded with its stamp;
-        `published` is what the robot publishes there. A bag that lacks the run's beginning is gone through from its
-        first checkpoint on: what was recorded up to there, the checkpoint's sample with it, is yielded without a
-        number.
+        Yields the number of each sample, with the device at that sample, and the messages recorded with its stamp;
+        `published` then returns the messages that the robot publishes there. If the bag lacks the run's beginning, the
+        simulation begins at its first checkpoint; messages recorded before, and with the checkpoint's sample, are
+        yielded with None as the number.
 
         Parameters
         ----------
         stream : BagStream
             The bag.
         names : collection of str, optional
-            The robot's own names of the topics that are read; all by default.
+            Topics to read, by their keys in `TOPICS`; all by default.
         until : int
-            Number of the sample to which the run is computed if the bag's messages end before it.
+            Number of the sample up to which the run is simulated if the bag's messages end before it.
 
         Raises
         ------
         StampError
-            When a stamp is of no sample, or so far ahead that it would cost years of simulation.
+            When a stamp is not that of a sample, or so far ahead that it would cost years of simulation.
         BagError
-            When the bag's first checkpoint is none.
+            When the bag's first checkpoint is not valid.
         SimulationError
             When the run cannot go on.
         """
@@ -194,7 +195,7 @@ class Rerun:
             self.stamp, self.recorded, tick = stamp, recorded, self._facts.tick(stamp)
             if failure:
                 raise failure
-            given = 0  # messages that lie before the inputs that the device gets
+            given = 0  # messages that precede the inputs for the device
             if is_late and tick is not None:
                 given = self._begin_at_checkpoint(stream, tick)
                 is_late = self.tick < 0
@@ -209,7 +210,7 @@ class Rerun:
                 yield tick, recorded
             try:
                 self._give(stream, given)
-            except SimulationError as error:  # what the robot recorded before it ended is whole
+            except SimulationError as error:  # raised only if more follows: the robot may have ended here as well
                 failure = error
         if failure and self.tick < until:
             raise failure
@@ -218,9 +219,9 @@ class Rerun:
             yield self.tick, []
 
     def published(self) -> Recorded:
-        """What the robot publishes at the sample that was reached last; asked once for each.
+        """Return the messages that the robot publishes at the present sample; to be called at most once for each.
 
-        A robot of an earlier version did not have all topics of a dc motor.
+        Topics of a dc motor that the bag does not name are left out, because earlier versions lacked some.
         """
         device, start = self.device, self._facts.stamp(self.origin)
         measurements = device.take_measurements() if isinstance(device, SensedSimulator) else ()
@@ -229,9 +230,9 @@ class Rerun:
         return [one for one in found if one[0] not in OF_DC_MOTOR or one[0] in self._facts.topics]
 
     def go_to(self, tick: int) -> None:
-        """Go to a sample that does not lie behind (SimulationError when the run cannot go on).
+        """Advance to a sample, which must not lie behind (SimulationError when the run cannot go on).
 
-        A device that was reset after the sample stands at its start already.
+        Does nothing to a device that was reset after that sample, because it is at its start already.
         """
         self.tick = tick
         if tick < self.origin:
@@ -247,7 +248,7 @@ class Rerun:
         self.device.advance_to(until)
 
     def restore(self, tick: int, data: bytes) -> None:
-        """Stand at the sample `tick` as a recorded checkpoint says, its messages already out (ValueError when bad)."""
+        """Restore the device from a checkpoint recorded at the sample `tick` (ValueError if it is not valid)."""
         self.device.restore(np.array(deserialised(data, TOPICS[CHECKPOINT].type).data))
         time = self.device.time  # since the last reset
         since = round(min(time * self._facts.rate, tick + 1.0))
@@ -257,12 +258,14 @@ class Rerun:
         self.tick, self.origin = tick, tick - since
 
     def receive(self, name: str, data: bytes) -> str:
-        """Give the device a recorded command or operation, of the robot's own `name` (SimulationError as above).
+        """Pass a recorded command or operation to the device (SimulationError when the run cannot go on).
+
+        `name` is the topic, a key of `TOPICS`.
 
         Returns
         -------
         str
-            Why the message cannot be read, which the robot refused for the same reason; else empty.
+            Why the message cannot be read (the robot refused it for the same reason); else empty.
         """
         try:
             message = deserialised(data, TOPICS[name].type)
@@ -272,7 +275,7 @@ class Rerun:
         if operation is None:
             self._command(name, message)
             return ""
-        with suppress(ValueError):  # another robot refuses what the recorded one did
+        with suppress(ValueError):  # a robot with other parameters may refuse it
             perform(operation, self.device)
             if operation.name == RESET:
                 self.origin = self.tick + 1
@@ -280,13 +283,13 @@ class Rerun:
         return ""
 
     def _are_headed(self, stream: BagStream, names: Collection[str] | None) -> bool:
-        """Whether messages are read whose headers have the recorded stamp."""
+        """Return whether the messages to be read include some whose headers have the recorded stamp."""
         return any(self._facts.topics.get(name) in stream.topics for name in STAMPED if names is None or name in names)
 
     def _checked(self, stream: BagStream, tick: int | None, most: int, headed: bool) -> int:
-        """The sample `tick` of `stamp`, when the run can have reached it (StampError when not).
+        """Check that the run can have reached the sample `tick` of `stamp`, and return it (StampError).
 
-        After a long pause some header must bear the stamp out: a spoilt one would cost years of simulation.
+        After a long pause a header must confirm the stamp, because a damaged one could cost years of simulation.
         """
         if tick is None or tick <= self.tick:
             raise StampError(f"{stream.folder}: its stamp {self.stamp} is of no sample; give a bag that the robot "
@@ -305,9 +308,10 @@ class Rerun:
         return tick
 
     def _begin_at_checkpoint(self, stream: BagStream, tick: int) -> int:
-        """Stand at the sample `tick` if a checkpoint was recorded there; the number of messages up to it.
+        """Restore the device at the sample `tick` if a checkpoint was recorded there.
 
-        Before the checkpoint stand the parameters that were changed since the robot's start.
+        The operations before the checkpoint have the parameters changed since the robot's start. Returns the number of
+        messages up to the checkpoint, or of all if there is none.
         """
         for number, (name, data) in enumerate(self.recorded, start=1):
             if name == OPERATIONS:
@@ -321,7 +325,7 @@ class Rerun:
         return len(self.recorded)
 
     def _give(self, stream: BagStream, given: int) -> None:
-        """Give the device the inputs in `recorded`, of which so many messages were `given` before."""
+        """Pass the inputs in `recorded` to the device, without the first `given` messages."""
         for number, (name, data) in enumerate(self.recorded):
             if name in INPUTS and number >= given:
                 if unreadable := self.receive(name, data):
@@ -337,18 +341,18 @@ class Rerun:
 
 
 def lacks_beginning(stream: BagStream, facts: RecordedRun) -> bool:
-    """Whether a bag has neither its run's beginning nor a checkpoint, so that the run cannot be computed."""
+    """Return whether a bag lacks both its run's beginning and checkpoints, so that the run cannot be simulated."""
     return stream.start > facts.start and not begins_at_checkpoint(stream, facts)
 
 
 def begins_at_checkpoint(stream: BagStream, facts: RecordedRun) -> bool:
-    """Whether a bag lacks its run's beginning and holds a checkpoint, from which the run can be computed."""
+    """Return whether a bag lacks its run's beginning but has a checkpoint, from which the run can be simulated."""
     checkpoints = stream.topics.get(facts.topics.get(CHECKPOINT, ""))
     return stream.start > facts.start and checkpoints is not None and checkpoints.messages > 0
 
 
 def most_ticks(stream: BagStream, facts: RecordedRun) -> int:
-    """Samples that a recorded run may have by the number of its messages: stretched stamps would cost years."""
+    """Return the largest plausible number of samples for a bag's messages; false stamps could cost years."""
     recorded = max((stream.topics[facts.topics[name]].messages for name in SAMPLED
                     if facts.topics.get(name) in stream.topics), default=0)
     if not recorded:
@@ -358,7 +362,7 @@ def most_ticks(stream: BagStream, facts: RecordedRun) -> int:
 
 def ticks(stream: BagStream, facts: RecordedRun,
           chosen: Collection[str] | None = None) -> Iterator[tuple[int, Recorded]]:
-    """Recorded stamp [ns], and what was recorded with it on the `chosen` of the robot's topics, all by default."""
+    """Yield each recorded stamp [ns] with its messages on the `chosen` topics (keys of `TOPICS`), all by default."""
     names = {topic: name for name, topic in facts.topics.items() if chosen is None or name in chosen}
     group: Recorded = []
     before: int | None = None

@@ -1,4 +1,4 @@
-"""The numbers of a recording: how far, how fast, how many impacts, how much power, what is missing."""
+"""Summary of a recording in numbers: displacement, speed, impacts, power, gaps in the data."""
 
 import json
 import math
@@ -26,15 +26,15 @@ COLUMNS = {"odom": ("position", "linear_velocity"), "joint_states": ("*.position
            "ground_contact": ("force",), "impacts": ("stamp", "frame", "force"), "motor_power": ("value",),
            "motor_speed": ("value",), "upper_gap": ("value",), "inclined_gap": ("value",), "motor_current": ("value",),
            OPERATIONS: ("text",)}
-"""All that summary and picture need of a recording, which may be long, and each command, which may be unreadable."""
+"""Columns that summary and picture need, because a recording may be long; commands are read to find unreadable ones."""
 MOST_OPERATIONS = 50
-"""Of those that a summary lists."""
+"""Most operations that a summary lists."""
 LARGEST = 1e100
-"""Greatest number of a message that is summed up; no machine has one beyond, and squares of larger ones overflow."""
+"""Largest magnitude of a number that is used: no machine has a larger one, and squares of larger ones overflow."""
 
 
 def load_samples(folder: Path) -> Bag:
-    """A recording with the columns that a report needs, without messages whose numbers no robot can have sent.
+    """Read the columns of a recording that a report needs, without messages that no robot can have sent.
 
     Such messages, with numbers that are not finite or beyond `LARGEST`, are counted in the bag's flaws.
 
@@ -57,7 +57,7 @@ def load_samples(folder: Path) -> Bag:
 
 
 def summarise(bag: Bag) -> dict[str, Any]:
-    """Summary of a recording, ready for JSON; a number that is not defined is None.
+    """Summarise a recording, ready for JSON; a number that is not defined is None.
 
     Parameters
     ----------
@@ -67,18 +67,16 @@ def summarise(bag: Bag) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``duration`` [s] from the first message to the last; ``resets``, how often the robot was put back to its start;
-        ``operations``, the first `MOST_OPERATIONS` of what was done to the run besides commands, each a time [s] and
-        the text that `messages.topics.Operation` makes;
-        ``displacement`` [m] of the body from its first sample to its last, without the jumps of resets,
-        ``path_length`` [m] of the way between them, ``mean_speed`` [m/s] their displacement over their time;
-        ``crank_turns``; ``impacts`` and
-        ``impacts_per_turn`` of each guide; ``mean_power`` [W] over time; ``load``, of the samples of N: their ``mean``
-        over the weight, None where the recorder does not say the masses, and ``unloaded``, the share that is not above
-        0; ``validity``, the fields of `Validity`, None also where the recorder does not say the robot's parameters;
-        ``recorder``, what the recorder said about itself; ``topics``: type and ``messages`` of each, and for sampled
-        topics ``period`` [s] (median), ``largest_gap`` [s] and ``gaps`` (pauses above `GAP` periods);
-        ``not_read``, sentences on what of the recording cannot be read.
+        ``duration`` [s] from the first message to the last; ``resets``, the number of resets to the start;
+        ``operations``, the first `MOST_OPERATIONS` operations, each a time [s] and the text of
+        `messages.operations.Operation`; ``displacement`` [m] of the body from its first sample to its last, without the
+        jumps of resets, ``path_length`` [m] of the path between them, ``mean_speed`` [m/s], displacement over time;
+        ``crank_turns``; ``impacts`` and ``impacts_per_turn`` of each guide; ``mean_power`` [W] over time; ``load``,
+        from the samples of the normal force N: ``mean``, their mean over the weight, None if the bag does not state the
+        masses, and ``unloaded``, the share of samples with N not above 0; ``validity``, the fields of `Validity`, None
+        also if the bag does not state the robot's parameters; ``recorder``, the bag's custom data; ``topics``: type and
+        ``messages`` of each, and for sampled topics ``period`` [s] (median), ``largest_gap`` [s] and ``gaps`` (number
+        of pauses above `GAP` periods); ``not_read``, sentences on the parts of the recording that cannot be read.
 
     Raises
     ------
@@ -117,7 +115,7 @@ def summarise(bag: Bag) -> dict[str, Any]:
 
 
 def _scene(recorder: dict[str, str]) -> Scene | None:
-    """The robot as its recorder describes it; parameters that it does not know have their defaults."""
+    """Return the robot's scene from the bag's custom data; missing parameters get their defaults. None without any."""
     known = {one.name for one in SCENE_PARAMETERS}
     found = {name: value for name, value in _parameters(recorder).items() if name in known}
     try:
@@ -127,7 +125,7 @@ def _scene(recorder: dict[str, str]) -> Scene | None:
 
 
 def _validity(scene: Scene | None, bag: Bag) -> Validity:
-    """Whether what the model leaves out may be left out, by the samples that odometry and joint states share."""
+    """Return the validity of the model's simplifications, from the samples common to odometry and joint states."""
     body, joints = bag["odom"], bag["joint_states"]
     if not scene or not {f"{side}_mass.position" for side in scene.guides} <= joints.keys():
         return Validity(None, None)
@@ -149,12 +147,12 @@ def _operations(bag: Bag) -> list[tuple[float, str]]:
 
 
 def impacts_of(bag: Bag, guide: str) -> np.ndarray:
-    """Which of the recorded impacts are of `guide`, by their frame: bool, shape (n,)."""
-    return np.char.endswith(bag["impacts"]["frame"], f"{guide}_plate")  # before it, the robot's frame_prefix
+    """Return which recorded impacts belong to `guide`, by their frame: bool, shape (n,)."""
+    return np.char.endswith(bag["impacts"]["frame"], f"{guide}_plate")  # the robot's frame_prefix comes first
 
 
 class Number(NamedTuple):
-    """A number of a summary: where it stands in it, and how people read it; None where it is not defined."""
+    """A number of a summary: `value` gets it from the summary (None if undefined), the rest formats it for people."""
 
     value: Callable[[dict[str, Any]], float | None]
     form: str
@@ -162,12 +160,12 @@ class Number(NamedTuple):
     scale: float = 1.0
 
     def of(self, summary: dict[str, Any]) -> float | None:
-        """The number in its unit."""
+        """Return the number in its unit."""
         value = self.value(summary)
         return None if value is None else value * self.scale
 
     def text(self, summary: dict[str, Any]) -> str:
-        """The number in its form, with its unit."""
+        """Return the number as text, with its unit."""
         value = self.of(summary)
         return "-" if value is None else f"{value:{self.form}} {self.unit}".rstrip()
 
@@ -178,7 +176,7 @@ def _within(part: str, name: str) -> Callable[[dict[str, Any]], float | None]:
 
 NUMBERS: Mapping[str, Number] = {
     "duration": Number(itemgetter("duration"), ".3f", "s"),
-    "resets": Number(itemgetter("resets"), ".0f"),  # their jumps do not count in what follows
+    "resets": Number(itemgetter("resets"), ".0f"),  # the jumps of resets do not count below
     "displacement": Number(itemgetter("displacement"), "+.4f", "m"),
     "path": Number(itemgetter("path_length"), ".4f", "m"),
     "mean speed": Number(itemgetter("mean_speed"), "+.2f", "mm/s", 1e3),
@@ -187,17 +185,17 @@ NUMBERS: Mapping[str, Number] = {
     **{f"{guide} impacts per turn": Number(_within("impacts_per_turn", guide), ".2f")
        for guide in GUIDES},
     "mean power": Number(itemgetter("mean_power"), ".3f", "W"),
-    "mean N / weight": Number(_within("load", "mean"), ".3f"),  # the shocks of landings lie between samples
+    "mean N / weight": Number(_within("load", "mean"), ".3f"),  # landings' shocks lie between samples
     "samples with N <= 0": Number(_within("load", "unloaded"), ".1f", "%", 1e2),
     "pitch index": Number(_within("validity", "pitch_index"), ".3f"),
     "rms / continuous current": Number(_within("validity", "current_share"), ".3f"),
 }
-"""What the text of one recording, the table of two and the caption print, by label."""
+"""Numbers in the text of one recording, the table of two, and the caption, by label."""
 CAPTION = ("duration", "displacement", "mean speed", *(f"{guide} impacts per turn" for guide in GUIDES), "mean power")
 
 
 def as_text(summary: dict[str, Any]) -> str:
-    """The summary as lines for people, with units; with ``energy``, what `energy_of` tells, if it is there."""
+    """Return the summary as text with units, and with the accounts in ``energy``, the result of `energy_of`, if any."""
     lines = [("bag", summary["bag"]),
              *((one_line(key), one_line(value)) for key, value in summary["recorder"].items() if len(value) < 80),
              *((label, number.text(summary)) for label, number in NUMBERS.items()),
@@ -211,7 +209,7 @@ def as_text(summary: dict[str, Any]) -> str:
 
 
 def pair_as_text(first: dict[str, Any], second: dict[str, Any]) -> str:
-    """Two summaries with their energy in one table for people: parameters that differ, and each number of both."""
+    """Return two summaries with their energy as one table: the parameters that differ, and all numbers of both."""
     parameters = [_parameters(one["recorder"]) for one in (first, second)]
     rows: list[tuple[str, ...]] = [("", "first", "second", "second - first")]
     rows += [(one_line(name), *(_shown(one.get(name)) for one in parameters), "")
@@ -231,7 +229,7 @@ def pair_as_text(first: dict[str, Any], second: dict[str, Any]) -> str:
 
 
 def _numbers(summary: dict[str, Any]) -> dict[str, float | None]:
-    """The numbers of a summary and of its energy, by their labels with units."""
+    """Return the numbers of a summary and of its energy, by labels with units."""
     energy = summary["energy"]
     return {**{f"{label} [{one.unit}]" if one.unit else label: one.of(summary) for label, one in NUMBERS.items()},
             "cost of transport": energy.get("cost_of_transport"),
@@ -240,7 +238,7 @@ def _numbers(summary: dict[str, Any]) -> dict[str, float | None]:
 
 
 def _parameters(recorder: dict[str, str]) -> dict[str, Any]:
-    """The recorded parameters; none where the recording does not say them."""
+    """Return the recorded parameters; empty if the recording does not state them."""
     try:
         found = json.loads(recorder.get("parameters", "{}"))
     except (ValueError, RecursionError):
@@ -253,7 +251,7 @@ def _shown(value: object) -> str:
 
 
 def as_caption(summary: dict[str, Any]) -> str:
-    """The summary in one line for a picture."""
+    """Return the summary in one line, for a picture."""
     return "  ·  ".join(f"{label} {NUMBERS[label].text(summary)}" for label in CAPTION).replace(
         " -", " \N{MINUS SIGN}")
 
@@ -266,7 +264,7 @@ def _table(topics: dict[str, dict[str, Any]]) -> list[str]:
 
 
 def energy_as_lines(energy: dict[str, Any]) -> list[str]:
-    """The accounts as a table for people: energy, and its share of what the motor, or its supply, delivered."""
+    """Return the accounts as a table: energy, and its share of what the motor, or its supply, delivered."""
     if "unknown" in energy:
         return [f"energy: unknown: {energy['unknown']}"]
     accounts = energy["accounts"]
@@ -286,7 +284,7 @@ def energy_as_lines(energy: dict[str, Any]) -> list[str]:
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """The rows of a table as lines: the first column from the left, the others from the right."""
+    """Return the rows of a table as lines: the first column aligned left, the others right."""
     first, *others = ([*column] for column in zip(*rows, strict=True))
     columns = [[text.ljust(max(map(len, first))) for text in first],
                *([text.rjust(max(map(len, column))) for text in column] for column in others)]
