@@ -1,9 +1,9 @@
-"""How kernels are compiled: parts, and entries that Python calls, by numba's documented interface alone.
+"""Compilation of kernels: parts, and entries that Python calls, by numba's documented interface alone.
 
 A part is a Python function that numba compiles into the kernels that call it. An entry is compiled as a whole, with all
-its parts, and stored. Kernels cannot allocate: numba then leaves out reference counts, which take half of the time.
+its parts, and stored. Kernels cannot allocate, so that numba leaves out reference counts, which take half of the time.
 
-`NUMBA_DISABLE_JIT=1` compiles nothing: a debugger steps from `simulate` into every kernel.
+With `NUMBA_DISABLE_JIT=1` nothing is compiled, and a debugger steps from `simulate` into every kernel.
 """
 
 from collections.abc import Callable
@@ -19,27 +19,27 @@ _OPTIONS = {"error_model": "numpy", "_nrt": False}
 
 
 def part(function):
-    """Let kernels call a function, which becomes a part of them."""
+    """Declare a function that kernels may call; it becomes a part of them."""
     return register_jitable(fastmath=_CONTRACT, **_OPTIONS)(function)
 
 
 def inlined_part(function):
-    """A part that numba copies into the kernel that calls it, before it compiles that.
+    """Declare a part that numba copies into the kernel that calls it, before compiling the kernel.
 
-    Of any other part numba makes machine code first, with all that it calls, and then compiles it again within its
-    caller. So the parts that call most of the others, and that one kernel calls, are inlined: it saves an eighth of the
-    first start. To inline small parts saves nothing, because numba then works longer on the larger kernels.
+    Any other part numba first compiles to machine code by itself, with all that it calls, and then again within its
+    caller. So parts that call most of the others, and that only one kernel calls, are inlined, which saves an eighth of
+    the first start. Inlining small parts saves nothing, because numba then works longer on the larger kernels.
     """
     return numba.njit(inline="always")(function)
 
 
 def rounding_part(function):
-    """A part that rounds every product, so that equal products cancel to exactly zero."""
+    """Declare a part that rounds every product, so that equal products cancel to exactly zero."""
     return register_jitable(fastmath=False, **_OPTIONS)(function)
 
 
 def sum_part(function):
-    """A part that is a plain sum, in which the order of the terms does not matter and several are added at once."""
+    """Declare a part that is a plain sum, whose terms the compiler may add in any order and several at once."""
     return register_jitable(fastmath=_CONTRACT | {"reassoc", "nsz"}, **_OPTIONS)(function)
 
 
@@ -71,7 +71,7 @@ progress.unwritable = _store.unusable if _store else ""
 def entry(function):
     """Compile a kernel that Python calls, and store it with all its parts.
 
-    Of a named tuple it takes the `reference.Laid.layout`. Kernels call a `part`, not this.
+    In place of a named tuple the kernel takes its `reference.Laid.layout`. Kernels call parts, not entries.
     """
     usual = numba.config.CACHE_DIR
     try:
@@ -81,16 +81,16 @@ def entry(function):
         numba.config.CACHE_DIR = usual
 
 
-# For those who compile kernels before a clock starts
+# Functions for compiling kernels before a clock starts
 
 
 def store_environment() -> dict[str, str]:
-    """What a process that compiles for this one needs in its environment."""
+    """Return the environment variables for a process that compiles kernels for this one."""
     return {"NUMBA_CACHE_DIR": _store.chosen} if _store and _store.chosen else {}
 
 
 def is_stored(family: str) -> bool:
-    """Whether a process has stored all kernels of a family, or nothing is compiled at all."""
+    """Return whether all kernels of a family are stored, or nothing is compiled at all."""
     return _store is None or _store.has(family)
 
 
@@ -101,9 +101,9 @@ def mark_as_stored(family: str) -> None:
 
 
 def compile_entry(kernel: Callable, arguments: tuple) -> None:
-    """Load an entry for arguments of these types, or compile it, if neither was done before.
+    """Load an entry for arguments of these types, or compile it, unless this was done before.
 
-    A stored kernel that cannot be read is damaged: all are thrown away, and this one is compiled again.
+    If a stored kernel cannot be read, it is damaged: all stored kernels are removed, and this one is compiled again.
     """
     kinds = tuple(map(numba.typeof, arguments))
     if _store is None or kinds in kernel.overloads:
@@ -129,9 +129,9 @@ def _compile(kernel, kinds: tuple) -> None:
         progress.unwritable = f"{_store.path}: {error.strerror}"  # it was compiled, and could not be stored
 
 
-# For those who must know how kernels round
+# How kernels round
 
-#: Features of a processor by which kernels round, or cut their loops, in another way.
+#: Features of a processor that change how kernels round or vectorize their loops.
 _FEATURES = ("avx", "avx2", "avx512f", "avx512vl", "fma", "neon", "sve", "sve2")
 
 
@@ -141,13 +141,13 @@ def _sum_of_products(a, b, c):
 
 
 def multiply_add() -> str:
-    """How kernels multiply and add: `fused`, with one rounding, or `apart`, with two."""
-    above_one = 1.0 + 2.0**-30  # whose square is 1 + 2^-29 and, beyond the digits of a double, 2^-60
+    """Return how kernels multiply and add: `fused`, with one rounding, or `apart`, with two."""
+    above_one = 1.0 + 2.0**-30  # its square is 1 + 2^-29 + 2^-60; a double cannot hold the last term
     return "apart" if _sum_of_products(above_one, above_one, -1.0 - 2.0**-29) == 0.0 else "fused"
 
 
 def processor() -> str:
-    """The processor that kernels are compiled for, as LLVM calls it, and its features that matter to them."""
+    """Return LLVM's name of the processor for which kernels are compiled, and its features that change rounding."""
     name = numba.config.CPU_NAME or llvm.get_host_cpu_name()
     given = numba.config.CPU_FEATURES
     if given is None:

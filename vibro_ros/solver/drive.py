@@ -1,7 +1,7 @@
-"""The drive: the phase that the signals are functions of, and how its speed changes.
+"""The drive: the phase, of which the signals are functions, and its speed.
 
-The speed is constant, on a ramp, or approaches its target exponentially, as a motor with a time constant does. Every
-function of this module gets `drive`, the record of `State.drive`.
+The speed is constant, on a ramp, or approaches its target exponentially, as a motor with a time constant does. `drive`
+is the record `state.DRIVE` in every function of this module.
 
 The drive counts along its direction: its speed is never negative, and a cell begins where the phase enters it, so that
 a phase that runs backwards passes mirrored cells. A target in the other direction is negative. The speed then falls to
@@ -16,26 +16,26 @@ from vibro_ros.solver.compilation import part
 from vibro_ros.solver.system import STRIDE, SignalTable
 from vibro_ros.solver.vector import LENGTH
 
-_NEGLIGIBLE = 1e-18  # beside 1
+_NEGLIGIBLE = 1e-18  # relative to 1
 # Newton's method for the end of a cell: monotone after its first step, because the speed is.
 _MOST_NEWTON_STEPS = 60
 _NEWTON_END = 4e-16
-# After so many of its time constants a speed that approaches its target exponentially is there, to rounding.
+# A speed that approaches its target exponentially has reached it, to rounding, after this many time constants.
 _TIME_CONSTANTS = 40.0
-# A speed [rad/s] that is none: of a smaller one, the time in which it falls to 0 could underflow.
+# A smaller speed [rad/s] counts as 0, because the time in which it falls to 0 could underflow.
 _STANDING = 1e-200
 
 
 def speed_and_target(drive: np.void) -> tuple[float, float]:
-    """Speed of the phase and its target [rad/s], below 0 backwards."""
+    """Return the speed of the phase and its target [rad/s], below 0 backwards."""
     direction = float(drive["direction"])
     return direction * float(drive["speed"]) + 0.0, direction * float(drive["target"]) + 0.0  # never -0.0
 
 
 def command_drive(signals: SignalTable, drive: np.void, speed: float, target: float, acceleration: float = 0.0,
                   lag: float = 0.0) -> None:
-    """Let the phase, at the segment's start, have `speed` [rad/s], and let that go to `target` [rad/s], below 0
-    backwards: at `acceleration` [rad/s²] or with the time constant `lag` [s]; without either it stays as it is."""
+    """Set the speed of the phase at the segment's start to `speed` [rad/s], and let it go to `target` [rad/s], below 0
+    backwards: at `acceleration` [rad/s²] or with the time constant `lag` [s]; without either the speed is constant."""
     speed, target = (0.0 if abs(one) < _STANDING else one for one in (speed, target))
     forwards = speed or target
     if forwards and (forwards < 0.0) != (drive["direction"] < 0):
@@ -57,7 +57,7 @@ def command_drive(signals: SignalTable, drive: np.void, speed: float, target: fl
 
 @part
 def enter_next_cell(system, drive):
-    """Let the segment start where the next cell does."""
+    """Let the segment start where the next cell starts."""
     drive.offset = 0.0
     drive.cell += drive.direction
     if drive.cell == len(system.signals.start) - 1:
@@ -70,26 +70,26 @@ def enter_next_cell(system, drive):
 
 @part
 def phase_advance(drive, elapsed):
-    """Advance of the phase [rad] in `elapsed` [s] from the segment's start, and the speed [rad/s] then; also beyond the
-    instant at which the direction changes, up to `settling_time`."""
+    """Return the advance of the phase [rad] in `elapsed` [s] from the segment's start, and the speed [rad/s] then; also
+    beyond the instant at which the direction changes, up to `settling_time`."""
     speed, target, lag = drive.speed, drive.target, drive.lag
     if lag > 0.0:
         decayed = -math.expm1(-elapsed / lag)
         return target * elapsed + (speed - target) * lag * decayed, speed + (target - speed) * decayed
     change = drive.acceleration
-    # The speed falls to its target, never below: what is less is rounding.
+    # The speed falls to its target, never below except by rounding, which is cut off.
     return elapsed * (speed + 0.5 * change * elapsed), max(min(0.0, target), speed + change * elapsed)
 
 
 @part
 def _rising_time(target, acceleration, lag):
-    """Time [s] in which the speed rises from 0 to its target."""
+    """Return the time [s] in which the speed rises from 0 to its target."""
     return _TIME_CONSTANTS * lag if lag > 0.0 else target / acceleration
 
 
 @part
 def settling_time(drive):
-    """Time [s] until the speed is at its target, in whichever direction; 0 if it does not change."""
+    """Return the time [s] until the speed is at its target, in either direction; 0 if the speed does not change."""
     if drive.time_left == 0.0 or drive.target >= 0.0:
         return drive.time_left
     return drive.time_left + _rising_time(-drive.target, -drive.acceleration, drive.lag)
@@ -99,10 +99,9 @@ def settling_time(drive):
 def advance_speed(drive, elapsed, speed):
     """Set the speed, after `elapsed` [s] of a change, to `speed` [rad/s]; return whether it is at its target now.
 
-    What rounding takes from the sum is added to the next change, because a change takes thousands of segments. Where
-    the speed has fallen to 0 on its way to a target in the other direction, the direction changes. The caller sees to
-    the offset, which is counted from the cell's other end then. A step of fixed length may end behind that instant, at
-    a negative speed.
+    The rounding error of the sum is added to the next change, because a change takes thousands of segments. If the
+    speed has fallen to 0 on its way to a target in the other direction, the direction changes. The caller must then
+    count the offset from the cell's other end. A step of fixed length may end after that instant, at a negative speed.
     """
     if drive.time_left == 0.0:
         return False
@@ -129,8 +128,8 @@ def advance_speed(drive, elapsed, speed):
 
 @part
 def _ramped_time_to_advance(distance, speed, change):
-    """Time [s] in which the phase advances by `distance` [rad] at a constant rate of change of its speed; infinite if
-    the phase stops before."""
+    """Return the time [s] in which the phase advances by `distance` [rad] at the rate `change` [rad/s²] of its speed;
+    infinite if the phase stops before."""
     discriminant = speed * speed + 2.0 * change * distance
     if discriminant < 0.0:
         return math.inf
@@ -140,7 +139,7 @@ def _ramped_time_to_advance(distance, speed, change):
 
 @part
 def time_to_advance(drive, distance):
-    """Time [s] in which the phase advances by `distance` [rad]; infinite if the phase stops before."""
+    """Return the time [s] in which the phase advances by `distance` [rad]; infinite if the phase stops before."""
     if drive.lag == 0.0:
         return _ramped_time_to_advance(distance, drive.speed, drive.acceleration)
     if drive.target == 0.0 and drive.speed * drive.lag <= distance:
@@ -159,7 +158,7 @@ def time_to_advance(drive, distance):
 
 @part
 def resolved_time(drive, reach):
-    """Longest time [s] over which a signal's series in time reaches rounding at its last term.
+    """Return the longest time [s] over which a signal's series in time reaches rounding at its last term.
 
     The phase must stay within `reach` [rad] for complex times up to 1/STRIDE halves of the segment.
     """
@@ -168,14 +167,14 @@ def resolved_time(drive, reach):
         # For complex times up to a time constant from the middle, the deviation grows by e at most.
         fastest = abs(drive.target) + (math.e - 1.0) * abs(drive.speed - drive.target)
         return 2.0 * STRIDE * min(drive.lag, reach / fastest)
-    # By the middle, STRIDE of that time away, the speed has risen.
+    # A rising speed is larger at the middle, STRIDE of that time after the start.
     change_from_middle = abs(change) + 2.0 * STRIDE * max(change, 0.0)
     return 2.0 * STRIDE * _ramped_time_to_advance(reach, drive.speed, change_from_middle)
 
 
 @part
 def _fill_change(drive, speed, half, width, series):
-    """Fill `series` with what the change of the speed adds to the phase, about an instant at which it is `speed`.
+    """Fill `series` with the phase that the change of the speed adds, about an instant at which the speed is `speed`.
 
     The phase is in halves of the cell's `width` [rad], the time in `half` [s]. Returns the number of terms, 2 if there
     is no change.
@@ -207,7 +206,7 @@ def fill_shift(drive, half, width, shift):
     advance, speed = phase_advance(drive, half)
     terms = _fill_change(drive, speed, half, width, shift)
     slope = speed * half * 2.0 / width
-    if slope == 0.0:  # it is rounding that is left of a ramp to 0, no longer than the clock's last digit
+    if slope == 0.0:  # the rest of a ramp to 0, no longer than the clock's rounding error
         terms = 2
     for n in range(2, terms):
         shift[n] /= slope

@@ -1,17 +1,17 @@
-"""Energy accounts: where energy comes from and goes, to the solver's own error.
+"""Energy accounts: the energy that each kind of force gives or takes, exact to the solver's own error.
 
-The work of every kind of force is booked on an account of its own, from event to event, and what an event changes at
-once when the event is passed. The stored energy E = sum w (e z)² / 2 + b z has weights w that depend on the mode,
+The work of every kind of force is booked on an account of its own, from event to event; the change of energy in a jump
+is booked when the event is passed. The stored energy E = sum w (e z)² / 2 + b z has weights w that depend on the mode,
 because a contact stores energy only while it is closed. Then
 
     E(now) - E(0) = sum of all accounts
 
-and what is missing, the *residual*, is the solver's error, found without knowing the solution. A jump books the change
-of the squares alone: a height that jumps, as in a landing above the ground, is missing, too.
+and the difference, the *residual*, is the solver's error, found without knowing the solution. A jump books only the
+change of the squares, so that a height that jumps, as in a landing above the ground, adds to the residual.
 
 The power of a force is a product of two polynomials, the force and the velocity along it, so that Gauss's rule gives
-its work exactly. The power of the account `MOTOR` is also integrated in magnitude: what a drive gives and what it is
-given back pass the same shaft, and the sum alone hides both.
+its work exactly. The power of the account `MOTOR` is also integrated in magnitude, because the sum alone does not show
+how much the motor gives and how much it takes back.
 """
 
 import numpy as np
@@ -21,7 +21,7 @@ from vibro_ros.solver.polynomial import fill_form, products, value
 from vibro_ros.solver.system import System, first_ramp, form_value
 from vibro_ros.solver.vector import LENGTH, indices_above, repeated, store, total, vector
 
-# Gauss's rule with so many nodes is exact for the product of two polynomials of that length.
+# Gauss's rule with LENGTH nodes is exact for the product of two polynomials of that length.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(LENGTH)
 
 
@@ -34,7 +34,7 @@ _STEPS = 8
 
 @part
 def _power(system, state, k, start, x):
-    """The vector of the k-th power at Gauss's nodes from the local time `start` to `x`."""
+    """Return the k-th power at Gauss's nodes from the local time `start` to `x`, as a vector."""
     table, mode = system.accounts, state.now[0].automaton.mode
     rate, force, half = state.z[table.rate[k]], state.scratch.room[0].force[:], 0.5 * (x - start)
     if indices_above(abs(vector(rate)), 0.0) == 0:  # a body that sticks and a plate at rest have no power
@@ -56,13 +56,13 @@ def _fill_motor_power(system, state, start, x, target):
 
 @part
 def _work(state, power, start, x):
-    """Integral of a vector of powers at Gauss's nodes from the local time `start` to `x`."""
+    """Return the integral of powers, a vector at Gauss's nodes, from the local time `start` to `x`."""
     return total(power * vector(_WEIGHTS)) * (0.5 * (x - start)) * state.now[0].segment.half
 
 
 @part
 def _motor_work(system, state, start, x):
-    """Integral of the motor's power from the local time `start` to `x`."""
+    """Return the integral of the motor's power from the local time `start` to `x`."""
     power = state.scratch.room[0].part_power[:]
     _fill_motor_power(system, state, start, x, power)
     return _work(state, vector(power), start, x)
@@ -70,7 +70,7 @@ def _motor_work(system, state, start, x):
 
 @part
 def _motor_power_at(system, state, x):
-    """The motor's power at the local time `x`."""
+    """Return the motor's power at the local time `x`."""
     table, mode, force, power = system.accounts, state.now[0].automaton.mode, state.scratch.room[0].force[:], 0.0
     for k in range(len(table.account)):
         if table.account[k] == MOTOR and fill_form(table.force[mode, k], table.terms[mode, k], state.z, force):
@@ -80,7 +80,8 @@ def _motor_power_at(system, state, x):
 
 @part
 def _zero_between(system, state, a, b, at_a, at_b):
-    """Local time of a zero of the motor's power between `a` and `b`, where it has opposite signs (Illinois method)."""
+    """Return the local time of a zero of the motor's power between `a` and `b`, where its signs differ (Illinois
+    method)."""
     x = b
     for _ in range(_STEPS):
         x = b - at_b * (b - a) / (at_b - at_a)
@@ -97,10 +98,10 @@ def _zero_between(system, state, a, b, at_a, at_b):
 
 @part
 def _magnitude(system, state, start, x):
-    """Integral of the magnitude of the motor's power, which is in the scratch, from the local time `start` to `x`.
+    """Return the integral of the magnitude of the motor's power, from the local time `start` to `x`.
 
-    The sign is taken at Gauss's nodes and at both ends. Two zeros between neighbours go unseen, but there
-    the power is as small as the neighbours are close.
+    The scratch holds the power at Gauss's nodes. The sign is taken there and at both ends. Two zeros between neighbours
+    go unseen, but there the power is as small as the neighbours are close.
     """
     powers, magnitude = state.scratch.room[0].power[:], 0.0
     since, last, at_last = start, start, _motor_power_at(system, state, start)
@@ -128,7 +129,7 @@ def _book(system, state, x, accounts):
     forwards, backwards = indices_above(vector(powers), 0.0), indices_above(-1.0 * vector(powers), 0.0)
     work = _work(state, vector(powers), start, x)
     accounts.work[MOTOR] += work
-    # Between two nodes of equal sign no zero is searched, so that only a change of sign costs more than the sum.
+    # No zero is searched if all nodes have the same sign, so that only a change of sign costs more than the sum.
     accounts.magnitude += _magnitude(system, state, start, x) if forwards and backwards else abs(work)
     accounts.booked = x
 
@@ -163,12 +164,12 @@ def _book_jump(system, state, mode, point, after):
 
 @part
 def book_jump(system, state, mode, point, after):
-    """Book what changes at once where a guard leads from `point` to `mode`, which starts with the channels `after`."""
+    """Book the change of energy in the jump from `point` to `mode`, which starts with the channels `after`."""
     if len(system.accounts.account) > 0:
         _book_jump(system, state, mode, point, after)
 
 
 def stored_on_accounts(system: System, mode: int, point: np.ndarray) -> float:
-    """E [J] of the accounts in `mode` where the channels have the values of `point`."""
+    """Return the stored energy E [J] in `mode` at the channels `point`."""
     table = system.accounts
     return float(0.5 * table.stored_weight[mode] @ (table.stored_form @ point) ** 2 + table.stored_linear @ point)

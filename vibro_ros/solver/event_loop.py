@@ -1,15 +1,15 @@
-"""The event loop: segment after segment, stopping at every event, sampled wherever it is asked.
+"""The event loop: segment after segment, stopping at every event, sampled at the requested instants.
 
-Segments depend on the system, its state and its commands alone, never on the instants at which they are sampled,
-so the trajectory is the same, bit for bit, however the time is cut up.
+Segments depend on the system, its state and its commands alone, never on the instants at which they are sampled.
+So the trajectory is the same, bit for bit, however the time is divided into calls.
 
-The chapter reads from `advance` upwards. For an impact:
+Read this module from `advance` upwards. For an impact:
 
 1. `_begin_mode` solves the segment and asks `guards.find_next_event` for the first root of a guard, `next_event`.
-2. `advance` samples the polynomials up to `next_event`. When a sample lies behind it, `_pass_event` passes the event.
-3. `_pass_event` reads all channels there, books the work of the flow, and lets `events.transition` choose the mode that
-   follows and the jump on the way to it. `events.record_mode_change` records the event.
-4. `advance` begins the new mode: back to 1. The same flow goes on if the masses do not feel the event.
+2. `advance` samples the polynomials up to `next_event`. For a sample at or after it, `_pass_event` passes the event.
+3. `_pass_event` reads all channels there, books the work of the flow, and lets `events.transition` choose the next mode
+   and the jump to it. `events.record_mode_change` records the event.
+4. `advance` begins the new mode: back to 1. The same flow goes on if the event does not affect dynamic coordinates.
 """
 
 import math
@@ -39,12 +39,12 @@ from vibro_ros.solver.state import UNKNOWN, state_of
 from vibro_ros.solver.system import NOTHING, first_ramp, system_of
 from vibro_ros.solver.taylor import end_where_term_returns, is_linear, solve_by_taylor
 
-#: `AUTOMATON.begins`: nothing; a mode, while the flow goes on; a flow, and a mode with it.
+#: Values of `AUTOMATON.begins`: nothing begins; a mode begins while the flow goes on; a flow begins, with a mode.
 UNDER_WAY = 0
 MODE_BEGINS = 1
 FLOW_BEGINS = 2
 
-# What `advance` returns.
+# Reasons why `advance` returns.
 REACHED = 0
 EVENTS_FULL = 1
 STUCK = 2
@@ -61,13 +61,13 @@ _NO_SAMPLES = np.empty((0, 0)), np.empty(0, dtype=np.int64), np.empty((0, 3))
 
 @inlined_part
 def _solve_up_to_driven(system, state, point):
-    """Set up a segment that holds or moves the dynamic coordinates."""
+    """Set up a segment with the series of everything except the driven coordinates."""
     if not is_linear(system, state.now[0].automaton.mode, point):
         solve_by_taylor(system, state, point)
         return
-    if system.counts[0].decays > 0:  # not in this mode, or no longer
+    if system.counts[0].decays > 0:  # the mode has no decaying term, or the term has faded
         state.z[len(state.z) - 2] = 0.0
-    # How long the forcing and the flow's series allow; as long as any, where the dynamic coordinates are at rest.
+    # As long as forcing and the flow's series allow; the longest, if the dynamic coordinates are at rest.
     choose_segment(system, state)
     fill_forcing(system, state)
     held = state.scratch.after
@@ -84,13 +84,13 @@ def _begin_mode(system, state, point, same_flow):
     failed."""
     for channel in range(len(state.mode_point)):
         state.mode_point[channel] = point[channel]
-    # The dynamic coordinates first, unless their flow goes on; then the driven ones, which depend on them.
+    # Dynamic coordinates are solved first, unless their flow goes on; then the driven ones, which depend on them.
     if not same_flow:
         _solve_up_to_driven(system, state, point)
         state.now[0].accounts.booked = -1.0
         state.now[0].automaton.segments += 1
     solve_driven(system, state, point)
-    # A root that is known still holds if no coordinate that its guard reads has been solved again.
+    # A known root remains valid if no coordinate that its guard reads has been solved again.
     for row in range(len(state.root)):
         if system.driven[row] or not same_flow:
             state.root[row] = UNKNOWN
@@ -102,7 +102,7 @@ def _begin_mode(system, state, point, same_flow):
 
 @part
 def _read(system, state, x, point):
-    """Values of the first len(point) channels at the local time `x`; at the mode's start, the bits it started with."""
+    """Read the first len(point) channels at the local time `x`; at the mode's start, with the bits it started with."""
     ramps = first_ramp(system.counts[0])
     end = ramps + 2 * system.counts[0].ramps
     for channel in range(len(point)):
@@ -117,7 +117,7 @@ def _read(system, state, x, point):
 
 @part
 def _read_phase(system, state, x, point, phase):
-    """Turns, the phase past the start of the turn and its rate, at the local time `x`, where `point` was read."""
+    """Read turns, phase past the start of the turn and its rate into `phase`, at the local time `x` of `point`."""
     phase[0] = state.now[0].drive.turns
     if system.counts[0].rotors > 0:
         phase[1], phase[2] = read_phase(system, point)
@@ -127,21 +127,22 @@ def _read_phase(system, state, x, point, phase):
 
 @inlined_part
 def _pass_event(system, state, point, events, count):
-    """Pass the next event, be it the segment's end or a change of mode; returns what begins, and the number of events.
+    """Pass the next event, the segment's end or a change of mode; return which begins (`AUTOMATON.begins`), and the
+    number of events.
 
-    Each kernel is called from one line only: kernels are inlined, and two copies would fill the processor's cache.
+    Each kernel is called from one line only, because kernels are inlined and two copies would fill the cache.
     """
     segment, automaton, after = state.now[0].segment, state.now[0].automaton, state.scratch.after
     x, fires = segment.next_event, automaton.guard != NOTHING
-    # Where the system is. At a segment's end the next segment needs the positions and velocities alone.
+    # Read the channels. At a segment's end the next segment needs only the positions and velocities.
     _read(system, state, x, point if fires else point[:2 * system.counts[0].coordinates])
     book_work(system, state, x, state.now[0].accounts)
     end_mode(system, state, x)
-    # Which mode follows, after which jump: `after`.
+    # Choose the next mode; `after` receives the channels after the jump to it.
     outcome, mode = transition(system, state, point, after)
     stands = fires and x == segment.mode_start
     automaton.events_without_progress = automaton.events_without_progress + 1 if stands else 0
-    # Close the books of what ends: peaks of the flow, the event itself, and what a jump changes at once.
+    # Record what ends: peaks of the flow, the event itself, and the energy that a jump changes.
     if outcome != FLOW_GOES_ON:
         update_peaks(system, state, x)
     if outcome != SEGMENT_ENDS:
@@ -151,7 +152,7 @@ def _pass_event(system, state, point, events, count):
         for channel in range(len(point)):
             point[channel] = after[channel]
         automaton.mode = mode
-    # What begins: another mode in the same segment, or a flow, in a segment that starts here.
+    # Begin another mode in the same segment, or a flow, in a segment that starts here.
     if outcome == FLOW_GOES_ON:
         segment.mode_start = x
         return MODE_BEGINS, count
@@ -175,13 +176,13 @@ def advance(system, state, times, point, points, modes, phases, events):
     Parameters
     ----------
     system : System, as a `Laid.layout`
-        The system. Given as a tuple, this kernel would be compiled once more.
+        The system. If it were given as a tuple, this kernel would be compiled once more.
     state : State, as a `Laid.layout`
         Changed in place.
     times : ndarray, shape (n,)
         Instants [s], ascending, none before the last command.
     point : ndarray, shape (channels,)
-        Overwritten.
+        Positions and velocities at which a segment begins, if one is due; overwritten.
     points : ndarray, shape (n, channels)
         Receives z.
     modes : ndarray of int, shape (n,)
@@ -194,15 +195,15 @@ def advance(system, state, times, point, points, modes, phases, events):
     Returns
     -------
     (int, int, int)
-        Why it returned, number of samples taken, number of events recorded.
+        Reason for the return, number of samples taken, number of events recorded.
     """
     system, state = system_of(system), state_of(state)
     count, k = np.int64(0), np.int64(0)  # literals would be one more signature to compile
     segment, automaton = state.now[0].segment, state.now[0].automaton
-    # The most that one event records: a change of mode, a blow, every monitor, every ramp and its release, the speed.
+    # Most records of one event: a change of mode, a blow, every monitor, every ramp and its release, and the speed.
     room = len(events) - 3 - len(state.monitor) - 2 * len(state.ramp)
     while True:
-        # Begin what the last event, or a command, has left to begin. Only here can a run fail.
+        # Begin the mode or flow that the last event, or a command, requires. Only here can a run fail.
         if automaton.begins != UNDER_WAY:
             if not _begin_mode(system, state, point, automaton.begins == MODE_BEGINS):
                 return ROOT_LOST, k, count
@@ -213,14 +214,14 @@ def advance(system, state, times, point, points, modes, phases, events):
                 return DIVERGED, k, count
         if k == len(times):
             return REACHED, k, count
-        # Events first, also one at the very instant of the sample; no event is passed before a sample asks for it.
+        # Events come first, even at the instant of a sample; no event is passed before a sample needs it.
         if local_time(state, times[k]) >= segment.next_event:
             if count > room:
                 return EVENTS_FULL, k, count
             guard = automaton.guard
             ends = guard != NOTHING and system.candidate[automaton.mode, guard, 0] == NOTHING
             automaton.begins, count = _pass_event(system, state, point, events, count)
-            if ends:  # here, with `point`: the caller goes on with another system
+            if ends:  # the caller goes on from `point` with another system
                 return SYSTEM_ENDS, k, count
         else:
             x = max(local_time(state, times[k]), segment.mode_start)
@@ -240,12 +241,12 @@ def begin_segment(system: Laid, state: Laid, point: np.ndarray) -> int:
     state : Laid of State
         Changed in place.
     point : ndarray, shape (channels,)
-        Overwritten.
+        Positions and velocities now; overwritten.
 
     Returns
     -------
     int
-        `REACHED`, or why the segment cannot begin.
+        `REACHED`, or the reason why the segment cannot begin.
     """
     state.values.now["automaton"]["begins"] = FLOW_BEGINS
     return advance(system.layout, state.layout, _NO_TIMES, point, *_NO_SAMPLES, _NO_EVENTS)[0]
@@ -255,7 +256,7 @@ def begin_segment(system: Laid, state: Laid, point: np.ndarray) -> int:
 def interrupt(system, state, time, point):
     """Move clock and forcing to `time`, within the present segment, and read all channels there into `point`.
 
-    For a command: set the new rates after this, then call `events.leave_for_ramp` for every ramp whose rate
+    A command calls this first, then sets the new rates, calls `events.leave_for_ramp` for every ramp whose rate
     changes, and `begin_segment` with `point`.
     """
     system, state = system_of(system), state_of(state)
@@ -265,13 +266,13 @@ def interrupt(system, state, time, point):
     update_peaks(system, state, x)
     book_work(system, state, x, state.now[0].accounts)
     end_mode(system, state, x)
-    state.now[0].automaton.events_without_progress = 0  # what a command sets off is no part of the cascade before it
+    state.now[0].automaton.events_without_progress = 0  # events after a command are not part of the cascade before it
     advance_forcing(system, state, x)
-    segment.start, segment.residue = time, 0.0  # or a sample now could lie before what follows at once
+    segment.start, segment.residue = time, 0.0  # else rounding could put a sample now before the segment
 
 
 @entry
 def filter_rates(system, state, time):
-    """Let the filters of `State.lowpass` stand at `time`, up to where `advance` has passed all events."""
+    """Advance the filters of `State.lowpass` to `time`; `advance` must have passed all events up to there."""
     system, state = system_of(system), state_of(state)
     filter_up_to(system, state, max(local_time(state, time), state.now[0].segment.mode_start))

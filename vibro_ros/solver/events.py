@@ -1,7 +1,8 @@
-"""Events: the mode that follows an event, the jump on the way to it, and what is recorded of it.
+"""Events: the mode that follows an event, the jump to it, and the record of the event.
 
-An event is the end of a segment, or the root of a guard. `transition` decides what follows; `record_mode_change`
-records it, and switches the *monitors*, which watch the peak of a quantity, such as a contact force, in some modes.
+An event is the end of a segment, or the root of a guard. `transition` chooses the next mode; `record_mode_change`
+records the event, and switches the *monitors*, which find the peak of a quantity, such as a contact force, in some
+modes.
 """
 
 import math
@@ -17,16 +18,16 @@ from vibro_ros.solver.state import state_of
 from vibro_ros.solver.system import NOTHING, first_acceleration, form_magnitude, form_value, system_of
 from vibro_ros.solver.taylor import decays, evaluate
 
-#: What `transition` decides: no guard fires, and the mode goes on in the next segment; ...
+#: Outcomes of `transition`: no guard fires, and the mode goes on in the next segment; ...
 SEGMENT_ENDS = 0
-#: ... a guard fires, and the dynamic coordinates move on as they did; or a guard fires, and another flow starts.
+#: ... a guard fires, and the flow of the dynamic coordinates goes on; or a guard fires, and another flow starts.
 FLOW_GOES_ON = 1
 FLOW_ENDS = 2
 
 
 @part
 def _fill_magnitude(state, point):
-    """Magnitude of the terms that make up each channel at `point`."""
+    """Fill the scratch with the magnitude of the terms that make up each channel at `point`."""
     for channel in range(len(point)):
         state.scratch.magnitude[channel] = abs(point[channel]) + state.magnitude[channel]
 
@@ -45,7 +46,7 @@ def _accelerate(system, state, mode, point):
     if system.counts[0].rotors > 0 or decays(system, mode):
         evaluate(system, state, mode, point)
         _fill_magnitude(state, point)
-        if decays(system, mode):  # the term is a form of what it moves
+        if decays(system, mode):  # the term reads the accelerations that it changes
             magnitude[len(point) - 2] += form_magnitude(system.decay.factor[mode], magnitude)
             for i in range(system.counts[0].dynamic - 2 * system.counts[0].rotors):
                 magnitude[first + i] = form_magnitude(system.equations[mode, i], magnitude)
@@ -64,9 +65,9 @@ def _accelerate(system, state, mode, point):
 
 @part
 def jump(system, state, candidate, point, after):
-    """Fill `after` with the channels that follow `point` by the jump to a candidate of the firing guard.
+    """Fill `after` with the channels after the jump from `point` to a candidate of the firing guard.
 
-    Returns the candidate, or that of its shock which the shock leads to.
+    Return the candidate, or the one of the same shock that the shock chooses.
     """
     mode, guard = state.now[0].automaton.mode, state.now[0].automaton.guard
     if len(system.shock.numbers) > 0 and system.shock.candidate[mode, guard, candidate] != NOTHING:
@@ -82,8 +83,8 @@ def jump(system, state, candidate, point, after):
 
 @inlined_part
 def _valid_candidate(system, state, candidate, point, after):
-    """The candidate of the firing guard to which `jump` leads if it may be entered from `point`, else `NOTHING`; fills
-    `after`, as `jump` does."""
+    """Return the candidate to which `jump` leads if that may be entered from `point`, else `NOTHING`; fill `after`, as
+    `jump` does."""
     mode, guard = state.now[0].automaton.mode, state.now[0].automaton.guard
     _fill_magnitude(state, point)
     for row in system.entry[mode, guard, candidate]:
@@ -101,7 +102,7 @@ def _valid_candidate(system, state, candidate, point, after):
 
 @inlined_part
 def choose_candidate(system, state, point, after):
-    """Number of the firing guard's first valid candidate, else of its last; fills `after`, as `jump` does."""
+    """Return the number of the firing guard's first valid candidate, else of its last; fill `after`, as `jump` does."""
     mode, guard = state.now[0].automaton.mode, state.now[0].automaton.guard
     candidates = system.candidate[mode, guard]
     last = np.int64(0)  # a literal would be one more signature to compile
@@ -117,7 +118,7 @@ def choose_candidate(system, state, point, after):
 
 @part
 def _keeps_flow(system, state, mode, point, after):
-    """Whether `mode`, entered at `after`, continues the dynamic coordinates' motion as it is at `point`."""
+    """Whether `mode`, entered at `after`, has the same flow, and the same dynamic coordinates as at `point`."""
     if system.flow[state.now[0].automaton.mode] != system.flow[mode]:
         return False
     coordinates = system.counts[0].coordinates
@@ -129,7 +130,7 @@ def _keeps_flow(system, state, mode, point, after):
 
 @inlined_part
 def transition(system, state, point, after):
-    """Decide what follows the next event, where all channels have the values of `point`.
+    """Decide how the next event, at which all channels have the values of `point`, changes mode and flow.
 
     Returns
     -------
@@ -140,7 +141,7 @@ def transition(system, state, point, after):
     mode, guard = state.now[0].automaton.mode, state.now[0].automaton.guard
     if guard == NOTHING:
         return SEGMENT_ENDS, mode
-    if system.candidate[mode, guard, 0] == NOTHING:  # another system goes on
+    if system.candidate[mode, guard, 0] == NOTHING:  # the caller goes on with another system
         for channel in range(len(point)):
             after[channel] = point[channel]
         return FLOW_ENDS, mode
@@ -154,7 +155,7 @@ def transition(system, state, point, after):
 
 @part
 def _enter_after_ramp(system, state, ramp, point, events, count):
-    """At the segment's start, enter the mode that follows when the rate of a ramp changes; returns the number of
+    """At the segment's start, enter the mode that follows when the rate of a ramp changes; return the number of
     events."""
     mode = system.mode_after_ramp_change[state.now[0].automaton.mode, ramp]
     count = switch_monitors(system, state, mode, instant(state, -1.0), point, events, count)
@@ -164,14 +165,15 @@ def _enter_after_ramp(system, state, ramp, point, events, count):
 
 @entry
 def leave_for_ramp(system, state, ramp, point, events, count):
-    """Enter the mode that follows a command to a ramp: `_enter_after_ramp`, for Python."""
+    """Enter the mode that follows a command to a ramp: `_enter_after_ramp` as an entry for Python."""
     system, state = system_of(system), state_of(state)
     return _enter_after_ramp(system, state, ramp, point, events, count)
 
 
 @part
 def record_reached(system, state, reached, point, events, count):
-    """Record at the segment's start what `segment.advance_forcing` has `reached`; returns the number of events."""
+    """Record at the segment's start the targets that `segment.advance_forcing` has `reached`; return the number of
+    events."""
     time = instant(state, -1.0)
     for k in range(len(state.ramp)):
         if reached & (1 << k):
@@ -182,8 +184,8 @@ def record_reached(system, state, reached, point, events, count):
     return count
 
 
-#: Kinds of recorded events: changes of mode have the system's own, from 0; then the end of monitor k, of ramp k,
-#: and of a change of the phase's speed.
+#: Kinds of recorded events. Changes of mode have the kinds of the system, from 0; these constants, plus k, are the end
+#: of monitor k and of ramp k, and the end of a change of the phase's speed.
 MONITOR_KIND = 100
 RAMP_KIND = 200
 PHASE_KIND = 300
@@ -193,7 +195,7 @@ EVENT_COLUMNS = 5
 
 @part
 def update_peaks(system, state, x):
-    """Raise the peaks of the monitors that are on by the flow of this segment, which ends at the local time `x`."""
+    """Update the peaks of the monitors that are on with this segment's flow up to its end at the local time `x`."""
     mode, room = state.now[0].automaton.mode, state.scratch.room[0]
     for k in range(len(state.monitor)):
         if system.monitored[mode, k]:
@@ -205,7 +207,7 @@ def update_peaks(system, state, x):
 
 @part
 def record(events, count, time, kind, approach, peak, duration):
-    """Append an event; returns the new number of events."""
+    """Append an event; return the new number of events."""
     events[count, 0] = time
     events[count, 1] = kind
     events[count, 2] = approach
@@ -216,7 +218,7 @@ def record(events, count, time, kind, approach, peak, duration):
 
 @part
 def record_mode_change(system, state, mode, point, events, count):
-    """Record that the next event, at `point`, leads to `mode`, and switch the monitors; returns the number of
+    """Record that the next event, at `point`, leads to `mode`, and switch the monitors; return the number of
     events."""
     previous = state.now[0].automaton.mode
     time = instant(state, state.now[0].segment.next_event)
@@ -234,13 +236,13 @@ def record_mode_change(system, state, mode, point, events, count):
 
 @part
 def switch_monitors(system, state, mode, time, point, events, count):
-    """Switch on the monitors that `mode`, entered at `time` [s], needs; record those that end. Returns the number
-    of events."""
+    """Switch on the monitors that `mode`, entered at `time` [s], needs; record those that end. Return the number of
+    events."""
     previous = state.now[0].automaton.mode
     for k in range(len(state.monitor)):
         monitor = state.monitor[k]
         if system.monitored[previous, k] and not system.monitored[mode, k]:
-            # In the same instant, the clocks of two segments may differ by the rounding of either.
+            # At one instant, the clocks of two segments may differ by rounding.
             duration = max(time - monitor.since, 0.0)
             count = record(events, count, monitor.since, MONITOR_KIND + k, monitor.approach, monitor.peak, duration)
         elif system.monitored[mode, k] and not system.monitored[previous, k]:

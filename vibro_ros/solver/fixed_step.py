@@ -1,10 +1,10 @@
-"""Steps of fixed length, which know of events only at their ends: what the event loop is compared with.
+"""Methods of fixed step, with which the event loop is compared; they see events only at the ends of steps.
 
-The grid starts at time 0 and again at every command, so that the trajectory does not depend on where it is sampled.
-A step is taken in the mode that its start is in. At its end the guards are evaluated, and the mode changes there, by
+The grid starts at time 0 and again at every command, so that the trajectory does not depend on the sampled instants.
+A step is taken in the mode of its start. At its end the guards are evaluated, and the mode changes there, by
 the same candidates and jumps as in the event loop: an event is up to a step late, and a pair of crossings within
 one step goes unseen. `RK4_LOCATED` shortens such a step to the event, and a new grid starts there. Between a step's
-ends samples are interpolated, by cubic Hermite polynomials of the positions and of the velocities.
+ends samples are interpolated by cubic Hermite polynomials of the positions and of the velocities.
 """
 
 from typing import NamedTuple
@@ -22,19 +22,19 @@ from vibro_ros.solver.segment import advance_clock, local_time
 from vibro_ros.solver.state import state_of
 from vibro_ros.solver.system import NOTHING, System, channels_of, form_value, system_of
 
-# Changes of mode at the end of one step, after which the next step is taken whatever the guards say.
+# Most changes of mode at the end of one step; then the next step is taken whatever the guards say.
 _MOST_CHANGES = 8
-# Halvings of a step that locate an event, to 1e-12 of the step; and steps in a row that end at events, after which a
-# whole step is taken whatever the guards say: bounces can be infinitely many.
+# Halvings of a step that locate an event, to 1e-12 of the step; and most steps in a row that end at events, after which
+# a whole step is taken whatever the guards say, because there can be infinitely many bounces.
 _HALVINGS, _MOST_LOCATED = 40, 16
-# A mass that arrives at its stop no faster than so many steps accelerate it has stopped bouncing: bounces that are
-# shorter than a step would never end.
+# A mass rests on its stop if it arrives no faster than this many steps accelerate it, because bounces that are shorter
+# than a step would never end.
 _STEPS_TO_REST = 2.0
 
 
 @part
 def _broken_guard(system, state, z):
-    """The mode's first guard that is negative by more than its rounding error, or `NOTHING`."""
+    """Return the mode's first guard that is negative by more than its rounding error, or `NOTHING`."""
     magnitude = state.scratch.magnitude
     for channel in range(len(z)):
         magnitude[channel] = abs(z[channel])
@@ -50,7 +50,7 @@ def _broken_guard(system, state, z):
 
 @part
 def _resting_candidate(system, state, step):
-    """The candidate of a blow without a rebound, if the blow is so slow that steps cannot resolve a bounce."""
+    """Return the candidate of a blow without rebound if steps cannot resolve the bounce, else `NOTHING`."""
     mode, guard = state.now[0].automaton.mode, state.now[0].automaton.guard
     struck, coordinates, z = system.blow_monitor[mode, guard], system.counts[0].coordinates, step.start
     if struck == NOTHING:
@@ -69,7 +69,7 @@ def _resting_candidate(system, state, step):
 
 @part
 def _change_modes(system, state, step, events, count):
-    """Enter the mode that the step's start is in; returns the number of events."""
+    """Enter the mode whose guards hold at the step's start; return the number of events."""
     z, automaton, after = step.start, state.now[0].automaton, state.scratch.after
     for _ in range(_MOST_CHANGES):
         automaton.guard = guard = _broken_guard(system, state, z)
@@ -127,7 +127,7 @@ def _finish_step(system, state, step):
 
 @part
 def _end_at_event(system, state, step):
-    """Shorten the step to the first instant, by bisection, at which a guard of its mode is broken."""
+    """Shorten the step, by bisection, to the first instant at which a guard of its mode is negative."""
     in_row = step.located[0]
     if _broken_guard(system, state, step.end) == NOTHING or not 0 <= in_row < _MOST_LOCATED:
         step.located[0] = 0
@@ -162,7 +162,7 @@ def begin(system, state, step, point):
 
 @part
 def _interpolate(step, length, coordinates, s, z):
-    """Positions and velocities at the part s of the step of `length` [s], 0 to 1."""
+    """Interpolate positions and velocities at the fraction s, from 0 to 1, of the step of `length` [s]."""
     start, end, h = step.start, step.end, length
     rise = s * s * (3.0 - 2.0 * s)
     first, last = s * (1.0 - s) * (1.0 - s) * h, s * s * (s - 1.0) * h
@@ -181,7 +181,7 @@ def _read(system, state, step, x, z):
             z[channel] = step.start[channel]
         return
     for channel in range(len(z)):
-        z[channel] = 0.0  # where it is multiplied by zero it may still not be NaN
+        z[channel] = 0.0  # even a channel that is multiplied by zero must not be NaN
     _interpolate(step, 2.0 * state.now[0].segment.half, system.counts[0].coordinates, 0.5 * (x + 1.0), z)
     fill_forcing_at(system, state, state.now[0].segment.half * (x + 1.0), z)
     accelerate(system, state, state.now[0].automaton.mode, z, step.stage_acceleration)
@@ -189,10 +189,10 @@ def _read(system, state, step, x, z):
 
 @entry
 def advance(system, state, step, times, points, modes, phases, events):
-    """Take all steps up to the last of `times` and sample there; as `event_loop.advance`."""
+    """Take all steps up to the last of `times` and sample at each of them; arguments as in `event_loop.advance`."""
     system, state, step = system_of(system), state_of(state), step_of(step)
     count = np.int64(0)  # a literal would be one more signature to compile
-    # The most that a step records: each change of mode a blow, itself and every monitor; then ramps and the speed.
+    # Most records of a step: for each change of mode a blow, itself and every monitor; then ramps and the speed.
     room = len(events) - (_MOST_CHANGES + 1) * (2 + len(state.monitor)) - 2 * len(state.ramp)
     for k in range(len(times)):
         while local_time(state, times[k]) >= 1.0:
@@ -213,8 +213,8 @@ def advance(system, state, step, times, points, modes, phases, events):
 
 @entry
 def interrupt(system, state, step, time, point):
-    """Move clock and forcing to `time`, within the present step, and read all channels there into `point`; as
-    `event_loop.interrupt`, and `begin` is to follow."""
+    """Move clock and forcing to `time`, within the present step, and read all channels there into `point`, as
+    `event_loop.interrupt` does; the caller must then call `begin`."""
     system, state, step = system_of(system), state_of(state), step_of(step)
     segment = state.now[0].segment
     x = local_time(state, time)
@@ -229,12 +229,12 @@ RK4_LOCATED = 1
 
 
 class Step(NamedTuple):
-    """What a method of fixed step keeps beside `State`, whose segment then is the step.
+    """State of a method of fixed step beside `State`, whose segment is the step.
 
     Attributes
     ----------
     scheme : ndarray of int, shape (1,)
-        How to step.
+        Scheme of the steps, `RK4` or `RK4_LOCATED`.
     length : ndarray, shape (1,)
         Length of a step [s].
     start, end : ndarray, shape (channels,)
@@ -242,13 +242,13 @@ class Step(NamedTuple):
     start_acceleration, end_acceleration : ndarray, shape (coordinates,)
         The coordinates' accelerations there.
     stage : ndarray, shape (channels,)
-        Room for the channels between.
+        Room for the channels at a stage within the step.
     stage_acceleration : ndarray, shape (coordinates,)
-        Room for the accelerations between.
+        Room for the accelerations at a stage.
     velocity_sum, acceleration_sum : ndarray, shape (coordinates,)
         Weighted sums over the stages.
     located : ndarray of int, shape (1,)
-        Steps in a row that have ended at events.
+        Number of steps in a row that have ended at events.
     """
 
     scheme: np.ndarray
@@ -264,12 +264,12 @@ class Step(NamedTuple):
     located: np.ndarray
 
 
-#: Makes a reference of a laid out `Step`, in kernels.
+#: Function that makes a reference from the layout of a `Step`, in kernels.
 step_of = reference_to(Step)
 
 
 def new_step(system: System, scheme: int, length: float) -> Step:
-    """Room for steps of `length` [s] by `scheme`."""
+    """Return an empty `Step` for steps of `length` [s] by `scheme`."""
     channels = channels_of(system.counts)
     count, coordinates = channels.count, channels.coordinates
     start, end, stage = np.zeros((3, count))

@@ -4,12 +4,12 @@ With polynomial forcing a linear equation determines the series of its solution 
 enough for the series to end at rounding (`System.longest_segment`).
 
 The motion is a *forced* motion, under the segment's loads, plus the *free* motion, without loads, that makes the sum
-pass through the point at which the flow starts. Any forced motion serves. The *components* of a motion are its
+pass through the point at which the flow starts. Any forced motion will do. The *components* of a motion are its
 positions and then its velocities.
 
-A free motion does not depend on where it begins. Over a segment of any duration, it is the part about the middle of the
-free motion over the longest segment of its flow. The free motions from a unit of each component are therefore solved
-once a flow, and kept in the `Library`.
+A free motion does not depend on the instant at which it begins. Over a segment of any duration, it is the middle part
+of the free motion over the longest segment of its flow. So the free motions from a unit of each component are solved
+once per flow, and kept in the `Library`.
 """
 
 from vibro_ros.solver.compilation import inlined_part, part, rounding_part
@@ -21,7 +21,7 @@ from vibro_ros.solver.vector import LENGTH, powers, store, total, vector, with_f
 
 @part
 def _compensated_sum(p):
-    """Sum of the coefficients, rounded once (Neumaier): an error would be the same in every segment and add up."""
+    """Sum of the coefficients, rounded once (Neumaier), because an error would recur in every segment and add up."""
     result, lost = 0.0, 0.0
     for n in range(len(p)):
         increased = result + p[n]
@@ -67,8 +67,8 @@ def _component(system, c):
 
 @part
 def _solve_forced_motion(system, state, motion, point):
-    """Fill `motion` with the motion under the segment's loads that has the components of `point` in the middle: rest is
-    found as rest, exactly."""
+    """Fill `motion` with the motion under the segment's loads that has the components of `point` in the middle, so that
+    a system at rest stays at rest exactly."""
     for c in range(len(motion)):
         motion[c, 0] = point[_component(system, c)]
     fill_loads(system, state)
@@ -88,8 +88,8 @@ def _needs_free_motion(system, state, forced, point):
 
 @part
 def _coupled_components(system, state, c):
-    """First and step of the components that component c depends on: all, or its coordinate's position and velocity
-    if the coordinates are not coupled."""
+    """Return first index and step of the components on which component c depends: all, or only its coordinate's
+    position and velocity if the coordinates are not coupled."""
     dynamic = system.counts[0].dynamic
     if system.coupled[state.now[0].automaton.mode]:
         return 0, 1
@@ -98,7 +98,7 @@ def _coupled_components(system, state, c):
 
 @part
 def _free_motion(free, c, first, step, middle):
-    """The vector of component c of the free motion with these components in the middle."""
+    """Return component c of the free motion that has the components `middle` in the middle, as a vector."""
     motion = middle[first] * vector(free[first, c])
     for j in range(first + step, len(free), step):
         motion = motion + middle[j] * vector(free[j, c])
@@ -109,8 +109,8 @@ def _free_motion(free, c, first, step, middle):
 def _carry_to_middle(system, state, free, free_end, ratio):
     """Store the free motion's value in the segment's middle, from its value at the start.
 
-    The free motion does not depend on time: what a unit becomes between start and middle is what a unit in the middle
-    becomes in as long a time after it. `ratio` is the duration of the segment over theirs.
+    A unit at the start becomes by the middle what a unit in the middle becomes by the end, because the free motion's
+    equations do not depend on time. `ratio` is the duration of the segment over that of the motions `free`.
     """
     room = state.scratch.room[0]
     at_start, at_middle, weights = room.free_at_start[:], room.free_at_middle[:], powers(ratio)
@@ -128,7 +128,7 @@ def _carry_to_middle(system, state, free, free_end, ratio):
 def _pass_through(system, state, point):
     """Adjust the constant terms, by a rounding or two, so that the series pass through `point` at the start.
 
-    Carried to the middle and back, the values would be off by the same rounding in every segment of the kind.
+    Otherwise the way to the middle and back would add the same rounding error in every segment of this kind.
     """
     powers_above_zero = with_first(powers(-1.0), 0.0)
     for c in range(2 * system.counts[0].dynamic):
@@ -140,9 +140,9 @@ def _pass_through(system, state, point):
 def _set_magnitudes(system, state, i, position, velocity, duration, share):
     """Set the magnitudes of coordinate i, of its position and its velocity, from the magnitudes of their own terms.
 
-    A force is rounded, and moves a coordinate that no spring of its own holds for the whole `duration` [s]. The
-    coordinate's own damping is left out, because the magnitude would feed on itself. `share` of the magnitude that the
-    previous segment left stays, however small the terms are.
+    The rounding error of a force moves a coordinate that no spring of its own holds for the whole `duration` [s]. The
+    coordinate's own damping is left out, because the magnitude would increase itself. The magnitude is at least `share`
+    of that of the previous segment, however small the terms are.
     """
     mode = state.now[0].automaton.mode
     row, terms = system.equations[mode, i], system.reads_forcing[mode, i]
@@ -157,14 +157,14 @@ def _set_magnitudes(system, state, i, position, velocity, duration, share):
 
 @part
 def _share_that_stays(state):
-    """Share of its magnitude that a dynamic coordinate keeps: all of it if the previous segment had zero length,
-    because a number that was zero to rounding there, and led here, is zero here; else half."""
+    """Return the share of its magnitude that a dynamic coordinate keeps: all of it if the previous segment had zero
+    length, because a number that was zero to rounding there is also zero here; else half."""
     return 0.5 if state.now[0].automaton.events_without_progress == 0 else 1.0
 
 
 @part
 def fill_accelerations(system, state):
-    """Series and magnitudes of the dynamic coordinates' accelerations, from their velocities."""
+    """Fill in series and magnitudes of the dynamic coordinates' accelerations, from their velocities."""
     coordinates, first = system.counts[0].coordinates, first_acceleration(system.counts[0])
     for i in range(system.counts[0].dynamic):
         differentiate(state.z[coordinates + i], state.now[0].segment.half, state.z[first + i])
@@ -173,7 +173,7 @@ def fill_accelerations(system, state):
 
 @inlined_part
 def solve_dynamic(system, state, point):
-    """Series of the dynamic coordinates that pass through `point` at the segment's start."""
+    """Solve the series of the dynamic coordinates that pass through `point` at the segment's start."""
     z, library, flow = state.z, state.library, system.flow[state.now[0].automaton.mode]
     _provide_free_motion(system, state, flow)
     forced, free, ratio = library.forced, library.free[flow], state.now[0].segment.half / library.half[flow]
@@ -184,7 +184,7 @@ def solve_dynamic(system, state, point):
     for c in range(2 * system.counts[0].dynamic):
         channel = _component(system, c)
         if needs_free:
-            # The free motion over the part about the middle of its segment.
+            # The middle part of the free motion over its longest segment.
             first, step = _coupled_components(system, state, c)
             motion = _free_motion(free, c, first, step, state.scratch.room[0].free_at_middle[:])
             store(z[channel], vector(forced[c]) + motion * powers(ratio))
@@ -202,11 +202,11 @@ def solve_dynamic(system, state, point):
 
 @part
 def hold_dynamic(system, state, held):
-    """Series of the dynamic coordinates that stay at the positions in `held`.
+    """Fill in the series of dynamic coordinates that stay at the positions in `held`.
 
-    Their accelerations are zero without rounding error, although the terms of a stiff mode are large: over a segment of
-    a second their rounding would count as micrometres of a driven body's height, and the body would land above the
-    ground.
+    Their accelerations are zero without rounding error, although the terms of a stiff mode are large. Over a segment of
+    a second, rounding errors of these terms would count as micrometres of a driven body's height, and the body would
+    land above the ground.
     """
     coordinates, share = system.counts[0].coordinates, _share_that_stays(state)
     first = first_acceleration(system.counts[0])
@@ -220,7 +220,7 @@ def hold_dynamic(system, state, held):
 
 @part
 def solve_driven(system, state, point):
-    """Series of the driven coordinates that pass through `point` at the mode's start."""
+    """Solve the series of the driven coordinates that pass through `point` at the mode's start."""
     coordinates, mode = system.counts[0].coordinates, state.now[0].automaton.mode
     z, segment = state.z, state.now[0].segment
     half, start = segment.half, segment.mode_start
@@ -239,7 +239,7 @@ def solve_driven(system, state, point):
 
 @rounding_part  # a mass at rest on its slider feels exactly no force
 def _solve_oscillator(load, stiffness, damping, half, q, v):
-    """Series of q and v = q' with q'' = load + stiffness q + damping v, from their constant terms."""
+    """Solve the series of q and v = q' with q'' = load + stiffness q + damping v, from their constant terms."""
     position, velocity = q[0], v[0]
     for n in range(LENGTH - 1):
         step = half * INVERSE[n]
@@ -252,7 +252,7 @@ def _solve_oscillator(load, stiffness, damping, half, q, v):
 
 @part
 def _solve_coupled(loads, row, half, coordinates, dynamic, motion):
-    """Series of coordinates that enter each other's equations; `loads` has a row for each, `motion` two."""
+    """Solve the series of coupled coordinates; `loads` has a row for each coordinate, `motion` two."""
     for n in range(LENGTH - 1):
         step = half * INVERSE[n]
         for i in range(dynamic):
@@ -266,7 +266,7 @@ def _solve_coupled(loads, row, half, coordinates, dynamic, motion):
 
 @part
 def solve_series(system, state, motion):
-    """Series of the components of a motion from their constant terms, under the loads in the scratch."""
+    """Solve the series of a motion's components from their constant terms, under the loads in the scratch."""
     coordinates, dynamic = system.counts[0].coordinates, system.counts[0].dynamic
     mode, half, load = state.now[0].automaton.mode, state.now[0].segment.half, state.scratch.room[0].load[:]
     rows = system.equations[mode]

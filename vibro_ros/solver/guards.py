@@ -1,7 +1,7 @@
-"""Guards: which guard of the mode turns negative first, and where.
+"""Guards: the guard of the mode that turns negative first, and its root.
 
 `find_next_event` makes a polynomial of each guard and keeps the earliest root. `first_root` proves that its root is the
-first: no crossing is stepped over, and a graze is told from a hit.
+first: no crossing is stepped over, and a graze is distinguished from a hit.
 """
 
 import numpy as np
@@ -21,14 +21,14 @@ from vibro_ros.solver.system import NOTHING, sparse_magnitude, value_and_magnitu
 from vibro_ros.solver.vector import LENGTH, first_index, indices_above, store, total, vector
 
 EPSILON = 2.220446049250313e-16
-#: A guard's rounding error beside the magnitude of its terms: a sum of products, through the series' first terms.
+#: Rounding error of a guard over the magnitude of its terms; a guard is a sum of products of the series' first terms.
 NOISE = 16.0 * EPSILON
 
-# Events in a row at one instant after which a guard must be below zero by more than its rounding error: modes whose
-# guards contradict each other within it would take turns for ever.
+# Events in a row at one instant after which a guard must be below zero by more than its rounding error, because modes
+# whose guards contradict each other within that error would alternate for ever.
 _EVENTS_BEFORE_DOUBT = 10
-_DOUBT = 8.0  # rounding errors
-# Roots no further apart than rounding are simultaneous: the guard that its mode names first decides.
+_DOUBT = 8.0  # by how many rounding errors
+# Roots no further apart than rounding are simultaneous: the guard that comes first in the mode's list fires.
 _SIMULTANEOUS = 16.0 * EPSILON
 
 
@@ -41,7 +41,7 @@ def guard_value(system, row, point, magnitude):
 
 @part
 def _guard_root(system, state, row):
-    """First root of a guard row between the mode's start and the next event; remembered until its polynomial
+    """Return the first root of a guard row between the mode's start and the next event; cached until its polynomial
     changes."""
     segment, room = state.now[0].segment, state.scratch.room[0]
     if state.root[row] > segment.mode_start:
@@ -58,8 +58,8 @@ def _guard_root(system, state, row):
 
 @inlined_part
 def find_next_event(system, state):
-    """Set the next event to the earliest root of the mode's guards, else to the segment's end; False if a root search
-    failed."""
+    """Set the next event to the earliest root of the mode's guards, else to the segment's end; return False if a root
+    search failed."""
     segment, automaton = state.now[0].segment, state.now[0].automaton
     segment.next_event = 1.0
     automaton.guard = NOTHING
@@ -82,27 +82,26 @@ NO_ROOT = 2.0
 SEARCH_FAILED = -3.0
 
 _MOST_STEPS = 100_000
-# A guard that touches zero is a graze, not a hit: rounding, in parts of the sum of its terms, has no say.
+# A guard that only touches zero is a graze, not a hit; this much below zero, over the sum of its terms, is rounding.
 _TOUCH = 4.0 * 2.2e-16
 _ULP_OF_ONE = 2.3e-16
-#: A guard that starts at zero to this order, at a rest or a release, is zero for good, because nothing moves it.
+#: A guard that starts at zero to this order, at a rest or a release, stays zero, because nothing moves it.
 _DEEPEST_ZERO = 5
-# A zero is known up to the noise, and the noise stands up to four times as large in the next coefficients, because a
-# flow's series falls no faster than 2^n / n!. If it were read there, a mass at rest on its plate would be pushed off by
-# nothing.
+# A zero is known up to the noise, and the next coefficients may contain four times the noise, because a flow's series
+# falls no faster than 2^n / n!. If this noise counted, rounding would push a mass at rest off its plate.
 _ECHO = 4.0
-# Guards of a motion that has died away: their squares would be lost below the smallest number.
+# Smaller guards, of a motion that has died away, count as zero, because their squares would underflow.
 _VANISHING = 1e-100
 
-# A guard is evaluated at these nodes first, by one row of their powers after the other.
+# A guard is evaluated at these nodes first; row n has the n-th powers of the nodes.
 _NODES = np.linspace(-1.0, 1.0, LENGTH)
 _SPACING = 2.0 / (LENGTH - 1)
 _POWERS_OF_NODES = _NODES ** np.arange(LENGTH)[:, None]
-# The slope between two nodes differs from the mean slope by at most 4 bends over their distance, so with this drop, and
-# not by a hair, the slope has one sign.
+# The slope between two nodes differs from the mean slope by at most 4 bends over their distance, so with a drop of this
+# many bends the slope has one sign, with a margin.
 _FALLS = 5.0
-# Halley's step cubes the distance to the root, times (p''/2p')² - p'''/6p', about 2000 at most where `_search` asks for
-# it: after a step so short the distance is below rounding.
+# Halley's step leaves the cube of the distance to the root, times (p''/2p')² - p'''/6p', which is about 2000 at most
+# where `_search` uses it. After a step shorter than this, the distance is below rounding.
 _LAST_STEP = 2e-7
 _MOST_HALLEY_STEPS = 20
 
@@ -115,7 +114,7 @@ _SHARE_OF_MAGNITUDE = np.where(_ORDER == 0, 0.0, np.where(_ORDER % 2 == 0, 0.5, 
 
 @part
 def _safe_step(f, d, dd, third, reach):
-    """How far f + d s + dd s²/2 - third s³/6, a lower bound of the guard, stays positive within `reach`.
+    """Return the s up to which f + d s + dd s²/2 - third s³/6, a lower bound of the guard, stays positive in `reach`.
 
     On [0, reach] the cubic term is at least -(third reach / 6) s², which leaves a quadratic.
     """
@@ -126,10 +125,10 @@ def _safe_step(f, d, dd, third, reach):
     if discriminant < 0.0:
         return reach
     root = discriminant**0.5
-    # Of the two ways to write the quadratic's root, the one that does not cancel.
+    # The quadratic's root, written so that nothing cancels.
     if d < 0.0:
         return min(reach, 2.0 * f / (root - d))
-    return min(reach, (d + root) / (-2.0 * m)) if root > 0.0 else reach  # 0: squares below the smallest number
+    return min(reach, (d + root) / (-2.0 * m)) if root > 0.0 else reach  # the root is 0 if squares underflow
 
 
 @part
@@ -146,7 +145,7 @@ def _upper_bound(p):
 
 @part
 def _passed_touch(p, f, d, dd):
-    """How far to go from f <= 0 to pass a minimum that is zero to rounding; 0 if p falls below that."""
+    """Return the step from f <= 0 that passes a minimum that is zero to rounding; 0 if p falls below that."""
     doubt = _TOUCH * sum_of_magnitudes(p)
     if dd <= 0.0 or 2.0 * dd * (f + doubt) < d * d:
         return 0.0
@@ -155,7 +154,7 @@ def _passed_touch(p, f, d, dd):
 
 @part
 def _march(p, a, limit):
-    """First root of p, positive at a, in (a, limit], by steps that a bound on p''' proves to be free of roots.
+    """Return the first root of p, positive at a, in (a, limit], by steps that a bound on p''' proves free of roots.
 
     Near a simple root the steps converge faster than Newton's, from the safe side; a near miss
     (p > 0 at its minimum) is passed in a few steps, because its curvature is in the bound.
@@ -174,13 +173,13 @@ def _march(p, a, limit):
             if reach < 0.0:
                 return NO_ROOT
             continue
-        # A shorter reach bends the bound less; a root is hardly farther than twice where the tangent has it.
+        # A shorter reach gives a closer bound; a root is hardly farther than twice the distance to the tangent's root.
         if x > a and 2.0 * f < -d * reach:
             reach = -2.0 * f / d
         step = _safe_step(f, d, dd, third, reach)
         if step >= limit - x:
             return NO_ROOT
-        # Where it bends the bound too much, twice as far as has been proved, as long as all of that proves safe.
+        # If the bound was too loose, try twice the proved step as the reach, as long as all of it proves safe.
         proved = step
         while proved == step and 2.0 * step < reach:
             proved = 2.0 * step
@@ -194,7 +193,7 @@ def _march(p, a, limit):
 
 @part
 def _evaluate_at_nodes(p, noise, values):
-    """Fill `values` with p at all nodes; return how far p may lie beyond both its values between two neighbours."""
+    """Fill `values` with p at all nodes; return a bound (`bend`) of how far p exceeds its values at both neighbours."""
     even, odd = p[0] * vector(_POWERS_OF_NODES[0]), p[1] * vector(_POWERS_OF_NODES[1])
     for n in range(2, LENGTH, 2):
         even = even + p[n] * vector(_POWERS_OF_NODES[n])
@@ -206,7 +205,7 @@ def _evaluate_at_nodes(p, noise, values):
 
 @part
 def _next_node(x):
-    """Index of the first node beyond x < 1."""
+    """Return the index of the first node beyond x < 1."""
     k = int((x + 1.0) / _SPACING)
     while _NODES[k] <= x:
         k += 1
@@ -215,8 +214,8 @@ def _next_node(x):
 
 @part
 def _only_root(p, left, right, start):
-    """Root of p in [left, right], where p falls all the way, by Halley's method from `start`; `NO_ROOT` if the steps
-    do not settle."""
+    """Return the root of p in [left, right], where p falls all the way, by Halley's method from `start`; `NO_ROOT` if
+    the steps do not converge."""
     x = start
     for _ in range(_MOST_HALLEY_STEPS):
         f, d, dd = value_and_derivatives(p, x)
@@ -229,10 +228,10 @@ def _only_root(p, left, right, start):
 
 @part
 def _search(p, a, f, limit, noise, values):
-    """First root of p, which is f > 0 at a, in (a, limit]."""
+    """Return the first root of p, which is f > 0 at a, in (a, limit]."""
     bend = _evaluate_at_nodes(p, noise, values)
     first = _next_node(a)
-    # Up to node k p stays positive.
+    # p stays positive up to node k - 1.
     k = first if f <= bend else first_index(~indices_above(vector(values), bend) >> first << first)
     left, before = (a, f) if k == first else (_NODES[k - 1], values[k - 1])
     if k >= LENGTH or left >= limit:
@@ -247,11 +246,11 @@ def _search(p, a, f, limit, noise, values):
 
 @part
 def first_root(p, a, limit, noise, work):
-    """First local time in [a, limit] at which the guard p turns negative.
+    """Return the first local time in [a, limit] at which the guard p turns negative.
 
-    A zero at `a` itself is divided out, as often as it takes, so that the sign of the first coefficient that differs
-    from zero decides. A guard whose mode has just been left, or that starts at rest on its boundary, therefore neither
-    fires for ever nor hides its next root.
+    A zero at `a` itself is divided out as often as necessary, so that the sign of the first coefficient that differs
+    from zero decides. A guard that has just fired, or that starts at rest on its boundary, therefore neither fires
+    again and again nor hides its next root.
 
     Parameters
     ----------
@@ -291,7 +290,7 @@ def first_root(p, a, limit, noise, work):
 
 @part
 def _highest_turning_point(p, slope, a, b, noise, work):
-    """Largest value of p at a and at its turning points in (a, b), one after the other."""
+    """Return the largest value of p at a and at its turning points in (a, b), which are found one after the other."""
     best = -np.inf
     x = a
     while True:
@@ -304,7 +303,7 @@ def _highest_turning_point(p, slope, a, b, noise, work):
 
 @part
 def maximum(p, a, b, work):
-    """Largest value of p on [a, b]: the ends and every turning point between them.
+    """Return the largest value of p on [a, b], from the ends and every turning point between them.
 
     `work`, shape (3, LENGTH), is overwritten.
     """

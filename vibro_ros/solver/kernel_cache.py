@@ -1,8 +1,8 @@
-"""Where compiled kernels are kept: a folder that only this user can have written.
+"""The cache of compiled kernels: a folder that only this user can have written.
 
-numba's own cache stores them. It looks at the file of an entry alone, not at those of its parts, so the folder
-is named by the digest of all sources of this room. And it runs what it finds, machine code, so that whoever can write
-to the folder, or rename a folder above it, can run code as this user: such a folder is not used.
+numba's own cache stores the kernels. It checks only the source file of an entry, not those of its parts, so the folder
+is named by a digest of all sources of this package. numba also runs the machine code that it finds: anybody who can
+write to the folder, or rename a folder above it, could run code as this user. Such a folder is not used.
 """
 
 import atexit
@@ -27,8 +27,8 @@ _ROOT = 0
 
 @functools.cache
 def _folder_name() -> str:
-    """Of all that compiled kernels depend on: this room's sources, any of which may be a part of them, the compiler,
-    and the processor, which may be another at the next start."""
+    """Return a name from all that compiled kernels depend on: the sources of this package, any of which may be a part
+    of them, the compiler, and the processor, which may be another one at the next start."""
     names = sorted(module.name for module in pkgutil.iter_modules([os.path.dirname(os.path.abspath(__file__))]))
     sources = b"".join(pkgutil.get_data(__package__, f"{name}.py") or b"" for name in names)
     target = numba.__version__, platform.python_version(), llvm.get_host_cpu_name(), numba.config.CPU_NAME
@@ -36,22 +36,22 @@ def _folder_name() -> str:
 
 
 class KernelStore:
-    """The folder of the compiled kernels, made if it was not there.
+    """The folder of the compiled kernels, which is created if it does not exist.
 
     Parameters
     ----------
     chosen : str
-        The folder that the user chose for all that numba stores; if it is empty, the kernels are kept beside their
-        sources or, if these cannot be written, in the user's caches.
+        The folder that the user chose for all that numba stores; if empty, the kernels are stored beside their
+        sources or, if that folder cannot be used, in the user's caches.
 
     Attributes
     ----------
     path : Path
-        The folder. If none can be used, one that ends with this process.
+        The folder. If no folder can be used, a temporary one, which is removed when this process ends.
     chosen : str
-        What makes another process take the same folder.
+        The argument with which another process uses the same folder.
     unusable : str
-        Why kernels are not kept for the next start; empty if they are.
+        Why kernels are not stored for the next start; empty if they are.
     """
 
     def __init__(self, chosen: str):
@@ -66,7 +66,7 @@ class KernelStore:
         self.path = path
 
     def has(self, family: str) -> bool:
-        """Whether all kernels of a family are stored."""
+        """Return whether all kernels of a family are stored."""
         return self._mark(family).exists()
 
     def mark(self, family: str) -> None:
@@ -84,7 +84,7 @@ class KernelStore:
 
 
 def _first_usable(folders: list[Path]) -> tuple[Path | None, str]:
-    """The first folder that can be used, or why the last one cannot."""
+    """Return the first folder that can be used, or None and the reason why the last one cannot."""
     reason = "no home folder is known"
     for folder in folders:
         try:
@@ -108,7 +108,7 @@ def _candidates(chosen: str) -> list[Path]:
 
 
 def distrust(folder: Path) -> str:
-    """Why nothing in a folder may be run: what other users can write or rename; nothing if they can do neither."""
+    """Return why nothing in a folder may be run: a path that others can write or rename; empty if there is none."""
     inside = [folder, *sorted(folder.rglob("*"))]
     for path in (*inside, *Path(os.path.realpath(folder)).parents):
         status = os.lstat(path)
@@ -116,7 +116,7 @@ def distrust(folder: Path) -> str:
             return f"{path}: it is a link or no folder"
         if status.st_uid not in (os.geteuid(), _ROOT):
             return f"{path}: it belongs to another user"
-        # In a sticky folder above, as /tmp is, only the owner of a file renames it.
+        # In a sticky folder above, such as /tmp, only the owner of a file can rename it.
         if _others_may_write(status) and (path in inside or not status.st_mode & stat.S_ISVTX):
             return f"{path}: other users can write it"
     return ""
@@ -130,7 +130,7 @@ def _others_may_write(status: os.stat_result) -> bool:
 
 @functools.cache
 def _private_group() -> int | None:
-    """The group that has this user alone, as most systems make one for each user; None if there is none."""
+    """Return the user's own group without other members, as most systems create for each user; None without one."""
     with suppress(KeyError):
         user = pwd.getpwuid(os.geteuid())
         group = grp.getgrgid(user.pw_gid)

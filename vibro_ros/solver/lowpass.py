@@ -4,12 +4,12 @@ Butterworth's filter of second order has the poles p = r exp(±3 i pi/4). With o
 
     c(t) = integral of exp(p (t - s)) dz(s),        filtered rate of z = sqrt(2) r Im c(t).
 
-Where z jumps by d, c jumps by d: no rate is infinite in c. Between jumps z is the polynomial of the present mode, and
+Where z jumps by d, c jumps by d, so that c contains no infinite rate. Between jumps z is the mode's polynomial, and
 the integral of its rate with exp(p (t - s)) is found by Gauss's rule, over steps of at most four time constants 1 / r.
-There the exponential is its series to rounding, and the rule is exact to degree 47.
+There the series of the exponential is exact to rounding, and the rule is exact to degree 47.
 
-A filter stands where a mode has ended, or where it was read; what is sampled between moves nothing in it. So its bits
-do not depend on how the time is cut up, but on the modes and on the instants at which it is read.
+A filter advances only to the end of a mode and to instants at which it is read; samples between do not advance it. So
+its bits depend on the modes and on the instants at which it is read, not on how the time is divided into calls.
 """
 
 import math
@@ -23,17 +23,17 @@ from vibro_ros.solver.vector import LENGTH, indices_above, lowered, repeated, st
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(LENGTH)
 _ORDER = np.arange(LENGTH, dtype=float)
-# Longest step, in time constants: what the series of exp leaves out about its middle is 2^24 / 24! = 3e-17.
+# Longest step, in time constants: the first term that the series of exp about its middle omits is 2^24 / 24! = 3e-17.
 _LONGEST = 4.0
 
 
 def new_filters(channels: list[int], rate: float, point: np.ndarray) -> np.ndarray:
-    """Filters of the rates of `channels`, which were at rest before; `State.lowpass`.
+    """Return filters of the rates of `channels`, which were at rest before, for `State.lowpass`.
 
     Parameters
     ----------
     channels : list of int
-        Whose rates are filtered: velocities.
+        Channels whose rates are filtered: velocities.
     rate : float
         Magnitude of the poles [1/s], 2 pi times the frequency [Hz] at which 3 dB are lost.
     point : ndarray, shape (channels,)
@@ -45,13 +45,13 @@ def new_filters(channels: list[int], rate: float, point: np.ndarray) -> np.ndarr
 
 
 def filtered_rates(filters: np.ndarray) -> np.ndarray:
-    """What the filters let pass of the rates, shape (filters,), where they stand."""
+    """Return the filtered rates, shape (filters,), at the instant that the filters have reached."""
     return math.sqrt(2.0) * filters["rate"] * filters["quadrature"]
 
 
 @part
 def end_mode(system, state, x):
-    """Let the filters stand at the local time `x`, where the mode ends."""
+    """Advance the filters to the local time `x`, where the mode ends."""
     if len(state.lowpass) > 0:
         filter_up_to(system, state, x)
         for k in range(len(state.lowpass)):
@@ -60,7 +60,7 @@ def end_mode(system, state, x):
 
 @part
 def filter_up_to(system, state, x):
-    """Let the filters stand at the local time `x` of the present mode."""
+    """Advance the filters to the local time `x` of the present mode."""
     segment, room = state.now[0].segment, state.scratch.room[0]
     for k in range(len(state.lowpass)):
         one = state.lowpass[k]
@@ -77,7 +77,7 @@ def filter_up_to(system, state, x):
         duration, decay = segment.half * (x - start), math.sqrt(0.5) * one.rate
         count = 1 if rests else int(duration * one.rate / _LONGEST) + 1
         half, width = 0.5 * duration / count, (x - start) / count
-        turn = decay * half  # the step's middle to its end: exp((-1 + i) turn)
+        turn = decay * half  # from the step's middle to its end c is multiplied by exp((-1 + i) turn)
         shrinking, cosine, sine = math.exp(-turn), math.cos(turn), math.sin(turn)
         to_end, to_end_turned = shrinking * cosine, shrinking * sine
         response = room.lowpass_response[:]

@@ -7,13 +7,13 @@ A method of fixed step:
 1. `fixed_step.py`: give the scheme a number, and write a kernel that fills `Step.end`, positions, velocities and
    forcing, from `Step.start`. `take_step` calls it. A kernel cannot allocate: give `Step` a field for each intermediate
    result, which `new_step` makes.
-2. The kernel reads the system's tables alone: `right_hand_side.accelerate` gives accelerations in a mode,
+2. The kernel reads only the system's tables: `right_hand_side.accelerate` gives accelerations in a mode,
    `fill_forcing_at` sliders and plates at an instant. It never reads the guards; `_change_modes` changes the mode at
-   the step's end, by the candidates and jumps that the method exact has.
+   the step's end, by the same candidates and jumps as the method exact.
 3. `fixed_step._interpolate` reads samples between the ends of a step by cubic polynomials: a scheme of lower order
    needs another interpolation there.
-4. Steps are a grid from the last command on, whatever is sampled, so that every cut of time gives the same bits. A
-   scheme with a memory of earlier steps starts the memory again in `fixed_step.begin`.
+4. Steps are a grid from the last command on, whatever is sampled, so that every division of time into calls gives the
+   same bits. A scheme with a memory of earlier steps resets the memory in `fixed_step.begin`.
 5. `SCHEMES` gives the scheme its name, and the choices of `solver.method` in `model/parameters.py` the same name.
 6. For the accuracy study: a ladder of steps in `DEVICE` (`accuracy/programs.py`), and a colour in `_STYLES`
    (`accuracy/chart.py`).
@@ -39,33 +39,34 @@ SCHEMES = {"rk4": RK4, "rk4_located": RK4_LOCATED}
 
 
 class Stepper(Protocol):
-    """Steps a state through time; arguments and results are those of `event_loop`'s functions."""
+    """Interface of a method that advances a state; arguments and results are those of `event_loop`'s functions."""
 
     def begin(self, state: State, point: np.ndarray) -> int:
-        """Begin with the positions and velocities of `point`, at the state's instant; `REACHED`, or why it cannot."""
+        """Begin with the positions and velocities of `point` now; return `REACHED`, or why the method cannot begin."""
 
     def advance(self, state: State, times: np.ndarray, point: np.ndarray, points: np.ndarray, modes: np.ndarray,
                 phases: np.ndarray, events: np.ndarray) -> tuple[int, int, int]:
-        """Advance to each of `times` and sample there: status, number of samples taken and of events recorded."""
+        """Advance to each of `times` and sample there; return status, number of samples and number of events."""
 
     def interrupt(self, state: State, time: float, point: np.ndarray) -> None:
-        """Move clock and forcing to `time` and fill `point` with all channels; new rates and `begin` follow."""
+        """Move clock and forcing to `time` and fill `point` with all channels; the caller then sets new rates and calls
+        `begin`."""
 
     @property
     def memory(self) -> list[np.ndarray]:
-        """Arrays of numbers, as views, that the future depends on beside the state."""
+        """Arrays of numbers, as views, on which the future depends besides the state."""
 
     def calls(self, state: State, arguments: tuple) -> list[tuple[Callable, tuple]]:
-        """The method's own kernels, the longest to compile first, with arguments of the types that they are called
-        with; `arguments` are those of `advance` but for the state."""
+        """Return the method's own kernels, the slowest to compile first, with arguments of the right types; `arguments`
+        are those of `advance` without the state."""
 
 
 class _LaidOut:
-    """What both methods need: the tables and the state as kernels take them."""
+    """Tables and state in the layout that kernels take, for both methods."""
 
     def __init__(self, system: Laid):
         self._system = system
-        self._state: Laid | None = None  # the one that was stepped last
+        self._state: Laid | None = None  # of the last state
 
     def _laid(self, state: State) -> Laid:
         if self._state is None or self._state.values is not state:
@@ -77,7 +78,7 @@ class _LaidOut:
 
 
 class Exact(_LaidOut):
-    """The event loop."""
+    """The method `exact`: the event loop."""
 
     def begin(self, state, point):
         """See `Stepper`."""
@@ -92,7 +93,7 @@ class Exact(_LaidOut):
         event_loop.interrupt(*self._tables(state), time, point)
 
     def filter_rates(self, state, time):
-        """Let the filters of `State.lowpass` stand at `time`."""
+        """Advance the filters of `State.lowpass` to `time`."""
         event_loop.filter_rates(*self._tables(state), time)
 
     @property
@@ -108,7 +109,7 @@ class Exact(_LaidOut):
 
 
 class FixedStep(_LaidOut):
-    """Steps of `step` [s] by one of `SCHEMES`."""
+    """A method of fixed step: steps of `step` [s] by one of `SCHEMES`."""
 
     def __init__(self, system: Laid, scheme: int, step: float):
         super().__init__(system)

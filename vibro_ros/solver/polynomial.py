@@ -3,10 +3,10 @@
 A polynomial is an array of `LENGTH` coefficients, constant term first, in the segment's own
 time x = 2 (t - start) / duration - 1. About its middle a series reaches twice as far as from an end.
 
-*Economization* (C. Lanczos) replaces powers beyond a polynomial's length by what they come to on [-1, 1]: x^n is a sum
-of Chebyshev polynomials of degree n and less. If the polynomials that are too long are left out, the sum is off by
-their factors, of which the largest is 2^(1 - n). So a series of LENGTH terms reaches rounding over about half of its
-radius of convergence; without the economization, over a quarter.
+*Economization* (C. Lanczos) approximates powers beyond a polynomial's length on [-1, 1] by lower powers: x^n is a sum
+of Chebyshev polynomials of degree n and less. If the polynomials that are too long are left out, the error is the sum
+of their factors, of which the largest is 2^(1 - n). So a series of LENGTH terms reaches rounding over about half of its
+radius of convergence; without economization, over a quarter.
 """
 
 import math
@@ -18,7 +18,7 @@ from vibro_ros.solver.vector import LENGTH, last, lowered, powers, raised, repea
 
 
 def _chebyshev_polynomials(length: int) -> list[list[int]]:
-    """Coefficients of T_0, T_1, ..., each of them `length` long."""
+    """Return the coefficients of T_0, T_1, ..., each of them `length` long."""
     polynomials = [[1] + [0] * (length - 1), [0, 1] + [0] * (length - 2)]
     while len(polynomials) < length:
         last, before = polynomials[-1], polynomials[-2]
@@ -27,10 +27,9 @@ def _chebyshev_polynomials(length: int) -> list[list[int]]:
 
 
 def economized_powers(length: int, count: int) -> np.ndarray:
-    """Coefficients of what replaces x^length, x^(length + 1), ...; shape (count, length).
+    """Return the coefficients that replace x^length, x^(length + 1), ...; shape (count, length).
 
-    In exact arithmetic but for the last rounding: 2^(n-1) x^n = sum over k of (k over n) T_(n - 2 k), where T_0 counts
-    half.
+    They are exact but for the last rounding: 2^(n-1) x^n = sum over k of (n choose k) T_(n - 2 k), with half of T_0.
     """
     chebyshev = _chebyshev_polynomials(length)
     rows = np.zeros((count, length))
@@ -52,23 +51,23 @@ _ORDER = np.arange(LENGTH, dtype=float)
 #: Factors of the coefficients in the second derivative.
 SECOND = _ORDER * (_ORDER - 1.0)
 _BEYOND = economized_powers(LENGTH, 1)[0]
-# Entry [n, k] is k over n.
+# Entry [n, k] is k choose n.
 _BINOMIAL = np.array([[float(math.comb(k, n)) for k in range(LENGTH)] for n in range(LENGTH)])
-# Entry [k, n] is k over n + k.
+# Entry [k, n] is n + k choose k.
 _CHOICES = np.array([[float(math.comb(n + k, k)) for n in range(LENGTH)] for k in range(LENGTH)])
 
 
 @part
 def value(p, x):
-    """p(x), to rounding of its largest term."""
+    """Return p(x), to rounding of its largest term."""
     return total(vector(p) * powers(x))
 
 
 @part
 def products(p, q, nodes):
-    """The vector of p(x) q(x) for a vector of `nodes` x.
+    """Return the vector of p(x) q(x) for a vector of `nodes` x.
 
-    As p(x) = E(x²) + x O(x²) and q alike: of four series of half the length, the processor computes one beside another.
+    Both are written as E(x²) + x O(x²), because the processor computes four series of half the length in parallel.
     """
     squares = nodes * nodes
     even_p, odd_p = repeated(p[LENGTH - 2]), repeated(p[LENGTH - 1])
@@ -81,7 +80,7 @@ def products(p, q, nodes):
 
 @part
 def values(p, nodes):
-    """The vector of p(x) for a vector of `nodes` x: p(x) = E(x²) + x O(x²), of two series of half the length."""
+    """Return the vector of p(x) for a vector of `nodes` x, as E(x²) + x O(x²), two series of half the length."""
     squares, even, odd = nodes * nodes, repeated(p[LENGTH - 2]), repeated(p[LENGTH - 1])
     for n in range(LENGTH - 4, -2, -2):
         even, odd = even * squares + repeated(p[n]), odd * squares + repeated(p[n + 1])
@@ -90,10 +89,10 @@ def values(p, nodes):
 
 @part
 def value_and_derivatives(p, x):
-    """p(x), to a rounding of its largest term, p'(x) and p''(x).
+    """Return p(x), to a rounding of its largest term, p'(x) and p''(x).
 
-    As p(x) = E(x²) + x O(x²): of two series of half the length, the processor computes one beside the other, and beside
-    the derivatives, for which the powers of x, some roundings off, will do.
+    p(x) is written as E(x²) + x O(x²), because the processor computes two series of half the length in parallel, and in
+    parallel to the derivatives, for which powers of x with some rounding errors suffice.
     """
     of_slope = raised(powers(x))
     slope, bend = total(vector(p) * vector(_ORDER) * of_slope), total(vector(p) * vector(SECOND) * raised(of_slope))
@@ -105,7 +104,7 @@ def value_and_derivatives(p, x):
 
 @part
 def sum_of_magnitudes(p):
-    """Sum of |p[n]|, a bound of |p| on [-1, 1]."""
+    """Return the sum of |p[n]|, a bound of |p| on [-1, 1]."""
     return total(abs(vector(p)))
 
 
@@ -121,7 +120,7 @@ def divide_by_root(p, a):
 
 @part
 def fill_form(form, channels, z, target):
-    """target = sum of form[c] z[c] over the leading `channels` that are not negative; returns whether there are any."""
+    """Set target = sum of form[c] z[c] over the leading `channels` that are not negative; return whether any are."""
     c = channels[0]
     if c < 0:
         return False
@@ -137,7 +136,7 @@ def fill_form(form, channels, z, target):
 
 @part
 def recentre(polynomials, x, terms, targets):
-    """First `terms` coefficients of p(x + y), as polynomials of y, of every p; the others become zero."""
+    """Fill in the first `terms` coefficients of p(x + y), a polynomial of y, for every p; others become zero."""
     targets[:] = 0.0
     higher = powers(x)
     for n in range(terms):
@@ -149,13 +148,13 @@ def recentre(polynomials, x, terms, targets):
 
 @part
 def displace(p, shift, terms, order, room, target):
-    """Coefficients of target(x) = p(x + shift(x)), by Taylor's formula up to the `order`-th power of the shift.
+    """Fill in target(x) = p(x + shift(x)), by Taylor's formula up to the `order`-th power of the shift.
 
-    `shift` has `terms` terms, and `room` takes two polynomials.
+    `shift` has `terms` terms, and `room` has space for two polynomials.
     """
     store(room, vector(p))
     room[LENGTH:] = 0.0
-    result = vector(_CHOICES[order]) * vector(room[order:order + LENGTH])  # a derivative over its factorial
+    result = vector(_CHOICES[order]) * vector(room[order:order + LENGTH])  # derivative number `order` over order!
     for k in range(order - 1, -1, -1):
         product = shift[terms - 1] * result
         for n in range(terms - 2, -1, -1):
@@ -167,21 +166,21 @@ def displace(p, shift, terms, order, room, target):
 
 @part
 def scale_argument(p, a, target):
-    """target(y) = p(a y)."""
+    """Set target(y) = p(a y)."""
     store(target, vector(p) * powers(a))
 
 
 @part
 def differentiate(p, half, target):
-    """Coefficients of the time derivative of p over a segment that lasts 2 `half`."""
+    """Fill in the time derivative of p over a segment that lasts 2 `half`."""
     store(target, (1.0 / half) * lowered(vector(_ORDER) * vector(p)))
 
 
 @part
 def integrate_through(p, half, x, wanted, target):
-    """Coefficients of the time integral of p over a segment that lasts 2 `half`; the integral is `wanted` at x, and its
-    term beyond the length is economized."""
-    terms = half * (vector(p) * vector(INVERSE))  # of the powers from x on
+    """Fill in the time integral of p over a segment that lasts 2 `half`; the integral is `wanted` at x, and its term
+    beyond the length is economized."""
+    terms = half * (vector(p) * vector(INVERSE))  # coefficients of x, x², ...
     constant = wanted - total(terms * (x * powers(x)))
     beyond = p[LENGTH - 1] * (half * INVERSE[LENGTH - 1])
     store(target, with_first(raised(terms), constant) + beyond * vector(_BEYOND))

@@ -1,16 +1,16 @@
-"""References: how kernels read a named tuple of arrays, through one pointer.
+"""References: one pointer through which kernels read a named tuple of arrays.
 
 numba passes a named tuple to a function field by field, and each array as seven numbers or more: a kernel that reads
-one field of a system would take four hundred arguments, and a call from Python would look at forty arrays. Here a
-*layout* lists, in one array of integers, where each array of the tuple begins and how long it is. A kernel that Python
-calls takes the layout and makes a reference of it; `system.row` is then read through the layout:
+one field of a system would take four hundred arguments, and a call from Python would unpack forty arrays. Here a
+*layout*, one array of integers, lists address and shape of each array of the tuple. A kernel that Python calls takes
+the layout and makes a reference of it; `system.row` is then read through the layout:
 
     @entry
     def advance(system, state):
         system, state = system_of(system), state_of(state)
 
-All of this is numba's documented interface for extensions. Where numba compiles nothing (`NUMBA_DISABLE_JIT=1`),
-kernels are given the tuples themselves, and a debugger shows them.
+All of this is numba's documented interface for extensions. With `NUMBA_DISABLE_JIT=1` nothing is compiled: kernels
+get the tuples themselves, and a debugger shows them.
 """
 
 from collections.abc import Callable
@@ -40,39 +40,39 @@ register_model(Reference)(models.OpaqueModel)
 
 
 class _Field(NamedTuple):
-    """A field of a class of named tuples: its first number in the layout, and what it is."""
+    """A field of a class of named tuples: index of its first number in the layout, and its type."""
 
     place: int
-    kind: type | None  # the class of a named tuple; None for an array, of which ...
+    kind: type | None  # the class of a named tuple; None for an array with these dimensions and dtype
     dimensions: int = 0
     dtype: np.dtype | None = None
 
 
-# Fields by class. The first tuple of a class tells them, and `Laid` refuses another that differs.
+# Fields by class. The first tuple of a class defines them, and `Laid` refuses another one that differs.
 _fields: dict[type, dict[str, _Field]] = {}
 _sizes: dict[type, int] = {}
 
 
 class Laid:
-    """A named tuple of arrays, laid out in memory once for the kernels that Python calls.
+    """A named tuple of arrays, with its layout for the kernels that Python calls.
 
     Parameters
     ----------
     values : NamedTuple
-        Of contiguous arrays and of such tuples, with as many dimensions and of the types as every other of its class.
-        The arrays stay where they are; what they hold may change.
+        A tuple of contiguous arrays and of such tuples, with the same dimensions and dtypes as every other tuple of its
+        class. The arrays are not copied; their contents may change.
 
     Attributes
     ----------
     values : NamedTuple
-        The same.
+        As given.
     layout : ndarray of int, shape (numbers,), or NamedTuple
-        What an entry takes in its place; not for longer than this is there, which keeps the arrays.
+        Argument of an entry in place of the tuple; valid only as long as this object exists, which keeps the arrays.
 
     Raises
     ------
     TypeError
-        For another tuple than kernels are compiled for.
+        For a tuple whose arrays differ from those for which kernels are compiled.
     """
 
     def __init__(self, values: NamedTuple):
@@ -84,12 +84,12 @@ class Laid:
             self.layout = np.array(numbers)
 
     def __reduce__(self) -> tuple:
-        """A copy keeps its own arrays."""
+        """Let a copy have a layout of its own arrays."""
         return Laid, (self.values,)
 
 
 def _add_numbers(values: Any, numbers: list[int]) -> None:
-    """Add address and shape of each array."""
+    """Append address and shape of each array to `numbers`."""
     record = type(values)
     if record not in _fields:
         _declare(values)
@@ -100,12 +100,12 @@ def _add_numbers(values: Any, numbers: list[int]) -> None:
             raise TypeError(f"{record.__name__}.{name} is not what kernels read: a contiguous array of "
                             f"{field.dimensions} dimensions and {field.dtype}")
         else:
-            # Not by the array interface, which takes 20 µs to describe the fields of a record.
+            # `ctypes` is used, because the array interface takes 20 µs to describe the fields of a record.
             numbers += value.ctypes.data, *value.shape
 
 
 def _declare(values: Any) -> None:
-    """Let kernels read the fields of a named tuple's class."""
+    """Register the fields of a named tuple's class, so that kernels can read them."""
     place, fields = 0, {}
     for name, value in zip(values._fields, values, strict=True):
         if isinstance(value, np.ndarray):
@@ -121,12 +121,12 @@ def _declare(values: Any) -> None:
 
 @infer_getattr
 class _Attributes(AttributeTemplate):
-    """What numba asks for the type of an attribute of a reference."""
+    """Types of the attributes of references, for numba."""
 
     key = Reference
 
     def generic_resolve(self, reference, name):
-        """numba's type of the attribute of this name; None if there is none."""
+        """Return numba's type of the attribute of this name; None if there is none."""
         field = _fields[reference.record].get(name)
         if field is None:
             return None
@@ -137,7 +137,7 @@ class _Attributes(AttributeTemplate):
 
 @lower_getattr_generic(Reference)
 def _read(context, builder, reference, pointer, name):
-    """Generate what reads an attribute: a pointer to the numbers of a tuple, or an array from its address and shape."""
+    """Generate the code that reads an attribute: a pointer to a tuple's numbers, or an array by address and shape."""
     field = _fields[reference.record][name]
     numbers = builder.gep(builder.bitcast(pointer, _NUMBER.as_pointer()), [ir.Constant(_NUMBER, field.place)])
     if field.kind is not None:
@@ -157,7 +157,7 @@ def _read(context, builder, reference, pointer, name):
 
 
 def reference_to(record: type) -> Callable:
-    """What makes a reference of the layout of a named tuple of this class, in kernels."""
+    """Return the function that makes a reference from the layout of a named tuple of this class, in kernels."""
     if numba.config.DISABLE_JIT:
         return lambda values: values
     kind = Reference(record)

@@ -1,9 +1,9 @@
-"""Rest, which is solved in place of a motion that has died away.
+"""Rest, which replaces a motion that has died away.
 
-A mass that is pressed on a stiff plate moves, once it is disturbed, within a fraction of a millisecond: so short are
-the segments of its mode while it moves. When a damper has ended the motion, to rounding, the series would only repeat
-the rounding, thousands of times a second. Where nothing drives the dynamic coordinates any more, they are held where
-the forces balance, in segments of up to a second.
+The time constant of a mass on a stiff plate is a fraction of a millisecond, and so are its segments while it moves.
+When a damper has ended the motion, to rounding, the series would only repeat the rounding, thousands of times a second.
+If nothing drives the dynamic coordinates any more, they are held where the forces balance, in segments of up to a
+second.
 """
 
 import math
@@ -13,11 +13,11 @@ from vibro_ros.solver.guards import EPSILON
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.system import first_signal, form_magnitude
 
-# A motion that has died away is never quite at rest: each segment rounds it again. The roundings of as many segments as
-# a damper takes to end the motion add up like the steps of a random walk.
+# A motion that has died away is never quite at rest, because each segment rounds it again. The rounding errors of as
+# many segments as a damper needs to end the motion, at most this many, add up like the steps of a random walk.
 _ROUNDING = 2.0 * EPSILON
 _MOST_SEGMENTS = 1e4
-# Coordinates that enter each other's equations are balanced in turn, so many times at most.
+# Coordinates that enter each other's equations are balanced in turn, in at most this many sweeps.
 _MOST_SWEEPS = 20
 
 
@@ -34,11 +34,11 @@ def _is_driven(state):
 
 @part
 def acceleration_noise(system, state, i, magnitude):
-    """What rounding leaves of the acceleration of dynamic coordinate i, however long its motion has died away."""
+    """Return the acceleration of dynamic coordinate i that rounding leaves after its motion has died away."""
     mode, coordinates = state.now[0].automaton.mode, system.counts[0].coordinates
     row = system.equations[mode, i]
     stiffness, damping = -row[i], -row[coordinates + i]
-    # Below and beyond critical damping the slower part of the motion ends at these rates [1/s].
+    # The slower part of the motion decays at these rates [1/s], below and beyond critical damping.
     ending = min(0.5 * damping, stiffness / damping) * system.longest_segment[mode] if damping > 0.0 else 0.0
     segments = 1.0 / ending if ending * _MOST_SEGMENTS > 1.0 else 1.0
     return _ROUNDING * (1.0 + math.sqrt(segments)) * form_magnitude(row, magnitude)
@@ -54,9 +54,9 @@ def _acceleration(row, held):
 
 @part
 def _is_settled(system, state, i, speed, held, magnitude):
-    """Whether dynamic coordinate i, which moves at `speed`, stays where it is, to rounding.
+    """Return whether dynamic coordinate i, which moves at `speed`, is at rest to rounding.
 
-    Its own stiffness tells how fast it may be by rounding; where there is none, it must stand still exactly.
+    Its own stiffness decides what speed rounding may cause; without stiffness the speed must be exactly 0.
     """
     row, noise = system.equations[state.now[0].automaton.mode, i], acceleration_noise(system, state, i, magnitude)
     if abs(_acceleration(row, held)) > noise:
@@ -66,7 +66,7 @@ def _is_settled(system, state, i, speed, held, magnitude):
 
 @part
 def _balance(system, state, held):
-    """Move each dynamic coordinate to where its acceleration is zero: by the rounding that `_is_settled` allows."""
+    """Move each dynamic coordinate, within the rounding that `_is_settled` allows, to where its acceleration is 0."""
     mode = state.now[0].automaton.mode
     for _ in range(_MOST_SWEEPS):
         moved = False
@@ -82,7 +82,7 @@ def _balance(system, state, held):
 
 @part
 def is_at_rest(system, state, point, held):
-    """Whether the dynamic coordinates rest at the positions and velocities of `point`, under the segment's forcing.
+    """Return whether the dynamic coordinates rest at positions and velocities of `point`, under the segment's forcing.
 
     `held`, shape (channels,), receives the positions at which they stay.
     """
@@ -102,5 +102,5 @@ def is_at_rest(system, state, point, held):
 
 @part
 def lengthen_segment(state):
-    """Let the segment last as long as any."""
+    """Let the segment last for `LONGEST_SEGMENT`."""
     state.now[0].segment.half = 0.5 * LONGEST_SEGMENT

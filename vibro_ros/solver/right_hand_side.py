@@ -1,7 +1,7 @@
-"""The right-hand side at one instant, by values and not by series: what a step of fixed length evaluates.
+"""The right-hand side at one instant, by values and not by series, for steps of fixed length.
 
-In the methods of fixed step a *segment* is a step. A step may be longer than a cell of the signals and than a change of
-the phase's speed.
+In the methods of fixed step a *segment* is a step. A step may be longer than a cell of the signals or a change of the
+phase's speed.
 """
 
 from vibro_ros.solver.compilation import part
@@ -14,9 +14,9 @@ from vibro_ros.solver.taylor import decays, evaluate
 
 @part
 def phase_after(system, state, elapsed):
-    """Phase past the start of the turn [rad] and its rate [rad/s], `elapsed` [s] after the step's start."""
+    """Return the phase past the start of the turn [rad] and its rate [rad/s], `elapsed` [s] after the step's start."""
     drive, half = state.now[0].drive, state.now[0].segment.half
-    if system.counts[0].rotors > 0:  # whose phase is a coordinate
+    if system.counts[0].rotors > 0:  # the phase is a coordinate
         return 0.0, 0.0
     change = settling_time(drive)
     if 0.0 < change < elapsed:
@@ -28,7 +28,7 @@ def phase_after(system, state, elapsed):
 
 @part
 def _change_of_speed(drive, elapsed, speed):
-    """Rate [rad/s²] at which the phase's speed, now `speed`, changes `elapsed` [s] after the step's start."""
+    """Return the rate [rad/s²] of the phase's speed, which is `speed` at `elapsed` [s] after the step's start."""
     if elapsed >= settling_time(drive):
         return 0.0
     if drive.lag > 0.0:
@@ -38,8 +38,7 @@ def _change_of_speed(drive, elapsed, speed):
 
 @part
 def _cell_of(start, phase, cell):
-    """The cell of a phase, found from another `cell`, the turns that lie between them, and the phase within its turn.
-    """
+    """Return the cell of a phase, found from another `cell`, the turns between them, and the phase within its turn."""
     turns = 0
     while phase >= start[cell + 1]:
         cell += 1
@@ -59,7 +58,7 @@ def _cell_of(start, phase, cell):
 @part
 def fill_forcing_at(system, state, elapsed, z):
     """Set the channels of signals, ramps, held value and the constant to their values `elapsed` [s] after the step's
-    start; those of a rotor's signals follow with its accelerations."""
+    start; with a rotor, `accelerate` sets the signals."""
     _fill_ramps_at(system, state, elapsed, z)
     if system.counts[0].rotors > 0:
         z[first_ramp(system.counts[0]) + 2 * system.counts[0].ramps + 1] = state.now[0].motor.held
@@ -92,9 +91,10 @@ def _fill_ramps_at(system, state, elapsed, z):
 
 @part
 def accelerate(system, state, mode, z, accelerations):
-    """Accelerations of all coordinates in `mode`, from the other channels of z.
+    """Compute the accelerations of all coordinates in `mode`, from the other channels of z.
 
-    z receives the accelerations of the dynamic coordinates, the decaying term and what follows from a rotor's phase.
+    z receives the accelerations of the dynamic coordinates, the decaying term and the channels that depend on a rotor's
+    phase.
     """
     coordinates, dynamic = system.counts[0].coordinates, system.counts[0].dynamic
     if system.counts[0].rotors > 0 or decays(system, mode):
@@ -110,7 +110,7 @@ def accelerate(system, state, mode, z, accelerations):
 
 @part
 def advance_values(system, state, elapsed):
-    """Move phase and ramps by `elapsed` [s], but not the clock; return what has been reached, as
+    """Move phase and ramps by `elapsed` [s], but not the clock; return which targets are reached, as
     `segment.advance_forcing` does."""
     if system.counts[0].rotors > 0:
         return advance_ramps(state, elapsed)

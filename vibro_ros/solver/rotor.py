@@ -1,10 +1,10 @@
 """The rotor: a phase that is a coordinate, with the signals that follow from it and the controller of its motor.
 
-The phase turns by a motor's current and by the torque of what the signals drive,
+The phase is driven by a motor's current and by the torque of the signals' loads,
 
     T = sum over the signals of (g z) df/dphase,
 
-and the signals are functions of the phase. Their Taylor series in time are found order by order from that of the phase,
+and the signals are functions of the phase. Their Taylor series in time follow order by order from that of the phase,
 for `taylor`: sine, cosine, root and quotient have recurrences with one product of series each, fourteen products for
 two sliders.
 
@@ -22,9 +22,9 @@ from vibro_ros.solver.system import BY_COMMAND, BY_VOLTAGE, System, first_signal
 from vibro_ros.solver.vector import LENGTH, total, vector
 
 _TURN = 2.0 * math.pi
-# A phase [rad] that no step turns by unless it diverges, which is found at its end: it has no turns to count.
+# Phase [rad] that only a diverging step reaches; its turns are not counted, and the step's end finds the divergence.
 _LOST = 1e6
-# A sample is due that lies no further ahead than the rounding of its instant.
+# A sample is due if it lies no further ahead than the rounding of its instant.
 _DUE = 8.0 * np.finfo(float).eps
 # Rows of the scratch's series: cosine and sine of the phase, then of each signal a cos, a sin, root, the signal itself
 # and its slope.
@@ -36,24 +36,24 @@ SERIES_OF_ROTOR = _SIGNALS + _PER_SIGNAL * MOST_ROTOR_SIGNALS
 
 @part
 def product_coefficient(p, mirrored, n):
-    """Coefficient n of the product of two series, of which every coefficient that is not known yet is zero; n is at
-    most LENGTH, whose own coefficients do not count.
+    """Return coefficient n of the product of two series, whose unknown coefficients are zero; n is at most LENGTH, and
+    coefficients number LENGTH are left out.
 
-    Coefficient j of the second series is `mirrored` [LENGTH - j], behind which are zeros: so the terms of the sum stand
-    side by side, and the sum takes as few instructions as a vector has parts.
+    Coefficient j of the second series is `mirrored` [LENGTH - j], followed by zeros. So the terms of the sum are
+    contiguous, and the sum takes as few instructions as a vector has parts.
     """
     return total(_terms(p, mirrored, n))
 
 
 @part
 def _terms(p, mirrored, n):
-    """The terms of that sum."""
+    """Return the terms of the sum in `product_coefficient`."""
     return vector(p) * vector(mirrored[LENGTH - n:])
 
 
 @part
 def _begin_signal(system, k, series, mirrored):
-    """Coefficient 0 of signal k and of its slope, from those of the phase's cosine and sine."""
+    """Fill in coefficient 0 of signal k and of its slope, from those of the phase's cosine and sine."""
     a, cosine, sine, b = (system.rotor.signal[k, 0], system.rotor.signal[k, 1], system.rotor.signal[k, 2],
                           system.rotor.signal[k, 3])
     along = a * (cosine * series[_COSINE, 0] + sine * series[_SINE, 0])
@@ -77,13 +77,13 @@ def _put_signal(k, n, along, across, root, signal, slope, series, mirrored):
 
 @part
 def slope_row(k):
-    """Row of the series of the slope of signal k over the phase."""
+    """Return the row of the series of the slope of signal k over the phase."""
     return _SIGNALS + _PER_SIGNAL * k + 4
 
 
 @part
 def begin_signals(system, z, series, mirrored):
-    """Constant terms of the phase's cosine and sine and of all signals, from that of the phase."""
+    """Fill in the constant terms of the phase's cosine and sine and of all signals, from that of the phase."""
     phase = z[system.counts[0].dynamic - 2, 0]
     series[_COSINE, 0], series[_SINE, 0] = math.cos(phase), math.sin(phase)
     for k in range(system.counts[0].signals):
@@ -92,11 +92,11 @@ def begin_signals(system, z, series, mirrored):
 
 @inlined_part
 def turn_signals(system, z, n, step, series, mirrored):
-    """Coefficients n + 1 of the phase's cosine and sine and of all signals, from its rate's up to n; coefficient n of
-    the channels of the signals, their rates and, but for the part of the phase's acceleration, their accelerations.
+    """Fill in coefficient n + 1 of the phase's cosine and sine and of all signals, from those up to n of its rate; and
+    coefficient n of the signals' channels, rates and, without the term of the phase's acceleration, accelerations.
 
-    Every sum over known coefficients comes before what the newest ones add to it: a vector that is read just after one
-    of its numbers was written would wait for that.
+    Every sum over older coefficients is computed before the terms of the newest ones are added, because a vector that
+    is read just after one of its numbers was written would stall.
     """
     counts = system.counts[0]
     rate, first = z[counts.coordinates + counts.dynamic - 2, n], first_signal(counts)
@@ -133,7 +133,7 @@ def turn_signals(system, z, n, step, series, mirrored):
 
 @part
 def _count_turns(system, state, point):
-    """Keep the phase within a turn, where its digits are as fine as they can be."""
+    """Count whole turns of the phase, and keep the phase within a turn, where its rounding error is smallest."""
     phase, drive = system.counts[0].dynamic - 2, state.now[0].drive
     while _TURN <= point[phase] < _LOST:
         point[phase] -= _TURN
@@ -145,14 +145,14 @@ def _count_turns(system, state, point):
 
 @rounding_part
 def _reference(target, reference, slope, elapsed):
-    """Speed [rad/s] that the controller follows `elapsed` [s] after a command, and its rate of change [rad/s²]."""
+    """Return the controller's reference [rad/s], `elapsed` [s] after a command, and its rate [rad/s²]."""
     moved = reference + slope * elapsed
     return (target, 0.0) if slope == 0.0 or (target - moved) * slope <= 0.0 else (moved, slope)
 
 
 @rounding_part  # a clamped value is compared with itself
 def _take_sample(controller, motor, time, speed):
-    """Take a sample of the speed [rad/s] at `time` [s]: set what is held, and the controller's integral."""
+    """Take a sample of the speed [rad/s] at `time` [s]: set the held value and the controller's integral."""
     reference, slope = _reference(motor.target, motor.reference, motor.slope, time - motor.since)
     error = reference - speed
     motor.before = motor.integral
@@ -160,7 +160,7 @@ def _take_sample(controller, motor, time, speed):
         wanted = controller.feed_forward * reference + controller.proportional * error + motor.integral
         counter, swing = controller.constant * speed, controller.resistance * controller.limit
         held = min(max(wanted, counter - swing), counter + swing)
-        held = min(max(held, -controller.supply), controller.supply)  # last: no supply gives more than it has
+        held = min(max(held, -controller.supply), controller.supply)  # last, because no supply exceeds its voltage
         winds_up = held != wanted and error * (wanted - held) > 0.0
     else:
         wanted = controller.feed_forward * slope + controller.proportional * error + motor.integral
@@ -174,7 +174,7 @@ def _take_sample(controller, motor, time, speed):
 
 @part
 def _time_to_sample(system, state):
-    """Time [s] until the next sample is due; infinite without samples."""
+    """Return the time [s] until the next sample is due; infinite without a controller."""
     segment, controller = state.now[0].segment, system.rotor.controller[0]
     if controller.law == BY_COMMAND:
         return math.inf
@@ -183,14 +183,14 @@ def _time_to_sample(system, state):
 
 @part
 def read_phase(system, point):
-    """Phase [rad] and its rate [rad/s] at `point`."""
+    """Return the phase [rad] and its rate [rad/s] at `point`."""
     phase = system.counts[0].dynamic - 2
     return point[phase], point[system.counts[0].coordinates + phase]
 
 
 @part
 def enter_rotor(system, state, point):
-    """Before a segment, or a step, that starts at `point`: count turns, and take a sample that is due."""
+    """Count turns, and take a sample if one is due, before a segment or a step that starts at `point`."""
     _count_turns(system, state, point)
     if _time_to_sample(system, state) <= _DUE * (1.0 + state.now[0].segment.start):
         controller, motor, (_, rate) = system.rotor.controller[0], state.now[0].motor, read_phase(system, point)
@@ -199,7 +199,7 @@ def enter_rotor(system, state, point):
 
 @part
 def longest_rotor_segment(system, state):
-    """How long [s] a segment may last, as far as samples and ramps go."""
+    """Return the longest duration [s] of a segment that samples and ramps allow."""
     duration = min(LONGEST_SEGMENT, _time_to_sample(system, state))
     for k in range(len(state.ramp)):
         if state.ramp[k].rate != 0.0:
@@ -208,7 +208,7 @@ def longest_rotor_segment(system, state):
 
 
 def start_rotor(system: System, state: State, target: float) -> None:
-    """Let a rotor's motor be asked for `target`, a speed [rad/s] or a voltage [V], since before the start."""
+    """Set the command of a rotor's motor at the start to `target`, a speed [rad/s] or a voltage [V]."""
     motor = state.now["motor"][0]
     motor["target"] = motor["reference"] = target
     if system.rotor.controller[0]["law"] == BY_COMMAND:
@@ -216,11 +216,11 @@ def start_rotor(system: System, state: State, target: float) -> None:
 
 
 def command_rotor(system: System, state: State, time: float, target: float, acceleration: float) -> None:
-    """Ask a rotor's motor for `target`, a speed [rad/s] or a voltage [V], from `time` [s] on, where a segment begins.
+    """Command `target`, a speed [rad/s] or a voltage [V], to a rotor's motor from `time` [s], where a segment begins.
 
-    The controller follows the speed at the `acceleration` [rad/s²], or at once if that is 0. A sample that was taken at
-    this very instant is taken again, because it counts the command. Otherwise the value that is held stays until the
-    next sample; a supply that has fallen below a held voltage bounds it at once.
+    The controller's reference changes to the speed at the `acceleration` [rad/s²], or at once if that is 0. A sample
+    that was taken at this very instant is taken again, because it depends on the command. Otherwise the held value
+    stays until the next sample; if the supply has fallen below a held voltage, the supply bounds it at once.
     """
     motor, controller = state.now["motor"][0], system.rotor.controller[0]
     if controller["law"] == BY_COMMAND:
@@ -240,9 +240,9 @@ def command_rotor(system: System, state: State, time: float, target: float, acce
 
 
 def give_integral(system: System, state: State, time: float, integral: float) -> None:
-    """Give the controller of a rotor's motor an integral [V or A] at `time` [s], where a segment begins.
+    """Set the integral of a rotor's controller [V or A] at `time` [s], where a segment begins.
 
-    A sample that was taken at this very instant is taken again, because it counts the integral, and the speed.
+    A sample that was taken at this very instant is taken again, because it depends on the integral and the speed.
     """
     motor = state.now["motor"][0]
     _withdraw_sample(motor, system.rotor.controller[0], time)
@@ -250,7 +250,7 @@ def give_integral(system: System, state: State, time: float, integral: float) ->
 
 
 def _withdraw_sample(motor: np.void, controller: np.void, time: float) -> None:
-    """Let a sample that was taken at `time` [s] be due again."""
+    """Make a sample that was taken at `time` [s] due again."""
     last = motor["samples"] - 1
     if last >= 0 and abs(last * controller["period"] - time) <= _DUE * (1.0 + time):
         motor["samples"], motor["integral"] = last, motor["before"]

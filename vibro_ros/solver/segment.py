@@ -1,9 +1,9 @@
-"""Segments: the part of time that one polynomial a channel describes, and the clock that the segments move.
+"""Segments: spans of time in which one polynomial describes each channel, and the clock that they advance.
 
-A segment starts with a flow, or where the segment before it ends. It ends with the cell of the signals, with a ramp, or
+A segment starts with a flow, or where the previous segment ends. It ends with the cell of the signals, with a ramp, or
 where a series no longer reaches rounding.
 
-The known forcing, which is periodic signals of the phase and ramps, is written as polynomials over the segment.
+The known forcing, periodic signals of the phase and ramps, is written as polynomials over the segment.
 """
 
 import math
@@ -28,21 +28,21 @@ LONGEST_SEGMENT = 1.0
 
 @part
 def local_time(state, time):
-    """Local time of the instant `time` [s]: -1 at the segment's start, 1 at its end."""
+    """Return the local time of the instant `time` [s]: -1 at the segment's start, 1 at its end."""
     segment = state.now[0].segment
     return ((time - segment.start) - segment.residue) / segment.half - 1.0
 
 
 @part
 def instant(state, x):
-    """Instant [s] of the local time `x`."""
+    """Return the instant [s] of the local time `x`."""
     segment = state.now[0].segment
     return segment.start + (segment.residue + segment.half * (x + 1.0))
 
 
 @part
 def advance_clock(state, elapsed):
-    """Move the segment's start by `elapsed` [s] and store what rounding takes from the sum."""
+    """Move the segment's start by `elapsed` [s] and store the rounding error of the sum."""
     segment = state.now[0].segment
     increment = elapsed + segment.residue
     total = segment.start + increment
@@ -57,7 +57,7 @@ def _cell_width(system, drive):
 
 @part
 def choose_segment(system, state):
-    """Let the segment, whose mode starts with it, last as long as the flow's series and the forcing allow."""
+    """Start a segment and its mode; the segment lasts as long as the flow's series and the forcing allow."""
     segment, drive = state.now[0].segment, state.now[0].drive
     if drive.offset >= _cell_width(system, drive):
         enter_next_cell(system, drive)
@@ -73,13 +73,13 @@ def choose_segment(system, state):
     segment.half = 0.5 * duration
 
 
-# Logarithm of what may be neglected beside 1.
+# Logarithm of a number that may be neglected beside 1.
 _ROUNDING = math.log(1e-18)
 
 
 @part
 def _significant_terms(ratio):
-    """Number of terms of a signal's series that matter over a segment.
+    """Return the number of terms of a signal's series that matter over a segment.
 
     `ratio` is half the segment's span of the phase over the distance to the signal's nearest singularity.
     """
@@ -90,7 +90,7 @@ def _significant_terms(ratio):
 
 @part
 def _fill_parts(system, state, polynomials, middle, slope, shift_size):
-    """Polynomials of the signals over a part of the cell, from those over all of it; a negative slope mirrors them."""
+    """Fill in the signals' polynomials over a part of the cell, from those over the cell; a negative slope mirrors."""
     drive, first = state.now[0].drive, first_signal(system.counts[0])
     targets = state.z[first:first + len(polynomials)]
     ratio = 0.5 * _cell_width(system, drive) * abs(slope) * (1.0 + shift_size) / system.signals.reach[drive.cell]
@@ -101,7 +101,7 @@ def _fill_parts(system, state, polynomials, middle, slope, shift_size):
 
 @part
 def _displace_all(state, polynomials, ratio, terms, size, targets):
-    """Shift the argument of each of `polynomials`, whose coefficients shrink by `ratio`, by the scratch's shift."""
+    """Shift the argument of each of `polynomials`, whose coefficients fall by `ratio`, by the shift in the scratch."""
     room, order = state.scratch.room[0], _significant_terms(ratio * size) - 1
     for k in range(len(targets)):
         displace(polynomials[k], room.shift[:], terms, order, room.displaced[:], targets[k])
@@ -109,7 +109,7 @@ def _displace_all(state, polynomials, ratio, terms, size, targets):
 
 @part
 def _size(shift, terms):
-    """Bound of the shift on [-1, 1]."""
+    """Return a bound of the shift on [-1, 1]."""
     size = 0.0
     for n in range(2, terms):
         size += abs(shift[n])
@@ -144,8 +144,8 @@ def _fill_signals(system, state):
 
 @part
 def _raise_acceleration_magnitudes(system, state):
-    """Let the signals' accelerations have the magnitude of their terms over the cell: in a short segment about a zero
-    they are sums of these, and much smaller."""
+    """Give the signals' accelerations the magnitude of their terms over the cell, because in a short segment about a
+    zero they are sums of these terms, and much smaller."""
     drive, first = state.now[0].drive, first_signal(system.counts[0]) + 2 * system.counts[0].signals
     speed = max(abs(drive.speed), abs(drive.target)) * 2.0 / _cell_width(system, drive)
     for k in range(system.counts[0].signal_accelerations):
@@ -155,7 +155,7 @@ def _raise_acceleration_magnitudes(system, state):
 
 @part
 def fill_forcing(system, state):
-    """Polynomials of the signals, the ramps, their rates and the constant over the segment."""
+    """Fill in the polynomials of signals, ramps, their rates and the constant over the segment."""
     half, z = state.now[0].segment.half, state.z
     first, signals, ramps = first_signal(system.counts[0]), system.counts[0].signals, system.counts[0].ramps
     _fill_signals(system, state)
@@ -178,7 +178,7 @@ def fill_forcing(system, state):
 
 @entry
 def read_signals(system, state, values):
-    """Values of the signals now, before the first segment: the very bits that the segment's flow starts with."""
+    """Read the signals now, before the first segment, with the same bits with which the segment's flow starts."""
     system, state = system_of(system), state_of(state)
     choose_segment(system, state)
     fill_forcing(system, state)
@@ -209,11 +209,11 @@ def advance_forcing(system, state, x):
     Returns
     -------
     int
-        Bit k is set when ramp k has reached its target, the bit after the last ramp when the speed has.
+        Bit k is set when ramp k has reached its target, and the bit after the last ramp when the speed has.
     """
     drive = state.now[0].drive
     elapsed = state.now[0].segment.half * (x + 1.0)
-    if system.counts[0].rotors > 0:  # whose phase is a coordinate
+    if system.counts[0].rotors > 0:  # the phase is a coordinate
         advance_clock(state, elapsed)
         return advance_ramps(state, elapsed)
     advance, speed = phase_advance(drive, elapsed)
@@ -232,7 +232,7 @@ def advance_forcing(system, state, x):
 
 @part
 def phase_at(system, state, x):
-    """Phase past the start of the turn [rad] and its rate [rad/s], below 0 backwards, at the local time `x`."""
+    """Return the phase past the start of the turn [rad] and its rate [rad/s], below 0 backwards, at local time `x`."""
     drive = state.now[0].drive
     advance, speed = phase_advance(drive, state.now[0].segment.half * (x + 1.0))
     if drive.direction < 0:

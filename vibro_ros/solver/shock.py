@@ -1,11 +1,11 @@
-"""Shocks that no linear form gives: of a rotor that is struck, and with friction that falls with the speed.
+"""Shocks that are no linear jumps: of a rotor that is struck, and with friction that falls with the speed.
 
 A shock changes the velocity V of the body, and with it the phase's rate and the speeds of the *free* coordinates, which
-nothing strikes. While the phase is held the body has the inertia A_0, along the ground and upwards, and a unit of the
-phase's rate gives it the momentum c, by the masses that the signals move. The phase changes its rate by -c . dV / J, so
-that the body has the inertia
+nothing strikes. With the phase held, the body has the inertia A_0, along the ground and upwards; c is the momentum of
+the masses that the signals move, at a unit of the phase's rate. The phase changes its rate by -c . dV / J, so that the
+body has the inertia
 
-    A = A_0 - c c^T / J,        c and J of the phase at which the shock happens.
+    A = A_0 - c c^T / J,        with c and J at the phase of the shock.
 
 A *blow* throws a coordinate back and gives the body an impulse I: A dV = I, or A_xx dx' = I_x of a body that the ground
 holds. A *landing* is a shock with friction, in E. J. Routh's two phases with S. D. Poisson's restitution (`model.shock`
@@ -13,7 +13,7 @@ has the law). While the body slips in the direction sigma, dP_x = -sigma mu dP_y
 
     dx' = -c dy',    c(sigma) = (A_xy + sigma mu A_yy) / (A_xx + sigma mu A_xy)    if mu does not change.
 
-If mu falls with the speed, mu(v) = mu + (mu_s - mu) exp(-v / v_s), p = P_y / A_yy is the independent variable. With
+If mu falls with the speed, mu(v) = mu + (mu_s - mu) exp(-v / v_s), use p = P_y / A_yy as independent variable. With
 v = sigma x', q = sigma A_xy / A_yy and B = A_xx - A_xy² / A_yy,
 
     dv/dp = -(A_yy / B) (mu(v) + q)        dy' = dp - q dv,
@@ -23,7 +23,7 @@ and w = exp(v / v_s) obeys the linear equation
     w' = -alpha w - beta,    alpha = (A_yy / (B v_s)) (mu + q),    beta = (A_yy / (B v_s)) (mu_s - mu).
 
 So p at a stop, where w = 1, and v at a given p have closed forms, and so has the rebound, which ends at a given p. The
-compression ends where y' vanishes: an equation for p, whose curvature has one sign, and whose slope,
+compression ends where y' vanishes. This is an equation for p, whose curvature has one sign, and whose slope,
 (A_xx + sigma mu(v) A_xy) / B, is positive unless the body jams.
 """
 
@@ -35,18 +35,18 @@ from vibro_ros.solver.system import NOTHING, first_ramp, first_signal
 from vibro_ros.solver.taylor import evaluate
 
 _EPSILON = 2.220446049250313e-16
-# Newton's steps, halvings included, that find where a compression ends.
+# Most steps, by Newton or by halving, that find the end of a compression.
 _MOST_STEPS = 100
-# exp of more is near the largest number, and 1 beside it is nothing.
+# exp of a larger number is near overflow, and 1 is negligible beside it.
 _LARGE = 500.0
-# Where a logarithm's argument vanishes only by rounding.
+# Least argument of log1p; a smaller one is due to rounding.
 _LEAST = -1.0 + 0.5 * _EPSILON
 
 
 @part
 def outcomes(system, mode, guard, candidate):
-    """How many candidates of a guard, from `candidate` on, belong to one shock, which decides between them; 1 without a
-    shock."""
+    """Return how many candidates of a guard, from `candidate` on, belong to one shock, which chooses one of them; 1
+    without a shock."""
     if len(system.shock.numbers) == 0 or system.shock.candidate[mode, guard, candidate] == NOTHING:
         return 1
     shock = system.shock.numbers[system.shock.candidate[mode, guard, candidate]]
@@ -55,11 +55,11 @@ def outcomes(system, mode, guard, candidate):
 
 @part
 def _slowed(start, rate, decay, unit, p):
-    """Speed [m/s] of a body that has slipped for `p` from the speed `start`, with v = unit ln(w) and w' = -rate w -
-    decay."""
+    """Return the speed [m/s] of a body that has slipped for `p` from the speed `start`, with v = unit ln(w) and w' =
+    -rate w - decay."""
     ratio, exponent = start / unit, rate * p
     fading = math.exp(-ratio)
-    # exp(-ratio) (exp(exponent) - 1) / rate, of two forms the one that neither overflows nor cancels
+    # exp(-ratio) (exp(exponent) - 1) / rate, in the form that neither overflows nor cancels
     if rate == 0.0:
         change = fading * p
     elif exponent > 1.0:
@@ -71,7 +71,7 @@ def _slowed(start, rate, decay, unit, p):
 
 @part
 def _until_stop(start, rate, decay, unit):
-    """p at which a body that slips stops; infinite if the shock drives the body on."""
+    """Return the p at which a slipping body stops; infinite if the shock drives the body on."""
     ratio = start / unit
     fading = math.exp(-ratio)
     if not (rate + decay > 0.0 and rate + decay * fading > 0.0):
@@ -84,7 +84,7 @@ def _until_stop(start, rate, decay, unit):
 
 @part
 def _slip_by_decay(shock, along, across, up, sign, speed, rise, impulse):
-    """`_slip` with friction that falls with the speed."""
+    """Return what `_slip` returns, with friction that falls with the speed."""
     side = 0 if sign > 0.0 else 1
     push, unit, start = sign * across / up, shock.decay_speed, sign * speed
     kinetic, static = shock.kinetic[side], shock.static[side]
@@ -116,8 +116,8 @@ def _slip_by_decay(shock, along, across, up, sign, speed, rise, impulse):
 
 @part
 def _slip(shock, along, across, up, sign, speed, rise, impulse):
-    """A body that slips in the direction `sign` from `speed` until it stops, or until y' has grown by `rise`, or P_y by
-    `impulse`, of which one is infinite.
+    """Let a body slip in the direction `sign` from `speed` until it stops, or until y' has grown by `rise`, or P_y by
+    `impulse`, one of which is infinite.
 
     Returns
     -------
@@ -128,7 +128,7 @@ def _slip(shock, along, across, up, sign, speed, rise, impulse):
         return _slip_by_decay(shock, along, across, up, sign, speed, rise, impulse)
     friction = sign * shock.kinetic[0 if sign > 0.0 else 1]
     slip = (across + friction * up) / (along + friction * across)
-    of_rise = up - slip * across  # P_y of a unit
+    of_rise = up - slip * across  # P_y per unit of y'
     if impulse < math.inf:
         rise = impulse / of_rise
     after = speed - slip * rise
@@ -140,16 +140,16 @@ def _slip(shock, along, across, up, sign, speed, rise, impulse):
 
 @part
 def land(shock, along, across, up, speed, fall):
-    """The body's velocity after a landing.
+    """Return the body's velocity after a landing.
 
     Parameters
     ----------
     shock : SHOCK
-        Its friction and restitution.
+        Friction and restitution of the landing.
     along, across, up : float
         A [kg].
     speed, fall : float
-        x' and y' [m/s] before it, y' < 0.
+        x' and y' [m/s] before the landing, y' < 0.
 
     Returns
     -------
@@ -161,9 +161,9 @@ def land(shock, along, across, up, speed, fall):
         return speed - across / along * (bounce - fall), bounce, 0
     sticks = -shock.static[0] * up <= across <= shock.static[1] * up
     sign = 0.0 if speed == 0.0 else math.copysign(1.0, speed)
-    # First the compression, until y' = 0, then the rebound, until P_y has grown by e times what it was then.
+    # First the compression, until y' = 0; then the rebound, in which P_y grows by e times that of the compression.
     given, rise, rebounds = 0.0, -fall, False
-    left = math.inf  # of the rebound's P_y
+    left = math.inf  # P_y that the rebound still adds
     bounce = 0.0
     while True:
         stopped = False
@@ -190,7 +190,7 @@ def land(shock, along, across, up, speed, fall):
 
 @part
 def strike(system, state, number, point, after):
-    """Fill `after` with the channels that follow `point` by a shock; return which of the shock's candidates follows."""
+    """Fill `after` with the channels after a shock at `point`; return the number of the candidate that it chooses."""
     counts, table = system.counts[0], system.shock
     shock, coordinates, phase = table.numbers[number], counts.coordinates, counts.dynamic - 2
     inertia, of_speed, of_rise, series = shock.rotor, 0.0, 0.0, state.scratch.room[0].series[:]
@@ -205,7 +205,7 @@ def strike(system, state, number, point, after):
     across, up = shock.across - of_speed * of_rise / inertia, shock.up - of_rise * of_rise / inertia
     for channel in range(len(point)):
         after[channel] = point[channel]
-    change, drop, outcome = 0.0, 0.0, 0  # of x', of y' downwards
+    change, drop, outcome = 0.0, 0.0, 0  # changes of x', and of y' downwards
     if shock.struck == NOTHING:
         speed = point[coordinates + shock.body] if shock.body != NOTHING else 0.0
         fall = point[coordinates + shock.height]

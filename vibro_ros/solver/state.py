@@ -1,4 +1,4 @@
-"""The state of an integration: its segment, its mode, and how its forcing goes on.
+"""The state of an integration: its segment, its mode, and its forcing.
 
 Times within a segment are *local times* x: -1 at the segment's start, 1 at its end.
 
@@ -23,13 +23,13 @@ from vibro_ros.solver.reference import reference_to
 from vibro_ros.solver.system import System, channels_of, record
 from vibro_ros.solver.vector import LENGTH
 
-#: Dynamic coordinates that a system has at most.
+#: Largest number of dynamic coordinates of a system.
 MOST_DYNAMIC = 8
 
 #: The present segment.
 SEGMENT = record([
     ("start", np.float64),  # instant [s] of the local time -1 ...
-    ("residue", np.float64),  # ... and what rounding took from the sum: an hour of segments must not move the clock
+    ("residue", np.float64),  # ... and the rounding error of its sum, so that the clock is exact after hours
     ("half", np.float64),  # half the duration [s]
     ("mode_start", np.float64),  # local time at which the mode started
     ("next_event", np.float64),  # local time of the next event: of the first root of a guard, else 1
@@ -39,27 +39,27 @@ SEGMENT = record([
 #: The phase of the signals, and how its speed changes.
 DRIVE = record([
     ("cell", np.int64),  # of `SignalTable`
-    ("turns", np.int64),  # periods that are over, below 0 backwards
-    ("direction", np.int64),  # 1, or -1 backwards: what follows is counted along it
+    ("turns", np.int64),  # whole periods so far, below 0 backwards
+    ("direction", np.int64),  # 1, or -1 backwards; the fields below are counted along it
     ("offset", np.float64),  # phase [rad] from where it enters the cell to the segment's start
     ("speed", np.float64),  # rate of the phase [rad/s] at the segment's start, not below 0 ...
-    ("residue", np.float64),  # ... what rounding took from it while it changes ...
+    ("residue", np.float64),  # ... the rounding error of its sum while it changes ...
     ("acceleration", np.float64),  # ... its constant rate of change [rad/s²], if it is on a ramp ...
     ("lag", np.float64),  # ... or the time constant [s] with which it approaches its target instead, or 0 ...
     ("target", np.float64),  # ... its target [rad/s], below 0 if the direction has to change first ...
-    ("time_left", np.float64),  # ... and the time [s] until it is there, or is 0 first, or 0
+    ("time_left", np.float64),  # ... and the time [s] until it is at the target, or at 0 before that; 0 if constant
 ])
 
 #: The present mode.
 AUTOMATON = record([
     ("mode", np.int64),  # the present mode
     ("guard", np.int64),  # the mode's guard that turns negative at `next_event`, or `NOTHING`
-    ("begins", np.int64),  # which of mode and flow begins at the segment's start: see `event_loop.FLOW_BEGINS`
+    ("begins", np.int64),  # whether mode or flow begins next: see `event_loop.FLOW_BEGINS`
     ("events_without_progress", np.int64),  # events in a row at one instant
-    ("segments", np.int64),  # that have been solved, since the state is new
+    ("segments", np.int64),  # number of segments solved since the state was made
 ])
 
-#: Accounts that a system has at most.
+#: Largest number of accounts of a system.
 MOST_ACCOUNTS = 12
 
 #: The energy accounts [J].
@@ -70,24 +70,24 @@ ACCOUNTS = record([
     ("work", np.float64, (MOST_ACCOUNTS,)),  # on each account, so far
 ])
 
-#: The motor of a rotor, and what it was asked for.
+#: The motor of a rotor, with its command.
 MOTOR = record([
     ("target", np.float64),  # commanded speed [rad/s], or voltage [V]
     ("reference", np.float64),  # speed [rad/s] that the controller follows, at the instant ...
-    ("since", np.float64),  # ... [s], from which on ...
-    ("slope", np.float64),  # ... it moves to the target so fast [rad/s²], if it has not arrived
-    ("integral", np.float64),  # of the controller, as the next sample finds it ...
-    ("before", np.float64),  # ... and as the last one found it
+    ("since", np.float64),  # ... [s], after which ...
+    ("slope", np.float64),  # ... it changes at this rate [rad/s²] until it is at the target
+    ("integral", np.float64),  # of the controller, before the next sample ...
+    ("before", np.float64),  # ... and before the last sample
     ("held", np.float64),  # voltage [V] or current [A] until the next sample
-    ("samples", np.int64),  # taken so far: the next one is due after so many periods
+    ("samples", np.int64),  # number taken so far; the next one is due after this many periods
 ])
 
-#: What `State.now` holds. A kernel reads a field as `state.now[0].segment.half`, Python as
+#: Record of `State.now`. A kernel reads a field as `state.now[0].segment.half`, Python as
 #: `state.now["segment"]["half"][0]`.
 NOW = record([("segment", SEGMENT), ("drive", DRIVE), ("automaton", AUTOMATON), ("accounts", ACCOUNTS),
                  ("motor", MOTOR)])
 
-#: What `State.ramp` holds of each ramp.
+#: Record of each ramp in `State.ramp`.
 RAMP = record([
     ("value", np.float64),  # at the segment's start
     ("rate", np.float64),  # per second; 0 at rest
@@ -95,36 +95,36 @@ RAMP = record([
     ("time_left", np.float64),  # time [s] until it is at its target
 ])
 
-#: What `State.monitor` holds of each monitor that is on.
+#: Record of each monitor in `State.monitor`, valid while the monitor is on.
 MONITOR = record([
     ("since", np.float64),  # instant [s] at which the monitor was switched on
-    ("approach", np.float64),  # what `System.approach` was then
+    ("approach", np.float64),  # value of `System.approach` at that instant
     ("peak", np.float64),  # largest value since then
 ])
 
-#: What `State.lowpass` holds of each low-pass filter: see `lowpass`.
+#: Record of each low-pass filter in `State.lowpass`: see `lowpass`.
 LOWPASS = record([
     ("channel", np.int64),  # whose rate is filtered
     ("rate", np.float64),  # magnitude [1/s] of the filter's poles; the same for all filters of a state
     ("in_phase", np.float64),  # the filter's complex state, in the unit of the channel ...
     ("quadrature", np.float64),
-    ("value", np.float64),  # the channel where the filter stands ...
-    ("reached", np.float64),  # ... local time of that, or `UNKNOWN` where the mode has just begun
+    ("value", np.float64),  # the channel at the instant that the filter has reached ...
+    ("reached", np.float64),  # ... and the local time of that instant, or `UNKNOWN` if the mode has just begun
 ])
 
-#: Signals of a rotor, at most: two sliders, and a pin's two directions. Rows for series: five for each, three for the
-#: phase's, four for a decaying term and for what these two add to other channels.
+#: Largest number of a rotor's signals: two sliders, and a pin's two directions. Rows for series: three of the phase,
+#: five of each signal, two of a decaying term, and two for the responses to the phase's acceleration and to that term.
 MOST_ROTOR_SIGNALS = 4
 SERIES = 3 + 5 * MOST_ROTOR_SIGNALS + 4
 
-#: What `Scratch.room` holds: arrays with one purpose each. A kernel takes one as `room.guard[:]`, because numba would
+#: Record of `Scratch.room`: arrays with one purpose each. A kernel takes one as `room.guard[:]`, because numba would
 #: compile every kernel that gets the array once more for the type of a record's field.
 ROOM = record([
     ("load", np.float64, (MOST_DYNAMIC, LENGTH)),  # of each dynamic coordinate
     ("free_at_start", np.float64, (2 * MOST_DYNAMIC,)),  # of `flow`: components of the free motion at the start ...
     ("free_at_middle", np.float64, (2 * MOST_DYNAMIC,)),  # ... and in the segment's middle
     ("shift", np.float64, (LENGTH,)),  # of the phase, by the change of its speed ...
-    ("displaced", np.float64, (2 * LENGTH,)),  # ... and a signal that it is put into
+    ("displaced", np.float64, (2 * LENGTH,)),  # ... and a signal whose argument is shifted by it
     ("acceleration", np.float64, (LENGTH,)),  # of a driven coordinate
     ("guard", np.float64, (LENGTH,)),  # whose root is searched
     ("search", np.float64, (2, LENGTH)),  # of `guards.first_root`
@@ -166,13 +166,13 @@ class Library(NamedTuple):
     Attributes
     ----------
     half : ndarray, shape (flows,)
-        Half the duration [s] of the flow's longest segment, over which the free motions are; 0 while there are none.
+        Half the duration [s] of the flow's longest segment, over which its free motions are solved; 0 until they are.
     free : ndarray, shape (flows, 2 n, 2 n, LENGTH)
-        Motion without load, from a unit of each component in the middle.
+        Motions without load, from a unit of each component in the middle.
     free_end : ndarray, shape (flows, 2 n, 2 n)
         Values of `free` at the segment's end.
     forced : ndarray, shape (2 n, LENGTH)
-        Room for the motion under the present segment's load.
+        Room for the motion under the present segment's loads.
     """
 
     half: np.ndarray
@@ -191,7 +191,7 @@ class State(NamedTuple):
     magnitude : ndarray, shape (channels,)
         Magnitude of the terms that make up each channel, which sets the channel's rounding error.
     now : ndarray of NOW, shape (1,)
-        The present segment, drive and mode, and the energy accounts.
+        The present segment, drive and mode, the energy accounts, and the motor.
     ramp : ndarray of RAMP, shape (ramps,)
         The ramps at the segment's start.
     mode_point : ndarray, shape (2 coordinates,)
@@ -220,7 +220,7 @@ class State(NamedTuple):
     scratch: Scratch
 
 
-#: Makes a reference of a laid out `State`, in kernels.
+#: Function that makes a reference from the layout of a `State`, in kernels.
 state_of = reference_to(State)
 
 #: Root of a guard that has not been searched in this segment; smaller than any local time.
@@ -228,7 +228,7 @@ UNKNOWN = -2.0
 
 
 def numbers_of(arrays: Iterable[np.ndarray]) -> list[np.ndarray]:
-    """The arrays, and of an array of records a view of each field, down to numbers."""
+    """Return the arrays, with each array of records replaced by views of its fields, down to arrays of numbers."""
     parts: list[np.ndarray] = []
     for array in arrays:
         parts += numbers_of(array[field] for field in array.dtype.names) if array.dtype.names else [array]
@@ -236,9 +236,9 @@ def numbers_of(arrays: Iterable[np.ndarray]) -> list[np.ndarray]:
 
 
 def lasting(state: State) -> list[np.ndarray]:
-    """Arrays of numbers, as views, that the future of `state` depends on.
+    """Return the arrays of numbers, as views, on which the future of `state` depends.
 
-    The library is none of them, because its series come out the same again; nor is the scratch.
+    The library is left out, because its series would be solved again with the same result, and so is the scratch.
     """
     return numbers_of(values for name, values in zip(state._fields, state, strict=True)
                       if name not in ("library", "scratch"))
@@ -247,14 +247,14 @@ def lasting(state: State) -> list[np.ndarray]:
 def _empty_library(system: System) -> Library:
     components = 2 * int(system.counts["dynamic"][0])
     flows = int(system.flow.max(initial=0)) + 1
-    if len(system.rotor.controller):  # whose flows are not linear: nothing is shared
+    if len(system.rotor.controller):  # flows are not linear, so that no series is shared
         flows = 0
     return Library(half=np.zeros(flows), free=np.zeros((flows, components, components, LENGTH)),
                    free_end=np.zeros((flows, components, components)), forced=np.zeros((components, LENGTH)))
 
 
 def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode: int) -> State:
-    """State at time 0 and phase 0; `event_loop.begin_segment` gives it coordinates and its first segment.
+    """Return a state at time 0 and phase 0; `event_loop.begin_segment` gives it coordinates and a first segment.
 
     Parameters
     ----------
@@ -263,7 +263,7 @@ def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode:
     phase_speed : float
         Rate of the phase [rad/s], below 0 backwards.
     ramp_values : ndarray, shape (ramps,)
-        Where the ramps stand.
+        Values of the ramps.
     mode : int
         A mode whose guards hold, at least just after the start.
 

@@ -1,14 +1,14 @@
-"""What the event loop can integrate: a piecewise linear system with known forcing, as tables.
+"""The tables of a piecewise linear system with known forcing, which the event loop integrates.
 
 Coordinates q obey, in mode m, q'' = A_m z with the *channels*
 
     z = [q, q', a, f, f', f'', r, r', T, h, d, 1]
 
 where a = q'' of the dynamic coordinates; f are periodic signals of a phase, whose speed is constant, changes linearly
-or approaches a target exponentially, and f'' is there only for a system that asks for it; r are ramps, which move to
-their targets at constant rates; and d, where there is one, is a term that decays exponentially with a coordinate's
-velocity (`Decay`). Where the phase is a coordinate (`Rotor`), T is the torque on it, and h what its
-motor is held at.
+or approaches a target exponentially, and f'' exists only in a system that asks for it; r are ramps, which move to
+their targets at constant rates; and d, if it exists, is a term that decays exponentially with a coordinate's
+velocity (`Decay`). If the phase is a coordinate (`Rotor`), T is the torque on it, and h the voltage or current at which
+its motor is held.
 
 The first `dynamic` coordinates may enter their own right-hand sides, with the forcing. The other coordinates are
 *driven* by all of these. Only guards and outputs depend on the driven coordinates, so a mode that changes their
@@ -28,7 +28,7 @@ from vibro_ros.solver.reference import reference_to
 
 
 class Channels(NamedTuple):
-    """Where each channel stands in z."""
+    """Numbers of coordinates and forcing terms, which give the index of each channel in z."""
 
     coordinates: int
     dynamic: int
@@ -65,7 +65,7 @@ class Channels(NamedTuple):
         return self.signal(self.signals) + k
 
     def signal_acceleration(self, k: int) -> int:
-        """Channel of signal k's second time derivative, where the system has those."""
+        """Channel of signal k's second time derivative, if the system has `signal_accelerations`."""
         return self.signal(2 * self.signals) + k
 
     def ramp(self, k: int) -> int:
@@ -78,22 +78,22 @@ class Channels(NamedTuple):
 
     @property
     def phase(self) -> int:
-        """Number of the coordinate that is the phase, where there is a rotor."""
+        """Number of the coordinate that is the phase, in a system with a rotor."""
         return self.dynamic - 2
 
     @property
     def charge(self) -> int:
-        """Number of the coordinate that is the charge, whose rate is the motor's current, where there is a rotor."""
+        """Number of the coordinate that is the charge, whose rate is the motor's current; with a rotor only."""
         return self.dynamic - 1
 
     @property
     def torque(self) -> int:
-        """Channel of the torque by which what the signals drive acts on the phase, where there is a rotor."""
+        """Channel of the torque on the phase by the loads of the signals; with a rotor only."""
         return self.ramp_rate(self.ramps)
 
     @property
     def held(self) -> int:
-        """Channel of what the motor is held at until its next sample, where there is a rotor."""
+        """Channel of the voltage or current that the motor is held at until its next sample; with a rotor only."""
         return self.torque + 1
 
     @property
@@ -108,7 +108,7 @@ class Channels(NamedTuple):
 
 
 def record(fields: list[tuple]) -> np.dtype:
-    """The type of records with such fields, which Python reads as kernels do: `one.field`."""
+    """Return the dtype of records with these fields, which Python, as kernels do, reads as `one.field`."""
     return np.dtype((np.record, np.dtype(fields, align=True)))
 
 
@@ -117,16 +117,16 @@ COUNTS = record([(name, np.int64) for name in Channels._fields])
 
 
 def counts_of(channels: Channels) -> np.ndarray:
-    """`System.counts` of a system with these channels."""
+    """Return `System.counts` of a system with these channels."""
     return np.array([tuple(channels)], COUNTS)
 
 
 def channels_of(counts: np.ndarray) -> Channels:
-    """Where each channel of a system with this `System.counts` stands in z."""
+    """Return the `Channels` of a system with this `System.counts`."""
     return Channels(*(int(number) for number in counts[0]))
 
 
-# Where the channels of one kind begin, for kernels, which can call no methods.
+# First channels of each kind, for kernels, which cannot call methods.
 
 
 @part
@@ -147,14 +147,14 @@ def first_ramp(counts):
     return 2 * counts.coordinates + counts.dynamic + 2 * counts.signals + counts.signal_accelerations
 
 
-#: Half a segment as part of the distance to the signals' nearest singularity: 0.225^LENGTH is rounding. With 0.22 a
+#: Half a segment over the distance to the signals' nearest singularity, because 0.225^LENGTH is rounding. With 0.22 a
 #: cell of the shipped mechanism would take three segments in place of two.
 STRIDE = 0.225
-#: Half a cell as part of the distance from its middle to it: what economization leaves out, 4.2^-LENGTH, is rounding.
+#: Half a cell over the distance from its middle to that singularity; economization leaves out 4.2^-LENGTH, rounding.
 CELL_STRIDE = 0.45
 #: Half the longest segment in units of the mode's fastest time constant: 1.7^LENGTH / LENGTH! is below rounding.
 RATE_LIMIT = 1.7
-#: No row, no jump, no monitor, no event, no (more) candidates.
+#: Entry of a table that means no row, no jump, no monitor, no event, or no (more) candidates.
 NOTHING = -1
 #: `System.guard_effect` of a guard whose candidates need not satisfy any guard.
 UNCHECKED = -2
@@ -170,7 +170,7 @@ class SignalTable(NamedTuple):
     reach : ndarray, shape (cells,)
         Distance [rad] in the complex plane from the cell to the nearest singularity.
     series : ndarray, shape (cells, signals, LENGTH)
-        Coefficients in 2 (phase - start) / width - 1 of the cell.
+        Coefficients of the polynomials in 2 (phase - start) / width - 1, with start and width of the cell.
     """
 
     start: np.ndarray
@@ -179,16 +179,16 @@ class SignalTable(NamedTuple):
 
 
 class Decay(NamedTuple):
-    """A decaying term d = f exp(r v), where v is a coordinate's velocity; all arrays are empty where there is none.
+    """A decaying term d = f exp(r v), where v is a coordinate's velocity; all arrays are empty if there is none.
 
     Attributes
     ----------
     coordinate : ndarray of int, shape (1,)
-        The coordinate.
+        The coordinate whose velocity is v.
     factor : ndarray, shape (m, channels)
         Rows of the factor f.
     terms : ndarray of int, shape (m, channels)
-        Channels that they read, padded with `NOTHING`.
+        Channels that the rows of `factor` read, padded with `NOTHING`.
     rate : ndarray, shape (m,)
         r, with r v <= 0 while the mode lasts; 0 in a mode without such a term.
     """
@@ -199,8 +199,8 @@ class Decay(NamedTuple):
     rate: np.ndarray
 
 
-#: What decides the value that a motor is held at (`Rotor.controller`): the command at once; or, at each sample, a
-#: controller that gives a voltage, or a current.
+#: Laws that set the value at which a motor is held (`Rotor.controller`): the command, at once; or a controller, which
+#: sets a voltage, or a current, at each sample.
 BY_COMMAND, BY_VOLTAGE, BY_CURRENT = 0, 1, 2
 
 #: A sampled controller.
@@ -218,7 +218,7 @@ CONTROLLER = record([
 
 
 class Rotor(NamedTuple):
-    """A phase that is a coordinate, turned by a motor and by what its signals drive; arrays are empty without one.
+    """A phase that is a coordinate, turned by a motor and by the loads of its signals; arrays are empty without one.
 
     Phase and charge are dynamic coordinates with rows of A, which may read the torque T and the held value h.
     T = sum over the signals of (g z) df/dphase. The signals are
@@ -232,13 +232,13 @@ class Rotor(NamedTuple):
     load : ndarray, shape (m, signals, channels)
         Rows g.
     load_terms : ndarray of int, shape (m, signals, channels)
-        Channels that they read, padded with `NOTHING`.
+        Channels that the rows of `load` read, padded with `NOTHING`.
     current : ndarray, shape (m, channels)
-        Row of the charge's rate where a form decides it, because nothing resists its change.
+        Row of the charge's rate in an `algebraic` mode.
     current_terms : ndarray of int, shape (m, channels)
-        Channels that they read, padded with `NOTHING`.
+        Channels that the rows of `current` read, padded with `NOTHING`.
     algebraic : ndarray of bool, shape (m,)
-        Whether such a form decides it.
+        Whether the charge's rate is a linear form of the other channels, because no inductance resists its change.
     controller : ndarray of CONTROLLER, shape (1,) or (0,)
         The controller.
     """
@@ -255,12 +255,12 @@ class Rotor(NamedTuple):
 #: A blow that throws a coordinate back from a ramp, or a landing; either changes the velocity of the body.
 SHOCK = record([
     ("struck", np.int64), ("plate", np.int64),  # coordinate that is thrown back, and ramp; NOTHING for a landing
-    ("impulse", np.float64, (2,)),  # on the body, of a unit of the change of the coordinate's speed
-    ("lifts", np.bool_),  # whether the ground lets go of the body in a blow
+    ("impulse", np.float64, (2,)),  # on the body, per unit of the change of the coordinate's speed
+    ("lifts", np.bool_),  # whether the body lifts off in a blow
     ("restitution", np.float64),
     ("body", np.int64), ("height", np.int64),  # coordinates along the ground and upwards, or NOTHING
     ("along", np.float64), ("across", np.float64), ("up", np.float64),  # inertia of both, while the phase is held
-    ("rotor", np.float64),  # inertia of the phase, but for what the signals move; infinite without a rotor
+    ("rotor", np.float64),  # inertia of the phase without the masses of the signals; infinite without a rotor
     ("kinetic", np.float64, (2,)), ("static", np.float64, (2,)),  # coefficients of friction, forwards and backwards
     ("decay_speed", np.float64),  # by which the friction falls from static to kinetic; 0 if it is kinetic at any speed
     ("has_friction", np.bool_), ("has_bearing", np.bool_),  # whether the bearing has states of its own
@@ -271,15 +271,15 @@ SHOCK = record([
 class Shock(NamedTuple):
     """Shocks that no jump matrix gives: see `solver.shock`; arrays are empty without one.
 
-    The candidates of a shock follow each other: for each of its states those of a bearing that turns forwards and
-    backwards, or one. The shock decides which of them follows.
+    The candidates of a shock follow each other: for each of its states one, or two for a bearing that turns forwards
+    and one that turns backwards. The shock decides which candidate is entered.
 
     Attributes
     ----------
     numbers : ndarray of SHOCK, shape (s,)
         Coordinates, inertia and friction.
     direction : ndarray, shape (s, dynamic, 2)
-        Direction in which a dynamic coordinate is free in the shock; 0 if it is none.
+        Direction in which a dynamic coordinate is free in the shock; 0 if the coordinate is not free.
     mass : ndarray, shape (signals,)
         Mass that each signal moves and that feels the body.
     momentum : ndarray, shape (signals, 2)
@@ -296,20 +296,20 @@ class Shock(NamedTuple):
 
 
 class AccountTable(NamedTuple):
-    """The energy accounts: p powers, e stored energies, b bodies that ramps may strike; all empty for no accounts.
+    """The energy accounts: p powers, e stored energies, b bodies that ramps may strike; all empty without accounts.
 
     Attributes
     ----------
     force : ndarray, shape (m, p, channels)
         Forms of the forces.
     terms : ndarray of int, shape (m, p, channels)
-        Channels that they read, padded with `NOTHING`.
+        Channels that the rows of `force` read, padded with `NOTHING`.
     rate : ndarray of int, shape (p,)
         Channel of the velocity along the force.
     account : ndarray of int, shape (p,)
         Account on which the force's work is booked.
     stored_form : ndarray, shape (e, channels)
-        Forms e of the stored energy, sum of w (e z)² / 2 + b z.
+        Forms e of the stored energy E = sum of w (e z)² / 2 + b z.
     stored_weight : ndarray, shape (m, e)
         The weights w.
     stored_linear : ndarray, shape (channels,)
@@ -317,10 +317,10 @@ class AccountTable(NamedTuple):
     jump : ndarray of int, shape (m, g, e)
         Account on which the change of a stored energy is booked when a guard fires.
     momentum : ndarray, shape (b, channels)
-        Momentum of each body along its ramp; its kinetic energy is the stored energy of the same number, with others of
-        the same account.
+        Momentum of each body along its ramp. The stored energy of the same number is a kinetic energy of the body; all
+        its kinetic energies have the same account.
     struck : ndarray of int, shape (b,)
-        The ramp that gives the body its shocks.
+        The ramp that strikes the body.
     """
 
     force: np.ndarray
@@ -353,7 +353,7 @@ class System(NamedTuple):
     reads_all : ndarray of int, shape (m, coordinates, channels)
         Channels that the rows of A read, padded with `NOTHING`.
     reads_forcing : ndarray of int, shape (m, coordinates, channels)
-        The same, but of dynamic coordinates only the forcing of their linear flow.
+        As `reads_all`, but for the rows of dynamic coordinates only the forcing of their linear flow.
     row : ndarray, shape (rows, channels)
         Distinct rows of G.
     row_terms : ndarray of int, shape (rows, channels)
@@ -363,11 +363,11 @@ class System(NamedTuple):
     guard : ndarray of int, shape (m, g)
         Row of each guard of each mode, padded with `NOTHING`.
     guard_effect : ndarray of int, shape (m, g)
-        Effect that the guard belongs to, padded with `NOTHING`. A candidate must satisfy the guards that it has of the
-        same effect, because only this effect changes. `UNCHECKED`: the candidates' `entry` rows alone decide.
+        Effect that the guard belongs to, padded with `NOTHING`. A candidate must satisfy its own guards of the same
+        effect, because only this effect changes. `UNCHECKED`: the candidates' `entry` rows alone decide.
     candidate : ndarray of int, shape (m, g, c)
-        Modes to try when the guard fires, padded with `NOTHING`; the last is entered when no other is valid. Without
-        any the system ends there, and another goes on.
+        Modes to try when the guard fires, padded with `NOTHING`; the last is entered when no other is valid. A guard
+        without a candidate ends the system: the caller goes on with another one.
     entry : ndarray of int, shape (m, g, c, n)
         Rows that must not be negative, before the jump, for the candidate to be entered, padded with `NOTHING`.
     jump : ndarray of int, shape (m, g, c)
@@ -436,43 +436,43 @@ class System(NamedTuple):
     shock: Shock
 
 
-#: Makes a reference of a laid out `System`, in kernels.
+#: Function that makes a reference from the layout of a `System`, in kernels.
 system_of = reference_to(System)
 
 
 def no_rotor(count: int) -> Rotor:
-    """`System.rotor` of a system of `count` channels whose phase is known in time."""
+    """Return `System.rotor` of a system of `count` channels whose phase is known in time."""
     forms, row = np.empty((0, 0, count)), np.empty((0, count))
     return Rotor(np.empty((0, 4)), forms, terms(forms), row, terms(row), np.empty(0, bool), np.empty(0, CONTROLLER))
 
 
 def no_shock() -> Shock:
-    """`System.shock` of a system whose jumps are all linear forms."""
+    """Return `System.shock` of a system whose jumps are all linear forms."""
     return Shock(np.empty(0, SHOCK), np.empty((0, 0, 2)), np.empty(0), np.empty((0, 2)),
                  np.empty((0, 0, 0), dtype=np.int64))
 
 
 def terms(forms: np.ndarray) -> np.ndarray:
-    """Indices of the entries of forms that are not zero, first, and then `NOTHING`; shape as `forms`."""
+    """Return the indices of the nonzero entries of each form, padded with `NOTHING`; shape as `forms`."""
     return _terms_by_zeros((forms == 0.0).tobytes(), forms.shape)
 
 
 @functools.lru_cache(maxsize=64)
 def _terms_by_zeros(zeros: bytes, shape: tuple[int, ...]) -> np.ndarray:
-    """`terms` of forms with these zeros, which are the same for all systems of a sweep."""
+    """Return `terms` of forms with these zeros; cached, because all systems of a sweep have the same zeros."""
     zero = np.frombuffer(zeros, dtype=bool).reshape(shape)
     order = np.argsort(zero, axis=-1, kind="stable")
     return np.where(np.take_along_axis(zero, order, axis=-1), NOTHING, order)
 
 
 def equation_terms(acceleration: np.ndarray, channels: Channels) -> np.ndarray:
-    """`System.reads_forcing` of `System.equations`.
+    """Return `System.reads_forcing` of `System.equations`.
 
     Raises
     ------
     ValueError
-        If a dynamic coordinate's row reads a driven coordinate or an acceleration, which no flow sees: whoever writes
-        the equations eliminates them.
+        If a dynamic coordinate's row reads a driven coordinate or an acceleration, which the flow does not contain: the
+        equations must have these eliminated.
     """
     forcing = acceleration.copy()
     read = acceleration[:, :channels.dynamic, :channels.signal(0)].any(axis=(0, 1))
@@ -486,7 +486,7 @@ def equation_terms(acceleration: np.ndarray, channels: Channels) -> np.ndarray:
 
 
 def longest_segments(acceleration: np.ndarray, channels: Channels) -> np.ndarray:
-    """Longest segment of each mode [s], from the fastest eigenvalue of its dynamic coordinates.
+    """Return the longest segment of each mode [s], from the fastest eigenvalue of its dynamic coordinates.
 
     Parameters
     ----------
@@ -510,20 +510,20 @@ def longest_segments(acceleration: np.ndarray, channels: Channels) -> np.ndarray
 
 
 def couplings(acceleration: np.ndarray, channels: Channels) -> np.ndarray:
-    """Whether a dynamic coordinate of the mode enters another's equation; shape (m,)."""
+    """Return whether a dynamic coordinate of the mode enters the equation of another one; shape (m,)."""
     different = ~np.eye(channels.dynamic, dtype=bool)
     positions, velocities = _own_rows(acceleration, channels)
     return (positions[:, different].any(axis=1)) | (velocities[:, different].any(axis=1))
 
 
 def _own_rows(acceleration: np.ndarray, channels: Channels) -> tuple[np.ndarray, np.ndarray]:
-    """Parts of A by which dynamic coordinates depend on each other's positions and velocities."""
+    """Return the parts of A by which dynamic coordinates depend on each other's positions and velocities."""
     n, velocity = channels.dynamic, channels.velocity(0)
     return acceleration[:, :n, :n], acceleration[:, :n, velocity:velocity + n]
 
 
 def flow_numbers(equations: np.ndarray) -> np.ndarray:
-    """Number the modes by their `equations`, shape (m, rows, channels); shape (m,)."""
+    """Return a number for each mode, shape (m,), equal for equal `equations`, shape (m, rows, channels)."""
     numbers: dict[bytes, int] = {}
     return np.array([numbers.setdefault(rows.tobytes(), len(numbers)) for rows in equations])
 
@@ -539,7 +539,7 @@ def form_value(row, point):
 
 @sum_part
 def form_magnitude(row, magnitude):
-    """Sum of |row| magnitude: of the terms that make up a form, if those of each channel have this magnitude."""
+    """Magnitude of the terms of a form, sum of |row| magnitude, from the magnitude of each channel's terms."""
     total = 0.0
     for channel in range(len(row)):
         total += abs(row[channel]) * magnitude[channel]
@@ -548,7 +548,7 @@ def form_magnitude(row, magnitude):
 
 @part
 def sparse_magnitude(row, terms, magnitude):
-    """`form_magnitude` of a form that reads the channels in `terms` alone."""
+    """`form_magnitude` of a form that reads only the channels in `terms`."""
     total = 0.0
     for channel in terms:
         if channel == NOTHING:
@@ -559,7 +559,7 @@ def sparse_magnitude(row, terms, magnitude):
 
 @part
 def value_and_magnitude(row, terms, point, magnitude):
-    """Value of a form at a point and the magnitude of its terms, from the channels in `terms` alone."""
+    """Value of a form at a point and the magnitude of its terms; the form reads only the channels in `terms`."""
     total = 0.0
     terms_magnitude = 0.0
     for channel in terms:

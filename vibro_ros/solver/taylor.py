@@ -6,17 +6,17 @@ Two things make a flow nonlinear: a phase that is a coordinate, with the torque 
 
 where v is the velocity of a coordinate, f a linear form of the channels, and r is constant in a mode (`system.Decay`).
 
-The coefficient n + 1 of every position and velocity follows from the coefficients n of all channels, which follow from
-the coefficients up to n of positions and velocities. Products, quotients, roots and exponentials of series have
+Coefficient n + 1 of every position and velocity follows from coefficient n of all channels, which follows from the
+coefficients up to n of positions and velocities. Products, quotients, roots and exponentials of series have
 recurrences with one product of series each, such as e' = r v' e (R. E. Moore, Interval Analysis, 1966, ch. 11).
 
-Two channels may enter the forms that decide them: the phase's acceleration, where the signals' second derivatives enter
-the equations, and d, where d moves what f reads. Both enter linearly, and by the same factors for every n, so that two
-linear equations give their coefficients.
+Two channels may enter their own equations: the phase's acceleration, if the signals' second derivatives enter
+the equations, and d, if f reads channels that d changes. Both enter linearly, and by the same factors for every n, so
+that two linear equations give their coefficients.
 
 A segment lasts as long as the last coefficients of the velocities are rounding. Its series in y = 0 ... 1 become
-polynomials in the local time x = 2 y - 1, as every other segment has them: guards, events, accounts and dense output
-are the same. Where e has decayed to less than rounding, the flow goes on without d until e matters again.
+polynomials in the local time x = 2 y - 1, as in every other segment, so that guards, events, accounts and dense output
+are computed alike. If e has decayed to less than rounding, the flow goes on without d until e matters again.
 """
 
 import math
@@ -49,36 +49,36 @@ from vibro_ros.solver.system import (
 )
 from vibro_ros.solver.vector import LENGTH, store, vector
 
-# A velocity's last coefficient, beside its first ones; those that follow fall by `_FALL` each, so that their sum is a
-# quarter of it.
+# Largest last coefficient of a velocity, relative to its first ones; the omitted ones fall by `_FALL` each, so that
+# their sum is a quarter of it.
 _LAST, _FALL = 4e-16, 0.2
-# Phase [rad] of a rotor's trial: its series shows how long the segment may be, at most `_LONGER` times as long.
+# Phase [rad] of a rotor's trial segment; its series shows how long the segment may be, at most `_LONGER` trials.
 _TRIAL, _LONGER = 0.5, 4.0
-# How much shorter a segment may be than its trial is found by so many refinements at most, until one changes little.
+# The ratio of a segment to its trial is found by at most this many refinements, until one changes it by little.
 _MOST_REFINEMENTS, _SETTLED = 20, 0.99
-# A trial that is too long by more than this is tried again, shorter by as much: its coefficients may be no numbers.
+# A trial that is too long by more than this factor is repeated, shorter by it, because coefficients may overflow.
 _SHORTER, _MOST_TRIALS = 1e-8, 4
-# Rate [rad/s] of a phase that something drives beyond all bounds in a finite time, in ever shorter segments.
+# Rate [rad/s] above which a run ends: the phase diverges in a finite time, in ever shorter segments.
 _RUNAWAY = 1e9
-# A current that has died away: its products would be lost below the smallest number.
+# Smaller coefficients, as of a current that has died away, are ignored, because their products would underflow.
 _VANISHING = 1e-250
 # Where -r v exceeds this, e has decayed to 4e-18 and may be left out ...
 _OVER = 40.0
-# ... and is left out from here on, so that it is not needed again at once. A segment without e ends before e matters
-# again, by more than rounding.
+# ... but is left out only above this, so that e does not matter again at once. A segment without e ends before e
+# matters again, by more than rounding.
 _WELL_OVER, _BEFORE = 44.0, 1.0 - 1e-6
 # Row n: coefficients of ((1 + x) / 2)^n.
 _FROM_START = np.array([[math.comb(n, k) / 2.0**n for k in range(LENGTH)] for n in range(LENGTH)])
-# Rows of the scratch's series, behind those of `rotor`: e and f.
+# Rows of the scratch's series, after those of `rotor`: e and f.
 _EXPONENTIAL, _FACTOR = SERIES_OF_ROTOR, SERIES_OF_ROTOR + 1
-# Rows for what a unit of the phase's acceleration, and of d, adds to other channels; the loads of the signals stand
-# behind the accelerations of the coordinates.
+# Rows of the responses of other channels to a unit of the phase's acceleration, and of d; the loads of the signals come
+# after the accelerations of the coordinates.
 _OF_PHASE, _OF_TERM, _LOADS = SERIES_OF_ROTOR + 2, SERIES_OF_ROTOR + 3, MOST_DYNAMIC
 
 
 @part
 def _row_at(row, terms, z, n):
-    """Coefficient n of a form."""
+    """Return coefficient n of a form."""
     result = 0.0
     for channel in terms:
         if channel == NOTHING:
@@ -95,7 +95,7 @@ def decays(system, mode):
 
 @part
 def _has_faded(system, mode, speed):
-    """Whether the mode's decaying term is left out at this velocity of its coordinate."""
+    """Whether the mode's decaying term may be left out at this velocity of its coordinate."""
     return -system.decay.rate[mode] * speed > _WELL_OVER
 
 
@@ -110,8 +110,8 @@ def is_linear(system, mode, point):
 
 @part
 def _respond(system, mode, series, of_phase, has_term, response):
-    """Store what a unit of the phase's acceleration (`of_phase`), or of d, adds to the other accelerations and to the
-    loads of the signals; return what it adds to the torque and to f."""
+    """Store the response of the other accelerations and the signals' loads to a unit of the phase's acceleration
+    (`of_phase`), or of d; return the response of the torque and of f."""
     counts, torque, factor = system.counts[0], 0.0, 0.0
     first, of_signals = first_acceleration(counts), first_signal(counts) + 2 * counts.signals
     masses, decay = counts.dynamic - 2 * counts.rotors, system.row.shape[1] - 2
@@ -139,14 +139,14 @@ def _respond(system, mode, series, of_phase, has_term, response):
 
 @inlined_part
 def _fill_accelerations(system, mode, z, n, series, mirrored, loads, has_term, of_phase, of_term):
-    """Coefficient n of the accelerations of masses and phase, of d, of the torque, and of the signals' loads.
+    """Fill in coefficient n of the accelerations of masses and phase, of d, of the torque, and of the signals' loads.
 
-    `of_phase` and `of_term` are what a unit of the phase's acceleration, and of d, adds to the torque and to f.
+    `of_phase` and `of_term` are the responses of the torque and of f to a unit of the phase's acceleration, and of d.
     """
     counts, e, f = system.counts[0], series[_EXPONENTIAL], series[_FACTOR]
     phase, first, torque = counts.dynamic - 2, first_acceleration(counts), first_ramp(counts) + 2 * counts.ramps
     masses, decay, pull, change, term = counts.dynamic - 2 * counts.rotors, len(z) - 2, 0.0, 0.0, 0.0
-    # First without coefficient n of the phase's acceleration, and without what coefficient n of f adds to that of d.
+    # First without coefficient n of the phase's acceleration, and with d without coefficient n of f.
     if counts.decays > 0:
         z[decay, n] = 0.0
         if has_term:
@@ -157,12 +157,12 @@ def _fill_accelerations(system, mode, z, n, series, mirrored, loads, has_term, o
     if counts.rotors > 0:
         z[torque, n] = 0.0
         for k in range(counts.signals):
-            known = product_coefficient(loads[k], mirrored[slope_row(k)], n)  # before the load's own is there
+            known = product_coefficient(loads[k], mirrored[slope_row(k)], n)  # without coefficient n of the load
             loads[k, n] = load = _row_at(system.rotor.load[mode, k], system.rotor.load_terms[mode, k], z, n)
             z[torque, n] += known + load * series[slope_row(k), 0]
         row = system.equations[mode, phase]
         change, pull = _row_at(row, system.reads_all[mode, phase], z, n), row[torque]
-    # Then what these two decide together: change = ... + pull T, and term = e[0] f[n].
+    # Then the two equations change = ... + pull T and term = e[0] f[n] are solved together.
     own = 1.0 - pull * of_phase[0]
     if has_term:
         f[n] = _row_at(system.decay.factor[mode], system.decay.terms[mode], z, n)
@@ -192,7 +192,7 @@ def _fill_accelerations(system, mode, z, n, series, mirrored, loads, has_term, o
 
 @part
 def fill_series(system, mode, duration, orders, z, room):
-    """Coefficients of the channels, but of driven coordinates, in y = 0 ... 1 over `duration` [s].
+    """Fill in the coefficients of all channels except driven coordinates, in y = 0 ... 1 over `duration` [s].
 
     Parameters
     ----------
@@ -203,9 +203,9 @@ def fill_series(system, mode, duration, orders, z, room):
     orders : int
         Number of coefficients.
     z : ndarray, shape (channels, orders or more)
-        Constant terms of positions and velocities are given; of what is known in time, all coefficients.
+        Given: the constant terms of positions and velocities, and all coefficients of channels known in time.
     room : record
-        The scratch's; its `series`, `mirrored` and `load` are overwritten.
+        Room of the scratch; its `series`, `mirrored` and `load` are overwritten.
     """
     counts, series, mirrored, loads = system.counts[0], room.series[:], room.mirrored[:], room.load[:]
     coordinates, first, charge, body = counts.coordinates, first_acceleration(counts), counts.dynamic - 1, 0
@@ -249,7 +249,7 @@ def fill_series(system, mode, duration, orders, z, room):
 
 @part
 def _resolved_part(p):
-    """How much of y = 0 ... 1 a series may span, so that its last coefficients are rounding."""
+    """Return the multiple of y = 0 ... 1 that a series may span, so that its last coefficients are rounding."""
     ratio, before = _LONGER, 0.0
     for _ in range(_MOST_REFINEMENTS):
         size, power = 0.0, 1.0
@@ -282,7 +282,7 @@ def _to_local_time(z, ratio):
 
 @part
 def _set_magnitudes(system, state):
-    """Magnitudes of the terms that make up each channel, of which guards take their rounding error."""
+    """Set the magnitudes of the terms that make up each channel, from which guards take their rounding error."""
     counts, z, magnitude, mode = system.counts[0], state.z, state.magnitude, state.now[0].automaton.mode
     first, torque = first_acceleration(counts), first_ramp(counts) + 2 * counts.ramps
     coordinates, masses = counts.coordinates, counts.dynamic - 2 * counts.rotors
@@ -296,7 +296,7 @@ def _set_magnitudes(system, state):
             magnitude[first_signal(counts) + 2 * counts.signals + k] += system.rotor.signal[k, 0] * rate * rate
     if counts.decays > 0:
         magnitude[len(z) - 2] = 0.0
-        if decays(system, mode):  # f, whose terms may be those that d moves; e is 1 at most
+        if decays(system, mode):  # f may read channels that d changes; e is 1 at most
             for i in range(masses):
                 magnitude[first + i] = form_magnitude(system.equations[mode, i], magnitude)
             magnitude[len(z) - 2] = form_magnitude(system.decay.factor[mode], magnitude)
@@ -310,7 +310,7 @@ def _set_magnitudes(system, state):
             magnitude[torque] += slope * load
         for i in range(masses, counts.dynamic):
             magnitude[first + i] = form_magnitude(system.equations[mode, i], magnitude)
-    # A force is rounded, and moves what no spring of its own holds, for as long as the segment lasts.
+    # The rounding error of a force moves a coordinate that no spring of its own holds, as long as the segment lasts.
     for i in range(counts.dynamic):
         duration, stiffness = 2.0 * state.now[0].segment.half, -system.equations[mode, i, i]
         if stiffness > 0.0:
@@ -321,7 +321,7 @@ def _set_magnitudes(system, state):
 
 @part
 def _fill_known_motor(system, state, trial):
-    """Constant terms of what a rotor's series begin with, and the ramps' slopes over the `trial` [s]."""
+    """Fill in the channels known in time for a system with a rotor: ramps over the `trial` [s], held value and 1."""
     counts, z = system.counts[0], state.z
     z[:] = 0.0
     for k in range(counts.ramps):
@@ -334,7 +334,7 @@ def _fill_known_motor(system, state, trial):
 
 @part
 def _fill_known_forcing(system, state, duration):
-    """Forcing over the segment, which lasts `duration` [s], in y = 0 ... 1."""
+    """Fill in the forcing over the segment, which lasts `duration` [s], in y = 0 ... 1."""
     counts, z, moved = system.counts[0], state.z, state.scratch.room[0].load[:]
     first, ramp = first_signal(counts), first_ramp(counts)
     fill_forcing(system, state)
@@ -350,7 +350,7 @@ def _fill_known_forcing(system, state, duration):
 
 @inlined_part
 def solve_by_taylor(system, state, point):
-    """Begin a segment at `point`, where the flow starts: its duration, and the series of all that moves by itself."""
+    """Begin a segment at `point`, where the flow starts: find its duration, and the series except driven ones."""
     counts, now, z, room = system.counts[0], state.now[0], state.z, state.scratch.room[0]
     mode, segment = now.automaton.mode, now.segment
     if counts.rotors > 0:
@@ -380,10 +380,10 @@ def solve_by_taylor(system, state, point):
         for channel in range(len(z)):
             scale_argument(z[channel], _SHORTER, z[channel])
     if not ratio > 0.0 or (counts.rotors > 0 and abs(read_phase(system, point)[1]) > _RUNAWAY):
-        point[0] = math.nan  # the run ends here
+        point[0] = math.nan  # so that the run ends as diverged
     if counts.rotors > 0:
         current = counts.coordinates + counts.dynamic - 1
-        point[current] = z[current, 0]  # which may jump
+        point[current] = z[current, 0]  # the current may jump
     for channel in range(len(state.mode_point)):
         state.mode_point[channel] = point[channel]
     _to_local_time(z, ratio)
@@ -393,7 +393,7 @@ def solve_by_taylor(system, state, point):
 
 @part
 def end_where_term_returns(system, state):
-    """End the segment, if it goes on without the mode's decaying term, where that matters again."""
+    """If the segment leaves out the mode's decaying term, end it before the term matters again."""
     segment, automaton, mode = state.now[0].segment, state.now[0].automaton, state.now[0].automaton.mode
     if not decays(system, mode) or segment.next_event <= segment.mode_start:
         return
@@ -412,12 +412,12 @@ def end_where_term_returns(system, state):
 
 @part
 def evaluate(system, state, mode, point):
-    """Fill the channels at `point` that follow from positions, velocities and what is known in time in `mode`."""
+    """Fill in the channels at `point` that follow in `mode` from positions, velocities and channels known in time."""
     fill_series(system, mode, 1.0, 1, point.reshape((len(point), 1)), state.scratch.room[0])
 
 
 @entry
 def read_rotor(system, state, point):
-    """`evaluate`, for Python, in the present mode: the very bits that the next segment begins with."""
+    """`evaluate` in the present mode, as an entry for Python, with the same bits with which the next segment begins."""
     system, state = system_of(system), state_of(state)
     evaluate(system, state, state.now[0].automaton.mode, point)

@@ -1,15 +1,15 @@
 """Vectors: a polynomial's coefficients as one value, in the processor's vector registers.
 
-The compiler turns a loop over so few numbers into several, for vectors of different widths and for single numbers, of
-which the fastest takes more numbers at a time than there are. An operation on a vector is one instruction to the
-compiler, which cuts it into as few as the processor needs.
+The compiler turns a short loop into several loops, for vectors of different widths and for single numbers, and the
+fastest of these takes more numbers at a time than a polynomial has. An operation on a vector is one instruction to
+the compiler, which splits it into as few as the processor needs.
 
 In kernels, vectors are added, subtracted and multiplied, number by number, and scaled:
 
     store(target, vector(p) + 2.0 * (vector(q) * powers(x)))
 
-This module uses numba's documented interface for extensions alone. Where numba compiles nothing, a vector is an array,
-and each function is the one of numpy that stands beside it.
+This module uses only numba's documented interface for extensions. If numba compiles nothing, a vector is an array,
+and each function is the numpy expression in its decorator.
 """
 
 import itertools
@@ -25,7 +25,7 @@ from numba.extending import intrinsic, lower_builtin, models, register_model, ty
 
 #: Numbers in a vector. A flow's series is cut where 1.7^n / n! and 0.225^n (`system.STRIDE`) reach rounding.
 LENGTH = 24
-# The compiler keeps a number that is no power of two of them in registers one by one, so a vector has several parts.
+# A vector has parts of a power of two of numbers; the compiler would keep any other number of them one by one.
 _WIDTH = 8
 
 _NUMBER = ir.DoubleType()
@@ -64,7 +64,7 @@ def _join(builder, parts):
 
 
 def _pick(builder, numbers, indices, others=None):
-    """The numbers of an LLVM vector with these indices, which go on in `others`."""
+    """Return the numbers of an LLVM vector with these indices, which continue in `others`."""
     others = others or ir.Constant(numbers.type, ir.Undefined)
     return builder.shuffle_vector(numbers, others, ir.Constant(ir.VectorType(_INDEX, len(indices)), list(indices)))
 
@@ -85,13 +85,13 @@ def _check(array):
 
 
 def _instead_of(plain: Callable) -> Callable:
-    """Let kernels take the decorated intrinsic, or `plain` where nothing is compiled."""
+    """Return a decorator that makes an intrinsic for kernels, or replaces it by `plain` if nothing is compiled."""
     return (lambda _: plain) if numba.config.DISABLE_JIT else intrinsic
 
 
 @_instead_of(lambda array: array[:LENGTH].copy())
 def vector(_, array):
-    """The vector of an array's LENGTH numbers."""
+    """Return the vector of an array's first LENGTH numbers."""
     def generate(context, builder, sign, arguments):
         parts = [builder.load(pointer) for pointer in _part_pointers(context, builder, sign.args[0], arguments[0])]
         for part in parts:
@@ -103,7 +103,7 @@ def vector(_, array):
 
 @_instead_of(lambda array, numbers: np.copyto(array[:LENGTH], numbers))
 def store(_, array, numbers):
-    """Put a vector into an array of LENGTH numbers."""
+    """Store a vector in an array of LENGTH numbers."""
     def generate(context, builder, sign, arguments):
         pointers = _part_pointers(context, builder, sign.args[0], arguments[0])
         for pointer, part in zip(pointers, _split(builder, arguments[1]), strict=True):
@@ -115,7 +115,7 @@ def store(_, array, numbers):
 
 @_instead_of(np.sum)
 def total(_, numbers):
-    """Sum of the numbers; always in the same order, whatever the processor."""
+    """Return the sum of the numbers, added in the same order on every processor."""
     def generate(context, builder, sign, arguments):
         result, *others = _split(builder, arguments[0])
         for part in others:
@@ -128,7 +128,7 @@ def total(_, numbers):
 
 @_instead_of(lambda numbers: np.append(0.0, numbers[:-1]))
 def raised(_, numbers):
-    """Every number moved to the next index; the first becomes zero, and the last is lost."""
+    """Return the vector with every number moved to the next index; the first becomes zero, the last is dropped."""
     def generate(context, builder, sign, arguments):
         parts = [_ZEROS, *_split(builder, arguments[0])]
         return _join(builder, [_pick(builder, low, range(_WIDTH - 1, 2 * _WIDTH - 1), high)
@@ -138,7 +138,7 @@ def raised(_, numbers):
 
 @_instead_of(lambda numbers: np.append(numbers[1:], 0.0))
 def lowered(_, numbers):
-    """Every number moved to the index before; the last becomes zero, and the first is lost."""
+    """Return the vector with every number moved to the index before; the last becomes zero, the first is dropped."""
     def generate(context, builder, sign, arguments):
         parts = [*_split(builder, arguments[0]), _ZEROS]
         return _join(builder, [_pick(builder, low, range(1, _WIDTH + 1), high)
@@ -148,7 +148,7 @@ def lowered(_, numbers):
 
 @_instead_of(lambda numbers, number: np.append(number, numbers[1:]))
 def with_first(_, numbers, number):
-    """The vector with its first number replaced."""
+    """Return the vector with its first number replaced."""
     def generate(context, builder, sign, arguments):
         first = builder.insert_element(builder.extract_value(arguments[0], 0), arguments[1], _FIRST)
         return builder.insert_value(arguments[0], first, 0)
@@ -157,7 +157,7 @@ def with_first(_, numbers, number):
 
 @_instead_of(lambda numbers: numbers[-1])
 def last(_, numbers):
-    """The last number."""
+    """Return the last number."""
     def generate(context, builder, sign, arguments):
         part = builder.extract_value(arguments[0], _PARTS.count - 1)
         return builder.extract_element(part, ir.Constant(_INDEX, _WIDTH - 1))
@@ -166,7 +166,7 @@ def last(_, numbers):
 
 @_instead_of(lambda numbers, limit: sum(1 << n for n in range(LENGTH) if numbers[n] > limit))
 def indices_above(_, numbers, limit):
-    """An integer whose bit n is set where number n is greater than `limit`."""
+    """Return an integer whose bit n is set if number n is greater than `limit`."""
     def generate(context, builder, sign, arguments):
         limits, result = _repeat(builder, arguments[1]), ir.Constant(_BITS, 0)
         for k, part in enumerate(_split(builder, arguments[0])):
@@ -178,7 +178,7 @@ def indices_above(_, numbers, limit):
 
 @_instead_of(lambda bits: (bits & -bits).bit_length() - 1 if bits else 64)
 def first_index(_, bits):
-    """Index of the lowest bit that is set; LENGTH or more if none is."""
+    """Return the index of the lowest bit that is set; LENGTH or more if no bit is."""
     def generate(context, builder, sign, arguments):
         return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 0))
     return types.int64(types.int64), generate
@@ -186,7 +186,7 @@ def first_index(_, bits):
 
 @_instead_of(lambda number: np.full(LENGTH, number))
 def repeated(_, number):
-    """The vector of equal numbers."""
+    """Return the vector of LENGTH equal numbers."""
     def generate(context, builder, sign, arguments):
         return _join(builder, [_repeat(builder, arguments[0])] * _PARTS.count)
     return _VECTOR(types.float64), generate
@@ -194,7 +194,7 @@ def repeated(_, number):
 
 @_instead_of(lambda x: np.cumprod(np.append(1.0, np.full(LENGTH - 1, x))))
 def powers(_, x):
-    """The vector 1, x, x², ..."""
+    """Return the vector 1, x, x², ..."""
     def generate(context, builder, sign, arguments):
         known, factor = ir.Constant(ir.VectorType(_NUMBER, 1), [1.0]), arguments[0]
         while (count := known.type.count) < _WIDTH:
@@ -209,7 +209,7 @@ def powers(_, x):
 
 
 def _provide(operation, result, *operands):
-    """Let kernels apply `operation`, to operands of numba's types; the decorated function generates the code."""
+    """Let kernels apply `operation` to operands of these numba types; the decorated function generates the code."""
     def decorate(generate):
         @type_callable(operation)
         def _(_):
