@@ -1,10 +1,10 @@
-"""The device with its sensors: what each measures at its own instants, and when that comes out.
+"""The device with its sensors, each of which measures at its own instants and releases measurements after a delay.
 
-A sensor measures sample k at k / rate since the start, exactly then, whatever else the device is asked for in between.
+A sensor measures sample k exactly at k / rate since the start, whatever else the device is asked for in between.
 All that is random about sample k follows from the seed, the sensor's name and k (`sensors.noise`). So a sensor's
-bits are the same however time is cut up, whichever other sensors are on, and in every replay.
+bits do not depend on how time is divided into calls or on other sensors, and are the same in every replay.
 
-A measurement comes out when its delay has passed. There, too, a fault does what it does.
+A measurement comes out when its delay has passed. A fault of a sensor acts at that instant.
 """
 
 import math
@@ -24,9 +24,9 @@ _ANGLE, _X, _HEIGHT, _POWER = (FIELDS.index(name) for name in (
     "crank_angle", "body_position", "body_height", "electrical_power"))
 
 DROPOUT, FREEZE, OFFSET = FAULTS = "sensor_dropout", "sensor_freeze", "sensor_offset"
-"""Those of `model.faults.FAULTS` that befall sensors."""
+"""The faults of `model.faults.FAULTS` that affect sensors."""
 
-_NEVER = -1e12  # index of a dropout before all others
+_NEVER = -1e12  # index of the last dropout if there was none
 
 
 class Measurement(NamedTuple):
@@ -34,8 +34,8 @@ class Measurement(NamedTuple):
 
     `imu`, shape (8,): specific force [m/s²] along x, y, z, angular rate [rad/s] about them, and the variances of the
     errors of both, on each axis. `encoder`, shape (2,): the crank's angle [rad] and speed [rad/s]. `current`, shape
-    (2,): what a dc motor's supply gives [A], negative while the motor brakes, and its voltage [V]. `tracking`, shape
-    (4,): the body's place x, y, z [m], and the variance of each.
+    (2,): current of a dc motor's supply [A], negative while the motor brakes, and its voltage [V]. `tracking`, shape
+    (4,): the body's position x, y, z [m], and the variance of each coordinate.
     """
 
     sensor: str
@@ -44,24 +44,24 @@ class Measurement(NamedTuple):
 
 
 class Sensor:
-    """What all sensors of a scene have in common.
+    """Base class of the sensors.
 
-    A measurement comes out after a `delay` [s], and needs `history` numbers of earlier ones. `count` is the number of
-    measurements so far, `failing` has the instants [s] at which faults end, or have ended.
+    A measurement comes out after a `delay` [s], and needs `history` numbers of earlier measurements. `count` is the
+    number of measurements so far; `failing` has the instant [s] at which each fault ends, or has ended.
     """
 
     name = ""
     numbers = 0
     """Numbers of a measurement."""
     shifted = 0
-    """Of these, how many the fault `OFFSET` shifts, from the first on."""
+    """How many of the numbers, from the first on, the fault `OFFSET` shifts."""
 
     def __init__(self, scene: Scene, delay: float, history: int = 0):
         self.rate, self.count, self.history = scene[f"sensors.{self.name}.rate"], 0, np.zeros(history)
-        self._delay, self._given = delay, 0  # measurements that came out or dropped out
+        self._delay, self._given = delay, 0  # number of measurements that came out or dropped out
         self._recent: deque[np.ndarray | None] = deque([None] * (math.ceil(delay * self.rate) + 2))
         self.failing, self._offset = dict.fromkeys(FAULTS, 0.0), 0.0
-        self._last: np.ndarray | None = None  # that came out
+        self._last: np.ndarray | None = None  # the last measurement that came out
 
     @property
     def due(self) -> float:
@@ -69,17 +69,17 @@ class Sensor:
         return self.count / self.rate
 
     def measure(self, device: Simulator) -> None:
-        """Measure at the instant `due`, where the device is."""
+        """Measure at the instant `due`, to which the device has been advanced."""
         self._recent.popleft()
         self._recent.append(self.read(device))
         self.count += 1
 
     def read(self, device: Simulator) -> np.ndarray | None:
-        """What sample `count` measures, shape (numbers,); None where it drops out."""
+        """Return the values of sample `count`, shape (numbers,); None if the sample drops out."""
         raise NotImplementedError
 
     def come_out(self, time: float) -> Iterator[Measurement]:
-        """What has come out up to `time` [s] and did not before."""
+        """Yield the measurements that come out up to `time` [s] and have not come out before."""
         while self._given < self.count and self._given / self.rate + self._delay <= time:
             values, at = self._recent[self._given - self.count], self._given / self.rate
             self._given += 1
@@ -95,21 +95,21 @@ class Sensor:
             yield Measurement(self.name, at, values)
 
     def fail(self, fault: str, until: float, value: float) -> None:
-        """Let a fault last `until` then [s]."""
+        """Start a fault that lasts until the instant `until` [s]; `value` is the offset of `OFFSET`."""
         self.failing[fault] = until
         if fault == OFFSET:
             self._offset = value
 
-    # For checkpoints. How many have come out follows from the time.
+    # For checkpoints. The number of measurements that have come out follows from the time.
 
     def memory(self) -> np.ndarray:
-        """All that the future depends on beside the device, the scene and the time; always as many numbers."""
+        """Return all that the future depends on besides device, scene and time; its length is constant."""
         nothing = np.full(self.numbers, np.nan)
         rows = [nothing if row is None else row for row in (self._last, *self._recent)]
         return np.concatenate([[self.count, *self.failing.values(), self._offset], self.history, *rows])
 
     def restore(self, memory: np.ndarray, time: float) -> None:
-        """Go on from a `memory` at `time` [s] (ValueError: no sensor has it; nothing is changed then)."""
+        """Go on from a `memory` at `time` [s] (ValueError: a memory that no sensor can have; nothing is changed)."""
         begin = 2 + len(self.failing) + len(self.history)
         count, *numbers = memory[:begin].tolist()
         rows = memory[begin:].reshape(-1, self.numbers)
@@ -125,7 +125,7 @@ class Sensor:
         self._recent = deque(recent)
 
     def _measured_by(self, time: float, delay: float) -> int:
-        """How many measurements there are by `time` [s] that are older than `delay` [s]."""
+        """Return the number of measurements that are at least `delay` [s] old at `time` [s]."""
         count = max(0, math.floor((time - delay) * self.rate) - 1)
         while count / self.rate + delay <= time:
             count += 1
@@ -172,7 +172,7 @@ class Encoder(Sensor):
 
 
 class Current(Sensor):
-    """Current and voltage of a dc motor's supply, from which the drive takes what the motor takes, without losses."""
+    """Current and voltage of a dc motor's supply, whose power is that of the motor, because the drive has no losses."""
 
     name, numbers, shifted = "current", 2, 1
 
@@ -194,7 +194,7 @@ class Current(Sensor):
 
 
 class Tracking(Sensor):
-    """A camera or the like beside the robot, which sees where the body is."""
+    """A tracking system beside the robot, such as a camera, which measures the body's position."""
 
     name, numbers, shifted = "tracking", 4, 3
 
@@ -220,11 +220,11 @@ class Tracking(Sensor):
 
 
 KINDS = {kind.name: kind for kind in (Imu, Encoder, Current, Tracking)}
-"""By name."""
+"""Classes of sensors by name."""
 
 
 def sensors_on(scene: Scene) -> tuple[str, ...]:
-    """Names of the sensors that a scene has."""
+    """Return the names of the sensors that are on in a scene."""
     return tuple(name for name in KINDS if scene[f"sensors.{name}.rate"] > 0.0)
 
 
@@ -234,7 +234,7 @@ class SensedSimulator(Simulator):
     Parameters
     ----------
     scene : Scene
-        What to simulate. A sensor is on if its `sensors.*.rate` is above 0.
+        The scene to simulate. A sensor is on if its `sensors.*.rate` is above 0.
 
     Examples
     --------
@@ -256,13 +256,13 @@ class SensedSimulator(Simulator):
         self._begin()
 
     def _begin(self) -> None:
-        """Begin with sensors that have not measured, and measure what is due at the start."""
+        """Create the sensors, and take the measurements that are due now."""
         self._sensors = {name: KINDS[name](self.scene) for name in self._names}
         self._untaken: list[Measurement] = []
         self._measure_up_to(self.time)
 
     def take_measurements(self) -> list[Measurement]:
-        """Measurements that have come out since the last call, those of one sensor in their order.
+        """Return the measurements that have come out since the last call; those of one sensor are in order.
 
         Examples
         --------
@@ -277,27 +277,28 @@ class SensedSimulator(Simulator):
 
     def fail(self, fault: str, duration: float, of: str = "", value: float = 0.0, from_x: float = 0.0,
              to_x: float = 0.0) -> None:
-        """As `Simulator.fail`, and faults of sensors.
+        """Start a fault of the device, as `Simulator.fail`, or of a sensor.
 
         Parameters
         ----------
         fault : str
             `sensor_dropout`: nothing comes out. `sensor_freeze`: the last measurement comes out again and again.
-            `sensor_offset`: `value` is added to what is measured. Or a fault of the device.
+            `sensor_offset`: `value` is added to the measured values. Or a fault of the device.
         duration : float
-            How long [s], for what comes out meanwhile; 0 ends the fault.
+            Duration [s]; the fault affects measurements that come out meanwhile. 0 ends the fault.
         of : str
-            The sensor: `imu`, `encoder`, `current` or `tracking`.
+            The sensor that fails: `imu`, `encoder`, `current` or `tracking`.
         value : float
             The offset: of the specific force on each axis [m/s²], the crank's angle [rad], the
             current [A], or each coordinate [m].
         from_x, to_x : float
-            Of a fault of the device.
+            The ends of a patch [m], for a fault of the device.
 
         Raises
         ------
         ValueError
-            For a fault that cannot be, or a sensor that is off; nothing is changed then.
+            For a fault that the scene cannot have, a number beyond its limit, or a sensor that is off; nothing is
+            changed then.
 
         Examples
         --------
@@ -321,13 +322,13 @@ class SensedSimulator(Simulator):
 
     @property
     def disturbances(self) -> dict[str, float]:
-        """As `Simulator.disturbances`, and faults of sensors."""
+        """Active disturbances, as `Simulator.disturbances`, with faults of sensors."""
         lasting = {f"{fault} of {name}": until for name, sensor in self._sensors.items()
                    for fault, until in sensor.failing.items() if until > self.time}
         return {**super().disturbances, **lasting}
 
     def advance_to(self, time: float) -> None:
-        """As `Simulator.advance_to`; sensors measure on the way."""
+        """Advance as `Simulator.advance_to`; sensors measure at their instants until then."""
         time = float(time)
         if time <= LATEST:  # else refused below
             self._measure_up_to(time)
@@ -349,7 +350,7 @@ class SensedSimulator(Simulator):
                 self._untaken += sensor.come_out(due)
 
     def sample(self, times: np.ndarray) -> Samples:
-        """As `Simulator.sample`; sensors measure on the way."""
+        """Advance and sample as `Simulator.sample`; sensors measure at their instants."""
         rows = np.empty((len(FIELDS), len(times)))
         for k, time in enumerate(checked_times(times, self.time)):
             self.advance_to(time)
@@ -357,16 +358,16 @@ class SensedSimulator(Simulator):
         return Samples(*rows)
 
     def reset(self) -> None:
-        """As `Simulator.reset`; sensors begin again, with the noise that they began with."""
+        """Reset as `Simulator.reset`; sensors start again, with the same noise as at the first start."""
         super().reset()
         self._begin()
 
     def checkpoint(self) -> np.ndarray:
-        """As `Simulator.checkpoint`, and the sensors with it."""
+        """Return a checkpoint as `Simulator.checkpoint`, with the state of the sensors."""
         return np.concatenate([super().checkpoint(), *(sensor.memory() for sensor in self._sensors.values())])
 
     def restore(self, checkpoint: np.ndarray) -> None:
-        """As `Simulator.restore`, and the sensors with it; measurements that were not taken are dropped."""
+        """Restore as `Simulator.restore`, with the sensors; measurements that were not taken are dropped."""
         memories = [sensor.memory() for sensor in self._sensors.values()]
         before = super().checkpoint()
         if np.ndim(checkpoint) != 1:
@@ -386,5 +387,5 @@ class SensedSimulator(Simulator):
 
 
 def new_device(scene: Scene) -> Simulator:
-    """The device of a scene, with the sensors that the scene has; without any, a plain `Simulator`, at its cost."""
+    """Return the device of a scene: a `SensedSimulator` if a sensor is on, else a `Simulator`, which costs less."""
     return SensedSimulator(scene) if sensors_on(scene) else Simulator(scene)

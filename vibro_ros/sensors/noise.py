@@ -1,12 +1,12 @@
-"""The errors of sensors: data of real parts, what a sensor makes of a quantity, and random numbers by counting.
+"""The errors of sensors: data of real parts, the errors of an inertial sensor, and counter-based random numbers.
 
-An inertial sensor clips, adds bias and noise, and quantises. The accelerometer's low-pass stands before that, because
-it is solved with the motion (`solver.lowpass`), and the delay behind it (`sensors.device`).
+An inertial sensor clips, adds bias and noise, and quantises. The accelerometer's low-pass comes before that, because
+it is solved with the motion (`solver.lowpass`), and the delay after it (`sensors.device`).
 
-The k-th number of a stream is a function of the seed, the stream's name and k alone. So no stream depends on another,
-on the instants at which somebody asks, or on how time is cut up. The generator is Philox 4x64 (J. Salmon et al.,
-"Parallel random numbers: as easy as 1, 2, 3", 2011), as numpy has it; numpy promises the bits of `random_raw`, but not
-those of its normal numbers.
+The k-th number of a stream is a function of the seed, the stream's name and k alone. So a stream does not depend on
+another one, on the instants at which it is read, or on how time is divided into calls. The generator is numpy's Philox
+4x64 (J. Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", 2011); numpy promises the bits of `random_raw`,
+but not those of its normal numbers.
 """
 
 import hashlib
@@ -19,16 +19,17 @@ from vibro_ros.model.parameters import AS_PRESET
 from vibro_ros.model.scene import Scene
 
 BLOCK = 128
-"""Samples whose numbers are made together: a call of numpy costs as much as some hundred of them."""
+"""Samples whose numbers are made together, because a call of numpy costs as much as some hundred of them."""
 LANES = 4
-"""Numbers of a sample: those that Philox makes of one counter."""
+"""Random numbers per sample: as many as Philox makes of one counter."""
 _WHOLE = 1 << 256
 
 _G = 9.80665  # m/s², the unit of data sheets
 _DEGREE = math.pi / 180.0
 
-#: Numbers of real parts in SI units, by parameter. A typical offset counts as one standard deviation. The drift of the
-#: bias stands in no data sheet; those here are round numbers of the magnitude that Allan deviations of such parts show.
+#: Numbers of real parts in SI units, by parameter. A typical offset counts as one standard deviation. Data sheets do
+#: not give the drift of the bias; the values here are round numbers of the size that Allan deviations of such parts
+#: show.
 PRESETS: dict[str, dict[str, float]] = {
     "ideal": {"bandwidth": 1e4},
     # Bosch Sensortec, BST-BMI270-DS000-07 (2023): 16 bits over ±16 g and ±2000 °/s, 160 µg/√Hz, 7 m°/s/√Hz, ±20 mg,
@@ -53,13 +54,13 @@ PRESETS: dict[str, dict[str, float]] = {
 
 
 def of_imu(scene: Scene, name: str) -> float:
-    """The number of `sensors.imu.` and `name`, the preset's where the scene does not give it."""
+    """Return the value of the parameter `sensors.imu.<name>`, or the preset's if the scene does not give it."""
     given = scene[f"sensors.imu.{name}"]
     return PRESETS[scene["sensors.preset"]].get(name, 0.0) if given == AS_PRESET else given
 
 
 class InertialErrors:
-    """What an `accelerometer` or `gyroscope`, the `part`, makes of the true quantity, by `sensors.imu.*` of a scene."""
+    """The errors of an inertial sensor, `part` accelerometer or gyroscope, by the parameters `sensors.imu.*`."""
 
     def __init__(self, scene: Scene, part: str):
         rate, seed = scene["sensors.imu.rate"], int(scene["sensors.seed"])
@@ -73,46 +74,46 @@ class InertialErrors:
         self._growth = step**2
 
     def read(self, true: Sequence[float], index: int) -> list[float]:
-        """What sample `index` says where the quantity is `true` along x, y and z."""
+        """Return the measured values of sample `index` for the `true` quantity along x, y and z."""
         values = [min(max(number, -self._range), self._range) + error
-                  for number, error in zip(true, self._errors[index], strict=False)]  # one number is spare
+                  for number, error in zip(true, self._errors[index], strict=False)]  # the fourth number is not used
         if step := self._resolution:
             return [step * round(value / step) for value in values]
         return values
 
     def variance(self, index: int) -> float:
-        """Variance of the error on each axis, of noise, steps and bias at its age, where the range is kept."""
+        """Return the variance of the error on each axis by noise, quantisation and bias, within the range."""
         return self._variance + index * self._growth
 
 
 def philox(key: int, counter: int, count: int) -> np.ndarray:
-    """What Philox 4x64-10 makes of `counter` and of those that follow it, shape (count, 4) of uint64.
+    """Return the output of Philox 4x64-10 for `count` counters from `counter` on, shape (count, 4) of uint64.
 
     `key` has 128 bits and `counter` 256, the first word lowest.
     """
-    generator = np.random.Philox(key=key, counter=(counter - 1) % _WHOLE)  # which counts first
+    generator = np.random.Philox(key=key, counter=(counter - 1) % _WHOLE)  # numpy counts up before each output
     return generator.random_raw(LANES * count).reshape(count, LANES)
 
 
 class Stream:
-    """Random numbers of one kind, by blocks of samples, from the seed of all streams and the name of this one."""
+    """Random numbers in blocks of samples, from the seed of all streams and the name of this one."""
 
     def __init__(self, seed: int, name: str):
         self._key = int.from_bytes(hashlib.blake2b(f"{seed}/{name}".encode(), digest_size=16).digest(), "little")
         self._walked, self._walk = 0, np.zeros(LANES)  # the sum of all normal numbers before this block
 
     def uniform(self, block: int) -> np.ndarray:
-        """Numbers between 0 and 1, neither of them included, shape (BLOCK, LANES): row k of sample block BLOCK + k."""
+        """Return numbers in the open interval (0, 1), shape (BLOCK, LANES); row k is of sample block BLOCK + k."""
         return ((philox(self._key, block * BLOCK, BLOCK) >> np.uint64(11)) + 0.5) * 2.0**-53
 
     def normal(self, block: int) -> np.ndarray:
-        """Numbers of the standard normal distribution, made of the uniform ones; shape (BLOCK, LANES)."""
-        from scipy.special import ndtri  # a tenth of a second, which a robot without sensors need not wait
+        """Return standard normal numbers, made of the uniform ones; shape (BLOCK, LANES)."""
+        from scipy.special import ndtri  # this import takes a tenth of a second, and only sensors need it
 
         return ndtri(self.uniform(block))
 
     def walk(self, block: int) -> np.ndarray:
-        """The sum of the normal numbers of all earlier samples, none left out; shape (BLOCK, LANES)."""
+        """Return a random walk, the sum of the normal numbers of all earlier samples; shape (BLOCK, LANES)."""
         if block < self._walked:
             self._walked, self._walk = 0, np.zeros(LANES)
         while True:
@@ -123,14 +124,13 @@ class Stream:
 
 
 class BlockNumbers:
-    """Numbers of one sample after the other; `made` makes the block of a number, shape (BLOCK, n), when it is needed.
-    """
+    """The numbers of each sample; `made` returns the numbers of a block, shape (BLOCK, n), when they are needed."""
 
     def __init__(self, made: Callable[[int], np.ndarray]):
         self._made, self._block, self._rows = made, -1, [[0.0]]
 
     def __getitem__(self, index: int) -> list[float]:
-        """Those of a sample."""
+        """Return the numbers of sample `index`."""
         block, place = divmod(index, BLOCK)
         if block != self._block:
             self._block, self._rows = block, self._made(block).tolist()

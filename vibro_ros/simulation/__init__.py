@@ -1,4 +1,4 @@
-"""The stateful device, one run, many runs, and what they return.
+"""The stateful device, one run, many runs, and their results.
 
 A scene and commands come in, samples and events go out. Read `simulator` first: `Simulator` checks its arguments and
 hands them to `motion.Motion`, which holds the solver's state, advances it, and changes it at commands, at a given
