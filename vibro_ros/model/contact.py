@@ -30,7 +30,7 @@ class CompliantContact:
 
     @staticmethod
     def context(ground: str, resting: frozenset[str]) -> tuple:
-        """What the guards of a state depend on besides the state: nothing."""
+        """Return the states of other effects on which the guards depend: none."""
         return ()
 
     def guards(self, state: str, ground: str, resting: frozenset[str], body: tuple[Form, Form]) -> list[Guard]:
@@ -69,7 +69,7 @@ class RigidContact:
 
     @staticmethod
     def context(ground: str, resting: frozenset[str]) -> tuple:
-        """What the guards depend on besides the state: the ground's state, and in the air the masses at rest."""
+        """Return the states of other effects on which the guards depend: the ground, and in the air masses at rest."""
         return ground, resting if ground == "airborne" else frozenset()
 
     def guards(self, state: str, ground: str, resting: frozenset[str], body: tuple[Form, Form]) -> list[Guard]:

@@ -24,7 +24,7 @@ def describe(scene: Scene) -> str:
     """Return states, forcing, equations, modes, guards and events of `scene` in the paper's symbols with values.
 
     The equations are read from the compiled tables, and the guards from the forms that were compiled, so that the text
-    shows what is integrated. An effect that is off leaves nothing in the text.
+    shows what is integrated. Effects that are off do not appear in the text.
     """
     description = _Description(scene)
     sections = {

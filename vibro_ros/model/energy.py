@@ -50,7 +50,7 @@ def account_table(builder: ModeBuilder, scene: Scene, guards: dict[str, np.ndarr
         force[:, p] = form
     for e, (_, weight, _) in enumerate(stored):
         stored_weight[:, e] = weight
-    # Momentum of a mass along its guide [N s]; its change tells the shock that the plate gives.
+    # Momentum of a mass along its guide [N s]; its change in a jump is the shock of the plate.
     body, plates = forms.body_velocity(), forms.plates if booked else ()
     momenta = [scene[f"mass.{side}"] * (forms.velocity(forms.guides.index(side)) + (
         forms.along(side, body) if scene["effects.reaction"] else 0.0)) for side in plates]

@@ -127,7 +127,7 @@ class Ground:
 
     @staticmethod
     def context(state: str, resting: frozenset[str], closed: frozenset[str]) -> tuple:
-        """States of other effects on which the guards of `state` depend.
+        """Return the states of other effects on which the guards of `state` depend.
 
         A landing depends on the masses at rest alone. Every other guard depends on the plates in contact that change
         the forms of N and F_in, `closed`.

@@ -1,6 +1,6 @@
 """The modes of a scene: every combination of its effects' states, with equations, guards and outputs.
 
-A *form* is a linear combination of the channels of z (`solver.system`); a *state* is what an effect can be in, such as
+A *form* is a linear combination of the channels of z (`solver.system`); a *state* is a condition of an effect, such as
 `stick` or `open`; a *mode* is one state of each effect. An effect that is off has no coordinate, term, guard or mode.
 
 Places of a new effect
@@ -12,19 +12,19 @@ Every effect needs places 1 to 3, 10 and 11. The others are for the effects that
 2. `model/parameter_checks.py`: a check refuses a value that contradicts another choice, by a ValueError
    "parameter: value ...; give ...". `ParameterValues` says which parts the robot has.
 3. `benchmark/support.py`: a row of `SUPPORT` says whether the peer and the baseline have the parameter. They refuse
-   what has no row. Their equations: `benchmark/heyoka_robot/equations.py`, `benchmark/rk4_by_hand.py`.
+   a parameter without a row. Their equations: `benchmark/heyoka_robot/equations.py`, `benchmark/rk4_by_hand.py`.
 4. `model/parameter_values.py`, for a force of the ground: a row of `GROUND_FORCES`, with its law F = F0 + c x' + k x.
    Equations, stick, energy and `Scene.describe()` follow from the row. In `model/ground.py`, a force with states of its
    own adds them to `GROUND_STATES`, and their guards to `Ground.guards`; a shock is a matter of `shock.py`.
 5. `model/contact.py`, for a contact: a class as `RigidContact`, with the states of the plate, and with guards whose
-   targets bring the jumps on the way.
+   targets have the jumps.
 6. `model/forms.py`, for a force along a guide (`Forms.drive_force`, `Forms.weight`) and for a coordinate, ramp or other
    channel (`Forms.channels`). A force that reads x or x', such as -c x', makes x a dynamic coordinate: `Forms.channels`
    counts it, and `ModeBuilder.equations` eliminates the masses' accelerations from its row. A force that is no linear
    form, such as Stribeck's friction, has a channel of its own, and a flow by Taylor series (`solver/taylor.py`).
-7. `model/energy.py`, for what stores energy, and for the power of a force along a guide.
-8. `simulation/readout.py`, for a contact or a friction law: the limits of what a step of fixed length publishes
-   (`cut_to_laws`).
+7. `model/energy.py`, for a part that stores energy, and for the power of a force along a guide.
+8. `simulation/readout.py`, for a contact or a friction law: the limits of the forces that a step of fixed length
+   publishes (`cut_to_laws`).
 9. `simulation/motion.py` and `solver/drive.py`, for a motor law that is known in time: the speed of the crank's clock;
    `description.py` describes it. A motor that the masses slow down: `model/motor.py` has its forms and states,
    `solver/rotor.py` its signals and controller.
@@ -140,7 +140,7 @@ class ModeBuilder:
     motor : Motor or None
         The dc motor; None if the crank's motion is known in time.
     mode_set : ModeSet
-        What depends on the effects alone.
+        The modes, and the tables that depend only on the choice of effects.
     modes : tuple of Mode
         All modes, by their numbers.
     """
@@ -168,8 +168,8 @@ class ModeBuilder:
     def equations(self) -> np.ndarray:
         """Accelerations of the coordinates [m/s²], shape (modes, coordinates, channels): the masses', then x'' and y''.
 
-        The rows of the solver's dynamic coordinates read no acceleration; the rows of the others may read those of the
-        dynamic coordinates.
+        The rows of the solver's dynamic coordinates read no acceleration; the rows of driven coordinates may read
+        accelerations of dynamic coordinates.
         """
         forms, (along_x, upwards) = self.forms, self.body_acceleration()
         rows = np.empty((len(self.modes), forms.channels.coordinates, forms.channels.count))

@@ -8,7 +8,7 @@ where T = sum of D_j ds_j/dθ is the torque of the drives, less that which moves
 coordinate, and so is the charge Q, whose rate is the current i. The channel h is the voltage or current at which the
 controller holds the motor until its next sample.
 
-The *bearing* turns one way or the other, or sticks while abs(K i + T) <= T_s. The *current loop* of a drive with its
+The *bearing* turns forwards or backwards, or sticks while abs(K i + T) <= T_s. The *current loop* of a drive with its
 own current control, V = K θ' + R i + (L / τ) (h - i), works within the supply's voltage or at one of its limits.
 Without inductance the current follows at once: i = (V - K θ') / R, or i = h.
 """
@@ -123,7 +123,7 @@ class Bearing:
 
     @staticmethod
     def context(ground: str, resting: frozenset[str]) -> tuple:
-        """What the guards of a state depend on besides the state: nothing."""
+        """Return the states of other effects on which the guards depend: none."""
         return ()
 
     def guards(self, state: str) -> list[Guard]:
@@ -152,7 +152,7 @@ class CurrentLoop:
 
     @staticmethod
     def context(ground: str, resting: frozenset[str]) -> tuple:
-        """What the guards of a state depend on besides the state: nothing."""
+        """Return the states of other effects on which the guards depend: none."""
         return ()
 
     def guards(self, state: str) -> list[Guard]:

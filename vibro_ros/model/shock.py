@@ -32,8 +32,8 @@ With a restitution e of the ground (Poisson's law, in E. J. Routh's two phases),
 times what it was then, under the same friction, and the body is in the air again. A landing slower than `REST_SPEED` is
 the last.
 
-A mass that rests on a rigid plate and feels the body move parts from the plate: the mass goes on falling or, where
-friction throws the body against the mass, strikes the plate at once. If the fall is slower than `REST_SPEED`, the
+In a landing, a mass that rests on a rigid plate and feels the body move leaves the plate: the mass goes on falling or,
+where friction throws the body against the mass, strikes the plate at once. If the fall is slower than `REST_SPEED`, the
 mass stays at rest and lands with the body as one, because otherwise hops and bounces that belong together would follow
 each other without end.
 
@@ -207,7 +207,7 @@ class Blow:
 
 
 class Landing:
-    """The states to which a landing leads, with the jumps on the way.
+    """The targets of a landing, each with its jumps.
 
     Parameters
     ----------
@@ -255,7 +255,7 @@ class Landing:
         """Yield the targets of a landing after which the body is in the air again, in the order to try."""
         forms, share = self._forms, self._restitution
         speed, fall = forms.body_velocity()
-        whole = (1.0 + share) * fall  # the change of y' of a body that slips one way all the time
+        whole = (1.0 + share) * fall  # the change of y' if the body slips in one direction throughout
         if not has_friction:
             yield Target("airborne", self._jumps(speed + self._forwards * whole, -share * fall))
             return

@@ -79,7 +79,7 @@ def compile_scene(scene: Scene, push: tuple[float, float] = NO_PUSH, edges: tupl
     scene : Scene
         The scene.
     push : (float, float)
-        Force from outside on the body [N], as `Forms` has it.
+        External force on the body [N], along x and upwards.
     edges : (float, float)
         Positions of the body [m] between which the tables hold: a guard without a target ends the system there.
     """

@@ -241,7 +241,7 @@ def _contact(scene: Scene, model: Model, side: str, point: np.ndarray) -> str:
 
 
 def _friction(model: Model, state: str, point: np.ndarray) -> str:
-    """Return the state of the ground at `point`; `state` is one of the scene's, to tell whether friction is dry."""
+    """Return the state of the ground at `point`; `state` is one of the scene's, and tells whether it has friction."""
     forms, at = model.forms, model.forms.channels
     if forms.body_hops and (point[at.position(forms.height)] > 0.0 or point[at.velocity(forms.height)] != 0.0):
         return "airborne"

@@ -632,11 +632,11 @@ class EventLog:
         return events
 
     def mark(self) -> tuple[int, np.ndarray]:
-        """Return what `drop_since` takes to drop what is added from now on."""
+        """Return a mark with which `drop_since` drops the events that are added from now on."""
         return len(self._untaken), self._counts.copy()
 
     def drop_since(self, mark: tuple[int, np.ndarray]) -> None:
-        """Drop, and do not count, the events that were added since a `mark`; none were taken since."""
+        """Drop, and do not count, the events that were added since `mark`; none may have been taken since."""
         del self._untaken[mark[0]:]
         self._counts = mark[1]
 

@@ -45,7 +45,7 @@ def provenance(parameters: Mapping[str, Value], start: int) -> dict[str, str]:
 
 @functools.cache
 def software() -> dict[str, str]:
-    """Return what this computer computes with: if two computers agree in this and in `tables`, so do their bits.
+    """Return the software and processor that decide rounding; with equal entries and equal `tables`, bits are equal.
 
     `version` of this package; `platform`; `sources`, a digest of the modules that decide the bits; `arithmetic`,
     whether kernels round a product before they add to it; `processor`, for which they are compiled; `c_library`, whose

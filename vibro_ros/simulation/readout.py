@@ -106,7 +106,7 @@ class Readout:
 
 
 def cut_to_laws(scene: Scene, pressed_only: bool, quantities: MutableMapping[str, np.ndarray]) -> None:
-    """Cut the forces among `quantities`, fields of `Samples` by name, to what the laws of `scene` allow.
+    """Limit the forces among `quantities`, fields of `Samples` by name, to values that the laws of `scene` allow.
 
     A step of fixed length that has not seen an event yet goes on in the old mode, whose forces may break the laws: a
     plate that cannot pull would pull, and ground that the body has left would push. `pressed_only` says that the ground

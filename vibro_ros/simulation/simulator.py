@@ -401,8 +401,8 @@ class Simulator:
         Raises
         ------
         ValueError
-            For a checkpoint whose size is not that of the scene's, or whose numbers no device can have, as in a forged
-            bag. Nothing is changed then.
+            For a checkpoint whose size does not fit the scene, or whose numbers no device can have, as in a forged bag.
+            Nothing is changed then.
 
         Examples
         --------

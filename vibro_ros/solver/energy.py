@@ -25,7 +25,7 @@ from vibro_ros.solver.vector import LENGTH, indices_above, repeated, store, tota
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(LENGTH)
 
 
-#: The account whose power is also integrated in magnitude, and that of the work of ramps.
+#: The account whose power is also integrated in magnitude, and the account of the ramps' work.
 MOTOR, RAMPS = 0, 1
 
 # Steps of the search for a zero of the motor's power. A zero that is off by d costs d² of the magnitude alone.

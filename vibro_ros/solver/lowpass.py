@@ -1,4 +1,4 @@
-"""Low-pass filters of the rates of channels, such as of an acceleration: exact, jumps of the channel included.
+"""Low-pass filters of the rates of channels, such as of an acceleration: exact even where the channel jumps.
 
 Butterworth's filter of second order has the poles p = r exp(±3 i pi/4). With one complex number c a filter,
 

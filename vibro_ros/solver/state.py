@@ -136,7 +136,7 @@ ROOM = record([
     ("lowpass_rate", np.float64, (LENGTH,)),  # of `lowpass`: rate of a channel, ...
     ("lowpass_response", np.float64, (2, LENGTH)),  # ... and the response to a step, real and imaginary
     ("series", np.float64, (SERIES, LENGTH + 1)),  # of `rotor` and `taylor`, ...
-    ("mirrored", np.float64, (SERIES, 2 * LENGTH)),  # ... and those of `rotor` from their ends
+    ("mirrored", np.float64, (SERIES, 2 * LENGTH)),  # ... and those of `rotor` in reverse order
 ])
 
 

@@ -15,7 +15,7 @@ The first `dynamic` coordinates may enter their own right-hand sides, with the f
 equations alone leaves the *flow*, the motion of the dynamic coordinates, as it is.
 
 Every guard is a linear form g = G z that its mode keeps non-negative. Where the guard turns negative the event loop
-stops, lets positions and velocities jump if the guard says so, and enters the first candidate mode that is valid.
+stops, lets positions and velocities jump if the guard has a jump, and enters the first candidate mode that is valid.
 """
 
 import functools

@@ -350,7 +350,7 @@ def _fill_known_forcing(system, state, duration):
 
 @inlined_part
 def solve_by_taylor(system, state, point):
-    """Begin a segment at `point`, where the flow starts: find its duration, and the series except driven ones."""
+    """Begin a segment at `point`, where the flow starts: find its duration and all but the driven series."""
     counts, now, z, room = system.counts[0], state.now[0], state.z, state.scratch.room[0]
     mode, segment = now.automaton.mode, now.segment
     if counts.rotors > 0:
