@@ -97,7 +97,7 @@ def _height(forms: Forms, scene: Scene) -> Form:
 
 
 def _motor_energies(builder: ModeBuilder) -> Iterator[tuple[Form, float]]:
-    """Yield θ' with J, and i with L."""
+    """Yield the motor's stored energies, each as a form and its weight: θ' with J, and i with L."""
     if builder.motor:
         yield builder.motor.speed, builder.motor.inertia
         yield builder.motor.current, builder.motor.inductance

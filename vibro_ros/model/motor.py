@@ -60,17 +60,17 @@ class Motor:
 
     @property
     def current(self) -> Form:
-        """i [A], the rate of the charge Q."""
+        """Current i [A], the rate of the charge Q."""
         return self._forms.velocity(self._forms.charge)
 
     @property
     def speed(self) -> Form:
-        """θ' [rad/s]."""
+        """Speed of the crank, θ' [rad/s]."""
         return self._forms.velocity(self._forms.phase)
 
     @property
     def held(self) -> Form:
-        """h, the held voltage [V] or current [A]."""
+        """Held voltage [V] or current [A], h."""
         return self._forms.units[self._forms.channels.held]
 
     def wanted_voltage(self) -> Form:
@@ -81,34 +81,34 @@ class Motor:
         return self.constant * self.speed + self.resistance * self.current + gain * (self.held - self.current)
 
     def voltage(self, loop: str) -> Form:
-        """V [V] in the state `loop` of the current loop; `loop` is empty if the motor has no current loop."""
+        """Voltage V [V] in the state `loop` of the current loop; `loop` is empty if the motor has no current loop."""
         if not loop:
             return self.held
         limit = LIMITS[loop] * self.supply_voltage
         return limit * self._forms.one if limit else self.wanted_voltage()
 
     def drawn_current(self, loop: str) -> Form:
-        """i [A] of a winding without inductance, in the state `loop` of the current loop."""
+        """Current i [A] of a winding without inductance, in the state `loop` of the current loop."""
         if loop == "within_limits":
             return self.held
         return (self.voltage(loop) - self.constant * self.speed) / self.resistance
 
     def current_rate(self, loop: str) -> Form:
-        """i' [A/s], with an inductance."""
+        """Rate of the current, i' [A/s], of a winding with inductance, in the state `loop` of the current loop."""
         if loop == "within_limits":
             return (self.held - self.current) / self._scene["motor.current_time_constant"]
         return (self.voltage(loop) - self.resistance * self.current - self.constant * self.speed) / self.inductance
 
     def driving_torque(self) -> Form:
-        """K i + T [N m], by which the motor and the drives turn the crank."""
+        """Torque K i + T [N m], by which the motor and the drives turn the crank."""
         return self.constant * self.current + self._forms.units[self._forms.channels.torque]
 
     def bearing_torque(self, bearing: str) -> Form:
-        """b θ' + T_c sign(θ') [N m] of a bearing that turns."""
+        """Friction torque b θ' + T_c sign(θ') [N m] of a bearing that turns."""
         return self._scene["motor.damping"] * self.speed + BEARING[bearing] * self.friction * self._forms.one
 
     def acceleration(self, bearing: str) -> Form:
-        """θ'' [rad/s²]."""
+        """Acceleration of the crank, θ'' [rad/s²], in the state `bearing`."""
         if bearing == "stuck":
             return self._forms.zero
         return (self.driving_torque() - self.bearing_torque(bearing)) / self.inertia

@@ -231,8 +231,8 @@ def _check_sensors(values: ParameterValues) -> None:
 
 
 def _shock_inertia(values: ParameterValues, free: Iterable[str]) -> np.ndarray:
-    """Return A [kg] of `model.shock` with the masses of `free` free, shape (angles, 2, 2): over a turn if the crank is
-    struck, else for one angle."""
+    """Return the inertia A [kg] of `model.shock`, shape (angles, 2, 2), in which the masses of `free` are free: over a
+    turn if the crank is struck, else for one angle."""
     inertia = values.total_mass * np.eye(2)
     for side in free:
         inertia -= values[f"mass.{side}"] * np.outer(values.direction(side), values.direction(side))
@@ -287,7 +287,7 @@ def least_inertia(values: ParameterValues) -> float:
 
 
 def _inertias(values: ParameterValues) -> Iterator[np.ndarray]:
-    """Yield I [kg], shape (n, n), for a body that slides without friction, slips either way, and is in the air."""
+    """Yield the inertia I [kg], shape (n, n), on a body that slides without friction, slips, and is in the air."""
     rule, total = values["effects.normal_force"], values.total_mass
     masses = np.array([values[f"mass.{side}"] for side in values.guides])
     across, up = np.reshape([values.direction(side) for side in values.guides], (-1, 2)).T
@@ -299,7 +299,7 @@ def _inertias(values: ParameterValues) -> Iterator[np.ndarray]:
 
 
 def _loads(values: ParameterValues) -> Iterator[np.ndarray]:
-    """Yield K and C side by side, shape (n, 2 n), for every set of compliant plates in contact."""
+    """Yield stiffness K and damping C side by side, shape (n, 2 n), for every set of compliant plates in contact."""
     compliant = [side for side in values.plates if values[f"effects.{side}_contact"] == "compliant"]
     for count in range(len(compliant) + 1):
         for pressing in itertools.combinations(compliant, count):

@@ -202,7 +202,7 @@ class Blow:
         return shock.nonlinear(states, restitution, self._side, lifts)
 
     def _speed_change(self, restitution: float) -> Form:
-        """(1 + eps) a [m/s]."""
+        """Decrease of the mass's speed in the blow, (1 + eps) a [m/s]."""
         return (1.0 + restitution) * self._forms.penetration(self._side)[1]
 
 

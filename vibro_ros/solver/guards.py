@@ -193,7 +193,7 @@ def _march(p, a, limit):
 
 @part
 def _evaluate_at_nodes(p, noise, values):
-    """Fill `values` with p at all nodes; return a bound (`bend`) of how far p exceeds its values at both neighbours."""
+    """Fill `values` with p at all nodes; return by how much p may leave the range of two neighbouring values."""
     even, odd = p[0] * vector(_POWERS_OF_NODES[0]), p[1] * vector(_POWERS_OF_NODES[1])
     for n in range(2, LENGTH, 2):
         even = even + p[n] * vector(_POWERS_OF_NODES[n])
