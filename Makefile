@@ -4,7 +4,7 @@
 ROS ?= jazzy
 VENV := .venv$(patsubst %,-%,$(filter-out jazzy,$(ROS)))
 BIN := $(VENV)/bin
-LOCKS := requirements.txt requirements-$(ROS).txt
+LOCKS := requirements/base.txt requirements/$(ROS).txt
 PACKAGES := $(VENV)/packages.done
 READY := $(VENV)/ready.done
 HEYOKA := $(VENV)/peer.done
@@ -69,7 +69,7 @@ check: lint  ## the fast loop, a minute: lint, and the tests that need no proces
 
 lint: $(READY) conflict-markers site  ## check style, spelling, types and links; name generated pages that are older than their code
 	@$(BIN)/ruff check
-	@$(BIN)/oxlint --format=unix vibro_ros/view/page
+	@$(BIN)/oxlint --config=tools/oxlint.json --format=unix vibro_ros/view/page
 	@$(BIN)/codespell *.md Makefile setup.py benchmark config docs examples research test tools vibro_ros
 	@$(BIN)/mypy --no-error-summary
 	@$(BIN)/python -m tools.documents --check
@@ -127,7 +127,7 @@ for name in $$($(BIN)/python -c '$(INSTALLED)'); do ln -s ../../bin/$$name $(VEN
 endef
 
 # The stamps are written last, so that an interrupted setup starts anew.
-$(PACKAGES): export PIP_CONSTRAINT := requirements.txt  # empy comes as source; pip builds it with the pinned setuptools
+$(PACKAGES): export PIP_CONSTRAINT := requirements/base.txt  # empy comes as source; pip builds it with the pinned setuptools
 $(PACKAGES): $(LOCKS)
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 14))' 2>/dev/null || { \
 		echo "setup: $(PYTHON) is $$($(PYTHON) -V 2>/dev/null || echo missing), and Python 3.11 to 3.14 is needed;" \
@@ -151,28 +151,28 @@ $(TYPES): $(PACKAGES) $(shell find tools/interfaces interfaces -name '*.py' -o -
 	@$(BIN)/python -m tools.interfaces.command
 
 # Only the studies need them.
-$(STUDY): requirements-study.txt $(PACKAGES)
+$(STUDY): requirements/study.txt $(PACKAGES)
 	@echo "setup: installing what the studies need"
 	@$(PIP) install --only-binary :all: --no-deps --requirement $<
 	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
 	@touch $@
 
 # Only tests and screenshots of the view need them; 53 MB to load.
-$(BROWSER): requirements-browser.txt $(PACKAGES)
+$(BROWSER): requirements/browser.txt $(PACKAGES)
 	@echo "setup: installing Playwright, to steer a browser"
 	@$(PIP) install --only-binary :all: --no-deps --requirement $<
 	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
 	@touch $@
 
 # Only what compares needs it, and the test with another vendor's DDS: 115 MB to load.
-$(HEYOKA): requirements-bench.txt $(PACKAGES)
+$(HEYOKA): requirements/bench.txt $(PACKAGES)
 	@echo "setup: installing heyoka, to compare with, and Cyclone DDS, to talk with"
 	@$(PIP) install --only-binary :all: --no-deps --requirement $<
 	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
 	@touch $@
 
 # Only `make benchmark` needs them, and it goes on without those that do not install here; 400 MB to load.
-$(COMPARED): requirements-benchmark.txt $(PACKAGES)
+$(COMPARED): requirements/benchmark.txt $(PACKAGES)
 	@echo "setup: installing the programs of the benchmark"
 	@for one in $$(sed 's/#.*//' $<); do $(PIP) install --prefer-binary --no-deps $$one 2>/dev/null || \
 		echo "setup: the benchmark goes on without $$one, which does not install here" >&2; done
