@@ -1,12 +1,14 @@
 """The page in the browser: what it draws, of a live robot and of a recording. No rclpy here.
 
-Of a recording (`view.py`): `recorded.py` reads the samples and inputs of a bag; `exact.py` walks a device from sample
-to sample and keeps the intervals in which it reaches them; `bag_motion.py` puts these and what is interpolated
-together; `motion.py` fits polynomials to them and writes the motion document; `page.py` makes one HTML file of it.
+In comes a bag, and out goes one HTML file (`view.py`, read first): `recorded.py` reads the samples and inputs of a bag;
+`exact.py` steps a device from sample to sample and keeps the intervals in which it reproduces them; `bag_motion.py`
+joins these and the interpolated rest; `motion.py` fits polynomials and writes the motion document; `page.py` makes the
+HTML file.
 
-Of a live robot: the room `ros.live` hands rows of samples to `server.py`, which serves the page and its web socket;
-`protocol.py` says what page and server send each other; `slow_motion.py` computes the last seconds between samples.
+For a live robot, the room `ros.live` passes rows of samples to `server.py`, which serves the page and its web socket;
+`protocol.py` defines what page and server send each other; `slow_motion.py` computes the motion between the samples of
+the last seconds.
 
-`drawing.py` says what a page needs to know of a scene to draw it. The folder `page` holds the page itself: begin with
+`drawing.py` gives the page the dimensions and commands of a scene. The folder `page` has the page itself: begin with
 `main.js`, then `page.js` (the loop and the picture), `live.js` and `motion.js`.
 """

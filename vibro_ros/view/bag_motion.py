@@ -1,7 +1,8 @@
-"""The motion of a recorded robot: what it did at every instant, not only when it published.
+"""The motion of a recorded robot at every instant, not only when it published.
 
-A robot's own recording is simulated again from its commands, or where that is not possible from sample to sample. It is
-exact wherever it passes through the recorded positions; all else is interpolated between the samples, and said to be.
+The recording of a robot's own recorder is simulated again from its commands or, where that is not possible, from sample
+to sample. The motion is exact wherever the simulation passes through the recorded positions; the rest is interpolated
+between the samples, and marked so.
 """
 
 import math
@@ -38,35 +39,35 @@ from vibro_ros.view.motion import (
 from vibro_ros.view.recorded import Input, Recorded, Signal, interpolated, reset_instants
 
 LARGEST = 96 * 2**20
-"""Bytes of a motion's payload: ten minutes of the busiest shipped scene, which take a browser half a gigabyte. What
-comes later is left out."""
+"""Largest payload of a motion [bytes]: ten minutes of the busiest shipped scene, which take half a gigabyte in a
+browser. The rest of a longer motion is left out."""
 MOST_IMPACTS = 50_000
-"""Impacts in a header; of more, the hardest."""
+"""Most impacts in a header; of more, the hardest are kept."""
 MOST_FAULTS = 5
-"""Reasons that are named, of those why not all of a motion is exact."""
+"""Most reasons that are named why a motion is not exact."""
 UNKNOWN_ROBOT = "device"
-"""Scene whose lengths are drawn when a bag does not say which robot moved."""
+"""Scene whose dimensions are drawn when a bag does not state the robot's scene."""
 
-#: Shares of the work that are done when the samples are read, and when the walk through them is over.
+#: Shares of the work that are done when the samples are read, and when they are simulated again.
 _READ, _WALKED = 0.5, 0.7
 
 
 def bag_motion(folder: Path, progress: Progress = lambda share: None,
                scene: Scene | None = None) -> tuple[dict[str, Any], dict[str, Any], bytes]:
-    """The motion of the recording in `folder`, into which nothing is ever written, as a page shows it.
+    """Compute the motion of the recording in `folder` for a page; nothing is ever written into the folder.
 
-    `progress` is called with the share of the work that is done, from 0 to 1, often enough for a bar. `scene` is what
-    the robot simulated, of a recording that does not say it. BagError when the recording cannot be read, holds no
-    state, or says its scene itself.
+    `progress` is called with the share of the work that is done, from 0 to 1, often enough for a progress bar. `scene`
+    is the robot's scene, for a recording that does not state it. BagError when the recording cannot be read, has no
+    state, or states its scene although `scene` is given.
 
     Returns
     -------
     setting : dict
         Parts of the page's setting: ``title``, the folder's name; ``robot``, the scene's name; ``machine``, see
-        `drawing.drawing`; ``notes``, sentences on what of the bag is not read or not shown.
+        `drawing.drawing`; ``notes``, sentences on the parts of the bag that are not read or not shown.
     header, payload : dict, bytes
-        The motion document, see `motion`. Its times are robot time [s], which is 0 at the robot's start, in a robot's
-        own recording; in another one they count from the first message.
+        The motion document, see `motion`. In a recording of the robot's own recorder its times are robot time [s],
+        which is 0 at the robot's start; in another one they count from the first message.
     """
     with BagStream(folder) as stream, np.errstate(over="ignore", invalid="ignore"):  # a bag may hold any number
         return _BagMotion(stream, progress, scene).result()
@@ -75,7 +76,7 @@ def bag_motion(folder: Path, progress: Progress = lambda share: None,
 class _BagMotion:
     def __init__(self, stream: BagStream, progress: Progress, scene: Scene | None):
         self._stream, self._progress = stream, progress
-        self._faults: list[str] = []  # why it could not be simulated again from its commands
+        self._faults: list[str] = []  # why the run could not be simulated from its commands
         self._notes: list[str] = []
         self._exact: list[ExactMotion] = []
         self._scene = scene
@@ -132,7 +133,7 @@ class _BagMotion:
         return np.rint(arrays["time"] * 1e9).astype(np.int64) + (self._stream.start - start)
 
     def _has_sample_stamps(self, facts: RecordedRun) -> bool:
-        """Whether everything was recorded with the stamp of a sample."""
+        """Return whether all messages were recorded with the stamp of a sample."""
         for arrays in self._recorded.arrays.values():
             stamps = self._nanoseconds(arrays, facts.start)
             ticks = np.rint(stamps * 1e-9 * facts.rate)
@@ -142,14 +143,14 @@ class _BagMotion:
         return True
 
     def _times(self, arrays: Arrays) -> np.ndarray:
-        """Instants [s] of a topic's samples; of another recorder's bag the robot's own stamps where there are any."""
+        """Return the instants [s] of a topic's samples; in another recorder's bag, those in the headers if any."""
         if self._facts:
             stamps = self._nanoseconds(arrays, self._facts.start)
             return np.rint(stamps * 1e-9 * self._facts.rate) / self._facts.rate
         return arrays.get("stamp", arrays["time"])
 
     def _walk(self) -> None:
-        """Walk through the samples: by the recorded inputs where they are known, else by the samples alone."""
+        """Simulate the recording again: with the recorded inputs if they are known, else from the samples alone."""
         prepare_kernels("view", self._facts.scene["solver.method"] if self._facts else "exact")
         if self._facts:
             motion = self._run_again(self._facts)
@@ -170,7 +171,10 @@ class _BagMotion:
         self._faults += motion.faults
 
     def _run_again(self, facts: RecordedRun) -> ExactMotion:
-        """The recorded run, whose samples are those of all topics and those after which it received an input."""
+        """Return the recorded run to be simulated again with its inputs.
+
+        Its samples are all those that any topic has, and those after which the robot received an input.
+        """
         is_known = self._stream.start <= facts.start
         signals = {name: one for name, one in self._signals.items() if name in state_of(facts.scene) or is_place(name)}
         numbers = {name: np.rint(one.times * facts.rate).astype(np.int64) for name, one in signals.items()}
@@ -195,9 +199,9 @@ class _BagMotion:
         return ExactMotion(rerun.device, samples, ticks / facts.rate, rerun, ticks, inputs, is_known)
 
     def _add_voltage(self, scene: Scene) -> None:
-        """Add the voltage of a dc motor, which is not recorded, at the instants at which its power is.
+        """Add the voltage of a dc motor, which is not recorded, from its power and current.
 
-        Where no current flows, the voltage is what the turning rotor induces.
+        Where no current flows, the voltage is the back-EMF of the turning rotor.
         """
         names = ("motor_current", "electrical_power", "motor_speed")
         if scene.has_rotor and set(names) <= set(self._signals):
@@ -213,13 +217,13 @@ class _BagMotion:
         return min(float(one[0]) for one in times), max(float(one[1]) for one in times)
 
     def _inexact_spans(self) -> list[Span]:
-        """Begin and end [s] of what is not exact, where there are samples to draw it from."""
+        """Return begin and end [s] of each span that is not exact, if there are samples to interpolate it from."""
         resets = self._resets()
         return [span for span in between(self._intervals, *self._ends)
                 if len(interpolated(self._signals, [], span, resets)[0])]
 
     def _why(self, is_open: bool, resolved: bool) -> str:
-        """Why not everything is exact; empty when it is. That it was computed from sample to sample is only a note."""
+        """Return why not everything is exact; empty if it is. Simulation from sample to sample gives only a note."""
         faults = self._faults
         if faults and self._facts:
             faults = [*faults[:MOST_FAULTS], *notes(self._stream, self._facts)]
@@ -230,12 +234,13 @@ class _BagMotion:
         return "" if resolved else "the motion changes too often to be drawn as finely as it was computed"
 
     def _impacts(self, end: float) -> list[dict[str, Any]]:
-        """Computed impacts where the motion is exact, elsewhere the recorded ones, as far as the bag holds them."""
+        """Return the computed impacts where the motion is exact, and elsewhere the recorded ones, if the bag has them.
+        """
         found = [impact for one in self._exact for impact in one.impacts]
         start = (self._stream.start - self._facts.start) * 1e-9 if self._facts else 0.0
         recorded = [Impact(stamp + start, stamp + start, side, force)
                     for stamp, side, force in self._recorded.impacts()]
-        borders = np.array(spans(self._intervals)).ravel()  # between an even and an odd one lies what is exact
+        borders = np.array(spans(self._intervals)).ravel()  # exact from each even one to the odd one after it
         before = np.searchsorted(borders, [one.time for one in recorded], side="right")
         found += [one for one, count in zip(recorded, before, strict=True) if count % 2 == 0]
         found = [one for one in found if one.time <= end]
@@ -245,14 +250,14 @@ class _BagMotion:
         return impacts_as_json(found)
 
     def _resets(self) -> list[float]:
-        """Instants [s] of samples at which the robot stood at its start again."""
+        """Return the instants [s] of the first samples after resets."""
         if self._facts and self._exact:
             return self._exact[0].resets
         return reset_instants(self._signals["crank_angle"]) if "crank_angle" in self._signals else []
 
 
 def pushes(facts: RecordedRun, inputs: Sequence[Input]) -> list[dict[str, float]]:
-    """Recorded pushes of the body: ``begin`` and ``end`` [s] of robot time, ``force_x`` and ``force_z`` [N]."""
+    """Return the recorded pushes of the body: ``begin``, ``end`` [s] of robot time, ``force_x``, ``force_z`` [N]."""
     found: list[dict[str, float]] = []
     for one in inputs:
         tick = facts.tick(one.stamp)

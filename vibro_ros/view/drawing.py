@@ -1,4 +1,4 @@
-"""What a page needs to know of a scene in order to draw the robot to scale and to offer its commands."""
+"""Description of a scene for a page, which draws the robot to scale and offers its commands."""
 
 from typing import Any
 
@@ -19,11 +19,11 @@ ELECTRICAL = ("motor_voltage", "motor_current", "electrical_power")
 
 
 def drawing(scene: Scene) -> dict[str, Any]:
-    """The robot of a scene, ready for JSON.
+    """Describe the robot of a scene, ready for JSON.
 
-    Lengths are in m and angles in rad, counted from z (upwards) towards -x. A mass's position in the quantities is
-    counted from the crank's centre to where its drive spring is unstretched, so that a picture sets mass and plate
-    farther out by `free_length` (see `messages.urdf`).
+    Lengths are in m and angles in rad, counted from z (upwards) towards -x. The position of a mass does not include the
+    length of its unstretched drive spring, so that a picture draws mass and plate farther out by `free_length` (see
+    `messages.urdf`).
 
     Returns
     -------
@@ -32,10 +32,9 @@ def drawing(scene: Scene) -> dict[str, Any]:
         uphill, and ``weight`` of the robot [N]; ``crank_radius``; ``hub_height`` of the crank's centre above the
         ground; ``free_length``, ``mass_height``, ``headroom`` and ``clearance`` of `messages.urdf`; ``guides``, for
         each mass that the scene has: ``side``, ``angle``, ``rod`` [m], ``plate`` (whether there is one) and ``end``,
-        the distance of the guide's end from the crank's centre; ``knobs``, for each
-        command and each parameter that does something: ``name``, ``unit``, ``from`` and ``to`` (the limits beyond which
-        the robot refuses), ``value`` (of a command what holds before the first one) and ``parameter``, whether it is
-        one; ``quantities``, the unit of each.
+        the distance of the guide's end from the crank's centre; ``knobs``, for each command, and for each parameter
+        that a page may set and that has an effect: ``name``, ``unit``, ``from`` and ``to`` (the robot's limits),
+        ``value`` (the initial one) and ``parameter``, whether it is a parameter; ``quantities``, the unit of each.
 
     Examples
     --------
@@ -50,7 +49,7 @@ def drawing(scene: Scene) -> dict[str, Any]:
         rod = scene[f"crank.{side}_rod"]  # the limit of `Scene.checked_gap`
         knobs.append((f"{side}_gap", -rod, rod, scene[f"{side}.gap"]))
     if scene["effects.friction"] != "none":
-        at_rest = scene["effects.friction"] in ("static", "stribeck")  # by a coefficient of its own, the largest
+        at_rest = scene["effects.friction"] in ("static", "stribeck")  # has its own coefficient, the limit
         largest = scene["ground.static_friction"] if at_rest else BY_NAME["ground.friction"].maximum
         knobs.append(("ground.friction", 0.0, largest, scene["ground.friction"]))
     return {
@@ -68,7 +67,7 @@ def drawing(scene: Scene) -> dict[str, Any]:
 
 
 def quantities(scene: Scene) -> tuple[str, ...]:
-    """Those fields of `Samples` that the robot of a scene has; ``time`` is not among them."""
+    """Return the fields of `Samples` that the robot of a scene has, without ``time``."""
     absent = {side for side in ("upper", "inclined") if side not in scene.guides}
     electrical = () if scene.has_rotor else ELECTRICAL
     without_plate = {side for side in ("upper", "inclined") if side not in scene.plates}
@@ -77,6 +76,9 @@ def quantities(scene: Scene) -> tuple[str, ...]:
 
 
 def shown(scene: Scene) -> tuple[str, ...]:
-    """Those of its `quantities` whose motion is shown: not the torque, power over speed, of which nothing but rounding
-    is left where the crank hardly turns; nor what a dc motor takes from its supply, voltage times current."""
+    """Return the `quantities` of a scene whose motion is shown.
+
+    Left out are the torque, which is power over speed and only rounding error where the crank hardly turns, and the
+    power from a dc motor's supply, which is voltage times current.
+    """
     return tuple(name for name in quantities(scene) if name not in ("motor_torque", "electrical_power"))

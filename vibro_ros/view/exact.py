@@ -1,10 +1,10 @@
-"""The exact motion between samples: a device walks from sample to sample, and where it has been is kept.
+"""The exact motion between samples: a device is simulated from sample to sample, and the exact intervals are kept.
 
-A sample says where everything is and how fast. As long as the inputs that the robot received are known, the device gets
-them, from the run's start, a reset or a checkpoint on: it goes *as the run did*. Where they are not known, or do not
-lead to the next sample - one was lost, another version or computer rounds differently - the device is *put* where a
-sample says, and goes on with the commands that explain the next sample: the motor's speed and the plates' places there
-say where they were sent. An interval counts as exact if the device reaches the sample at its end to within `AGREEMENT`.
+A sample has all positions and speeds. As long as the inputs that the robot received are known, the device gets them,
+from the run's start, a reset or a checkpoint on: it *follows the run*. Where the inputs are not known, or do not lead
+to the next sample (one was lost, another version or computer rounds differently), the device is *put* into the state of
+a sample, and goes on with commands that explain the next sample: the motor's speed and the plates' positions there show
+what was commanded. An interval counts as exact if the device reaches the sample at its end to within `AGREEMENT`.
 """
 
 import functools
@@ -28,28 +28,30 @@ from vibro_ros.view.motion import ExactInterval, Impact, Progress, Span, impacts
 from vibro_ros.view.recorded import Input, Signal
 
 AGREEMENT = 1e-9
-"""Distance [m, rad] from every recorded position within which a computed motion counts as the same; of a run with known
-inputs besides 1e-12 of the position itself."""
+"""Largest distance [m, rad] of a simulated position from the recorded one for the motion to be exact; if the inputs are
+known, 1e-12 of the position is allowed in addition."""
 DRIFT = 2e-11
-"""Distance [m, rad] from a recorded position, beyond which a device that was put goes on from what was recorded."""
+"""Distance [m, rad] from a recorded position beyond which a device that was put starts again from the recorded state.
+"""
 LONGEST = 1.0
-"""Longest interval [s]: what is sampled of it fits in memory, and Ctrl-C is heard after each."""
+"""Longest interval [s], so that its samples fit in memory, and Ctrl-C acts between intervals."""
 MOST_EVENTS = 20_000
-"""Events between two samples, beyond which the motion is not cut at each: a picture cannot show so many."""
-_STAMP = 2e-9  # s, of a stamp's rounding and of its difference's
-_ROUNDING = 1e-9  # rad/s, a change of the speed that a lagging motor is sent to, which is rounding of published speeds
+"""Most events between two samples at which the motion is cut; a picture cannot show more."""
+_STAMP = 2e-9  # s, largest rounding error of the difference of two stamps
+_ROUNDING = 1e-9  # rad/s, change of a lagging motor's command that is only rounding of the published speeds
 
 
 class ExactMotion:
-    """Walks through samples at ascending `times` [s], NaN where a quantity was not recorded; overwrites `device`.
+    """Simulates `device` through samples at ascending `times` [s], and collects the exact intervals.
 
-    `inputs` are by the number of the sample after which they came. `rerun` is the recorded run computed again, whose
-    device walks, and `ticks` the run's own numbers of the samples; without it the device is put where a sample says.
-    `is_known` says whether the device stands where the first sample was taken.
+    A quantity that was not recorded in a sample is NaN. `inputs` are those that came after a sample, by its number. If
+    the inputs are known, `rerun` is the recorded run simulated again, `device` its device, and `ticks` are the samples'
+    numbers in the run; without it the device is put into the state of a sample. `is_known` says whether the device is
+    in the state of the first sample already.
 
-    All results are robot time [s]: `intervals` are all that is exact, `instants` those of every event, and of both ends
-    of a contact, `impacts` those in exact intervals, `resets` the samples at which the robot stood at its start again,
-    `run_since` when it first went as the run did, None for never. `faults` say what ended an exact interval.
+    All results are in robot time [s]: `intervals` are the exact ones, `instants` those of every event and of the end of
+    every contact, `impacts` those in exact intervals, `resets` the first samples after resets, `run_since` is the time
+    from which the device first followed the run, None if never. `faults` say what ended exact intervals.
     """
 
     def __init__(self, device: Simulator, samples: Mapping[str, np.ndarray], times: np.ndarray,
@@ -65,15 +67,15 @@ class ExactMotion:
         self._rerun, self._ticks, self._inputs = rerun, ticks, inputs or {}
         self._state = state_of(device.scene)
         self._places = [name for name in samples if is_place(name)]
-        self._is_placed = self._follows_run = is_known  # somewhere that is known; there as the run did
-        self._put_at = 0  # the sample at which the device was put
-        self._plates: dict[str, float] = {}  # where they were sent since [m]
+        self._is_placed = self._follows_run = is_known  # has a known state; has it by following the run
+        self._put_at = 0  # number of the sample at which the device was put
+        self._plates: dict[str, float] = {}  # commanded positions of the plates since then [m]
         self._failed, self._first_fault = 0, ""
         if is_known:
             self._open()
 
     def walk(self, progress: Progress = lambda share: None) -> None:
-        """Go through all samples."""
+        """Simulate the device through all samples."""
         last = len(self._times) - 1
         jumps = np.zeros(max(0, last), bool)
         if {"crank_angle", "motor_speed"} <= set(self._samples):
@@ -89,7 +91,7 @@ class ExactMotion:
             elif jumps[k] and not was_reset:
                 self._end(k)
                 self.resets.append(float(self._times[k + 1]))
-            elif self._times[k + 1] - self._times[k] > LONGEST_PAUSE:  # a spoilt stamp would ask for years
+            elif self._times[k + 1] - self._times[k] > LONGEST_PAUSE:  # a damaged stamp would cost years
                 self._end(k, "nothing was recorded for more than 10 s")
                 self._fail(k, "nothing is known")
             else:
@@ -99,7 +101,7 @@ class ExactMotion:
             self.faults.append(self._first_fault + more)
 
     def _pass(self, k: int) -> None:
-        """Go from the sample k to the next one from where the device stands; else from where sample k was published."""
+        """Go from the sample k to the next one, from the device's state, or if that fails from the recorded state."""
         if self._is_placed:
             fault = self._step(k)
             if not fault:
@@ -115,7 +117,7 @@ class ExactMotion:
             self._fail(k, fault)
 
     def _step(self, k: int) -> str:
-        """Go to the sample after k; why that is not where it was recorded, empty if it is."""
+        """Advance to the sample after k; return why its positions differ from the recorded ones, empty if not."""
         try:
             if not self._follows_run and (commands := self._explained(k)):
                 self._command(commands)
@@ -135,7 +137,7 @@ class ExactMotion:
         return ""
 
     def _distance(self, k: int) -> tuple[float, str]:
-        """The greatest distance of the device from a position of the sample k [m, rad], and its name."""
+        """Return the greatest distance of the device from a position in the sample k [m, rad], and its name."""
         state = self._device.state
         worst, where = 0.0, ""
         for name in self._places:
@@ -146,7 +148,7 @@ class ExactMotion:
         return worst, where
 
     def _put(self, k: int) -> None:
-        """Put the device where the sample k says; ValueError where that was not recorded, or cannot be."""
+        """Put the device into the state of the sample k (ValueError if that is not recorded, or not possible)."""
         state = {name: float(self._samples[name][k]) for name in self._state if name in self._samples}
         if len(state) < len(self._state) or not np.isfinite([*state.values()]).all():
             raise ValueError("where the robot is was not published")
@@ -158,7 +160,7 @@ class ExactMotion:
         self._open()
 
     def _explained(self, k: int) -> dict[str, float]:
-        """Commands after which motor and plates are where the sample after k has them."""
+        """Return the commands that lead motor and plates to their values in the sample after k."""
         device, commands = self._device, {}
         scene, speed = device.scene, float(self._samples["motor_speed"][k + 1])
         if not math.isfinite(speed):
@@ -179,7 +181,7 @@ class ExactMotion:
         return commands
 
     def _receive(self, k: int) -> bool:
-        """Give the device what the robot received after the sample k; whether a reset was among it."""
+        """Pass the inputs that the robot received after the sample k to the device; return whether one was a reset."""
         was_reset = False
         for one in self._inputs.get(k, ()):
             try:
@@ -199,7 +201,7 @@ class ExactMotion:
         return was_reset
 
     def _restore(self, k: int, data: bytes) -> None:
-        """Stand where a checkpoint says, unless the device goes as the run did already."""
+        """Restore the device from a checkpoint, unless it follows the run already."""
         if self._follows_run or self._rerun is None or self._ticks is None:
             return
         self._end(k)
@@ -207,9 +209,10 @@ class ExactMotion:
         self._go_as_run(k)
 
     def _operate(self, k: int, data: bytes) -> bool:
-        """Do an operation, which begins another interval; whether it was a reset.
+        """Perform an operation, which begins a new interval; return whether it was a reset.
 
-        Pauses and steps do nothing, because samples count. What is unknown stays so but after a reset.
+        Pauses and steps do nothing, because robot time counts samples. A device that does not follow the run does so
+        again after a reset, and after no other operation.
         """
         operation = read_operation(deserialised(data, TOPICS[OPERATIONS].type).data)
         if self._rerun is None or self._ticks is None:
@@ -235,12 +238,12 @@ class ExactMotion:
         self._open()
 
     def _open(self) -> None:
-        """Begin an interval where the device is."""
+        """Begin an interval at the device's present state."""
         self._start, self._begin = self._device.checkpoint(), self._device.time
         self._commands: list[tuple[float, dict[str, float]]] = []
 
     def _command(self, command: dict[str, float]) -> None:
-        """Give the device a command within the interval."""
+        """Pass a command to the device, and note it in the interval."""
         self._device.command(**command)
         self._commands.append((self._device.time, command))
 
@@ -253,7 +256,10 @@ class ExactMotion:
                                                 commands))
 
     def _end(self, k: int, fault: str = "") -> None:
-        """From the sample k on the device stands nowhere, because of a `fault` if it went as the run did."""
+        """End the interval at the sample k; from there on the device's state is unknown.
+
+        A `fault` is noted if the device followed the run.
+        """
         if self._is_placed:
             self._close(k)
             if self._follows_run and fault:
@@ -266,7 +272,7 @@ class ExactMotion:
         self._failed += 1
 
     def _note(self) -> None:
-        """Keep the events since the last sample."""
+        """Collect instants and impacts from the events since the last sample."""
         events = self._device.take_events()[:MOST_EVENTS]
         times = events["time"] + self._offset
         self.instants.append(np.concatenate([times, (times + events["duration"])[events["duration"] > 0.0]]))
@@ -279,14 +285,14 @@ class ExactMotion:
             self._times[self._put_at])
 
     def _own_time(self, k: int) -> float:
-        """The device's own time [s] at a sample; a device that was reset stands at its start before its first one."""
+        """Return the device's own time [s] at a sample; 0 if the device was reset after that sample."""
         if self._rerun and self._ticks is not None and self._follows_run:
             return max(0.0, (int(self._ticks[k]) - self._rerun.origin) / self._rerun.rate)
         return max(0.0, float(self._times[k]) - self._offset)
 
 
 def spans(intervals: Sequence[ExactInterval]) -> list[Span]:
-    """Begin and end [s] of what is exact, intervals that meet as one."""
+    """Return begin and end [s] of the exact spans; intervals that meet are joined."""
     found: list[Span] = []
     for begin, end in (one.span for one in intervals):
         if found and begin <= found[-1][1]:
@@ -296,27 +302,29 @@ def spans(intervals: Sequence[ExactInterval]) -> list[Span]:
 
 
 def between(intervals: Sequence[ExactInterval], begin: float, end: float) -> list[Span]:
-    """Begin and end [s] of what is not exact from `begin` to `end`, also where both are the same."""
+    """Return begin and end [s] of the spans from `begin` to `end` that are not exact, empty spans included."""
     borders = [begin, *np.ravel(spans(intervals)).tolist(), end]
     return list(zip(borders[::2], borders[1::2], strict=True))
 
 
 def state_of(scene: Scene) -> list[str]:
-    """Fields of `Samples` that say where a robot of this scene is, and how fast."""
+    """Return the fields of `Samples` that make up the state of a robot of this scene."""
     known = quantities(scene)
     return [name for name in UNITS if name in known]
 
 
 def common_samples(signals: Mapping[str, Signal], names: Sequence[str]) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Recorded quantities at the instants [s] at which all of `names` were recorded, and these instants."""
+    """Return the quantities `names` at the instants [s] at which all of them were recorded, and these instants."""
     times = functools.reduce(lambda one, other: np.intersect1d(one, other, assume_unique=True),
                              [signals[name].times for name in names])
     return {name: signals[name].values[np.searchsorted(signals[name].times, times)] for name in names}, times
 
 
 def regular(times: np.ndarray) -> np.ndarray:
-    """The instants [s] of a robot's samples, whose stamps are rounded to nanoseconds: in that time a mass moves by
-    more than `AGREEMENT`."""
+    """Return the exact instants [s] of evenly spaced samples, or `times` if they are not evenly spaced.
+
+    The stamps in `times` are rounded to nanoseconds, in which a mass moves by more than `AGREEMENT`.
+    """
     pauses = np.diff(times)
     if len(pauses) == 0:
         return times

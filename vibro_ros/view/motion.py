@@ -1,4 +1,4 @@
-"""The motion document: where everything was at every instant, small enough to be mailed.
+"""The motion document: every quantity at every instant of a motion, small enough to be mailed.
 
 A motion is cut into pieces, at every event and wherever else it is needed. In a piece each quantity is a polynomial
 
@@ -14,19 +14,18 @@ payload: three arrays one behind the other, little-endian, P pieces and Q quanti
 ``coefficients``, float64
     For each piece and each of its known quantities c_0 to c_degree (SI), in the order of the degrees.
 ``degrees``, uint8
-    P x Q numbers, those of a piece one behind the other: the degree of each quantity's polynomial, or `UNKNOWN`.
+    P x Q numbers, piece by piece: the degree of each quantity's polynomial, or `UNKNOWN`.
 
-The header: ``pieces``, P; ``coefficients``, how many there are; ``quantities``, Q names of fields of `Samples`;
-``begin`` and ``end`` [s] of the motion; ``exact``, whether all pieces are what the simulator computes, and ``why``, a
-sentence when they are not; ``exact_spans``, pairs of begin and end [s] of what is exact; ``impacts``, a list of
-``time`` and ``end`` [s], ``side``, ``peak_force`` [N] (null where a plate is rigid, where an impact is an instant);
-``resets``, the instants [s] at which the robot stood at its start again; of a robot's own recording also ``pushes`` of
-the body from outside, a list of ``begin`` and ``end`` [s], ``force_x`` and ``force_z`` [N].
+The header: ``pieces``, P; ``coefficients``, their number; ``quantities``, Q names of fields of `Samples`; ``begin`` and
+``end`` [s] of the motion; ``exact``, whether all pieces are simulated exactly, and ``why``, a sentence if they are not;
+``exact_spans``, pairs of begin and end [s] of the exact parts; ``impacts``, a list of ``time`` and ``end`` [s],
+``side``, ``peak_force`` [N] (null for a rigid plate, where an impact is an instant); ``resets``, the instants [s] of
+the first samples after resets; for a recording of the robot's own recorder also ``pushes`` of the body, a list of
+``begin`` and ``end`` [s], ``force_x`` and ``force_z`` [N].
 
-`fitted_motion` makes a document of exact intervals and interpolated samples. A piece is sampled at the nodes of
-Chebyshev's first kind, which lie inside it, so that what jumps at an event counts on neither side. Where the last
-coefficients of a quantity are still larger than may be neglected, the piece is halved: that also finds what jumps
-without having been announced.
+`fitted_motion` makes the pieces from exact intervals and interpolated samples. A piece is sampled at the nodes of
+Chebyshev's first kind, which lie inside it, so that a jump at an event affects neither side. Where the last
+coefficients of a quantity are too large to be neglected, the piece is halved; that also finds jumps without an event.
 """
 
 import math
@@ -42,63 +41,63 @@ from vibro_ros.sensors.device import new_device
 from vibro_ros.simulation.simulator import Simulator, ToleranceWarning
 
 UNKNOWN = 255
-"""Degree of a quantity of which nothing is known in a piece."""
+"""Degree that marks a quantity as unknown in a piece."""
 Document = tuple[dict[str, Any], bytes]
 """Header and payload."""
 Span = tuple[float, float]
 """Begin and end [s]."""
 Progress = Callable[[float], object]
-"""Is given the share of the work that is done, from 0 to 1."""
+"""Callback with the share of the work that is done, from 0 to 1."""
 
 MOST_A_SECOND, MOST_OF_STEPS = 20_000, 2000
-"""Pieces of a second, by the method exact and by another one, whose every step may be a border that nobody sees."""
-#: Coefficients of a polynomial: of twelve to twenty-four, those that give the smallest documents.
+"""Most pieces that halving adds in a second, for the method exact and for the others, whose every step may be a jump
+too small to see."""
+#: Coefficients of a polynomial: the number from 12 to 24 that gives the smallest documents.
 NODES = 20
 #: Longest piece [s], about a third of a turn of the crank at 100 rad/s.
 LONGEST = 0.02
-#: Borders closer together [s] are one: with the speeds of a blow, 4 m/s, nothing moves by 1e-10 m in between.
+#: Distance [s] within which borders are merged: at the speed of an impact, 4 m/s, nothing moves by 1e-10 m in it.
 MERGE_DISTANCE = 2e-11
-#: A piece so short [s] is not halved.
+#: Length [s] up to which a piece is not halved.
 SHORTEST = 1e-9
-#: The last coefficients, of which none may count.
+#: Number of last coefficients, all of which must be negligible.
 _TAIL_LENGTH = 3
-#: Halving has helped if the last coefficients of one half shrink to less than this part; those of a smooth quantity
+#: Halving has helped if the last coefficients of one half shrink to less than this fraction; those of a smooth quantity
 #: nearly vanish.
 _SHRINK_FACTOR = 0.2
-#: Times in a row that halving has not helped, after which it will not: more jumps in a piece than are unannounced.
+#: Number of halvings in a row without help after which a piece is not halved again; it has too many jumps.
 _MOST_FAILED_HALVINGS = 4
 
 #: Borders [s], shape (p, 2), and Chebyshev coefficients (SI), shape (p, quantities, n), of interpolated pieces.
 Interpolated = tuple[np.ndarray, np.ndarray]
-#: Samples every quantity at ascending instants [s], shape (n,), as an array of shape (n, quantities).
+#: Function that samples every quantity at ascending instants [s], shape (n,): array of shape (n, quantities).
 Sampler = Callable[[np.ndarray], np.ndarray]
 
-#: Precision of a place [m] and of an angle [rad]: a polynomial of 20 coefficients is then off by 5e-10 m at most.
+#: Precision of a position [m] and of an angle [rad]: the error of a polynomial of 20 coefficients is at most 5e-10 m.
 _PLACE = 5e-11
-#: Precision of the rest, as parts of their largest value: off by 2e-7 of it at most.
+#: Precision of other quantities, relative to their largest value: the error is at most 2e-7 of it.
 _PART = 2e-8
-#: A place's precision is never a smaller part of its largest value: rounding is no smaller either.
+#: Least precision of a position relative to its largest value: rounding is no smaller either.
 _LEAST_PART = 1e-13
 
 
 def is_place(name: str) -> bool:
-    """Whether a field of `Samples` says where something is: in m, or the crank's angle in rad."""
+    """Return whether a field of `Samples` is a position [m], or the crank's angle [rad]."""
     return name.endswith(("position", "height", "angle"))
 
 
 def precisions(names: Sequence[str], largest: np.ndarray) -> np.ndarray:
-    """Precision of a coefficient of each quantity (SI), from its largest magnitude in the motion; shape (quantities,).
-    """
+    """Return the precision of each quantity's coefficients (SI) from its largest magnitude; shape (quantities,)."""
     places = np.array([is_place(name) for name in names])
     found = np.where(places, np.maximum(_PLACE, _LEAST_PART * largest), _PART * largest)
-    return np.where(found > 0.0, found, 1.0)  # of a quantity that is 0 throughout
+    return np.where(found > 0.0, found, 1.0)  # where a quantity is always 0
 
 
 class MotionWriter:
-    """Gathers the pieces of a motion of some quantities; `size` are the bytes of the payload so far.
+    """Collects the pieces of a motion of some quantities; `size` is the payload's size so far [bytes].
 
-    `precision` is the step of a coefficient of each quantity (SI). Coefficients are rounded to a power of two below
-    it, and zeros at a polynomial's end are left out: both only make the document small.
+    `precision` is that of each quantity's coefficients (SI). Coefficients are rounded to multiples of the power of two
+    below it, and zeros at a polynomial's end are left out, to make the document small.
     """
 
     def __init__(self, quantities: Sequence[str], precision: Sequence[float] | np.ndarray):
@@ -110,9 +109,10 @@ class MotionWriter:
         self._degrees: list[np.ndarray] = [np.empty((0, len(self.quantities)), np.uint8)]
 
     def add(self, borders: np.ndarray, coefficients: np.ndarray) -> None:
-        """Append pieces: `borders` [s], shape (p, 2), ascending, none before the end of the last, and `coefficients`.
+        """Append pieces after the last one.
 
-        These are of the Chebyshev polynomials (SI), shape (p, quantities, n); not finite where nothing is known.
+        `borders` [s] are ascending, shape (p, 2). `coefficients` are those of the Chebyshev polynomials (SI), shape (p,
+        quantities, n), not finite where a quantity is unknown.
         """
         rounded = np.rint(coefficients / self._step) * self._step
         known, orders = np.isfinite(rounded).all(axis=2), np.arange(rounded.shape[2])
@@ -124,9 +124,9 @@ class MotionWriter:
         self.size += borders.nbytes + chosen.nbytes + known.size
 
     def document(self, facts: Mapping[str, Any]) -> Document:
-        """Header and payload; `facts` is what only the caller knows: ``exact``, ``why``, ``impacts``, ...
+        """Return header and payload; `facts` are further fields of the header: ``exact``, ``why``, ``impacts``, ...
 
-        ``begin`` and ``end`` are those of the pieces, where the facts do not say them.
+        ``begin`` and ``end`` are those of the pieces, unless `facts` has them.
         """
         borders, coefficients, degrees = (
             np.concatenate(parts) for parts in (self._borders, self._coefficients, self._degrees))
@@ -146,7 +146,7 @@ class Impact(NamedTuple):
 
 
 def impacts_of(events: np.ndarray, offset: float) -> list[Impact]:
-    """The contacts among events, of dtype `EVENT_DTYPE`; `offset` [s] is added to their times."""
+    """Return the contacts among events of dtype `EVENT_DTYPE`; `offset` [s] is added to their times."""
     events = events[np.isin(events["kind"], list(PLATES))]
     times = events["time"] + offset
     return [Impact(time, end, kind.partition("_")[0], force) for time, end, kind, force in zip(
@@ -155,16 +155,16 @@ def impacts_of(events: np.ndarray, offset: float) -> list[Impact]:
 
 
 def impacts_as_json(impacts: Sequence[Impact]) -> list[dict[str, Any]]:
-    """Impacts for a header, by time."""
+    """Return impacts in the form of a header, sorted by time."""
     return [{**one._asdict(), "peak_force": one.peak_force if math.isfinite(one.peak_force) else None}
             for one in sorted(impacts)]
 
 
 class ExactInterval(NamedTuple):
-    """A device from one sample to a later one, by its own time [s]; `offset` is added to it to get robot time [s].
+    """Exact motion of a device from one sample to a later one, in its own time [s]; robot time is this plus `offset`.
 
-    `start` is a checkpoint at the begin, before the commands there. The device took each of the commands, an instant of
-    its own time [s] and arguments of `Simulator.command`, which lie from `begin` to before `end`.
+    `start` is a checkpoint at `begin`, before the commands there. A command is an instant of the device's own time [s],
+    at least `begin` and less than `end`, with arguments of `Simulator.command`.
     """
 
     scene: Scene
@@ -180,7 +180,7 @@ class ExactInterval(NamedTuple):
         return self.begin + self.offset, self.end + self.offset
 
     def values(self, device: Simulator, times: np.ndarray, names: Sequence[str]) -> np.ndarray:
-        """Quantities `names` at ascending `times` [s] of the device's own, shape (n, names); overwrites `device`."""
+        """Return quantities at ascending `times` [s] of the device's own, shape (n, names); overwrites `device`."""
         device.restore(self.start)
         parts, done = [], 0
         for instant, command in self.commands:
@@ -201,19 +201,21 @@ def _sampled(device: Simulator, times: np.ndarray, names: Sequence[str]) -> np.n
 
 
 def quiet() -> warnings.catch_warnings:
-    """A context without the warning of a tolerance that a scene cannot keep: its robot has given it."""
+    """Return a context without the ToleranceWarning, which the robot of the scene has given already."""
     return warnings.catch_warnings(action="ignore", category=ToleranceWarning)
 
 
 def quiet_device(scene: Scene) -> Simulator:
-    """The device of a scene, without that warning."""
+    """Return the device of a scene, without a ToleranceWarning."""
     with quiet():
         return new_device(scene)
 
 
 class FittedMotion(NamedTuple):
-    """The pieces; the intervals that they follow exactly; the instant [s] from which on pieces were left out, else
-    infinite."""
+    """Result of `fitted_motion`: the pieces, the intervals that they reproduce exactly, and the `end` [s].
+
+    From `end` on pieces were left out for lack of room; it is infinite if none were.
+    """
 
     writer: MotionWriter
     exact: list[ExactInterval]
@@ -223,9 +225,10 @@ class FittedMotion(NamedTuple):
 def fitted_motion(names: Sequence[str], intervals: Sequence[ExactInterval], instants: Sequence[np.ndarray],
                   rest: Sequence[Interpolated], limit: float = math.inf,
                   progress: Progress = lambda share: None) -> FittedMotion:
-    """Pieces of the quantities `names` in the order of time, as many as fit into `limit` bytes.
+    """Make the pieces of the quantities `names` in time order, as many as fit into `limit` bytes.
 
-    `intervals` are what is exact, by time, and `instants` the events in them [s]; `rest` is what is interpolated.
+    `intervals` are the exact parts of the motion, by time, and `instants` [s] the events in them; `rest` are the
+    interpolated parts.
     """
     events = np.sort(np.concatenate([np.empty(0), *instants]))
     places = [q for q, name in enumerate(names) if is_place(name)]
@@ -263,7 +266,7 @@ def fitted_motion(names: Sequence[str], intervals: Sequence[ExactInterval], inst
 
 
 def _borders(interval: ExactInterval, events: np.ndarray) -> np.ndarray:
-    """Borders of the pieces of an interval [s], shape (p, 2): cut at events, commands and samples of a controller."""
+    """Return the borders of an interval's pieces [s], shape (p, 2): cut at events, commands and controller samples."""
     inside = events[slice(*np.searchsorted(events, interval.span))] - interval.offset
     return cut(interval.begin, interval.end, np.concatenate([
         inside, [time for time, _ in interval.commands],
@@ -271,8 +274,10 @@ def _borders(interval: ExactInterval, events: np.ndarray) -> np.ndarray:
 
 
 def controlled(scene: Scene, begin: float, end: float) -> np.ndarray:
-    """Instants [s] by the device's own time at which a dc motor's controller takes a sample: what it holds jumps there,
-    without an event. None of a controller that takes more samples than a page can show."""
+    """Return the instants [s] of the device's own time at which the controller of a dc motor takes a sample.
+
+    Its output jumps there without an event. Empty for a controller that takes more samples than a page can show.
+    """
     rate = scene["motor.control_rate"]
     if not scene.has_rotor or scene["motor.control"] == "voltage" or rate > MOST_A_SECOND:
         return np.empty(0)
@@ -280,9 +285,9 @@ def controlled(scene: Scene, begin: float, end: float) -> np.ndarray:
 
 
 def cut(begin: float, end: float, instants: np.ndarray) -> np.ndarray:
-    """Borders of pieces, shape (p, 2): `begin`, `end` [s], the `instants` between them, and none longer than `LONGEST`.
+    """Cut the time from `begin` to `end` [s] at `instants` into pieces of at most `LONGEST`; borders, shape (p, 2).
 
-    Instants that are closer than `MERGE_DISTANCE` to the border before them or to the end are left out.
+    Instants closer than `MERGE_DISTANCE` to the previous border or to the end are left out.
     """
     borders = [begin]
     for instant in np.sort(instants[(instants > begin) & (instants < end - MERGE_DISTANCE)]).tolist():
@@ -297,19 +302,20 @@ def cut(begin: float, end: float, instants: np.ndarray) -> np.ndarray:
 
 def fitted(sample: Sampler, borders: np.ndarray, allowed: np.ndarray,
            most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Polynomials of every quantity in the pieces with these `borders` [s], ascending, shape (p, 2), from `cut`.
+    """Fit polynomials of every quantity in pieces, which are halved until the last coefficients are negligible.
 
-    `sample` samples the motion, as often as it is asked, anywhere within the borders. `allowed` are the largest
-    coefficients that may be neglected (SI); from `most` pieces on none is halved any more.
+    `borders` [s] are ascending, shape (p, 2), from `cut`. `sample` samples the motion anywhere within the borders, and
+    may be called repeatedly. `allowed` are the largest coefficients that may be neglected (SI); once there would be
+    more than `most` pieces, none is halved any more.
 
     Returns
     -------
     borders : ndarray, shape (n, 2)
-        Of all pieces, ascending [s].
+        Borders of all pieces, ascending [s].
     coefficients : ndarray, shape (n, quantities, NODES)
-        Of the Chebyshev polynomials (SI).
+        Coefficients of the Chebyshev polynomials (SI).
     resolved : ndarray of bool, shape (quantities,)
-        Whether the polynomials of a quantity neglect nothing in any piece.
+        Whether the last coefficients of a quantity are negligible in every piece.
     """
     done: list[tuple[np.ndarray, np.ndarray]] = []
     total, resolved = len(borders), np.full(len(allowed), True)
@@ -318,10 +324,10 @@ def fitted(sample: Sampler, borders: np.ndarray, allowed: np.ndarray,
     while len(borders):
         values = sample(_instants(borders, _PLACES).ravel())
         coefficients = np.einsum("kn,pnq->pqk", _TRANSFORM, values.reshape(len(borders), NODES, -1), optimize=True)
-        # Instants are rounded, the more the later they are; a quantity's change in that time is no sign of anything.
+        # Instants are rounded, the more the later they are; a change of a quantity in that time is only noise.
         rounding = np.spacing(borders[:, 1]) / (borders[:, 1] - borders[:, 0])
         noise = 8.0 * rounding[:, None] * np.abs(coefficients[:, :, 1:]).max(axis=2)
-        tails = np.abs(coefficients[:, :, -_TAIL_LENGTH:]).max(axis=2) / np.maximum(allowed, noise)  # neglected up to 1
+        tails = np.abs(coefficients[:, :, -_TAIL_LENGTH:]).max(axis=2) / np.maximum(allowed, noise)  # up to 1: none
         worst = tails.max(axis=1, initial=0.0)
         if len(before):  # a half shrinks unless the tails are rounding, or the steps of a method
             helped = worst.reshape(-1, 2).min(axis=1) <= np.maximum(1.0, _SHRINK_FACTOR * before)
@@ -342,16 +348,16 @@ def fitted(sample: Sampler, borders: np.ndarray, allowed: np.ndarray,
 
 
 def polynomials_through(borders: np.ndarray, values: Callable[[np.ndarray], np.ndarray], count: int) -> np.ndarray:
-    """Coefficients of the polynomials of degree `count` - 1 through values at as many nodes, shape (p, Q, count).
+    """Return the coefficients of the polynomials through values at `count` nodes in each piece, shape (p, Q, count).
 
-    `values` gives those at instants [s] of shape (p, count), of shape (p, count, Q).
+    `values` returns the values, shape (p, count, Q), at instants [s] of shape (p, count).
     """
     places, transform = _nodes(count)
     return np.einsum("kn,pnq->pqk", transform, values(_instants(borders, places)))
 
 
 def _nodes(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """The nodes in [-1, 1], ascending; and the matrix that makes Chebyshev coefficients of the values there."""
+    """Return the nodes in [-1, 1], ascending, and the matrix from the values there to the Chebyshev coefficients."""
     angles = (np.arange(count)[::-1] + 0.5) * np.pi / count
     transform = 2.0 / count * np.cos(np.arange(count)[:, None] * angles)
     transform[0] *= 0.5
@@ -362,7 +368,7 @@ _PLACES, _TRANSFORM = _nodes(NODES)
 
 
 def _instants(borders: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Instants [s] of some places in [-1, 1] in each piece, shape (p, places)."""
+    """Return the instants [s] at the positions `places` in [-1, 1] of each piece, shape (p, places)."""
     middle, half = borders.mean(axis=1), 0.5 * (borders[:, 1] - borders[:, 0])
     inside = middle[:, None] + half[:, None] * places
-    return np.clip(inside, borders[:, :1], borders[:, 1:])  # rounding leads out of no piece
+    return np.clip(inside, borders[:, :1], borders[:, 1:])  # rounding must not lead out of a piece

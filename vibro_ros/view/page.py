@@ -1,9 +1,8 @@
-"""The page as one text: HTML, style, modules, setting and data, with nothing that is loaded from elsewhere.
+"""The page as one text: HTML, style, modules, setting and data; nothing is loaded from elsewhere.
 
-The modules of `page/` import each other by names such as ``vibro/charts.js``. An import map leads each name to a
-`data:` URL, so that the modules stay the files that they are, in one text and without a bundler. The page's policy
-allows only scripts and styles with the page's nonce, and modules that these import; a recording's page may connect to
-nothing.
+The modules of `page/` import each other by names such as ``vibro/charts.js``. An import map resolves each name to a
+`data:` URL, so that unchanged module files fit into one text without a bundler. The page's policy allows only scripts
+and styles with the page's nonce, and modules that these import; a recording's page may not connect to anything.
 """
 
 import base64
@@ -20,15 +19,15 @@ from typing import Any
 FILES = resources.files("vibro_ros.view") / "page"
 """The page's HTML, style and modules, as they are installed."""
 MARK = '<meta name="generator" content="vibro_ros view">'
-"""Stands near the begin of every page."""
+"""Mark near the beginning of every page."""
 
 
 def page_text(setting: Mapping[str, Any], motion: tuple[Mapping[str, Any], bytes] | None = None,
               nonce: str = "") -> str:
-    """The whole page, HTML; ValueError for a number that is not finite, which JSON cannot say.
+    """Return the whole page as HTML; ValueError for a number that is not finite, which JSON cannot represent.
 
     `setting` has ``mode`` (``live`` or ``bag``), ``title``, ``version``; for a recording also ``machine``. `motion` is
-    the motion document of a recording, `nonce` that of the server's policy. Without one the text carries its own
+    the motion document of a recording, `nonce` that of the server's policy. Without a nonce the text contains its own
     policy, as a file must.
     """
     elements = [f'<script id="setting" type="application/json">{_json(setting)}</script>']
@@ -50,14 +49,14 @@ def page_text(setting: Mapping[str, Any], motion: tuple[Mapping[str, Any], bytes
 
 
 def policy(nonce: str, connect: str = "'none'") -> str:
-    """The page's Content-Security-Policy; `connect` is where it may connect to."""
+    """Return the page's Content-Security-Policy; `connect` is where the page may connect to."""
     return (f"default-src 'none'; script-src 'nonce-{nonce}'; style-src 'nonce-{nonce}'; img-src data:; "
             f"connect-src {connect}; base-uri 'none'; form-action 'none'")
 
 
 @functools.cache
 def import_map() -> str:
-    """JSON that leads the name of each module to a `data:` URL."""
+    """Return the import map, JSON that resolves the name of each module to a `data:` URL."""
     urls = {}
     for name in sorted(file.name for file in FILES.iterdir() if file.name.endswith(".js")):
         named = f"{_file(name)}//# sourceURL=vibro/{name}\n"  # for the browser's tools
@@ -71,5 +70,5 @@ def _file(name: str) -> str:
 
 
 def _json(data: Mapping[str, Any]) -> str:
-    """JSON that ends no script element: all beyond ASCII is escaped, and so is what begins a tag."""
+    """Return JSON that cannot end a script element: non-ASCII characters and `<` are escaped."""
     return json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")

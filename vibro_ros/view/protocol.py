@@ -1,9 +1,9 @@
-"""What page and server say to each other: requests, and the frames that answer them.
+"""The protocol between page and server: requests of the page, and frames of the server.
 
 A page sends a text of JSON for each request, `read_request`. The server sends texts of JSON, and binary frames of
-samples and of motions. A binary frame is two little-endian numbers of 32 bits, then data. Frames of `SAMPLES` have the
-number of rows and then the rows, each a float64 for each of `COLUMNS`; frames of `MOTION` have the request's id and
-then the motion's payload.
+samples and of motions. A binary frame begins with two little-endian numbers of 32 bits, the first of which is its kind.
+In a frame of `SAMPLES` the second is the number of rows, and the rows follow, a float64 for each of `COLUMNS`; in a
+frame of `MOTION` the second is the request's id, and the motion's payload follows.
 """
 
 import json
@@ -24,17 +24,17 @@ SAMPLES, MOTION = 1, 2
 _HEAD = struct.Struct("<II")
 
 LONGEST = 4096
-"""Bytes of the longest text that a page may send."""
+"""Longest text [bytes] that a page may send."""
 MOST_SECONDS = 5.0
-"""Longest slow motion [s] that a page may ask for; the view keeps so much."""
+"""Longest slow motion [s] that a page may ask for; the view keeps the samples of this time."""
 PLAIN_CALLS = ("reset", "step")
 SWITCHES = ("pause", "record")
 PARAMETERS = ("ground.friction",)
 """Parameters of the scene that a page may set; each may change while the robot runs."""
-_MOST_IDS = 2**32  # a binary frame has so much room for one
+_MOST_IDS = 2**32  # a binary frame has 32 bits for an id
 
 COMMAND, PARAMETER, CALL, SLOW_MOTION = "command", "parameter", "call", "slow_motion"
-"""What a page may ask for: to publish a command, to set a parameter, to call a service, to compute slow motion."""
+"""Kinds of requests: to publish a command, to set a parameter, to call a service, to compute slow motion."""
 #: Names that each kind of request may have, by the keys of its JSON object beside `id`.
 _NAMES: Mapping[frozenset[str], tuple[str, tuple[str, ...]]] = {
     frozenset({COMMAND, "value"}): (COMMAND, tuple(COMMAND_UNITS)),
@@ -47,10 +47,10 @@ _NAMES: Mapping[frozenset[str], tuple[str, tuple[str, ...]]] = {
 
 @dataclass(frozen=True)
 class Request:
-    """What a page asks for, by its `id`: a `kind`, and the `name` of a command, a parameter or a service.
+    """A page's request, with its `id`, `kind`, and the `name` of a command, a parameter or a service.
 
-    `value` is that of a command or parameter in its unit, whether a service switches on, or the seconds of slow motion;
-    None for a service that switches nothing.
+    `value` is the value of a command or parameter in its unit, whether a switch is to be on, or the length [s] of the
+    slow motion; None for a service that is no switch.
     """
 
     id: int
@@ -60,7 +60,7 @@ class Request:
 
 
 class RefusedError(ValueError):
-    """A text that asks for nothing that there is; `id` is that of the request if it has one."""
+    """A page's text is no valid request; `id` is that of the request, if it has one."""
 
     def __init__(self, words: str, id: int | None = None):
         super().__init__(words)
@@ -68,12 +68,12 @@ class RefusedError(ValueError):
 
 
 def read_request(text: str | bytes) -> Request:
-    """The request in a page's text.
+    """Read the request in a page's text.
 
     Raises
     ------
     RefusedError
-        Saying in one line what is wrong.
+        When it is not valid; the message says in one line what is wrong.
     """
     if isinstance(text, bytes):
         raise RefusedError("bytes are no request; send text")
@@ -121,7 +121,7 @@ def _shown(value: object) -> str:
 
 
 def text_frame(kind: str, **fields: object) -> str:
-    """A text frame.
+    """Return a text frame: JSON with the `kind` and the `fields`.
 
     Raises
     ------
@@ -132,10 +132,10 @@ def text_frame(kind: str, **fields: object) -> str:
 
 
 def samples_frame(rows: bytes) -> bytes:
-    """The frame of some rows of samples."""
+    """Return the binary frame of rows of samples."""
     return _HEAD.pack(SAMPLES, len(rows) // (8 * len(COLUMNS))) + rows
 
 
 def motion_frame(id: int, payload: bytes) -> bytes:
-    """The frame of a motion's payload, for the request `id`."""
+    """Return the binary frame of a motion's payload, for the request `id`."""
     return _HEAD.pack(MOTION, id) + payload

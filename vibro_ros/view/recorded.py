@@ -1,4 +1,4 @@
-"""A recording's samples, impacts and inputs; and the motion interpolated between samples, where it is not exact."""
+"""Samples, impacts and inputs of a recording, and interpolation between samples where the motion is not exact."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
@@ -15,29 +15,29 @@ from vibro_ros.simulation.validity import GAP
 from vibro_ros.view.motion import Interpolated, Progress, Span, polynomials_through
 
 MOST_SAMPLES = 1_000_000
-"""Samples of a topic that are read, an hour and a half at 200 Hz: more than a page can show."""
+"""Most samples of a topic that are read, an hour and a half at 200 Hz: more than a page can show."""
 MOST_INPUTS = 200_000
-"""Commands, operations and checkpoints that are read, and impacts."""
+"""Most messages that are read of each topic of commands, operations and checkpoints."""
 
 _FASTEST = 1e100  # rad/s
 
 UNSTAMPED = tuple(name for name, topic in TOPICS.items() if topic.numbers and not topic.frame)
-"""Topics that are quantities, without a stamp in their messages."""
+"""Topics of quantities whose messages have no stamp."""
 
 QUANTITIES = frozenset(FIELDS) - {"time"}
 #: Quantity of each array of `joint_states`.
 _OF_JOINTS = {f"{joint}.{part}": quantity for joint, quantities in JOINTS.items()
               for quantity, part in zip(quantities, JOINT_QUANTITIES, strict=True)}
 STATE = ("odom", "joint_states")
-"""Topics that say where everything is."""
+"""Topics with the robot's state."""
 
 DEGREE = 3
 NEAR = 3e-9
-"""Instants [s] that are one: stamps are rounded to nanoseconds."""
+"""Distance [s] within which instants count as equal, because stamps are rounded to nanoseconds."""
 
 
 class Input(NamedTuple):
-    """A command, an operation or a checkpoint: recorded stamp [ns], the robot's own name of the topic, message."""
+    """A command, an operation or a checkpoint: recorded stamp [ns], topic (its key in `TOPICS`), bytes."""
 
     stamp: int
     name: str
@@ -45,7 +45,7 @@ class Input(NamedTuple):
 
 
 class Signal(NamedTuple):
-    """A quantity at the instants at which it was recorded [s], ascending, and its rate there if that was, too."""
+    """A recorded quantity: ascending instants [s], its values, and its rates of change if these were recorded, too."""
 
     times: np.ndarray
     values: np.ndarray
@@ -53,10 +53,10 @@ class Signal(NamedTuple):
 
 
 class Recorded:
-    """The robot's samples in a bag; `progress` is told how far reading is.
+    """The robot's samples and inputs in a bag; `progress` is called with the share that has been read.
 
-    `inputs` are in the order of recording. `arrays` has the samples by the robot's own names of the topics; their times
-    count from the bag's first message. `cut_short` says whether more was recorded than is read.
+    `inputs` are in the order of recording. `arrays` has the samples by topic (keys of `TOPICS`); their times count from
+    the bag's first message. `cut_short` says whether the end of the recording was not read.
     """
 
     def __init__(self, stream: BagStream, progress: Progress):
@@ -67,7 +67,7 @@ class Recorded:
         self._read(STATE, progress)
 
     def _read(self, wanted: tuple[str, ...], progress: Progress) -> None:
-        """Read the samples of some topics and, with those of the state, the inputs."""
+        """Read the samples of some topics, and the inputs when these topics are `STATE`."""
         names = {self.topics[name]: name for name in wanted if name in self.topics}
         inputs = {self.topics[name]: name for name in (*INPUTS, CHECKPOINT)
                   if name in self.topics and wanted == STATE}
@@ -92,11 +92,11 @@ class Recorded:
         self.arrays |= {name: series[topic].arrays() for topic, name in names.items() if read[topic]}
 
     def read_forces(self) -> None:
-        """Read the other topics as well, which only an interpolated motion needs."""
+        """Read the other topics, which only an interpolated motion needs."""
         self._read(("ground_contact", *UNSTAMPED, "impacts"), lambda share: None)
 
     def signals(self, times_of: Callable[[Arrays], np.ndarray]) -> dict[str, Signal]:
-        """Every recorded quantity; `times_of` gives the instants [s] of a topic's samples."""
+        """Return every recorded quantity; `times_of` returns the instants [s] of a topic's samples."""
         found: dict[str, Signal] = {}
         for topic, arrays in self.arrays.items():
             if topic == "impacts":
@@ -114,18 +114,18 @@ class Recorded:
         return found
 
     def impacts(self) -> list[tuple[float, str, float]]:
-        """Stamp [s] after the bag's first message, side and peak force [N] of each recorded impact."""
+        """Return stamp [s] from the bag's first message, side and peak force [N] of each recorded impact."""
         arrays = self.arrays.get("impacts")
         if arrays is None:
             return []
         return [(float(stamp), side, float(force))
                 for side, plate in zip(("upper", "inclined"), PLATES.values(), strict=True)
                 for stamp, frame, force in zip(arrays["stamp"], arrays["frame"], arrays["force"][:, 2], strict=True)
-                if frame.endswith(plate)]  # a prefix may stand before it
+                if frame.endswith(plate)]  # after the robot's frame_prefix
 
 
 def columns_of(topic: str) -> dict[str, Column]:
-    """What is read of one of the robot's topics: the fields of a sample that `TOPICS` names there, unsigned."""
+    """Return the columns to read of a topic: the fields of a sample in its messages, with signs as in the message."""
     numbers = {field.lstrip("-"): at(path) for path, field in TOPICS[topic].numbers.items()}
     if not numbers:
         return dict(COLUMNS[TOPICS[topic].type])
@@ -134,17 +134,17 @@ def columns_of(topic: str) -> dict[str, Column]:
 
 RATES = {"body_position": "body_velocity", "body_height": "body_vertical_velocity",
           **{position: velocity for position, velocity, _ in JOINTS.values()}}
-"""The rate of a quantity."""
+"""Rate of change of each position, as a quantity."""
 
 
 def interpolated(signals: Mapping[str, Signal], names: Sequence[str], span: Span,
                  resets: Sequence[float]) -> Interpolated:
-    """Pieces between the samples in a `span` [s]: borders [s], shape (p, 2), and Chebyshev coefficients (SI).
+    """Interpolate between the samples in a `span` [s]: borders [s], shape (p, 2), and Chebyshev coefficients (SI).
 
-    The coefficients have the shape (p, names, DEGREE + 1); what was not recorded of the names is NaN. At the instants
-    [s] of `resets` the robot stood at its start again.
+    The coefficients have the shape (p, names, DEGREE + 1), and are NaN for quantities that were not recorded. There is
+    no piece across the instants [s] of `resets`, nor across gaps.
     """
-    # The samples of the first signal that has any, because all that a robot publishes has one rate.
+    # The instants of the first signal with samples are used, because all topics have the same rate.
     times = next((signal.times for signal in signals.values() if len(signal.times) > 1), np.empty(0))
     longest = _longest(times)
     times = times[(times >= span[0] - NEAR) & (times <= span[1] + NEAR)]
@@ -159,18 +159,18 @@ def interpolated(signals: Mapping[str, Signal], names: Sequence[str], span: Span
 
 
 def reset_instants(crank: Signal) -> list[float]:
-    """Instants [s] of the first samples after resets; where the crank's speed was not recorded, it turns forwards."""
+    """Return the instants [s] of the first samples after resets; without recorded speeds, the crank turns forwards."""
     speeds = np.full(len(crank.times), _FASTEST) if crank.rates is None else crank.rates
     return crank.times[1:][resets(crank.times, crank.values, speeds)].tolist()
 
 
 def _longest(times: np.ndarray) -> float:
-    """Longest pause [s] between neighbours that is no gap."""
+    """Return the longest pause [s] between neighbouring samples that is no gap."""
     return GAP * float(np.median(np.diff(times))) if len(times) > 1 else 0.0
 
 
 def _at(signal: Signal | None, instants: np.ndarray) -> np.ndarray:
-    """A quantity at some instants [s], of their shape; NaN beyond its samples and in its gaps."""
+    """Interpolate a quantity at instants [s], same shape; NaN beyond its samples and in its gaps."""
     if signal is None or len(signal.times) < 2:
         return np.full(instants.shape, np.nan)
     times, values, rates = signal
@@ -179,7 +179,7 @@ def _at(signal: Signal | None, instants: np.ndarray) -> np.ndarray:
     s = (instants - times[left]) / pause
     step = values[left + 1] - values[left]
     found = values[left] + s * step
-    if rates is not None:  # Hermite's cubic: what the rates add to the straight line
+    if rates is not None:  # cubic Hermite: the correction of the straight line by the rates
         found += s * (1.0 - s) * ((1.0 - s) * (rates[left] * pause - step) - s * (rates[left + 1] * pause - step))
     known = (s >= 0.0) & (s <= 1.0) & (pause <= _longest(times))
     return np.where(known, found, np.nan)

@@ -1,17 +1,16 @@
 """The server of the live page: HTTP and web sockets by Tornado, in a thread of its own.
 
-The server listens on this machine's loopback address unless it is told otherwise, but every page that the user's
-browser has open can send requests there. Three checks keep them out:
+The server listens on this machine's loopback address by default, but every page that is open in the user's browser can
+send requests there. Three checks keep other sites out:
 
 - The token is a secret in the page's address. A page of another site does not know it.
-- The name in the `Host` header must be this machine's (`host_pattern`). A site that lets its own name point to
-  127.0.0.1 (DNS rebinding) would otherwise pass for the same origin in the browser.
-- A web socket that a page opens must come from the page that this server has sent: Tornado compares `Origin` with
-  `Host`.
+- The name in the `Host` header must be this machine's (`host_pattern`). A site whose name points to 127.0.0.1 (DNS
+  rebinding) would otherwise count as the same origin in the browser.
+- A web socket must be opened by the page that this server has sent: Tornado compares `Origin` with `Host`.
 
-It serves one page and one web socket; every other request gets a line of plain text. The numbers here limit what is
-kept for one visitor, and each page has a sender that waits until the socket has taken what was sent before, so that a
-page that does not read costs the others nothing. Nothing that a page or a stranger sends ends the server.
+It serves one page and one web socket; every other request gets a line of plain text. The constants here limit the
+memory for one visitor, and each page has a sender that waits until the socket has taken the previous frame, so that a
+page that does not read costs the others nothing. Nothing that a page or another client sends can end the server.
 """
 
 import asyncio
@@ -49,25 +48,25 @@ from vibro_ros.view.protocol import (
 )
 
 MOST_PAGES = 8
-"""Pages that may be open at once."""
+"""Most pages that may be open at once."""
 MOST_CONNECTIONS = 64
-"""Connections that may be open at once, with those that have not yet asked for anything."""
+"""Most connections that may be open at once, including those without a request so far."""
 IDLE_TIMEOUT = 10.0
-"""Time [s] in which a connection must ask for something."""
+"""Time [s] in which a connection must send a request."""
 PING_INTERVAL = 15.0
 """Time [s] between two pings of a page, each of which must be answered before the next."""
 MOST_UNSENT = 64_000_000
-"""Bytes that may wait in one socket's buffer: the payload of a motion, and little else."""
+"""Most bytes that may wait in one socket's buffer: enough for the payload of a motion, and little more."""
 CLOSE_TIMEOUT = 0.3
-"""Time [s] that pages are given to take leave when the server ends."""
+"""Time [s] that pages get to close their web sockets when the server ends."""
 SOCKET_BUFFER = 131_072
-"""Bytes that the system keeps for one socket, so that a slow page is not shown what is long past."""
+"""Size [bytes] of the system's send buffer of a socket; small, so that a slow page does not lag far behind."""
 MOST_BYTES = 2_000_000
-"""Of samples that wait for one page: 10 s at 1 kHz."""
+"""Most bytes of samples that wait for one page: 10 s at 1 kHz."""
 MOST_TEXTS = 200
-"""Texts that wait; a page that reads has none."""
+"""Most texts that wait for one page; none wait for a page that reads."""
 FRAME_BYTES = 250_000
-"""Bytes of samples in one frame."""
+"""Size [bytes] of samples from which a frame is not extended."""
 _NO_TOKEN = "this page opens with the whole address that `view` has printed, its token included"
 _NOT_FOUND = "nothing is here; open the whole address that `view` has printed"
 
@@ -75,11 +74,11 @@ _NOT_FOUND = "nothing is here; open the whole address that `view` has printed"
 class Server:
     """Serves one live page to several browsers; a context manager, inside which the thread runs.
 
-    The sockets listen already on `address`, see `listening`; `names` are those by which others reach this machine if it
-    is not a loopback one. `token` is what an address must have, new for each server. `page` makes the page's text, for
-    a nonce by which its scripts are known. The others are called in the server's thread: `asked` with a page's number
-    and its request, to be answered by `answer` or `send_motion`; `greeting` for texts that say how things stand, for a
-    page that has just opened. `error` is what ended the thread before it was asked to.
+    The sockets already listen on `address`, see `listening`; `names` are those by which others reach this machine if
+    the address is no loopback one. `token` is the secret in the page's address, new for each server. `page` returns the
+    page's text for a nonce that its scripts must have. Two callbacks are called in the server's thread: `asked` with a
+    page's number and its request, which is to be answered by `answer` or `send_motion`; `greeting` for the first texts
+    to a page that has just opened, kind and text of each. `error` is the error that ended the thread, if one did.
     """
 
     def __init__(self, sockets: Sequence[socket], address: str, names: Collection[str], page: Callable[[str], str],
@@ -104,7 +103,7 @@ class Server:
         self._thread.join()
 
     def send(self, kind: str, text: str) -> None:
-        """Send a text to all pages; for any thread, like all that follow."""
+        """Send a text to all pages; this and the methods below may be called in any thread."""
         if self.pages:
             self._post(self._to_all, kind, text)
 
@@ -131,7 +130,7 @@ class Server:
             self.pages[page].put(kind, *frames)
 
     def _post(self, call: Callable[..., object], *arguments: object) -> None:
-        """Have the server's thread make a call; nothing once it has ended."""
+        """Call a function in the server's thread; does nothing once the thread has ended."""
         try:
             if self._loop:
                 self._loop.call_soon_threadsafe(call, *arguments)
@@ -141,7 +140,7 @@ class Server:
     def _run(self) -> None:
         try:
             asyncio.run(self._serve())
-        except Exception as error:  # the main thread says it
+        except Exception as error:  # the main thread reports it
             self.error = error
         finally:
             self._ready.set()
@@ -169,12 +168,12 @@ class Server:
 
 
 def listening(address: str, port: int) -> list[socket]:
-    """Sockets that listen on `address`, an address or a name, and `port`; 0 takes any port that is free.
+    """Return sockets that listen on `address`, an address or a name, and `port`; 0 means any free port.
 
     Raises
     ------
     ValueError
-        Naming what is wrong and the remedy.
+        When that is not possible; the message says why, and names the remedy.
     """
     try:
         return bind_sockets(port, address)
@@ -189,7 +188,7 @@ def listening(address: str, port: int) -> list[socket]:
 
 
 def is_loopback(address: str) -> bool:
-    """Whether only this machine reaches what listens on `address`."""
+    """Return whether `address` can be reached from this machine only."""
     try:
         return ipaddress.ip_address(address).is_loopback
     except ValueError:
@@ -197,11 +196,11 @@ def is_loopback(address: str) -> bool:
 
 
 def host_pattern(address: str, names: Collection[str]) -> str:
-    """Regular expression of the names of this machine, without a port, for a server that listens on `address`.
+    """Return a regular expression of this machine's host names, without port, for a server that listens on `address`.
 
-    A number cannot be rebound: a page whose address has one comes from there. So numbers are taken, beyond the loopback
-    ones only if the server listens there; names are taken only if they are known. The parentheses are needed: Tornado
-    puts a `$` behind the pattern, which would else end its last name alone.
+    An IP address cannot be rebound: a page whose URL has one does come from that machine. So IP addresses are accepted
+    (others than loopback ones only if the server listens there), and names only if they are known. The parentheses are
+    needed, because Tornado appends a `$`, which would otherwise apply to the last alternative only.
     """
     known = [r"localhost", r"127\.\d+\.\d+\.\d+", r"\[::1\]"]
     if not is_loopback(address):
@@ -211,12 +210,12 @@ def host_pattern(address: str, names: Collection[str]) -> str:
 
 
 class _Visitor(RequestHandler):
-    """A request whose headers tell the browser to trust nobody else, and whose errors are one line of plain text."""
+    """A request handler with strict security headers, whose errors are one line of plain text."""
 
     def initialize(self, server: Server) -> None:
         self._server = server
 
-    def set_default_headers(self) -> None:  # browsers keep, guess, frame and pass on nothing
+    def set_default_headers(self) -> None:  # no caching, sniffing, framing or referrer
         self.clear_header("Server")
         for name, value in {"Cache-Control": "no-store", "X-Content-Type-Options": "nosniff", "X-Frame-Options": "DENY",
                             "Referrer-Policy": "no-referrer", "Cross-Origin-Resource-Policy": "same-origin",
@@ -230,7 +229,7 @@ class _Visitor(RequestHandler):
             self.refuse(403, _NO_TOKEN)
 
     def refuse(self, code: int, words: str) -> None:
-        """Answer in one line, and do nothing more."""
+        """Answer with one line and end the request."""
         self._tell(code, words)
         raise Finish
 
@@ -244,14 +243,14 @@ class _Visitor(RequestHandler):
 
 
 class _NotFound(_Visitor):
-    """Every other path, and every path under another host's name."""
+    """Handler of every other path, and of every path under another host name."""
 
     def prepare(self) -> None:
         self.refuse(404, _NOT_FOUND)
 
 
 class _Page(_Visitor):
-    """The page: only its own scripts, known by a nonce, can run in it, and it can talk to nobody else."""
+    """Handler of the page, whose policy allows only its own scripts, by a nonce, and connections to this server."""
 
     def get(self) -> None:
         nonce = secrets.token_urlsafe(16)
@@ -271,7 +270,7 @@ class _Live(_Visitor, WebSocketHandler):
     def check_origin(self, origin: str) -> bool:
         try:
             return super().check_origin(origin)
-        except ValueError:  # no address, such as http://[::1
+        except ValueError:  # not a URL, such as http://[::1
             return False
 
     def open(self, *_: str, **__: str) -> None:
@@ -289,7 +288,7 @@ class _Live(_Visitor, WebSocketHandler):
         self._sender = asyncio.get_running_loop().create_task(self._send())
 
     def put(self, kind: str, *frames: str | bytes) -> None:
-        """Put something into the page's outbox, see `Outbox.add`."""
+        """Put frames into the page's outbox, see `Outbox.add`."""
         self._outbox.add(kind, *frames)
         self._news.set()
 
@@ -306,10 +305,10 @@ class _Live(_Visitor, WebSocketHandler):
         if number is not None:
             self._server.pages.pop(number, None)
             self._sender.cancel()
-            self._outbox = Outbox()  # what waited may be megabytes, and Python may find that this object is gone late
+            self._outbox = Outbox()  # frees megabytes now, because this object may be collected late
 
     async def _send(self) -> None:
-        """Send what is in the outbox, one frame after the other, each when the socket has taken the one before."""
+        """Send the frames in the outbox one by one, each when the socket has taken the previous one."""
         with suppress(WebSocketClosedError, StreamClosedError, StreamBufferFullError):
             while True:
                 await self._news.wait()
@@ -321,7 +320,7 @@ class _Live(_Visitor, WebSocketHandler):
 
 
 _OF_A_ROBOT = ("robot", "absent", "samples", "impacts")
-#: Kinds of what waits that a kind makes void: the time before, another word on the same, a motion that is late.
+#: For each kind, the kinds of waiting frames that a new one replaces: an earlier state or status, a late motion.
 _MAKES_VOID = {"robot": _OF_A_ROBOT, "absent": _OF_A_ROBOT, "status": ("status",), "commands": ("commands",),
                "motion": ("motion",)}
 
@@ -329,7 +328,7 @@ _MAKES_VOID = {"robot": _OF_A_ROBOT, "absent": _OF_A_ROBOT, "status": ("status",
 class Outbox:
     """Frames that wait to be sent to one page: bounded, so that a page that reads slowly costs no memory.
 
-    Where there is no room, samples are dropped, the oldest first: a page that comes late is to show what is now.
+    When there is no room, the oldest samples or texts are dropped, so that a slow page shows the present.
     """
 
     def __init__(self):
@@ -339,7 +338,7 @@ class Outbox:
         return len(self._line)
 
     def add(self, kind: str, *frames: str | bytes) -> None:
-        """Texts, a motion's text and payload, or rows of samples without a frame's head; some make void what waits."""
+        """Add texts, a motion's text and payload, or rows of samples without head; see `_MAKES_VOID`."""
         self._line = deque(one for one in self._line if one[0] not in _MAKES_VOID.get(kind, ()))
         self._line += [(kind, frame) for frame in frames]
         if sum(len(data) for one, data in self._line if one == "samples") > MOST_BYTES:
@@ -348,7 +347,7 @@ class Outbox:
             self._drop_oldest("impacts", "log", "answer", "status")
 
     def take(self) -> str | bytes:
-        """The next frame; rows that follow one another make one frame."""
+        """Remove and return the next frame; consecutive rows of samples are joined to one frame."""
         kind, data = self._line.popleft()
         if isinstance(data, str) or kind != "samples":
             return data
@@ -366,9 +365,9 @@ class Outbox:
 
 
 class _Http(HTTPServer):
-    """Keeps at most `MOST_CONNECTIONS`, and limits what each may keep.
+    """An HTTP server with at most `MOST_CONNECTIONS`, and a limited write buffer for each.
 
-    `of_pages` gives the streams of open pages, which are not ended for newcomers.
+    `of_pages` returns the streams of open pages, which are not closed to make room for new connections.
     """
 
     def initialize(self, *arguments: Any, **options: Any) -> None:
@@ -379,7 +378,7 @@ class _Http(HTTPServer):
     def handle_stream(self, stream: Any, address: Any) -> None:
         self._open = [one for one in self._open if not one.closed()]
         if len(self._open) >= MOST_CONNECTIONS:
-            of_pages = self.of_pages()  # fewer than connections; the oldest of the others most likely says nothing
+            of_pages = self.of_pages()  # fewer than connections; the oldest other one is most likely idle
             silent = next(one for one in self._open if one not in of_pages)
             self._open.remove(silent)
             silent.close()
@@ -393,7 +392,7 @@ class _Http(HTTPServer):
 
 
 def _quiet_tornado() -> None:
-    """Let Tornado say nothing by itself: a bad request of a visitor is no news, and a fault of ours is one line."""
+    """Silence Tornado's log, because bad requests do not matter; internal errors become one line each."""
     for name in ("tornado.access", "tornado.general", "tornado.application", "asyncio"):
         logger = logging.getLogger(name)
         logger.handlers, logger.propagate = [logging.NullHandler()], False
@@ -402,7 +401,7 @@ def _quiet_tornado() -> None:
 
 
 class _Faults(logging.Handler):
-    """Says errors that Tornado or asyncio has caught, in one line each."""
+    """Log handler that prints errors caught by Tornado or asyncio, in one line each."""
 
     def emit(self, record: logging.LogRecord) -> None:
         error = record.exc_info[1] if record.exc_info else None

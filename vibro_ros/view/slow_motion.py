@@ -1,8 +1,8 @@
-"""Slow motion of a live robot: its last seconds computed again between the samples that it has published.
+"""Slow motion of a live robot: the last seconds simulated between the samples that it has published.
 
-Motions are computed in a thread of their own, so that the page goes on meanwhile. The kernels that compute them are
-compiled, or loaded, before the first one; that begins when the first robot is there, because a robot that has just been
-started on this machine has compiled the same ones, and one compilation is enough.
+Motions are computed in a thread of their own, so that the page goes on meanwhile. The kernels are compiled, or loaded,
+before the first motion. That begins when the first robot is there, because a robot that was just started on this
+machine has already compiled the same kernels, and one compilation is enough.
 """
 
 import threading
@@ -23,17 +23,18 @@ from vibro_ros.view.protocol import COLUMNS, MOST_SECONDS
 from vibro_ros.view.recorded import RATES, Signal, interpolated
 
 MOST_WAITING = 8
-"""Motions that wait for those before them: one for each page."""
+"""Most motions that wait to be computed: one for each page."""
 STAMP = 1e-9
-"""Unit of stamps [s]: times that are nearer to each other differ by rounding."""
+"""Resolution of stamps [s]: times closer to each other differ only by rounding."""
 _TIME = COLUMNS.index("time")
 
 Done = Callable[[Document | str], object]
-"""Is given the motion, or in words why there is none; called in the thread."""
+"""Callback with the motion, or with the reason in words why there is none; called in the thread of the motions, or in
+that of the caller for an immediate refusal."""
 
 
 class SlowMotions:
-    """Computes one motion after the other; `tell` is given lines for people while kernels are compiled."""
+    """Computes one motion after the other; `tell` is called with lines for people while kernels are compiled."""
 
     def __init__(self, tell: Callable[[str], object]):
         self._tell = tell
@@ -41,18 +42,18 @@ class SlowMotions:
         self._line: Queue[tuple[Scene, Mapping[str, np.ndarray], Done]] = Queue(MOST_WAITING)
 
     def prepare(self, method: str) -> None:
-        """Begin to compile what a `solver.method` needs, if that has not begun."""
+        """Begin to compile the kernels of a `solver.method`, if that has not begun."""
         if self._preparation is None:
             self._preparation = Preparation(lambda: compile_kernels(method), self._tell)
             threading.Thread(target=self._work, name="slow motion", daemon=True).start()
 
     def watch(self) -> None:
-        """Say how far the compilation is, if that is due; to be called often."""
+        """Report the progress of the compilation, if that is due; to be called often."""
         if self._preparation:
             self._preparation.done()
 
     def ask(self, scene: Scene, samples: Mapping[str, np.ndarray], done: Done) -> None:
-        """Compute the motion between samples; whatever comes of it is `done`'s."""
+        """Compute the motion between samples, and call `done` with the result."""
         if self._preparation is None or not self._preparation.done():
             done("slow motion is being prepared; ask again in some seconds")
             return
@@ -69,50 +70,50 @@ class SlowMotions:
             scene, samples, done = self._line.get()
             try:
                 done(motion_between(scene, samples))
-            except Exception as error:  # a page's request ends nothing; the words say what was wrong
+            except Exception as error:  # a page's request must not end the thread
                 done(f"there is no slow motion of these samples: {type(error).__name__}: {error}")
 
 
 class History:
-    """Rows of `COLUMNS`, in the order of time; what is older than `MOST_SECONDS` is forgotten."""
+    """Rows of `COLUMNS` in time order; rows older than `MOST_SECONDS` are dropped."""
 
     def __init__(self):
         self._parts: deque[np.ndarray] = deque()
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Drop all rows."""
         self._parts.clear()
 
     def add(self, rows: np.ndarray) -> None:
-        """Rows that are later than all before; shape (n, len(COLUMNS)), n above 0."""
+        """Add rows that are later than all previous ones; shape (n, len(COLUMNS)), n above 0."""
         self._parts.append(rows)
         while self._parts[0][-1, _TIME] < rows[-1, _TIME] - MOST_SECONDS:
             self._parts.popleft()
 
     def last(self) -> np.ndarray | None:
-        """The latest row; None without any."""
+        """Return the latest row; None without any."""
         return self._parts[-1][-1] if self._parts else None
 
     def samples(self, seconds: float) -> dict[str, np.ndarray]:
-        """Every quantity over the last `seconds` [s]; empty arrays without any rows."""
+        """Return every quantity over the last `seconds` [s]; empty arrays without any rows."""
         rows = np.concatenate([np.empty((0, len(COLUMNS))), *self._parts])
         if len(rows):
             rows = rows[rows[:, _TIME] > rows[-1, _TIME] - seconds - STAMP]
         return dict(zip(COLUMNS, np.ascontiguousarray(rows.T), strict=True))
 
 
-@np.errstate(over="ignore", invalid="ignore")  # anybody may publish any number
+@np.errstate(over="ignore", invalid="ignore")  # peers may publish any number
 def motion_between(scene: Scene, samples: Mapping[str, np.ndarray]) -> Document:
-    """The motion document of a robot from the first of some samples to the last, from these samples alone.
+    """Return the motion document of a robot from the first sample to the last, computed from the samples alone.
 
-    Its ``why`` names the first reason why not all is exact. `scene` is what the robot simulates, as its parameters are
-    now; `samples` have fields of `Samples`: ``time`` [s], ascending, and what was published of the others, with NaN or
-    without the field where something was not.
+    Its ``why`` has the first reason why not everything is exact. `scene` is the robot's scene with its present
+    parameters; `samples` have fields of `Samples`: ``time`` [s], ascending, and the published quantities. A value that
+    was not published is NaN, or its field is missing.
     """
     columns = {name: np.asarray(column, dtype=float) for name, column in samples.items()}
     columns = {name: column for name, column in columns.items() if name == "time" or np.isfinite(column).any()}
     stamps = columns.pop("time")
-    order = np.flatnonzero(np.logical_and.reduce(  # every sample has the whole state
+    order = np.flatnonzero(np.logical_and.reduce(  # only samples with the whole state
         [np.isfinite(column) for column in (stamps, *(columns[name] for name in UNITS if name in columns))]))
     order = order[np.unique(stamps[order], return_index=True)[1]]
     samples, names = {name: column[order] for name, column in columns.items()}, shown(scene)

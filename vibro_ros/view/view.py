@@ -1,4 +1,4 @@
-"""The `view` executable: a recording as one HTML file, or a live robot in the browser."""
+"""The `view` executable: writes a recording as one HTML file, or shows a live robot in the browser."""
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
     import sys
@@ -24,7 +24,7 @@ from vibro_ros.process.files import one_line, open_to_read, replace_file
 from vibro_ros.view.bag_motion import bag_motion
 from vibro_ros.view.page import MARK, page_text
 
-_HEAD = 4096  # bytes of a file, within which a page has its mark
+_HEAD = 4096  # bytes at the beginning of a file in which a page has its mark
 
 
 def main(words: Sequence[str]) -> int:
@@ -55,10 +55,10 @@ def _run(words: Sequence[str]) -> int:
 def write_page(bag_folder: Path, output: Path | None = None, scene: Scene | None = None) -> Path:
     """Write the page of a recording: one file that needs no network and no other file.
 
-    `scene` is what the robot simulated, of a recording that does not say it. Returns the page's path, by default
-    ``<bag folder>_view.html`` beside the recording, into which nothing is ever written. BagError when the recording
-    cannot be read or says its scene itself, or `output` lies inside it, cannot be written, or is a file that `view` has
-    not written; OSError when what is at `output` cannot be read.
+    `scene` is the robot's scene, for a recording that does not state it. Returns the page's path, by default ``<bag
+    folder>_view.html`` beside the recording; nothing is ever written into the recording. BagError when the recording
+    cannot be read, or states its scene although `scene` is given, or when `output` lies inside it, cannot be written,
+    or is a file that `view` has not written; OSError when an existing `output` cannot be read.
     """
     folder = Path(bag_folder).resolve()
     path = Path(output).absolute() if output else folder.with_name(f"{folder.name}_view.html")
