@@ -21,6 +21,8 @@ from vibro_ros.solver.methods import SCHEMES
 def test_a_name_in_place_of_a_scene_is_refused_with_the_remedy(call):
     with pytest.raises(TypeError, match=r"^scene: 'device' is no Scene; give load_scene\('device'\)$"):
         call("device")
+    with pytest.raises(TypeError, match=r"^scene: \{.*\} is no Scene; give one that load_scene returns$"):
+        call({"motor.speed": 100.0})  # which cannot be hashed
 
 
 def test_the_package_says_its_version():

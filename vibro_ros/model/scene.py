@@ -147,7 +147,6 @@ class Scene(ParameterValues):
                                if name not in _OPERATION or (name == "effects.motor" and value == "dc")})
 
 
-@functools.lru_cache(maxsize=64)
 def check_scene(scene: object) -> None:
     """Raise TypeError with the remedy if `scene` is not a `Scene`, for instance the name of one."""
     if not isinstance(scene, Scene):
@@ -155,6 +154,7 @@ def check_scene(scene: object) -> None:
         raise TypeError(f"scene: {quoted(scene)} is no Scene; give {remedy}")
 
 
+@functools.lru_cache(maxsize=64)
 def _limited(name: str, minimum: float, maximum: float) -> Parameter:
     """Return the parameter `name` with these limits."""
     return replace(BY_NAME[name], minimum=minimum, maximum=maximum)
