@@ -4,8 +4,8 @@
 thread, so that the recorder works when a tick has just ended, not when the next one begins. If no message comes, the
 thread wakes by itself a little later. It does not wake more often, because waking costs more than writing the messages
 of a tick. The thread takes a few messages at a time: with many, it would hold the interpreter lock too long and delay
-the robot's clock; with one, it would wait for the lock so often that it would fall behind a robot that publishes at 1
-kHz.
+the robot's clock; with one, it would wait for the lock so often that it could not keep up with a robot that publishes
+at 1 kHz.
 
 Files are written by `mcap.writer.Writer`, whose `flush` finishes a chunk: a killed process loses the messages of the
 last `FLUSH_PERIOD`. The Writer keeps chunk indexes in memory, 63 MB an hour, so the robot begins another file after an

@@ -1,4 +1,4 @@
-"""What every executable shares with its system.
+"""Start and end of every executable, and safe handling of untrusted text and files.
 
 `executables.py` lists the executables, for setup.py, documents and tests. Every executable starts with
 `entry_point.py:enter`, before anything that takes long to import. It handles the stop signals, opens the streams,

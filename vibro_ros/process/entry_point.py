@@ -1,7 +1,7 @@
 """Start and end of every executable: signals, streams, arguments, errors and exit codes.
 
-SIGINT, SIGTERM and SIGHUP mean the same: end, and leave nothing broken behind. They act by stages, the first of which
-`enter` begins before anything that takes long to import:
+SIGINT, SIGTERM and SIGHUP mean the same: end, and leave nothing broken behind. Their effect depends on the stage;
+`enter` begins the first stage before anything that takes long to import:
 
 - while the executable is imported, a stop signal ends the process at once, because nothing is open yet;
 - while its `main` runs, it raises KeyboardInterrupt; once `main` has entered a `StopRequest`, it is a request;

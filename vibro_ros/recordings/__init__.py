@@ -1,4 +1,4 @@
-"""What is done with a recording: report, replay, recover, compare, vary.
+"""Programs that work on a recording: report, replay, recover, compare, vary.
 
 In comes a bag; out go numbers, a picture, a verdict or another bag. Each executable has a module: `report`, `replay`,
 `recover`. Read `rerun` first: `RecordedRun` has the parameters of the recorded run, and `Rerun` steps a device as the

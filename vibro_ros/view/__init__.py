@@ -1,4 +1,4 @@
-"""The page in the browser: what it draws, of a live robot and of a recording. No rclpy here.
+"""The page in the browser, for a live robot and for a recording. No rclpy here.
 
 In comes a bag, and out goes one HTML file (`view.py`, read first): `recorded.py` reads the samples and inputs of a bag;
 `exact.py` steps a device from sample to sample and keeps the intervals in which it reproduces them; `bag_motion.py`

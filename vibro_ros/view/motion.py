@@ -327,7 +327,7 @@ def fitted(sample: Sampler, borders: np.ndarray, allowed: np.ndarray,
         # Instants are rounded, the more the later they are; a change of a quantity in that time is only noise.
         rounding = np.spacing(borders[:, 1]) / (borders[:, 1] - borders[:, 0])
         noise = 8.0 * rounding[:, None] * np.abs(coefficients[:, :, 1:]).max(axis=2)
-        tails = np.abs(coefficients[:, :, -_TAIL_LENGTH:]).max(axis=2) / np.maximum(allowed, noise)  # up to 1: none
+        tails = np.abs(coefficients[:, :, -_TAIL_LENGTH:]).max(axis=2) / np.maximum(allowed, noise)  # neglected up to 1
         worst = tails.max(axis=1, initial=0.0)
         if len(before):  # a half shrinks unless the tails are rounding, or the steps of a method
             helped = worst.reshape(-1, 2).min(axis=1) <= np.maximum(1.0, _SHRINK_FACTOR * before)

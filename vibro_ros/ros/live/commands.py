@@ -1,4 +1,4 @@
-"""The commands of a live robot: publishes those of pages, and follows those of all programs to know which hold.
+"""Commands of a live robot: publishes the pages' commands, and follows those of all programs to know the latest ones.
 
 A page is a dead man's switch: if a page has commanded the motor, it stops when no page is open any more.
 """
