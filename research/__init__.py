@@ -1,1 +1,1 @@
-"""The paper, the literature and the written optimum: clients of the public interface of `vibro_ros`."""
+"""Research studies that use the public interface of `vibro_ros`: the paper, other publications, and the optimum."""

@@ -1,4 +1,4 @@
-"""Many jobs on all cores, and independent starts."""
+"""Parallel computation of many jobs, and random starts that are independent of each other."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -15,17 +15,16 @@ Result = TypeVar("Result")
 
 
 def computed(function: Callable[[Item], Result], items: Sequence[Item], words: str) -> list[Result]:
-    """Results of `function` for `items`, in their order, computed on all cores; `words` name them on stderr."""
+    """Compute `function` for all `items` on all cores; returns the results in order, `words` label the progress bar."""
     vibro_ros.simulate(vibro_ros.Scene("paper", {}), duration=0.01, rate=100.0)  # compiles once for all processes
     with ProcessPoolExecutor(min(os.cpu_count() or 1, len(items))) as pool:
         return list(tqdm(pool.map(function, items), words, total=len(items), disable=None))
 
 
 def started(scene: vibro_ros.Scene, draw: np.random.Generator) -> vibro_ros.Simulator:
-    """A device at 1 s, after three stretches of random lengths, motor speeds and gaps; its commands are the scene's.
+    """Return a device at 1 s, after three stretches of random length, motor speed and gaps, with the scene's commands.
 
-    The starts that differ so are independent of each other, which those along one line, such as equidistant speeds,
-    are not.
+    Such starts are independent of each other; starts along one line, such as equidistant speeds, are not.
     """
     device, speed, reach = vibro_ros.Simulator(scene), scene["motor.speed"], 0.1 * scene["crank.radius"]
     gaps = {f"{side}_gap": scene[f"{side}.gap"] for side in scene.guides}

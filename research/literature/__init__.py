@@ -1,1 +1,1 @@
-"""Published results of other machines, held against the model."""
+"""Comparison of published results on other machines with the model."""

@@ -1,7 +1,8 @@
-"""The vibro-impact capsule of Liu, Pavlovskaia, Wiercigroch and others, which this model contains.
+"""The vibro-impact capsule of Liu, Pavlovskaia, Wiercigroch and others, as a special case of this model.
 
-The guide lies along x (φ = 90°), there is no upper mass, the masses feel the body, N is the weight. The crank is a
-millionth of its rod, so that the slider moves harmonically and the drive spring's slider end is the published force.
+The guide lies along x (φ = 90°), there is no upper mass, the body's motion acts on the masses, N is the weight. The
+crank is a millionth of its rod, so that the slider moves harmonically, and the drive spring transmits the published
+force.
 """
 
 import math
@@ -17,24 +18,24 @@ from research.literature.findings import FAILS, HOLDS, NOISE, OUTSIDE, Check, Cl
 from research.starts import computed, started
 from vibro_ros import Scene, Simulator
 
-# One machine of the many that have the same numbers without units: internal mass [kg], its spring [N/m], the unit of
-# length P_f / k1 [m], rod [m], gravity [m/s²]. A shorter unit of length would lose digits, a longer one the harmonic.
+# Scales, which may be chosen freely: internal mass [kg], its spring [N/m], the unit of length P_f / k1 [m], rod [m],
+# gravity [m/s²]. A shorter unit of length would lose digits; with a longer one the slider would not be harmonic.
 _MASS, _STIFFNESS, _LENGTH, _ROD, _GRAVITY = 0.1, 1e3, 1e-6, 10.0, 9.81
 _RATE = math.sqrt(_STIFFNESS / _MASS)
-#: Ranges from which machines are drawn.
+#: Ranges of the parameters of random machines.
 BOX = {"alpha": (0.5, 4.0), "omega": (0.5, 2.0), "beta": (2.0, 50.0), "delta": (0.0, 1.0), "xi": (0.01, 0.1)}
 #: Mass ratios that each machine is given.
 RATIOS = (0.5, 1.0, 2.0, 3.0, 5.0, 8.0, 12.0)
-#: The machine whose trajectories are compared with scipy's, over so many periods.
+#: The machine whose trajectory is compared with scipy's, and the number of periods of this comparison.
 REFERENCE, PERIODS = Capsule(alpha=1.6, omega=0.95, beta=15.0, gamma=5.0, delta=0.02, xi=0.05), 10
-#: Periods before a progression counts; periods of each of the two halves over which it counts; progression a period
-#: [P_f / k1] that counts as one, and part of it by which the halves of a settled motion may differ.
+#: Periods of settling; periods of each of the two halves of the measurement; least progression per period [P_f / k1]
+#: that is distinguished from 0; and largest relative difference between the halves of a settled motion.
 SETTLING, HALF, LEAST, SETTLED = 400, 100, 0.01, 0.05
 _SAMPLES = 200
 
 
 def capsule_scene(capsule: Capsule, rod: float = _ROD) -> Scene:
-    """The scene that is the published machine, with a `rod` [m]; it moves to -x where that one moves forwards."""
+    """Return the scene of the published machine, with a `rod` [m]; -x is the published forward direction."""
     friction, damping = _STIFFNESS * _LENGTH, 2.0 * capsule.xi * _MASS * _RATE
     speed = capsule.omega * _RATE
     return Scene("capsule", {
@@ -49,19 +50,19 @@ def capsule_scene(capsule: Capsule, rod: float = _ROD) -> Scene:
 
 
 def drive_phase(capsule: Capsule) -> float:
-    """Phase [rad] of the published force in the scene: the crank starts across the guide, and the damper leads."""
+    """Phase [rad] of the published force in the scene: the crank starts across the guide, the damper adds a lead."""
     return math.atan(2.0 * capsule.xi * capsule.omega) - math.pi / 2.0
 
 
 def rod_harmonics(capsule: Capsule) -> float:
-    """Size r²/(4 L) of what the rod adds to the slider's harmonic motion, in P_f / k1."""
+    """Amplitude r²/(4 L) of the slider's deviation from a harmonic motion, caused by the rod, in P_f / k1."""
     return capsule_scene(capsule)["crank.radius"] ** 2 / (4.0 * _ROD) / _LENGTH
 
 
 def difference(capsule: Capsule, periods: int, rod: float = _ROD) -> float:
-    """Largest difference of the capsule's position, in P_f / k1, from scipy's within so many periods from rest.
+    """Largest difference of the capsule's position, in P_f / k1, from scipy's within `periods` periods from rest.
 
-    It falls in proportion to 1/`rod`, as the rod's harmonics r²/(4 L) do: nothing else differs.
+    It is proportional to 1/`rod`, like the rod's harmonics r²/(4 L), which are the only difference of the equations.
     """
     times = np.linspace(0.0, periods * capsule.period, _SAMPLES + 1)
     own = -Simulator(capsule_scene(capsule, rod)).sample(times / _RATE).body_position / _LENGTH
@@ -70,20 +71,20 @@ def difference(capsule: Capsule, periods: int, rod: float = _ROD) -> float:
 
 
 def outside_difference(capsule: Capsule, periods: int) -> float:
-    """The same without the second spring, scipy's capsule being driven from outside by m1 r Ω²."""
+    """The same without the second spring; scipy's internal mass is driven from outside by the force m1 r Ω²."""
     scene = capsule_scene(capsule).with_parameters({"effects.inclined_contact": "none"})
     times = np.linspace(0.0, periods * capsule.period, _SAMPLES + 1)
     own = Simulator(scene).sample(times / _RATE)
     reach = scene["crank.radius"] / _LENGTH
     free = Capsule(reach * capsule.omega**2, capsule.omega, 0.0, capsule.gamma, 0.0, capsule.xi)
-    # Its internal mass is ours less the slider's stroke, which is r sin τ: at t = 0 it moves at -r ω.
+    # Its internal mass has our position minus the slider's, r sin τ; so its speed at t = 0 is -r ω.
     other = integrate(free, times, harmonic(free, -math.pi / 2.0, reaction=0.0), speed=-reach * capsule.omega)[:, 2]
     return float(np.max(np.abs(-own.body_position / _LENGTH - other)))
 
 
 @dataclass(frozen=True)
 class Progression:
-    """Progression a period, in P_f / k1, over two halves of a long run."""
+    """Progression per period, in P_f / k1, in both halves of a long run."""
 
     first: float
     second: float
@@ -95,7 +96,7 @@ class Progression:
 
     @property
     def settled(self) -> bool:
-        """Whether it is one that counts, and the same in both halves."""
+        """Whether it is distinguished from 0, and equal in both halves."""
         return abs(self.first - self.second) <= SETTLED * abs(self.mean) and abs(self.mean) >= LEAST
 
 
@@ -111,32 +112,32 @@ def progression(device: Simulator, period: float) -> Progression:
 
 @dataclass(frozen=True)
 class Survey:
-    """What becomes of one drawn machine with every mass ratio, each from several starts.
+    """Progressions of a random machine with every mass ratio, each from several starts.
 
     Attributes
     ----------
     machine : Capsule
         The machine, with the first of the mass ratios.
     found : dict
-        Mass ratio to the progressions from rest and from each drawn start.
+        Progressions from rest and from each random start, by mass ratio.
     """
 
     machine: Capsule
     found: dict[float, tuple[Progression, ...]]
 
     def signs_from_rest(self) -> set[float]:
-        """Directions, 1 and -1, in which it settles from rest with one mass ratio or another."""
+        """Directions, 1 and -1, of the settled progressions from rest over all mass ratios."""
         return {math.copysign(1.0, runs[0].mean) for runs in self.found.values() if runs[0].settled}
 
     def opposed_ratios(self) -> list[float]:
-        """Mass ratios with which it settles in both directions, from different starts."""
+        """Mass ratios at which different starts settle in opposite directions."""
         directions = {ratio: {math.copysign(1.0, run.mean) for run in runs if run.settled}
                       for ratio, runs in self.found.items()}
         return [ratio for ratio, both in directions.items() if len(both) == 2]
 
 
 def surveyed(job: tuple[Capsule, int]) -> Survey:
-    """Survey of a machine from rest and from so many drawn starts."""
+    """Survey a machine; `job` is the machine and the number of random starts, which are used beside rest."""
     machine, starts = job
     found = {}
     for ratio in RATIOS:
@@ -151,7 +152,7 @@ def surveyed(job: tuple[Capsule, int]) -> Survey:
 
 
 def machines(count: int) -> list[Capsule]:
-    """Machines drawn from `BOX`, a power of two of them, by a scrambled Sobol sequence; the same every time."""
+    """Return random machines from `BOX`, a power of two of them, by a scrambled Sobol sequence with a fixed seed."""
     draws = qmc.Sobol(len(BOX), seed=1).random_base2(round(math.log2(count)))
     low, high = zip(*BOX.values(), strict=True)
     return [Capsule(gamma=RATIOS[0], **dict(zip(BOX, map(float, row), strict=True)))
@@ -159,7 +160,7 @@ def machines(count: int) -> list[Capsule]:
 
 
 NAME = "capsule"
-# Spring and plate enlarge the rod's harmonics: some ten times; nothing else may differ.
+# Factor on the rod's harmonics in the bound of the check: spring and plate amplify them about ten times.
 _ENLARGED = 20.0
 
 

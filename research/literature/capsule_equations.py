@@ -8,8 +8,8 @@ under the capsule. Lengths in units of P_f / k1, times of sqrt(m1 / k1), forces 
 
 Friction backwards may be greater by a factor, the grip.
 
-The internal mass is pushed by the capsule, ρ = 1, or from outside, ρ = 0. Nothing here knows of this package's solver:
-that is the point.
+The internal mass is pushed by the capsule, ρ = 1, or from outside, ρ = 0. This module does not use this package's
+solver, so that the comparison is independent.
 """
 
 import math
@@ -26,9 +26,9 @@ class Guard:
     Attributes
     ----------
     terminal : bool
-        Always True, which is how scipy is told to end there.
+        Always True, so that scipy ends the integration there.
     direction : float
-        Sign of the passages that count, dimensionless; 0 for both.
+        Sign of the zero crossings that are detected, dimensionless; 0 for both.
     """
 
     terminal = True
@@ -42,15 +42,15 @@ class Guard:
 
 
 _TOLERANCE = 1e-11
-# Steps a period that no touch can hide between, as the drive alone moves the mass in between.
+# Least number of steps per period, so short that no contact lies within one step.
 _STEPS_A_PERIOD = 40
-# First step of a mode: a slide that begins and ends within one step would look to scipy as if it ended where it began.
+# First step of a mode, so short that scipy does not miss a slide that begins and ends within one step.
 _FIRST_STEP = 1e-6
 
 
 @dataclass(frozen=True)
 class Capsule:
-    """A vibro-impact capsule by its numbers without units.
+    """Dimensionless parameters of a vibro-impact capsule.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ class Capsule:
 
 @dataclass(frozen=True)
 class Drive:
-    """How the internal mass is driven: the force, a function of time, and its share that the capsule pays, ρ."""
+    """Drive of the internal mass: the force as a function of time, and the share ρ of its reaction on the capsule."""
 
     push: Callable[[float], float]
     reaction: float = 1.0
@@ -105,7 +105,7 @@ class _Equations:
         self._capsule, self._drive = capsule, drive
 
     def forces(self, time: float, state: np.ndarray, touched: bool) -> tuple[float, float]:
-        """Force on the internal mass, and on the capsule but for friction."""
+        """Forces on the internal mass, and on the capsule without friction."""
         own, drive = self._capsule, self._drive
         stretch, speed = state[0] - state[2], state[1] - state[3]
         push = drive.push(time)
@@ -123,7 +123,7 @@ class _Equations:
         return right
 
     def guards(self, slides: int, touched: bool) -> list[Guard]:
-        """What ends a mode by passing zero: the second spring's gap, and the end of sliding or of rest."""
+        """Guards that end a mode: the second spring's gap, and the end of sliding or of rest."""
         def gap(_time: float, state: np.ndarray) -> float:
             return state[0] - state[2] - self._capsule.delta
 

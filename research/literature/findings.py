@@ -1,4 +1,4 @@
-"""What a study of the literature finds: the mapping, its check, claims with their verdicts, and what is missing."""
+"""Findings of a study of a publication: mapping, check, claims with verdicts, and missing parts; their Markdown."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 HOLDS, FAILS, NOISE, OUTSIDE = "holds", "does not hold", "within noise", "not contained"
 MISSIGNED = "published sign wrong"
-#: What a verdict means; documents print it.
+#: Explanation of each verdict, printed in the document.
 VERDICTS = {
     HOLDS: "the model's number and the published one agree within the stated margin, or what is said to occur occurs",
     FAILS: "they differ by more than the margin, or what is said to occur does not",
@@ -20,7 +20,7 @@ VERDICTS = {
 
 @dataclass(frozen=True)
 class Mapped:
-    """One line of a mapping: a symbol of the publication, what it means, and what it is in this model."""
+    """One line of a mapping: a symbol of the publication, its meaning, and its counterpart in this model."""
 
     theirs: str
     meaning: str
@@ -34,9 +34,9 @@ class Check:
     Attributes
     ----------
     what : str
-        What is compared with what.
+        Description of the comparison, with the unit.
     error, bound : float
-        The largest difference, and what it must stay below; in the unit that `what` names.
+        Largest difference, and its upper bound, in this unit.
     """
 
     what: str
@@ -45,13 +45,13 @@ class Check:
 
     @property
     def passed(self) -> bool:
-        """Whether the model contains the publication's."""
+        """Whether the difference is below the bound, so that the model contains the publication's."""
         return self.error <= self.bound
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A published statement, what the model says, and the verdict by a stated rule."""
+    """A published statement, the model's result, and the verdict by a stated rule."""
 
     statement: str
     ours: str
@@ -61,7 +61,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class Finding:
-    """What is found about one publication, or several about the same machine."""
+    """Findings about one publication, or about several on the same machine."""
 
     name: str
     title: str
@@ -82,14 +82,14 @@ class Studied:
 
 
 def from_data(data: dict) -> Finding:
-    """The finding that `dataclasses.asdict` took apart."""
+    """Rebuild a finding from its `dataclasses.asdict`."""
     parts = {"mapping": Mapped, "checks": Check, "claims": Claim}
     known = {name: tuple(kind(**part) for part in data[name]) for name, kind in parts.items()}
     return Finding(**{**data, "sources": tuple(data["sources"]), **known})
 
 
 def section(finding: Finding, picture: str) -> str:
-    """The finding as a section in Markdown, with its `picture`."""
+    """Return a finding as a section in Markdown, with its `picture`."""
     parts = [f"## {finding.title}", "\n".join(f"- {source}" for source in finding.sources), finding.contained,
              _table(["theirs", "meaning", "ours"], [(row.theirs, row.meaning, row.ours) for row in finding.mapping]),
              _table(["checked independently", "largest difference", "must be below", "passed"],
@@ -104,7 +104,7 @@ def section(finding: Finding, picture: str) -> str:
 
 
 def overview(findings: list[Finding]) -> str:
-    """Verdicts on each machine's statements, counted, in one table in Markdown."""
+    """Return a table in Markdown with the number of each verdict for each machine."""
     given = {claim.verdict for finding in findings for claim in finding.claims}
     verdicts = [verdict for verdict in VERDICTS if verdict in given]
     told = [(finding.title, finding.claims) for finding in findings]
@@ -115,7 +115,7 @@ def overview(findings: list[Finding]) -> str:
 
 
 def in_lines(finding: Finding) -> list[str]:
-    """The finding in lines for a terminal."""
+    """Return a finding as lines for a terminal."""
     checks = [f"  check: {check.what}: {check.error:.2g}, must be below {check.bound:.2g}" for check in finding.checks]
     claims = [f"  {claim.verdict}: {claim.statement}\n    {claim.ours}" for claim in finding.claims]
     return [f"{finding.name}: {finding.title}", *checks, *claims]

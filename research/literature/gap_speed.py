@@ -1,7 +1,7 @@
 """Impact gap and mean speed of the crank-driven robots of Korendiy and others, 2022, on a horizontal guide.
 
-They tune the gap so that the internal body hits its plate as fast as it can; whether the robot is then at its fastest
-is what is measured here.
+They tune the gap so that the internal body hits its plate as fast as possible. This study measures whether the robot is
+fastest then.
 """
 
 import math
@@ -16,21 +16,23 @@ from research.literature.findings import FAILS, HOLDS, NOISE, OUTSIDE, Check, Cl
 from research.starts import computed, started
 from vibro_ros import Scene, Simulator, attractors
 
-#: Gaps [m] and motor speeds [rad/s] that are tried.
+#: Gaps [m] and motor speeds [rad/s] of the study.
 GAPS = tuple(round(float(gap), 4) for gap in np.arange(-0.016, 0.0581, 0.002))
 MOTORS = (60.0, 80.0, 100.0, 120.0)
-#: Damper of the drive [N·s/m], so that no start is remembered.
+#: Damping of the drive [N·s/m], so that the effect of the start decays.
 DAMPING = 2.0
-#: Friction coefficients of wheels that roll, and of those that are locked, which no force of the robot overcomes.
+#: Friction coefficients of rolling wheels, and of locked wheels, which no force of the robot can move.
 FRICTION, LOCKED = 0.2, 1e3
-#: Turns over which a run is compared with scipy's.
+#: Number of turns of the comparison with scipy.
 CHECKED_TURNS = 3
 _SETTLED, _DURATION, _SAMPLES = 4.0, 10.0, 200
 
 
 def robot_scene(gap: float, motor: float) -> Scene:
-    """The seed paper's robot on one-way wheels, without its upper mass, its guide along x; it moves towards -x, where
-    its plate is."""
+    """Return the seed paper's robot on one-way wheels, without its upper mass, its guide along x.
+
+    It moves towards -x, where its plate is.
+    """
     return Scene("gap", {"guide.angle": math.pi / 2.0, "inclined.gap": gap, "motor.speed": motor,
                          "inclined.spring.damping": DAMPING, "effects.upper_mass": False,
                          "ground.friction": LOCKED, "ground.friction_backward": FRICTION,
@@ -39,18 +41,18 @@ def robot_scene(gap: float, motor: float) -> Scene:
 
 @dataclass(frozen=True)
 class Tried:
-    """What the motion of most starts does with a gap at a motor speed: other motions have speeds of their own.
+    """Results for a gap and a motor speed, of the motion that most starts lead to.
 
     Attributes
     ----------
     gap, motor : float
         Gap [m] and motor speed [rad/s].
     speed, spread : float
-        Mean speed towards the plate [m/s], and half its 95 % interval; 0 of a periodic motion.
+        Mean speed towards the plate [m/s], and half its 95 % interval, 0 for a periodic motion.
     share : float
-        Part of the starts that lead to this motion, dimensionless.
+        Share of the starts that lead to this motion, dimensionless.
     approach : float
-        Mean speed at which the mass hits the plate [m/s]; 0 without a blow.
+        Mean impact speed of the mass on the plate [m/s]; 0 without an impact.
     """
 
     gap: float
@@ -62,7 +64,10 @@ class Tried:
 
 
 def tried(job: tuple[float, float, int]) -> Tried:
-    """The motion to which most of so many starts lead; its blows are those of the start with the nearest speed."""
+    """Find the motion that most starts lead to; `job` is gap [m], motor speed [rad/s] and number of starts.
+
+    Its impact speeds are those of the start whose mean speed is nearest to the motion's.
+    """
     gap, motor, starts = job
     most, runs = attractors(robot_scene(gap, motor), starts=starts)[0], []
     for number in range(starts):
@@ -81,7 +86,7 @@ def tried(job: tuple[float, float, int]) -> Tried:
 
 @dataclass(frozen=True)
 class InUnits:
-    """The robot in the variables of the capsule's literature, and the units of length [m] and of time [s]."""
+    """The robot in dimensionless variables of the capsule's literature, and the units of length [m] and time [s]."""
 
     capsule: Capsule
     drive: Drive
@@ -90,13 +95,13 @@ class InUnits:
 
 
 def in_units(gap: float, motor: float) -> InUnits:
-    """The robot at rest with its mass on its slider, which needs a gap that leaves it there."""
+    """Return the robot in these units, at rest with its mass at its slider; the gap must allow this position."""
     scene = robot_scene(gap, motor)
     mass, stiffness, damping = (scene[name] for name in ("mass.inclined", "inclined.spring.stiffness",
                                                          "inclined.spring.damping"))
     friction, rate = FRICTION * scene.total_mass * scene["gravity"], math.sqrt(stiffness / mass)
     radius, rod, length = scene["crank.radius"], scene["crank.inclined_rod"], friction / stiffness
-    start = math.sqrt(rod**2 - radius**2)  # where the slider and the mass are at first
+    start = math.sqrt(rod**2 - radius**2)  # initial position of slider and mass
 
     def push(time: float) -> float:
         sine, cosine = math.sin(motor * time / rate), math.cos(motor * time / rate)
@@ -110,7 +115,7 @@ def in_units(gap: float, motor: float) -> InUnits:
 
 
 def difference(gap: float, motor: float) -> float:
-    """Largest difference [m] of the body's position from scipy's within some turns from rest on the slider."""
+    """Largest difference [m] of the body's position from scipy's within `CHECKED_TURNS`, from rest at the slider."""
     robot = in_units(gap, motor)
     times = np.linspace(0.0, CHECKED_TURNS * robot.capsule.period, _SAMPLES + 1)
     own = -Simulator(robot_scene(gap, motor)).sample(times * robot.time).body_position
@@ -122,7 +127,7 @@ _BOUND = 1e-8  # m
 
 
 def study(quick: bool) -> Studied:
-    """Try gaps at every motor speed from 16 starts; `quick`: every fourth gap from 2."""
+    """Measure all gaps at every motor speed from 16 starts; with `quick` every fourth gap from 2 starts."""
     starts = 2 if quick else 16
     gaps = GAPS[::4] if quick else GAPS
     rows = computed(tried, [(gap, motor, starts) for motor in MOTORS for gap in gaps], "gap: gaps")
@@ -136,7 +141,7 @@ def study(quick: bool) -> Studied:
 
 
 def claim(curve: Sequence[Tried]) -> Claim:
-    """The rule that hardest blows make the robot fastest, at one motor speed; `curve` by ascending gaps."""
+    """Judge the rule that the fastest impacts make the robot fastest, at one motor speed; `curve` is ordered by gap."""
     fastest = max(curve, key=lambda row: row.speed)
     hardest = max(curve, key=lambda row: row.approach)
     same = abs(fastest.gap - hardest.gap) <= curve[1].gap - curve[0].gap + 1e-9
@@ -152,7 +157,7 @@ def claim(curve: Sequence[Tried]) -> Claim:
 
 
 def _mm(row: Tried) -> str:
-    """Speed of the motion of most starts, and their share where it is not the only one."""
+    """Text of the speed of the most frequent motion, and its share of the starts if it is not the only one."""
     interval = f" ± {1e3 * row.spread:.1f}" if row.spread else ""
     share = f" in {100.0 * row.share:.0f} % of the starts" if row.share < 1.0 else ""
     return f"{1e3 * row.speed:.1f}{interval} mm/s{share}"

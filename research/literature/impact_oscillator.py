@@ -21,8 +21,8 @@ from vibro_ros import Scene, Simulator
 
 _MASS, _STIFFNESS, _RADIUS, _ROD = 0.1, 1e3, 1e-5, 100.0
 _RATE = math.sqrt(_STIFFNESS / _MASS)
-# Turns until a motion counts as settled, turns that are then looked at, relative difference of equal impacts, and the
-# speed of the plate in units of the crank radius a turn.
+# Turns of settling, turns of observation, relative difference of equal impacts, and speed of the plate in crank radii
+# per turn.
 _SETTLING, _SEEN, _EQUAL, _PLATE = 1500, 60, 1e-6, 0.002
 _SAMPLES = 400
 
@@ -36,7 +36,7 @@ class Oscillator:
     omega : float
         Frequency of the force over the oscillator's own, dimensionless.
     sigma : float
-        Place of the stop in units of the force over the stiffness, dimensionless.
+        Position of the stop in units of the force over the stiffness, dimensionless.
     restitution : float
         Speed after an impact over the speed before it, dimensionless.
     """
@@ -56,7 +56,7 @@ class Oscillator:
         return (1.0 + self.restitution) / (2.0 * math.tan(half)), (1.0 - self.restitution) / (2.0 * self.omega)
 
     def speeds(self, turns: int) -> tuple[float, float]:
-        """Speeds of impact on the upper and the lower branch, dimensionless; NaN where there is none."""
+        """Impact speeds on the upper and the lower branch, dimensionless; NaN if a branch does not exist."""
         a, b = self.shape(turns)
         square = a**2 + b**2
         root = (a * self.sigma) ** 2 - square * (self.sigma**2 - self.reach**2)
@@ -66,12 +66,12 @@ class Oscillator:
         return (upper if upper > 0.0 else math.nan), (lower if lower > 0.0 else math.nan)
 
     def fold(self, turns: int) -> float:
-        """Place of the stop at which both branches meet, dimensionless."""
+        """Position of the stop at which both branches meet, dimensionless."""
         a, b = self.shape(turns)
         return -math.copysign(self.reach * math.hypot(a, b) / b, a)
 
     def multipliers(self, turns: int, speed: float) -> np.ndarray:
-        """Multipliers of the (1, `turns`) orbit with the `speed` of impact, shape (2,), complex."""
+        """Multipliers of the (1, `turns`) orbit with impact speed `speed`, shape (2,), complex."""
         a, _ = self.shape(turns)
         own = self.restitution
         sine, cosine = math.sin(2.0 * math.pi * turns / self.omega), math.cos(2.0 * math.pi * turns / self.omega)
@@ -86,7 +86,7 @@ class Oscillator:
 
 
 def oscillator_scene(oscillator: Oscillator) -> Scene:
-    """The scene that is the oscillator: the upper mass alone, its plate rigid, no damper."""
+    """Return the scene of the oscillator: the upper mass only, its plate rigid, no damper."""
     return Scene("impact_oscillator", {
         "mass.upper": _MASS, "upper.spring.stiffness": _STIFFNESS, "upper.plate.restitution": oscillator.restitution,
         "upper.gap": oscillator.sigma * _RADIUS, "crank.radius": _RADIUS, "crank.upper_rod": _ROD,
@@ -97,7 +97,7 @@ def oscillator_scene(oscillator: Oscillator) -> Scene:
 
 @dataclass(frozen=True)
 class Motion:
-    """A settled motion: impacts and turns that it takes to repeat itself, 0 for none found, and speeds of impact."""
+    """A settled motion: impacts and turns of its period, 0 if no period was found, and the impact speeds."""
 
     impacts: int
     turns: int
@@ -105,7 +105,7 @@ class Motion:
 
 
 def started(oscillator: Oscillator, spin: float) -> Simulator:
-    """A device whose motor ran at `spin` times its speed for the first 20 turns."""
+    """Return a device whose motor ran at `spin` times its speed for the time of 20 turns."""
     device, speed = Simulator(oscillator_scene(oscillator)), oscillator.omega * _RATE
     device.command(motor_speed=spin * speed)
     device.advance_to(20.0 * 2.0 * math.pi / speed)
@@ -114,7 +114,7 @@ def started(oscillator: Oscillator, spin: float) -> Simulator:
 
 
 def settled(device: Simulator, oscillator: Oscillator, turns: int = _SETTLING) -> Motion:
-    """The motion of a device once it has settled for so many turns."""
+    """Let a device settle for `turns` turns, and return its motion."""
     turn = 2.0 * math.pi / (oscillator.omega * _RATE)
     device.advance_to(device.time + turns * turn)
     device.take_events()
@@ -130,7 +130,7 @@ def settled(device: Simulator, oscillator: Oscillator, turns: int = _SETTLING) -
 
 
 def followed(oscillator: Oscillator, start: float) -> Motion:
-    """The motion that is reached when the stop is moved slowly from `start` to its place."""
+    """Return the motion after the stop has been moved slowly from `start` to its position."""
     device = started(replace(oscillator, sigma=start), 1.0)
     settled(device, oscillator)
     device.command(upper_gap=oscillator.sigma * _RADIUS)
@@ -138,14 +138,14 @@ def followed(oscillator: Oscillator, start: float) -> Motion:
 
 
 def doubling(oscillator: Oscillator, turns: int, low: float, high: float) -> float:
-    """Place of the stop between `low` and `high` at which the upper branch's orbit doubles its period."""
+    """Position of the stop between `low` and `high` at which the upper branch's orbit doubles its period."""
     return brentq(lambda sigma: replace(oscillator, sigma=sigma).doubling_defect(turns), low, high)
 
 
 def difference(oscillator: Oscillator, turns: int) -> float:
-    """Largest difference of the position from scipy's, in crank radii, within so many turns from rest at x = 1.
+    """Largest difference of the position from scipy's, in crank radii, within `turns` turns from rest at x = 1.
 
-    `oscillator` has its stop beyond 1, where the mass stands on its slider at first.
+    The stop of `oscillator` must lie beyond 1, where the mass is at its slider initially.
     """
     times = np.linspace(0.0, turns * 2.0 * math.pi / oscillator.omega, _SAMPLES + 1)
     own = (Simulator(oscillator_scene(oscillator)).sample(times / _RATE).upper_position - _ROD) / _RADIUS
@@ -171,10 +171,10 @@ def _by_scipy(oscillator: Oscillator, times: np.ndarray) -> np.ndarray:
 
 NAME = "impact_oscillator"
 _RESTITUTIONS = (0.8, 0.6)
-#: Frequencies and turns of their (1, n) orbits, on both sides of 2 n; places of the stop in parts of the reach.
+#: Frequencies and n of their (1, n) orbits, on both sides of 2 n; positions of the stop as shares of the reach.
 _ORBITS = ((1.9, 1), (2.0, 1), (2.1, 1), (3.9, 2), (4.0, 2), (4.2, 2), (6.0, 3))
 _PLACES = (-0.5, -0.25, 0.0, 0.25, 0.5)
-# Frequencies of the folds that are approached, and how near [parts]; the same for period doublings.
+# Frequencies and n of the folds, and relative distance to which they are approached; the same for period doublings.
 _FOLDS, _NEAR = ((1.9, 1), (2.1, 1)), 0.005
 _DOUBLINGS, _BESIDE = ((2.5, 1), (2.8, 1), (4.6, 2)), 0.02
 _MARGIN, _CHECKED_TURNS, _BOUND = 1e-5, 20, 1e-5
@@ -190,14 +190,14 @@ class Compared:
 
     @property
     def error(self) -> float:
-        """Relative error of the speed of impact; infinite for another motion."""
+        """Relative error of the impact speed; infinite if the simulation settled to another motion."""
         if (self.motion.impacts, self.motion.turns) != (1, self.turns):
             return math.inf
         return abs(self.motion.speeds[0] / self.oscillator.speeds(self.turns)[0] - 1.0)
 
 
 def compared(job: tuple[Oscillator, int]) -> Compared:
-    """The settled motion from rest beside the closed form."""
+    """Simulate the settled motion from rest, for comparison with the closed form; `job` is oscillator and turns."""
     oscillator, turns = job
     return Compared(oscillator, turns, settled(started(oscillator, 1.0), oscillator))
 

@@ -1,7 +1,7 @@
 """Vibrational transport by two phases: a block that is shaken along the ground and pressed on it, both harmonically.
 
-The mean speed has a closed form when friction changes the speed little within a turn; this model contains it, and its
-own layout, two guides at 90° on one crank, is the best phase that there is.
+The mean speed has a closed form if friction changes the speed only little within a turn. The block is a special case of
+this model, whose own layout, two guides at 90° on one crank, has the optimal phase.
 """
 
 import cmath
@@ -20,22 +20,22 @@ from research.starts import computed
 from vibro_ros import Scene, Simulator
 
 _BODY, _INCLINED, _GRAVITY, _ROD, _SPEED, _STROKE = 1.0, 0.1, 9.81, 100.0, 100.0, 5e-3
-#: Friction's change of speed a radian over the amplitude of the speed, μ g/(v ω): the closed form is its limit 0.
+#: Change of speed by friction per radian over the amplitude of the speed, μ g/(v ω); the closed form is the limit 0.
 WEAKNESS = 1e-3
-#: The upper mass follows its slider: its frequency over the motor's, with a damping ratio of 0.3.
+#: Natural frequency of the upper mass over the motor's, at which it follows its slider (with a damping ratio of 0.3).
 STIFF = 10.0
-# Times that the approach to the mean speed takes, v/(μ g); turns over which it is then measured; half of the stretch
-# of motor speeds about the switch, in parts of it.
+# Time of the approach to the mean speed in units of v/(μ g); turns of the measurement; half width of the interval of
+# motor speeds in which the switch is searched for, as a share.
 _APPROACHES, _TURNS, _REACH = 12.0, 100, 0.1
 # Weakness of the scene that scipy integrates, which need not be small.
 _CHECKED = 0.02
-# A press that takes the block beyond half of the amplitude.
+# A press with which the block's mean speed exceeds half of the amplitude.
 _HALF_SPEED_PRESS = 0.99
 
 
 @dataclass(frozen=True)
 class Shaking:
-    """How the body is shaken.
+    """Shaking of the body.
 
     Attributes
     ----------
@@ -56,14 +56,14 @@ def closed_form(press_in_phase: float) -> float:
     """Mean speed over the amplitude of the speed: sin β, β = -p cos β, p the part of N in phase with the speed.
 
     The force -μ N sign(V + v cos τ) with N = M g (1 + p cos τ + r sin τ) has the mean -μ M g (2/π) (β + p cos β) for
-    V = v sin β, whatever r is; a steady mean speed is where that vanishes. For p = 0 the same formula is dry friction's
-    (2/π) arcsin(V/v) under vibration.
+    V = v sin β, independent of r; the mean speed is steady where it vanishes. For p = 0 the formula gives the effective
+    dry friction under vibration, (2/π) arcsin(V/v).
     """
     return math.sin(brentq(lambda angle: angle + press_in_phase * math.cos(angle), -math.pi / 2.0, math.pi / 2.0))
 
 
 def block_scene(press: float, tuning: float = STIFF, damping: float = 0.3, weakness: float = WEAKNESS) -> Scene:
-    """A block shaken by the inclined mass along x and pressed by the upper one.
+    """Return the scene of a block that the inclined mass shakes along x and the upper mass presses.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def block_scene(press: float, tuning: float = STIFF, damping: float = 0.3, weakn
     tuning, damping : float
         Frequency of the upper mass on its spring over the motor's, and its damping ratio; dimensionless.
     weakness : float
-        Friction's change of speed a radian over the amplitude of the speed, dimensionless.
+        Change of speed by friction per radian over the amplitude of the speed, dimensionless.
     """
     own = tuning * _SPEED
     reach = abs(_response(own, damping, _SPEED))
@@ -90,13 +90,16 @@ def block_scene(press: float, tuning: float = STIFF, damping: float = 0.3, weakn
 
 
 def _response(own: float, damping: float, motor: float) -> complex:
-    """Amplitude of a mass over the slider's: own frequency [rad/s] and damping ratio, base excitation."""
+    """Complex amplitude of a mass over the slider's (base excitation).
+
+    `own` is the natural frequency, `motor` the motor speed [rad/s], `damping` the damping ratio.
+    """
     lag = 2j * damping * own * motor
     return (own**2 + lag) / (own**2 - motor**2 + lag)
 
 
 def _responses(scene: Scene) -> tuple[complex, complex]:
-    """Amplitudes of the upper and the inclined mass over the sliders'."""
+    """Complex amplitudes of the upper and the inclined mass over the sliders'."""
     def response(side: str) -> complex:
         stiffness, mass = scene[f"{side}.spring.stiffness"], scene[f"mass.{side}"]
         damping = scene[f"{side}.spring.damping"] / (2.0 * math.sqrt(stiffness * mass))
@@ -116,7 +119,7 @@ def shaking(scene: Scene) -> Shaking:
 
 
 def speed_share(scene: Scene) -> float:
-    """Mean speed, over the amplitude of the speed, after the approach to it."""
+    """Simulated mean speed over the amplitude of the speed, after the approach to it."""
     device, motion = Simulator(scene), shaking(scene)
     turn = 2.0 * math.pi / scene["motor.speed"]
     wait = _APPROACHES * motion.speed / (scene["ground.friction"] * scene["gravity"])
@@ -127,7 +130,7 @@ def speed_share(scene: Scene) -> float:
 
 
 def difference(press: float) -> float:
-    """Difference of `speed_share` from scipy's for a block on a plate that shakes in two directions."""
+    """Difference between `speed_share` and scipy's mean speed of a block on a plate that shakes in two directions."""
     scene = block_scene(press, weakness=_CHECKED)
     motion = shaking(scene)
     grip = scene["ground.friction"] * scene["gravity"] / (motion.speed * scene["motor.speed"])
@@ -135,7 +138,7 @@ def difference(press: float) -> float:
 
 
 def _on_plate(motion: Shaking, grip: float, turns: int, counted: int) -> float:
-    """Mean speed over the amplitude of a block on a shaken plate, over the last `counted` of `turns` turns."""
+    """Mean speed, over the amplitude, of a block on a shaken plate in the last `counted` of `turns` turns, by scipy."""
     state, time, end = np.zeros(2), 0.0, 2.0 * math.pi * turns
     begin = 2.0 * math.pi * (turns - counted)
     place = math.nan
@@ -160,7 +163,7 @@ def _speed(_time: float, values: np.ndarray) -> float:
 
 
 def switch_speed(scene: Scene) -> float:
-    """Motor speed [rad/s] at which the normal force is in quadrature with the body's speed, where the way turns."""
+    """Motor speed [rad/s] at which normal force and body speed are in quadrature, so that the direction reverses."""
     def in_phase(motor: float) -> float:
         return math.cos(shaking(scene.with_parameters({"motor.speed": motor})).lead)
     return brentq(in_phase, 0.5 * _SPEED, 1.5 * _SPEED)
@@ -176,14 +179,14 @@ def measured_switch(scene: Scene) -> float:
 def friction_at_half_speed() -> float:
     """Mean friction over μ N of a block that drifts at half the amplitude of its shaking; (2/π) arcsin 1/2 = 1/3.
 
-    Measured while the block speeds up, the share of the varying normal force being taken off.
+    Measured while the block accelerates, after subtraction of the contribution of the varying normal force.
     """
     scene = block_scene(_HALF_SPEED_PRESS)
     motion, turn = shaking(scene), 2.0 * math.pi / scene["motor.speed"]
     grip = scene["ground.friction"] * scene["gravity"]
     turns = math.ceil(3.0 * motion.speed / (grip * turn))
     speeds = Simulator(scene).sample(np.arange(turns) * turn).body_velocity / motion.speed
-    drift = speeds - math.cos(cmath.phase(_responses(scene)[1]))  # without the shaking, at the turns' ends
+    drift = speeds - math.cos(cmath.phase(_responses(scene)[1]))  # speed at the ends of turns, without the shaking
     middle = (drift[1:] + drift[:-1]) / 2.0
     pulls = -np.diff(drift) * motion.speed / (grip * turn)
     own = pulls - 2.0 / math.pi * motion.press * math.cos(motion.lead) * np.sqrt(1.0 - middle**2)
@@ -192,39 +195,39 @@ def friction_at_half_speed() -> float:
 
 @dataclass(frozen=True)
 class Share:
-    """A measured mean speed over the amplitude, the shaking that causes it, and what the closed form says."""
+    """A measured mean speed over the amplitude, with the shaking that causes it, and its closed form."""
 
     shaking: Shaking
     measured: float
 
     @property
     def expected(self) -> float:
-        """The closed form's share."""
+        """Mean speed over the amplitude by the closed form."""
         return closed_form(self.shaking.press * math.cos(self.shaking.lead))
 
     @property
     def error(self) -> float:
-        """How far the measured share is from the closed form's."""
+        """Absolute difference between measured and expected share."""
         return abs(self.measured - self.expected)
 
 
 def measured_share(scene: Scene) -> Share:
-    """The mean speed of a scene of `block_scene`."""
+    """Measure the mean speed of a scene of `block_scene`."""
     return Share(shaking(scene), speed_share(scene))
 
 
 NAME = "two_phase"
-_MARGIN = 3.0 * WEAKNESS  # what the averaging leaves out is of the order of the weakness
+_MARGIN = 3.0 * WEAKNESS  # because the error of averaging is of the order of the weakness
 _PRESSES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
 _BEYOND = 1.3  # a press that makes the body hop
 _TUNINGS = (0.5, 0.7, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.4, 2.0, 4.0, STIFF)
-# Press, tuning and damping of the scene whose way a change of the motor speed turns; what may differ from scipy: the
-# rod's harmonics are l/(4 L) = 1.25e-5 of the stroke.
+# Press, tuning and damping of the scene whose direction reverses with the motor speed; bound of the difference from
+# scipy, because the rod's harmonics are l/(4 L) = 1.25e-5 of the stroke.
 _SWITCHING, _BOUND = (0.5, 1.0, 0.1), 1e-4
 
 
 def study(quick: bool) -> Studied:
-    """Measure mean speeds over press and phase, and the switch of the way by the motor's speed."""
+    """Measure mean speeds over press and phase, and the motor speed at which the direction reverses."""
     presses, tunings = (_PRESSES[::5], _TUNINGS[::3]) if quick else (_PRESSES, _TUNINGS)
     scenes = [block_scene(press) for press in presses] + [block_scene(0.5, tuning) for tuning in tunings]
     shares = computed(measured_share, scenes, "two_phase: scenes")

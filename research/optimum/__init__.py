@@ -1,1 +1,1 @@
-"""The written optimum."""
+"""Report on the optimum: the searches of docs/optimum.md."""

@@ -1,6 +1,6 @@
-"""docs/optimum.md: what `study optimise` finds, and why V/P has no bound by the paper's equations; `make optimum`.
+"""Make docs/optimum.md: results of `study optimise`, and why V/P is unbounded by the paper's equations; `make optimum`.
 
-Each search is a command line that a reader can run; an interrupted search goes on when the report is made again.
+Each search is a command line that a reader can run; an interrupted search resumes when the report is made again.
 """
 
 import argparse
@@ -24,7 +24,7 @@ LASTING, COMPARED = "lasting.json", "compared.json"
 
 
 class Search(NamedTuple):
-    """A search of the report: its title, and what follows `study optimise`."""
+    """A search of the report: its title, and the arguments of `study optimise`."""
 
     title: str
     words: str
@@ -48,31 +48,31 @@ SEARCHES: Mapping[str, Search] = {
     "unilateral_zero": Search("Speed where the ground cannot pull, drawn starts that begin from zero", "--scene "
                               f"unilateral --set start.state=zero --objective speed --budget 2000 {_UNDAMPED}"),
 }
-"""Every search of the report by the name of its files."""
-#: Searches in the scene `device` as it is, whose robots make the front.
+"""Searches of the report, by the name of their files."""
+#: Searches in the unchanged scene `device`, whose robots form the front.
 OF_DEVICE = ("thriftiest", "thrifty", "fastest", "thrifty_grounded", "fastest_grounded",
              "front")
-#: The paper's robots: what its conclusions name, and its parameters; everything else as the scene of the search.
+#: The paper's robots: the one of its conclusions, and the one of its parameters. Other values are the search's scene's.
 PAPERS: Mapping[str, Mapping[str, float]] = {
     "paper's optimum": {"guide.angle": math.radians(80.0), "mass.inclined": 0.02, "crank.radius": 0.06},
     "paper's parameters": {}}
-#: Their starts, of which the best counts, and the time [s] of each.
+#: Numbers of the starts of these robots, of which the best is reported, and the measuring time [s] of each.
 BEGINS, COMPARING = range(20_000, 20_016), 10.0
 #: Motor speed [rad/s] of a scene whose motor stands still.
 RUNNING = 100.0
-#: Relative spread of starts that repeat one motion, whose interval would describe the draw alone.
+#: Relative spread up to which starts count as one periodic motion; no interval is printed then.
 SAME = 1e-5
-#: Robots that are watched for long: the paper's first one, and optima of scenes without reaction on the masses.
+#: Robots with long runs: the paper's first one, and optima of scenes without reaction on the masses.
 WATCHED = ("paper", "printed", "printed_zero", "unilateral", "unilateral_zero")
-#: Times [s] over which these are watched after `SETTLING` [s], and starts.
+#: Durations [s] of these runs after `SETTLING` [s], and their number of starts.
 DURATIONS, SETTLING, STARTS = (4.0, 16.0, 64.0, 256.0), 4.0, 8
 
 Numbers = dict[str, Any]
-"""What `study optimise` has written as optimum.json."""
+"""Contents of an optimum.json of `study optimise`."""
 
 
 def main(words: Sequence[str]) -> int:
-    """Search and write; 0 when done, else the exit code of the search that failed."""
+    """Run the searches and write the report; returns 0, or the exit code of the search that failed."""
     parser = argparse.ArgumentParser(prog="python -m research.optimum", description=__doc__)
     parser.add_argument("--output", type=Path, default=Path("docs"), help="where (default: %(default)s)")
     parser.add_argument("--work", type=Path, default=Path("out/study/optimum"), help="records of the searches, from "
@@ -100,20 +100,20 @@ def main(words: Sequence[str]) -> int:
 
 
 def read_results(folder: Path) -> dict[str, Numbers]:
-    """What every search has found, by its name."""
+    """Read the results of all searches, by name."""
     return {name: json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in SEARCHES}
 
 
 def document(results: Mapping[str, Numbers], watched: Mapping[str, Sequence[Numbers]],
              papers: Mapping[str, Sequence[Numbers]]) -> str:
-    """The whole text in Markdown.
+    """Return the report in Markdown.
 
     Parameters
     ----------
     results, papers : mapping
-        By the name of a search, what it has found, and `papers_robots` under its forces.
+        Results, and `papers_robots` under the same forces, by the name of the search.
     watched : mapping
-        `lasting` by the name of the robot: the scene `paper`, or a search's optimum.
+        Results of `lasting` by the name of the robot: the scene `paper`, or a search's optimum.
     """
     findings = "\n".join(f"- {text}" for text in (
         about_power(watched["paper"]), about_front(results, papers["front"]), about_thriftiest(results["thriftiest"]),
@@ -136,7 +136,7 @@ def document(results: Mapping[str, Numbers], watched: Mapping[str, Sequence[Numb
 
 def summary_table(results: Mapping[str, Numbers], watched: Mapping[str, Sequence[Numbers]],
                   papers: Mapping[str, Sequence[Numbers]]) -> str:
-    """Every search on a line, from the starts that verified it; V/P and shares of the motion of most starts."""
+    """Return a table with a line for each search, from its verification; V/P and shares are of the first motion."""
     heads = ["search", "speed, forward positive [mm/s]", "faster than the paper's optimum by [mm/s]", "V/P [m/J]",
              "more than the paper's optimum [m/J]", "in the air", "N <= 0", "mean N over weight",
              f"slowest to fastest start over {DURATIONS[-1]:g} s [mm/s]"]
@@ -155,17 +155,17 @@ def summary_table(results: Mapping[str, Numbers], watched: Mapping[str, Sequence
 
 
 def motions(result: Numbers) -> list[Numbers]:
-    """The motions of the optimum under the forces that it was sought with, that of most starts first."""
+    """Motions of the optimum under the forces of its search, that of most starts first."""
     return [row for row in result["verified"] if row["reading"] == result["verified"][0]["reading"]]
 
 
 def faster(result: Numbers, paper: Numbers) -> float:
-    """Speed [m/s] of the slowest motion of an optimum beyond that of the fastest start of a robot of the paper."""
+    """Speed [m/s] of the slowest motion of an optimum minus that of the paper's robot from its best start."""
     return min(abs(row["speed"]["mean"]) for row in motions(result)) - paper["speed"]
 
 
 def about_power(rows: Sequence[Numbers]) -> str:
-    """Why V/P has no bound by the paper's equations."""
+    """Paragraph on why V/P has no bound by the paper's equations."""
     first, last = rows[0], rows[-1]
     return (f"By the paper's equations V/P has no bound: from {first['duration']:g} to {last['duration']:g} s the "
             f"largest mean power of {STARTS} starts of the scene `paper` falls from {number(first['power'])} to "
@@ -175,7 +175,7 @@ def about_power(rows: Sequence[Numbers]) -> str:
 
 
 def about_front(results: Mapping[str, Numbers], papers: Sequence[Numbers]) -> str:
-    """From where to where the front of all searches reaches, and what of it is faster and cheaper than the paper's."""
+    """Paragraph on the extent of the front of all searches, and its robots that are better than the paper's."""
     front = front_of_all(results)
     text = (f"The front of speed and cost of transport reaches from {number(1e3 * front[0]['speed'])} mm/s at a cost "
             f"of {number(front[0]['cost'])} to {number(1e3 * front[-1]['speed'])} mm/s at {number(front[-1]['cost'])}.")
@@ -189,7 +189,7 @@ def about_front(results: Mapping[str, Numbers], papers: Sequence[Numbers]) -> st
 
 
 def front_of_all(results: Mapping[str, Numbers]) -> list[Numbers]:
-    """Robots of all searches in `device` of which none is both faster and cheaper than another, the slowest first."""
+    """Non-dominated robots (speed, cost) of all searches in `device`, the slowest first."""
     robots = sorted((one for name in OF_DEVICE for one in results[name]["front"]), key=lambda one: -one["speed"])
     front: list[Numbers] = []
     for one in robots:
@@ -199,7 +199,7 @@ def front_of_all(results: Mapping[str, Numbers]) -> list[Numbers]:
 
 
 def about_thriftiest(result: Numbers) -> str:
-    """Where V/P drives the robot."""
+    """Paragraph on the slow robot that V/P alone selects."""
     row = result["verified"][0]
     pace = number(1e3 * abs(row["speed"]["mean"]))
     return (f"V/P alone asks for a robot that goes {pace} mm/s: its cost of transport is {number(row['cost'])}, while "
@@ -208,7 +208,7 @@ def about_thriftiest(result: Numbers) -> str:
 
 
 def about_flight(results: Mapping[str, Numbers]) -> str:
-    """What to hold of robots that fly."""
+    """Paragraph on optima that hop, and on searches that limit the time in the air."""
     shares = ", ".join(f"{100 * results[name]['verified'][0]['air']:.0f} % (`{name}`)"
                        for name in ("thriftiest", "thrifty", "fastest"))
     grounded = []
@@ -222,7 +222,7 @@ def about_flight(results: Mapping[str, Numbers]) -> str:
 
 
 def about_decree(results: Mapping[str, Numbers]) -> str:
-    """Why no optimum is sought with the body held on the ground."""
+    """Paragraph on why no optimum is searched for with the body held on the ground (`unilateral`)."""
     held = []
     for name in ("thrifty", "fastest"):
         best, forced = results[name]["verified"][0], next(
@@ -237,7 +237,7 @@ def about_decree(results: Mapping[str, Numbers]) -> str:
 
 
 def about_undamped(results: Mapping[str, Numbers]) -> str:
-    """What to hold of the speeds by the paper's own rules."""
+    """Paragraph on the unrealistic speeds of optima by the paper's own rules."""
     found = []
     for name in ("printed", "unilateral"):
         own, real = (next(row for row in results[name]["verified"] if words in row["reading"])
@@ -249,7 +249,7 @@ def about_undamped(results: Mapping[str, Numbers]) -> str:
 
 
 def about_hills(results: Mapping[str, Numbers]) -> str:
-    """What a search may miss: the optimum from rest, begun from zero, beside the optimum sought from zero."""
+    """Paragraph on optima that a search may miss, from searches whose starts begin from `rest` and from `zero`."""
     pairs = []
     for name in ("printed", "unilateral"):
         sought = results[f"{name}_zero"]
@@ -262,19 +262,19 @@ def about_hills(results: Mapping[str, Numbers]) -> str:
 
 
 def number(value: float) -> str:
-    """`value` to three digits."""
+    """Format `value` with three digits."""
     text = f"{value:.3g}"
     return f"{float(text):.0f}" if 1e3 <= abs(float(text)) < 1e6 else text
 
 
 def spread(found: Numbers, factor: float = 1.0) -> str:
-    """Mean ± half the 95 % interval, times `factor`; no interval of one start, nor of starts that repeat one motion."""
+    """Format a mean ± half its 95 % interval, times `factor`; without interval for one start or one periodic motion."""
     mean, half = number(factor * found["mean"]), found["spread"] or 0.0
     return f"{mean} ± {factor * half:.2g}" if half > SAME * abs(found["mean"]) else mean
 
 
 def speeds(result: Numbers) -> str:
-    """Signed mean speed [mm/s] of each motion of an optimum, of several with their starts."""
+    """Text of the signed mean speed [mm/s] of each motion of an optimum; if there are several, with their starts."""
     own = motions(result)
     starts = sum(row["starts"] for row in own)
     return "; ".join(spread(row["speed"], 1e3) + f" in {row['starts']} of {starts} starts" * (len(own) > 1)
@@ -282,9 +282,9 @@ def speeds(result: Numbers) -> str:
 
 
 def papers_robots(name: str, result: Numbers, folder: Path) -> list[Numbers]:
-    """The paper's robots under the forces of a search: the best speed [m/s], V/P [m/J] and cost of their starts.
+    """Run the paper's robots under the forces of a search; returns the best speed [m/s], V/P [m/J] and cost of each.
 
-    Each is that of one start: several motions of a robot have no mean in common.
+    Each value is that of one start, because several motions of a robot have no common mean.
     """
     sought = vibro_ros.load_scene(folder / f"{name}.yaml")
     words = SEARCHES[name].words.split()
@@ -306,7 +306,7 @@ def papers_robots(name: str, result: Numbers, folder: Path) -> list[Numbers]:
 def lasting(scene: vibro_ros.Scene) -> list[Numbers]:
     """Slowest and fastest speed [m/s] and largest power [W] of the same starts, over each of `DURATIONS`.
 
-    There is no mean, because several motions have none.
+    No mean is given, because several motions have no common one.
     """
     runs = np.array(computed(_watched, [(scene, start, DURATIONS) for start in range(STARTS)],
                              f"{scene.name} for long"))
@@ -332,13 +332,13 @@ def _watched(job: tuple[vibro_ros.Scene, int, Sequence[float]]) -> list[tuple[fl
 
 
 def whole_turns(scene: vibro_ros.Scene, duration: float) -> float:
-    """The whole turns of the crank within `duration` [s], in s: means over them leave out the swing within a turn."""
+    """Time of the whole turns of the crank within `duration` [s], in s; means over whole turns have no oscillation."""
     turn = 2.0 * math.pi / scene["motor.speed"]
     return math.floor(duration / turn) * turn
 
 
 def fronts_picture(results: Mapping[str, Numbers], papers: Sequence[Numbers]) -> Figure:
-    """The fronts of the searches in `device`, the front of them all, and the robots of the paper."""
+    """Draw the fronts of the searches in `device`, their common front, and the robots of the paper."""
     figure = Figure(figsize=(8.0, 5.5), layout="constrained")
     axes = figure.subplots()
     for name in OF_DEVICE:

@@ -1,1 +1,1 @@
-"""Study `paper`: every figure and claim of the paper under each reading that its text leaves open."""
+"""Study `paper`: all figures and claims of the paper, under each reading that its text allows."""

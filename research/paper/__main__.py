@@ -1,4 +1,5 @@
-"""Every figure and claim of the paper, under each of its readings: `make paper`, or a short version with `--quick`."""
+"""All figures and claims of the paper, under each reading of its text: `make paper`, or a short version with `--quick`.
+"""
 
 import argparse
 import sys
@@ -12,7 +13,7 @@ FOLDER, VERDICTS, TEXT = "paper", "verdicts.csv", "paper.md"
 
 
 def main(words: Sequence[str]) -> int:
-    """Run the study and write the page; 0 when done, 1 for a failure, 2 for bad input, 130 when interrupted."""
+    """Run the study and write the page; returns 0, 1 for a failure, 2 for bad input, or 130 if interrupted."""
     parser = argparse.ArgumentParser(prog="python -m research.paper", description=__doc__)
     parser.add_argument("--output", type=Path, metavar="DIR",
                         help="where the page goes (default: docs; with --quick out/study/paper)")

@@ -1,16 +1,16 @@
-"""The paper's robots, the readings that its text leaves open, and its claims with the rules that settle them.
+"""The paper's robots, the possible readings of its text, and its claims with the rules that judge them.
 
 A *point* is one robot of a figure: the guide's angle in Fig. 2(b), the inclined mass in Fig. 3(a), the crank in
-Fig. 3(b). A *reading* is one choice of all that the paper does not say.
+Fig. 3(b). A *reading* is one choice for everything that the paper does not specify.
 
-A claim is a list of pairs of robots, the first of which is said to be faster. The *named* pairs have values that the
-paper's text gives; other pairs have values between and beyond, of which the text says the same.
+A claim is a list of pairs of robots, of which the first is said to be faster. The *named* pairs have values from the
+paper's text; other pairs have values between and beyond them, to which the text extends the claim.
 
-*One run* compares the named start alone, as the paper does. The *mean* over the starts compares the mean speeds from
-the same starts: the mean of their differences, by Student's test on one side. The level of a claim, 5 %, is shared
-equally among its pairs (Bonferroni). A claim *holds* if every pair's first robot is faster beyond that level, *does
-not* if any pair's second robot is, and is within *noise* else. It holds *at named values* if it holds for the named
-pairs, and not for all pairs.
+*One run* compares runs from the first start only, as the paper does. The *mean* over the starts compares mean speeds
+from the same starts: the mean of their differences, by Student's one-sided test. The level of a claim, 5 %, is shared
+equally among its pairs (Bonferroni). A claim *holds* if the first robot of every pair is faster at this level, *does
+not* hold if the second robot of any pair is faster at this level, and is within *noise* otherwise. It holds *at named
+values* if it holds for the named pairs but not for all pairs.
 """
 
 import itertools
@@ -52,7 +52,7 @@ class Point(NamedTuple):
     value: float
 
     def changes(self) -> dict[str, float]:
-        """Parameters in which this robot differs from the paper's first one."""
+        """Parameters in which this robot differs from the paper's first robot."""
         if self.series == "angle":
             return {"guide.angle": math.radians(self.value)}
         best = {"guide.angle": math.radians(BEST_ANGLE)}
@@ -62,21 +62,21 @@ class Point(NamedTuple):
 
 
 def points() -> Iterator[Point]:
-    """Every robot of every figure."""
+    """Yield every robot of every figure."""
     return (Point(series, value) for series, values in SERIES.items() for value in values)
 
 
-#: Starts of a robot, by what they lie near.
+#: Kinds of starts of a robot.
 STARTS = NEAR_ZERO, NEAR_REST, ANY_PHASE = "near zero", "near rest", "any phase"
 
 
 class Reading(NamedTuple):
-    """One choice of what the paper leaves open.
+    """One choice for everything that the paper does not specify.
 
     Attributes
     ----------
     solver : str
-        `exact`, `rkfixed` (Runge-Kutta of fixed step, blind to events) or `Rkadapt` (of adaptive step, equally blind).
+        `exact`, `rkfixed` (Runge-Kutta of fixed step without event location) or `Rkadapt` (the same, adaptive step).
     step : float
         Step of `rkfixed` [s]; else 0.
     equations : str
@@ -104,31 +104,31 @@ class Reading(NamedTuple):
         return f"{self.equations}, {self.normal_force}, {self.start}, {self.solver}{step}{friction}"
 
     def scene(self, point: Point) -> Scene:
-        """The robot of `point` under this reading, simulated by events."""
+        """Return the scene of the robot `point` under this reading, for event-driven simulation."""
         return Scene("paper", point.changes() | {
             "effects.misprint": self.equations == "misprint", "effects.normal_force": self.normal_force,
             "start.state": self.state, "motor.max_speed": 1e4})
 
     @property
     def state(self) -> str:
-        """The scene's `start.state`, from which the first start begins."""
+        """Value of the scene's `start.state`, from which the first start begins."""
         return "zero" if self.start == NEAR_ZERO else "rest"
 
 
-#: Steps of `rkfixed` [s]: a thousand, ten thousand and a hundred thousand points a second.
+#: Steps of `rkfixed` [s]: a thousand, ten thousand and a hundred thousand points per second.
 STEPS = (1e-3, 1e-4, 1e-5)
 EQUATIONS = ("corrected", "misprint")
 
 
 def exact_readings() -> Iterator[Reading]:
-    """Readings that are integrated event by event."""
+    """Yield the readings that are integrated event by event."""
     for equations, rule, start in itertools.product(
             EQUATIONS, ("printed", "unilateral", "weight", "hop"), STARTS):
         yield Reading("exact", 0.0, equations, rule, start, "eq5")
 
 
 def worksheet_readings() -> Iterator[Reading]:
-    """Readings that are integrated as a worksheet would do it, with every condition in the right-hand side."""
+    """Yield the readings that are integrated as in a worksheet, with all conditions in the right-hand side."""
     for equations, rule, start, step in itertools.product(
             EQUATIONS, ("printed", "unilateral"), (NEAR_ZERO, NEAR_REST), STEPS):
         yield Reading("rkfixed", step, equations, rule, start, "eq5")
@@ -148,27 +148,27 @@ class Span(NamedTuple):
         return f"first {self.end:g} s" if self.begin == 0.0 else f"{self.begin:g} to {self.end:g} s"
 
 
-#: Instants at which the displacement is kept [s].
+#: Instants at which the displacement is recorded [s].
 INSTANTS = (1.0, 2.0, 5.0, 10.0, 40.0)
 SPANS = (Span(0.0, 1.0), Span(0.0, 2.0), Span(0.0, 5.0), Span(0.0, 10.0), Span(10.0, 40.0))
-#: The last instant of `rkfixed` and of `Rkadapt` [s], which cost more than `exact`.
+#: End of the runs with each solver [s]; `rkfixed` and `Rkadapt` cost more than `exact`.
 LAST = {"exact": 40.0, "rkfixed": 2.0, "Rkadapt": 1.0}
 
 
 def instants(reading: Reading) -> tuple[float, ...]:
-    """Instants that a reading is run to [s]."""
+    """Instants [s] at which a reading's displacement is recorded."""
     return tuple(instant for instant in INSTANTS if instant <= LAST[reading.solver])
 
 
 def spans(reading: Reading) -> tuple[Span, ...]:
-    """Times over which a reading's mean speeds are taken."""
+    """Time spans over which a reading's mean speeds are computed."""
     return tuple(span for span in SPANS if span.end <= LAST[reading.solver])
 
 
 HOLDS, NAMED, DOES_NOT, NOISE, DIVERGES = "holds", "at named values", "does not", "noise", "diverges"
 #: Level of the test of a claim.
 LEVEL = 0.05
-#: A difference of speeds [m/s] that only a numerical explosion makes: light is no faster.
+#: Difference of speeds [m/s], about the speed of light, above which the integration has diverged.
 EXPLODED = 3e8
 Pairs = tuple[tuple[float, float], ...]
 
@@ -179,13 +179,13 @@ class Claim(NamedTuple):
     Attributes
     ----------
     name : str
-        What the tables call it.
+        Name in the tables.
     words : str
-        What the paper says.
+        Statement of the paper.
     series : str
-        The series of robots that it speaks of.
+        Series of the robots that it compares.
     named, others : tuple of (float, float)
-        Values of that series: the faster robot's, the slower one's.
+        Pairs of values of that series: of the robot that is said to be faster, and of the slower one.
     """
 
     name: str
@@ -200,7 +200,7 @@ def _faster(value: float, *slower: float) -> Pairs:
 
 
 def _rising(*values: float) -> Pairs:
-    """Each value's robot is slower than the next one's."""
+    """Pairs of the claim that the robot of each value is slower than that of the next."""
     return tuple(zip(values[1:], values[:-1], strict=True))
 
 
@@ -216,9 +216,10 @@ CLAIMS = (
     Claim("longer is faster", "the longer the crank, the greater the mean speed, up to l = 0.06 m", "crank",
           _rising(0.02, 0.06), _rising(*SERIES["crank"])),
 )
-"""Every claim, in the paper's order. Of the crank's lengths the text names the first robot's, 0.02 m, and 0.06 m."""
+"""Every claim, in the paper's order. Of the crank's lengths the text names that of the first robot, 0.02 m, and 0.06 m.
+"""
 
-#: Displacements by robot [m], shape (starts, instants), of one reading.
+#: Displacements [m], shape (starts, instants), of each robot under one reading.
 Displacements = Mapping[Point, np.ndarray]
 
 
@@ -230,7 +231,7 @@ class Mean(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """What came of every claim under one reading, over one span; each tuple is in the order of `CLAIMS`.
+    """Outcome of every claim under one reading, over one span; each tuple has the order of `CLAIMS`.
 
     Attributes
     ----------
@@ -239,9 +240,9 @@ class Verdict(NamedTuple):
     span : Span
         The span.
     one_run : tuple of str
-        By the speed along Ox of the first start alone.
+        Outcomes by the speed along Ox of the first start only.
     along_ox, size : tuple of str
-        By the means over the starts of the speed along Ox, and of its size.
+        Outcomes by the means over the starts of the speed along Ox, and of its magnitude.
     means : dict of Point to Mean
         Mean speed along Ox of each robot [m/s].
     """
@@ -255,7 +256,7 @@ class Verdict(NamedTuple):
 
     @property
     def forwards(self) -> tuple[int, int]:
-        """Numbers of robots that go forwards and backwards beyond their intervals."""
+        """Numbers of robots that go significantly forwards and backwards (0 lies outside the interval)."""
         ahead = sum(mean.mean > mean.spread for mean in self.means.values())
         return ahead, sum(mean.mean < -mean.spread for mean in self.means.values())
 
@@ -266,7 +267,7 @@ class Verdict(NamedTuple):
 
 
 def score(outcomes: tuple[str, ...]) -> int:
-    """Number of claims that hold, at the named values at least."""
+    """Number of claims that hold, at least at the named values."""
     return sum(outcome in (HOLDS, NAMED) for outcome in outcomes)
 
 
@@ -284,8 +285,8 @@ def mean_of(values: np.ndarray) -> Mean:
 
 
 def judged_pairs(differences: np.ndarray) -> str:
-    """Whether pairs differ as claimed; `differences` of speeds [m/s], first minus second, shape (pairs, starts)."""
-    if not (np.abs(differences) < EXPLODED).all():  # nor NaN
+    """Outcome for some pairs; `differences` of speeds [m/s], first minus second robot, has shape (pairs, starts)."""
+    if not (np.abs(differences) < EXPLODED).all():  # also for NaN
         return DIVERGES
     pairs, starts = differences.shape
     bound = student.ppf(1.0 - LEVEL / pairs, starts - 1) * sem(differences, axis=1)
@@ -296,14 +297,14 @@ def judged_pairs(differences: np.ndarray) -> str:
 
 
 def one_run_pairs(differences: np.ndarray) -> str:
-    """As `judged_pairs`, of the first start alone, whose differences are taken as they are."""
+    """As `judged_pairs`, but by the differences of the first start only, without a test."""
     if not (np.abs(differences[:, 0]) < EXPLODED).all():
         return DIVERGES
     return HOLDS if (differences[:, 0] > 0.0).all() else DOES_NOT
 
 
 def settled(claim: Claim, speed: Mapping[Point, np.ndarray], judge: Callable[[np.ndarray], str]) -> str:
-    """Whether a claim holds, by a `judge` of differences; `speed` [m/s] by robot, shape (starts,)."""
+    """Outcome of a claim, by the function `judge` of differences; `speed` [m/s], shape (starts,), by robot."""
     def of(pairs: Pairs) -> str:
         return judge(np.array([speed[Point(claim.series, fast)] - speed[Point(claim.series, slow)]
                                for fast, slow in pairs]))
@@ -313,7 +314,7 @@ def settled(claim: Claim, speed: Mapping[Point, np.ndarray], judge: Callable[[np
 
 
 def verdicts(reading: Reading, found: Displacements) -> list[Verdict]:
-    """What came of every claim under a reading, over each of its spans."""
+    """Judge every claim under a reading, over each of its spans."""
     found_verdicts = []
     for span in spans(reading):
         with np.errstate(invalid="ignore", over="ignore"):

@@ -1,4 +1,4 @@
-"""docs/paper.md: every sentence with numbers is made of verdicts, and the figures in the paper's layout."""
+"""Make docs/paper.md: sentences with numbers from the verdicts, and the figures in the paper's layout."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -34,24 +34,24 @@ from research.paper.claims import (
 from research.paper.runs import NEAR, Effort
 
 MARKS = {HOLDS: "●", NAMED: "○", DOES_NOT: "–", NOISE: "~", DIVERGES: "∞"}
-#: Readings whose figures the page shows.
+#: Readings whose figures are on the page.
 SHOWN = tuple(Reading("exact", 0.0, equations, rule, start, "eq5") for equations, rule, start in (
     ("misprint", "printed", NEAR_REST), ("corrected", "printed", NEAR_ZERO), ("corrected", "unilateral", NEAR_REST)))
-#: Rules of the normal force under which the ground cannot pull: those that a machine may have.
+#: Physically possible rules of the normal force, under which the ground cannot pull.
 PHYSICAL = ("unilateral", "hop")
 _ALL, _BEST = len(CLAIMS), Point("angle", BEST_ANGLE)
 _WHERE = {NEAR_ZERO: "near `zero`", NEAR_REST: "near `rest`", ANY_PHASE: "at any phase"}
 
 
 class Work(NamedTuple):
-    """Energy in the first second [J]: what the motor gives net, and what reaches the body from nobody."""
+    """Energies in the first second [J]: net work of the motor, and energy that the body gains without a source."""
 
     motor: float
     unpaid: float
 
 
 def page(found: Sequence[Verdict], effort: Effort, data: str) -> str:
-    """The whole page; `data` is the folder, beside it, of the verdicts' file and of the pictures.
+    """Return the whole page; `data` is the folder of the verdicts' file and of the pictures, relative to the page.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def page(found: Sequence[Verdict], effort: Effort, data: str) -> str:
 
 
 def about_table() -> str:
-    """What the table compares, and what its marks mean."""
+    """Paragraph on the comparisons in the table, and the meaning of its marks."""
     claims = "; ".join(f"*{claim.name}*, {claim.words}" for claim in CLAIMS)
     return (f"The claims: {claims}. The table is of the first second, by `exact`. A claim is judged by the differences "
             "of mean speeds along Ox from the same starts, with Student's test on one side at 5 %, shared among its "
@@ -95,7 +95,7 @@ def about_table() -> str:
 
 
 def verdict_table(found: Sequence[Verdict]) -> str:
-    """A line for each reading."""
+    """Return the table with a line for each reading."""
     heads = ["equations, rule, start", *(claim.name for claim in CLAIMS), "score", "one run", "size",
              "forwards / backwards", "fastest", "speed at 80°"]
     return "\n".join([f"| {' | '.join(heads)} |", "|---" * len(heads) + "|", *map(_row, found)])
@@ -111,12 +111,12 @@ def _row(one: Verdict) -> str:
 
 
 def all_and_forwards(found: Iterable[Verdict]) -> list[Verdict]:
-    """Those by which every claim holds in the mean, at the named values at least, and every robot goes forwards."""
+    """Return verdicts by which all claims hold in the mean, at named values at least, and every robot goes forwards."""
     return [one for one in found if score(one.along_ox) == _ALL and one.forwards[0] == len(one.means)]
 
 
 def short_answer(corrected: Sequence[Verdict], misprint: Sequence[Verdict]) -> str:
-    """The answer in two sentences."""
+    """Return the answer in two sentences."""
     right, wrong = all_and_forwards(corrected), all_and_forwards(misprint)
     return (f"From the equations as they should read, {_of(right, corrected)} combinations of rule, start and span "
             f"give all {_ALL} claims together, at the values that its text names, with robots that go forwards. With "
@@ -125,7 +125,7 @@ def short_answer(corrected: Sequence[Verdict], misprint: Sequence[Verdict]) -> s
 
 
 def answers(corrected: Sequence[Verdict], misprint: Sequence[Verdict], work: Work) -> list[str]:
-    """What came out, in sentences."""
+    """Return the results in sentences."""
     best, most = max(score(one.along_ox) for one in corrected), max(score(one.size) for one in corrected)
     single = max(score(one.one_run) for one in corrected)
     back = sum(one.forwards[1] > one.forwards[0] for one in corrected)
@@ -146,7 +146,7 @@ def answers(corrected: Sequence[Verdict], misprint: Sequence[Verdict], work: Wor
 
 
 def evidence_for(corrected: Sequence[Verdict], misprint: Sequence[Verdict]) -> list[str]:
-    """What speaks for an index error in the worksheet."""
+    """Return the evidence for an index error in the worksheet."""
     one = _find(misprint, "printed", NEAR_REST, SPANS[0])
     forwards = {name: sum(v.forwards[0] == len(v.means) for v in found)
                 for name, found in (("misprint", misprint), ("corrected", corrected))}
@@ -162,7 +162,7 @@ def evidence_for(corrected: Sequence[Verdict], misprint: Sequence[Verdict]) -> l
 
 
 def evidence_against(misprint: Sequence[Verdict], worksheets: Sequence[Verdict]) -> list[str]:
-    """What speaks against it, or stays open."""
+    """Return the evidence against an index error, and open questions."""
     by_span = [_find(misprint, "printed", NEAR_REST, span) for span in SPANS]
     by_start = {start: _find(misprint, "printed", start, SPANS[0]) for start in (NEAR_REST, NEAR_ZERO, ANY_PHASE)}
     coarse = [v for v in worksheets
@@ -192,7 +192,7 @@ def _span_words(by_span: Sequence[Verdict]) -> str:
 
 
 def for_designers(corrected: Sequence[Verdict]) -> list[str]:
-    """What a designer may take from the corrected equations, where the ground cannot pull."""
+    """Return conclusions for designers, from the corrected equations and a ground that cannot pull."""
     physical = [one for one in corrected if one.reading.normal_force in PHYSICAL and one.span == SPANS[-1]]
     ends = [abs(one.means[_BEST].mean) for one in physical]
     by_start = {start: abs(_find(corrected, "unilateral", start, SPANS[-1]).means[_BEST].mean)
@@ -220,7 +220,7 @@ def _counts(position: int, found: Sequence[Verdict]) -> str:
 
 
 def worksheet_words(worksheets: Sequence[Verdict]) -> str:
-    """What fixed and adaptive steps make of the claims."""
+    """Paragraph on the claims under integration with fixed and adaptive steps."""
     solvers = dict.fromkeys((v.reading.solver, v.reading.step) for v in worksheets)
     counts = []
     for solver in solvers:
@@ -260,7 +260,7 @@ def _over(span: Span) -> str:
 
 
 def _names(found: Sequence[Verdict]) -> str:
-    """Readings and spans in words, grouped by rule and start."""
+    """Text of readings and spans, grouped by rule and start."""
     groups: dict[Reading, list[Verdict]] = {}
     for one in found:
         groups.setdefault(one.reading, []).append(one)
@@ -273,7 +273,7 @@ def _listed(words: Sequence[str]) -> str:
 
 
 def solver_in_words(reading: Reading) -> str:
-    """The solver with its step, as code."""
+    """Text of the solver with its step, as code."""
     return f"`{reading.solver}`{f' of {reading.step:g} s' if reading.step else ''}"
 
 
@@ -282,18 +282,18 @@ def _valued(series: str, value: float) -> str:
 
 
 def _interval(mean: float, spread: float) -> str:
-    """A mean speed and half its interval, to the interval's second digit, 0.1 mm/s at most; the interval rounded up."""
+    """Format a mean speed and half its interval, rounded up, to the interval's second digit, at most to 0.1 mm/s."""
     digits = min(4, max(0, 1 - math.floor(math.log10(spread)))) if spread > 0.0 else 4
     return f"{mean:.{digits}f} ± {math.ceil(spread * 10**digits) / 10**digits:.{digits}f} m/s"
 
 
 def speed_in_words(speed: float) -> str:
-    """A speed [m/s], whole from 10 m/s on, else to three digits."""
+    """Format a speed [m/s] as a whole number from 10 m/s on, else with three digits."""
     return f"{speed:.0f} m/s" if abs(speed) >= 10.0 else f"{speed:.3g} m/s"
 
 
 def work_of_a_second() -> Work:
-    """Energy of the first second at φ = 80° from `rest` itself, as printed, with the misprint.
+    """Compute the energies of the first second at φ = 80°, from `rest`, with the rule `printed` and the misprint.
 
     Raises
     ------
@@ -307,20 +307,20 @@ def work_of_a_second() -> Work:
     return Work(accounts["motor_delivered"] - accounts["motor_taken_back"], accounts["unpaid"])
 
 
-#: Time that the figures show [s], and samples in it.
+#: Duration of the figures [s], and their number of samples.
 DURATION, SAMPLES = 1.0, 2001
-#: Time of the masses' figure [s]: some turns of the crank.
+#: Duration of the masses' figure [s]: some turns of the crank.
 MASSES_DURATION = 0.4
 _TITLES = {"angle": "2(b)  body, by angle φ", "mass": "3(a)  body at φ = 80°, by mass m3",
            "crank": "3(b)  body at φ = 80°, m3 = 0.02 kg, by crank l"}
-#: Angles of the paper's Fig. 2(b) [°]; the other series are drawn whole.
+#: Values that are drawn: the angles of the paper's Fig. 2(b) [°], and all values of the other series.
 _DRAWN = SERIES | {"angle": (40.0, 50.0, 60.0, 70.0, 80.0, 90.0)}
 #: The paper's first robot.
 _FIRST = Point("angle", 50.0)
 
 
 def file_name(reading: Reading) -> str:
-    """Name of the picture of a reading."""
+    """File name of the picture of a reading."""
     return f"{reading.equations}_{reading.normal_force}_{reading.state}.png"
 
 

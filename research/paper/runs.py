@@ -1,4 +1,4 @@
-"""The runs of the study: the displacement of every robot under every reading, from several starts, and the verdicts.
+"""Runs of the study: displacements of every robot under every reading, from several starts, and the verdicts.
 
 A *batch* is one robot under one reading, from all its starts. Batches are computed on all cores.
 """
@@ -32,21 +32,21 @@ from research.paper.claims import (
 )
 from research.starts import computed
 
-#: Speed at which the crank is turned to where it starts [rad/s]; a mass moves by 1e-4 m meanwhile.
+#: Speed at which the crank is turned to its starting angle [rad/s]; a mass moves by 1e-4 m meanwhile.
 TURNING_SPEED = 1e4
-#: Most by which the crank is ahead in a start near `zero` or `rest` [rad]: 0.9 mm of the slider's stroke of 40 mm.
+#: Largest advance of the crank in a start near `zero` or `rest` [rad]: 0.9 mm of the slider's stroke of 40 mm.
 NEAR = 0.1
 
 
 class Effort(NamedTuple):
-    """How much is run.
+    """Amount of simulation.
 
     Attributes
     ----------
     readings : tuple of Reading
         The readings.
     exact_starts, worksheet_starts : int
-        Starts of each robot under readings with `exact`, and under the others.
+        Number of starts of each robot under readings with `exact`, and under the others.
     """
 
     readings: tuple[Reading, ...]
@@ -67,28 +67,28 @@ class Batch(NamedTuple):
 
 
 def full_effort() -> Effort:
-    """Every reading; a quarter of an hour on two cores."""
+    """Return the full effort: every reading; a quarter of an hour on two cores."""
     return Effort((*exact_readings(), *worksheet_readings()), 32, 6)
 
 
 def quick_effort() -> Effort:
-    """Every reading by `exact`, and Runge-Kutta of one step, from few starts; two minutes."""
+    """Return a small effort: readings with `exact`, and Runge-Kutta with one step, from few starts; two minutes."""
     worksheets = (reading for reading in worksheet_readings()
                   if reading.step == STEPS[1] and reading.friction == "eq5")
     return Effort((*exact_readings(), *worksheets), 6, 4)
 
 
 def batches(effort: Effort) -> list[Batch]:
-    """All batches of a study, reading by reading."""
+    """Return all batches of a study, reading by reading."""
     return [Batch(reading, point, effort.starts(reading)) for reading in effort.readings for point in points()]
 
 
 def advance(start: str, number: int) -> float:
-    """How far the crank is ahead when start `number` begins [rad].
+    """Advance of the crank at the begin of start `number` [rad].
 
-    Start 0 near `zero` or `rest` is that state itself. Starts of `any phase` are anywhere in the half turn in which the
+    Start 0 near `zero` or `rest` is that state itself. Starts of `any phase` lie anywhere in the half turn in which the
     upper slider moves. In the other half the slider of a crank as long as its rod stands still, and starts there would
-    be copies of one another, only later.
+    only be delayed copies of one another.
     """
     draw = np.random.default_rng((20, number))
     if start == ANY_PHASE:
@@ -97,7 +97,7 @@ def advance(start: str, number: int) -> float:
 
 
 def displacements(batch: Batch) -> np.ndarray:
-    """Displacement of the body [m], shape (starts, instants); not finite where a worksheet diverges.
+    """Compute the displacements of the body [m], shape (starts, instants); not finite where a worksheet diverges.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def _displacement(reading: Reading, point: Point, number: int) -> np.ndarray:
 
 
 def judged(effort: Effort) -> list[Verdict]:
-    """Verdicts on every claim under every reading of `effort`.
+    """Run the study, and judge every claim under every reading of `effort`.
 
     Raises
     ------
@@ -149,7 +149,7 @@ _VERDICT_COLUMNS = (
 
 
 def write_verdicts(path: Path, found: Iterable[Verdict]) -> None:
-    """Write verdicts to a file; six digits of each speed."""
+    """Write verdicts to a file, speeds with six digits."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(_VERDICT_COLUMNS)
@@ -159,7 +159,7 @@ def write_verdicts(path: Path, found: Iterable[Verdict]) -> None:
 
 
 def read_verdicts(path: Path) -> list[Verdict]:
-    """The verdicts in a file of `write_verdicts`.
+    """Read the verdicts from a file of `write_verdicts`.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""The paper's equations as a worksheet integrates them: eqs. (1) to (7) as one right-hand side, blind to events.
+"""The paper's equations as a worksheet integrates them: eqs. (1) to (7) as one right-hand side, without event location.
 
 `rkfixed` is the classical Runge-Kutta method of fixed step, as in MathCad; `rkadapt` is an embedded pair of orders 5
-and 4 with MathCad's default tolerance of 1e-3. Both evaluate contacts, sign(x') and the rule of the normal force
-wherever a stage happens to fall. No code is shared with the model and the event loop.
+and 4 with MathCad's default tolerance of 1e-3. Both evaluate contacts, sign(x') and the rule of the normal force at
+their stages. No code is shared with the model and the event loop.
 """
 
 import math
@@ -16,7 +16,7 @@ from vibro_ros import Scene
 
 #: Angular frequency of the crank in the worksheet [rad/s], and gravity [m/s²].
 SPEED, GRAVITY = 100.0, 9.81
-#: Speed by which the smooth friction replaces the jump of sign(x') [m/s].
+#: Speed over which smooth friction changes instead of the jump of sign(x') [m/s].
 SMOOTHING = 1e-3
 #: Relative and absolute tolerance of `rkadapt`: MathCad's TOL, and the absolute one of scipy.
 TOLERANCE, ABSOLUTE = 1e-3, 1e-6
@@ -25,10 +25,10 @@ _FRICTIONS = {"eq5": 0, "smooth": 1, "reversed": 2}
 
 
 class Worksheet(NamedTuple):
-    """The numbers of one worksheet: SI units, names of the paper.
+    """Parameters of one worksheet, in SI units, with the paper's names.
 
-    `sine` and `cosine` are those of the guide's angle `phi` [rad]; `misprint` is 1 where xi_2 is taken for xi_3, else
-    0; `rule` and `friction` are numbers of the readings' words; `advance` is the crank's angle at t = 0 [rad].
+    `sine` and `cosine` are those of the guide's angle `phi` [rad]; `misprint` is 1 if xi_2 replaces xi_3, else 0;
+    `rule` and `friction` are integer codes of the reading's choices; `advance` is the crank's angle at t = 0 [rad].
     """
 
     m1: float
@@ -49,7 +49,7 @@ class Worksheet(NamedTuple):
 
 
 def worksheet(scene: Scene, friction: str, advance: float) -> Worksheet:
-    """The worksheet of a scene of the paper, with the crank ahead by `advance` [rad]."""
+    """Return the worksheet of a scene of the paper, with the crank at the angle `advance` [rad] at t = 0."""
     return Worksheet(
         scene["mass.body"], scene["mass.upper"], scene["mass.inclined"], scene["crank.radius"],
         scene["crank.upper_rod"], scene["guide.angle"], math.sin(scene["guide.angle"]), math.cos(scene["guide.angle"]),
@@ -72,7 +72,7 @@ def _sign(friction, speed):
 
 @numba.njit(error_model="numpy")
 def _fill_rates(time, state, sheet, found):
-    """Set `found` to the rates of u, u', w, w', x, x' at `time` [s], shape (6,)."""
+    """Set `found` to the time derivatives of u, u', w, w', x, x' at `time` [s], shape (6,)."""
     u, w, speed = state[0], state[2], state[5]
     angle = SPEED * time + sheet.advance
     force2 = sheet.drive * (u - _slider(sheet.radius, sheet.rod, angle))
@@ -102,7 +102,7 @@ def _fill_rates(time, state, sheet, found):
 
 @numba.njit(error_model="numpy")
 def rates(time, state, sheet):
-    """Rates of u, u', w, w', x, x' at `time` [s], shape (6,)."""
+    """Return the time derivatives of u, u', w, w', x, x' at `time` [s], shape (6,)."""
     found = np.empty(6)
     _fill_rates(time, state, sheet, found)
     return found
@@ -110,7 +110,7 @@ def rates(time, state, sheet):
 
 @numba.njit(error_model="numpy")
 def _take_step(time, state, sheet, step, rate, stage, change):
-    """One step of the classical Runge-Kutta method, in place; `rate`, `stage` and `change` are room, shape (6,)."""
+    """Take a step of the classical Runge-Kutta method in place; `rate`, `stage`, `change` are workspace, shape (6,)."""
     change[:] = 0.0
     for k in range(4):
         part = 0.0 if k == 0 else step if k == 3 else 0.5 * step
@@ -125,7 +125,7 @@ def _take_step(time, state, sheet, step, rate, stage, change):
 
 @numba.njit(error_model="numpy")
 def _rkfixed(state, sheet, step, counts):
-    """Displacement x [m] after each number of steps."""
+    """Displacement x [m] after each of the numbers of steps in `counts`."""
     found, done = np.empty(len(counts)), 0
     rate, stage, change = np.empty(6), np.empty(6), np.empty(6)
     for k in range(len(counts)):
@@ -137,7 +137,7 @@ def _rkfixed(state, sheet, step, counts):
 
 
 def start_state(scene: Scene) -> np.ndarray:
-    """u, u', w, w', x, x' at t = 0, shape (6,): zeros, or each mass at rest on its slider or its plate."""
+    """State u, u', w, w', x, x' at t = 0, shape (6,): zeros, or each mass at rest at its slider or its plate."""
     state = np.zeros(6)
     if scene["start.state"] == "rest":
         radius, rod = scene["crank.radius"], scene["crank.upper_rod"]
