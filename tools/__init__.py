@@ -1,1 +1,1 @@
-"""What only this repository's Makefile calls: benchmark, demo, lint, pictures and generated tables."""
+"""Programs that only this repository's Makefile and site call: demo, pictures, documents, builds and checks."""

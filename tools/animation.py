@@ -17,19 +17,19 @@ from vibro_ros.simulation.runs import simulate
 from vibro_ros.simulation.samples import Run, Samples
 
 OUTPUT = Path("docs/robot.gif")
-SPEED = 100.0  # rad/s, of the motor, which waits for a command in `device`
-SETTLED, TURNS = 36, 4  # crank turns, after which `device` repeats itself, and turns after which it does
+SPEED = 100.0  # motor speed [rad/s], which must be commanded in `device`
+SETTLED, TURNS = 36, 4  # crank turns until `device` has settled, and its period
 FRAMES_PER_TURN = 40
 SIZE = (8.4, 5.3)  # inches of 100 pixels
-STAGE = 0.56  # of the width
+STAGE = 0.56  # share of the width
 SAMPLES_PER_FRAME = 20  # of the traces
-FRAME_TIME = 0.05  # s; a GIF's clock counts hundredths
-GLOW = 0.004  # s, in which an impact's light fades to 1/e; contacts last 0.3 ms, too short to be seen
+FRAME_TIME = 0.05  # s; a GIF's times are multiples of 0.01 s
+GLOW = 0.004  # s, in which the light of an impact fades to 1/e; contacts last 0.3 ms, too short to be seen
 COLOURS_IN_GIF = 128
 
 
 class Animation:
-    """The frames of the scene `device`, over `TURNS` crank turns after `SETTLED` that are not shown."""
+    """Frames of the scene `device` over `TURNS` crank turns, after `SETTLED` turns that are not shown."""
 
     def __init__(self) -> None:
         scene = load_scene("device").with_parameters({"motor.speed": SPEED})
@@ -97,7 +97,7 @@ class Animation:
         return (time - self._start) * 1e3
 
     def images(self) -> Iterator[Image.Image]:
-        """Each frame in turn."""
+        """Yield each frame in turn."""
         for frame in range(self.frames):
             self._show(SAMPLES_PER_FRAME * frame)
             self._canvas.draw()
@@ -123,7 +123,7 @@ def _sample(run: Run, index: int) -> Samples:
 
 
 def _last_impact(run: Run, side: str, time: float) -> tuple[float, float]:
-    """Time since the last contact began [s] and its peak force [N]; an infinite time before the first."""
+    """Time since the last contact began [s], and its peak force [N]; before the first contact the time is infinite."""
     contacts = run.events[(run.events["kind"] == f"{side}_contact") & (run.events["time"] <= time)]
     return (time - contacts["time"][-1], contacts["peak_force"][-1]) if len(contacts) else (math.inf, 0.0)
 
@@ -137,7 +137,7 @@ def _ground_state(state: Samples) -> str:
 
 
 def _common_palette(frames: list[Image.Image]) -> Image.Image:
-    """One palette for all frames, so that what stands still costs nothing; from some of them, impacts included."""
+    """Return one palette for all frames, made from some of them with impacts, so that still parts need no space."""
     chosen = frames[::FRAMES_PER_TURN // 11]
     strip = Image.new("RGB", (frames[0].width, len(chosen) * frames[0].height))
     for k, frame in enumerate(chosen):

@@ -1,4 +1,4 @@
-"""The site's page of the Python interface, from the docstrings: every public name, and what the functions return."""
+"""The site's page of the Python interface, made from docstrings: all public names, and classes of returned objects."""
 
 import inspect
 import re
@@ -15,7 +15,7 @@ from vibro_ros.orbits.recurrence import SettledMotion
 from vibro_ros.simulation.samples import Run
 
 RETURNED = (Run, Bag, Orbit, Branch, Special, SettledMotion, Attractors, Attractor, LyapunovSpectrum)
-#: Methods for users, of a class that has others for the physics, or others that are `Simulator`'s.
+#: Methods that the page shows of classes whose other methods are for the physics, or belong to `Simulator`.
 USED = {"Scene": ["with_parameters", "describe"], "SensedSimulator": ["take_measurements", "fail"]}
 _SECTION = re.compile(r"^(\w[\w ]*)\n-{3,}$", re.MULTILINE)
 _PROMPT = re.compile(r"^(?:>>> .*\n?(?:(?!\n|>>> ).+\n?)*)+", re.MULTILINE)
@@ -23,7 +23,7 @@ _TABLE = re.compile(r"^ *={4,}[ =]*\n(?:.*\n)*? *={4,}[ =]*$", re.MULTILINE)
 
 
 def public() -> Iterator[tuple[str, object]]:
-    """Every name that users call, with what has its docstring: functions, classes, and the methods of these."""
+    """Yield every public name with its object: functions, classes and their methods."""
     for name in vibro_ros.__all__:
         found = getattr(vibro_ros, name)
         yield name, found
@@ -37,7 +37,7 @@ def _methods(name: str, found: object) -> Iterator[tuple[str, object]]:
 
 
 def api_page() -> str:
-    """The page in Markdown."""
+    """Return the page in Markdown."""
     parts = ["# Python interface\n\n*What is each public name of `import vibro_ros`, with units, shapes and errors?* "
              "The page is made from the docstrings, which `help` shows, too."]
     parts += [_entry(name, found, "###" if "." in name else "##") for name, found in public()]
@@ -54,7 +54,7 @@ def _entry(name: str, found: object, level: str) -> str:
 
 
 def as_markdown(text: str) -> str:
-    """A numpydoc text as Markdown: titles of sections bold, what is explained as lists, examples as code."""
+    """Convert a numpydoc text to Markdown: section titles bold, parameters as lists, examples as code."""
     text = _TABLE.sub(lambda table: indent(table[0], "    "), text).replace("``", "`")
     start, *sections = _SECTION.split(text)
     blocks = [start.strip()]

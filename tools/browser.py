@@ -1,7 +1,7 @@
 """A browser for the tests of the page, and pictures of the live view for the documents: `python -m tools.browser`.
 
-Chromium or Chrome runs headless as a process of its own, keeps its files in a folder of its own, and is ended with all
-its children. Playwright controls it through its debugging port.
+Chromium or Chrome runs headless in its own process with its own folder of files, and is ended with all its children.
+Playwright controls it through its debugging port.
 """
 
 import argparse
@@ -27,39 +27,39 @@ if TYPE_CHECKING:
     from playwright.sync_api import BrowserType, Page
 
 CHOICE = "VIBRO_ROS_BROWSER"
-"""Environment variable that names the program; unset: the first of `NAMES` that runs."""
+"""Environment variable that names the program; if unset, the first of `NAMES` that runs is used."""
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 """Programs to look for on PATH, in this order."""
 REMEDY = f"install chromium (Debian: apt install chromium), or set {CHOICE} to the path of a Chromium or Chrome"
 START_PATIENCE = 60.0
-"""How long [s] a browser may take until it can be steered; it takes one on an idle machine."""
+"""Longest time [s] until a browser can be controlled; it takes 1 s on an idle machine."""
 END_PATIENCE = 5.0
-"""How long [s] a browser may take to end before it is killed."""
+"""Longest time [s] for a browser to end before it is killed."""
 DRAW_PATIENCE = 120.0
-"""How long [s] the page may take to draw what a picture needs; the robot may have to compile its kernels first."""
+"""Longest time [s] for the page to draw a picture's content; the robot may have to compile its kernels first."""
 CHARTS_FULL = 7.0
-"""Robot time [s] at which the strip charts have no beginning any more."""
+"""Simulated time [s] from which the strip charts are filled."""
 BLOWS = 12
-"""Impacts from the begin of the slow motion to the one of the picture, which so has others on both sides."""
+"""Number of impacts of the slow motion before the one in the picture, so that others are visible on both sides."""
 SLOWNESS = "1/33"
 _SHOWN = "Boolean(globalThis.vibro) && Number.isFinite(vibro.drawn().time) && document.querySelector('#absent').hidden"
 _LISTENING = re.compile(r"^DevTools listening on (ws://\S+)", re.MULTILINE)
 _FLAGS = ("--headless=new", "--remote-debugging-port=0", "--no-first-run", "--no-default-browser-check",
           "--no-proxy-server", "--disable-background-networking", "--disable-component-update", "--disable-sync",
           "--disable-extensions", "--disable-dev-shm-usage", "--mute-audio", "--password-store=basic",
-          # Pages that are not in front would otherwise draw once a second.
+          # Otherwise pages in the background draw only once a second.
           "--disable-background-timer-throttling", "--disable-backgrounding-occluded-windows",
           "--disable-renderer-backgrounding")
 
 
 class NoBrowserError(RuntimeError):
-    """There is no browser, or it does not start; the message names the remedy."""
+    """No browser was found, or it does not start; the message names the remedy."""
 
 
 def browser_program() -> str:
-    """Path of the browser's program; NoBrowserError when there is none.
+    """Path of the browser's program (NoBrowserError if there is none).
 
-    Each name is tried, because Ubuntu's `chromium-browser` only prints how to get one.
+    Each name is run, because Ubuntu's `chromium-browser` may only print how to install a browser.
     """
     if choice := os.environ.get(CHOICE):
         program = shutil.which(choice)
@@ -75,7 +75,7 @@ def browser_program() -> str:
 
 @contextmanager
 def running(program: str) -> Iterator[str]:
-    """Start a browser and end it with all its children; gives the address by which it is controlled.
+    """Start a browser, yield the address by which it is controlled, and end it with all its children.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def running(program: str) -> Iterator[str]:
         folder = Path(name)
         environment = {**os.environ, **dict.fromkeys(
             ("XDG_CONFIG_HOME", "XDG_CACHE_HOME", "XDG_DATA_HOME", "XDG_RUNTIME_DIR"), name)}
-        root = ["--no-sandbox"] if os.geteuid() == 0 else []  # root has none
+        root = ["--no-sandbox"] if os.geteuid() == 0 else []  # the sandbox does not work for root
         log = folder / "log"
         with log.open("wb") as said:
             process = subprocess.Popen(
@@ -99,7 +99,7 @@ def running(program: str) -> Iterator[str]:
 
 
 def _address(program: str, process: subprocess.Popen, log: Path) -> str:
-    """Wait until the browser says where it listens."""
+    """Wait until the browser prints its address, and return it."""
     deadline = time.monotonic() + START_PATIENCE
     while time.monotonic() < deadline:
         ended = process.poll() is not None
@@ -115,7 +115,7 @@ def _address(program: str, process: subprocess.Popen, log: Path) -> str:
 
 
 def _end(process: subprocess.Popen) -> None:
-    """Ask the browser to end, then kill what is left of its group: children outlive it otherwise."""
+    """Ask the browser to end, then kill the rest of its process group, because children may outlive it."""
     with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGTERM)
     with suppress(subprocess.TimeoutExpired):
@@ -127,7 +127,7 @@ def _end(process: subprocess.Popen) -> None:
 
 @dataclass
 class Session(AbstractContextManager):
-    """Pages of one test or picture, all closed at its end; `address` is that of a browser that runs."""
+    """Pages of one test or picture, all closed at its end; `address` is that of a running browser."""
 
     address: str
     _stack: ExitStack = field(default_factory=ExitStack, init=False)
@@ -137,9 +137,9 @@ class Session(AbstractContextManager):
         self._stack.close()
 
     def page(self, width: int = 1280, height: int = 720, touch: bool = False) -> "Page":
-        """Open an empty page that shows so many CSS pixels.
+        """Open an empty page of `width` x `height` CSS pixels.
 
-        `touch` says whether it is a phone's, with fingers and two pixels to each of CSS.
+        With `touch`, it is a phone's page, with touch events and two device pixels per CSS pixel.
         """
         from playwright.sync_api import sync_playwright  # costs 0.2 s, and is not installed by `make setup`
 
@@ -154,7 +154,7 @@ class Session(AbstractContextManager):
 
 @contextmanager
 def shown_robot() -> Iterator[str]:
-    """Run a robot that crawls, and its view, until the block ends; gives the address of the page.
+    """Run a crawling robot and its view until the block ends; yields the address of the page.
 
     Raises
     ------
@@ -165,7 +165,7 @@ def shown_robot() -> Iterator[str]:
     with tempfile.TemporaryDirectory() as folder, \
             Child("vibro_ros.ros.live.view", "--port", "0", environment=environment, shown=False) as view:
         address = view.wait_for("/?token=").removeprefix("view: ").strip()
-        # a machine that draws without a graphics card is slow: the robot is to catch up, and not to tell of stalls
+        # drawing without a graphics card is slow: the robot must catch up, and not report stalls
         settings = {"motor.speed": 100.0, "record.enabled": "false", "record.directory": json.dumps(folder),
                     "rate.max_catch_up": 10.0}
         words = [word for name, value in settings.items() for word in ("-p", f"{name}:={value}")]
@@ -174,7 +174,7 @@ def shown_robot() -> Iterator[str]:
 
 
 def wait_for(page: "Page", condition: str) -> None:
-    """Wait until JavaScript's `condition` holds; the page's policy forbids Playwright's own way.
+    """Wait until a JavaScript `condition` holds; the page's security policy forbids Playwright's own function.
 
     Raises
     ------
@@ -189,7 +189,7 @@ def wait_for(page: "Page", condition: str) -> None:
 
 
 def main(words: Sequence[str]) -> int:
-    """Take the pictures: the running robot, and a blow in slow motion with its forces."""
+    """Take the pictures: the running robot, and an impact in slow motion with its forces."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--output", type=Path, default=Path("docs"), metavar="DIR",
                         help="where view.png and view_live.png are written (default: %(default)s)")
@@ -207,7 +207,7 @@ def main(words: Sequence[str]) -> int:
         for _ in range(BLOWS):
             page.click("#next")
         page.evaluate("document.activeElement.blur()")
-        page.wait_for_timeout(500)  # for the eye's sake: what fades has faded
+        page.wait_for_timeout(500)  # so that fading elements have faded
         _save(page, output / "view.png")
     return 0
 

@@ -1,4 +1,4 @@
-"""Python programs as child processes: what they say is shown or waited for, and none outlives the parent's block."""
+"""Python programs as child processes: their output is shown or waited for, and they end with the parent's block."""
 
 import os
 import re
@@ -10,16 +10,16 @@ import time
 from collections.abc import Mapping
 
 PATIENCE = 20.0
-"""How long [s] a child may take to end after SIGINT before it is killed; sealing a bag takes well under one."""
+"""Longest time [s] for a child to end after SIGINT before it is killed; sealing a bag takes well under 1 s."""
 _POLL = 0.05  # s
 _ROS_PREFIX = re.compile(r"^\[INFO\] \[[0-9.]+\] \[[^]]*\]: ")
 
 
 class Child:
-    """A process running one module, by this interpreter's `-m`, or `-c` and a program; a context that ends it.
+    """A process of this interpreter that runs a module (`-m`) or a program (`-c`); a context manager that ends it.
 
-    Its `environment` is the whole one, this process's where none is given. Each line that it says is `shown`, behind
-    `name`, the last part of the module's name.
+    `environment` is its whole environment, by default that of this process. If `shown`, each line of its output is
+    printed after `name`, the last part of the module's name.
     """
 
     def __init__(self, module: str, *arguments: str, environment: Mapping[str, str] | None = None, shown: bool = True):
@@ -33,7 +33,7 @@ class Child:
 
     @property
     def exit_code(self) -> int | None:
-        """Exit code; None while it runs."""
+        """Exit code, or None while the process runs."""
         return self._process.poll()
 
     @property
@@ -42,12 +42,12 @@ class Child:
         return self._process.pid
 
     def wait_for(self, words: str) -> str:
-        """The first line that holds `words`.
+        """Wait for the first line of output that contains `words`, and return it.
 
         Raises
         ------
         RuntimeError
-            When the process ends before; the message holds what it has said.
+            When the process ends before; the message contains its output.
         """
         while True:
             over = not self._reader.is_alive()
@@ -58,7 +58,7 @@ class Child:
             time.sleep(_POLL)
 
     def stop(self) -> int:
-        """Ask it to end with SIGINT if it runs, wait, kill it after `PATIENCE`; its exit code."""
+        """End the process with SIGINT if it runs, kill it after `PATIENCE`, and return its exit code."""
         if self.exit_code is None:
             self._process.send_signal(signal.SIGINT)
         try:

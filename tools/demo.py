@@ -1,7 +1,7 @@
-"""The robot beside another process, for a user: `make demo` and `make view`.
+"""Demonstrations for users: `make demo` and `make view`.
 
-The demonstration is robot and controller for about 20 s, a bag, and a report. With the word `look` it is robot and
-view, until Ctrl-C.
+The demonstration runs robot and controller for about 20 s, which gives a bag, and reports on it. With the argument
+`look` it runs robot and view until Ctrl-C.
 """
 
 import json
@@ -25,15 +25,16 @@ from vibro_ros.recordings.report import write_report
 from vibro_ros.view.view import write_page
 
 MOVED = 0.01
-"""Least way [m] from the start that counts as motion; the shipped script makes more than ten times that."""
+"""Least distance [m] from the start that counts as motion; the shipped script moves the robot more than ten times that.
+"""
 TIMEOUT = "command.timeout:=1.0"
-"""The motor stops [s] even when somebody kills all but the robot."""
+"""Parameter by which the motor stops after so many seconds without commands, even if only the robot is left running."""
 ALWAYS_THERE = ("odom", "joint_states", "ground_contact", "impacts", "motor_power", "motor_speed")
-"""Topics that hold messages after every script that makes the robot move."""
+"""Topics that have messages after every script that makes the robot move."""
 
 
 LOOK_SPEED = 60.0
-"""Motor speed [rad/s] of a robot to look at: it crawls at once, and there is room for a knob to be turned up."""
+"""Motor speed [rad/s] of `make view`: the robot crawls at once, and the user can still increase the speed."""
 
 
 class DemoError(RuntimeError):
@@ -41,9 +42,9 @@ class DemoError(RuntimeError):
 
 
 def main(words: Sequence[str]) -> int:
-    """Run the demonstration; 0 when all went well, 1 with a reason when not, 130 when stopped.
+    """Run the demonstration; returns 0, 1 with a reason if it failed, or 130 if it was stopped.
 
-    Robot and view: 0 after a signal, 1 when one of them failed.
+    Robot and view (`look`) return 0 after a signal, 1 if one of them failed.
     """
     if words[:1] == ["look"]:
         return exit_code("look", lambda: _look(words[1:]))
@@ -68,14 +69,14 @@ def _demonstrate(words: Sequence[str]) -> int:
 
 
 def _run(script: str, output: Path) -> Path | None:
-    """Let the robot crawl; its checked bag, or None when a signal stopped it."""
+    """Let the robot crawl, and return its checked bag, or None if a signal stopped it."""
     output.mkdir(parents=True, exist_ok=True)
     earlier = set(output.iterdir())
     environment = ros_environment()
     space = own_namespace("demo")
     _say(f"look on with ROS_DOMAIN_ID={environment['ROS_DOMAIN_ID']}, for example: ros2 topic echo {space}/odom")
     with StopRequest() as stop:
-        stop.hold()  # neither process may be left behind
+        stop.hold()  # so that both processes are ended in any case
         _play(script, output, environment, space, stop)
         if stop:
             return None
@@ -87,10 +88,10 @@ def _run(script: str, output: Path) -> Path | None:
 
 
 def _play(script: str, output: Path, environment: Mapping[str, str], space: str, stop: StopRequest) -> None:
-    """Run both processes in the namespace `space` until the script ends or `stop`; neither is left behind."""
-    record_to = f"record.directory:={json.dumps(str(output))}"  # quoted, or a folder named 2026 would be a number
+    """Run both processes in the namespace `space` until the script ends or `stop`, and end both."""
+    record_to = f"record.directory:={json.dumps(str(output))}"  # quoted, because a folder named 2026 would be a number
     robot_words = ("vibro_ros.ros.robot.robot", "--ros-args", "-r", f"__ns:={space}", "-p", record_to, "-p", TIMEOUT)
-    controller_words = ("vibro_ros.ros.controller.controller", script,  # it waits: the robot may compile
+    controller_words = ("vibro_ros.ros.controller.controller", script,  # it waits for the robot, which may compile
                         "--ros-args", "-r", f"__ns:={space}")
     with (
         Child(*robot_words, environment=environment) as robot,
@@ -112,7 +113,7 @@ def _look(words: Sequence[str]) -> int:
     """Run robot and view until a signal."""
     options = _look_parser().parse_args(words)
     options.output.mkdir(parents=True, exist_ok=True)
-    # The user's domain, so that README's next commands find this robot; on this machine alone, unless the user chose.
+    # The user's domain, so that README's next commands find this robot; on this machine only, unless the user chose.
     environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", **os.environ}
     settings = {"motor.speed": LOOK_SPEED, "record.enabled": "false",  # the page's button begins a recording
                 "record.directory": json.dumps(str(options.output))}
@@ -125,7 +126,7 @@ def _look(words: Sequence[str]) -> int:
         Child("vibro_ros.ros.live.view", *view_words, environment=environment) as view,
         Child("vibro_ros.ros.robot.robot", "--ros-args", *space, *robot_words, environment=environment) as robot,
     ):
-        stop.hold()  # neither process may be left behind
+        stop.hold()  # so that both processes are ended in any case
         _say(f"ROS domain {environment.get('ROS_DOMAIN_ID') or 0}, robot {options.namespace.rstrip('/')}/{NODE_NAME}; "
              "open the address below in a browser; Ctrl-C ends all", "look")
         while not stop and view.exit_code is None and robot.exit_code is None:
@@ -161,14 +162,14 @@ def check_bag(bag: Bag) -> None:
 
 
 def own_namespace(name: str) -> str:
-    """A namespace that no other process has, so that a robot of the user's, in the same domain, is left alone."""
+    """Return a namespace that no other process uses, so that a robot of the user in the same domain is not affected."""
     return f"/{name}_{os.getpid()}"
 
 
 def ros_environment() -> dict[str, str]:
-    """This process's environment: ROS on this machine alone and in a free domain, unless the user has chosen.
+    """Return this process's environment, with ROS on this machine only and in a free domain, unless the user chose.
 
-    On this machine alone, because two students in one network may get the same domain, and each robot would then obey
+    On this machine only, because two students in one network may get the same domain, and each robot would then obey
     both controllers.
     """
     environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", **os.environ}
@@ -176,9 +177,9 @@ def ros_environment() -> dict[str, str]:
 
 
 def _free_domain() -> int:
-    """A domain of which no participant on this machine holds the first discovery port (DDSI-RTPS 9.6.1)."""
-    domains = range(1, 102)  # above 101 the ports meet Linux's ephemeral ones
-    for domain in random.sample(domains, len(domains)):  # two demonstrations that start together seldom meet
+    """Return a domain whose first discovery port (DDSI-RTPS 9.6.1) no participant on this machine uses."""
+    domains = range(1, 102)  # above 101 the ports overlap Linux's ephemeral ones
+    for domain in random.sample(domains, len(domains)):  # random, so that simultaneous demonstrations seldom collide
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             try:
                 probe.bind(("", 7400 + 250 * domain + 10))
@@ -193,7 +194,7 @@ def _say(text: object, name: str = "demo") -> None:
 
 
 def _shown(path: Path) -> Path:
-    """`path`, short when it lies below the current folder."""
+    """Return `path`, relative if it lies below the current folder."""
     here, path = Path.cwd(), Path(path).resolve()
     return path.relative_to(here) if path.is_relative_to(here) else path
 

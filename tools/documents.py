@@ -1,7 +1,7 @@
 """Make the generated documents: `make documents`, or some of them, `make documents ONLY="effects map"`.
 
-Each page carries the fingerprint of the sources that decide its numbers, in a comment at its end. `--check`, of `make
-lint`, names the documents whose sources have changed since.
+Each page has, in a comment at its end, the fingerprint of the sources that determine its numbers. `--check`, used by
+`make lint`, names the documents whose sources have changed since.
 """
 
 import argparse
@@ -31,15 +31,15 @@ class Document:
     Attributes
     ----------
     page : str
-        Page that carries the fingerprint: the document, or the page that shows it.
+        Page with the fingerprint: the document, or the page that shows it.
     commands : tuple of str
-        What makes it: each what follows `python -m`.
+        Commands that make it, each without `python -m`.
     minutes : float
-        About how long that takes on two cores [min].
+        Approximate time that this takes on two cores [min].
     sources : tuple of str
-        Files and folders that decide its numbers.
+        Files and folders that determine its numbers.
     copies : mapping of str to str
-        Files that are copied to their places when it is made.
+        Files that are copied after it is made: source to destination.
     """
 
     page: str
@@ -92,11 +92,11 @@ DOCUMENTS = {
         "docs/optimum.md", ("research.optimum",), 30.0,
         (*_PHYSICS, "vibro_ros/study/optimise.py", "vibro_ros/study/trials.py", "research/optimum")),
 }
-"""Every generated document by its name, the quick ones first."""
+"""Generated documents by name, the quick ones first."""
 
 
 def main(words: Sequence[str]) -> int:
-    """Make documents, or check them; 1 when one of them failed."""
+    """Make documents, or check them; returns 1 if one of them failed, else 0."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", choices=[[], *DOCUMENTS], metavar="NAME",
                         help=f"of {', '.join(DOCUMENTS)} (default: all)")
@@ -110,13 +110,13 @@ def main(words: Sequence[str]) -> int:
 
 
 def older() -> list[str]:
-    """Names of the documents whose sources are others than those of their fingerprints."""
+    """Return the names of the documents whose sources have changed since their fingerprints."""
     return [name for name, document in DOCUMENTS.items()
             if found_in((ROOT / document.page).read_text(encoding="utf-8"), name) != fingerprint(document.sources)]
 
 
 def make(names: Sequence[str]) -> int:
-    """Make the documents one after the other, and say what is left of time."""
+    """Make the documents one after the other, and print the remaining time."""
     planned, done, begun = sum(DOCUMENTS[name].minutes for name in names), 0.0, time.monotonic()
     for number, name in enumerate(names):
         document, passed = DOCUMENTS[name], (time.monotonic() - begun) / 60.0
@@ -137,7 +137,10 @@ def make(names: Sequence[str]) -> int:
 
 
 def fingerprint(sources: Sequence[str]) -> str:
-    """Digest of files, and of all sources in folders, by their names and what they do: without words for people."""
+    """Digest of files, and of all sources in folders: their names and their contents without docstrings and comments.
+
+    Comments at the end of a line of code are not removed.
+    """
     digest = hashlib.sha256()
     for source in sources:
         place = ROOT / source
@@ -149,7 +152,7 @@ def fingerprint(sources: Sequence[str]) -> str:
 
 
 def _without_words(file: Path) -> str:
-    """A source's lines, without docstrings and those that are comments alone."""
+    """Return a source's lines without docstrings, empty lines and lines that are only comments."""
     text = file.read_text(encoding="utf-8")
     lines = dict(enumerate(text.splitlines(), start=1))
     for node in ast.walk(ast.parse(text)) if file.suffix == ".py" else ():
@@ -160,20 +163,20 @@ def _without_words(file: Path) -> str:
 
 
 def found_in(page: str, name: str) -> str:
-    """The fingerprint of a document on its page; empty if it was made before there were any."""
+    """Return the fingerprint of a document on its page; empty if the page has none."""
     found = re.search(rf"^<!-- {name}: made from sources ([0-9a-f]+) -->$", page, re.MULTILINE)
     return found[1] if found else ""
 
 
 def marked(page: str, name: str, digest: str) -> str:
-    """The page with the fingerprint of a document, in the place of an earlier one or at the end."""
+    """Return the page with the fingerprint of a document, which replaces an earlier one or is added at the end."""
     line = f"<!-- {name}: made from sources {digest} -->"
     text, count = re.subn(rf"^<!-- {name}: made from sources .* -->$", line, page, flags=re.MULTILINE)
     return text if count else f"{page.rstrip()}\n\n{line}\n"
 
 
 def without_marks(page: str) -> str:
-    """The page without any fingerprints, as its generator has written it."""
+    """Return the page without fingerprints, as its generator has written it."""
     return re.sub(r"\n*^<!-- \w+: made from sources .* -->\n", "", page, flags=re.MULTILINE).rstrip() + "\n"
 
 

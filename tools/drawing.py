@@ -1,4 +1,4 @@
-"""`make picture`: the robot to scale with the names of its parts, the first picture of docs/robot.md."""
+"""`make picture`: draw the robot to scale with the names of its parts, the first picture of docs/robot.md."""
 
 import dataclasses
 import math
@@ -21,9 +21,9 @@ SPEED = 1.0  # rad/s, so slow that the masses follow their sliders
 ANGLE = math.radians(150.0)  # of the crank, where both masses are clear of their plates
 SIZE = (8.4, 5.7)  # inches of 100 pixels: as wide as a page shows a picture
 LEFT, RIGHT, BOTTOM = -213.0, 147.0, -72.0  # mm, edges of the picture
-NAMES = {"upper": 44.0, "inclined": -44.0}  # mm from the guide's axis: where the names of its parts begin
+NAMES = {"upper": 44.0, "inclined": -44.0}  # mm from the guide's axis to the names of its parts
 THETA_RADIUS = 31.0  # mm
-LINE = 9.0  # mm from a line of text to the next
+LINE = 9.0  # mm between lines of text
 FORCE = "#a3262a"
 
 #: Symbols of each guide: coordinate, slider, plate, rod, mass, drive, contact.
@@ -54,7 +54,7 @@ class Drawing:
         return path.stat().st_size
 
     def _name_guide(self, side: str) -> None:
-        """Names of the parts along one guide, the lengths that are coordinates, and their positive direction."""
+        """Name the parts along one guide, and draw the lengths that are coordinates, and their positive direction."""
         coordinate, slider, plate, rod, mass, drive, contact = (f"${symbol}$" for symbol in SYMBOLS[side])
         at_slider, at_mass, at_plate = self._places(side)
         rod_across, rod_along = 0.4 * self._pin(side) + [0.0, 0.6 * at_slider]
@@ -72,7 +72,7 @@ class Drawing:
         self._arrow(self._at(side, 0.0, at_plate + 23.0), self._at(side, 0.0, at_plate + 38.0), coordinate)
 
     def _places(self, side: str) -> tuple[float, float, float]:
-        """Slider, mass and plate on the drawn guide [mm]: the nearer faces of mass and plate."""
+        """Positions of slider, mass and plate on the drawn guide [mm], for mass and plate those of the nearer faces."""
         scene = self._scene
         slider = Slider(scene["crank.radius"], scene[f"crank.{side}_rod"], scene.guide_angle(side))
         mass, plate = (getattr(self._state, f"{side}_{part}") * MM + FREE_LENGTH for part in (
@@ -80,23 +80,24 @@ class Drawing:
         return float(slider.position(self._state.crank_angle)) * MM, mass, plate + MASS_HEIGHT
 
     def _pin(self, side: str) -> np.ndarray:
-        """The crank's pin: how far to the right of a guide's axis, and how far along the guide [mm]."""
+        """Position of the crank's pin to the right of a guide's axis, and along the guide [mm], shape (2,)."""
         angle = self._state.crank_angle - self._scene.guide_angle(side)
         return self._scene["crank.radius"] * MM * np.array([-math.sin(angle), math.cos(angle)])
 
     def _at(self, side: str, across: float, along: float) -> np.ndarray:
-        """The point [mm] so far to the right of a guide's axis and so far along the guide."""
+        """Point of the picture [mm] at the distance `across` to the right of a guide's axis and `along` the guide."""
         out, up = self._scene.direction(side)
         return along * np.array([out, up]) + across * np.array([up, -out])
 
     def _name_part(self, name: str, part: np.ndarray, end: np.ndarray, sign: float) -> None:
-        """A line from a part to its name, which goes on to the right for a positive `sign`, else to the left."""
+        """Draw a line from a part to its name, whose text extends to the right for a positive `sign`, else to the left.
+        """
         self._axes.plot(*np.transpose([part, end]), color=DARK, lw=0.6, zorder=9)
         self._axes.plot(*part, "o", color=DARK, ms=2.0, zorder=9)
         self._text(end + [2.0 * sign, 0.0], name, ha="left" if sign > 0.0 else "right")
 
     def _length(self, side: str, across: float, start: float, end: float, name: str) -> None:
-        """A length along the guide, beside it."""
+        """Draw a dimension line beside the guide, for a length along it."""
         ends = [self._at(side, across, along) for along in (start, end)]
         self._axes.annotate("", ends[0], ends[1], zorder=9,
                             arrowprops={"arrowstyle": "<->", "color": COLOURS[side], "lw": 1.0, "shrinkA": 0,
@@ -105,7 +106,7 @@ class Drawing:
                    ha="right" if across < 0.0 else "left", color=COLOURS[side])
 
     def _arrow(self, start: np.ndarray, end: np.ndarray, name: str, color: str = DARK) -> None:
-        """An arrow that ends in a name."""
+        """Draw an arrow with a name at its end."""
         self._axes.annotate("", end, start, zorder=9, arrowprops={
             "arrowstyle": "-|>", "color": color, "lw": 1.4, "shrinkA": 0, "shrinkB": 0})
         beyond = (end - start) / np.hypot(*(end - start))
@@ -115,7 +116,7 @@ class Drawing:
         self._axes.text(*place, text, ha=ha, va="center", fontsize=9, color=color, zorder=10)
 
     def _name_crank(self) -> None:
-        """The crank, its centre and its angle, from the vertical and towards -x."""
+        """Name the crank and its centre, and draw its angle, from the vertical towards -x."""
         turns = np.linspace(0.0, self._state.crank_angle, 60)
         arc = THETA_RADIUS * np.array([-np.sin(turns), np.cos(turns)])
         self._axes.plot(*arc, color=DARK, lw=1.0, zorder=8)
@@ -127,7 +128,7 @@ class Drawing:
             self._name_part(name, point, end, 1.0)
 
     def _name_body_and_ground(self) -> None:
-        """The body and its axes; the forces of the ground on the body, as they are counted."""
+        """Name the body, and draw its axes and the forces of the ground on it, in their positive directions."""
         ground = -HUB_HEIGHT
         self._text(np.array([-18.0, ground + 4.0]), "body, $m_1$", ha="center")
         self._arrow(np.array([76.0, ground]), np.array([104.0, ground]), "$x$")
@@ -139,7 +140,7 @@ class Drawing:
 
 
 def _apart(places: list[float], least: float) -> list[float]:
-    """The places, each at least so far [mm] beyond the one before, the whole about where it was."""
+    """Return the places moved apart, each at least `least` [mm] beyond the one before, with the same mean."""
     spread = [places[0]]
     for place in places[1:]:
         spread.append(max(place, spread[-1] + least))
@@ -147,7 +148,7 @@ def _apart(places: list[float], least: float) -> list[float]:
 
 
 def _slow_state(scene: Scene) -> Samples:
-    """The state at `ANGLE` of a crank that turns slowly, with its centre above the origin."""
+    """Return the state at crank angle `ANGLE` of a slow turn, with the crank's centre above the origin."""
     device = Simulator(scene.with_parameters({"motor.speed": SPEED, "effects.motor": "ideal"}))
     device.advance_to(ANGLE / SPEED)
     return dataclasses.replace(device.state, body_position=0.0, body_height=0.0)

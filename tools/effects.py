@@ -1,7 +1,7 @@
-"""What each effect adds to a scene, what it costs and to which motions leaving it out leads: tables in docs/robot.md.
+"""Tables of effects in docs/robot.md: their size, their cost, and the motions with and without them.
 
-Each row compares two scenes that differ in one effect alone, of `device`, of `damped` for what `device` may not have,
-or of `machine` for what its motor adds.
+Each row compares two scenes that differ in one effect only: `device`, `damped` for effects that `device` cannot have,
+or `machine` for those of its motor.
 """
 
 import functools
@@ -26,10 +26,10 @@ from vibro_ros.solver.system import NOTHING
 
 BEGIN = "<!-- effects: written by `make documents` -->"
 END = "<!-- end of effects -->"
-#: Motor speed of the runs [rad/s], the paper's, and drawn starts of each scene.
+#: Motor speed of the runs [rad/s], that of the paper, and number of random starts of each scene.
 SPEED, STARTS = 100.0, 32
-DURATION, PAIRS = 10.0, 25  # s of a timed run, and pairs of them
-_MOST_NAMED = 4  # motions; of more, a cell tells the slowest and the fastest
+DURATION, PAIRS = 10.0, 25  # s of a timed run, and number of pairs of runs
+_MOST_NAMED = 4  # largest number of motions in a cell; of more motions it has the slowest and the fastest
 _RUNS_AWAY = 100.0  # m/s, a mean speed that no steady motion has
 _COUNTS = ("states", "modes", "terms", "guards")
 HEADS = ("effect", *_COUNTS, "cost", "motions without it", "motions with it")
@@ -37,10 +37,10 @@ HEADS = ("effect", *_COUNTS, "cost", "motions without it", "motions with it")
 
 @dataclass(frozen=True)
 class Effect:
-    """An effect of a shipped scene, what the table calls it, and how the scene does without it.
+    """An effect of a shipped scene, with its name in the table, and the parameters that remove it.
 
-    `without` are parameters that take it away, or put its simpler choice in its place, `given` those that give it to
-    the scene, if it has it not.
+    The parameters `without` remove it, or replace it by a simpler choice; the parameters `given` add it to a scene that
+    does not have it.
     """
 
     name: str
@@ -103,10 +103,9 @@ EFFECTS = (
 
 @dataclass(frozen=True)
 class Size:
-    """What a scene compiles to: positions and velocities, and combinations of its effects' states.
+    """Size of a compiled scene: `states` are positions and velocities, `modes` combinations of its effects' states.
 
-    `terms` are the coefficients of the equations in the mode that has most, `guards` the conditions watched in the mode
-    that has most.
+    `terms` and `guards` are the largest numbers of coefficients of the equations, and of guards, in a mode.
     """
 
     states: int
@@ -116,7 +115,7 @@ class Size:
 
 
 def size(scene: Scene) -> Size:
-    """Counts from the compiled tables of `scene`."""
+    """Return the size of `scene` from its compiled tables."""
     model = compile_scene(scene)
     system = model.system
     return Size(2 * model.forms.channels.coordinates, len(model.modes),
@@ -126,7 +125,8 @@ def size(scene: Scene) -> Size:
 
 @functools.cache
 def motions(scene: Scene) -> str:
-    """Mean speeds [mm/s] of the motions that `STARTS` drawn starts lead to, with the starts of each of several."""
+    """Text of the mean speeds [mm/s] of the motions that `STARTS` random starts lead to; if several, with their starts.
+    """
     found = vibro_ros.attractors(scene.with_parameters({"motor.speed": SPEED}), STARTS)
     speeds = [one.mean_speed for one in found]
     if max(map(abs, speeds)) > _RUNS_AWAY:
@@ -140,7 +140,7 @@ def motions(scene: Scene) -> str:
 
 
 def cost_ratio(effect: Effect) -> float:
-    """Median of the ratio of wall times with `effect` and without, run in turn, all compiled before."""
+    """Median ratio of wall times with `effect` and without, run alternately, after compilation."""
     with_it, without = effect.scenes()
     _run(with_it, 1.0 / RATE)
     _run(without, 1.0 / RATE)
@@ -155,21 +155,21 @@ def _run(scene: Scene, duration: float) -> None:
 
 
 def counted(effect: Effect) -> list[str]:
-    """The cells of a row that depend on no run."""
+    """Return the cells of a row that do not depend on runs."""
     with_it, without = map(size, effect.scenes())
     added = [getattr(with_it, name) - getattr(without, name) for name in _COUNTS]
     return [effect.name, *(f"{number:+d}" if number else "" for number in added)]
 
 
 def line(effect: Effect, cost: str) -> str:
-    """The row of an effect in Markdown; motions with it are told where they are not those of the shipped scene."""
+    """Return the row of an effect in Markdown, with its motions unless they are those of the shipped scene."""
     with_it, without = effect.scenes()
     cells = [*counted(effect), cost, motions(without), motions(with_it) if effect.given else ""]
     return f"| {' | '.join(cells)} |"
 
 
 def tables(effects: Iterable[Effect], costs: Iterable[str]) -> str:
-    """Markdown: a table for each shipped scene, from effects and their costs in words."""
+    """Return a table in Markdown for each shipped scene, from effects and the texts of their costs."""
     parts = []
     for name, rows in itertools.groupby(zip(effects, costs, strict=True), lambda row: row[0].scene):
         whole = size(load_scene(name))

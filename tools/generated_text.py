@@ -1,4 +1,4 @@
-"""Text in a document that a program writes, between two marks."""
+"""Generated text in a document, between two marks."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -7,7 +7,7 @@ from pathlib import Path
 
 @contextmanager
 def given_file(path: Path) -> Iterator[None]:
-    """Raise an OSError about the file that the command line names as the ValueError that bad input is."""
+    """Context manager that turns an OSError of the file that the command line names into a ValueError (bad input)."""
     try:
         yield
     except OSError as error:
@@ -15,12 +15,12 @@ def given_file(path: Path) -> Iterator[None]:
 
 
 def replaced(document: str, begin: str, end: str, text: str) -> str:
-    """`document` with what stands between the lines `begin` and `end` replaced by `text`.
+    """Return `document` with the text between the lines `begin` and `end` replaced by `text`.
 
     Raises
     ------
     ValueError
-        If the marks are not there, once each and in order.
+        Unless each mark occurs once, in this order.
     """
     head, found_begin, rest = document.partition(begin)
     _, found_end, tail = rest.partition(end)
@@ -30,12 +30,12 @@ def replaced(document: str, begin: str, end: str, text: str) -> str:
 
 
 def write_between(file: Path, begin: str, end: str, text: Callable[[], str]) -> None:
-    """Write what `text` returns between the marks of `file`; it is called when the file is known to have them.
+    """Write the result of `text` between the marks of `file`; `text` is called after the marks were found.
 
     Raises
     ------
     ValueError
-        Naming the file, if it cannot be read or written or has no such marks.
+        If the file cannot be read or written, or lacks the marks; the message names the file.
     """
     with given_file(file):
         document = file.read_text(encoding="utf-8")

@@ -1,7 +1,7 @@
-"""The mechanism drawn to scale [mm], movable: body, crank, rods, sliders, springs, masses and plates.
+"""Movable drawing of the mechanism to scale [mm]: body, crank, rods, sliders, springs, masses and plates.
 
-Positions of the masses are counted from where their drive springs are unstretched, so the drawing sets each mass
-`FREE_LENGTH` beyond its slider; that length and the outlines are the only ones the scene does not give
+A mass has the same position as its slider where its drive spring is unstretched, so the drawing sets each mass
+`FREE_LENGTH` farther along the guide. This length and the outlines are the only dimensions that the scene does not give
 (`messages.urdf` has those that the URDF shares).
 """
 
@@ -22,7 +22,7 @@ from vibro_ros.simulation.samples import Samples
 MM = 1e3  # mm/m
 FREE_LENGTH = urdf.FREE_LENGTH * MM
 MASS_HEIGHT = urdf.MASS_HEIGHT * MM
-HUB_HEIGHT = 44.0  # of the crank's centre above the ground
+HUB_HEIGHT = 44.0  # height of the crank's centre above the ground
 RAIL = urdf.RAIL * MM
 ARC = 74.0  # radius of the arc that shows the guides' angle, between the guides
 HEADROOM = urdf.HEADROOM * MM
@@ -32,7 +32,7 @@ BODY, EDGE, METAL, DARK, FLASH = "#e7ebf0", "#8a95a3", "#b4bcc6", "#3a424c", "#f
 
 
 class Mechanism:
-    """The robot in a picture whose unit is the millimetre; x and y of the axes must have one scale."""
+    """The robot in a picture with the unit millimetre; both axes must have the same scale."""
 
     def __init__(self, axes: Axes, scene: Scene):
         self._shift = Affine2D()
@@ -48,7 +48,7 @@ class Mechanism:
             self._draw_angle(axes, scene["guide.angle"], moving)
 
     def _draw_angle(self, axes: Axes, angle: float, moving: Transform) -> None:
-        """φ, from the vertical to the inclined guide's axis."""
+        """Draw the angle φ, from the vertical to the inclined guide's axis."""
         turns = np.linspace(0.0, angle, 30)
         axes.plot(-ARC * np.sin(turns), ARC * np.cos(turns), color=DARK, lw=1.0, transform=moving, zorder=8)
         along = np.linspace(8.0, ARC + 4.0, 3)
@@ -59,7 +59,7 @@ class Mechanism:
                   va="center", color=DARK, transform=moving, zorder=8)
 
     def _draw_body(self, axes: Axes, scene: Scene, moving: Transform) -> None:
-        """Sled and column; the guides bring their own housings."""
+        """Draw sled and column; the guides draw their own housings."""
         sled = Polygon([(-88, -HUB_HEIGHT), (52, -HUB_HEIGHT), (60, -HUB_HEIGHT + 8), (-96, -HUB_HEIGHT + 8)],
                        closed=True, joinstyle="round", fc=BODY, ec=EDGE, lw=1.2, transform=moving, zorder=2)
         column = Polygon([(-38, -HUB_HEIGHT + 8), (30, -HUB_HEIGHT + 8), (20, 0), (-20, 0)], closed=True,
@@ -68,7 +68,7 @@ class Mechanism:
         axes.add_patch(sled)
 
     def show(self, state: Samples, glow: dict[str, float]) -> None:
-        """Move everything to `state`, one instant; `glow`, 0 to 1, lights the plate of each guide."""
+        """Move all parts to `state`; `glow`, 0 to 1, is the brightness of each guide's plate."""
         self._shift.clear().translate(state.body_position * MM, state.body_height * MM)
         angle = state.crank_angle
         pin = self._radius * np.array([-math.sin(angle), math.cos(angle)])
@@ -79,7 +79,7 @@ class Mechanism:
 
 
 class _Guide:
-    """One guide, drawn upright in its own frame, which turns it to its place."""
+    """One guide, drawn upright in its own frame, which is then rotated."""
 
     def __init__(self, axes: Axes, scene: Scene, side: str, moving: Transform):
         self.side = side
@@ -102,7 +102,7 @@ class _Guide:
                       for size in (11, 17, 24)]
 
     def show(self, state: Samples, glow: float) -> None:
-        """Move to `state` and light the plate."""
+        """Move the parts to `state`, and set the brightness of the plate."""
         angle, radius = state.crank_angle - self._angle, self._slider.radius * MM
         slider = float(self._slider.position(state.crank_angle)) * MM
         mass = getattr(state, f"{self.side}_position") * MM + FREE_LENGTH
@@ -120,7 +120,7 @@ class _Guide:
 
 
 def legend(scene: Scene) -> list[Artist]:
-    """What the parts are, as handles of a legend."""
+    """Return the handles of a legend of the parts."""
     masses = [Patch(fc=COLOURS[side], ec="white", label=f"{side} mass") for side in scene.guides]
     return [
         Patch(fc=BODY, ec=EDGE, label="body with its guides"),
@@ -137,7 +137,7 @@ def legend(scene: Scene) -> list[Artist]:
 
 
 def _coil(start: float, end: float, turns: int, width: float) -> tuple[np.ndarray, np.ndarray]:
-    """A spring along y from start to end."""
+    """Return the points of a spring along y from start to end."""
     lead = 0.08 * (end - start)
     y = np.concatenate([[start], np.linspace(start + lead, end - lead, 2 * turns + 1), [end]])
     x = np.zeros(len(y))

@@ -1,9 +1,9 @@
-"""What the whole robot costs, recording included, beside a bare rclpy node that publishes as much: processor and start.
+"""Processor load and start time of the robot with recording, compared with a bare rclpy node that publishes as much.
 
-The bare node has a publisher of each topic that has every sample, a thread that publishes messages that lie ready, and
-an executor in the main thread, as every node has one; it neither simulates nor records. Robot and bare node are
-processes of their own and take turns, so that the machine's other load meets both. A start lasts until the first
-odometry, with an empty cache of kernels and with a full one.
+The bare node has a publisher for each topic with every sample, a thread that publishes prepared messages, and an
+executor in the main thread, as every node; it neither simulates nor records. Robot and bare node run in their own
+processes, alternately, so that other load of the machine affects both. A start lasts until the first odometry, with an
+empty and with a full cache of kernels.
 """
 
 import argparse
@@ -29,13 +29,13 @@ from tools.child import Child
 from vibro_ros.ros.node import qos
 
 RATES = (1000.0, 200.0)  # Hz
-ROUNDS, STARTS = 5, 3  # how often each is started, and with an empty cache and again
-SETTLING, DURATION = 3.0, 5.0  # s, before and of each measurement
+ROUNDS, STARTS = 5, 3  # repetitions of the measurements of load, and of start times
+SETTLING, DURATION = 3.0, 5.0  # s, time before and of each measurement
 BARE = "bare node"
-#: Speed [rad/s] of the robot's motor in each of its cases.
+#: Motor speed [rad/s] of the robot's cases.
 SPEEDS = {"running": 100.0, "standing still": 0.0}
-_PATIENCE = 600.0  # s, of a start
-_SCHEDULED = 2  # of Linux' clocks of another process: the one that the C library's clock_getcpuclockid gives
+_PATIENCE = 600.0  # s, longest start
+_SCHEDULED = 2  # kind of Linux' clock of another process that the C library's clock_getcpuclockid gives
 _PARENTS = {"base_link": "odom", "crank": "base_link", "upper_rod": "crank", "inclined_rod": "crank",
             "upper_mass": "upper_guide", "inclined_mass": "inclined_guide", "upper_plate": "upper_guide",
             "inclined_plate": "inclined_guide"}
@@ -43,7 +43,7 @@ _JOINTS = ["crank", "upper_mass", "inclined_mass", "upper_plate", "inclined_plat
 
 
 def main(words: Sequence[str]) -> int:
-    """Measure and print a table, or be the bare node."""
+    """Measure and print the tables, or run as the bare node."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bare", type=float, metavar="RATE", help="be the bare node, publishing at this rate [Hz]")
     parser.add_argument("--namespace", default="", help="of the bare node")
@@ -59,7 +59,7 @@ def main(words: Sequence[str]) -> int:
 
 
 def table(found: Mapping[tuple[float, str], Sequence[float]]) -> str:
-    """Medians over the rounds of the shares of a core, and of the rounds' ratios to the bare node, as Markdown."""
+    """Return the table of loads in Markdown: medians over the rounds of core shares and of ratios to the bare node."""
     rows = ["| rate | bare node | robot | of a core | bare node = 1 |", "|---" * 5 + "|"]
     for rate in dict.fromkeys(rate for rate, _ in found):
         bare = found[rate, BARE]
@@ -72,7 +72,7 @@ def table(found: Mapping[tuple[float, str], Sequence[float]]) -> str:
 
 
 def _share(rate: float, case: str) -> float:
-    """Share of a core that a process takes, once it has settled."""
+    """Measure the share of a core that a case uses after it has settled."""
     with tempfile.TemporaryDirectory() as folder, Child(*_words(rate, case, folder), shown=False) as child:
         child.wait_for("ready")
         time.sleep(SETTLING)
@@ -82,7 +82,7 @@ def _share(rate: float, case: str) -> float:
 
 
 def starts() -> str:
-    """Median times [s] from the command to the first odometry, as Markdown."""
+    """Measure start times, and return the table of their medians [s] in Markdown."""
     found: dict[str, list[float]] = {"robot, empty cache": [], "robot, full cache": [], BARE: []}
     for _ in range(STARTS):
         with tempfile.TemporaryDirectory() as cache:
@@ -93,13 +93,13 @@ def starts() -> str:
 
 
 def _start(case: str, cache: str) -> float:
-    """Time [s] from the command of a case to its first odometry, with the kernels in the folder `cache`."""
+    """Measure the time [s] from the command of a case to its first odometry, with kernels from the folder `cache`."""
     context, heard = rclpy.Context(), list[Odometry]()
     rclpy.init(args=[], context=context)
     node = Node("node_cost", context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
-    namespace = f"/node_cost_{os.getpid()}_{time.monotonic_ns()}"  # no earlier process has published there
+    namespace = f"/node_cost_{os.getpid()}_{time.monotonic_ns()}"  # not used by an earlier process
     node.create_subscription(Odometry, f"{namespace}/odom", heard.append, qos.profile("odom"))
     try:
         with tempfile.TemporaryDirectory() as folder:
@@ -119,7 +119,7 @@ def _start(case: str, cache: str) -> float:
 
 
 def _words(rate: float, case: str, folder: str) -> list[str]:
-    """The command of a case."""
+    """Return the command of a case."""
     if case == BARE:
         return ["tools.node_cost", "--bare", f"{rate}"]
     settings = {"record.directory": f"'{folder}'", "rate.publish": rate, "motor.speed": SPEEDS[case]}
@@ -133,7 +133,7 @@ def _processor_time(child: Child) -> float:
 
 
 def _publish(rate: float, namespace: str) -> int:
-    """Be the bare node, until SIGINT."""
+    """Run as the bare node until SIGINT."""
     rclpy.init(args=[])
     node = Node("bare_node", namespace=namespace)
     ready = [(node.create_publisher(type(message), topic, qos.profile(topic)), message)
@@ -157,7 +157,7 @@ def _publish(rate: float, namespace: str) -> int:
 
 
 def ready_messages() -> Mapping[str, Any]:
-    """A message of each topic that has every sample, as large as the robot's in the scene `device`."""
+    """Return a message for each topic with every sample, as large as the robot's in the scene `device`."""
     odometry = Odometry(child_frame_id="base_link")
     odometry.header.frame_id = "odom"
     joints = JointState(name=_JOINTS, position=[1.0] * 5, velocity=[2.0] * 5, effort=[3.0] * 5)

@@ -1,4 +1,4 @@
-"""Build sdist and wheel into out/dist, the wheel from the sdist, and let the wheel's robot run from an empty folder."""
+"""Build sdist and wheel into out/dist, the wheel from the sdist, and run the wheel's robot from an empty folder."""
 
 import os
 import shutil
@@ -15,12 +15,12 @@ from tools.demo import own_namespace, ros_environment
 ROOT = Path(__file__).resolve().parents[1]
 OUTPUT = ROOT / "out" / "dist"
 DEADLINE = 600.0
-"""How long [s] each program may take: the installer loads half a gigabyte, and the robot compiles its kernels."""
+"""Longest time [s] of each program: the installer downloads half a gigabyte, and the robot compiles its kernels."""
 SCRIPT = "entries:\n  - {for: 2.0, motor_speed: {from: 0.0, to: 100.0}}\n  - {for: 1.0, motor_speed: 0.0}\n"
 
 
 def main() -> int:
-    """Build and try; the exit code of the first program that fails, else 0."""
+    """Build and test; returns the exit code of the first program that fails, else 0."""
     shutil.rmtree(OUTPUT, ignore_errors=True)
     with tempfile.TemporaryDirectory() as folder:
         environment = Path(folder, "venv")
@@ -42,7 +42,7 @@ def main() -> int:
 
 
 def try_installed(programs: Path, folder: Path) -> None:
-    """Drive the installed robot from `folder`, which is empty, record it, and report on the recording.
+    """Drive the installed robot from the empty folder `folder`, record it, and report on the recording.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The tables of all parameters in docs/guide/parameters.md, from those that the program itself uses."""
+"""Make the tables of all parameters in docs/guide/parameters.md, from the program's own definitions."""
 
 import argparse
 import math
@@ -15,7 +15,7 @@ END = "<!-- end of parameters -->"
 
 
 def parameter_table() -> str:
-    """Markdown: the device's parameters, then the scene's, which have a column for the shipped scene `device`."""
+    """Return the tables in Markdown: the device's parameters, then the scene's with a column for the scene `device`."""
     device = load_scene("device").parameters
     return "\n".join([
         "Of the node, which scenes do not contain:", "", *_rows(DEVICE_PARAMETERS, {}), "",
@@ -45,7 +45,7 @@ def _shown(value: Value) -> str:
 
 
 def _number(value: float) -> str:
-    """Six digits, with a point, as a ROS parameter needs it to be a double."""
+    """Format a number with six digits and with a point, which makes it a double as a ROS parameter."""
     text = f"{value:.6g}"
     mantissa, exponent, power = text.partition("e")
     return f"{mantissa}{'' if '.' in mantissa else '.0'}{exponent}{power}"
@@ -68,7 +68,7 @@ def _allowed(parameter: Parameter) -> str:
 
 
 def main(words: Sequence[str]) -> int:
-    """Run the command line `words`; the exit code."""
+    """Run the command line `words`; returns the exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("file", type=Path, nargs="?", default=Path("docs/guide/parameters.md"),
                         help="default: %(default)s")

@@ -1,4 +1,4 @@
-"""What mkdocs needs to know of this repository: pages outside docs/, and links to files that are no pages.
+"""Hooks of mkdocs for this repository: pages outside docs/, and links to files that are not pages.
 
 `mkdocs.yml` names this file as its hook. README is the site's first page. A link to another file of the repository is
 checked, and becomes plain text on the site.
@@ -25,7 +25,7 @@ _log = logging.getLogger("mkdocs.hooks.site")
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Add the pages outside docs/, that of the Python interface, and that of all pictures."""
+    """Add the pages outside docs/, the page of the Python interface, and the page of all pictures."""
     for name, page in OUTSIDE.items():
         files.append(File.generated(config, page, content=(ROOT / name).read_text(encoding="utf-8")))
     files.append(File.generated(config, "api.md", content=api_page()))
@@ -34,7 +34,7 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def gallery() -> str:
-    """Every picture of the documents once, with its description and the page that explains it."""
+    """Return the page with every picture of the documents, its description and the page that explains it."""
     lines, shown = ["# Gallery", ""], set()
     for page in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
         for found in _LINK.finditer(page.read_text(encoding="utf-8")):
@@ -47,7 +47,7 @@ def gallery() -> str:
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """The page with the links of the repository turned into links of the site."""
+    """Return the page with links of the repository replaced by links of the site."""
     outside = {site: name for name, site in OUTSIDE.items()}
     source = Path(outside.get(page.file.src_uri, f"docs/{page.file.src_uri}"))
 

@@ -1,4 +1,4 @@
-"""The table of the robot's topics in docs/guide/node.md, from that which the program itself uses."""
+"""Make the table of the robot's topics in docs/guide/node.md, from the program's own table."""
 
 import argparse
 import sys
@@ -13,7 +13,7 @@ END = "<!-- end of topics -->"
 
 
 def topic_table() -> str:
-    """Markdown: a row for each topic that is heard or published."""
+    """Return the table in Markdown, with a row for each topic that is subscribed to or published."""
     rows = [["topic", "direction", "type", "depth", "content"], ["---"] * 5]
     rows += [[f"`{full_name(name)}`", "in" if topic.when == COMMAND else "out", topic.type, str(topic.quality.depth),
               topic.meaning] for name, topic in TOPICS.items() if topic.when != BAG]
@@ -21,7 +21,7 @@ def topic_table() -> str:
 
 
 def main(words: Sequence[str]) -> int:
-    """Run the command line `words`; the exit code."""
+    """Run the command line `words`; returns the exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--file", type=Path, default=Path("docs/guide/node.md"), help="default: %(default)s")
     file = parser.parse_args(words).file

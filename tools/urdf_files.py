@@ -1,4 +1,4 @@
-"""The shipped scenes' robots as URDF, in config/urdf, which is installed to the package's share folder."""
+"""Write the shipped scenes' robots as URDF to config/urdf, which is installed into the package's share folder."""
 
 import argparse
 import sys
@@ -11,7 +11,7 @@ from vibro_ros.messages.urdf import robot_description
 
 
 def write_urdf(scene: str, folder: Path) -> Path:
-    """Write the URDF of a scene, a shipped one's name or a file, into a folder (ValueError when it cannot be done)."""
+    """Write the URDF of a shipped scene or a scene file into a folder (ValueError if that fails)."""
     loaded = load_scene(scene)
     file = folder / f"{loaded.name}.urdf"
     with given_file(file):
@@ -21,7 +21,7 @@ def write_urdf(scene: str, folder: Path) -> Path:
 
 
 def main(words: Sequence[str]) -> int:
-    """Run the command line `words`; the exit code."""
+    """Run the command line `words`; returns the exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenes", nargs="*", default=shipped_scenes(), metavar="SCENE",
                         help="a shipped scene's name, or a scene file (default: every shipped scene)")

@@ -1,1 +1,1 @@
-"""Python types of interface packages that PyPI lacks, built from their definitions beside the pinned ROS wheels."""
+"""Build of the Python types of interface packages that PyPI lacks, from definitions, for the pinned ROS wheels."""

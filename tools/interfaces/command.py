@@ -1,8 +1,8 @@
-"""`make setup`: the Python types that PyPI lacks, built into the environment from their definitions.
+"""`make setup`: build the Python types that PyPI lacks into the environment, from their definitions.
 
-Nothing happens where the types are there already and nothing has changed from which they were made. The robot runs
-without them, so that a missing or broken compiler is said in one line and is no failure. A package is in the
-environment as a whole or not at all: its Python package comes last and goes first.
+Nothing is done if the types exist and their sources have not changed. The robot runs without them, so that a missing or
+broken compiler is reported in one line and is not a failure. A package is installed completely or not at all: its
+Python package is installed last and removed first.
 """
 
 import fcntl
@@ -21,12 +21,12 @@ from tools.interfaces.generation import Sources
 from vibro_ros.process.entry_point import Parser, exit_code
 
 STAMP = "interface_types.done"
-"""File in the environment that holds the fingerprint of what its types were made from; written last."""
+"""File in the environment with the fingerprint of the sources of its types; written last."""
 _INDEX = Path("share", "ament_index", "resource_index")
 
 
 def main(words: Sequence[str]) -> int:
-    """Build the types; 0 also where there is no compiler that works."""
+    """Build the types; returns 0 also if there is no working compiler."""
     return exit_code("setup", lambda: _provide(_parser().parse_args(words).prefix))
 
 
@@ -69,13 +69,13 @@ def _parser() -> Parser:
 
 @contextmanager
 def workshop(prefix: Path) -> Iterator[Path]:
-    """A new folder in the environment, which is gone afterwards; one process at a time has it."""
+    """Context manager that makes a temporary folder in the environment, for one process at a time."""
     folder = prefix / "interface_types.part"
     descriptor = os.open(prefix, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
-        with suppress(OSError):  # of a file system that knows no locks
+        with suppress(OSError):  # on a file system without locks
             fcntl.flock(descriptor, fcntl.LOCK_EX)
-        shutil.rmtree(folder, ignore_errors=True)  # of a process that was killed
+        shutil.rmtree(folder, ignore_errors=True)  # left by a process that was killed
         folder.mkdir()
         yield folder
     finally:
@@ -84,7 +84,7 @@ def workshop(prefix: Path) -> Iterator[Path]:
 
 
 def install(package: InterfacePackage, sources: Sources, libraries: Libraries, prefix: Path) -> None:
-    """Move what was made for a package to its places, instead of what is there; on an exception nothing stays there."""
+    """Move a package's built files to their places, replacing older ones; after an exception none of them remain."""
     _write_package_file(package, sources.share)
     shutil.move(libraries.extension, sources.python)
     try:
@@ -102,9 +102,9 @@ def install(package: InterfacePackage, sources: Sources, libraries: Libraries, p
 
 
 def remove(name: str, prefix: Path) -> None:
-    """Remove an installed package; what is not there is passed over."""
+    """Remove an installed package; missing files are ignored."""
     if (python := _python_package(name, prefix)).exists():
-        python.rename(prefix / "interface_types.part" / f"{name}.old")  # as a whole, and then file by file
+        python.rename(prefix / "interface_types.part" / f"{name}.old")  # removes it at once, unlike deletion
     shutil.rmtree(prefix / "share" / name, ignore_errors=True)
     for file in [*(prefix / "lib").glob(f"lib{name}__*.so"), *(prefix / _INDEX).glob(f"*/{name}")]:
         file.unlink()
@@ -115,7 +115,7 @@ def _python_package(name: str, prefix: Path) -> Path:
 
 
 def _index_entries(package: InterfacePackage, prefix: Path) -> dict[Path, str]:
-    """What the ament index says of the package, by file."""
+    """Contents of the package's files in the ament index, by path."""
     files = sorted(path for text in package.texts for path in (text, str(Path(text).with_suffix(".idl"))))
     return {
         prefix / _INDEX / "packages" / package.name: "",

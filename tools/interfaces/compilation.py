@@ -1,4 +1,4 @@
-"""Libraries of an interface package's types, compiled and linked against the ROS wheels; a C compiler suffices."""
+"""Compile and link the libraries of an interface package's types against the ROS wheels; a C compiler suffices."""
 
 import os
 import shlex
@@ -21,11 +21,11 @@ _OF_A_PACKAGE = ("rosidl_generator_py", "rosidl_typesupport_c", FASTRTPS, INTROS
 
 
 class CompilerError(RuntimeError):
-    """The compiler cannot be used; the message says why in one line."""
+    """The compiler cannot be used; the message gives the reason in one line."""
 
 
 def find_compiler() -> list[str]:
-    """The words that start the C compiler: those of the environment variable CC, or the first of `COMPILERS`.
+    """Return the command of the C compiler: that of the environment variable CC, or the first available of `COMPILERS`.
 
     Raises
     ------
@@ -46,11 +46,11 @@ def find_compiler() -> list[str]:
 
 
 class Libraries:
-    """The libraries of one package, from sources that were generated before, made in `folder`.
+    """Libraries of one package, made in `folder` from generated sources.
 
-    `prefix` is where the ROS wheels are installed, `compiler` the words that start the compiler. `extension` is what
-    Python imports, and belongs into the Python package; it loads the `shared` ones, which belong to the wheels' own
-    libraries.
+    `prefix` is the folder in which the ROS wheels are installed, `compiler` the compiler's command. Python imports
+    `extension`, which belongs into the Python package; it loads the `shared` libraries, which belong beside those of
+    the wheels.
     """
 
     def __init__(self, package: InterfacePackage, sources: Sources, folder: Path, prefix: Path,
@@ -67,12 +67,12 @@ class Libraries:
         self._needed = [f"-l{name}" for name in (*others, *_OF_THE_WHEELS, "stdc++")]
 
     def make(self) -> None:
-        """Compile and link them all.
+        """Compile and link all libraries.
 
         Raises
         ------
         CompilerError
-            With the compiler's first complaint.
+            If the compiler fails, with its first error message.
         """
         self._folder.mkdir()
         native, python = self._sources.native / self._package.name, self._sources.python
@@ -89,7 +89,7 @@ class Libraries:
         self._link(self.extension, self._compiled(python.glob("*.ep.*.c")))
 
     def _compiled(self, files: Iterable[Path]) -> list[str]:
-        """The object files of sources, compiled as many at a time as there are processors."""
+        """Compile sources in parallel on all processors, and return their object files."""
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             try:
                 return list(pool.map(self._compile, sorted(files)))
@@ -109,7 +109,7 @@ class Libraries:
 
 
 def run(command: Sequence[str]) -> None:
-    """Run the compiler (CompilerError when it cannot be started, or fails)."""
+    """Run the compiler (CompilerError if it cannot be started, or fails)."""
     try:
         done = subprocess.run(command, capture_output=True, text=True, errors="replace")
     except OSError as error:

@@ -1,9 +1,9 @@
-"""The definitions of the interface packages that PyPI lacks, and of this project's own.
+"""Definitions of the interface packages that PyPI lacks, and of this project's own package.
 
-Those of `tf2_msgs` are in the pinned package rosbags. Those of `simulation_interfaces` 2.1.0 are declared here, in the
-folder `declared`: the types that the robot serves, and no others. A type's hash does not depend on comments, so that
-equal hashes show that the declarations agree with the package's own. `vibro_ros_interfaces` is an ordinary package in
-the folder `interfaces`, which colcon builds by cmake.
+Those of `tf2_msgs` are in the pinned package rosbags. Those of `simulation_interfaces` 2.1.0 are declared in the folder
+`declared`, but only the types that the robot serves. A type's hash does not depend on comments, so equal hashes show
+that a declaration agrees with the package's own. `vibro_ros_interfaces` is an ordinary package in the folder
+`interfaces`, which colcon builds with cmake.
 """
 
 import hashlib
@@ -21,16 +21,16 @@ OWN = Path(__file__).resolve().parents[2] / "interfaces"
 _OF_ACTIONS = ("action_msgs", "builtin_interfaces", "service_msgs", "unique_identifier_msgs")
 _OF_TF2_MSGS = ("TF2Error", "TFMessage")
 _MAKERS = ("ros-", "empy", "numpy")  # distributions whose templates, headers and libraries are used
-_NEXT_TYPE = "=" * 80  # in rosbags' text of a type, before each type that it contains
+_NEXT_TYPE = "=" * 80  # line in rosbags' text of a type before each type that it contains
 
 
 @dataclass(frozen=True)
 class InterfacePackage:
-    """One interface package, with its name, version and license as in its package.xml.
+    """An interface package, with its name, version and license as in its package.xml.
 
-    `origin` says in a sentence where the definitions come from; `texts` are the definitions by their paths in the
-    package, such as `msg/TFMessage.msg`. `dependencies` are the packages whose types they contain, those of services
-    and actions included.
+    `origin` is a sentence on the source of the definitions; `texts` are the definitions by their paths in the package,
+    such as `msg/TFMessage.msg`. `dependencies` are the packages whose types they contain, including those for services
+    and actions.
     """
 
     name: str
@@ -42,7 +42,7 @@ class InterfacePackage:
 
 
 def interface_packages() -> tuple[InterfacePackage, ...]:
-    """Every package that is built."""
+    """Return all packages that are built."""
     return _tf2_msgs(), _simulation_interfaces(), _vibro_ros_interfaces()
 
 
@@ -75,7 +75,7 @@ def _texts(folder: Path) -> dict[str, str]:
 
 
 def fingerprint(packages: Iterable[InterfacePackage]) -> str:
-    """A hash of the definitions, of this builder, of Python and of the distributions that take part."""
+    """Return a hash of the definitions, of this builder, of Python and of the distributions that are used."""
     makers = sorted({f"{name}=={found.version}" for found in distributions()
                      if (name := found.name.replace("_", "-").lower()).startswith(_MAKERS)})
     builder = [file.read_text(encoding="utf-8") for file in sorted(Path(__file__).parent.glob("*.py"))]

@@ -1,6 +1,7 @@
-"""Sources of an interface package's types, in C, C++ and Python, by the generators that come with the ROS wheels.
+"""Generate the sources of an interface package's types, in C, C++ and Python, with the generators of the ROS wheels.
 
-`rosidl generate` cannot be used: it stops at the wheels' entry points. What it calls is called here.
+`rosidl generate` cannot be used, because it fails at the wheels' entry points. The functions that it calls are called
+here.
 """
 
 import io
@@ -22,18 +23,18 @@ from rosidl_typesupport_introspection_c import generate_c as generate_introspect
 from tools.interfaces.definitions import InterfacePackage
 
 FASTRTPS, INTROSPECTION = "rosidl_typesupport_fastrtps_c", "rosidl_typesupport_introspection_c"
-"""The type supports by which the wheels' middleware serialises, and tells its peers what a type is made of."""
+"""Type supports with which the wheels' middleware serialises messages, and describes types to its peers."""
 _TO_IDL: dict[str, Callable] = {
     "msg": convert_msg_to_idl, "srv": convert_srv_to_idl, "action": convert_action_to_idl}
 _VISIBILITY = ("rosidl_generator_c", FASTRTPS, INTROSPECTION)  # whose visibility headers cmake makes elsewhere
 
 
 class Sources:
-    """The generated sources of a package, three folders in `folder`; `prefix` is where the ROS wheels are installed.
+    """Generated sources of a package, in folders below `folder`; `prefix` is the folder of the installed ROS wheels.
 
-    `share` has definitions, IDL and type descriptions, as the package's share folder has them, `python` the Python
-    package, with the C sources of its extension. `native` and `introspection` are C and C++; below each is the
-    package's folder, so that it serves as an include path. Files of the two have the same names.
+    `share` has definitions, IDL and type descriptions, as in the package's share folder; `python` has the Python
+    package, with the C sources of its extension. `native` and `introspection` have C and C++ sources; each contains the
+    package's folder, so that it can be an include path. They are separate because their files have the same names.
     """
 
     def __init__(self, package: InterfacePackage, folder: Path, prefix: Path):
@@ -42,10 +43,10 @@ class Sources:
         self._package, self._folder, self._prefix = package, folder, prefix
 
     def generate(self) -> None:
-        """Write all of them."""
+        """Write all sources."""
         self.describe()
         native = self.native / self._package.name
-        with redirect_stdout(io.StringIO()):  # the generators name every file that they read and write
+        with redirect_stdout(io.StringIO()):  # the generators print every file that they read and write
             self._run("rosidl_generator_c", generate_c, native)
             self._run(FASTRTPS, generate_typesupport_fastrtps_c, native)
             self._run(INTROSPECTION, generate_introspection_c, self.introspection / self._package.name)
@@ -56,7 +57,7 @@ class Sources:
         (self.python / "__init__.py").touch()
 
     def describe(self) -> None:
-        """Write the folder `share` alone: definitions, IDL and descriptions, which hold the types' hashes."""
+        """Write only the folder `share`: definitions, IDL and descriptions, which contain the types' hashes."""
         with redirect_stdout(io.StringIO()):
             self._write_idl()
             self._run("rosidl_generator_type_description", generate_type_hash, self.share)
@@ -69,7 +70,7 @@ class Sources:
             _TO_IDL[file.suffix[1:]](self.share, self._package.name, Path(path), file.parent)
 
     def _run(self, generator: str, generate: Callable[[str], object], output: Path) -> None:
-        """Run one generator, whose arguments are a file."""
+        """Run one generator, which reads its arguments from a file."""
         for path in self._package.texts:
             (output / path).parent.joinpath("detail").mkdir(parents=True, exist_ok=True)
         arguments = self._folder / f"{generator}.json"
@@ -91,7 +92,7 @@ class Sources:
         }
 
     def _write_visibility(self, native: Path) -> None:
-        """The headers that say which symbols a library shows."""
+        """Write the headers that control the visibility of a library's symbols."""
         name = self._package.name
         for generator in _VISIBILITY:
             template = self._prefix / "share" / generator / "resource" / f"{generator}__visibility_control.h.in"
