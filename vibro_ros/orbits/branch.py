@@ -23,7 +23,7 @@ from vibro_ros.simulation.simulator import Simulator
 
 MOST_POINTS = 100_000
 _AMPLITUDES = (1e-2, 3e-3, 1e-3)  # units of the machine: distances from a doubling at which the doubled orbit is tried
-_JOINED = 1e-6  # units of the machine: largest change after half the period of an orbit that has joined those of half
+_JOINED = 1e-6  # units of the machine: change in half a period below which an orbit has half the period
 _CLOSES = 0.75  # steps: distance from its first orbit at which a branch is closed
 
 

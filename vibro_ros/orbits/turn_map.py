@@ -17,9 +17,10 @@ crank of a dc motor is a coordinate:
   the growth of a disturbance, and no orbit closes.
 
 States are in units of the machine, so that no coordinate outweighs another: lengths in `crank.radius` l, velocities in
-l omega; the speed of a dc motor's crank in omega, its current and the controller's integral in the value that balances
-K omega, the voltage that the crank induces at that speed. omega is `motor.speed`, or at a given voltage the speed
-without load. Every function that advances a device raises a SimulationError if the run cannot go on.
+l omega; the speed of a dc motor's crank in omega, its current in K omega / R, the controller's integral in K omega or
+K omega / R. omega is `motor.speed`, or at a given voltage the speed without load; K omega is the voltage that the crank
+induces at this speed, R the winding's resistance. Every function that advances a device raises a SimulationError if the
+run cannot go on.
 
 A good cut is a phase of the crank without contacts and events. A cut within a contact, or at an instant where the
 friction changes, makes the map non-smooth: two states that are close could be in different modes there.
