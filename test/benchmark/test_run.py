@@ -118,3 +118,18 @@ def test_a_name_that_is_none_is_refused(capsys):
     with pytest.raises(SystemExit):
         run.main(["matlab"])
     assert "matlab: neither a problem nor a program of the benchmark" in capsys.readouterr().err
+
+
+def test_the_page_says_first_where_another_program_wins():
+    """A program wins that is as accurate and cheaper; not one that is cheaper alone, nor one that failed."""
+    rows = [row(problem="1_impact", cost=0.5, share_error=1e-11),
+            row(problem="1_impact", program="heyoka", cost=0.4, share_error=9e-12),
+            row(problem="1_impact", program="heyoka", cost=0.3, share_error=1e-9),
+            row(problem="1_impact", program="cvode", cost=0.45, share_error=1e-12, outcome="wrong sign"),
+            row(problem="2_grazing", cost=0.5, share_error=1e-15),
+            row(problem="2_grazing", program="heyoka", cost=0.25, share_error=5e-13)]
+    assert report.winners(rows, ["1_impact", "2_grazing"]).endswith(
+        "cheaper: heyoka on `1_impact`, for 0.8 of its cost; heyoka on `2_grazing`, for 0.5 of its cost.")
+    assert report.winners(rows[:1], ["1_impact"]).endswith("cheaper: no program on any problem.")
+    first, second = report.page(rows, "here", "the unit").split("\n\n")[1:3]
+    assert first == report.winners(rows, ["1_impact", "2_grazing"]) and second.startswith("`exact` was not measured")
