@@ -7,11 +7,13 @@ Each page has, in a comment at its end, the fingerprint of the sources that dete
 import argparse
 import ast
 import hashlib
+import io
 import re
 import shutil
 import subprocess
 import sys
 import time
+import tokenize
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -152,9 +154,13 @@ def fingerprint(sources: Sequence[str]) -> str:
 
 
 def _without_words(file: Path) -> str:
-    """Return a source's lines without docstrings, empty lines and lines that are only comments."""
+    """Return a source's lines without docstrings, comments and empty lines."""
     text = file.read_text(encoding="utf-8")
     lines = dict(enumerate(text.splitlines(), start=1))
+    for token in tokenize.generate_tokens(io.StringIO(text).readline) if file.suffix == ".py" else ():
+        if token.type == tokenize.COMMENT:
+            row, column = token.start
+            lines[row] = lines[row][:column].rstrip()
     for node in ast.walk(ast.parse(text)) if file.suffix == ".py" else ():
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
             for number in range(node.lineno, (node.end_lineno or node.lineno) + 1):

@@ -105,7 +105,7 @@ def test_an_exponent_has_its_interval_and_its_sign_is_known_or_said_not_to_be(tm
     table = pandas.read_csv(tmp_path / "summary.csv")
     rows = pandas.read_parquet(tmp_path / "blocks")
     mean, half = table["lyapunov_exponent [1/s]"][0], table["lyapunov_exponent 95 % ± [1/s]"][0]
-    assert (mean > half) == known and ("sign not known at 1 of 1 points" in said) != known
+    assert (mean > half) == known and ("sign not known of 1 of 1 motions" in said) != known
     assert f"{mean:.4g} ± {half:.2g} 1/s" in said and "lyapunov_spread" not in said
     assert (starts == "4" and len(rows) == 4) or rows["lyapunov_spread"][0] == half
 

@@ -198,7 +198,7 @@ def test_a_fingerprint_is_of_what_sources_do_not_of_their_words(tmp_path, monkey
     monkeypatch.setattr(documents, "ROOT", tmp_path)
     found = []
     for text in ('"""A."""\n\ndef f(x):\n    """B."""\n    return x  # c\n',
-                 '"""Z,\nand more."""\n# a comment\ndef f(x):\n    """Y."""\n\n    return x  # c\n',
+                 '"""Z,\nand more."""\n# a comment\ndef f(x):\n    """Y."""\n\n    return x  # d, which says more\n',
                  '"""A."""\n\ndef f(x):\n    """B."""\n    return x + 1\n'):
         (tmp_path / "a.py").write_text(text)
         found.append(documents.fingerprint(["a.py"]))

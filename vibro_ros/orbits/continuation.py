@@ -177,7 +177,7 @@ def _next(point: BranchPoint, step: float) -> tuple[list[BranchPoint], float]:
             return [last, beyond(last)]
         if step < 2.0 * _CREEP and abs(point.multipliers[0]) > _WILD:
             raise LostError(f"too unstable to be followed beyond {family.where(point.unknowns)}: a disturbance grows "
-                            f" {abs(point.multipliers[0]):.4g}-fold until the motion repeats itself")
+                            f"{abs(point.multipliers[0]):.4g}-fold until the motion repeats itself")
         return []
 
     return stepped(point, point.unknowns, step, SHORTEST_STEP, solved, across, "branch")

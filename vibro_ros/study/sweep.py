@@ -518,7 +518,7 @@ def in_words(found: Summary) -> list[str]:
         for what, row, direction in (("least", least, "fall"), ("largest", most, "rise")):
             lines.append(at_the_edge(f"the {what} {name}", ends_at(found.parameters, int(found.point[row])), direction))
         if name == EXPONENT and (unknown := _of_unknown_sign(found)):
-            lines.append(f"{name}: sign not known at {unknown} of {design.points} points")
+            lines.append(f"{name}: sign not known of {unknown} of {len(found.point)} motions")
     for count, what, texts in ((found.failed.sum(), "runs could not go on", [
             text for text in found.errors if not text.startswith(NO_SCENE)]),
             (found.refused.sum(), "runs are of scenes that are refused", [
