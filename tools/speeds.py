@@ -33,7 +33,7 @@ OPTIMA = sorted((ROOT / "docs/optimum").glob("*.yaml"))
 #: What `study optimise` found in `device`, with the motors that pay differently.
 ADVISED = ("thriftiest", "thrifty", "fastest", "thrifty_grounded", "fastest_grounded")
 STARTS, COSTED_STARTS = 64, 8
-#: Starts by one number, tried in this order where the robot's own start leads to another motion [m/s].
+#: Speeds of the body [m/s] with which a robot is started as well.
 PUSHED = (0.5, -0.5, 1.0, -1.0, 2.0, -2.0)
 #: Settling and measuring time of a cost [s], and period of the samples that judge a flight [s].
 SETTLING, MEASURED, PERIOD = 24.0, 16.0, 5e-4
@@ -42,8 +42,8 @@ STANDS = 1e-5
 #: Time [s] that a robot which stood has had its command.
 COMMANDED = 8.0
 _MOST_NAMED = 6  # motions of one robot
-_COSTS = ("mean_speed", "cost_of_transport", "delivered_cost_of_transport", "supply_power", "current_share",
-          "air_share", "upper_peak_force", "inclined_peak_force")
+_COSTS = ("mean_speed", "cost_of_transport", "delivered_cost_of_transport", "supply_power", "air_share",
+          "upper_peak_force", "inclined_peak_force")
 
 
 def robots() -> dict[str, Scene]:
@@ -74,8 +74,8 @@ def exponent_in_words(one: Attractor) -> str:
 
 
 def led_to(scene: Scene, found: Sequence[Attractor]) -> tuple[list[str], dict[str, Attractor]]:
-    """A simple start that leads to each motion; and the motions to which such starts lead and no drawn one does, by
-    their starts."""
+    """Return a simple start that leads to each motion; and, by their starts, the periodic motions to which simple
+    starts lead and no drawn one does. Of motions without a period one start cannot tell whether another is the same."""
     words, others, met = [""] * len(found), dict[str, Attractor](), list[SettledMotion]()
     for start, motion in simple_starts(scene):
         places = [place for place, one in enumerate(found) if is_of(motion, one)]
@@ -164,7 +164,8 @@ def cost_rows(name: str, scene: Scene) -> Iterator[str]:
     for motor, moved in (("ideal", scene.with_parameters({"effects.motor": "ideal"})),
                          ("of `machine`", with_machines_motor(scene))):
         for one in measured_motions(moved, _COSTS):
-            seen, speed, pitch = one.values, abs(one.values["mean_speed"]), validity_of(moved, vars(one.samples))[0]
+            seen, speed = one.values, abs(one.values["mean_speed"])
+            pitch = validity_of(moved, vars(one.samples)).pitch_index
             peak = np.nanmax([seen["upper_peak_force"], seen["inclined_peak_force"]])
             if speed < STANDS:
                 prices = ["-", "-", f"stands, and takes {seen['supply_power']:.0f} W"]
