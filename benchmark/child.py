@@ -1,7 +1,8 @@
-"""One program on one problem, in a process of its own: `python -m benchmark.child PROGRAM PROBLEM SETTING LIMIT`.
+"""Run one program on one problem in a process of its own: `python -m benchmark.child PROGRAM PROBLEM SETTING LIMIT`.
 
-`SETTING` is a number among those of the program, which it prints without further words; `LIMIT` [s] is for each run,
-without compiling, and ends the process by SIGALRM. The last line of its output is the result in JSON.
+`SETTING` is the index of one of the program's settings; without further arguments the process prints these settings. A
+run that takes longer than `LIMIT` [s], not counting compilation, ends the process by SIGALRM. The last line of the
+output is the result in JSON.
 """
 
 import json
@@ -19,7 +20,9 @@ EFFORT = Effort(repeats=3)
 
 
 def limited(prepare: Callable[..., Callable[[], Answer]], limit: float) -> Callable[..., Callable[[], Answer]]:
-    """`prepare`, each of whose runs ends this process by SIGALRM after `limit` [s]; compiling takes what it takes."""
+    """Return `prepare` with a limit: a run that takes longer than `limit` [s] ends this process by SIGALRM. Compilation
+    has no limit.
+    """
     def prepared(problem, setting):
         run = prepare(problem, setting)
 

@@ -23,7 +23,7 @@ from vibro_ros.simulation.runs import simulate, simulate_many
 from vibro_ros.simulation.simulator import Simulator
 
 SCENES = ("unilateral", "paper", "damped", "frictionless", "no_impact", "rigid", "device", "machine")
-#: Heading of a column, and how it shows a value of `measure`.
+#: Heading of each column, and the format of its value from `measure`.
 COLUMNS = {
     "scene": "`{scene}`",
     "cost, RK4 = 1": "{ratio:.4f}",
@@ -34,7 +34,7 @@ COLUMNS = {
     "1 ms of robot time": "{tick:.1f} µs",
     "RK4, 1 s": "{unit:.1f} ms",
 }
-#: Samples per second of robot time that a run is asked for.
+#: Samples of a run per second of robot time.
 RATE = 200.0
 _PACKAGES = ("numpy", "numba", "heyoka")
 _TOLERANCE = 1e-9  # heyoka's: over 10 s of each scene, its errors are below those of Runge-Kutta
@@ -95,7 +95,7 @@ def measure(name: str, duration: float, repeats: int) -> dict[str, str | float]:
 
 
 def moving(scene: Scene) -> Simulator:
-    """The scene at t = 0, its motor turning, on command if not by itself."""
+    """Return a device of the scene at t = 0 whose motor turns, by a command if the scene's motor stands still."""
     device = Simulator(scene)
     if scene["motor.speed"] == 0.0:
         device.command(motor_speed=DRIVE_SPEED)
@@ -103,7 +103,7 @@ def moving(scene: Scene) -> Simulator:
 
 
 def _run(problem: SceneProblem, program: Program, setting: Setting) -> Callable[[], object]:
-    """A run that has been made once, so that all of it is compiled."""
+    """Return a run that has already been made once, so that everything is compiled."""
     run = program.prepare(problem, setting)
     run()
     return run
@@ -117,7 +117,7 @@ def _unit(problem: SceneProblem) -> Callable[[], object]:
 
 
 def _heyoka(problem: SceneProblem) -> list[Callable[[], object]]:
-    """heyoka's run; if it is not installed or fails, none, and the reason on stderr."""
+    """Return heyoka's run, or None, with the reason on stderr, if heyoka is not installed or fails."""
     try:
         from benchmark.programs.heyoka import ON_SCENES
 
@@ -136,7 +136,7 @@ def _tick(scene: Scene) -> float:
 
 
 def machine() -> str:
-    """What the numbers depend on: versions, and processor cores."""
+    """Return the versions and the processor cores on which the numbers depend."""
     versions = [f"Python {platform.python_version()}"]
     for package in _PACKAGES:
         try:
@@ -147,7 +147,7 @@ def machine() -> str:
 
 
 def about_compiling() -> str:
-    """What a new geometry costs in a sweep; a line of words."""
+    """Return a sentence with the time that a sweep needs to compile a scene of another geometry."""
     said = ", ".join(f"{1e3 * compiling_seconds(name):.2f} ms (`{name}`)" for name in _COMPILED)
     return f"A scene with another guide angle is compiled in {said}."
 
@@ -161,10 +161,11 @@ def compiling_seconds(name: str) -> float:
 
 
 def measure_many(count: int, duration: float, repeats: int) -> tuple[float, float]:
-    """How many times faster two workers of `simulate_many` are than one; and what the machine allows: two processes
-    that simulate half of the scenes each and hand nothing over.
+    """Return how many times faster two workers of `simulate_many` are than one, and the same for two processes that
+    simulate half of the scenes each and exchange no data, which is what the machine allows.
 
-    `count` scenes of `duration` [s] that differ in the guide's angle, each compiled by itself. Medians over rounds.
+    The runs are `count` scenes of `duration` [s] that differ in the guide's angle, so that each is compiled separately.
+    Both numbers are medians over rounds.
     """
     base = load_scene("unilateral")
     scenes = [base.with_parameters({"guide.angle": 0.3 + k / count}) for k in range(count)]

@@ -1,7 +1,8 @@
-"""The equations of README.md, compiled by numba, for the programs that integrate what they are given.
+"""The equations of README.md, compiled by numba, for programs that integrate given equations.
 
-A mode says which plates push and what the ground does. `slope` is smooth within a mode, `guards` are positive within
-it, and `crossed` does what an event asks. `Callbacks` are the equations for programs that call them from Python.
+A mode says which plates push and what the ground does. `slope` is smooth within a mode, `guards` are positive within a
+mode, and `crossed` changes mode and speeds at an event. `Callbacks` has the equations for programs that call them from
+Python.
 """
 
 import math
@@ -54,9 +55,9 @@ class Machine(NamedTuple):
 
 
 def machine(problem: Problem, slow: float = 0.0) -> Machine:
-    """The numbers of a problem, of whose absent masses no force acts on the others.
+    """Return the numbers of a problem. An absent mass gets numbers with which it exerts no force.
 
-    A landing of at most `slow` [m/s] does not bounce: there a program stops an infinite sequence of landings.
+    A landing at a speed of at most `slow` [m/s] does not bounce, so that a sequence of infinitely many landings ends.
     """
     given = problem.parameters
     gone = {name: 0.0 for mass, names in (("m2", ("k2", "k4")), ("m3", ("k3", "k1")))
@@ -79,7 +80,7 @@ def start(problem: Problem) -> np.ndarray:
 
 @_inlined
 def _push(position, speed, plate, k, c):
-    """Depth in the plate [m] and force of the plate if it pushes [N]."""
+    """Return the penetration into the plate [m], and the plate's force [N] if the plate pushes."""
     depth = position - plate
     return depth, k * depth + c * speed if depth > -math.inf else -1.0
 
@@ -107,7 +108,7 @@ def forces(t, y, upper, inclined, p):
 
 @_jit
 def accelerations(f2, f3, slide, ground, p):
-    """u'', w'', x'', y'' and N; of a body that does not stick or fly, the friction force is mu N `slide`."""
+    """Return u'', w'', x'', y'' and N. The friction force of a body that slides on the ground is mu N `slide`."""
     ax = ay = 0.0
     inward, pressed = -f3 * p.sine, p.total * p.g
     if p.rule != 0 or ground == AIR:
@@ -186,7 +187,7 @@ def guards(t, y, upper, inclined, ground, p, out):
 
 @_jit
 def settled(t, y, upper, inclined, p):
-    """What the ground does to a body on it, by its speed and the forces."""
+    """Return the ground's state (stick or slip) for a body on it, from its speed and the forces."""
     if p.mu == 0.0:
         return FREE
     f2, f3 = forces(t, y, upper, inclined, p)
@@ -202,7 +203,9 @@ def settled(t, y, upper, inclined, p):
 
 @_jit
 def land(y, p):
-    """Stop the fall by an impulse that rubs with at most mu times itself against x' (Routh); a body alone bounces."""
+    """Stop the fall by an impulse with friction (Routh's law: at most mu times the normal part, against x'); a body
+    without masses bounces.
+    """
     if p.restitution > 0.0 and -y[7] > p.slow:
         y[6], y[7] = 0.0, -p.restitution * y[7]
         return
@@ -230,7 +233,7 @@ def land(y, p):
 
 @_jit
 def begin(t, y, p):
-    """The mode just after a start, where a mass may lie on its plate and be pressed on it."""
+    """Return the mode just after a start, at which a mass may lie on its plate and be pressed on it."""
     f2, f3 = forces(t, y, False, False, p)
     upper = y[0] > p.plate2 or (y[0] == p.plate2 and f2 < 0.0)
     inclined = y[2] > p.plate3 or (y[2] == p.plate3 and f3 < 0.0)
@@ -241,7 +244,7 @@ def begin(t, y, p):
 
 @_jit
 def crossed(t, y, upper, inclined, ground, which, p):
-    """The mode after guard `which` has become zero; lets speeds jump."""
+    """Return the mode after guard `which` has become zero, and apply the jump of speeds to `y`."""
     if which == 0:
         upper = not upper
     elif which == 1:
@@ -272,18 +275,21 @@ def crossed(t, y, upper, inclined, ground, which, p):
 
 
 class Callbacks:
-    """The equations of one problem for a program that calls them back from Python, as cheap as Python allows.
+    """The equations of one problem, as callbacks for a program that calls them from Python, at the least cost possible
+    there.
 
-    They are compiled with the numbers of the problem as constants, because handing over the numbers takes 6 us a call
-    and the equations 0.04 us. Calls are counted, so that a page can tell the cost of Python apart.
+    The equations are compiled with the numbers of the problem as constants, because passing the numbers takes 6 us a
+    call and the equations take 0.04 us. Calls are counted, so that a page can state the cost of the callbacks
+    separately.
 
     Attributes
     ----------
     slope, guards, smooth : callable
-        Of time, state, shape (8,), and the array that they write: the derivative and the four guards within `mode`, and
-        the derivative without modes, its friction smoothed over `width` [m/s].
+        Functions of time, state, shape (8,), and the array into which they write: the derivative within `mode`; the
+        four guards within `mode`; and the derivative without modes, with friction smoothed over `width` [m/s].
     mode : ndarray, shape (5,)
-        Whether each plate pushes, what the ground does, and how often `slope` or `smooth`, and `guards`, were called.
+        Whether each plate pushes, the state of the ground, the number of calls of `slope` or `smooth`, and that of
+        `guards`.
     """
 
     def __init__(self, p: Machine, width: float = 0.0) -> None:
@@ -310,16 +316,16 @@ class Callbacks:
             function(0.0, np.full(8, 0.1), np.empty(size))  # compiles it
 
     def begin(self, y: np.ndarray) -> None:
-        """Set the mode of a start at t = 0, and count from here."""
+        """Set the mode of a start at t = 0, and reset the counters of calls."""
         self.mode[:] = *begin(0.0, y, self.numbers), 0, 0
 
     def cross(self, t: float, y: np.ndarray, which: int) -> None:
-        """Set the mode after guard `which` has become zero; lets speeds in `y` jump."""
+        """Set the mode after guard `which` has become zero, and apply the jump to the speeds in `y`."""
         upper, inclined, ground = self.mode[:3]
         self.mode[:3] = crossed(t, y, bool(upper), bool(inclined), int(ground), which, self.numbers)
 
     def seconds(self) -> float:
-        """Time [s] of all calls that were counted, each as long as the quickest of some."""
+        """Return the time [s] of all counted calls, estimated from the quickest of some calls."""
         total, y, out = 0.0, np.full(8, 0.1), np.empty(8)
         for count, function in zip(self.mode[3:].copy(), (self.slope, self.guards), strict=True):
             total += count * min(timeit.repeat(lambda: function(0.0, y, out), number=100, repeat=20)) / 100  # noqa: B023

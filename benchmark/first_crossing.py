@@ -3,11 +3,11 @@
 from flint import arb, arb_poly, ctx
 
 LEADING_TOLERANCE = 1e-38  # events are located to about 1e-50, so a coefficient this small is a zero
-TOUCH_WIDTH = arb("1e-45")  # two crossings closer than this [s] are taken for a touch without crossing
+TOUCH_WIDTH = arb("1e-45")  # two crossings closer than this [s] count as a touch without crossing
 
 
 def leading(coefficients: list, step: float) -> tuple[int, int]:
-    """Sign of the polynomial just after 0, and the index of the coefficient that decides it.
+    """Return the sign of the polynomial just after 0, and the index of the coefficient that decides the sign.
 
     Coefficients that `step` [s] makes smaller than LEADING_TOLERANCE of the largest count as zero;
     (0, 0) when all are zero.
@@ -24,11 +24,11 @@ def leading(coefficients: list, step: float) -> tuple[int, int]:
 
 
 def first_crossing(coefficients: list, step: arb, natural_step: float) -> arb | None:
-    """First time in (0, step] at which the polynomial leaves the sign it has just after 0.
+    """Return the first time in (0, step] at which the polynomial changes the sign that it has just after 0.
 
-    `natural_step` [s] is the scale on which `leading` weighs the coefficients. A zero at 0 itself is
-    divided out. No pair of crossings is missed: an interval is given up only when the polynomial, or
-    its derivative, is proved to have no zero in it.
+    `natural_step` [s] is the scale on which `leading` weighs the coefficients. A zero at 0 itself is divided out. No
+    pair of crossings is missed: an interval is discarded only if the polynomial or its derivative is proved to have no
+    zero in it.
     """
     sign, index = leading(coefficients, natural_step)
     if sign == 0:

@@ -10,11 +10,12 @@ _MOST_IN_AN_INSTANT = 50
 
 
 def run(problem, callbacks, integrate):
-    """An answer by `integrate(t, y, end, brief)`, with the mode in `callbacks`.
+    """Return the answer of a run by `integrate(t, y, end, brief)`, with the mode in `callbacks`.
 
-    That is a generator of steps: the time reached, a function of time that interpolates the step, and the number of
-    the guard that has become zero there (None: none; after a number it ends). A first step of at most `brief` [s] does
-    not pass over a flight, whose guard is 0 where it begins and where it ends.
+    `integrate` is a generator of steps. Each step is the time reached, a function of time that interpolates the step,
+    and the number of the guard that has become zero there, or None; after a step with a number the generator ends. The
+    first step must be at most `brief` [s] long, because the guard of a flight is 0 at both ends of the flight, so that
+    a longer step could pass over the whole flight.
     """
     y, t, times, rows = start(problem), 0.0, problem.times, [start(problem)]
     callbacks.begin(y)

@@ -18,7 +18,7 @@ from vibro_ros.accuracy.programs import Answer, Program, Setting
 FOLDER = Path(__file__).with_name("problems")
 #: What is sampled: positions and speeds of upper mass, inclined mass and body, the body along and above the ground.
 COLUMNS = ("u", "du", "w", "dw", "x", "dx", "y", "dy")
-#: Names of the parameters in vibro_ros, whose scenes the program `exact` and the reference are made from.
+#: Names of the parameters in vibro_ros; `exact` and the reference simulate scenes with these parameters.
 NAMES = {
     "m1": "mass.body", "m2": "mass.upper", "m3": "mass.inclined", "l": "crank.radius", "L2": "crank.upper_rod",
     "L3": "crank.inclined_rod", "phi": "guide.angle", "omega": "motor.speed", "g": "gravity", "mu": "ground.friction",
@@ -28,12 +28,12 @@ NAMES = {
     "gap3": "inclined.gap", "normal": "effects.normal_force", "adhesion": "effects.adhesion",
     "reaction": "effects.reaction", "weight": "effects.mass_weight", "restitution": "ground.restitution",
 }
-#: Outcomes of a run: its body is deeper below a ground that it may leave than it truly rises above it; or ends on the
-#: other side of its start.
+#: Outcomes of a run: the body sinks deeper below the ground than it rises above it in the reference; or it ends on the
+#: wrong side of its start.
 FALLS, WRONG_SIGN = "falls through the ground", "wrong sign"
 #: Error of a run that diverges, in spans of the reference.
 DIVERGED = 10.0
-STAND_IN = 0.25  # kg, of a mass that is absent: it hangs on nothing, and the body is lighter by it
+STAND_IN = 0.25  # kg, in place of an absent mass: no force acts on it, and the body is lighter by as much
 
 
 @dataclass(frozen=True)
@@ -54,8 +54,8 @@ class Problem:
     values : mapping of str to tuple of str
         Reference values at these instants, in decimal.
     events : mapping of str to mapping
-        `count`, and decimal times `first` and `last` [s], of each kind of event. Of infinitely many, `count` is
-        "infinitely many" and `last` the instant at which they accumulate.
+        `count`, and decimal times `first` and `last` [s], of each kind of event. If a kind has infinitely many events,
+        `count` is "infinitely many" and `last` is the instant at which they accumulate.
     judged : tuple of str
         Columns by which an answer is judged.
     digits : int
@@ -80,7 +80,9 @@ class Problem:
         return load_scene("paper").with_parameters(self.scene_parameters())
 
     def scene_parameters(self) -> dict[str, float | str | bool]:
-        """The parameters by their names in vibro_ros, where a body without masses does not hop: one stands in."""
+        """Return the parameters by their names in vibro_ros; a body without masses gets one of `STAND_IN`, because
+        vibro_ros lets only a body with a mass hop.
+        """
         given = self.parameters
         contact = {side: "compliant" if given[m] and given[k] else "none"
                    for side, m, k in (("upper", "m2", "k4"), ("inclined", "m3", "k1"))}
@@ -104,7 +106,7 @@ class Problem:
         return self.times
 
     def judge(self, row: Row, answer: Answer, times: np.ndarray) -> Row:
-        """The row with the error of an answer at the stored instants, its outcome, and the events that it missed."""
+        """Return the row with the error of an answer at the stored instants, its outcome, and the missed events."""
         error, falls = self.error(answer.samples), self.falls_through(answer.samples)
         if math.isnan(error) or error > DIVERGED and not falls:
             return replace(row, outcome=DIVERGES)
@@ -117,7 +119,7 @@ class Problem:
         return replace(row, outcome=WRONG_SIGN) if self.judged == ("x",) and along < 0.0 else row
 
     def missed(self, answer: Answer) -> str:
-        """Events that were counted otherwise than in the reference, in words; nothing of a program without events."""
+        """Return, in words, the events whose number differs from the reference; empty for a program without events."""
         if answer.events is None:
             return ""
         kinds, counts = np.unique(answer.events["kind"], return_counts=True)
@@ -128,12 +130,15 @@ class Problem:
             if (kind in found or kind.endswith("contact")) and found.get(kind, 0) != event["count"])
 
     def falls_through(self, states: np.ndarray) -> bool:
-        """Whether a body that may leave the ground, y >= 0, is ever deeper below it than it truly rises above it."""
+        """Whether a body that may leave the ground (y >= 0) is ever deeper below it than it rises above it in the
+        reference.
+        """
         height = max(map(float, self.values["y"]))
         return self.parameters["normal"] == "hop" and bool(np.any(states[:, COLUMNS.index("y")] < -height))
 
     def error(self, states: np.ndarray) -> float:
-        """Largest error of the judged columns, each relative to the span of its reference values; NaN for no number.
+        """Return the largest error of the judged columns, each relative to the span of its reference values; NaN if a
+        state is not a number.
 
         `states` has a row of `COLUMNS` for each of `times`, shape (n, 8).
 

@@ -41,25 +41,27 @@ PROBLEMS: dict[str, tuple[str, dict[str, Any], float, list[str]]] = {
     "7_bounce": ("Ball that bounces to rest", _ROBOT | {
         "m2": 0.0, "m3": 0.0, "mu": 0.0, "normal": "hop", "restitution": 0.6}, 0.8, ["y", "dy"]),
 }
-#: m, from which the ball of `7_bounce` falls: its bounces accumulate 1e-10 s after the sample at 0.56 s.
+#: m, height from which the ball of `7_bounce` falls, so that its bounces accumulate 1e-10 s after the sample at 0.56 s.
 _HEIGHT = 0.09613800003433502
-#: Parameters that the model asks for and these problems do not use.
+#: Parameters that the model requires and these problems do not use.
 _UNUSED = {"motor.acceleration": 0.0, "gap_actuator.speed": 0.0}
-#: Events that every program may count alike; of those of friction, a change during a loss of contact is a convention.
+#: Kinds of events that all programs can count in the same way; friction is left out, because a change of its state
+#: during a loss of contact is a convention.
 _KINDS = {"upper_contact", "inclined_contact", "lift_off", "landing"}
 _FRICTION = {"stick", "slip_forward", "slip_backward"}
 _ROWS = 21
-#: Digits of the values in the files, of the arithmetic, and of that of the second run, with the powers of both.
+#: Decimal digits of the stored values; digits of the arithmetic and number of powers, of the first run and of the
+#: second.
 DIGITS, FIRST, SECOND = 60, {"order": 64, "digits": 84}, {"order": 76, "digits": 94}
 
 
 def _unsolved(parameters: dict[str, Any], height: float = 0.0) -> Problem:
-    """A problem whose body starts at a height [m], without reference values."""
+    """Return a problem without reference values, whose body starts at a height [m]."""
     return Problem("", "", parameters, {"y": height}, np.zeros(0), {}, {}, (), 0)
 
 
 def integrate(parameters: dict[str, Any], duration: float, order: int, digits: int) -> tuple[list, list]:
-    """Rows of `COLUMNS` at `_ROWS` instants, and the events."""
+    """Return rows of `COLUMNS` at `_ROWS` instants, and the events."""
     problem = _unsolved(parameters, _HEIGHT if parameters["restitution"] else 0.0)
     values: dict[str, Any] = _UNUSED | problem.scene_parameters()
     for side in ("upper", "inclined"):
@@ -79,7 +81,8 @@ def integrate(parameters: dict[str, Any], duration: float, order: int, digits: i
 
 
 def grazing_gap() -> arb:
-    """The gap at which the oscillator of `2_grazing` just reaches its plate: its farthest turning point, by bisection.
+    """Return the gap at which the oscillator of `2_grazing` just reaches its plate: its farthest turning point, found
+    by bisection.
 
     The turning point is where u' changes sign between the two instants around the largest sample.
     """
@@ -103,10 +106,11 @@ def grazing_gap() -> arb:
 
 
 def bounced(parameters: dict[str, Any], duration: float) -> tuple[list, list]:
-    """Rows and the first and the last landing of a ball that falls from `_HEIGHT`, in closed form by mpmath.
+    """Return the rows, and the first and the last landing, of a ball that falls from `_HEIGHT`, in closed form by
+    mpmath.
 
-    The first landing is at T = √(2h/g). Flight k = 1, 2, … begins at eᵏ g T, lasts 2 eᵏ T and ends the sum of the
-    others, 2 eᵏ T / (1 - e), before they accumulate at T (1 + e)/(1 - e); then the ball rests.
+    The first landing is at T = √(2h/g). Flight k = 1, 2, … begins at the speed eᵏ g T and lasts 2 eᵏ T. The flights
+    from k on together last 2 eᵏ T / (1 - e), and all end at T (1 + e)/(1 - e), from where on the ball rests.
     """
     mp.dps, rows = FIRST["digits"], []
     e, g, height = (mpf(number) for number in (parameters["restitution"], parameters["g"], _HEIGHT))
@@ -126,7 +130,7 @@ def bounced(parameters: dict[str, Any], duration: float) -> tuple[list, list]:
 
 
 def data(name: str) -> dict[str, Any]:
-    """What the data file of a problem holds."""
+    """Return the contents of a problem's data file."""
     title, parameters, duration, judged = PROBLEMS[name]
     if name == "2_grazing":
         graze = grazing_gap()
@@ -150,12 +154,12 @@ def data(name: str) -> dict[str, Any]:
 
 
 def decimal(number: arb, digits: int = DIGITS) -> str:
-    """The midpoint with that many digits."""
+    """Return the midpoint of a ball in decimal, with the given number of digits."""
     return arb(number.mid()).str(digits, radius=False)
 
 
 def main(words: Sequence[str]) -> int:
-    """Write the data files asked for."""
+    """Write the data files that the command line names."""
     for name in words or PROBLEMS:
         made = data(name)
         (FOLDER / f"{name}.json").write_text(json.dumps(made, indent=1) + "\n", encoding="utf-8")

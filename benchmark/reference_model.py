@@ -15,7 +15,7 @@ from flint import arb, arb_series, ctx
 from benchmark.first_crossing import first_crossing, leading
 
 SPEED_IS_ZERO = arb("1e-38")  # events are located to about 1e-50 s
-NO_BOUNCE = arb("1e-36")  # m/s: a flight that begins more slowly is one that `leading` does not see
+NO_BOUNCE = arb("1e-36")  # m/s: least speed of a bounce, because `leading` does not see a slower flight
 
 
 class ReferenceModel:
@@ -134,13 +134,15 @@ class ReferenceModel:
                 self.total_mass - upper - inclined * self.cosine * self.cosine)
 
     def _touches(self, guide):
-        """Whether the plate acts just after now, from series expanded without it."""
+        """Whether the plate acts just after the present instant, from series expanded without its force."""
         step = self._step_limit([guide.series, guide.slider], [guide.force])
         touching = guide.has_contact and leading(guide.penetration, step)[0] > 0
         return touching and (self.values["effects.adhesion"] or leading(guide.compression, step)[0] > 0)
 
     def _settle(self, **body):
-        """Expand all motion for one state of the body, with the plates that act in it; sets the natural step."""
+        """Expand all motion for one state of the body, with the plates that act in this state, and set the natural
+        step.
+        """
         self._expand((False, False), **body)
         touching = [self._touches(guide) for guide in self.guides]
         self._expand(touching, **body)
@@ -161,7 +163,7 @@ class ReferenceModel:
         guide.touching = touching
 
     def _resolve_body(self):
-        """The body's mode just after now, and all series in it; returns which plates act."""
+        """Find the body's mode just after the present instant, expand all series in it, and return which plates act."""
         if abs(self.body_velocity) < SPEED_IS_ZERO:
             self.body_velocity = arb(0)
         sign = leading([self.body_velocity], 1.0)[0]
@@ -191,7 +193,7 @@ class ReferenceModel:
                 [self.holding * n + i for n, i in zip(self.normal, self.inward, strict=True)])
 
     def _holds(self):
-        """Whether |F_in| <= μN just after now, of a body at rest."""
+        """Whether |F_in| <= μN just after the present instant, for a body at rest."""
         return all(leading([exact(c) for c in margin], self.natural_step)[0] >= 0 for margin in self._margins())
 
     def _note_body(self, mode):
@@ -204,7 +206,7 @@ class ReferenceModel:
         self.unloaded, self.body_mode = unloaded, mode
 
     def _guards(self):
-        """Series whose first change of sign ends the present modes."""
+        """Return the series whose first change of sign ends the present mode."""
         guards = []
         for guide in self.guides:
             if guide.kink:
@@ -279,18 +281,18 @@ class ReferenceModel:
         self.steps += 1
 
     def _land(self):
-        """Stop the fall by an impulse P_y >= 0 that rubs with |P_x| <= μ P_y against x' (Routh's law), or bounce."""
+        """Stop the fall by an impulse P_y >= 0 with friction |P_x| <= μ P_y against x' (Routh's law), or bounce."""
         if self.restitution > 0 and -self.climb > NO_BOUNCE:
             self.height, self.climb = arb(0), exact(-self.restitution * self.climb)
             return
         along, across, up = self._inertia()
         fall, before = self.climb, self.body_velocity
         slopes = {sign: exact((across + sign * self.friction * up) / (along + sign * self.friction * across))
-                  for sign in (1, -1)}  # dx'/dy' while the body slips forwards, backwards
+                  for sign in (1, -1)}  # dx'/dy' while the body slips forwards or backwards
         sign = leading([before], 1.0)[0]
         after = exact(before + slopes[sign] * fall) if sign else before
         if sign == 0 or sign * after < 0:
-            left = exact(fall + before / slopes[sign]) if sign else fall  # of the fall, when x' has become 0
+            left = exact(fall + before / slopes[sign]) if sign else fall  # fall left when x' becomes 0
             holds = abs(across) <= self.friction * up
             after = arb(0) if holds else exact(slopes[-1 if across > 0 else 1] * left)
         self.height, self.climb, self.body_velocity = arb(0), arb(0), after
@@ -352,10 +354,10 @@ class ReferenceModel:
         if change != 0:
             self.agenda.append((exact(self.time + abs(change) / limit), {stop: target}))
 
-    # -- what a run reports ---------------------------------------------------------------------
+    # -- results of a run ---------------------------------------------------------------------
 
     def sample(self):
-        """Present values, by the names of the fields of `Samples`."""
+        """Return the present values by the names of the fields of `Samples`."""
         upper, inclined = self.guides
         power = arb(0)
         for guide in self.guides:
@@ -371,7 +373,7 @@ class ReferenceModel:
 
 
 def exact(value: arb) -> arb:
-    """The midpoint: a number without error radius."""
+    """Return the midpoint of a ball, as a number without error radius."""
     return value.mid()
 
 

@@ -1,4 +1,4 @@
-"""The rows of the benchmark as a table (results.json), a page (benchmark.md) and a chart a problem."""
+"""Write the rows of the benchmark as a table (results.json), a page (benchmark.md) and a chart for each problem."""
 
 import json
 import math
@@ -16,16 +16,16 @@ from vibro_ros.accuracy.programs import PLAIN, TUNED, UNIT_IN_WORDS, UNIT_STEP
 from vibro_ros.accuracy.report import BY_HAND, BY_HAND_IN_WORDS, Slope, fitted, line, two_digits
 
 PAGE, RESULTS = "benchmark.md", "results.json"
-#: Errors below this are rounding, and are drawn there.
+#: Errors below this are rounding errors, and are drawn at this value.
 FLOOR = 1e-16
-#: Errors below this, as shares of the span, or below that of `exact`, are as accurate as `exact`.
+#: A program is as accurate as `exact` if its error, as a share of the span, is below this or below that of `exact`.
 AS_ACCURATE = 1e-12
 #: Settings that gain less than this many digits have no slope.
 _LEAST_DIGITS = 0.5
 
 
 def write(folder: Path, rows: Sequence[Row], machine: str) -> None:
-    """Write table, page and charts into `folder`; what it holds of other programs and problems stays."""
+    """Write table, page and charts into `folder`; rows of other programs and problems in the folder are kept."""
     if (folder / RESULTS).exists():
         before, measured_on, unit = read(folder / RESULTS)
         again = {(row.problem, row.program) for row in rows}
@@ -38,7 +38,7 @@ def write(folder: Path, rows: Sequence[Row], machine: str) -> None:
 
 
 def publish(folder: Path) -> None:
-    """Write page and charts from the rows that `folder` holds."""
+    """Write page and charts from the rows in `folder`."""
     rows, machine, unit = read(folder / RESULTS)
     for name in dict.fromkeys(row.problem for row in rows):
         own = [row for row in rows if row.problem == name]
@@ -47,7 +47,8 @@ def publish(folder: Path) -> None:
 
 
 def stored(rows: Sequence[Row], machine: str, unit: str) -> str:
-    """The table: rows without what does not apply to them, the machine and the unit of cost."""
+    """Return the table as JSON: the rows without fields that do not apply to them, the machine, and the unit of cost.
+    """
     return json.dumps({"machine": machine, "unit": unit, "rows": [
         {name: cell for name, cell in asdict(row).items() if cell == cell and cell != ""} for row in rows]},
                       indent=1) + "\n"
@@ -105,7 +106,9 @@ def winners(rows: Sequence[Row], names: Iterable[str]) -> str:
 
 
 def sentence(rows: Iterable[Row], unit: str) -> str:
-    """What the chart of `device` says: the cost of `exact`, and that of each other program that comes to a digit."""
+    """Return the sentence about the chart of `device`: the cost of `exact`, and the cost at which each other program
+    reaches given errors.
+    """
     own = [row for row in rows if row.problem.endswith("device") and row.outcome == OK]
     exact = next((row for row in own if row.program == "exact"), None)
     if exact is None:
@@ -134,7 +137,9 @@ def versions(rows: Iterable[Row]) -> str:
 
 
 def slope(rows: Sequence[Row]) -> Slope | None:
-    """What one more digit costs by settings of one program, the coarsest first; None where none is gained."""
+    """Return the factor of cost for one more digit, from settings of one program, the coarsest first; None if no digit
+    is gained.
+    """
     points = [(max(row.share_error, FLOOR), row.cost) for row in rows if row.outcome == OK and 0 < row.share_error < 1]
     if len(points) < 2 or math.log10(points[0][0] / points[-1][0]) < _LEAST_DIGITS:
         return None
@@ -167,13 +172,13 @@ def table(rows: Iterable[Row]) -> str:
 
 
 def happened(row: Row) -> str:
-    """Outcome, and the reason or the events that were counted otherwise than in the reference."""
+    """Return the outcome of a row, with the reason, or with the events whose number differs from the reference."""
     said: list[Any] = [f"**{row.outcome}**"] if row.outcome != OK else []
     return "; ".join([*said, row.note] if row.note else said)
 
 
 def draw(rows: Sequence[Row], title: str) -> Figure:
-    """Error over cost: hollow as documented, filled as tuned."""
+    """Draw error over cost, with hollow markers for plain settings and filled markers for tuned ones."""
     figure = Figure(figsize=(7.0, 4.6), layout="constrained")
     axes = figure.subplots()
     for name in dict.fromkeys(row.program for row in rows):

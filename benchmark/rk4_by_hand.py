@@ -1,7 +1,7 @@
-"""Runge-Kutta 4 of fixed step as one would write it by hand for one scene: what headlines compare with.
+"""Runge-Kutta 4 of fixed step as one would write it by hand for one scene; headlines compare costs with it.
 
-It shares no code with the event loop. Contacts, blows and friction are evaluated where the steps happen to fall, which
-is what makes fixed steps inexact here: that is the comparison's point, not an oversight.
+It shares no code with the event loop. Contacts, blows and friction are evaluated only at the ends of steps, which makes
+fixed steps inexact here. The comparison is meant to show this error, so it is not an oversight.
 """
 
 import math
@@ -19,7 +19,7 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.runs import simulate
 
 _RULES = {"weight": 0, "unilateral": 1, "printed": 2, "hop": 1}  # hop: on the ground, where N cannot pull
-#: Values that it has with rigid plates, beside `benchmark.support`.
+#: Parameter values that are supported with rigid plates, in addition to `benchmark.support`.
 _KNOWN_WHERE_RIGID = {"effects.reaction": (False,), "effects.normal_force": ("weight", "unilateral", "printed")}
 _inlined = numba.njit(error_model="numpy", inline="always")
 _stored = numba.njit(error_model="numpy", cache=True)
@@ -44,7 +44,7 @@ class Guide(NamedTuple):
 
 
 class Machine(NamedTuple):
-    """What the integration needs of a scene, both guides apart."""
+    """The numbers of a scene that the integration needs, without those of the two guides."""
 
     radius: float
     total: float
@@ -73,7 +73,7 @@ class Flight(NamedTuple):
 
 @_inlined
 def _motor_speed(time, machine):
-    """From `start_speed` to `speed`, as fast as `acceleration` lets it."""
+    """Return the motor speed [rad/s] at `time`: a ramp from `start_speed` to `speed` at `acceleration`."""
     if machine.speed >= machine.start_speed:
         return min(machine.start_speed + machine.acceleration * time, machine.speed)
     return max(machine.start_speed - machine.acceleration * time, machine.speed)
@@ -81,8 +81,8 @@ def _motor_speed(time, machine):
 
 @_inlined
 def _guide_force(position, velocity, sine, cosine, omega, guide, radius):
-    """F2 or F3, eqs. (1) to (4), and the weight, with the crank's angle from the guide; a mass that is pressed on a
-    rigid plate feels no net force."""
+    """Return F2 or F3, eqs. (1) to (4), and the weight, with the crank's angle from the guide; the net force on a mass
+    that is pressed on a rigid plate is 0."""
     root = math.sqrt(guide.rod * guide.rod - radius * radius * sine * sine)
     slider, slope = radius * cosine + root, -radius * sine * (1.0 + radius * cosine / root)
     force = guide.spring * (position - slider) + guide.damper * (velocity - slope * omega) + guide.weight
@@ -96,7 +96,7 @@ def _guide_force(position, velocity, sine, cosine, omega, guide, radius):
 
 @_inlined
 def _slipping(f2, f3, friction, inclined, machine):
-    """w'', x'' and N while the body slips and feels its reaction on the masses; `friction` is mu or -mu.
+    """Return w'', x'' and N while the body slips and its acceleration acts back on the masses; `friction` is mu or -mu.
 
     m3 w'' = -F3 + m3 x'' sin(phi), M x'' = m3 w'' sin(phi) - mu N, and N = M g + m2 u'' + m3 w'' cos(phi) or M g.
     """
@@ -125,7 +125,9 @@ def _flying(f2, f3, upper, inclined, machine, flight):
 
 @_inlined
 def _landed(dx, fall, friction, flight):
-    """x' after a shock that ends a fall of y' = `fall` < 0 with friction: slipping on, at rest, or pushed back."""
+    """Return x' after a shock with friction that ends a fall of y' = `fall` < 0: the body slips on, rests, or slips
+    back.
+    """
     forwards = (flight.across + friction * flight.up) / (flight.along + friction * flight.across)
     backwards = (flight.across - friction * flight.up) / (flight.along - friction * flight.across)
     if dx >= 0.0 and dx + forwards * fall > 0.0:
@@ -170,9 +172,9 @@ def _accelerations(theta, omega, u, du, w, dw, dx, airborne, upper, inclined, ma
 
 @_inlined
 def _blow(position, velocity, acceleration, h, guide):
-    """Position and velocity after a rigid plate has thrown back what a step took beyond it.
+    """Return position and velocity of a mass after a rigid plate has stopped the step that led beyond the plate.
 
-    What comes no faster than two steps of its acceleration has stopped bouncing.
+    A mass that arrives no faster than its acceleration over two steps would make it comes to rest.
     """
     if not (guide.rigid and position >= guide.plate and velocity > 0.0):
         return position, velocity
@@ -245,8 +247,8 @@ def prepare(problem: Problem, setting: Setting) -> Callable[[], Answer]:
     Raises
     ------
     UnableError
-        For a parameter that it does not have (`benchmark.support`), and for rigid plates together with the reaction on
-        the masses or a body that hops.
+        For a parameter value that the program does not support (`benchmark.support`), and for rigid plates together
+        with the reaction on the masses or a body that hops.
     """
     scene = problem.scene
     if fault := unsupported(scene, "rk4_by_hand"):
@@ -302,9 +304,9 @@ def _flight(scene: Scene) -> Flight | None:
 
 
 def version() -> str:
-    """What compiles it."""
+    """Return the version of numba, which compiles the program."""
     return f"numba {_version('numba')}"
 
 
-#: The program: it knows nothing between its steps, and has no events.
+#: The program; it computes nothing between its steps, and has no events.
 PROGRAM = Program("rk4_by_hand", steps(1e-4, 1e-5, 1e-6, 1e-7), prepare, version, is_dense=False)

@@ -1,7 +1,8 @@
-"""`make benchmark`: every program on every problem, into out/benchmark: a table, a page and a chart a problem.
+"""`make benchmark`: run every program on every problem; write a table, a page and a chart for each problem into
+out/benchmark.
 
-What goes wrong is a result: a crash, a run out of time, numbers that are none, a body that goes the wrong way. Rows are
-those of `vibro_ros.accuracy.harness`; programs that do not ship run in processes of their own.
+A failure is a result, too: a crash, a run out of time, NaN, a body that goes the wrong way. Rows are those of
+`vibro_ros.accuracy.harness`; programs that do not come with the package run in processes of their own.
 """
 
 import argparse
@@ -20,16 +21,16 @@ from vibro_ros.accuracy.programs import DEVICE, PLAIN, Answer, Program, Setting,
 
 ROOT = Path(__file__).resolve().parents[1]
 OUTPUT = ROOT / "out" / "benchmark"
-#: Programs by name: those that ship, Runge-Kutta 4 by hand, and those of `programs/`.
+#: Programs by name: those of the package, Runge-Kutta 4 by hand, and those of `programs/`.
 HERE = DEVICE | {rk4_by_hand.PROGRAM.name: rk4_by_hand.PROGRAM}
 NAMES = (*HERE, "heyoka", "cvode", "scipy", "diffrax", "drake", "mujoco", "siconos")
 LIMIT, QUICK_LIMIT = 60.0, 30.0  # s, of one run
-#: Debian's own Python, where python3-siconos is, unlike what pip brings.
+#: Debian's own Python, for which Debian has the package python3-siconos; pip has no Siconos.
 _INTERPRETERS = {"siconos": "/usr/bin/python3"}
 
 
 def main(words: Sequence[str]) -> int:
-    """Run what is asked for, and write table, page and charts."""
+    """Run the programs and problems that the command line names, and write table, page and charts."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"problems ({', '.join(problems.names())}) and "
                         f"programs ({', '.join(NAMES)}) to run (default: all)")
@@ -59,10 +60,12 @@ def main(words: Sequence[str]) -> int:
 
 
 def program(name: str) -> Program:
-    """The program of that name; a child tells the settings of one that does not ship, unless it is absent."""
+    """Return the program of that name. For a program outside the package a child process prints the settings, if the
+    program is installed.
+    """
     if name in HERE:
         return HERE[name]
-    # PYTHONPATH, because Debian's Python has nothing of this repository installed
+    # PYTHONPATH, because this repository is not installed in Debian's Python
     command = ("env", f"PYTHONPATH={ROOT}", _INTERPRETERS.get(name, sys.executable), "-m", "benchmark.child", name)
     absent = Program(name, (Setting(0.0, "", PLAIN),), _not_here, command=command)
     try:
@@ -79,7 +82,7 @@ def _not_here(problem: Problem, setting: Setting) -> Callable[[], Answer]:
 
 
 def described(row: Row) -> str:
-    """A row in a line of words."""
+    """Return a row as one line of text."""
     text = f"{row.problem} {row.program} ({row.use}: {row.setting}): {row.outcome}"
     if row.share_error == row.share_error:
         text += f", error {row.share_error:.1e} at {row.cost:.3g}"
@@ -87,7 +90,7 @@ def described(row: Row) -> str:
 
 
 def machine() -> str:
-    """What costs depend on."""
+    """Return a description of the machine and the versions on which costs depend."""
     return f"Python {platform.python_version()}, {platform.system()} {platform.machine()}, {os.cpu_count()} cores"
 
 

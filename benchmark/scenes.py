@@ -1,6 +1,6 @@
-"""`make accuracy`: docs/accuracy.md, what a digit of accuracy costs in each shipped scene.
+"""`make accuracy`: write docs/accuracy.md, the cost of a digit of accuracy in each shipped scene.
 
-The rows are those of the executable `accuracy`, with two programs more: heyoka, which also checks the reference, and
+The rows are those of the executable `accuracy`, with two more programs: heyoka, which also checks the reference, and
 Runge-Kutta 4 by hand, to which headlines are quotients.
 """
 
@@ -48,7 +48,7 @@ from vibro_ros.study.figures import new_figure, tidy
 FOLDER, PATHS = "accuracy", "ways.png"
 COSTS = "## What a run costs"
 EFFORT = Effort(repeats=3, patience_for_averages=3.0)
-#: The scene whose mean speed is looked at more closely, and steps [s] of rk4 whose paths are drawn.
+#: The scene whose mean speed is examined more closely, and the steps [s] of rk4 whose paths are drawn.
 CLOSER, CLOSER_EFFORT, STEPS = "paper", replace(EFFORT, starts=64, patience_for_averages=60.0), (2e-4, 1e-4, 5e-5, 1e-5)
 SLOPE = ("A factor is ten to the power of minus the slope of log cost over log error of every position, fitted in each "
          "scene between the errors named. The range over the scenes is Student's 95 % interval. The scenes are "
@@ -57,7 +57,7 @@ SLOPE = ("A factor is ten to the power of minus the slope of log cost over log e
 
 
 def by_scene(rows: Sequence[Row]) -> dict[str, list[Row]]:
-    """Rows of each scene."""
+    """Return the rows by scene."""
     found: dict[str, list[Row]] = {}
     for row in rows:
         found.setdefault(row.problem, []).append(row)
@@ -94,7 +94,7 @@ def page(rows: Mapping[str, Sequence[Row]], measured_on: str, costs: str, docs: 
 
 
 def about_the_benchmark(docs: Path) -> list[str]:
-    """The sentence and the chart of the committed benchmark for `device`; nothing before its first run."""
+    """Return the sentence about and the chart of `device` from the committed benchmark; empty before its first run."""
     file = docs / "benchmark" / benchmark_report.RESULTS
     if not file.exists():
         return []
@@ -105,7 +105,7 @@ def about_the_benchmark(docs: Path) -> list[str]:
 
 
 def known_to(rows: Mapping[str, Sequence[Row]]) -> str:
-    """How well the references of all scenes are known."""
+    """Return the uncertainty of the references of all scenes."""
     worst = max(map(reference_of, rows.values()), key=lambda row: row.position_error)
     return (f"*Who judges.* Every error is measured against `exact`. It is judged by {worst.program}, another method "
             f"by other authors, with which it agrees to {worst.position_error:.0e} m or better within the horizons "
@@ -115,7 +115,7 @@ def known_to(rows: Mapping[str, Sequence[Row]]) -> str:
 
 
 def headlines(rows: Mapping[str, Sequence[Row]]) -> list[str]:
-    """What the table says as a whole, a sentence a requirement: where each program meets it, and at what cost."""
+    """Return a sentence for each requirement: in how many scenes each program meets it, and at what cost."""
     return [f"{asked.words[0].upper()}{asked.words[1:]}: {'; '.join(_by_program(rows, asked))}."
             for asked in REQUIREMENTS]
 
@@ -165,7 +165,7 @@ def _about_paths(rows: Mapping[str, Sequence[Row]]) -> list[str]:
 
 
 def draw_paths(scene: Scene, steps: Sequence[float]) -> Figure:
-    """Where the body is from 1 s to 10 s, from the same eight starts, by `rk4` with each step [s] and by `exact`."""
+    """Draw the body's path from 1 s to 10 s, from the same eight starts, by `rk4` with each step [s] and by `exact`."""
     figure = new_figure(3.0 * (len(steps) + 1), 3.6)
     times = np.arange(round(200 * STARTING), 2001) / 200.0
     tried: list[tuple[str, dict[str, object]]] = [
@@ -187,7 +187,7 @@ def draw_paths(scene: Scene, steps: Sequence[float]) -> Figure:
 
 
 def main(words: Sequence[str]) -> int:
-    """Run the command line `words`; the exit code."""
+    """Run the command line `words` and return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("docs", type=Path, nargs="?", default=Path("docs"), help="where (default: %(default)s)")
     docs = parser.parse_args(words).docs
@@ -207,7 +207,7 @@ def main(words: Sequence[str]) -> int:
 
 
 def compared() -> tuple[dict[str, Program], list[tuple[Program, Setting]]]:
-    """The programs that are compared on scenes, and the checks of the reference, the best first."""
+    """Return the programs that are compared on scenes, and the programs that check the reference, the best first."""
     from benchmark.programs.heyoka import ON_SCENES  # heyoka, which is not installed with the package
 
     programs = DEVICE | {rk4_by_hand.PROGRAM.name: rk4_by_hand.PROGRAM, ON_SCENES.name: ON_SCENES}

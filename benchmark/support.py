@@ -1,10 +1,9 @@
-"""Which simulators have which parameters.
+"""Table of the parameter values that each simulator supports.
 
-The device's own methods integrate the compiled equations, so that they have every parameter. Two simulators hold
-equations of their own: `benchmark/heyoka_robot` and `benchmark/rk4_by_hand.py`. `SUPPORT`
-says of every parameter which values each of the two has. Of a parameter that the table lacks they have only the
-default, with which a new parameter has no effect, so that a new choice or number is refused until its equations are
-written.
+The device's own methods integrate the compiled equations, so they support every parameter. Two simulators have
+equations of their own: `benchmark/heyoka_robot` and `benchmark/rk4_by_hand.py`. `SUPPORT` lists for every parameter the
+values that each of the two supports. Of a parameter that is not in the table they support only the default, with which
+a new parameter has no effect; a new choice or number is therefore refused until its equations are written.
 """
 
 from collections.abc import Mapping
@@ -19,8 +18,8 @@ _CONTACTS = ("none", "restitution", "compliant")
 _FRICTIONS = ("none", "coulomb", "static", "stribeck")
 _RULES = ("weight", "unilateral", "printed", "hop")
 
-#: By parameter, the values that each of `SIMULATORS` has, in their order, or `ANY`. A number that enters only with a
-#: choice that a simulator refuses counts as one that the simulator has.
+#: For each parameter, the values that each of `SIMULATORS` supports, in their order, or `ANY`. A number that matters
+#: only with a choice that a simulator refuses counts as supported.
 SUPPORT: Mapping[str, tuple[tuple[Value, ...] | None, ...]] = {
     **dict.fromkeys((
         "mass.body", "mass.upper", "mass.inclined", "body.inertia", "body.wheelbase", "body.crank_offset",
@@ -58,7 +57,8 @@ SUPPORT: Mapping[str, tuple[tuple[Value, ...] | None, ...]] = {
 
 
 def unsupported(values: ParameterValues, simulator: str) -> str:
-    """The first parameter whose value `simulator` does not have, with the value and the default; empty without any.
+    """Return the first parameter whose value `simulator` does not support, with the value and the default; empty if it
+    supports all.
 
     Parameters
     ----------

@@ -1,4 +1,5 @@
-"""A program a module, with `SETTINGS`, `version()` and `prepare(problem, setting)` as `accuracy.programs` says.
+"""The programs, one in each module, with `SETTINGS`, `version()` and `prepare(problem, setting)` as `accuracy.programs`
+says.
 
-Each module imports its program, so that it is imported in a process of its own alone (`benchmark.child`).
+Each module imports its program, and is therefore imported only in a process of its own (`benchmark.child`).
 """

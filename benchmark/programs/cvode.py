@@ -15,17 +15,17 @@ from vibro_ros.accuracy.programs import PLAIN, TUNED, Answer, Setting, UnableErr
 
 SETTINGS = (*(Setting(rtol, f"BDF, rtol {rtol:g}", PLAIN) for rtol in (1e-5, 1e-8)),
             *(Setting(rtol, f"Adams with roots, rtol {rtol:g}", TUNED) for rtol in (1e-6, 1e-9, 1e-12)))
-_WIDTH = 1e-3  # m/s, over which a first script smooths friction
-_DIGITS = 1e-3  # atol per rtol: speeds of 1e-3 m/s count
+_WIDTH = 1e-3  # m/s, width over which a first script would smooth friction
+_DIGITS = 1e-3  # atol over rtol, so that speeds of 1e-3 m/s are resolved
 
 
 def version():
-    """Of the package and of the SUNDIALS in it."""
+    """Return the versions of scikit-sundae and of the SUNDIALS in it."""
     return f"scikit-sundae {_version('scikit-sundae')}"
 
 
 def prepare(problem, setting):
-    """Plain: no events, friction smoothed; tuned: one run of CVODE from event to event."""
+    """Prepare a run. Plain: no events, friction smoothed; tuned: CVODE restarted at every event."""
     callbacks = Callbacks(machine(problem, slow=setting.value), _WIDTH)
     if setting.use == PLAIN:
         return _plain(problem, callbacks, setting.value)
@@ -48,8 +48,9 @@ def _plain(problem, callbacks, rtol):
 
 
 def _steps(times, callbacks, rtol):
-    """One run to the next event as `located.run` takes it, by way of the sampled instants."""
-    # plain functions, because scikit-sundae inspects their arguments for each run, and of numba's for milliseconds
+    """Yield the steps of a run up to the next event, as `located.run` requires, with a stop at each sampled instant."""
+    # plain functions, because scikit-sundae inspects their arguments before each run, which takes milliseconds for
+    # numba's
     def right(t, y, out):
         callbacks.slope(t, y, out)
 

@@ -21,19 +21,20 @@ from vibro_ros.accuracy.programs import PLAIN, TUNED, Answer, Setting, UnableErr
 jax.config.update("jax_enable_x64", True)
 SETTINGS = (*(Setting(rtol, f"Tsit5, rtol {rtol:g}", PLAIN) for rtol in (1e-3, 1e-6)),
             *(Setting(rtol, f"Dopri8 with events, rtol {rtol:g}", TUNED) for rtol in (1e-6, 1e-9, 1e-12)))
-_WIDTH = 1e-3  # m/s, over which a first script smooths friction
+_WIDTH = 1e-3  # m/s, width over which a first script would smooth friction
 _FIRST_STEP = 1e-6  # s
-_ABOVE = 1e-300  # m, m/s: where a flight or a slip begins, because a condition that begins at zero cannot cross it
+_ABOVE = 1e-300  # m, m/s: start value of a flight or a slip, because a condition that starts at zero cannot cross zero
 _MOST_STEPS = 10**6
 
 
 def version():
-    """Of the package and of JAX."""
+    """Return the versions of diffrax and of JAX."""
     return f"diffrax {_version('diffrax')} with jax {_version('jax')}"
 
 
 def prepare(problem, setting):
-    """Compiled calls of `diffeqsolve`: one, or one from each event to the next."""
+    """Return a run by compiled calls of `diffeqsolve`: one for the whole run, or one from each event to the next.
+    """
     if setting.use == PLAIN and problem.parameters["normal"] == "hop":
         raise UnableError("a landing is a jump, and without events no speed can jump")
     numbers = machine(problem, slow=setting.value)
@@ -96,12 +97,12 @@ def _from_event_to_event(problem, p, rtol):
         times, states, stopped, good = map(np.asarray, solve(t, y, min(_FIRST_STEP, brief), callbacks.mode[:3].copy()))
         if not good:
             raise UnableError(f"no end of steps or no root after {t:.6g} s")
-        times = times[np.isfinite(times)]  # instants behind the event are infinite
+        times = times[np.isfinite(times)]  # instants after the event are infinite
         rows, now = dict(zip(times.tolist(), states, strict=False)), times[-1]
         callbacks.guards(now, rows[now], bounds)
         yield now, lambda time: rows[time], int(bounds.argmin()) if stopped else None
 
-    return lambda: replace(located.run(problem, callbacks, integrate), callbacks=None)  # it calls nothing back
+    return lambda: replace(located.run(problem, callbacks, integrate), callbacks=None)  # this program has no callbacks
 
 
 def _control(rtol):
@@ -128,7 +129,9 @@ def _forces(p, t, y, upper, inclined):
 
 
 def _rates(p, y, f2, f3, slide, ground):
-    """N and the derivative of the state, as `benchmark.equations.accelerations`, of all cases the one of `ground`."""
+    """Return N and the derivative of the state, as `benchmark.equations.accelerations`: all cases are computed, and the
+    one of `ground` is selected.
+    """
     inward, weight, own = -f3 * p.sine, p.total * p.g, p.reaction * p.m3
     air, stick = ground == AIR, ground == STICK
     pressed = jnp.where(air | (p.rule != 0), weight - f2 - f3 * p.cosine, weight)
@@ -146,9 +149,9 @@ def _rates(p, y, f2, f3, slide, ground):
 
 
 def _guards(p, t, y, mode):
-    """Four numbers that are positive within the mode, as `benchmark.equations.guards`.
+    """Return four numbers that are positive within the mode, as `benchmark.equations.guards`.
 
-    Forces are made small, because the bisection ends when both time and guard change by less than its tolerance.
+    Forces are scaled down, because the bisection ends when both time and guard change by less than its tolerance.
     """
     found, ground, small = [], mode[2], 1e-7
     for q, v, plate, stiff, damp, closed in ((y[0], y[1], p.plate2, p.k4, p.c4, mode[0]),

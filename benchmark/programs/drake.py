@@ -16,18 +16,20 @@ from vibro_ros.accuracy.programs import PLAIN, TUNED, Answer, Setting, UnableErr
 
 SETTINGS = (Setting(1e-4, "RK3, accuracy 1e-4", PLAIN), Setting(1e-6, "RK3, accuracy 1e-6", TUNED),
             Setting(1e-8, "RK3, accuracy 1e-8", TUNED))
-_LONGEST = 1e-3  # s, a step: a witness that changes sign twice within one is not seen
-_ABOVE = 1e-300  # m, m/s: where a flight or a slip begins, because a witness that begins at zero sees nothing
+_LONGEST = 1e-3  # s, longest step, because a witness that changes its sign twice within a step is missed
+_ABOVE = 1e-300  # m, m/s: start value of a flight or a slip, because a witness that starts at zero is not triggered
 _MOST_EVENTS = 5000
 
 
 def version():
-    """Of the package."""
+    """Return Drake's version."""
     return f"drake {_version('drake')}"
 
 
 class _Machine(LeafSystem):
-    """The eight states; the mode stands in `callbacks`, whose equations read it there at once."""
+    """The system with its eight states. The mode is not a state of the system: it is in `callbacks`, from which the
+    equations read it.
+    """
 
     def __init__(self, callbacks):
         super().__init__()
@@ -49,7 +51,9 @@ class _Machine(LeafSystem):
         return self.bounds.min()
 
     def cross(self, context, event, state):
-        """Cross each guard that has become zero, the lowest first; none of the next mode may begin at zero."""
+        """Cross each guard that has become zero, the lowest first, and keep the guards of the next mode from starting
+        at zero.
+        """
         t, y = context.get_time(), context.get_continuous_state_vector().CopyToVector()
         while self.events < _MOST_EVENTS:
             self.events += 1
@@ -70,7 +74,7 @@ class _Machine(LeafSystem):
 
 
 def prepare(problem, setting):
-    """A run of one `Simulator` by the sampled instants."""
+    """Return a run of one `Simulator` that stops at the sampled instants."""
     callbacks = Callbacks(machine(problem, slow=problem.parameters["g"] * _LONGEST if setting.use == TUNED else 0.0))
     system = _Machine(callbacks)
     simulator = Simulator(system)

@@ -1,9 +1,9 @@
-"""heyoka: Taylor series of adaptive order with terminal events, the modes of a robot written for it by hand.
+"""heyoka: Taylor series of adaptive order with terminal events; the modes of the robot are written by hand.
 
-Its documentation advises the default tolerance; the cooldown of its events, which would hide the second of two events
-in one instant, is off in both uses (`benchmark.heyoka_robot` tells why). A ball that bounces has one event, which
-as documented goes on as long as it is found; tuned, no step is much longer than the flight, and a landing slower than
-the tolerance [m/s] is the last.
+Plain uses the default tolerance, which heyoka's documentation recommends. The cooldown of events, which would hide the
+second of two events at one instant, is off in both uses (`benchmark.heyoka_robot` gives the reason). A bouncing ball
+has one event. Plain, the run goes on as long as heyoka finds this event, as its documentation shows; tuned, no step is
+much longer than the flight, and a landing slower than the tolerance [m/s] is the last.
 """
 
 import math
@@ -29,16 +29,16 @@ from vibro_ros.accuracy.programs import (
 SETTINGS = (Setting(2.220446049250313e-16, "tolerance as it comes", PLAIN),
             *(Setting(tolerance, f"tolerance {tolerance:g}", TUNED) for tolerance in (1e-6, 1e-9, 1e-12)))
 _MOST_LANDINGS = 5000
-_ABOVE = 1e-40  # m, where a flight begins: on the ground itself no later event is seen
+_ABOVE = 1e-40  # m, height at which a flight starts, because from height 0 no later event is found
 
 
 def version():
-    """Of the package."""
+    """Return heyoka's version."""
     return f"heyoka {_version('heyoka')}"
 
 
 def prepare(problem, setting):
-    """A compiled integrator that runs from the start."""
+    """Return a run by a compiled integrator."""
     if getattr(problem, "parameters", {}).get("restitution"):
         return _ball(problem, setting)
     try:
@@ -60,12 +60,13 @@ def prepare(problem, setting):
 
 @lru_cache(maxsize=1)
 def _robot(scene, tolerance):
-    """The robot, which takes longer to compile than to run: kept for the next run of the same scene."""
+    """Return the robot of a scene, from a cache because it takes longer to compile than to run."""
     return HeyokaRobot(scene, tolerance)
 
 
 def _ball(problem, setting):
-    """A body alone that falls on the ground and bounces, from one terminal event to the next."""
+    """Return a run of a body without masses that falls on the ground and bounces, from one terminal event to the next.
+    """
     gravity, restitution, times = problem.parameters["g"], problem.parameters["restitution"], problem.times
     (y, dy), tuned = hy.make_vars("y", "dy"), setting.use != PLAIN
     ground = hy.t_event(y, direction=hy.event_direction.negative, cooldown=0.0)
@@ -76,7 +77,7 @@ def _ball(problem, setting):
         rows, done, landings, longest = np.zeros((len(times), 8)), 0, [], math.inf
         integrator.time, integrator.state[:] = 0.0, (problem.start["y"], problem.start["dy"])
         while len(landings) < _MOST_LANDINGS:
-            integrator.time = now = integrator.time  # drops its second double, by which the grid would begin too early
+            integrator.time = now = integrator.time  # drops the low part, with which the grid would start too early
             later = times[done:]
             before = [now] if later[0] > now else []
             outcome, *_, found = integrator.propagate_grid(np.concatenate([before, later]), max_delta_t=longest)
@@ -96,5 +97,5 @@ def _ball(problem, setting):
     return run
 
 
-#: heyoka on a scene: a setting every second decade, and the strictest, which checks the reference.
+#: heyoka on scenes: a tolerance for every second decade, and the strictest, which checks the reference.
 ON_SCENES = Program("heyoka", tolerances(1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15), prepare, version)

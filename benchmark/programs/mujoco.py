@@ -22,12 +22,12 @@ SETTINGS = (Setting(2e-3, "limits as they come, 2e-3 s", PLAIN), Setting(1e-4, "
 
 
 def version():
-    """Of the package."""
+    """Return MuJoCo's version."""
     return f"mujoco {_version('mujoco')}"
 
 
 def _xml(p, setting):
-    """The machine in MJCF; sliders do not appear, because they move as they are told and have no mass."""
+    """Return the machine in MJCF, without the sliders, because their motion is given and they have no mass."""
     lean = f"{-math.sin(p['phi'])!r} 0 {math.cos(p['phi'])!r}"
     masses = ""
     for name, mass, axis, plate, stiff in (("u", p["m2"], "0 0 1", p["L2"] + p["gap2"], p["k4"]),
@@ -53,7 +53,7 @@ def _xml(p, setting):
 
 
 def _bounce(restitution, lasts):
-    """Stiffness and damping, as `solref` takes them, of a contact that `lasts` [s] and does not pull."""
+    """Return stiffness and damping, in the form of `solref`, of a contact that `lasts` [s] and does not pull."""
     def rebound(ratio):
         root = math.sqrt(1.0 - ratio * ratio)
         return math.exp(-ratio / root * (math.pi - math.atan2(2.0 * ratio * root, 1.0 - 2.0 * ratio * ratio)))
@@ -67,7 +67,7 @@ def _names(model):
 
 
 def prepare(problem, setting):
-    """A run step by step, the forces of the drives applied to the joints."""
+    """Return a run that steps MuJoCo and applies the forces of the drives to the joints."""
     p = problem.parameters
     model = mujoco.MjModel.from_xml_string(_xml(p, setting))
     data = mujoco.MjData(model)
@@ -85,7 +85,7 @@ def prepare(problem, setting):
     pressed = p["normal"] != "weight"
 
     def apply():
-        """Forces along the joints; what a drive does to the body is the opposite, by its guide."""
+        """Apply the forces along the joints; the body receives the opposite of each drive's force, along its guide."""
         t = data.time
         fx, fy = 0.0, extra
         for dof, angle, rod, k, c, stiff, damp, plate in guides:
@@ -98,12 +98,12 @@ def prepare(problem, setting):
                 force += push if adhesion else max(push, 0.0)
             data.qfrc_applied[dof] = -force
             if not reaction:
-                force -= data.qfrc_constraint[dof]  # of the limit, in the step before
+                force -= data.qfrc_constraint[dof]  # subtracts the joint limit's force of the previous step
                 fx, fy = fx + force * along[dof][0], fy + force * along[dof][1] * pressed
         data.qfrc_applied[x] = fx
         if y is not None:
             data.qfrc_applied[y] = fy
-        if by_forces:  # N as it is given, or that of the step before
+        if by_forces:  # N from the given forces, or from the previous step
             normal = -fy if y is None else data.qfrc_constraint[y]
             model.dof_frictionloss[x] = p["mu"] * max(normal, 0.0)
 

@@ -15,17 +15,19 @@ from vibro_ros.accuracy.programs import PLAIN, TUNED, Answer, Setting, UnableErr
 
 SETTINGS = (*(Setting(rtol, f"RK45, rtol {rtol:g}", PLAIN) for rtol in (1e-3, 1e-6)),
             *(Setting(rtol, f"DOP853 with events, rtol {rtol:g}", TUNED) for rtol in (1e-6, 1e-9, 1e-12)))
-_WIDTH = 1e-3  # m/s, over which a first script smooths friction
+_WIDTH = 1e-3  # m/s, width over which a first script would smooth friction
 _FIRST_STEP = 1e-7  # s, after an event: a blow may follow another within a step of usual length
 
 
 def version():
-    """Of the package."""
+    """Return scipy's version."""
     return f"scipy {_version('scipy')}"
 
 
 def prepare(problem, setting):
-    """Plain: no events, friction smoothed; tuned: every event located on the dense output, modes restarted."""
+    """Prepare a run. Plain: no events, friction smoothed; tuned: every event located on the dense output, with a
+    restart in the next mode.
+    """
     callbacks = Callbacks(machine(problem, slow=setting.value), _WIDTH)
     return _plain(problem, callbacks, setting.value) if setting.use == PLAIN else (
         lambda: located.run(problem, callbacks, _steps(callbacks, setting.value)))
@@ -47,7 +49,7 @@ def _plain(problem, callbacks, rtol):
 
 
 def _returned(function, size):
-    """The function that returns what `function` writes, shape (size,)."""
+    """Return a function that returns, as an array of shape (size,), what `function` writes into its last argument."""
     def returning(t, y):
         out = np.empty(size)
         function(t, y, out)
@@ -71,7 +73,7 @@ def _steps(callbacks, rtol):
             dense = solver.dense_output()
             roots = [(_root(guards, dense, k, solver.t_old, now), k)
                      for k in range(len(after)) if before[k] > 0.0 >= after[k]]
-            roots += [(solver.t_old, k) for k in (0, 1) if after[k] < before[k] <= 0.0]  # it bounced off and came back
+            roots += [(solver.t_old, k) for k in (0, 1) if after[k] < before[k] <= 0.0]  # bounced off and came back
             if roots:
                 now, which = min(roots)
                 yield now, dense, which

@@ -1,9 +1,9 @@
 """Siconos: Moreau and Jean's time stepping; the ground is a unilateral contact with Coulomb friction, solved exactly.
 
-Springs and plates are forces of the step's begin, as its examples give forces that depend on the state, because a rigid
-law would be another problem; theta is 1, with which this is symplectic. Where the equations hold the body down
-(`weight`, `unilateral`), its height is put back after each step, so that the impulse of a step is max(N, 0) times the
-step. Plain: 1e-4 s; tuned: finer.
+Springs and plates are forces evaluated at the start of the step, as in Siconos' examples of state-dependent forces;
+rigid plates would be another problem. theta is 1, with which the scheme is symplectic. Where the equations hold the
+body down (`weight`, `unilateral`), its height is put back after each step, so that the impulse of a step is max(N, 0)
+times the step. Plain: 1e-4 s; tuned: finer.
 """
 
 import math
@@ -19,18 +19,20 @@ SETTINGS = (Setting(1e-4, "Moreau-Jean, 1e-4 s", PLAIN), Setting(1e-5, "Moreau-J
             Setting(1e-6, "Moreau-Jean, 1e-6 s", TUNED))
 
 
-_DEPTH = -1e-12  # m, of a body that is held down: at 0 its contact would be open by a rounding error
+_DEPTH = -1e-12  # m, height of a body that is held down, because at 0 a rounding error could open its contact
 
 
 def version():
-    """What the program says of itself, and Debian of its package: 4.5.0, and 4.4.0, of the same files."""
+    """Return the version that the program reports, and the one that Debian reports for its package: 4.5.0 and 4.4.0 for
+    the same files.
+    """
     package = subprocess.run(["dpkg-query", "--show", "--showformat=${Version}", "python3-siconos"], check=False,
                              capture_output=True, text=True).stdout
     return f"siconos {siconos.version}" + (f" (Debian's package {package})" if package else "")
 
 
 def prepare(problem, setting):
-    """A run of `TimeStepping`."""
+    """Return a run by `TimeStepping`."""
     p = problem.parameters
     if not p["mu"] and not p["restitution"]:
         raise UnableError("without friction or bounces there is no law for its solver: only forces would be integrated")
