@@ -122,13 +122,23 @@ def test_exact_and_scipy_agree_on_the_robot(gap, motor):
     assert gap_speed.difference(gap, motor) < 1e-9
 
 
-def test_a_gap_that_is_never_bridged_has_no_blows():
-    row = gap_speed.tried((0.058, 60.0, 2))
-    assert row.approach == 0.0 and row.speed > 0.0 and row.share == 1.0
+def test_a_gap_that_is_never_bridged_moves_as_without_the_plate():
+    [wide], [without] = (gap_speed.motions(gap, 60.0, 2) for gap in (0.058, math.inf))
+    assert wide.approach == without.approach == 0.0 < wide.speed == pytest.approx(without.speed)
+    assert wide.share == 1.0 and wide.words == "53.72 mm/s, again after 1 turn (2 of 2 starts, 34 to 100 %)"
 
 
-def row(gap, speed, approach, spread=0.001):
-    return gap_speed.Tried(gap, 100.0, speed, spread, 0.75, approach)
+def test_two_motions_of_a_gap_are_two_rows_with_their_own_impacts():
+    """At 4 mm one of 16 starts, start 4, leads to a faster motion with harder impacts."""
+    slow, fast = gap_speed.motions(0.004, 100.0, 16)
+    assert (slow.share, fast.share) == (15 / 16, 1 / 16) and slow.spread == fast.spread == 0.0
+    assert (slow.speed, fast.speed) == pytest.approx((0.20245, 0.24834), abs=1e-5)
+    assert slow.approach + 1.0 < fast.approach
+    assert "- 4 mm, 100 rad/s: 202.45 mm/s, again after 1 turn (15 of 16 starts" in gap_speed._several([slow, fast], 16)
+
+
+def row(gap, speed, approach, spread=0.0, share=1.0):
+    return gap_speed.Moved(gap, 100.0, speed, spread, share, f"{1e3 * speed:g} mm/s ({share:.0%})", approach)
 
 
 @pytest.mark.parametrize(("last", "verdict"), [
@@ -136,10 +146,20 @@ def row(gap, speed, approach, spread=0.001):
 def test_the_verdict_of_a_curve(last, verdict):
     curve = [row(0.0, 0.04, 1.0), row(0.01, 0.03, 1.5), last]
     assert gap_speed.claim(curve).verdict == verdict
-    at_end = gap_speed.claim(curve).ours.endswith("an end of the scan, so that no best gap is known")
-    assert at_end == (max(one.speed for one in curve) != curve[1].speed)
-    assert "30.0 ± 1.0 mm/s in 75 % of the starts" in gap_speed.claim([row(0.0, 0.03, 1.0), row(0.01, 0.02, 0.9)]).ours
-    assert "an end" not in gap_speed.claim([row(0.0, 0.03, 1.0), row(0.01, 0.05, 1.5), row(0.02, 0.04, 1.2)]).ours
+    assert gap_speed.claim(curve).ours.endswith("an end of the scan, so that no best gap is known")
+
+
+def test_a_best_gap_within_the_scan_is_no_end_and_a_rare_motion_does_not_judge():
+    curve = [row(0.0, 0.03, 1.0), row(0.01, 0.05, 1.5, share=0.75), row(0.01, 0.09, 0.1, share=0.25),
+             row(0.02, 0.04, 1.2), row(math.inf, 0.08, 0.0)]
+    judged = gap_speed.claim(curve)
+    assert "an end" not in judged.ours and judged.verdict == HOLDS
+    assert "fastest at 10 mm, 50 mm/s (75%)" in judged.ours
+
+
+def test_an_end_of_the_scan_names_the_speed_without_the_plate():
+    curve = [row(0.0, 0.03, 1.0), row(0.01, 0.05, 0.9), row(math.inf, 0.08, 0.0)]
+    assert gap_speed.claim(curve).ours.endswith("is known; without any plate it moves at 80 mm/s (100%)")
 
 
 @pytest.mark.parametrize(("side", "slope", "orbits", "verdict"), [
