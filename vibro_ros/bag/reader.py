@@ -165,7 +165,9 @@ def read_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = Non
                                           `motor_speed`, m for the gaps, W for `motor_power`)
         nav_msgs/msg/Odometry             ``time``, ``stamp``, ``position`` [m] shape (n, 3), ``orientation``
                                           (quaternion x, y, z, w) shape (n, 4), ``linear_velocity`` [m/s]
-                                          and ``angular_velocity`` [rad/s] shape (n, 3)
+                                          and ``angular_velocity`` [rad/s] shape (n, 3), and the
+                                          variances ``position_variance`` and
+                                          ``linear_velocity_variance`` of two of them, shape (n, 3)
         sensor_msgs/msg/Imu               ``time``, ``stamp``, ``acceleration`` (specific force) [m/s²],
                                           ``angular_velocity`` [rad/s], and the variances on their axes
                                           ``acceleration_variance``, ``angular_velocity_variance``, shape (n, 3)
@@ -359,13 +361,16 @@ def _frame(path: str) -> Column:
 
 STAMP = Column(_stamp)
 """Column of the header's stamp [ns], which becomes seconds on the scale of ``time``."""
+_FIRST_OF_SIX = slice(0, 15, 7)  # of the diagonal of a matrix with six rows
 JOINT_QUANTITIES = ("position", "velocity", "effort")
 COLUMNS: Mapping[str, Mapping[str, Column]] = {
     "std_msgs/msg/Float64": {"value": at("data")},
     "std_msgs/msg/String": {"text": Column(attrgetter("data"), is_text=True)},
     "nav_msgs/msg/Odometry": {
         "stamp": STAMP, "position": _axes("pose.pose.position"), "orientation": _axes("pose.pose.orientation", "xyzw"),
-        "linear_velocity": _axes("twist.twist.linear"), "angular_velocity": _axes("twist.twist.angular")},
+        "linear_velocity": _axes("twist.twist.linear"), "angular_velocity": _axes("twist.twist.angular"),
+        "position_variance": _variances("pose.covariance", _FIRST_OF_SIX),
+        "linear_velocity_variance": _variances("twist.covariance", _FIRST_OF_SIX)},
     "geometry_msgs/msg/WrenchStamped": {
         "stamp": STAMP, "frame": _frame("header.frame_id"), "force": _axes("wrench.force"),
         "torque": _axes("wrench.torque")},
@@ -376,7 +381,7 @@ COLUMNS: Mapping[str, Mapping[str, Column]] = {
     "sensor_msgs/msg/BatteryState": {"stamp": STAMP, "voltage": at("voltage"), "current": at("current")},
     "geometry_msgs/msg/PoseWithCovarianceStamped": {
         "stamp": STAMP, "position": _axes("pose.pose.position"), "variance": _variances("pose.covariance",
-                                                                                        slice(0, 15, 7))},
+                                                                                        _FIRST_OF_SIX)},
     JOINT_STATE: {"stamp": STAMP},  # and columns named after the joints
     TRANSFORMS: {
         "stamp": STAMP, "frame": _frame("header.frame_id"), "child": _frame("child_frame_id"),
