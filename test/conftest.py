@@ -1,4 +1,4 @@
-"""What every test shares: the ROS environment, a domain of its own, and no process left behind."""
+"""Set-up of every test: the ROS environment, a ROS domain of its own, and a check that no process is left behind."""
 
 import itertools
 import os
@@ -54,7 +54,7 @@ SLOW = {f"test_{name}.py" for name in (
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark what `make check` and `make test` leave out, and as repeatable what `REPEATED` names."""
+    """Mark tests that `make check` and `make test` leave out, and tests that `REPEATED` names as repeatable."""
     for item in items:
         if item.path.name in SLOW:
             item.add_marker(pytest.mark.slow)

@@ -1,4 +1,5 @@
-"""Forward kinematics of a URDF, from its text alone: an independent reading to hold tf and the model against."""
+"""Forward kinematics of a URDF, from its text alone: an independent reading with which tf and the model are compared.
+"""
 
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
@@ -25,7 +26,7 @@ class Kinematics:
         return [name for name, joint in self.joints.items() if joint.get("type") in MOVED_BY_STATES]
 
     def in_parent(self, link: str, positions: Mapping[str, float]) -> np.ndarray:
-        """A link in the link that carries it."""
+        """Return the pose of a link in its parent link."""
         joint = self.parents[link]
         place, rpy = ([float(word) for word in joint.find("origin").get(name).split()] for name in ("xyz", "rpy"))
         matrix = homogeneous(place, Rotation.from_euler("xyz", rpy))
@@ -38,7 +39,7 @@ class Kinematics:
             np.zeros(3), Rotation.from_rotvec(way)))
 
     def in_root(self, link: str, positions: Mapping[str, float]) -> np.ndarray:
-        """A link in the root."""
+        """Return the pose of a link in the root."""
         matrix = np.eye(4)
         while link != self.root:
             matrix = self.in_parent(link, positions) @ matrix

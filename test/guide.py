@@ -1,4 +1,4 @@
-"""What the tables of docs/guide say, for the tests that hold them against the code and a running robot."""
+"""The tables of docs/guide, for tests that compare them with the code and with a running robot."""
 
 import re
 from pathlib import Path
@@ -8,12 +8,12 @@ PAGES = {path.name: path.read_text(encoding="utf-8")
 
 
 def names(cell: str) -> list[str]:
-    """Everything in backticks."""
+    """Return everything in backticks."""
     return re.findall(r"`([^`]+)`", cell)
 
 
 def table(*heads: str) -> list[list[str]]:
-    """Cells of the rows below the one table of the guide with these heads."""
+    """Return the cells of the rows of the only table of the guide with these column headings."""
     head = f"| {' | '.join(heads)} |\n"
     pages = [text for text in PAGES.values() for _ in range(text.count(head))]
     assert len(pages) == 1, f"{len(pages)} tables in docs/guide begin with {head}"
@@ -22,12 +22,12 @@ def table(*heads: str) -> list[list[str]]:
 
 
 def first_column(*heads: str) -> list[str]:
-    """Names in the first column of the one table with these heads."""
+    """Return the names in the first column of the only table with these column headings."""
     return [name for row in table(*heads) for name in names(row[0])]
 
 
 def diagnostics() -> dict[str, set[str]]:
-    """Keys of each status of `/diagnostics`."""
+    """Return the keys of each status of `/diagnostics`."""
     keys: dict[str, set[str]] = {}
     for status, cell, _ in table("status", "key", "value"):
         assert not keys.get(status, set()) & set(names(cell)), f"{cell}: is told twice"
@@ -36,5 +36,5 @@ def diagnostics() -> dict[str, set[str]]:
 
 
 def custom_data() -> set[str]:
-    """Keys of a bag's custom data, of a bag that is neither limited nor a replay."""
+    """Return the keys of the custom data of a bag that is neither limited in size nor made by a replay."""
     return set(first_column("key of the custom data", "value"))

@@ -1,4 +1,4 @@
-"""A command map that is small enough to know by heart, of the scene `device`."""
+"""A small command map of the scene `device` whose contents the tests know."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ SPEEDS, GAPS = Axis(10.0, 120.0, 12), Axis(0.0, 0.004, 5)
 
 
 def mean_speed(motor_speed: float, gap: float) -> float:
-    """Of every motion with a period of the known map [m/s]: linear, so that interpolation is exact."""
+    """Mean speed [m/s] of every motion with a period in the known map; it is linear, so that interpolation is exact."""
     return -1e-3 * motor_speed - 2.0 * gap
 
 

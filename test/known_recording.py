@@ -44,7 +44,7 @@ def _number(value: float) -> bytes:
 
 
 def _rows(count: int, gap: tuple[float, float], joints: list[str]):
-    """(stamp, topic, bytes) of everything, in order of time."""
+    """Return (stamp, topic, bytes) of all messages, in order of time."""
     duration = (count - 1) * PERIOD * 1e-9
     yield START, "motor_speed", _number(CRANK_SPEED)
     for i in range(count):
@@ -69,7 +69,8 @@ def _rows(count: int, gap: tuple[float, float], joints: list[str]):
 
 @pytest.fixture(scope="session")
 def known_run(tmp_path_factory) -> Callable[..., Path]:
-    """Gives a recording of these options, made when first asked for; it is shared, so nobody may change it.
+    """Fixture: a function that returns a recording with these options. The recording is made at the first request and
+    shared, so tests must not change it.
 
     A body at SPEED, a crank at CRANK_SPEED, a power of 2 W + 1 W/s · t and evenly spread impacts.
     """
@@ -96,7 +97,7 @@ def _record(folder: Path, count: int = 801, gap: tuple[float, float] = (0.0, 0.0
 
 @pytest.fixture
 def record_run(known_run, tmp_path) -> Callable[..., Path]:
-    """Gives a copy of a `known_run` in the test's folder."""
+    """Fixture: a function that copies a `known_run` into the test's folder."""
     def record(name: str = "run", **options) -> Path:
         return Path(shutil.copytree(known_run(name, **options), tmp_path / name))
     return record

@@ -1,4 +1,4 @@
-"""Reads a motion document, as `page/motion.js` does in a browser, and holds it against a run."""
+"""Reads a motion document, as `page/motion.js` does in a browser, and compares it with a run."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -38,7 +38,7 @@ class Motion:
         self.coefficients[orders < ends] = np.frombuffer(payload, "<f8", count, 16 * pieces)
 
     def at(self, times: np.ndarray) -> dict[str, np.ndarray]:
-        """Every quantity at `times` [s], each of shape (n,); NaN where nothing is known."""
+        """Return every quantity at `times` [s], each of shape (n,); NaN where it is not known."""
         times = np.asarray(times, dtype=float)
         if not len(self.borders):
             return {name: np.full(len(times), np.nan) for name in self.quantities}

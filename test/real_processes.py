@@ -1,4 +1,4 @@
-"""Real processes and a real rclpy node, each with an end of its own; fixtures for the folders that import them."""
+"""Real processes and a real rclpy node, each ended by its fixture; fixtures for the folders that import them."""
 
 import os
 import signal
@@ -23,7 +23,7 @@ PATIENCE = 60.0  # [s] deadline of what takes a second on an idle machine; kerne
 
 
 class Executable:
-    """A running executable of the package, or other words for Python, and what it has said."""
+    """A running executable of the package, or Python with other arguments, and its output."""
 
     def __init__(self, name: str, *arguments: str, folder: Path, before: Sequence[str] = ()):
         self.lines: list[str] = []
@@ -48,7 +48,7 @@ class Executable:
         return self._process.poll() is not None
 
     def wait_for(self, words: str, patience: float = PATIENCE) -> str:
-        """The first line that holds `words`."""
+        """Return the first line that contains `words`."""
         deadline = time.monotonic() + patience
         while time.monotonic() < deadline:
             ended = self.ended
@@ -63,7 +63,7 @@ class Executable:
         self._process.send_signal(number)
 
     def end(self, patience: float = PATIENCE) -> int:
-        """Exit code, once it has ended by itself and everything it said is read."""
+        """Return the exit code once the process has ended by itself and its output has been read."""
         try:
             code = self._process.wait(patience)
         except subprocess.TimeoutExpired as error:
@@ -81,7 +81,7 @@ class Executable:
 
 
 class Bench:
-    """A node of the test's own, in its own context."""
+    """An rclpy node of the test, in its own context."""
 
     def __init__(self, domain_id: int):
         self._context = Context()
@@ -117,13 +117,15 @@ def udp_only(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="session")
 def compiled() -> None:
-    """Kernels in the cache, so that no test's patience is spent on compiling."""
+    """Make sure that the kernels are in the cache, so that no test's deadline is spent on compiling."""
     compile_kernels()
 
 
 @pytest.fixture
 def start(compiled: None, domain_id: int, tmp_path: Path) -> Iterator[Callable[..., Executable]]:
-    """Start an executable in the test's domain and folder, by a command `before` it; killed at the end if it runs."""
+    """Fixture: a function that starts an executable in the test's domain and folder, preceded by a command `before`;
+    the process is killed at the end if it still runs.
+    """
     started: list[Executable] = []
 
     def start_one(name: str, *arguments: str, before: Sequence[str] = ()) -> Executable:

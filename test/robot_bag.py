@@ -1,4 +1,5 @@
-"""Bags as the robot records them, made without ROS: any scene, commands and operations; and bags in another hand."""
+"""Bags as the robot records them, made without ROS, with any scene, commands and operations; and changes of such bags.
+"""
 
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -27,7 +28,7 @@ Message = tuple[str, int, bytes]
 
 def robot_bag(folder: Path, scene: Scene | str, ticks: int, told: Told | None = None, rate: float = 200.0,
               checkpoints: tuple[int, ...] = (), storage: Storage = PLAIN) -> Path:
-    """Record `ticks` samples; `told` are commands, or the text of an operation, by the number of the sample."""
+    """Record `ticks` samples; `told` has commands, or the text of an operation, by the number of the sample."""
     scene = vibro_ros.load_scene(scene) if isinstance(scene, str) else scene
     settings = {one.name: one.default for one in DEVICE_PARAMETERS} | {"rate.publish": rate}
     topics = {name: f"/{name}" for name in KINDS}
@@ -56,7 +57,7 @@ def _inputs(told: Mapping[str, float | bytes] | str) -> list[tuple[str, bytes]]:
 
 
 def holding(kind: str, data: float | str | np.ndarray) -> bytes:
-    """A serialised message of a type that holds `data`."""
+    """Return a serialised message of a type whose `data` is given."""
     message = new_message(kind)
     message.data = data
     return serialised(message, kind)
@@ -64,7 +65,7 @@ def holding(kind: str, data: float | str | np.ndarray) -> bytes:
 
 def rewritten(bag: Path, folder: Path, change: Callable[[list[Message]], Iterable[Message]] = list,
               storage: Storage = PLAIN, known: bool = True, **told: str | None) -> Path:
-    """The same bag with its list of messages changed, stored in another way, or with other custom data, or none."""
+    """Return the same bag with a changed list of messages, another storage, or other custom data or none."""
     with BagStream(bag) as stream:
         topics = [Topic(name, one.type_name, one.qos_depth) for name, one in stream.topics.items()]
         custom = {key: text for key, text in (stream.metadata | told).items() if known and text is not None}
@@ -72,13 +73,13 @@ def rewritten(bag: Path, folder: Path, change: Callable[[list[Message]], Iterabl
 
 
 def each(changed: Callable[[Message], Message | None]) -> Callable[[list[Message]], list[Message]]:
-    """A change of each message, or without it."""
+    """Return a change of each message, or its removal."""
     return lambda messages: list(filter(None, map(changed, messages)))
 
 
 def changed(topic: str, change: Callable[[object], None],
             when: Callable[[int], bool] = lambda stamp: True) -> Callable[[list[Message]], list[Message]]:
-    """A change of the messages of a topic that were recorded at some stamps [ns]."""
+    """Return a change of the messages of a topic that were recorded at given stamps [ns]."""
     def of(message: Message) -> Message:
         name, stamp, data = message
         if name == f"/{topic}" and when(stamp):
@@ -90,7 +91,7 @@ def changed(topic: str, change: Callable[[object], None],
 
 
 def since(time: float) -> Callable[[list[Message]], list[Message]]:
-    """Leaves out what is before a time [s] of the bags made here."""
+    """Return a change that removes all messages before a time [s]."""
     return each(lambda one: one if one[1] >= START + round(time * 1e9) else None)
 
 
@@ -107,5 +108,5 @@ def _written(folder: Path, topics: Sequence[Topic], messages: Iterable[Message],
 
 
 def offset_times(begin: float, end: float, count: int = 20_000, seed: int = 0) -> np.ndarray:
-    """Ascending instants [s] that are no nodes of anything."""
+    """Return ascending instants [s] that coincide with no sample, step or node."""
     return np.sort(np.random.default_rng(seed).uniform(begin, end, count))

@@ -67,7 +67,9 @@ def test_bad_input_is_refused_before_anything_is_written(options, reason, tmp_pa
 
 
 def test_the_executable_ends_its_workers_without_a_word(tmp_path):
-    """They are forked from a process that has the front door's signal handlers."""
+    """Workers are forked from a process that has the signal handlers of `entry_point.enter`, and must end silently all
+    the same.
+    """
     options = ["--scene", "paper", "--methods", "exact", "--horizon", "0.05", "--repeats", "1", "--starts", "2",
                "--patience", "0.01"]
     done = subprocess.run([sys.executable, "-m", "vibro_ros.accuracy.accuracy", *options, "--output", str(tmp_path)],

@@ -39,14 +39,16 @@ SOME = [(name, row, asked) for name, own in ROWS.items() for asked in REQUIREMEN
 
 @pytest.mark.parametrize(("name", "row", "asked"), SOME, ids=lambda one: str(getattr(one, "value", one))[:20])
 def test_advice_holds_at_other_instants_too(name, row, asked):
-    """Every microsecond, between the instants that the rows were measured at; against exact."""
+    """Errors are compared with exact every microsecond, between the instants at which the rows were measured."""
     scene, times = running(vibro_ros.load_scene(name)), np.linspace(0.0, SHORT, 200_001)
     found, exact = by_device(row.program, scene, times, row.value), by_device("exact", scene, times, 1e-12)
     assert max(errors(found, exact, SHORT).columns[::2]) < asked.limit
 
 
 def test_readme_says_what_the_rows_and_the_bench_say():
-    """README's cost of exact is the bench's, its error of Runge-Kutta the rows'; fixed steps lead the wrong way."""
+    """README has the cost of exact from the bench and the error of Runge-Kutta from the rows; fixed steps give a wrong
+    direction.
+    """
     cost_of = {name: 100 * float(cost) for name, cost in re.findall(r"^\| `(\w+)` \| ([\d.]+) \|", COSTS, re.MULTILINE)}
     assert list(cost_of) == list(scenes.SCENES)
     costs = [cost for name, cost in cost_of.items() if name != "machine"]

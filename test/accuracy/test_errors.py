@@ -16,7 +16,7 @@ def answer(instants):
 
 
 def distance(some, others):
-    """Largest distance [s] from an instant of either to the nearest of the other, looked at one by one."""
+    """Largest distance [s] from an instant of one array to the nearest instant of the other, by brute force."""
     return max(max(min(abs(a - b) for b in others) for a in some), max(min(abs(a - b) for a in some) for b in others))
 
 
@@ -28,7 +28,7 @@ def test_contacts_are_apart_by_the_hausdorff_distance(sizes):
 
 
 def test_a_contact_too_many_counts():
-    """A blow without a partner is as far off as it is from the nearest blow, whichever answer has it."""
+    """A contact without a counterpart counts with its distance from the nearest contact, whichever answer has it."""
     few, many = answer([0.2, 0.5]), answer([0.2, 0.5, 0.9])
     assert errors(few, many, 1.0).events == errors(many, few, 1.0).events == pytest.approx(0.4, rel=1e-15)
 

@@ -1,4 +1,6 @@
-"""What a study measures: a wrong program looks wrong, the reference is checked, chaos and divergence are seen."""
+"""The harness of a comparison: a wrong program shows errors, the reference is checked, chaos and divergence are
+detected.
+"""
 
 import math
 from dataclasses import replace
@@ -34,7 +36,9 @@ def of(rows, program, compared=TRAJECTORY):
 
 
 def test_a_wrong_program_looks_wrong(rows):
-    """Steps of a tenth gain at least a factor of 3 a decade where the program is right, none where it is wrong."""
+    """Steps shorter by a factor of ten reduce the error of a right program by at least a factor of 3 a decade, and that
+    of a wrong program not at all.
+    """
     right, wrong = ([row.mass_error for row in of(rows, name)] for name in ("rk4", "planted"))
     assert right[-1] < right[0] / 9.0
     assert wrong[-1] > 0.3 * wrong[-2] and wrong[-1] > 10.0 * right[-1]
@@ -75,7 +79,9 @@ def test_rows_come_back_from_their_file(rows, tmp_path):
 
 
 def test_errors_are_looked_for_off_every_grid():
-    """At no whole part of the horizon but its ends; one in each part; the largest gap is below two of them."""
+    """No instant but the two ends is a whole part of the horizon; each part has one instant; the largest gap is below
+    two parts.
+    """
     instants = harness.off_every_grid(0.2, 1000)
     assert (instants[0], instants[-1], len(instants)) == (0.0, 0.2, 1001)
     assert 0.0 < np.diff(instants).min() and np.diff(instants).max() < 2.0 * 0.2 / 1000
@@ -86,7 +92,7 @@ def test_errors_are_looked_for_off_every_grid():
 
 
 def test_a_standing_scene_is_studied_running():
-    """Its masses meet their plates from the start: nothing of it is the rest before a command."""
+    """Its masses meet their plates from the start, so no time of the run is rest before a command."""
     scene = running(vibro_ros.load_scene("device"))
     assert scene["motor.speed"] == starts.RUNNING_SPEED
     assert len(by_device("exact", scene, TIMES, 1e-12).events) > 5
@@ -105,14 +111,14 @@ def test_chaos_is_seen_where_it_is_and_nowhere_else():
 
 
 def test_what_diverges_has_no_mean_speed(monkeypatch):
-    """No robot is faster than sound; 1e6 m/s is a finite number all the same."""
+    """A mean speed above that of sound, such as the finite 1e6 m/s, counts as divergence."""
     monkeypatch.setattr(scene_rows, "_settled", fast)
     found = list(scene_rows._averages(vibro_ros.load_scene("damped"), Effort(patience_for_averages=0.0)))
     assert found and all(row.compared == AVERAGE and math.isnan(row.mean) and "diverged" in row.note for row in found)
 
 
 def fast(_, __, number):
-    """A start that is faster than sound."""
+    """Return a start whose body is faster than sound."""
     return 1e6 + number, None, 0.0
 
 
@@ -122,7 +128,9 @@ def test_what_a_method_cannot_do_it_says():
 
 
 def test_a_hundredth_of_the_step_is_well_worth_it():
-    """First order gains a factor of 100; half of its decades at least, whatever the scatter."""
+    """First order gains a factor of 100 in the error; the measured gain must be at least half of these decades, because
+    the errors scatter.
+    """
     scene = vibro_ros.load_scene("rigid")
     exact, coarse, fine = (by_device(name, scene, TIMES, value).samples[:, ::2]
                            for name, value in (("exact", 1e-9), ("rk4", 1e-4), ("rk4", 1e-6)))

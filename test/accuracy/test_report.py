@@ -1,4 +1,4 @@
-"""What is said of measured rows: advice, slopes, headlines and findings."""
+"""Text about measured rows: advice, slopes, headlines and findings."""
 
 import pytest
 
@@ -67,7 +67,7 @@ def test_every_position_is_that_of_body_height_and_masses(column):
 
 
 def ladder(program, slope, constant, noise=(0.0,)):
-    """Rows whose cost rises by 10**slope for each digit."""
+    """Return rows whose cost rises by a factor of 10**slope for each digit."""
     return [within(REQUIRED, program, error, error, cost=constant * error**-slope * 10.0**off)
             for error, off in zip((1e-3, 1e-4, 1e-5, 1e-6), 4 * noise, strict=False)]
 
@@ -89,7 +89,9 @@ def test_what_a_digit_costs_is_the_slope():
 
 
 def test_a_headline_is_a_quotient_of_two_rows():
-    """Of `exact` and Runge-Kutta by hand in one scene; where that was not measured, a ratio to the unit."""
+    """A headline is the quotient of `exact` and Runge-Kutta by hand in one scene, or a ratio to the unit if the latter
+    was not measured.
+    """
     exact, hand = within(REQUIRED, "exact", 1e-9, 0.0, cost=0.05), within(REQUIRED, "rk4_by_hand", 1e-5, 1e-4, cost=0.4)
     assert headline({"s": [exact, hand]}, "exact", SHORT).startswith("0.12 of Runge-Kutta 4 of 1e-05 s written by hand")
     both = headline({"s": [exact, hand], "machine": [exact]}, "exact", SHORT)

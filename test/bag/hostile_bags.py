@@ -1,4 +1,4 @@
-"""Changes of a bag's files by another hand; each makes a hostile bag of a good one, in place."""
+"""Changes that turn a good bag into a hostile one, in place."""
 
 import os
 import random
@@ -57,7 +57,7 @@ def cut(seed: int) -> Maker:
 
 
 def without_metadata(then: Maker) -> Maker:
-    """As a killed recorder leaves it, and then something else."""
+    """Remove metadata.yaml, as in the bag of a killed recorder, and then apply another change."""
     def make(folder: Path) -> None:
         (folder / "metadata.yaml").unlink()
         then(folder)
@@ -65,7 +65,7 @@ def without_metadata(then: Maker) -> Maker:
 
 
 def torn(then: Maker) -> Maker:
-    """The file lacks its last 100 bytes, and then something else."""
+    """Cut the last 100 bytes off the file, and then apply another change."""
     def make(folder: Path) -> None:
         os.truncate(part(folder), part(folder).stat().st_size - 100)
         then(folder)
@@ -73,7 +73,7 @@ def torn(then: Maker) -> Maker:
 
 
 def linked(name: str, target: str) -> Maker:
-    """A symbolic link in the place of a file, or beside."""
+    """Put a symbolic link in the place of a file, or beside it."""
     def make(folder: Path) -> None:
         path = part(folder) if name == "part" else folder / name
         path.unlink(missing_ok=True)
@@ -98,7 +98,7 @@ def _heads(data: bytes) -> Iterator[int]:
 
 
 def spliced(seed: int) -> Maker:
-    """Copy some records to another place, which may be amid a record."""
+    """Copy some records to another place, which may be in the middle of a record."""
     def edit(data: bytearray) -> bytes:
         chance = random.Random(seed)
         heads = list(_heads(data))
@@ -115,24 +115,24 @@ def behind_header(*records: McapRecord | bytes) -> Maker:
 
 
 def chunk(compression: str, data: bytes, size: int, crc: int = 0) -> Chunk:
-    """A chunk that says that it unfolds to `size` bytes."""
+    """Return a chunk that states an uncompressed size of `size` bytes."""
     return Chunk(compression=compression, data=data, message_start_time=0, message_end_time=0, uncompressed_crc=crc,
                  uncompressed_size=size)
 
 
 def zeros(size: int) -> bytes:
-    """So many zeros, packed by zstd, without ever being there."""
+    """Return `size` zeros compressed by zstd, without ever allocating them."""
     packer = zstandard.ZstdCompressor().compressobj()
     return b"".join([*(packer.compress(bytes(2**20)) for _ in range(size // 2**20)), packer.flush()])
 
 
 def tiny_messages(count: int) -> bytes:
-    """A chunk's content: many messages without data on channel 1."""
+    """Return the content of a chunk with many messages without data on channel 1."""
     return packed(Message(channel_id=1, log_time=5, publish_time=5, sequence=0, data=b"")) * count
 
 
 def labelled(text: str) -> tuple[Schema, Channel]:
-    """A topic whose QoS label is `text`."""
+    """Return a topic whose QoS label is `text`."""
     return Schema(id=99, data=b"float64 data", encoding="ros2msg", name="std_msgs/msg/Float64"), Channel(
         id=99, topic="/x", message_encoding="cdr", schema_id=99, metadata={"offered_qos_profiles": text})
 
@@ -163,7 +163,7 @@ def replaced(old: str, new: str) -> Maker:
 
 
 def piped(name: str) -> Maker:
-    """A named pipe in the place of a file."""
+    """Put a named pipe in the place of a file."""
     def make(folder: Path) -> None:
         path = part(folder) if name == "part" else folder / name
         path.unlink(missing_ok=True)
@@ -172,7 +172,7 @@ def piped(name: str) -> Maker:
 
 
 def hard_linked(folder: Path) -> None:
-    """The file has another name outside."""
+    """Give the file a second name outside of the bag."""
     os.link(part(folder), folder.parent / "outside" / "same")
 
 

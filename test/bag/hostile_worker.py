@@ -1,4 +1,5 @@
-"""Reads the bag folders named on stdin by every reader, within limits, and says what came of each as a line of JSON."""
+"""Reads the bag folders named on stdin by every reader, within limits, and prints the result of each as a line of JSON.
+"""
 
 import contextlib
 import io
@@ -23,7 +24,7 @@ DEADLINE = 120  # s, for one reader of one bag on a busy machine
 
 
 def said(main, *arguments: str) -> dict:
-    """What an executable does: its exit code, its lines and its processor time [s]."""
+    """Run an executable's `main`, and return its exit code, its lines and its processor time [s]."""
     out, err = io.StringIO(), io.StringIO()
     began = time.process_time()
     signal.alarm(DEADLINE)
@@ -39,7 +40,7 @@ def said(main, *arguments: str) -> dict:
 
 
 def read(arguments) -> int:
-    """`read_bag` as an executable; what it says is the number of messages, and of flaws."""
+    """Run `read_bag` as if it were an executable; its line has the number of messages and of flaws."""
     try:
         bag = load_bag(arguments[0])
     except BagError as error:

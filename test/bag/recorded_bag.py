@@ -1,4 +1,4 @@
-"""What tests record, and what a bag's folder holds by readers that share no code with the package."""
+"""Messages that the tests record, and the contents of a bag's folder by readers that share no code with the package."""
 
 import contextlib
 import resource
@@ -44,7 +44,7 @@ def by_mcap(folder: Path) -> list[tuple[str, int, bytes]]:
 
 
 def torn(folder: Path) -> dict[str, bytes]:
-    """What was cut and kept."""
+    """Return the files that `recover` has cut off and kept."""
     return {path.name: path.read_bytes() for path in sorted(folder.glob("*.torn*"))}
 
 
@@ -54,7 +54,7 @@ def content(folder: Path) -> dict[str, bytes]:
 
 @contextlib.contextmanager
 def no_file_larger_than(size: int):
-    """Writes beyond so many bytes fail, as on a disk that is full."""
+    """Make writes beyond so many bytes of a file fail, as on a full disk."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
     try:

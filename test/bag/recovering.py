@@ -16,7 +16,7 @@ CALLS = ("write", "ftruncate", "posix_fallocate", "fsync", "unlink", "rename", "
 
 
 def stepped(folder: str) -> None:
-    """Recover and stop before every step."""
+    """Recover a bag, and stop before every step until the parent writes a line."""
     for name in CALLS:
         setattr(os, name, _stepped(getattr(os, name)))
     recover(folder)

@@ -1,4 +1,4 @@
-"""Bags that another hand was in, through every reader: nothing dies, hangs, follows a link or loses a byte."""
+"""Hostile bags, through every reader: no reader dies, hangs, follows a link or loses a byte that is readable."""
 
 import json
 import os
@@ -33,7 +33,7 @@ def bags(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def worker():
-    """A process that reads the bags; a dead one is missed by the next case."""
+    """Start a process that reads the bags; if it dies, the next case fails."""
     child = subprocess.Popen([sys.executable, str(Path(__file__).with_name("hostile_worker.py"))], text=True,
                              stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     yield child
@@ -50,7 +50,7 @@ def ask(worker, line: str) -> dict:
 
 
 def tree(folder: Path) -> dict[str, str]:
-    """What lies in a folder: by path the content's digest, or what it is."""
+    """Return the contents of a folder: by path the digest of a file, or the kind of an entry."""
     found = {}
     for path in sorted(folder.rglob("*")):
         mode = path.lstat().st_mode
@@ -61,7 +61,7 @@ def tree(folder: Path) -> dict[str, str]:
 
 
 def check(answer: dict, reader: str) -> None:
-    """One reader's answer: an exit code, and one line where it refuses."""
+    """Check the answer of one reader: an exit code, and one line if the reader refuses the bag."""
     assert answer["code"] in (0, 1, 2), f"{reader}: {answer['code']}"
     assert answer["time"] < SLOWEST, f"{reader} took {answer['time']} s"
     assert "Traceback" not in answer["err"] and "record it again" not in answer["err"]
@@ -91,7 +91,9 @@ def test_a_hostile_bag_is_read_or_refused(tmp_path, bags, worker, storage, name,
 
 
 def check_recovered(folder: Path, first: dict, second: dict, originals: list[bytes]) -> None:
-    """What could be read still can be, what was cut is beside, and what is sealed is read and stays as it is."""
+    """Check a recovery: readable messages stay readable, cut bytes are kept beside the file, and the sealed bag is read
+    and not changed again.
+    """
     assert second["recover"]["code"] == second["again"]["code"]
     if first["read"]["code"] == 0:
         assert second["read"]["code"] == 0
@@ -108,5 +110,5 @@ def check_recovered(folder: Path, first: dict, second: dict, originals: list[byt
 
 
 def _common(one: bytes, other: bytes) -> int:
-    """Bytes at the beginning that are the same."""
+    """Return the number of equal bytes at the beginning."""
     return len(os.path.commonprefix([one, other]))

@@ -1,4 +1,4 @@
-"""kill -9 at any step of a recovery: what was flushed is never lost, and recovery can be repeated."""
+"""kill -9 at any step of a recovery: flushed messages are never lost, and the recovery can be repeated."""
 
 import shutil
 import signal
@@ -29,7 +29,7 @@ def say(child: subprocess.Popen, line: object) -> None:
 
 
 def killed_at_step(child: subprocess.Popen, folder: Path, calls: int) -> bool:
-    """Let so many calls of a recovery happen, then kill it; whether it was done before."""
+    """Kill a recovery after so many file operations; returns whether it had ended before."""
     say(child, folder)
     for call in range(calls + 1):
         if child.stdout.readline() == "done\n":

@@ -1,4 +1,4 @@
-"""Records that readers believe: each is what it says, or one kind of error, and costs no more memory than it may."""
+"""Reading of MCAP records: each is read as written or refused with one kind of error, within a bound of memory."""
 
 import subprocess
 import sys

@@ -30,7 +30,7 @@ def write_run(recorder, published, start_ns, namespace="", count=N):
 
 @pytest.fixture
 def run(folder, published, start_ns):
-    """The folder of a run."""
+    """Return the folder of a recorded run."""
     with Recorder(folder, topics(), {"scene": "device"}) as recorder:
         write_run(recorder, published, start_ns)
     return folder
@@ -68,7 +68,7 @@ def test_columns_are_the_messages_numbers(bag):
 
 
 def transforms(stamp, children):
-    """A message of tf2_msgs, made by rosbags: a transform for each child."""
+    """Return a message of tf2_msgs, made by rosbags, with a transform for each child."""
     store = get_typestore(Stores.ROS2_JAZZY)
     make = {name.rpartition("/")[2]: kind for name, kind in store.types.items() if name.startswith(
         ("tf2_msgs", "geometry_msgs", "std_msgs/msg/Header", "builtin_interfaces/msg/Time"))}
@@ -80,7 +80,8 @@ def transforms(stamp, children):
 
 @pytest.fixture
 def mixed(tmp_path, published, start_ns):
-    """Samples, two messages of transforms, of which one names too long a frame, and an operation."""
+    """Return a bag with samples, two messages of transforms, one of which has too long a frame name, and an operation.
+    """
     store = get_typestore(Stores.ROS2_JAZZY)
     reset = bytes(store.serialize_cdr(store.types["std_msgs/msg/String"](data="reset"), "std_msgs/msg/String"))
     with Recorder(tmp_path / "run", [*topics(), Topic("/tf", "tf2_msgs/msg/TFMessage", 10),

@@ -15,7 +15,7 @@ from vibro_ros.bag.recorder import LAST_STAMP, BagWriter, Recorder
 
 @pytest.fixture
 def sent(published, start_ns) -> list[tuple[str, int, bytes]]:
-    """400 messages of every topic in turn, in the order of their stamps."""
+    """Return 400 messages, from every topic in turn, in the order of their stamps."""
     return [(topic, start_ns + i * 1_000_000 + k, message(i))
             for i in range(400) for k, (topic, message) in enumerate(published.items())]
 
@@ -82,7 +82,7 @@ def test_a_full_queue_drops_and_counts(folder, published, wait_for, monkeypatch)
 
 
 def test_inputs_are_taken_when_others_are_dropped(folder, published, wait_for, monkeypatch):
-    """A replay computes what was dropped again, but not a command."""
+    """A replay can compute dropped samples again, but not a dropped command."""
     gate, write = threading.Event(), BagWriter.write
     monkeypatch.setattr(BagWriter, "write", lambda *message: gate.wait(30.0) and write(*message))
     data, command = published["/motor_power"](1), Topic("/motor_speed", "std_msgs/msg/Float64", 10, is_input=True)

@@ -1,4 +1,6 @@
-"""The recorder when it is killed, its disk is full or its files are gone: told, counted, never the caller's fault."""
+"""The recorder when it is killed, or its disk is full or its files are gone: the fault is reported and counted, and
+never raises an error in the caller.
+"""
 
 import shutil
 import time
@@ -52,7 +54,7 @@ def test_bag_is_sealed_when_the_caller_fails(folder, published):
 
 
 def record_parts(folder: Path, published, wait_for, spoil, storage: Storage) -> Recorder:
-    """Record half of 400 messages, spoil the folder, and record the rest."""
+    """Record half of 400 messages, damage the folder, and record the rest."""
     recorder = Recorder(folder, POWER, METADATA, storage=storage)
     for i in range(400):
         if i == 200:

@@ -1,4 +1,6 @@
-"""`recover`: killed, torn and damaged bags are sealed, what is cut is kept, and what is no bag is left as it is."""
+"""`recover`: killed, torn and damaged bags are sealed, the part that is cut off is kept, and a folder that is no bag is
+not changed.
+"""
 
 import contextlib
 import errno
@@ -49,7 +51,7 @@ while True:
 
 
 def killed(folder: Path, storage: Storage, rate: float, after: float) -> list[int]:
-    """Record in a process of its own and kill that after so many seconds; the stamps that it wrote."""
+    """Record in a child process and kill it after so many seconds; returns the stamps that it has written."""
     words = [storage.compression, str(storage.max_size), str(rate)]
     child = subprocess.Popen([sys.executable, "-c", ENDLESS, str(folder), *words], stdout=subprocess.PIPE, text=True)
     try:
@@ -123,7 +125,7 @@ def test_metadata_that_are_lost_or_do_not_name_the_files_are_written_again(tmp_p
 
 
 def test_a_bag_that_another_recorder_left_is_sealed(tmp_path, published):
-    """rosbags keeps definitions and topics inside of chunks."""
+    """rosbags stores schemas and channels inside of chunks."""
     store = get_typestore(Stores.ROS2_JAZZY)
     writer = Writer(tmp_path / "run", version=9, storage_plugin=StoragePlugin.MCAP)
     writer.open()
@@ -220,7 +222,7 @@ def test_what_is_cut_is_kept_under_a_free_name_or_not_at_all(unsealed, capsys):
 @pytest.mark.parametrize("where", ["bag.mcap_file.chunk_content", "recordings.recover.write_all",
                                    "recordings.recover._keep_tail"])
 def test_what_goes_wrong_meanwhile_is_no_damage(unsealed, monkeypatch, error, where):
-    """Nothing is cut because memory, the disk or the user's patience came to an end."""
+    """Nothing is cut off the file if memory, the disk or the user's patience runs out during the recovery."""
     folder, sent = unsealed()
     (path,) = folder.glob("*.mcap")
     with path.open("ab") as file:
@@ -326,7 +328,9 @@ def test_folders_that_are_not_ones_own_are_passed_over(unsealed, tmp_path, monke
 
 
 def test_a_bag_that_is_sealed_while_it_is_looked_at_is_not_called_unsealed(tmp_path, published, monkeypatch):
-    """Of robots that start at once in one folder, one said of another's bag that its robot was killed."""
+    """When several robots started at once in one folder, one of them reported that the robot of another's bag had been
+    killed.
+    """
     recorder = Recorder(tmp_path / "run", POWER, {})
     recorder.write("/motor_power", 1, published["/motor_power"](1))
     monkeypatch.setattr("vibro_ros.bag.folders.writing_processes", lambda _: recorder.close() and {})

@@ -1,4 +1,4 @@
-"""A bag's folder, and its files: in time order, without overlap, within the limits, one metadata.yaml for all."""
+"""The files of a bag: in time order, without overlap, within the limits, with one metadata.yaml for all."""
 
 from datetime import datetime
 from itertools import islice
@@ -31,7 +31,7 @@ SPLITS = {
 
 
 def write(folder: Path, storage: Storage, published, start_ns, samples: int = 400) -> list[tuple[str, int, bytes]]:
-    """Record two topics with the same stamps, a flush every 0.1 s; what was written."""
+    """Record two topics with the same stamps and a flush every 0.1 s; returns what was written."""
     writer = BagWriter(folder, TOPICS, {"scene": "device"}, storage)
     sent = []
     for i in range(samples):

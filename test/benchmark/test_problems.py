@@ -58,7 +58,7 @@ def test_exact_keeps_its_promise(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_heyoka_agrees_with_the_reference_to_rounding(name):
-    """Another method by other authors: the second road to the reference values."""
+    """heyoka is another method by other authors, so that it checks the reference values independently."""
     pytest.importorskip("heyoka", reason="heyoka is the second road")
     problem = problems.load(name)
     answer = import_module("benchmark.programs.heyoka").prepare(problem, Setting(2.2e-16, ""))()
@@ -93,14 +93,14 @@ def test_a_ball_that_may_not_rest_falls_through_the_ground():
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name != "7_bounce"])
 def test_the_unit_of_cost_converges_to_the_reference(name):
-    """Runge-Kutta of the device, which crosses events blindly: at first order, or better where nothing jumps."""
+    """The device's Runge-Kutta crosses events without locating them: first order, or better where no force jumps."""
     problem = problems.load(name)
     coarse, fine = (problem.error(DEVICE["rk4"].prepare(problem, Setting(step, ""))().samples) for step in (1e-5, 1e-6))
     assert fine < 0.25 * coarse
 
 
 def test_the_compiled_equations_are_the_rows_of_the_readme():
-    """The four rows, put together from the accelerations of every mode, leave nothing."""
+    """The accelerations of every mode, put into the four rows of the equations, leave no remainder."""
     problem = problems.load("device")
     p, generator = machine(problem), np.random.default_rng(1)
     m2, m3, total, sine, cosine = p.m2, p.m3, p.total, p.sine, p.cosine

@@ -35,7 +35,7 @@ def test_it_tends_to_the_exact_solution(name):
 
 
 def test_it_is_compiled():
-    """In Python it costs 200 times as much, and every headline would flatter the others as much."""
+    """Without compilation it would cost 200 times as much, which would flatter the other programs by that factor."""
     scene = load_scene("unilateral")
     positions(scene, np.arange(3) / 200.0, 1e-5)
     assert rk4_by_hand._integrate.signatures

@@ -1,4 +1,4 @@
-"""A program that crashes, hangs, returns no numbers or is absent is a result, and the run goes on."""
+"""A program that crashes, hangs, returns NaN or is not installed gives a row with that outcome, and the run goes on."""
 
 import math
 import sys
@@ -67,7 +67,9 @@ def test_a_body_that_goes_the_wrong_way_is_called_so():
 
 
 def test_a_body_that_falls_is_called_so_whatever_its_error():
-    """Deeper below the ground than it rises above it; a soft ground that gives way by less is no fall."""
+    """The outcome is a fall if the body is deeper below the ground than it rises above it; a soft ground that gives way
+    by less is no fall.
+    """
     ball = problems.load("bounce")
     height = ball.start["y"]
     for depth, outcome in ((0.1, "ok"), (1.1, "falls through the ground"), (100.0, "falls through the ground")):
@@ -121,7 +123,7 @@ def test_a_name_that_is_none_is_refused(capsys):
 
 
 def test_the_page_says_first_where_another_program_wins():
-    """A program wins that is as accurate and cheaper; not one that is cheaper alone, nor one that failed."""
+    """A program wins if it is as accurate and cheaper; being cheaper alone, or failing, does not win."""
     rows = [row(problem="1_impact", cost=0.5, share_error=1e-11),
             row(problem="1_impact", program="heyoka", cost=0.4, share_error=9e-12),
             row(problem="1_impact", program="heyoka", cost=0.3, share_error=1e-9),

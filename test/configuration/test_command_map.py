@@ -70,7 +70,7 @@ def test_another_machine_is_told_by_its_first_parameter_and_other_commands_and_s
 
 
 def test_a_dc_motor_is_part_of_the_machine_but_for_its_commands(tmp_path):
-    """A map of a machine whose motor is given in time says so of one with a dc motor, and the other way round."""
+    """A map of a machine with a given motor speed does not fit a machine with a dc motor, and the reverse."""
     device, machine = load_scene("device"), load_scene("machine")
     dc = device.with_parameters({"effects.motor": "dc"})
     assert known_map().difference(dc) == "effects.motor is given in time there, dc here"
@@ -105,7 +105,7 @@ def test_commands_for_a_mean_speed_are_exact_where_the_map_is_linear(speed):
 
 
 def test_commands_keep_away_from_borders():
-    """Of all places with -30 mm/s the one in the middle of the motion is chosen, three cells from its borders."""
+    """Of all cells with -30 mm/s the one in the middle of the motion is chosen, three cells from its borders."""
     chosen = CommandChoice(known_map()).commands_for(-0.03)
     assert chosen.clearance >= 2
     assert GAPS.low + GAPS.step <= chosen.commands["upper_gap"] <= GAPS.high - GAPS.step
@@ -176,7 +176,7 @@ def test_other_bytes_are_refused(tmp_path, content):
 
 
 def test_a_parameter_that_a_map_lacks_has_its_default_and_a_long_value_makes_no_long_message(file):
-    """As in a map that was made before the parameter was written."""
+    """A map may have been made before the parameter existed."""
     document = json.loads(file.read_text())
     assert document["parameters"].pop("ground.stribeck_speed") == 0.01
     file.write_text(json.dumps(document))

@@ -23,7 +23,7 @@ SHOWN_BY = {"RobotModel": "std_msgs/msg/String", "Odometry": "nav_msgs/msg/Odome
 
 
 def assert_number(type_name: str, path: list[str]) -> None:
-    """A path of fields, of which a list has an index, leads to a number."""
+    """Check that a path of fields, with an index for each list, leads to a number."""
     name, *rest = path
     field, index = re.fullmatch(r"(\w+)(?:\[(\d+)\])?", name).groups()
     kind, what = dict(jazzy_types().fielddefs[type_name][1])[field]
@@ -37,7 +37,7 @@ def assert_number(type_name: str, path: list[str]) -> None:
 
 
 def parts(document: object) -> Iterator[dict]:
-    """Every mapping of a document, whatever it is in."""
+    """Yield every mapping of a document, at any depth."""
     if isinstance(document, dict):
         yield document
     for one in document.values() if isinstance(document, dict) else document if isinstance(document, list) else ():

@@ -111,7 +111,7 @@ def test_a_missing_file_or_scene_is_refused(tmp_path):
 
 
 def test_the_order_of_lines_does_not_matter(scene_file):
-    """A radius that only the longer rods of a later line allow."""
+    """A crank radius is accepted although only the longer rods of a later line allow it."""
     lines = ["crank.radius: 0.08", "crank.upper_rod: 0.1", "crank.inclined_rod: 0.1", "upper.gap: 0.09"]
     scenes = [load_scene(scene_file(below_head(*order))) for order in (lines, lines[::-1])]
     assert scenes[0] == scenes[1]
@@ -173,7 +173,9 @@ def test_a_bad_scene_of_a_scene_is_refused(scene_file, tmp_path, base, named):
 
 
 def test_the_parameters_of_every_node_are_left_aside(scene_file):
-    """As `ros2 param dump` writes them."""
+    """`ros2 param dump` writes parameters that every node has, such as `use_sim_time`; they are not parameters of a
+    scene.
+    """
     path = scene_file("/vibro_robot:\n  ros__parameters:\n    mass:\n      body: 2.0\n    scene: device\n"
                       "    start_type_description_service: true\n    use_sim_time: false\n"
                       "    qos_overrides:\n      /clock:\n        subscription:\n          depth: 1\n")

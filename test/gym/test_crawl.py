@@ -18,7 +18,7 @@ def made(**arguments) -> gymnasium.Env:
 
 
 def returns(env: gymnasium.Env, policy, seeds) -> float:
-    """Mean reward of a step over episodes of these seeds."""
+    """Mean reward of a step over episodes with these seeds."""
     rewards = []
     for seed in seeds:
         (observation, _), over = env.reset(seed=seed), False
@@ -104,7 +104,8 @@ def test_another_reward_and_a_picture():
 
 
 def trained(env: gymnasium.Env, count: int, policy_of) -> np.ndarray:
-    """Numbers of a policy by the cross-entropy method: 4 generations of 12, each over three episodes."""
+    """Train a policy by the cross-entropy method, 4 generations of 12, each over three episodes; returns its numbers.
+    """
     random, middle, spread = np.random.default_rng(0), np.zeros(count), np.full(count, 0.7)
     for generation in range(4):
         tried = random.normal(middle, spread, (12, count))
@@ -117,7 +118,9 @@ def trained(env: gymnasium.Env, count: int, policy_of) -> np.ndarray:
 
 @pytest.mark.process
 def test_a_policy_learns_what_no_constant_command_does():
-    """A motor speed that follows the distance, against the best constant commands, both after the same training."""
+    """A policy whose motor speed follows the distance is compared with the best constant commands after the same
+    training.
+    """
     env, unseen = made(), range(1000, 1010)
 
     def constant(numbers):

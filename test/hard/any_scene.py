@@ -40,7 +40,7 @@ def draw_scenario(rng):
 
 
 def draw_scene(rng):
-    """A scene that `Scene` accepts; what it refuses must name a parameter and a remedy, and is drawn again."""
+    """Draw a scene that `Scene` accepts; a refusal must name a parameter and a remedy, and another scene is drawn."""
     while True:
         try:
             return vibro_ros.Scene("any", _values(rng))
@@ -50,7 +50,7 @@ def draw_scene(rng):
 
 
 def slowest_time(scene):
-    """The longest of the scene's own times [s]: a turn, a period of a mass on its spring."""
+    """The longest of the scene's own times [s]: of a turn, or of a period of a mass on its spring."""
     turn = 2.0 * math.pi / abs(scene["motor.speed"]) if scene["motor.speed"] else 0.0
     periods = [2.0 * math.pi * math.sqrt(scene[f"mass.{side}"] / scene[f"{side}.spring.stiffness"])
                for side in scene.guides if scene[f"{side}.spring.stiffness"]]
@@ -58,7 +58,9 @@ def slowest_time(scene):
 
 
 def _command(rng, scene):
-    """Keywords of a command: another speed, and gaps that are the scene's or some tenths of a millimetre off."""
+    """Draw the keywords of a command: another speed, and gaps equal to the scene's or some tenths of a millimetre away
+    from them.
+    """
     factor, faster = _one_of(rng, [0.0, 0.5, 1.0, 2.0]), _one_of(rng, [0.0, 10.0])
     wanted = {"motor_speed": min(scene["motor.max_speed"], abs(scene["motor.speed"]) * factor + faster)}
     wanted["motor_speed"] *= _one_of(rng, [1.0, -1.0])
@@ -73,7 +75,7 @@ def _command(rng, scene):
 
 
 def _values(rng):
-    """Values of all parameters that are drawn."""
+    """Draw the values of all parameters."""
     seed = int(rng.integers(2**63))
 
     def of(name):
@@ -115,7 +117,9 @@ def _value(rng, parameter, wild, rich):
 
 
 def _number(rng, parameter, wild):
-    """Within a factor of three of the default; from all of the legal decades if `wild`; or the default; or zero."""
+    """Draw a number within a factor of three of the default, or from all legal decades if `wild`, or the default, or
+    zero.
+    """
     if parameter.maximum <= 1.0:
         return _one_of(rng, [_between(rng, 0.0, 1.0), _one_of(rng, [0.0, 0.5, 1.0])])
     if _one_of(rng, [False, False, True]):
@@ -127,7 +131,9 @@ def _number(rng, parameter, wild):
 
 
 def _compatible(values):
-    """Changes of a rich scene's choices that are refused together, rigid plates as printed, and would be rare."""
+    """Return changes of a rich scene that replace rigid plates by compliant ones under the rule `printed`, because the
+    combination is refused and such scenes would become rare.
+    """
     if values["effects.normal_force"] != "printed":
         return {}
     return {f"effects.{side}_contact": "compliant" for side in SIDES
@@ -135,14 +141,16 @@ def _compatible(values):
 
 
 def _may_be_misprinted(values):
-    """Whether the misprint means something: a robot that it does not fit would be drawn again, nearly always."""
+    """Whether the scene may have the misprint; other robots with the misprint are nearly always refused, so that the
+    draw would be repeated.
+    """
     both = values["effects.upper_mass"] and values["effects.inclined_mass"]
     plate = values["effects.inclined_contact"] == "compliant" and values["inclined.plate.stiffness"] > 0.0
     return both and plate and not values["effects.reaction"]
 
 
 def _geometry(rng, values):
-    """Crank, guide and gaps, exact equality with the rods and right angles included."""
+    """Draw crank, guide and gaps; the crank may be exactly as long as a rod, and the angle exactly 0, π/2 or π."""
     shorter = min(values["crank.upper_rod"], values["crank.inclined_rod"])
     radius = shorter * _one_of(rng, [1.0, _between(rng, 1e-3, 1.0), 1.0 / 3.0])
     angle = _one_of(rng, [_between(rng, 0.0, math.pi), _between(rng, 0.2, 1.4),
@@ -159,7 +167,9 @@ def _gap(rng, lengths):
 
 
 def _given_start(rng, values):
-    """Where a given start puts what the scene has: masses about their plates, not deep in them, in any direction."""
+    """Draw a given start for the coordinates of the scene: masses near their plates, not deep in them, moving in any
+    direction.
+    """
     start = {"start.crank_angle": _between(rng, -50.0, 50.0)}
     speed = values["crank.radius"] * abs(values["motor.speed"])
     for side in SIDES:
@@ -184,5 +194,7 @@ def _between(rng, low, high):
 
 
 def _one_of(rng, values):
-    """One of `values`, each as likely; itself, because numpy's choice would turn it into numpy's type."""
+    """Draw one of `values` with equal probability; numpy's choice is not used, because it would convert the value to a
+    type of numpy.
+    """
     return values[rng.integers(len(values))]

@@ -1,4 +1,5 @@
-"""A body that leaves stick leaves it once, under every force of the ground, and under one that a row adds."""
+"""A body that leaves stick does so only once, under every force of the ground, and under a force that a new row adds.
+"""
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ CASES = [(force, number) for force in GROUND_FORCES for number in NUMBERS[force.
 @pytest.mark.parametrize("name", ["damped", "unilateral", "device"])
 @pytest.mark.parametrize(("force", "number"), CASES, ids=[f"{force.symbol} {number}" for force, number in CASES])
 def test_no_state_begins_twice_at_one_instant_and_energy_balances(monkeypatch, name, force, number):
-    """A56. Where stick ends the body is at rest but for rounding, whatever holds it."""
+    """A56. At the end of a stick the body is at rest to rounding, whatever held it."""
     monkeypatch.setattr(parameter_values, "GROUND_FORCES", (*(one for one in GROUND_FORCES if (
         one.parameter != force.parameter)), force))
     scene = vibro_ros.load_scene(name).with_parameters({

@@ -55,7 +55,9 @@ def bounce(device, impacts):
 @pytest.mark.parametrize("reaction", [False, True])
 @pytest.mark.parametrize("plates", PLATES)
 def test_a_million_impacts_keep_the_energy(plates, reaction):
-    """A31. 1e-9 of it, 1e-15 an impact: what doubles make of one is 2e-16, and it may be the same each time."""
+    """A31. To 1e-9 of the energy, which is 1e-15 an impact: rounding changes it by 2e-16 an impact, possibly always in
+    the same direction.
+    """
     device = bouncing(plates, {"effects.reaction": reaction})
     energies, events = bounce(device, 1_000_000)
     counts = [np.count_nonzero(events["kind"] == f"{side}_contact") for side in SIDES]
@@ -69,7 +71,9 @@ def test_a_million_impacts_keep_the_energy(plates, reaction):
 
 
 def test_what_blows_take_is_missing_from_the_energy():
-    """The comparison sees a restitution of 0.9999, and what it takes, (1 - e²) m v²/2 a blow; the accounts book it."""
+    """The test of the energy detects a restitution of 0.9999: each blow dissipates (1 - e²) m v²/2, which the accounts
+    add up.
+    """
     device = bouncing("rigid", {f"{side}.plate.restitution": 0.9999 for side in SIDES})
     energies, events = bounce(device, 5000)
     mass = np.where(events["kind"] == "upper_contact", device.scene["mass.upper"], device.scene["mass.inclined"])

@@ -23,7 +23,9 @@ def ramped(time, corners, speeds):
 
 
 def swing(time, corners, speeds, frequency=100.0):
-    """Duhamel's integral over a slider at that angle, by Gauss's rule on pieces of 1 ms that end at the corners."""
+    """Return Duhamel's integral over a slider at the given crank angles, by Gauss's rule on pieces of 1 ms that end at
+    the corners.
+    """
     edges = np.unique(np.concatenate((np.linspace(0.0, time, int(time * 1e3) + 2), [c for c in corners if c < time])))
     middle, half = (edges[1:] + edges[:-1]) / 2, (edges[1:] - edges[:-1]) / 2
     tau = middle[:, None] + half[:, None] * NODES
@@ -34,8 +36,9 @@ def swing(time, corners, speeds, frequency=100.0):
 
 @pytest.mark.parametrize("low", [0.0, 1e-9, 20.0, -1e-9, -20.0, -60.0])
 def test_a_ramp_turned_back_at_every_phase(low):
-    """Down from 60 rad/s at 48 instants of a turn, back up before it stands, after that, or from turning backwards:
-    angle and mass as computed."""
+    """The motor slows down from 60 rad/s at 48 instants of a turn, and is commanded up again before it stands, after
+    that, or while it turns backwards: angle and mass are as computed.
+    """
     turn = 2.0 * math.pi / 60.0
     for begin in np.arange(1, 49) / 48 * turn:
         device = vibro_ros.Simulator(FREE)
@@ -56,7 +59,9 @@ def test_a_ramp_turned_back_at_every_phase(low):
 
 
 def test_a_ramp_to_standstill_that_commands_cut_at_every_tick():
-    """Commands that change nothing split the ramp; what rounding leaves of it at its end neither fails nor turns."""
+    """Commands that change nothing split the ramp; the rounding error at its end neither fails the run nor turns the
+    crank.
+    """
     for ticks in range(1, 400, 7):
         begin = 0.005 * ticks
         device = vibro_ros.Simulator(vibro_ros.load_scene("device").with_parameters({"motor.speed": 40.0}))
@@ -70,8 +75,9 @@ def test_a_ramp_to_standstill_that_commands_cut_at_every_tick():
 
 
 def test_a_motor_that_stops_on_a_cell_of_the_crank_starts_again():
-    """Ramps that stop exactly at multiples of an eighth turn, where the tables of the slider have their seams; it goes
-    on there, or back."""
+    """Ramps stop exactly at multiples of an eighth turn, where cells of the slider's table meet; the motor goes on
+    there, or back.
+    """
     for eighths, speed in itertools.product(range(1, 17), (30.0, -30.0)):
         angle = eighths * math.pi / 4.0
         device = vibro_ros.Simulator(FREE.with_parameters({"motor.acceleration": 60.0**2 / (2.0 * angle)}))

@@ -39,7 +39,7 @@ def test_near_resonance_nothing_divides_by_zero(detuning, harmonic):
 
 
 def test_a_hundred_seconds_at_resonance_grow_to_a_hundred_metres():
-    """A2. Of a crank as it is, whose rod adds its harmonics."""
+    """A2. The crank has a rod of finite length, which adds its harmonics."""
     times = np.linspace(0.0, 100.0, 1001)
     run = vibro_ros.simulate(PAPER, times=times)
     exact = fourier_motion(times, 100.0, 100.0)
@@ -61,7 +61,7 @@ def test_very_slow_and_very_fast_motors(speed, duration):
 
 @pytest.mark.parametrize("mass", [1e-3, 1e-6, 1e-9])
 def test_a_mass_that_nearly_vanishes_follows_its_slider(mass):
-    """Exact for each mass; and u - s falls with the mass, as s'' m / k."""
+    """The motion is exact for each mass, and u - s vanishes with the mass, as s'' m / k."""
     times = np.linspace(0.0, 0.1, 101)
     run = vibro_ros.simulate(PAPER.with_parameters({"mass.upper": mass}), times=times)
     exact = fourier_motion(times, 100.0, np.sqrt(1e3 / mass))

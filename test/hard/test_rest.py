@@ -57,8 +57,9 @@ def test_a_chattering_mass_rests_and_is_released_once_a_turn():
 
 
 def test_bounces_without_loss_that_a_damper_shortens_come_to_an_end():
-    """e = 1 against c2 and a push of 40 N. A parabola of the speed v lasts T = 2 v m/F, and the damper takes the part
-    c T/(3 m) of v: after 3 m/c / 1e-7 s bounces, to 1 % for the first, long ones, T is 1e-7 s, and it rests."""
+    """e = 1 against c2 and a push of 40 N. A parabola of the speed v lasts T = 2 v m/F, and the damper takes the part c
+    T/(3 m) of v: after 3 m/c / 1e-7 s bounces, to 1 % (the first, long ones differ), T is 1e-7 s, and the mass rests.
+    """
     scene = RIGID.with_parameters({"upper.plate.restitution": 1.0, "effects.inclined_mass": False, "upper.gap": -0.02,
                                    "upper.spring.damping": 20.0, "mass.upper": 0.02, "motor.speed": 1.0,
                                    "start.state": "zero"})

@@ -1,4 +1,4 @@
-"""Two things in one instant: their order, a rounding apart either way, must not matter."""
+"""Two events in one instant: the result must not depend on their order, nor on a rounding error between them."""
 
 import itertools
 import math
@@ -14,7 +14,7 @@ POSITIONS = ("body_position", "upper_position", "inclined_position")
 
 
 def agree(runs, tolerance):
-    """All runs tell of the same events and end alike."""
+    """All runs have the same events and the same end."""
     for run in runs[1:]:
         assert sorted(run.events["kind"]) == sorted(runs[0].events["kind"])
         for name in POSITIONS:
@@ -93,7 +93,9 @@ def speeds_of(state):
 @pytest.mark.parametrize(("rule", "friction"), [("weight", 6.0), ("unilateral", 4.0)])
 @pytest.mark.parametrize("reaction", [False, True])
 def test_contact_and_stick_in_the_same_instant(reaction, rule, friction, kind):
-    """The plate is put where the rising upper mass is when the body stops, or 1e-15 to 1e-13 s of its way off."""
+    """The upper mass, which rises, reaches its plate exactly when the body stops, or within 1e-15 to 1e-13 s of that
+    instant.
+    """
     base = PAPER.with_parameters({
         "effects.normal_force": rule, "effects.upper_contact": "none", "effects.reaction": reaction,
         "start.state": "zero", "effects.inclined_contact": "none", "ground.friction": friction,
@@ -158,8 +160,10 @@ def test_the_normal_force_passes_zero_in_contact(stiffness):
 
 
 def test_a_normal_force_that_is_rounding_decides_nothing():
-    """On a level guide, without gravity and with the upper mass at rest on its plate, N is zero for good: not the
-    6e-17 that the rounding of pi/2 leaves of m3 w'' cos(phi), whose sign comes and goes with every rounding of w''."""
+    """On a level guide, without gravity and with the upper mass at rest on its plate, N is exactly zero all the time:
+    it must not be the 6e-17 that the rounding of pi/2 leaves of m3 w'' cos(phi), whose sign changes with every rounding
+    of w''.
+    """
     scene = vibro_ros.Scene("level", {
         "guide.angle": math.pi / 2, "gravity": 0.0, "mass.inclined": 19.984064754164955, "motor.speed": 0.0,
         "inclined.spring.damping": 0.02063814804786417, "ground.friction": 1.2787046034823155, "start.state": "zero",

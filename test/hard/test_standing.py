@@ -1,4 +1,4 @@
-"""Masses that stand: held in long segments once their motion has died away, and never before."""
+"""Masses at rest: held in long segments once their motion has decayed, and never before."""
 
 import math
 from fractions import Fraction
@@ -65,7 +65,9 @@ def test_a_motion_of_a_tenth_of_a_picometre_without_dampers_goes_on():
 @pytest.mark.parametrize("command", [{"motor_speed": 80.0}, {"upper_gap": 0.002}, {"inclined_gap": -0.002}],
                          ids=["motor", "upper", "inclined"])
 def test_held_masses_answer_a_command_as_those_that_have_just_settled(command):
-    """The body's way and the masses', from a command on: the same after a minute of standing as after a few seconds."""
+    """After a command, the displacements of body and masses are the same after a minute of standing as after a few
+    seconds.
+    """
     ways = []
     for stood in (8.0, 60.0):
         device = settled(vibro_ros.load_scene("device"), stood)
@@ -82,7 +84,7 @@ def test_held_masses_answer_a_command_as_those_that_have_just_settled(command):
 @pytest.mark.parametrize("adhesion", [True, False])
 @pytest.mark.parametrize("load", [0.0, 1e-18, -1e-18, 1e-16, 1e-15, 1e-13, -1e-13])
 def test_a_mass_that_rests_on_its_plate_without_load(load, damping, adhesion):
-    """Preloads whose penetration is lost in rounding: contact and no contact must not take turns for ever."""
+    """Preloads whose penetration is below rounding: contact and no contact must not alternate for ever."""
     rest = float(Slider(0.02, 0.06, 0.9).position(0.0))
     device = vibro_ros.Simulator(vibro_ros.load_scene("unilateral").with_parameters({
         "effects.motor": "ramp", "motor.speed": 0.0, "guide.angle": 0.9, "effects.adhesion": adhesion,

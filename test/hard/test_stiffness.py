@@ -71,7 +71,7 @@ def test_an_overdamped_plate_that_may_pull_never_lets_go(ratio):
 
 @pytest.mark.parametrize("nothing", [0.0, 5e-324, 9.9e-31])
 def test_a_plate_without_stiffness_and_damping_is_no_plate(nothing):
-    """The same bits, events, modes and guards as of a scene without the contact."""
+    """Bits, events, modes and guards are those of a scene without the contact."""
     state, contacts = hit({"upper.plate.stiffness": nothing})
     assert state.upper_position == vibro_ros.Simulator(FREE).state.upper_position and state.upper_velocity == 0.0
     assert len(contacts) == 0

@@ -1,4 +1,4 @@
-"""A thousand scenes from the legal ranges, each held against what must be true of all of them."""
+"""A thousand scenes from the legal ranges, each checked for properties that hold in every scene."""
 
 import math
 from collections import Counter
@@ -26,7 +26,9 @@ LEAST = {"effects.reaction True": 50, "effects.adhesion False": 55, "effects.mas
 
 @pytest.mark.parametrize("first", range(0, 1000, PART))
 def test_invariants_in_1000_random_scenes(first):
-    """A33. Each check says what must be true of every scene; `check_coverage` says how often each thing happened."""
+    """A33. Each check tests a property of every scene; `check_coverage` requires that the tested situations occur often
+    enough.
+    """
     seen = Counter()
     for seed in range(first, first + PART):
         seen.update(check_scene(seed))
@@ -34,7 +36,7 @@ def test_invariants_in_1000_random_scenes(first):
 
 
 def check_scene(seed):
-    """Check the scene of this seed; what it has and what happened in it."""
+    """Check the scene of this seed; returns what the scene has and what happened in its run."""
     rng, drawn = np.random.default_rng(seed), "while it is drawn"
     try:
         scene, commands, end = draw_scenario(rng)
@@ -59,7 +61,7 @@ def may_run_away(scene):
 
 
 def check_scenario(scene, commands, end, rng):
-    """Check a run; what the scene has and what happened in it."""
+    """Check a run; returns what the scene has and what happened in the run."""
     cut, commands = cut_run(scene, commands, end, rng)
     end = cut.time
     device, rows, events = sampled_run(scene, commands, end)
@@ -107,7 +109,7 @@ def sampled_run(scene, commands, end):
 
 
 def traits(scene, rows, events):
-    """What a scene has and what happened in it."""
+    """Return the traits of a scene and its run: which effects it has, and which events occurred."""
     choices = {name: value for name, value in scene.parameters.items() if name.startswith("effects.")}
     found = {f"{name} {value}" for name, value in choices.items()} | set(events["kind"].tolist())
     rigid = [side for side in scene.plates if choices[f"effects.{side}_contact"] == "restitution"]
@@ -123,8 +125,9 @@ def traits(scene, rows, events):
 
 
 def check_coverage(seen):
-    """What the checks are for must be drawn and happen often enough, in each part, so that the parts may run anywhere.
-    A change of the parameter table changes the draw."""
+    """Check that the situations which the other checks test are drawn and occur often enough in each part, so that each
+    part may run on its own. A change of the parameter table changes the draw.
+    """
     effects = [parameter for parameter in SCENE_PARAMETERS if parameter.name.startswith("effects.")]
     choices = [f"{effect.name} {choice}" for effect in effects for choice in effect.choices or (False, True)]
     kinds = [*MODE_EVENTS, "upper_contact", "inclined_contact", "gap_reached", "motor_ramp_end"]
@@ -138,7 +141,9 @@ def check_finite(rows):
 
 
 def check_events(events, end):
-    """In the order in which they ended; contacts last, and neither speed nor force is negative."""
+    """Check that events are in the order in which they ended, that contacts last, and that neither speed nor force is
+    negative.
+    """
     assert (events["duration"] >= 0.0).all() and (events["time"] >= 0.0).all()
     ended = events["time"] + events["duration"]
     assert (np.diff(ended) >= -1e-14 * end).all()
@@ -148,8 +153,9 @@ def check_events(events, end):
 
 
 def check_instants(events):
-    """No state of the body, or of the crank, begins twice at one instant without a shock, which changes the velocities:
-    it could begin for ever. Two events of one instant have the very same bits of time."""
+    """Check that no state of the body or of the crank begins twice at one instant without a shock, because it could
+    then begin for ever. A shock changes the velocities. Two events of one instant have exactly the same bits of time.
+    """
     shocks = events["time"][(events["kind"] == "landing") | np.isinf(events["peak_force"])]
     changes = events[np.isin(events["kind"], MODE_EVENTS) & ~np.isin(events["time"], shocks)]
     begun = Counter(zip(changes["time"].tolist(), changes["kind"].tolist(), strict=True))
@@ -157,8 +163,9 @@ def check_instants(events):
 
 
 def check_plates(scene, device, rows):
-    """No mass is beyond a rigid plate, nor beyond a compliant one that does not push. Each step rounds the place of a
-    mass that a moving plate takes along, and the plate's own."""
+    """Check that no mass is beyond a rigid plate, nor beyond a compliant plate that does not push. Each step rounds the
+    position of a mass that a moving plate carries, and the plate's own.
+    """
     for side in scene.plates:
         assert np.isin(np.abs(rows[f"{side}_plate_velocity"]), (0.0, scene["gap_actuator.speed"])).all(), side
         depth = rows[f"{side}_position"] - rows[f"{side}_plate_position"]
@@ -201,7 +208,9 @@ def motor_acceleration(scene, rows):
 
 
 def check_height(scene, device, rows):
-    """The body is not below the ground, and in the air the ground does nothing to it.
+    """Check that the body is not below the ground, and that the ground exerts no force on it in the air. The distance
+    by which rounding of forces moves it within a segment is allowed: 2e-15 m in the scene `device`, more where plates
+    of 1e11 N/m press on masses on guides of a kilometre.
 
     What the rounding of forces moves it within a segment is no height: 2e-15 m in the scene `device`, more where plates
     of 1e11 N/m press on masses on guides of a kilometre.
@@ -218,10 +227,11 @@ def check_height(scene, device, rows):
 
 
 def check_friction(scene, rows):
-    """The ground pushes, and rubs by its law: a body that slips as much as it must, against its motion, and a body that
-    stands no more than it may. Only by the rule `printed` N may be negative, and then friction acts along the motion,
-    also on a body that starts at the instant of the sample. The N of `unilateral` is reported as 0 where it is
-    negative: then it may not appear in the friction either."""
+    """Check that the ground pushes, and that friction obeys its law: its full value against the motion of a slipping
+    body, and at most the bound for a body at rest. Only by the rule `printed` N may be negative; friction then acts
+    along the motion, also on a body that starts at the instant of the sample. The N of `unilateral` is reported as 0
+    where it is negative, and must then not appear in the friction either.
+    """
     normal, friction, speed = rows["normal_force"], rows["friction_force"], rows["body_velocity"]
     law, rounding = scene["effects.friction"], force_rounding(scene, rows)
     if scene["effects.normal_force"] != "printed":
@@ -249,7 +259,9 @@ def check_friction(scene, rows):
 
 
 def check_rest(scene, rows, events):
-    """After a `stick` and until the next event of the friction the body stands: exactly 0, at one place."""
+    """Check that the body stands, with speed exactly 0 at one position, after a `stick` and until the next event of the
+    friction.
+    """
     changes = events[np.isin(events["kind"], MODE_EVENTS)]
     last = np.searchsorted(changes["time"], rows["time"], side="right") - 1
     sticks = np.flatnonzero(changes["kind"] == "stick")
@@ -291,8 +303,9 @@ def check_energy(scene, device, rows):
 
 
 def check_accounts(scene, accounts, allowed):
-    """What is received is lost or stored, to rounding. Nothing but the friction of eq. (6) gives where it should take,
-    and with the reaction nothing is unpaid."""
+    """Check that received energy is lost or stored, to rounding. Only the friction of eq. (6) may supply energy instead
+    of dissipating it, and with the reaction `unpaid` is zero.
+    """
     assert abs(accounts["residual"]) <= allowed
     taking = {"drive_dampers", "plate_dampers", "blows", "landings", "copper", "bearing"}
     taking |= {"friction"} if scene["effects.normal_force"] != "printed" and scene["ground.drag"] == 0.0 else set()
@@ -301,15 +314,19 @@ def check_accounts(scene, accounts, allowed):
 
 
 def series_rounding(scene, device):
-    """Rounding of the work in a segment [J], however soon an event ends it: its series are rounded to their size over
-    the whole of it, here the way that the weight takes a body within it from rest."""
+    """Rounding error of the work in a segment [J]. It does not depend on how soon an event ends the segment, because
+    the series are rounded to their size over the whole segment, here the distance that the weight moves a body within
+    it from rest.
+    """
     weight = scene.total_mass * scene["gravity"]
     half = 0.5 * min(1.0, device._motion.model.system.longest_segment.max())
     return ROUNDING * weight * 0.5 * weight / scene["mass.body"] * half**2
 
 
 def stored_energy(scene, rows):
-    """What the drive springs may hold [J]: a mass that is put on its plate, by a rounding, changes it by as much."""
+    """Energy that the drive springs may store [J], because rounding in putting a mass on its plate changes the energy
+    in proportion to it.
+    """
     return sum(0.5 * scene[f"{side}.spring.stiffness"] * (scene[f"crank.{side}_rod"] + scene["crank.radius"]
                                                           + np.abs(rows[f"{side}_position"]).max()) ** 2
                for side in scene.guides)

@@ -20,7 +20,7 @@ def equal(one, other):
 
 @pytest.mark.parametrize(("name", "motor"), [("paper", "ideal"), ("rigid", "ramp"), ("device", "lag")])
 def test_a_speed_below_the_least_is_standstill(name, motor):
-    """As command to a motor that stands, to one that turns, and as parameter: the bits of the speed 0."""
+    """Such a speed has the bits of the speed 0: as a command to a motor that stands or turns, and as a parameter."""
     scene = vibro_ros.load_scene(name).with_parameters({"effects.motor": motor})
 
     def states(speed, first):
@@ -56,7 +56,7 @@ def test_a_tiny_parameter_is_zero_or_refused(parameter):
 
 
 def _extreme(parameter, random):
-    """The default, an end of the range, something negligible, or any of the legal decades."""
+    """Draw the default, an end of the range, a negligible number, or a number from any legal decade."""
     if isinstance(parameter.default, bool):
         return bool(random.random() < 0.6)
     if parameter.choices:
@@ -70,7 +70,7 @@ def _extreme(parameter, random):
 
 
 def _scene(random):
-    """A scene of extremes, made legal where that is easy; None if it is refused, as it should be."""
+    """Draw a scene of extremes, made legal where that is easy; None if it is rightly refused."""
     values = {parameter.name: max(_extreme(parameter, random), parameter.minimum) if parameter in NUMBERS else
               _extreme(parameter, random) for parameter in SCENE_PARAMETERS
               if not parameter.name.startswith(("solver.", "sensors."))}
@@ -93,7 +93,7 @@ def _scene(random):
 
 @pytest.mark.parametrize("seed", range(2))
 def test_extremes_of_every_parameter_together(seed):
-    """What is accepted runs, with commands from one end of the speeds to the other and steps from 5e-324 s up."""
+    """Every accepted scene runs, with commands from one end of the speeds to the other and steps from 5e-324 s up."""
     random, accepted = np.random.default_rng(seed), 0
     for _ in range(400):
         if (scene := _scene(random)) is None:

@@ -1,4 +1,4 @@
-"""Scenes that are legal but would take for ever are refused, with what to do; the stiffest sensible ones are not."""
+"""Legal scenes that would take for ever are refused with a remedy; the stiffest sensible scenes are accepted."""
 
 import re
 
@@ -65,7 +65,7 @@ def test_what_is_fast_but_sensible_or_not_simulated_is_accepted(changes):
 
 
 def test_a_guide_that_hardly_leans_has_no_limit_of_friction():
-    """Its sine, times the mass, is below the smallest number."""
+    """The product of the guide's sine and the mass is below the smallest number."""
     scene = vibro_ros.load_scene("device").with_parameters({"guide.angle": 5e-324})
     device = vibro_ros.Simulator(scene)
     device.command(motor_speed=50.0)

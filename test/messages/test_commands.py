@@ -1,4 +1,4 @@
-"""What one message commands of the joints, in every form that hardware of ros2_control has sent it."""
+"""The commands in a JointState, in every form in which the hardware of ros2_control has sent it."""
 
 import math
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""Where tf has the robot's parts is where the model has them: at any crank angle, for any robot."""
+"""tf has the robot's parts where the model has them, at any crank angle and for any robot."""
 
 import math
 from types import SimpleNamespace
@@ -31,7 +31,7 @@ def scene(request):
 
 
 def transforms(state: SimpleNamespace, scene: Scene, *names: str) -> tuple[list, list]:
-    """Moving and fixed ones, in messages of rosbags."""
+    """Moving and fixed transforms, as messages of rosbags."""
     frames = Frames(scene, new_message("builtin_interfaces/msg/Time"), *names)
     frames.fill([getattr(state, name) for name in FIELDS])
     return frames.moving, frames.fixed

@@ -1,4 +1,4 @@
-"""How a recording tells operations, and what it may tell of a device that nobody could have asked for."""
+"""The texts of operations in a recording, including operations that no device can have performed."""
 
 import json
 

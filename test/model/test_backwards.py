@@ -1,4 +1,4 @@
-"""Motors known in time turn the crank backwards, and through 0: known motions, mirrored and reversed ones."""
+"""Motors with a given speed turn the crank backwards, and through 0: compared with mirrored and reversed motions."""
 
 
 import numpy as np
@@ -22,8 +22,9 @@ def ran(scene, times, course, sign=1.0):
 @pytest.mark.parametrize("name", ["device", "rigid", "damped"])
 @pytest.mark.parametrize("side", ["upper", "inclined"])
 def test_a_mirrored_crank_drives_a_mass_alike(name, motor, side):
-    """A slider's position is even in the angle from its guide: the mass on it, its plate and the body cannot tell which
-    way the crank turns. To some hundred roundings of 0.06 m."""
+    """A slider's position is even in the angle from its guide, so the mass on it, its plate and the body move in the
+    same way whichever way the crank turns. To some hundred roundings of 0.06 m.
+    """
     other, tilt = {"upper": "inclined", "inclined": "upper"}[side], 0.0 if side == "upper" else 1.3
     scene = vibro_ros.load_scene(name).with_parameters({
         f"effects.{other}_mass": False, "effects.motor": motor, "guide.angle": 1.3, "motor.speed": 0.0,
@@ -39,8 +40,9 @@ def test_a_mirrored_crank_drives_a_mass_alike(name, motor, side):
 
 @pytest.mark.parametrize("reaction", [False, True])
 def test_a_motion_without_losses_goes_back_the_way_it_came(reaction):
-    """Both masses and the body, on a ramp through 0: with all speeds reversed, and the ramp, they are at their start
-    again. To roundings of 0.06 m over some hundred segments."""
+    """If all speeds and the ramp through 0 are reversed, both masses and the body return to their start. To roundings
+    of 0.06 m over some hundred segments.
+    """
     scene = vibro_ros.load_scene("damped").with_parameters({
         **FREE, "effects.reaction": reaction, "effects.motor": "ramp", "motor.speed": 60.0, "start.state": "given",
         "start.upper_position": 0.07, "start.upper_velocity": 0.3, "start.inclined_position": 0.05,
@@ -73,7 +75,7 @@ def test_the_torque_is_known_where_the_speed_is_0():
 @pytest.mark.parametrize("motor", MOTORS)
 @pytest.mark.parametrize(("method", "order"), [("rk4", 4), ("rk4_located", 4)])
 def test_steps_of_fixed_length_pass_0_with_their_order(motor, method, order):
-    """Steps of which none ends where the speed is 0, or where a ramp ends: both lie within one."""
+    """No step ends where the speed is 0 or where a ramp ends, so both lie within a step."""
     scene = vibro_ros.load_scene("no_impact").with_parameters({
         "effects.motor": motor, "motor.acceleration": 3000.0, "motor.time_constant": 0.03, "motor.speed": -30.0})
     times = np.array([0.0512, 0.4096])

@@ -118,7 +118,9 @@ def test_normal_force_follows_its_rule():
 
 
 def test_friction_drives_a_body_whose_printed_normal_force_is_negative():
-    """As printed N may be negative; then the body never sticks, and friction pushes along the motion."""
+    """By the rule `printed` N may be negative; then the body never sticks, and friction pushes it in the direction of
+    its motion.
+    """
     run = vibro_ros.simulate(paper({}), duration=1.0, rate=20000.0)
     lifted = run.normal_force < 0.0
     assert np.count_nonzero(lifted) > 50
@@ -152,7 +154,7 @@ SCENES = ("paper", "unilateral", "damped", "rigid")
 
 @pytest.mark.parametrize(("name", "law"), itertools.product([*SCENES, "device"], ["coulomb", "static", "stribeck"]))
 def test_a_coefficient_of_zero_gives_the_bits_of_no_friction(name, law):
-    """Every sample, event and count: it compiles to the same modes, terms and guards."""
+    """Every sample, event and count agrees, because the scene compiles to the same modes, terms and guards."""
     scene = vibro_ros.load_scene(name).with_parameters({"motor.speed": 100.0})
     smooth = scene.with_parameters({"effects.friction": law, "ground.friction": 0.0, "ground.static_friction": 0.0})
     without = scene.with_parameters({"effects.friction": "none"})
@@ -166,7 +168,9 @@ def test_a_coefficient_of_zero_gives_the_bits_of_no_friction(name, law):
 
 
 def test_a_static_coefficient_alone_is_friction():
-    """Both must be zero: a body that nothing brakes once it slips may be held until then."""
+    """Friction is left out only if both coefficients are zero: static friction may hold a body that nothing brakes once
+    it slips.
+    """
     scene = vibro_ros.load_scene("unilateral").with_parameters({
         "effects.friction": "static", "ground.friction": 0.0, "ground.static_friction": 0.2})
     events = vibro_ros.simulate(scene, duration=0.2, rate=100.0).events

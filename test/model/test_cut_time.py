@@ -1,4 +1,4 @@
-"""The trajectory must not depend on how time is cut: bit for bit, commands, faults and checkpoints included."""
+"""The trajectory must not depend on how time is divided: bit for bit, with commands, faults and checkpoints."""
 
 import dataclasses
 
@@ -96,7 +96,7 @@ def test_samples_are_states(scene):
 
 
 def test_commands_at_one_instant_act_in_their_order():
-    """A second command at the same time replaces the first, whether or not advance_to lies between."""
+    """A second command at the same time replaces the first, with and without an `advance_to` between them."""
     finals = []
     for repeat in (False, True):
         device = vibro_ros.Simulator(vibro_ros.load_scene("unilateral"))

@@ -1,4 +1,4 @@
-"""`Scene.describe` says what the compiled tables hold: no more, no less."""
+"""`Scene.describe` describes the compiled tables completely, and nothing else."""
 
 import re
 
@@ -62,12 +62,14 @@ def value_of(text: str, values: dict[str, float]) -> float:
 
 
 def random_point(forms: Forms) -> np.ndarray:
-    """Some values of the channels."""
+    """Return random values of the channels."""
     return np.append(np.random.default_rng(1).uniform(0.5, 1.5, forms.channels.one), 1.0)
 
 
 def balanced_point(row: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Values of the channels by which the terms of a form are about equally large, so that none hides another."""
+    """Return values of the channels for which the terms of a form have similar magnitudes, so that no term hides
+    another.
+    """
     size = np.abs(np.where(row == 0.0, 1.0, row))
     z = random.choice([-1.0, 1.0], len(row)) * random.uniform(0.5, 1.5, len(row)) * size[-1] / size
     z[-1] = 1.0
@@ -96,7 +98,7 @@ def symbol_values(forms: Forms, z: np.ndarray) -> dict[str, float]:
 
 def force_values(described: dict[str, list[str]], mode: Mode, plates: tuple[str, ...],
                  values: dict[str, float]) -> dict[str, float]:
-    """`values` with those of the forces that the description defines, in a mode."""
+    """Return `values` together with those of the forces that the description defines, in a mode."""
     values = dict(values)
     for line in described.get("equations", []):
         name, _, right = line.partition(" = ")
@@ -114,7 +116,7 @@ def guard_lines(described: dict[str, list[str]], mode: Mode, plates: tuple[str, 
 
 
 def condition_value(condition: str, values: dict[str, float]) -> float:
-    """By how much an inequality holds; negative where it does not."""
+    """Return the margin by which an inequality holds, negative if it does not hold."""
     left, sign, right = re.fullmatch(r"(.+) (<=|>=) (.+)", condition).groups()
     difference = value_of(right, values) - value_of(left, values)
     return difference if sign == "<=" else -difference
@@ -135,14 +137,14 @@ def described_targets(text: str, states: tuple[str, ...], place: int, plates: tu
 
 
 def named_states(states: tuple[str, ...], plates: tuple[str, ...]) -> list[tuple[str, ...]]:
-    """By effect, what the description may call its state."""
+    """Return, for each effect, the names that the description may give its states."""
     motor = [f"{'bearing' if state in BEARING else 'current loop'} {state}" for state in states[len(plates):-1]]
     return [*((f"{side} contact {state}",) for side, state in zip(plates, states, strict=False)),
             *((name,) for name in motor), (f"friction {states[-1]}", f"ground {states[-1]}")]
 
 
 def holds_in(line: str, states: tuple[str, ...], plates: tuple[str, ...]) -> bool:
-    """Whether the cases of an equation, after "while" or after a remark, hold for the states of a mode, if any."""
+    """Whether the cases of an equation, after "while" or after a remark, apply to the states of a mode."""
     found = re.search(r"(?:; where |  while (?!airborne, else))(.*)", line)
     cases = found[1] if found else ""
     now = {name for names in named_states(states, plates) for name in names}
@@ -164,7 +166,7 @@ def test_number_of_modes(scene):
 
 @each_scene
 def test_the_described_first_mode_is_the_compiled_one(scene):
-    """A friction with one state is not described."""
+    """Friction that has only one state is not described."""
     model = compile_scene(scene)
     _, _, first = sections(scene)["modes"][0].partition("; first ")
     states = model.modes[model.initial_mode].states

@@ -1,4 +1,6 @@
-"""A new effect: its places exist as the head of `model/modes.py` names them, and simulators without it refuse it."""
+"""Rules for a new effect: the places that the head of `model/modes.py` names exist, and simulators without the effect
+refuse it.
+"""
 
 import re
 from dataclasses import replace
@@ -43,7 +45,7 @@ def test_every_event_of_a_state_is_a_kind_of_event():
 
 
 def test_every_parameter_of_the_equations_has_a_row():
-    """Who adds a parameter says there whether peer and baseline have it."""
+    """A developer who adds a parameter states there whether heyoka's robot and Runge-Kutta by hand support it."""
     assert set(SUPPORT) == {one.name for one in SCENE_PARAMETERS if not one.name.startswith(("solver.", "sensors."))}
     for name, known in SUPPORT.items():
         assert len(known) == len(SIMULATORS) and all(ANY in (values,) or BY_NAME[name].default in values

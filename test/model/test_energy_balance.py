@@ -41,7 +41,7 @@ def accounts(machine, duration=1.0, commands=()):
                               "linkage", "linkage hop", "backward"])
 @pytest.mark.parametrize("name", ["unilateral", "damped", "device"])
 def test_accounts_balance(name, changes):
-    """A30, A56, A59. Commands and moving plates included: to 1e-13 of what went to and fro."""
+    """A30, A56, A59. With commands and moving plates, to 1e-13 of the energy that is exchanged."""
     commands = [(0.3, {"motor_speed": 140.0, "upper_gap": 4e-4}), (0.61, {"inclined_gap": -3e-4})]
     booked = accounts(scene(name, changes), commands=commands)
     assert abs(booked["residual"]) <= 1e-13 * flow(booked)
@@ -65,8 +65,9 @@ def integral(values, times):
 
 @pytest.mark.parametrize("changes", [{}, STRIBECK, LAG], ids=["coulomb", "stribeck", "lag"])
 def test_accounts_are_the_integrals_of_what_is_sampled(changes):
-    """Sampled every 2 µs, the sums are off by some 1e-6 of what went to and fro where a power jumps. The lag
-    has a motor that is slow at first."""
+    """With samples every 2 µs the sums are off by some 1e-6 of the exchanged energy where a power jumps. The motor with
+    a lag is slow at first.
+    """
     machine = scene("damped", changes)
     times = np.linspace(0.0, 0.5, 250_001)
     run = vibro_ros.simulate(machine, times=times)
@@ -96,7 +97,7 @@ def _integral_over_contacts(machine, events, side):
 
 
 def _stretch(run, machine, side):
-    """q - s [m] by the paper's eqs. (2) and (3), from the crank's angle."""
+    """Return q - s [m] by the paper's eqs. (2) and (3), from the crank's angle."""
     angle = run.crank_angle - machine.guide_angle(side)
     return getattr(run, f"{side}_position") - slider(angle, machine["crank.radius"], machine[f"crank.{side}_rod"])
 
@@ -140,8 +141,9 @@ def test_landings_take_the_energy_of_the_fall():
 
 
 def missing_share(name, factor=1.0):
-    """Share of the accounts' flow that does not balance within 1 s, if the upper mass's spring pulls `factor` times as
-    hard as it should."""
+    """Return the share of the exchanged energy that does not balance within 1 s, if the upper mass's spring pulls
+    `factor` times as hard as it should.
+    """
     machine = scene(name)
     device = vibro_ros.Simulator(machine)
     original = device._motion.model

@@ -1,4 +1,4 @@
-"""Methods of fixed step: their orders of convergence, what they keep exactly, and what they may miss."""
+"""Methods of fixed step: their orders of convergence, what they compute exactly, and what they may miss."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def errors(made, method, step, end=0.1):
 
 
 def order(made, method, steps):
-    """Slope of log(error) over log(step) through many steps, by position."""
+    """Return the slope of log(error) over log(step) through many steps, for each position."""
     found = [errors(made, method, step) for step in steps]
     return np.polyfit(np.log(steps), np.log(found), 1)[0]
 
@@ -48,8 +48,9 @@ def test_order_four_when_events_are_located(name):
 
 @pytest.mark.parametrize("name", ["rigid", "device"])
 def test_order_one_when_events_are_crossed_blindly(name):
-    """A28. Where in its step an event falls scatters the errors by a factor of a few, and so the slope through 24 steps
-    over two decades by 0.2; fourth order is far off."""
+    """A28. The position of an event within its step scatters the errors by a factor of a few, and therefore the slope
+    through 24 steps over two decades by 0.2; a fourth order would be far away.
+    """
     found = order(scene(name), "rk4", np.geomspace(1e-4, 1e-6, 24))
     assert 0.7 < np.mean(found[:2]) < 1.3, found
 
@@ -115,7 +116,9 @@ STRIBECK = {"effects.friction": "stribeck", "ground.static_friction": 0.5, "grou
     ("device", {"ground.slope": 0.05, "ground.viscous_friction": 2.0, "ground.drag": 0.3}),
     ("damped", {"effects.misprint": True, "inclined.plate.stiffness": 1e5})])
 def test_every_effect_converges_to_the_exact_motion(method, name, changes):
-    """A28. Over a factor of ten in the step, first order gains ten, give or take the scatter of the events' places."""
+    """A28. A step shorter by a factor of ten reduces a first-order error by ten, apart from the scatter by the
+    positions of events within steps.
+    """
     coarse, fine = (errors(scene(name, changes), method, step) for step in (1e-5, 1e-6))
     assert fine.max() < 1e-3  # m
     at_rounding = 1e-10 if method == "rk4_located" else 0.0  # m

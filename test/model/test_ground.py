@@ -83,8 +83,9 @@ def test_forwards_and_backwards_each_have_their_friction():
 
 
 def test_a_one_way_wheel_never_rolls_back():
-    """A53. By the rule `weight` the body of the paper's robot moves on, or stands, and the friction that locks it is
-    what its masses push with."""
+    """A53. By the rule `weight` the body of the paper's robot moves forward or stands, and the friction that locks it
+    equals the push of its masses.
+    """
     run = simulated(1.0, {"effects.normal_force": "weight", "ground.friction": 0.01, "ground.friction_backward": 1e6})
     assert (run.body_velocity >= 0.0).all() and run.body_position[-1] > 0.01
     assert np.count_nonzero(run.body_velocity == 0.0) > 10

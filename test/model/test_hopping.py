@@ -85,7 +85,9 @@ def test_the_ground_is_left_where_the_normal_force_would_vanish_and_not_before(e
 @pytest.mark.parametrize("gravity", [0.0, 1e-9, 1.0])
 @pytest.mark.parametrize("changes", [{}, REACTION, HEAVY], ids=["no reaction", "reaction", "heavy"])
 def test_no_lock_up_where_the_normal_force_is_almost_nothing(gravity, changes):
-    """N of nothing but rounding, at rest, and barely a weight, running and stopped: no more events than the motion."""
+    """With an N that is only rounding error, at rest, and with hardly any weight, running and stopped, no more events
+    occur than the motion has.
+    """
     for speed in (0.0, 30.0):
         device = vibro_ros.Simulator(scene("damped", changes, NO_CONTACT, {"gravity": gravity, "motor.speed": speed}))
         device.advance_to(0.5)

@@ -53,7 +53,7 @@ def printed_motion(scene, duration, step):
 
 @pytest.mark.parametrize("changes", [{"guide.angle": math.radians(80.0)}, {"guide.angle": 0.9, "mass.inclined": 0.02}])
 def test_motion_is_that_of_the_equations_as_printed(changes):
-    """A42. What the tolerances leave are the events within the steps of Runge-Kutta, which is blind to them."""
+    """A42. The tolerances allow for events within the steps of Runge-Kutta, which does not locate them."""
     scene = vibro_ros.load_scene("paper").with_parameters(MISPRINT | changes)
     run = vibro_ros.simulate(scene, times=[0.0, 0.05])
     exact = np.array([run.upper_position[-1], run.inclined_position[-1], run.body_position[-1]])
@@ -65,7 +65,9 @@ def test_motion_is_that_of_the_equations_as_printed(changes):
 @pytest.mark.parametrize(("angle", "mass", "radius", "speed"), [
     (40, 0.08, 0.02, 349), (90, 0.08, 0.02, 632), (80, 0.25, 0.02, 774), (80, 0.02, 0.01, 459)])
 def test_mean_speeds_of_the_first_second_are_those_found_outside(angle, mass, radius, speed):
-    """By somebody else's Runge-Kutta with steps of 5e-6 s; 1 % is what the events within its steps leave."""
+    """The values come from another author's Runge-Kutta with steps of 5e-6 s; 1 % allows for the events within its
+    steps.
+    """
     scene = vibro_ros.load_scene("paper").with_parameters(MISPRINT | {
         "guide.angle": math.radians(angle), "mass.inclined": mass, "crank.radius": radius})
     run = vibro_ros.simulate(scene, times=[0.0, 1.0])

@@ -49,7 +49,7 @@ def test_a_motor_without_load_and_a_motor_that_is_stalled():
 
 
 def test_a_mass_far_from_its_rigid_plate_does_not_rest_on_it_at_the_start():
-    """The other motors start so; the mass accelerates at k s / m, and no contact is reported."""
+    """The scenes with other motors start like this; the mass accelerates at k s / m, and no contact is reported."""
     scene = dc("rigid", CONSTANT, {"start.state": "zero", "motor.speed": 60.0, "upper.spring.damping": 0.0})
     run = vibro_ros.simulate(scene, times=[0.0, 1e-6])
     stretch = scene["crank.radius"] + scene["crank.upper_rod"]
@@ -60,7 +60,9 @@ def test_a_mass_far_from_its_rigid_plate_does_not_rest_on_it_at_the_start():
 
 
 def test_a_stalled_motor_draws_what_a_sagging_supply_has():
-    """V/R, V_sag/R meanwhile, and V/R again, in the supply's meter as well; what exceeds the supply is refused."""
+    """The current is V/R, V_sag/R during the sag, and V/R again, also in the current sensor; a voltage above the
+    supply's is refused.
+    """
     scene = dc("paper", ALONE, CONSTANT, {"motor.speed": 0.0, "sensors.current.rate": 1000.0})
     device, resistance = vibro_ros.SensedSimulator(scene), scene["motor.winding_resistance"]
     device.fail("motor_stall", duration=10.0)
@@ -80,7 +82,7 @@ def test_a_stalled_motor_draws_what_a_sagging_supply_has():
 
 @pytest.mark.parametrize("sign", [1.0, -1.0], ids=["forwards", "backwards"])
 def test_no_supply_gives_more_than_it_has_to_a_crank_that_turns_too_fast(sign):
-    """|Kθ'| > V_s + R I_max, where current limit and supply exclude each other: V = ±V_s, in both directions alike."""
+    """If |Kθ'| > V_s + R I_max, current limit and supply limit contradict each other: V = ±V_s, in both directions."""
     scene = vibro_ros.load_scene("machine").with_parameters({
         "motor.control": "speed_by_voltage", "motor.supply_voltage": 12.0, "motor.current_limit": 1.0,
         "motor.speed": sign * 100.0})
@@ -96,7 +98,7 @@ def test_no_supply_gives_more_than_it_has_to_a_crank_that_turns_too_fast(sign):
 
 
 def test_a_held_voltage_changes_at_samples_alone():
-    """Neither a command nor a parameter moves it, not even another speed; the next sample does."""
+    """Neither a command, not even another speed, nor a parameter changes it before the next sample."""
     device = vibro_ros.Simulator(dc("damped", BY_VOLTAGE, WINDING, {
         "motor.supply_voltage": 12.0, "motor.current_limit": 1.0, "motor.speed": -100.0, "motor.control_rate": 100.0}))
     device.fail("supply_sag", duration=1.0, value=2.0)

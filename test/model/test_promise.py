@@ -1,4 +1,6 @@
-"""`solver.tolerance` is kept, and may promise what rounding leaves: how one unit in the last place shifts positions."""
+"""`solver.tolerance` is kept, and no tolerance below rounding is accepted: a change in the last place shifts positions
+by less.
+"""
 
 import numpy as np
 import pytest
@@ -20,7 +22,7 @@ def positions(scene):
 
 
 def shift(scene):
-    """Largest change of a position [m] by one unit in the last place of a parameter, either way."""
+    """Return the largest change of a position [m] caused by one unit in the last place of a parameter, up or down."""
     reference = positions(scene)
     neighbours = ({name: float(np.nextafter(scene[name], towards))} for name in ROUNDED for towards in (0.0, np.inf))
     return max(np.abs(positions(scene.with_parameters(changes)) - reference).max() for changes in neighbours)

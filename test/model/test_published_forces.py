@@ -1,4 +1,4 @@
-"""What is published obeys the laws of the scene, by every method: also between the events that a step has not seen."""
+"""Published forces obey the laws of the scene, by every method, also between events that a step has not detected."""
 
 import itertools
 
@@ -13,7 +13,7 @@ RULES = ("weight", "unilateral", "printed", "hop")
 
 
 def scenes(name, method, rule):
-    """The scene with every kind of friction, and with plates that pull and that cannot, where that is legal."""
+    """Return the scene with every kind of friction, and with plates that can and cannot pull, where these are legal."""
     for friction, adhesion in itertools.product(("none", "coulomb", "static", "stribeck"), (True, False)):
         try:
             yield vibro_ros.load_scene(name).with_parameters({

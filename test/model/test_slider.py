@@ -32,7 +32,8 @@ def tabulated(slider, theta):
     *(Slider(0.06 * (1 - part), 0.06, 0.7) for part in SHORTER), Slider(0.06, 0.06, 0.7), Slider(0.02, 0.06, 0.0),
     Slider(0.02, 0.06, math.pi), Slider(1e-6, 0.06, 0.3), Slider(math.nextafter(0.06, 0.0), 0.06, 0.7)])
 def test_position_and_series(slider):
-    """A36. Everywhere in the turn, the kink's neighbourhood included: to 2 roundings, 1e-16 m.
+    """A36. Everywhere in the turn, also near the kink, to 2 roundings, 1e-16 m. Near a kink a rounding of the angle
+    itself moves the slider by up to 2 l times 4e-16.
 
     Near a kink a rounding of the angle itself moves the slider by up to 2 l times 4e-16.
     """

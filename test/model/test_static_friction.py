@@ -29,7 +29,9 @@ def run(coefficient, changes=(), times=None, friction="static"):
 @pytest.mark.parametrize("reaction", [False, True])
 @pytest.mark.parametrize(("excess", "slips"), [(1e-9, False), (-1e-9, True)])
 def test_a_body_at_rest_slips_only_beyond_the_static_limit(excess, slips, reaction):
-    """μs N > |F_in| > μ N holds it for good, through eight turns of F_in; a billionth less does not."""
+    """The body does not move in eight turns of F_in while μs N > |F_in| > μ N; with a bound lower by a billionth it
+    does.
+    """
     assert LIMIT > 4 * KINETIC
     motion = run(LIMIT * (1 + excess), {"effects.reaction": reaction})
     assert bool(motion.body_position.any()) is slips

@@ -98,7 +98,8 @@ def test_a_landing_strikes_the_crank(motor_speed, friction, restitution):
 
 
 def test_a_mass_at_rest_on_its_plate_parts_from_a_body_that_lands_and_is_thrown_up():
-    """The landing is the same as of a mass that is free; only one that lands slowly lands with the body as one."""
+    """The landing is that of a body with a free mass; only at a slow landing does the mass land together with the body.
+    """
     for fall, parts in ((0.5, True), (1e-10, False)):
         device = vibro_ros.Simulator(scene({"motor.speed": 0.0, "inclined.gap": -0.03, "ground.restitution": 0.3}))
         device.advance_to(0.5)

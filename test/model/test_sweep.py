@@ -1,4 +1,4 @@
-"""A sweep compiles the numbers of each scene, and once what depends on the effects alone."""
+"""A sweep compiles the numbers of each scene anew, and what depends on the effects alone only once."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from vibro_ros.solver.system import _terms_by_zeros
 
 
 def forget():
-    """Whatever has been compiled, so that what other tests have compiled does not matter."""
+    """Forget everything that has been compiled, so that earlier tests do not matter."""
     for cache in (_compile_machine, _terms_by_zeros, mode_set):
         cache.cache_clear()
 
@@ -26,7 +26,9 @@ def arrays(table):
     {"gravity": 0.0}, {"upper.plate.stiffness": 0.0}, {"ground.friction": 1e-3, "ground.static_friction": 1e-3}],
     ids=lambda changes: next(iter(changes)))
 def test_what_was_compiled_before_changes_no_bit(changes):
-    """The scene before has other effects, or forms that vanish or coincide: other guards and rows."""
+    """The previously compiled scene has other effects, or forms that vanish or coincide, so that it has other guards
+    and rows.
+    """
     before = vibro_ros.load_scene("device").with_parameters({"effects.normal_force": "unilateral"})
     scene = before.with_parameters(changes)
     compile_scene(before)

@@ -52,7 +52,7 @@ def test_a_blow_changes_every_speed_as_the_mass_matrix_asks(changes):
 
 
 def test_a_mass_at_rest_on_the_other_plate_parts_from_a_body_that_is_thrown_up():
-    """It keeps its speed in space: e . dV slower than the plate from then on, by the other mass's blow."""
+    """The mass keeps its speed in space, so after the other mass's blow it is slower than its plate by e . dV."""
     scene = RIGID.with_parameters(RESTING | {"upper.gap": 0.004})
     hits, sides, (before, after) = blows(scene, 2.0)
     found = [(old, new) for side, old, new in zip(sides, before, after, strict=True)

@@ -46,7 +46,7 @@ class ImpactOscillator:
         self._rate = rate
 
     def steady(self, phase: float) -> tuple[float, float, float]:
-        """Position, velocity and acceleration of the steady motion that no plate disturbs."""
+        """Return position, velocity and acceleration of the steady motion without a plate."""
         turned = self._steady * np.exp(self._rate * phase / self.speed)
         return tuple(float(np.sum(turned * self._rate**order).real) for order in range(3))
 

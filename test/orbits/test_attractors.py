@@ -1,4 +1,6 @@
-"""Attractors of several starts: told apart by one rule, shares with intervals, exponents, and no mean over two."""
+"""Attractors of several starts: distinguished by one rule, with shares, intervals and exponents, and without a mean
+over two.
+"""
 
 import math
 
@@ -29,7 +31,7 @@ def test_two_motions_are_two_attractors(two):
 
 
 def test_exponents_are_those_of_the_orbits_multipliers(two):
-    """The states come back, and a disturbance shrinks by the multiplier in three turns."""
+    """A periodic motion repeats its states, and a disturbance shrinks by the multiplier within three turns."""
     slower = vibro_ros.find_orbit(TWO, turns=3)  # of the scene's own start
     same = next(one for one in two if one.mean_speed == pytest.approx(slower.mean_speed, abs=1e-9))
     assert np.abs(same.multipliers[0]) == pytest.approx(np.abs(slower.multipliers[0]), abs=1e-6)
@@ -55,7 +57,9 @@ def motion(turns, *states):
 
 
 def test_grouping_has_one_rule():
-    """The same period, and a state within the tolerance, wherever in the period; what has not settled is one group."""
+    """Two starts have the same motion if their periods are equal and their states agree within the tolerance, at any
+    turn of the period; starts that have not settled form one group.
+    """
     one, shifted = motion(2, [0.0, 1.0], [2.0, 3.0]), motion(2, [2.0, 3.0], [1e-6, 1.0])
     other, longer = motion(2, [0.0, 1.0001], [2.0, 3.0001]), motion(1, [0.0, 1.0])
     found, places = grouped([None, other, one, longer, shifted, None], [0.3, -0.1, -0.1, -0.1, -0.1, 0.5])

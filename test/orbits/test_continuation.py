@@ -1,4 +1,4 @@
-"""Branches of orbits against closed forms, and against themselves from the other end."""
+"""Branches of orbits, compared with closed forms and with the same branch from the other end."""
 
 import itertools
 
@@ -22,7 +22,7 @@ def oscillator(speed: float, restitution: float, gap: float) -> vibro_ros.Scene:
 
 
 def branch(scene: vibro_ros.Scene, name: str, low: float, high: float, direction: float):
-    """Neighbours on the branch through the scene's own orbit."""
+    """Return neighbouring orbits on the branch through the scene's own orbit."""
     orbit = vibro_ros.find_orbit(scene)
     turn_map = TurnMap(scene, orbit.state.crank_angle)
     family = Family(scene, {name: (low, high)}, 1, turn_map.phase)
@@ -59,7 +59,7 @@ def test_points_of_a_branch_lie_on_the_curve_of_its_closed_form():
     (vibro_ros.load_scene("device").with_parameters({"motor.speed": 62.64}), "motor.speed", 60.0, 65.0, -1.0,
      [CORNER, GRAZING, TORUS])])
 def test_a_branch_is_the_same_from_either_end(scene, name, low, high, direction, special):
-    """Through its special points, and back from beyond them."""
+    """The branch is followed through its special points, and back again from beyond them."""
     forwards, kinds = [], []
     for pair in branch(scene, name, low, high, direction):
         kinds += [one.kind for one in special_points(*pair)]
@@ -95,7 +95,9 @@ def test_a_compliant_plate_is_grazed_and_passed():
 
 
 def test_a_rigid_plate_is_grazed_and_passed():
-    """A second blow a turn appears, and with it the root of a distance: beyond, the orbit is unstable at once."""
+    """A second blow a turn appears, and with it a square root of the distance: beyond the grazing, the orbit is
+    unstable at once.
+    """
     scene = oscillator(170.0, 0.8, 0.005)
     for before, after in branch(scene, "upper.gap", LOW, HIGH, -1.0):
         if found := list(special_points(before, after)):
@@ -119,14 +121,14 @@ def test_a_landing_that_no_longer_stops_the_body_is_a_corner():
 
 
 def test_a_machine_has_a_neimark_sacker_point_beyond_which_a_circle_appears():
-    """`device` at 62.626 rad/s: a run that begins beside the orbit comes to the orbit, or to a circle around it."""
+    """`device` at 62.626 rad/s: a run that begins beside the orbit ends on the orbit, or on a circle around it."""
     scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 62.64})
     special = next(one for pair in branch(scene, "motor.speed", 62.0, 63.0, -1.0) for one in special_points(*pair)
                    if one.kind == TORUS)
     phase, state = special.point.family.phase, special.point.state
 
     def settled(beside):
-        """States once a turn, less the orbit, of a run that begins 1e-4 beside the orbit."""
+        """Return the states once a turn, minus the orbit, of a run that begins 1e-4 beside the orbit."""
         turn_map = TurnMap(scene.with_parameters({"motor.speed": special.point.value + beside}), phase)
         orbit = close(turn_map, state, 1).state
         turn_map.put(turn_map.device, orbit + 1e-4 * (np.arange(len(orbit)) == 0))

@@ -1,4 +1,6 @@
-"""Curves of special points over two parameters against closed forms, one parameter, and from the other end."""
+"""Curves of special points over two parameters, compared with closed forms, with a branch over one parameter, and from
+the other end.
+"""
 
 from dataclasses import replace
 
@@ -59,7 +61,9 @@ def test_a_mass_grazes_its_plate_where_the_gap_is_the_amplitude_of_the_steady_mo
 @pytest.mark.process
 @pytest.mark.parametrize("kind", [FOLD, GRAZING])
 def test_a_curve_comes_back_and_lies_where_one_parameter_has_its_special_point(kind):
-    """`damped` over motor speed and gap: a few orbits on, the branch at the gap of the last, and from there back."""
+    """`damped` over motor speed and gap: the curve is followed for a few orbits; the branch at the gap of the last one
+    has its special point there, and the curve from there leads back.
+    """
     branch, special = first(vibro_ros.load_scene("damped"), "motor.speed", 95.0, 112.0, True, kind)
     ranges = {"motor.speed": (90.0, 112.0), "inclined.gap": (0.0, 0.001)}
     there = vibro_ros.follow_bifurcation(branch, special, ranges, points=4)
@@ -105,7 +109,7 @@ def test_two_folds_meet_in_the_cusp_of_the_closed_form():
         return (gaps[0] - 8.0 * gaps[1] + 8.0 * gaps[2] - gaps[3]) / 12e-3
 
     def lowest(speed):
-        """Where the slope is least between the folds, and its value there: 0 at the cusp."""
+        """Return where the slope between the folds is least, and the slope there, which is 0 at the cusp."""
         own = closed(speed)
         return minimize_scalar(lambda phase: slope(phase, own), bounds=(5.1, 5.5), method="bounded",
                                options={"xatol": 1e-8})

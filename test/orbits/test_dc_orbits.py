@@ -65,7 +65,9 @@ def test_a_motor_without_load_has_the_multipliers_of_its_run_up(winding):
 
 
 def section_map(of, phase, state):
-    """Where a turn leads from [u, u', θ', i], upper mass alone without plates, by DOP853 with its own event."""
+    """Return the state after a turn from [u, u', θ', i], with the upper mass alone and no plates, by DOP853 with an
+    event of its own.
+    """
     constant, inertia, resistance, inductance, b = numbers(of)
     slider, mass = Slider(of["crank.radius"], of["crank.upper_rod"], 0.0), of["mass.upper"]
 
@@ -154,8 +156,10 @@ def test_a_controller_that_takes_samples_closes_no_orbit(call):
 
 
 def test_motions_of_a_controller_are_told_within_the_jitter_of_its_samples():
-    """From three starts, of which one is at another instant between two samples; a device that runs on has the mean
-    speed, and what it does at the cut stays within the tolerance of the states that were told."""
+    """Motions are recognised within the jitter of the controller's samples. Three starts, one of which is at another
+    instant between two samples; a device that runs on has the mean speed, and its states at the cut stay within the
+    tolerance of the found states.
+    """
     motions = [vibro_ros.settled_motion(machine(), **start)
                for start in ({}, {"crank_angle": 0.1234}, {"motor_speed": 80.0, "body_velocity": 0.5})]
     assert [motion.turns for motion in motions] == [2, 2, 2]
@@ -173,7 +177,7 @@ def test_motions_of_a_controller_are_told_within_the_jitter_of_its_samples():
 
 
 def test_an_angle_is_passed_by_the_device_that_runs_on():
-    """Bit for bit, and at the angle to rounding, whatever the crank does before."""
+    """The device's bits do not change, and the angle is met to rounding, whatever the crank does before."""
     of = scene("machine", SOMMERFELD, {"motor.voltage": 40.0})
     device, other = vibro_ros.Simulator(of), vibro_ros.Simulator(of)
     for turn in (0, 1, 2, 30):
@@ -188,7 +192,7 @@ def test_an_angle_is_passed_by_the_device_that_runs_on():
 
 
 def test_a_crank_that_does_not_come_round_is_told():
-    """2 V turn a crank without load, but not against the pressed masses."""
+    """2 V turn a crank without load, but not against the pressed masses; the error says so."""
     of = machine(**{"motor.control": "voltage", "motor.voltage": 2.0, "motor.speed": 0.0})
     device = vibro_ros.Simulator(of)
     assert not device.advance_to_angle(1, 0.0, latest=1.0) and device.time == 1.0
@@ -205,7 +209,7 @@ def test_a_crank_that_does_not_come_round_is_told():
 
 @pytest.mark.parametrize(("value", "expected"), [(0.1, 0.10050506338833465), (-2.0, -1.0), (5.0, None)])
 def test_the_first_of_several_places_is_found(value, expected):
-    """x - x³ rises to 0.385 at 0.577 and falls again; from -0.577 on."""
+    """x - x³ from -0.577 on rises to 0.385 at 0.577 and falls again, so it passes a value more than once."""
     found = first_reached(np.array([0.0, 1.0, 0.0, -1.0]), value, -0.55 if value > 0.0 else -1.0, 1.0)
     assert found == (expected if expected is None else pytest.approx(expected, abs=1e-2))
     if expected and value > 0.0:

@@ -18,7 +18,7 @@ def scene(name, **changes):
 
 @pytest.mark.parametrize("damping", [3.0, 21.0])
 def test_a_linear_mass_has_the_real_parts_of_its_eigenvalues(damping):
-    """A43. Whether it swings or creeps."""
+    """A43. For an oscillating and for an overdamped mass."""
     alone = scene("unilateral", **{"effects.inclined_mass": False, "upper.spring.damping": damping, "upper.gap": 0.03})
     expected = np.sort(np.roots([alone["mass.upper"], damping, alone["upper.spring.stiffness"]]).real)[::-1]
     found = vibro_ros.lyapunov_spectrum(alone)
@@ -27,7 +27,7 @@ def test_a_linear_mass_has_the_real_parts_of_its_eigenvalues(damping):
 
 
 def test_a_run_finds_the_same_but_for_the_phase_that_a_complex_pair_ends_in():
-    """Which is 1 / (turns T) or so; their sum is exact."""
+    """The phase changes each exponent of the pair by about 1 / (turns T); their sum is exact."""
     alone = scene("unilateral", **{"effects.inclined_mass": False, "upper.spring.damping": 3.0, "upper.gap": 0.03})
     found = spectrum_from(TurnMap(alone), np.array([3.0, 0.1]), 200).exponents
     assert found == pytest.approx([-15.0, -15.0], abs=1.0 / (200 * 0.0628))
@@ -52,8 +52,9 @@ def test_masses_that_yield_to_each_other_have_the_eigenvalues_of_their_matrices(
 @pytest.mark.parametrize(("name", "changes", "turns"), [
     ("damped", {}, 1), ("device", {}, 4), ("rigid", {}, 1)])
 def test_of_a_periodic_motion_they_are_its_multipliers_logarithms(name, changes, turns):
-    """A44. A direction that is gone within a turn has a multiplier of rounding. Of a pair of complex ones a run finds
-    the sum, and each but for the phase that the run ends in."""
+    """A44. A direction that vanishes within a turn has a multiplier that is only rounding. Of a complex pair a run
+    finds the exact sum, and each exponent apart from the effect of the phase at which the run ends.
+    """
     machine = scene(name, **changes)
     orbit, motion = vibro_ros.find_orbit(machine, turns), vibro_ros.settled_motion(machine)
     assert motion.turns == turns
@@ -70,7 +71,7 @@ def test_of_a_periodic_motion_they_are_its_multipliers_logarithms(name, changes,
 
 
 def test_the_sum_is_the_mean_logarithm_of_the_determinant():
-    """A45. Of a chaotic motion whose body rubs but never sticks, so that no direction is gone."""
+    """A45. For a chaotic motion whose body slips but never sticks, so that no direction vanishes."""
     chaotic = scene("unilateral", **{"effects.friction": "none"})
     turn_map = free_cut(chaotic)
     state = Stroboscope(turn_map).begin_as().states[-1]
@@ -84,7 +85,7 @@ def test_the_sum_is_the_mean_logarithm_of_the_determinant():
 
 
 def test_the_largest_is_that_of_two_runs_that_part():
-    """`study/measures.py` watches two devices over 20 s; both measure means of chaos, each with its spread."""
+    """`study/measures.py` compares two devices over 20 s; both results are means over chaos, each with its spread."""
     chaotic = scene("unilateral")
     spectrum = vibro_ros.lyapunov_spectrum(chaotic, turns=320, settling=64)
     device = vibro_ros.Simulator(chaotic)
@@ -95,7 +96,8 @@ def test_the_largest_is_that_of_two_runs_that_part():
 
 
 def test_a_motion_of_a_long_period_is_no_chaos():
-    """At 204 rad/s `device` repeats itself every 158 turns: no period up to 64, and no exponent above 0."""
+    """`device` at 204 rad/s repeats itself every 158 turns: it has no period up to 64 turns, but no exponent above 0.
+    """
     machine = scene("device", **{"motor.speed": 204.0})
     assert vibro_ros.settled_motion(machine).turns == 0
     spectrum = vibro_ros.lyapunov_spectrum(machine)
@@ -114,7 +116,9 @@ def test_sign_and_dimension_of_known_exponents(exponents, spread, sign, dimensio
 
 
 def test_turns_are_doubled_until_the_sign_is_known():
-    """At 186 rad/s the exponent of `device` is 1.5 1/s, and 20 turns do not tell its sign; those of `unilateral` do."""
+    """The exponent of `device` at 186 rad/s is 1.5 1/s, and 20 turns do not suffice for its sign; for `unilateral` they
+    do.
+    """
     for machine, least in ((scene("device", **{"motor.speed": 186.0}), 40), (scene("unilateral"), 20)):
         turn_map = free_cut(machine)
         stroboscope = Stroboscope(turn_map)

@@ -1,4 +1,4 @@
-"""Periodic orbits against closed forms, against independent numerics, and against what they must have in common."""
+"""Periodic orbits, compared with closed forms and independent numerics, and checked for invariants."""
 
 import math
 
@@ -21,7 +21,7 @@ def scene(name: str, **changes) -> vibro_ros.Scene:
 
 
 def alone(**changes) -> vibro_ros.Scene:
-    """The upper mass on its damped drive, which nothing else moves."""
+    """Return a scene with the upper mass alone on its damped drive."""
     return scene("unilateral", **{"effects.inclined_mass": False, "upper.spring.damping": 3.0} | changes)
 
 
@@ -193,7 +193,7 @@ def test_a_guess_far_off_leads_nowhere_and_says_so():
 
 
 def test_what_cannot_be_moved_one_way_has_a_one_sided_difference_and_what_is_held_has_none():
-    """A square beside a wall at 1, and three times another number; a third one is held."""
+    """The derivatives of a square at a wall at 1, of three times another number, and by a coordinate that is held."""
     def end_of(at):
         if at[0] > 1.0:
             raise ValueError("within the wall")

@@ -1,4 +1,6 @@
-"""Motions that starts settle to: against orbits of Newton's method, maps of known attractors, and counted basins."""
+"""The motions that starts settle to, compared with orbits by Newton's method, maps with known attractors, and counted
+basins.
+"""
 
 import math
 
@@ -50,7 +52,7 @@ def test_a_start_at_any_crank_angle_is_first_seen_at_the_next_cut(angle):
 @pytest.mark.parametrize(("name", "speed", "turns"), [
     ("damped", 100.0, 1), ("device", 100.0, 4), ("device", 240.0, 8), ("rigid", 100.0, 1)])
 def test_what_a_start_settles_to_is_the_orbit_that_newton_finds(name, speed, turns):
-    """A48. From the scene's own start."""
+    """A48. Both begin with the scene's own start."""
     of = scene(name, **{"motor.speed": speed})
     stroboscope = Stroboscope(free_cut(of))
     stroboscope.begin_as()
@@ -93,7 +95,7 @@ def test_a_scene_without_losses_does_not_settle():
 
 @pytest.mark.parametrize("multiplier", [0.5, 0.9, -0.9, 0.97, 0.95 * np.exp(1j)])
 def test_an_approach_is_not_taken_for_its_end(multiplier):
-    """x -> multiplier x, whose one motion is x = 0."""
+    """The map x -> multiplier x has only the motion x = 0; states that still approach 0 must not count as settled."""
     for length in (64, 128, 256, 512, 1024, 2048):
         at = multiplier ** np.arange(length)
         states = np.column_stack([np.real(at), np.imag(at)])

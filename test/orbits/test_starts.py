@@ -1,4 +1,4 @@
-"""Drawn starts are independent and repeatable, and intervals over them hold as often as they say."""
+"""Random starts are independent and repeatable, and intervals over them contain the mean as often as stated."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,9 @@ def speed(scene, number, batch, duration):
 
 
 def covered(values: np.ndarray, starts: int) -> tuple[int, int]:
-    """Of the intervals of batches of so many starts: how many hold the mean of all, and how many overlap the next."""
+    """Return how many of the intervals of batches of so many starts contain the mean of all, and how many overlap the
+    next.
+    """
     batches = [(batch.mean(), half_interval(batch)) for batch in values.reshape(-1, starts)]
     holding = sum(abs(mean - values.mean()) <= spread for mean, spread in batches)
     overlapping = sum(abs(mean - other) <= spread + more for (mean, spread), (other, more) in
@@ -30,7 +32,7 @@ def covered(values: np.ndarray, starts: int) -> tuple[int, int]:
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("count", [2, 32])
 def test_the_interval_is_that_of_a_t_test(count):
-    """Equal values have none, and no warning."""
+    """Equal values have no interval and cause no warning."""
     assert half_interval(np.full(7, 0.3)) == pytest.approx(0.0, abs=1e-15)
     values = np.random.default_rng(count).normal(0.1, 0.3, count)
     spread, interval = half_interval(values), ttest_1samp(values, 0.0).confidence_interval(0.95)
@@ -49,7 +51,9 @@ def test_starts_are_independent_and_repeatable():
 
 
 def test_intervals_hold_as_often_as_they_say():
-    """95 % of 400, within 4 standard deviations; and an interval that is too narrow is seen."""
+    """95 % of 400 intervals contain the mean, within 4 standard deviations; intervals that are too narrow fail this
+    test.
+    """
     draw = np.random.default_rng(5).normal(-0.1, 0.03, (400, 16))
     holding, overlapping = covered(draw.ravel(), 16)
     assert abs(holding - 380) < 4.0 * (400 * 0.95 * 0.05) ** 0.5
@@ -59,7 +63,7 @@ def test_intervals_hold_as_often_as_they_say():
 
 
 def test_intervals_of_a_chaotic_scene_hold():
-    """Eight batches of exact's 16 starts: by chance one or two miss, hardly ever three."""
+    """Eight batches of exact's 16 starts: by chance one or two intervals miss the mean, hardly ever three."""
     scene = vibro_ros.load_scene("paper")
     values = np.array([speed(scene, number, 7, 2.0) for number in range(8 * 16)])
     holding, overlapping = covered(values, 16)

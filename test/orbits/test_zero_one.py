@@ -19,14 +19,14 @@ def logistic(rate, count=1000):
     np.cos(0.7 * np.arange(1000)) + 0.5 * np.sin(np.sqrt(2.0) * np.arange(1000)), 1e9 * np.tile([1.0, 2.0, 4.0], 300)],
     ids=["constant", "period 2", "period 8", "circle", "torus", "large numbers"])
 def test_regular_series_are_near_0(series):
-    """A46. However large their numbers are."""
+    """A46. Whatever the size of their numbers."""
     assert abs(vibro_ros.zero_one_test(series)) < 0.1
 
 
 @pytest.mark.parametrize("series", [logistic(3.97), logistic(4.0), np.random.default_rng(1).normal(size=1000)],
                          ids=["logistic 3.97", "logistic 4", "noise"])
 def test_chaos_and_noise_are_near_1(series):
-    """A46. The test does not tell one from the other."""
+    """A46. The test does not distinguish chaos from noise."""
     assert vibro_ros.zero_one_test(series) > 0.95
 
 

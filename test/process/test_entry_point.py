@@ -1,4 +1,4 @@
-"""Every executable is entered and left in one way, whatever signals, streams and folders it meets."""
+"""Every executable starts and ends in the same way, whatever signals, streams and folders it meets."""
 
 import os
 import signal
@@ -23,7 +23,9 @@ Start = Callable[..., subprocess.Popen]
 
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Start]:
-    """Start an executable in a folder of the test's; killed at the end if it runs."""
+    """Fixture: a function that starts an executable in the test's folder; the process is killed at the end if it still
+    runs.
+    """
     started: list[subprocess.Popen] = []
 
     def start_one(*words: str, **options: object) -> subprocess.Popen:
@@ -49,14 +51,14 @@ def wait_until(done: Callable[[], bool], what: str) -> None:
 
 
 def takes_signals(process: subprocess.Popen) -> bool:
-    """Whether the process has its own answer to SIGHUP, which Python itself has not."""
+    """Whether the process handles SIGHUP itself, which Python does not by default."""
     status = Path(f"/proc/{process.pid}/status").read_text()
     caught = next(line for line in status.splitlines() if line.startswith("SigCgt"))
     return bool(int(caught.split()[1], 16) >> (signal.SIGHUP - 1) & 1)
 
 
 def said_after(process: subprocess.Popen, patience: float = PATIENCE) -> tuple[int, str, str]:
-    """Exit code, stdout and stderr."""
+    """Wait for the end; returns exit code, stdout and stderr."""
     out, err = process.communicate(timeout=patience)
     return process.returncode, out, err
 
@@ -105,14 +107,14 @@ READY = "__import__('os').write(1, b'ready\\n')"  # not by Python's own buffer, 
 
 
 def planted(start: Start, *lines: str, **options: object) -> subprocess.Popen:
-    """An executable whose `main` is these lines, once it is ready."""
+    """Return an executable whose `main` consists of these lines, once it is ready."""
     process = start("-c", DOOR.format(main="\n    ".join([*lines, "return 0"])), **options)
     assert process.stdout.readline() == "ready\n"
     return process
 
 
 def test_an_interrupt_in_a_text_that_is_executed_gives_the_same_exit_code(start, tmp_path):
-    """A module's process would end by SIGINT then, whoever has caught the interrupt."""
+    """Python run on a module would end by SIGINT itself, even if the interrupt was caught."""
     (tmp_path / "door.py").write_text(DOOR.format(main=f"{READY}; exec('time.sleep(600)')"))
     process = start("-m", "door")
     assert process.stdout.readline() == "ready\n"
@@ -237,7 +239,7 @@ def test_without_ros_it_says_what_to_do(start):
 
 
 def test_too_little_address_space_is_one_line(tmp_path):
-    """With 600 MB a robot hung, deaf to signals, while it imported scipy."""
+    """With 600 MB a robot hung, without reacting to signals, while it imported scipy."""
     done = run_shell(f"ulimit -v 600000; exec {sys.executable} -m vibro_ros.ros.robot.robot --help", tmp_path)
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr == ("robot: the address space is limited to 614 MB, and 2000 MB are needed; "

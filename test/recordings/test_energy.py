@@ -1,4 +1,4 @@
-"""Where a recording's energy went: as a run of the same commands says; unknown for all that is not that run."""
+"""The energy of a recording: that of a run with the same commands; unknown for any bag that is not such a run."""
 
 import json
 import time
@@ -34,7 +34,7 @@ def device():
 
 
 def late_with(recorded, folder, tick, state):
-    """The recording from a sample on, with a checkpoint there."""
+    """Return the recording from a sample on, with a checkpoint there."""
     checkpoint = f"/{CHECKPOINT}", START + round(tick / RATE * 1e9), holding(TOPICS[CHECKPOINT].type, state)
     return rewritten(recorded, folder, lambda all_of_it: sorted([*since(tick / RATE)(all_of_it), checkpoint],
                                                                 key=lambda one: one[1]))
@@ -53,7 +53,7 @@ def test_accounts_are_those_of_the_commanded_run(recorded):
 
 
 def test_a_recording_that_begins_late_is_told_from_its_checkpoint_on(recorded, tmp_path):
-    """The robot that writes the checkpoint keeps no accounts."""
+    """The energy is computed from the checkpoint on, although the robot that wrote it keeps no accounts."""
     begin = 40
     robot, accountant = (vibro_ros.Simulator(scene) for scene in (vibro_ros.load_scene("device"), device()))
     for one in (robot, accountant):
@@ -70,7 +70,9 @@ def test_a_recording_that_begins_late_is_told_from_its_checkpoint_on(recorded, t
 
 
 def test_a_checkpoint_that_no_robot_made_is_unknown(recorded, tmp_path):
-    """Each of its numbers beyond every table: where a kernel would read foreign memory, the process would end."""
+    """Each number of the checkpoint in turn is beyond every table; a kernel that used it would read foreign memory and
+    end the process.
+    """
     robot = vibro_ros.Simulator(device())
     robot.advance_to(40 / RATE)
     whole = robot.checkpoint()
@@ -87,7 +89,7 @@ def test_a_late_recording_without_a_checkpoint_is_unknown(recorded, tmp_path, ca
 
 
 def test_another_run_than_the_commands_give_is_unknown(recorded, tmp_path):
-    """One rounding in the last odometry is enough."""
+    """A change of the last odometry by one rounding is enough."""
     def move(odometry):
         odometry.pose.pose.position.x = np.nextafter(odometry.pose.pose.position.x, 1.0)
 
@@ -105,7 +107,7 @@ def test_another_run_than_the_commands_give_is_unknown(recorded, tmp_path):
     ({"start": "12"}, "are not those of the robot's samples"),
     ({"start": "one"}, "cannot be simulated by this version")])
 def test_what_the_bag_says_of_itself_may_be_anything(recorded, tmp_path, custom, reason):
-    """`start` 12 ns after 1970: 56 years of simulation are not begun."""
+    """With `start` 12 ns after 1970, 56 years of simulation must not be begun."""
     began = time.monotonic()
     unknown = energy_of(load_bag(rewritten(recorded, tmp_path / "bag2", **custom)))["unknown"]
     assert reason in unknown or "only" in unknown
@@ -116,7 +118,7 @@ def test_what_the_bag_says_of_itself_may_be_anything(recorded, tmp_path, custom,
     ("ground.stribeck_speed", {}), ("", {"record.storage": "mcap"}), ("", dict.fromkeys(GONE, 1e-6))],
     ids=["default", "storage", "0.2"])
 def test_a_bag_of_an_earlier_version_is_understood(recorded, tmp_path, lacks, has):
-    """It lacks a parameter, which then had its default, or names one that is gone."""
+    """The bag lacks a parameter, which then had its default, or names a parameter that no longer exists."""
     with BagStream(recorded) as stream:
         parameters = json.loads(stream.metadata["parameters"])
     older = {name: value for name, value in parameters.items() if name != lacks} | has
@@ -127,7 +129,7 @@ def test_a_bag_of_an_earlier_version_is_understood(recorded, tmp_path, lacks, ha
 
 
 def stretched(message):
-    """Robot time runs a million times as fast, and headers agree: 119 samples of 120 are of another day each."""
+    """Make robot time run a million times as fast, headers included: 119 of 120 samples are each on another day."""
     topic, stamp, data = message
     stamp = START + (stamp - START) * 1_000_000
     if ROBOT_TOPICS[topic[1:]] in ("nav_msgs/msg/Odometry", "sensor_msgs/msg/JointState"):
@@ -166,7 +168,9 @@ def test_lines_and_bars_tell_the_same(recorded):
 
 
 def test_what_gives_where_it_takes_changes_the_bar():
-    """Friction as printed may drive the body; a store may empty itself."""
+    """Accounts of the opposite sign belong to the other bar: friction by the rule `printed` and falling stored energy
+    are received, and a motor that takes back more than it delivers receives.
+    """
     accounts = dict.fromkeys(("plates", "unpaid", "drive_dampers", "plate_dampers", "blows", "landings"), 0.0)
     accounts |= {"motor_delivered": 1.0, "motor_taken_back": 3.0, "friction": -0.5, "stored": -1.5}
     assert parts_of(accounts) == ({"friction": 0.5, "stored": 1.5}, {"motor": 2.0})

@@ -19,7 +19,7 @@ def bag(known_run):
 
 
 def panels(figure):
-    """Axes of the whole run and of the moment, by the label of the row."""
+    """Return the axes of the whole run and of the moment, by the label of the row."""
     own = [axes for axes in figure.axes if not axes.get_ylabel().endswith("[%]")]
     assert [one.get_ylabel() for one in own[::2]] == [one.get_ylabel() for one in own[1::2]]
     return {left.get_ylabel(): (left, right) for left, right in zip(own[::2], own[1::2], strict=True)}
@@ -27,7 +27,7 @@ def panels(figure):
 
 @pytest.fixture(scope="module")
 def shown(bag):
-    """The panels of a figure that tests look at and do not change."""
+    """The panels of a figure that tests read and do not change."""
     return panels(plot_run(bag))
 
 
@@ -36,7 +36,7 @@ def lines(axes):
 
 
 def changed(bag, topic, **arrays):
-    """The same recording with other numbers in one topic."""
+    """Return the same recording with other numbers in one topic."""
     name = bag.full_name(topic)
     return dataclasses.replace(bag, arrays={**bag.arrays, name: {**bag.arrays[name], **arrays}})
 

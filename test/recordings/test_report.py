@@ -94,13 +94,13 @@ def test_what_cannot_be_reported_ends_with_2(record_run, capsys, make, reason):
 
 
 def split(folder, target):
-    """The same bag in files of a second, compressed."""
+    """Return the same bag in compressed files of one second."""
     rewritten(folder, target, storage=Storage("zstd", max_duration=1.0))
     assert len(list(target.glob("*.mcap"))) > 3
 
 
 def unsealed(folder, target):
-    """The same bag, killed before its end was sealed."""
+    """Return the same bag as a killed robot leaves it, without its end."""
     rewritten(folder, target)
     (target / "metadata.yaml").unlink()
     [file] = target.glob("*.mcap")
@@ -113,7 +113,9 @@ def recovered(folder, target):
 
 
 def foreign(folder, target, plugin=StoragePlugin.MCAP, mode=None):
-    """The same messages as another program records them: no custom data, an earlier version, a topic of its own."""
+    """Return the same messages as another program records them: without custom data, or of an earlier version, with a
+    topic of its own.
+    """
     store = get_typestore(Stores.ROS2_HUMBLE)
     unopened = Writer(target, version=8, storage_plugin=plugin)
     if mode:

@@ -1,4 +1,4 @@
-"""The summary's numbers against a recording of which every number is known."""
+"""The numbers of a summary, compared with a recording of which every number is known."""
 
 import json
 from dataclasses import replace
@@ -94,7 +94,9 @@ def test_what_a_summary_needs_is_named(known_run, options, reason):
     ({"effects.normal_force": "hop", "body.inertia": 1e-3}, 0.0), ({"effects.normal_force": "hop"}, 0.0),
     ({"effects.normal_force": "weight"}, None), ({}, None)])
 def test_the_pitch_index_needs_a_hop_and_the_robots_parameters(known_run, parameters, index):
-    """Of a body in the air whose masses stand still: nothing turns it. Old bags lack the parameters of the index."""
+    """The masses of a body in the air stand still and do not turn it, so the index is 0. Old bags lack the index's
+    parameters.
+    """
     bag = replace(read_bag(known_run()), metadata={"parameters": json.dumps(parameters)})
     height = bag["odom"]["position"][:, 2]
     height[:] = 0.001

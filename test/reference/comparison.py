@@ -1,4 +1,5 @@
-"""Runs the simulator as a reference table says, for comparison with it.
+"""Runs the simulator with the inputs of a reference table, and compares. As a program it prints the largest difference
+of each position from every stored table.
 
 As a program it prints the largest difference of each position from every stored table.
 """
@@ -16,7 +17,7 @@ CONTACTS = ("upper_contact", "inclined_contact")
 
 
 def replay(table: dict) -> tuple[list, np.ndarray]:
-    """States at the table's times, and all events."""
+    """Return states at the table's times, and all events."""
     device = vibro_ros.Simulator(vibro_ros.load_scene("paper").with_parameters(table["parameters"]))
     commands = [(float(time), change) for time, change in table["commands"]]
     states, events = [], []

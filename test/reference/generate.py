@@ -66,7 +66,7 @@ SCENES = {
 
 
 def decimal(number: arb) -> str:
-    """The midpoint with DIGITS digits."""
+    """Return the midpoint of a ball in decimal, with DIGITS digits."""
     return arb(number.mid()).str(DIGITS, radius=False)
 
 
@@ -98,7 +98,7 @@ def table(name: str, duration: float | None) -> dict:
 
 
 def main() -> None:
-    """Write the tables asked for."""
+    """Write the tables that the command line names."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scene", choices=sorted(SCENES), action="append", help="only this one (may be repeated)")
     parser.add_argument("--duration", type=float, help="seconds instead of the scene's own")

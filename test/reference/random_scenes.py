@@ -74,7 +74,7 @@ def _commands(pick):
 
 
 def reference(seed: int, duration: float) -> dict:
-    """A table, in the form of the stored ones, of scene number `seed` over `duration` [s]."""
+    """Return the reference of scene number `seed` over `duration` [s], in the form of the stored tables."""
     from flint import arb
     from generate import PAPER, decimal
 

@@ -16,7 +16,7 @@ DAMPED = ("damped_adhesion", "damped_no_tension", "ramp_and_gaps", "reaction_wei
 
 
 def tolerance(name):
-    """Metres: damped scenes forget rounding errors, loss-free ones amplify them (e⁵ a second)."""
+    """Tolerance [m]: damped scenes forget rounding errors, loss-free ones amplify them (e⁵ a second)."""
     return 1e-10 if name in DAMPED else 1e-9
 
 
@@ -69,7 +69,7 @@ def test_ground_forces_agree_with_the_reference(name, simulated):
 
 @pytest.mark.parametrize("name", TABLES)
 def test_every_contact_of_the_reference_occurs_and_no_other(name, simulated):
-    """A39. One contact of ours for one of theirs, in their order, with all of its numbers."""
+    """A39. One contact for each of the reference, in the same order, with equal numbers."""
     _, events = simulated(name)
     for kind in CONTACTS:
         ours = np.sort(events[events["kind"] == kind], order="time")
@@ -85,7 +85,7 @@ def test_every_contact_of_the_reference_occurs_and_no_other(name, simulated):
 @pytest.mark.parametrize("kind", ["stick", "unloaded", "loaded"])
 @pytest.mark.parametrize("name", TABLES)
 def test_the_body_sticks_and_the_ground_is_unloaded_when_the_reference_says(name, kind, simulated):
-    """A39. As many changes, at the same instants."""
+    """A39. The changes are equally many, at the same instants."""
     if kind != "stick" and TABLES[name]["parameters"]["effects.normal_force"] != "unilateral":
         return
     _, events = simulated(name)

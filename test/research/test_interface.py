@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def private_names(source: str) -> list[str]:
-    """What a module takes from the package that is not in `vibro_ros.__all__`."""
+    """Return the names that a module takes from the package although they are not in `vibro_ros.__all__`."""
     nodes = list(ast.walk(ast.parse(source)))
     taken = [f"{node.module}.{name.name}" for node in nodes if isinstance(node, ast.ImportFrom)
              for name in node.names if (node.module or "").split(".")[0] == "vibro_ros"]

@@ -1,4 +1,5 @@
-"""The model contains the published machines, closed forms and scipy agree with it, and the document is its findings."""
+"""The model contains the published machines, agrees with closed forms and scipy, and the document states its findings.
+"""
 
 import dataclasses
 import math
@@ -49,7 +50,7 @@ def test_exact_and_scipy_agree_on_the_published_equations(machine):
 
 
 def test_what_differs_is_the_rods_harmonic():
-    """r²/(4 L): a rod of a quarter of the length, four times the difference."""
+    """The difference is r²/(4 L): four times as large with a rod of a quarter of the length."""
     ratio = capsule.difference(capsule.REFERENCE, 3, rod=2.5) / capsule.difference(capsule.REFERENCE, 3, rod=10.0)
     assert ratio == pytest.approx(4.0, rel=0.05)
 
@@ -59,7 +60,7 @@ def test_a_force_from_outside_is_an_internal_one_as_long_as_there_is_no_impact()
 
 
 def test_scipys_free_mass_is_the_driven_oscillator():
-    """Capsule at rest: z = C (cos ω τ - cos τ), C = α/(1 - ω²)."""
+    """For a capsule at rest, z = C (cos ω τ - cos τ) with C = α/(1 - ω²)."""
     machine = Capsule(alpha=0.1, omega=0.5, beta=0.0, gamma=1.0, delta=10.0, xi=0.0)
     times = np.linspace(0.0, 20.0, 101)
     expected = 0.1 / (1.0 - 0.25) * (np.cos(0.5 * times) - np.cos(times))
@@ -76,7 +77,9 @@ def test_a_capsule_with_wheels_that_turn_one_way_never_moves_backwards():
 
 
 def test_a_slide_within_a_step_ends_after_it_began():
-    """This capsule slides back for less than a step; integrated in one, it would never leave the slide's start."""
+    """This capsule slides back for less than a step; an integration with one step would never leave the start of the
+    slide.
+    """
     machine = dataclasses.replace(capsule.machines(16)[5], gamma=2.0)
     times = machine.period * np.array([1.0, 2.0])
     found = integrate(machine, times, harmonic(machine, -math.pi / 2.0, reaction=0.0), tolerance=1e-6)

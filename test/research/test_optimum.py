@@ -1,4 +1,4 @@
-"""docs/optimum.md is made of docs/optimum/*.json by the code as it is, and its robots do what it says."""
+"""docs/optimum.md is what the present code makes of docs/optimum/*.json, and the optima move as it says."""
 
 import json
 from pathlib import Path
@@ -31,7 +31,7 @@ def test_the_scene_files_are_the_optima(name):
 
 @pytest.mark.parametrize("name", ["thriftiest", "thrifty", "fastest", "thrifty_grounded", "fastest_grounded"])
 def test_the_optima_do_what_is_said(name):
-    """From three starts: the mean lies within the spread of so few, two standard deviations of one. With its sign."""
+    """From three starts: the mean speed, with its sign, lies within two standard deviations of one start."""
     found, scene = RESULTS[name]["verified"][0]["speed"], vibro_ros.load_scene(FOLDER / f"{name}.yaml")
     speeds = []
     for start in range(3):
@@ -46,7 +46,9 @@ def test_the_optima_do_what_is_said(name):
 
 @pytest.mark.parametrize("name", ["thrifty_grounded", "fastest_grounded"])
 def test_the_optima_on_the_ground_are_there_by_themselves(name):
-    """With `hop`, seldom in the air, and a mean N that is the weight; N is sampled beside the landings' shocks."""
+    """With `hop` these robots are seldom in the air, and the mean N is the weight; samples of N leave out the shocks of
+    landings.
+    """
     scene, best = vibro_ros.load_scene(FOLDER / f"{name}.yaml"), RESULTS[name]["verified"][0]
     assert scene["effects.normal_force"] == "hop"
     assert best["air"] <= 0.02 and best["load"] == pytest.approx(1.0, abs=0.01)
@@ -76,7 +78,7 @@ def test_the_optimum_beats_the_best_start_of_the_paper(name):
 
 
 def test_the_papers_robots_are_found_again(tmp_path, monkeypatch):
-    """From the first two starts; the best of all is as good or better."""
+    """The first two starts are run again; the stored best of all starts is at least as good."""
     monkeypatch.setattr(optimum, "BEGINS", optimum.BEGINS[:2])
     for few, all_starts in zip(optimum.papers_robots("thrifty", RESULTS["thrifty"], FOLDER), PAPERS["thrifty"],
                                strict=True):
@@ -95,7 +97,7 @@ def test_power_vanishes_in_the_paper_and_speed_does_not():
 
 
 def test_what_is_watched_for_long_is_found_again(monkeypatch):
-    """In the scene `paper`: the power vanishes while the speed stays."""
+    """In the scene `paper` the power vanishes over long times while the speed stays."""
     monkeypatch.setattr(optimum, "DURATIONS", (4.0, 64.0))
     short, long = optimum.lasting(vibro_ros.load_scene("paper"))
     for end in ("slowest", "fastest"):

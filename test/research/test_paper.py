@@ -1,4 +1,4 @@
-"""The paper: claims on speeds whose answer is known, the worksheet beside the robot, and the page."""
+"""The paper: claims on speeds with known outcomes, the worksheet compared with the robot, and the page."""
 
 from pathlib import Path
 
@@ -60,7 +60,7 @@ READING = Reading("exact", 0.0, "corrected", "weight", NEAR_REST, "eq5")
 
 
 def speed_of(series, mean):
-    """Speeds of every robot of a series, shape (starts,), with the given mean at each of its values."""
+    """Return speeds of every robot of a series, shape (starts,), with the given mean for each value."""
     draw = np.random.default_rng(7)
     return {Point(series, value): mean(value) + 0.01 * draw.standard_normal(STARTS) for value in SERIES[series]}
 
@@ -76,12 +76,14 @@ def speed_of(series, mean):
     (LONGER, lambda crank: crank, NAMED), (LONGER, lambda crank: 10.0 * crank, HOLDS),
     (LONGER, lambda crank: 10.0 * abs(crank - 0.015), NAMED), (LONGER, lambda crank: -10.0 * crank, DOES_NOT)])
 def test_outcome_of_a_claim(claim, mean, outcome):
-    """Sixteen starts whose speeds scatter by 0.01 m/s."""
+    """Sixteen starts have speeds that scatter by 0.01 m/s."""
     assert settled(claim, speed_of(claim.series, mean), judged_pairs) == outcome
 
 
 def test_pure_noise_hardly_ever_settles_a_claim():
-    """No difference: a pair is found the other way round in at most 5 % of the studies, and all pairs never hold."""
+    """Without a true difference, some pair is found the other way round in at most 5 % of the studies, and all pairs
+    never hold.
+    """
     draw = np.random.default_rng(11)
     found = [judged_pairs(draw.standard_normal((5, STARTS))) for _ in range(2000)]
     assert found.count(DOES_NOT) < 0.065 * len(found) and found.count(HOLDS) == 0
@@ -95,7 +97,7 @@ def test_what_diverges_is_told():
 
 
 def test_backwards_is_not_forwards_but_may_be_fast():
-    """A robot whose size of speed obeys every claim, and that goes backwards."""
+    """A robot that goes backwards may obey every claim by the size of its speed."""
     def speed(point):
         order = {"angle": 200.0 - abs(point.value - 80.0), "mass": 200.0 - 100.0 * point.value,
                  "crank": 1e3 * point.value}
@@ -129,13 +131,15 @@ def test_a_phase_is_where_the_upper_slider_moves():
 
 @pytest.mark.parametrize("start", [NEAR_ZERO, NEAR_REST, ANY_PHASE])
 def test_starts_of_a_crank_as_long_as_its_rods_differ(start):
-    """From the first second on."""
+    """They differ from the first second on."""
     found = displacements(Batch(REST._replace(start=start), Point("crank", 0.06), 6))[:, 0]
     assert np.min(np.abs(np.subtract.outer(found, found)) + np.eye(6)) > 1e-6
 
 
 def test_masses_at_rest_on_a_slider_that_stands_still_make_copies():
-    """With φ = 80° both sliders stand at 0 from 170° to 270°: a robot 0.3 rad on does the same 3 ms sooner."""
+    """With φ = 80° both sliders stand at 0 from 170° to 270°: a start 0.3 rad further repeats the same motion 3 ms
+    sooner.
+    """
     scene, times = REST._replace(start=NEAR_ZERO).scene(Point("crank", 0.06)), np.array([0.05, 0.06])
     first = worksheet.rkfixed(scene, "eq5", 3.3, 1e-5, times + 0.003)
     np.testing.assert_allclose(worksheet.rkfixed(scene, "eq5", 3.6, 1e-5, times), first, rtol=1e-6)
@@ -164,7 +168,9 @@ def scene_of(equations, rule, start, point=FIRST):
 @pytest.mark.parametrize("rule", ["printed", "unilateral", "weight"])
 @pytest.mark.parametrize("start", [NEAR_ZERO, NEAR_REST])
 def test_fine_steps_find_the_motion_of_the_robot(equations, rule, start):
-    """Off by the events within its steps of 1e-6 s: a force of 1e4 N (1e5 N with the misprint) for as long."""
+    """The difference is due to events within steps of 1e-6 s: a force of 1e4 N (1e5 N with the misprint) acts for up to
+    a step too long.
+    """
     scene = scene_of(equations, rule, start)
     exact = vibro_ros.Simulator(scene).sample(TIMES).body_position
     found = rkfixed(scene, "eq5", 0.0, 1e-6, TIMES)
@@ -180,14 +186,14 @@ def test_steps_longer_than_a_contact_diverge():
 
 
 def test_adaptive_steps_find_the_first_turn():
-    """To some per cent, with a tolerance of 1e-3."""
+    """To some per cent, because the tolerance is 1e-3."""
     scene = scene_of("misprint", "printed", NEAR_REST)
     exact = vibro_ros.Simulator(scene).sample(TIMES).body_position
     np.testing.assert_allclose(rkadapt(scene, "eq5", 0.0, TIMES), exact, rtol=0.5)
 
 
 def test_the_page_is_the_one_that_its_verdicts_make(tmp_path):
-    """But for the energy, which is computed again: its digits are the same on any machine."""
+    """All but the energy, which is computed again; its printed digits are the same on any machine."""
     assert page(FOUND, full_effort(), command.FOLDER) == TEXT, "run `make paper`"
     write_verdicts(tmp_path / "again.csv", FOUND)
     assert (tmp_path / "again.csv").read_bytes() == TABLE.read_bytes()
@@ -219,7 +225,7 @@ def test_mean_speeds_of_the_first_seconds_are_found_again(reading, point):
 
 
 def test_the_answer_is_what_the_verdicts_say():
-    """Told in the first paragraph, by counting anew."""
+    """The counts in the first paragraph are those of the verdicts."""
     exact = [one for one in FOUND if one.reading.solver == "exact"]
     every = {equations: [one for one in exact if one.reading.equations == equations]
              for equations in ("corrected", "misprint")}
@@ -233,7 +239,7 @@ def test_the_answer_is_what_the_verdicts_say():
 
 
 def test_only_the_misprint_gives_every_claim():
-    """Of all readings that were tried, fixed steps among them, those that give every claim have the misprint."""
+    """Every reading that gives all claims, those with fixed steps included, has the misprint."""
     full = all_and_forwards(FOUND)
     assert full and {one.reading.equations for one in full} == {"misprint"}
     assert min(one.means[Point("angle", 80.0)].mean for one in full) > 100.0  # m/s

@@ -14,7 +14,9 @@ ROBOT = "/vibro_robot"
 
 
 def known_client(bench, kind: type, name: str, node: str = ROBOT):
-    """A client of `node`'s service `name` that both sides know, so that its one request and the answer arrive."""
+    """Return a client of `node`'s service `name` that client and server both know, so that its one request and the
+    answer arrive.
+    """
     client = bench.node.create_client(kind, f"{node}/{name}")
     bench.spin_until(client.service_is_ready, name)
     wait_until_known(bench, node)
@@ -22,7 +24,7 @@ def known_client(bench, kind: type, name: str, node: str = ROBOT):
 
 
 def answered_once(bench, kind: type, name: str, node: str = ROBOT, **fields):
-    """The answer of `node`'s service `name` to one request."""
+    """Return the answer of `node`'s service `name` to one request."""
     client = known_client(bench, kind, name, node)
     future = client.call_async(kind.Request(**fields))
     bench.spin_until(future.done, f"answer of {name}")
@@ -31,19 +33,21 @@ def answered_once(bench, kind: type, name: str, node: str = ROBOT, **fields):
 
 
 def wait_until_known(bench, node: str = ROBOT) -> None:
-    """Return when `node` knows all clients of `bench`: it hears of them in turn, and has answered a younger one."""
+    """Wait until `node` knows all clients of `bench`: it discovers them in order, and has answered the youngest."""
     answer_of(bench, GetParameters, f"{node}/get_parameters")
 
 
 def set_parameter(bench, name: str, value: float) -> None:
-    """Set one parameter of the robot, which takes it."""
+    """Set one parameter of the robot, which must accept it."""
     wanted = Parameter(name, value=value).to_parameter_msg()
     (result,) = answer_of(bench, SetParameters, f"{ROBOT}/set_parameters", parameters=[wanted]).results
     assert result.successful, result.reason
 
 
 def answer_of(bench, kind: type, name: str, **fields):
-    """The answer of the service `name`; the request is repeated until it comes, so it must not matter how often."""
+    """Return the answer of the service `name`; the request is repeated until an answer comes, so repetition must do no
+    harm.
+    """
     client = bench.node.create_client(kind, name)
     bench.spin_until(client.service_is_ready, name)
     futures, asked = [], 0.0

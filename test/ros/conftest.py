@@ -19,7 +19,8 @@ __all__ = ["bench", "compiled", "start", "udp_only"]
 
 @pytest.fixture
 def refusal(domain_id, tmp_path, monkeypatch, capfd) -> Callable[..., str]:
-    """The one line with which an executable's `main` refuses its words, with exit code 2, without a process of its own.
+    """Return the line with which an executable's `main` refuses its arguments, with exit code 2, without a process of
+    its own.
     """
     monkeypatch.chdir(tmp_path)
 
@@ -32,13 +33,13 @@ def refusal(domain_id, tmp_path, monkeypatch, capfd) -> Callable[..., str]:
 
 @pytest.fixture
 def call(bench) -> Callable:
-    """Call a service of the robot; its answer."""
+    """Call a service of the robot and return its answer."""
     return partial(answered_once, bench)
 
 
 @pytest.fixture
 def record(call):
-    """Call the robot's service ~/record; whether it was done, and the answer's words."""
+    """Call the robot's service ~/record; returns whether it succeeded, and the answer's message."""
     def record_or_not(on: bool) -> tuple[bool, str]:
         answer = call(SetBool, "record", data=on)
         return answer.success, answer.message
@@ -57,7 +58,7 @@ def shelf(tmp_path_factory) -> Path:
 
 @pytest.fixture
 def recorded(request, shelf, tmp_path) -> Path:
-    """A copy of one recording, which the first test that asks makes."""
+    """A copy of a recording that the first test to request it makes."""
     if not list(shelf.glob("vibro_robot_*")):
         record_run(request.getfixturevalue("start"), request.getfixturevalue("bench"), shelf,
                    f"rate.real_time_factor:={FASTER}")
@@ -67,14 +68,14 @@ def recorded(request, shelf, tmp_path) -> Path:
 
 @pytest.fixture
 def types() -> SimpleNamespace:
-    """The modules of simulation_interfaces; where there is no compiler they are not installed."""
+    """The modules of simulation_interfaces, which are not installed without a compiler."""
     return SimpleNamespace(**{name: pytest.importorskip(f"simulation_interfaces.{name}")
                               for name in ("msg", "srv", "action")})
 
 
 @pytest.fixture
 def simulator(types, start, bench) -> Iterator[Simulator]:
-    """A program that knows simulation_interfaces, and its robot as `robot`."""
+    """A program that uses simulation_interfaces, with its robot as `robot`."""
     simulator = Simulator(bench, types)
     simulator.robot = start("robot")
     simulator.wait()

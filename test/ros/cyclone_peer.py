@@ -97,7 +97,7 @@ class Odometry(IdlStruct, typename="nav_msgs::msg::dds_::Odometry_"):
 
 
 def show(message: Odometry) -> None:
-    """Print what the test looks at; numbers in JSON come back bit for bit."""
+    """Print what the test compares; numbers in JSON keep every bit."""
     stamp = message.header.stamp
     print(json.dumps([stamp.sec * 10**9 + stamp.nanosec, message.header.frame_id, message.child_frame_id,
                       message.pose.pose.position.x, message.twist.twist.linear.x]), flush=True)

@@ -1,4 +1,4 @@
-"""What the tests of recording and diagnostics see of a robot: its samples, what it says of itself, its bags."""
+"""What the tests of recording and diagnostics observe of a robot: its samples, its diagnostics, its bags."""
 
 import signal
 import time
@@ -14,7 +14,7 @@ from vibro_ros.messages.codec import deserialised
 
 
 class Listener:
-    """Keeps the stamps [ns] of odom and the latest diagnostics by part."""
+    """A subscriber that keeps the stamps [ns] of odom and the latest diagnostics by part."""
 
     def __init__(self, bench):
         self.bench = bench
@@ -31,7 +31,7 @@ class Listener:
         self.parts |= {status.name: status for status in message.status}
 
     def spin_for_samples(self, count: int) -> None:
-        """Hear `count` samples more than wait already: those were published before the call."""
+        """Receive `count` samples in addition to those already queued, which were published before the call."""
         idle, patience = 0, time.monotonic() + 5.0  # a busy machine is never idle beside 1000 samples a second
         while idle < 3 and time.monotonic() < patience:  # one of the three may hear diagnostics
             before = len(self.stamps)
@@ -61,7 +61,7 @@ def stamps_of(folder: Path, topic: str = "/odom") -> list[int]:
 
 
 def ended(program, code: int = 0) -> None:
-    """It has ended, or does now, with this exit code and without a word of what nobody foresaw."""
+    """Check that the process ends with this exit code and without an unexpected line of output."""
     assert program.end() == code, program.text
     assert "Traceback" not in program.text and "please report" not in program.text, program.text
 
@@ -73,7 +73,7 @@ def stop(program, code: int = 0, number: signal.Signals = signal.SIGINT) -> None
 
 
 def whole_bag(robot) -> Path:
-    """The bag of a robot that has ended well, with every message."""
+    """Return the bag of a robot that has ended normally, and check that it has every message."""
     ended(robot)
     line = robot.wait_for("]: bag ")
     assert " 0 dropped;" in line
@@ -81,7 +81,7 @@ def whole_bag(robot) -> Path:
 
 
 def messages_of(folder: Path) -> dict[str, list]:
-    """Every message by topic, read by rosbags."""
+    """Return the messages by topic, read by rosbags."""
     with Reader(folder) as reader:
         found: dict[str, list] = {one.topic: [] for one in reader.connections}
         for one, _, data in reader.messages():
@@ -90,6 +90,6 @@ def messages_of(folder: Path) -> dict[str, list]:
 
 
 def write(folder: Path, text: str) -> str:
-    """The name of a script of the controller with this text, in the folder of the test."""
+    """Write a script of the controller into the test's folder and return its name."""
     (folder / "script.yaml").write_text(text)
     return "script.yaml"

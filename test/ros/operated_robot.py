@@ -1,4 +1,4 @@
-"""An operator who commands a robot and hears it, and how a user ends it."""
+"""An operator who commands a robot and receives its messages, and the normal end of a robot."""
 
 import signal
 from pathlib import Path
@@ -17,7 +17,7 @@ COMMANDS = ("motor_speed", "upper_gap", "inclined_gap")
 
 
 class Operator:
-    """Commands the robot and keeps every serialised message that it publishes."""
+    """A node that commands the robot and keeps every serialised message that the robot publishes."""
 
     def __init__(self, bench, topics=HEARD, names: dict[str, str] | None = None):
         self.bench = bench
@@ -41,7 +41,7 @@ class Operator:
         return deserialize_message(self.heard["odom"][-1], Odometry)
 
     def joint(self, name: str) -> tuple[float, float, float]:
-        """Position, velocity and effort, as heard last."""
+        """Return position, velocity and effort from the last message."""
         message = deserialize_message(self.heard["joint_states"][-1], JointState)
         index = list(message.name).index(name)
         return message.position[index], message.velocity[index], message.effort[index]
@@ -52,6 +52,6 @@ class Operator:
 
 
 def stop(robot, number: signal.Signals = signal.SIGINT) -> Path:
-    """End the robot as a user does; its bag."""
+    """End the robot as a user does, and return its bag."""
     robot.send(number)
     return whole_bag(robot)

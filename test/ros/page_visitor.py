@@ -36,18 +36,18 @@ class PageVisitor:
         self._thread.start()
 
     def ask(self, **request: object) -> dict:
-        """The answer to a request."""
+        """Send a request and return its answer."""
         self._asked += 1
         id = self._asked
         self._visit.send({"id": id, **request})
         return self.wait(lambda: next((one for one in list(self.texts) if one.get("id") == id), None), f"{request}")
 
     def last(self, *kinds: str) -> dict:
-        """The last text of these kinds; nothing without any."""
+        """Return the last text frame of these kinds, or None."""
         return next((one for one in reversed(list(self.texts)) if one["kind"] in kinds), {})
 
     def wait(self, what: Callable[[], object], words: str, patience: float = PATIENCE):
-        """What `what` returns, once it is true."""
+        """Wait until the result of `what` is true, and return it."""
         deadline = time.monotonic() + patience
         while not (found := what()):
             assert time.monotonic() < deadline, f"{words}: not within {patience} s; last: {self.texts[-3:]}"
@@ -55,7 +55,7 @@ class PageVisitor:
         return found
 
     def wait_for_robot(self, **fields: object) -> dict:
-        """The frame `robot`, once it is the last word on how things stand, and has an origin and these fields."""
+        """Wait until the last status frame is `robot`, with an origin and these fields, and return it."""
         def robot() -> dict | None:
             standing = self.last("robot", "absent")
             return standing if standing.get("kind") == "robot" and standing["origin"] != "0" and all(
@@ -63,14 +63,14 @@ class PageVisitor:
         return self.wait(robot, f"a robot with {fields}")
 
     def wait_for_absence(self, words: str) -> str:
-        """The words why there is no robot, once they hold `words` and are the last word on how things stand."""
+        """Wait until the last status frame says that there is no robot, with these `words`, and return its text."""
         def absence() -> str | None:
             standing = self.last("robot", "absent")
             return standing["words"] if standing.get("kind") == "absent" and words in standing["words"] else None
         return self.wait(absence, f"absence for {words!r}")
 
     def wait_for_rows(self, count: int) -> np.ndarray:
-        """So many more rows."""
+        """Wait for so many more rows."""
         begin = len(self.rows)
         self.wait(lambda: sum(map(len, self.rows[begin:])) >= count, f"{count} rows")
         return np.concatenate(self.rows[begin:])

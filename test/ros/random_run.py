@@ -36,7 +36,7 @@ def command_at_random(bench, seconds: float, seed: int, topics: dict[str, str]) 
 
 def record_run(start, bench, folder: Path, *parameters: str, seconds: float = SECONDS, end=signal.SIGINT, names=(),
                topics: dict[str, str] = MappingProxyType({}), then=None) -> Path:
-    """The bag of a robot that was commanded at random."""
+    """Record a robot that is commanded at random, and return its bag."""
     words = [word for parameter in (f"record.directory:={folder}", *parameters) for word in ("-p", parameter)]
     robot = start("robot", "--ros-args", *words, *names)
     robot.wait_for("ready")

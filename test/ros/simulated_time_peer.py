@@ -1,4 +1,5 @@
-"""A node as its author wrote it for the hardware: a timer, a subscription, a command; it knows nothing of lock-step."""
+"""A node as an author would write it for the hardware: a timer, a subscription, a command, and nothing for lock-step.
+"""
 
 import sys
 

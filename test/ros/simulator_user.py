@@ -17,20 +17,20 @@ PATHS = {"GetSimulatorFeatures": "get_simulator_features", "ResetSimulation": "r
 
 
 class Code(IntEnum):
-    """Results, by the definitions of simulation_interfaces 2.1.0."""
+    """Result codes of simulation_interfaces 2.1.0."""
 
     FEATURE_UNSUPPORTED, OK, NOT_FOUND, INCORRECT_STATE, OPERATION_FAILED = range(5)
     ALREADY_IN_TARGET_STATE, STATE_TRANSITION_ERROR, INCORRECT_TRANSITION = range(101, 104)
 
 
 class State(IntEnum):
-    """States, likewise."""
+    """States of simulation_interfaces 2.1.0."""
 
     STOPPED, PLAYING, PAUSED, QUITTING, NO_WORLD, LOADING_WORLD = range(6)
 
 
 class Simulator:
-    """The robot as a simulator, to one that knows nothing else of it."""
+    """A client that knows the robot only as a simulator of simulation_interfaces."""
 
     def __init__(self, bench, types):
         self.bench, self.types, self.feedback = bench, types, []
@@ -48,7 +48,7 @@ class Simulator:
         wait_until_known(self.bench)
 
     def begin(self, name: str, **fields):
-        """The future of an answer."""
+        """Send a request and return the future of its answer."""
         request = getattr(self.types.srv, name).Request()
         for field, value in fields.items():
             setattr(request, field, value)
@@ -59,12 +59,12 @@ class Simulator:
         return future.result()
 
     def call(self, name: str, **fields) -> tuple[int, str]:
-        """Code and words of the answer."""
+        """Return code and message of the answer."""
         result = self.answer(self.begin(name, **fields)).result
         return result.result, result.error_message
 
     def become(self, state: int) -> int:
-        """The code with which another state was asked for."""
+        """Request another state and return the result code."""
         return self.call("SetSimulationState", state=self.types.msg.SimulationState(state=state))[0]
 
     @property
@@ -74,7 +74,9 @@ class Simulator:
         return answer.state.state
 
     def begin_many_steps(self, listener):
-        """The future of their answer; a paused robot has begun to take them."""
+        """Send a request of many steps to a paused robot, wait until it takes them, and return the future of the
+        answer.
+        """
         listener.spin_for_samples(0)
         before = len(listener.stamps)
         future = self.begin("StepSimulation", steps=MOST_STEPS)
@@ -82,14 +84,14 @@ class Simulator:
         return future
 
     def send(self, steps: int):
-        """The handle of a goal, which is always accepted: its result says what is wrong with it."""
+        """Send a goal, which is always accepted, and return its handle; the result says what is wrong with the goal."""
         future = self.action.send_goal_async(self.types.action.SimulateSteps.Goal(steps=steps))
         goal = self.answer(future)
         assert goal.accepted
         return goal
 
     def result(self, goal) -> tuple[int, int, str]:
-        """Status, code and words of a goal."""
+        """Return status, code and message of a goal."""
         answer = self.answer(goal.get_result_async())
         return answer.status, answer.result.result.result, answer.result.result.error_message
 

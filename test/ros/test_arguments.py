@@ -1,4 +1,4 @@
-"""ROS arguments: which are ours, and names that remapping makes useless."""
+"""ROS arguments: which belong to the node, and names that remapping makes useless."""
 
 import pytest
 import rclpy

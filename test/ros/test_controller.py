@@ -1,4 +1,4 @@
-"""The controller as a process of its own; the test plays the robot, or a real one runs."""
+"""The controller as a process of its own; the test acts as the robot, or a real robot runs."""
 
 import signal
 from functools import partial
@@ -17,7 +17,7 @@ COMMANDS = ("motor_speed", "upper_gap", "inclined_gap")
 
 
 class Listener:
-    """Subscribes to the commands as a robot does and keeps their values."""
+    """A subscriber to the commands, as a robot has, that keeps their values."""
 
     def __init__(self, bench):
         self.bench = bench
@@ -67,7 +67,7 @@ entries:
 
 
 def test_two_robots_that_hear_the_commands_stop_it(start, tmp_path):
-    """Whether it plays or starts, as soon as it knows of both."""
+    """The controller stops as soon as it discovers both, whether it has started to play or not."""
     script = write(tmp_path, "entries: [{for: 1000.0, motor_speed: 10.0}]\n")
     robot = ("robot", "--ros-args", "-p", "record.enabled:=false", "-r")
     start(*robot, "__ns:=/")
@@ -128,7 +128,8 @@ entries:
 
 
 def test_each_end_of_a_script_says_what_becomes_of_the_motor(start, bench, tmp_path):
-    """The end of the file, a goal without odometry, an operator who aborts, and a robot that goes away."""
+    """The ends are the end of the file, a goal without odometry, an operator who aborts, and a robot that disappears.
+    """
     listener = Listener(bench)
     speeds = listener.heard["motor_speed"]
     controller = start("controller", write(tmp_path, "entries: [{for: 0.1, motor_speed: 9.0}]\n"))
@@ -169,7 +170,9 @@ def test_each_end_of_a_script_says_what_becomes_of_the_motor(start, bench, tmp_p
 
 
 def test_what_the_robot_refuses_is_refused_before_the_start_or_ends_the_script(start, bench, tmp_path):
-    """The limits are those of the robot at each moment; with a timeout it hears the motor's command again and again."""
+    """The limits are those of the robot at each moment; with a timeout the robot receives the motor's command again and
+    again.
+    """
     robot = start("robot", "--ros-args", "-p", "motor.max_speed:=60.0", "-p", "command.timeout:=0.5")
     controller = start("controller", write(tmp_path, """
 entries:

@@ -17,7 +17,7 @@ MOVED = 0.005  # m, backwards, before the test is content
 
 
 def test_it_commands_the_robot_and_reads_the_odometry_that_the_bag_holds(udp_only, start, bench, tmp_path):
-    """Then it dies without a word, which the robot does not notice."""
+    """Afterwards the peer is killed, which the robot does not notice."""
     peer = start(str(Path(__file__).with_name("cyclone_peer.py")), repr(SPEED))
     robot = start("robot")
     bench.spin_until(lambda: peer.ended or (peer.lines and json.loads(peer.lines[-1])[3] < -MOVED), "the body's way")
@@ -30,7 +30,8 @@ def test_it_commands_the_robot_and_reads_the_odometry_that_the_bag_holds(udp_onl
 
 
 def recorded(bag: Path) -> tuple[list[float], dict[int, list]]:
-    """The commands [rad/s] in a bag; and frames, x [m] and forward velocity [m/s] of its odometry by stamp [ns]."""
+    """Return the commands [rad/s] in a bag, and frames, x [m] and forward velocity [m/s] of its odometry by stamp [ns].
+    """
     commands, samples = [], {}
     with Reader(bag) as reader:
         for connection, _, data in reader.messages():

@@ -16,7 +16,7 @@ VARIANCES = [float(number) for number in range(1, 13)]
 
 
 def test_volts_turn_the_crank_and_the_replay_is_identical(start, bench, tmp_path, capsys):
-    """Refused commands are in the bag, too: a speed, and more volts than the supply has; so are the variances."""
+    """The bag also has the refused commands, a speed and a voltage above the supply's, and the variances."""
     heard = {name: [] for name in ("motor_current", "electrical_power")}
     for name, of_topic in heard.items():
         bench.node.create_subscription(Float64, name, of_topic.append, 10)

@@ -1,4 +1,4 @@
-"""What a real robot says on /diagnostics, to its last word."""
+"""The diagnostics of a real robot, up to its last message."""
 
 import signal
 import time

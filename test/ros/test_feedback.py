@@ -1,4 +1,4 @@
-"""Speeds held and positions reached on the exact simulator, and odometry that cannot be believed."""
+"""Goals of feedback on the exact simulator: speeds are held and positions reached; invalid odometry is detected."""
 
 import math
 import re
@@ -40,7 +40,7 @@ def go_to(position: float, within: float = 0.005) -> PositionGoal:
     ("device", -0.01, BEFORE[0]), ("device", -0.06, BEFORE[3]), ("damped", -0.06, BEFORE[0]),
     ("damped", -0.01, BEFORE[3])], ids=str)
 def test_a_mean_speed_is_held(name, speed, before):
-    """Judged by the device itself, over the second half, and not by what the law says of it."""
+    """The device's own mean speed over the second half counts, not the controller's estimate."""
     trial = pursue(scene(name), hold(speed), 10.0, before=before)
     half = len(trial.positions) // 2
     mean = (trial.positions[-1] - trial.positions[half]) / (0.005 * (len(trial.positions) - 1 - half))
@@ -71,7 +71,7 @@ def test_a_robot_that_is_there_stays():
 
 
 def test_a_forward_robot_is_led_forwards():
-    """The mirror image of a robot that goes backwards, made by odometry."""
+    """The odometry is mirrored, so that the backward robot appears to go forwards."""
     trial = pursue(scene("device"), go_to(0.1), 20.0, 0.06, heard=lambda stamp, position: ((stamp, -position),))
     assert trial.device.state.body_position == pytest.approx(-0.1, abs=0.005)
 
@@ -113,7 +113,7 @@ def test_a_motor_that_is_held_too_slow_is_named():
 
 
 def test_a_robot_that_goes_on_by_itself_is_named():
-    """Without damping the masses swing on while the motor stands, and the body crawls on."""
+    """Without damping the masses keep swinging while the motor stands, and the body crawls on."""
     with pytest.raises(GoalError, match="the motor was at 0 rad/s for .* the robot goes no slower"):
         pursue(scene("unilateral"), hold(-0.01), 10.0, before=(100.0, 2.0))
     with pytest.raises(GoalError, match=r"-0\.3 m was passed by 0\.00"):
@@ -149,7 +149,7 @@ def test_odometry_that_cannot_be_believed_ends_the_entry(heard, reason):
 
 
 def worst_visitor(stamp: int, position: float):
-    """Every sixth sample as it is; between them what cannot be."""
+    """Every sixth sample is unchanged; the samples between are impossible."""
     kind = stamp // 5_000_000 % 6
     return ((stamp, position if kind == 0 else math.nan),
             (stamp - 10**10, position), (stamp, math.inf), (0, 1e300), (-2**63, 0.0))
@@ -162,7 +162,7 @@ def test_a_goal_is_reached_among_bad_samples(goal):
 
 
 def test_an_odometry_that_is_seldom_and_was_reset_is_followed_from_there():
-    """A reset robot tells of its start again: speeds go on, and a position counts in the new frame."""
+    """A robot that was reset reports its start again: speed control goes on, and a position counts in the new frame."""
     def heard(stamp, position):
         return ((stamp, position + 1.0 if stamp < 8 * 10**9 else position),) if stamp % 200_000_000 == 0 else ()
 
@@ -171,7 +171,7 @@ def test_an_odometry_that_is_seldom_and_was_reset_is_followed_from_there():
 
 
 def test_stamps_count_whatever_the_time_of_the_controller():
-    """A robot at half speed: stamps advance half as fast, and the speed is that of its own time."""
+    """For a robot at half speed the stamps advance half as fast, and the speed is that in the robot's time."""
     trial = pursue(scene("device"), hold(-0.025), 20.0, heard=lambda stamp, position: ((2 * stamp, 2.0 * position),))
     assert trial.words[-1].startswith("held")
     assert all(map(math.isfinite, trial.commands))

@@ -28,7 +28,7 @@ DEEP = QoSProfile(depth=100)
 
 @pytest.fixture
 def clients(bench):
-    """A client of each of the robot's services, by name, without those of actions."""
+    """Return a client of each of the robot's services by name, without those of actions."""
     def robots() -> list:
         found = bench.node.get_service_names_and_types()
         return [(name, kind) for name, (kind,) in found if name.startswith("/vibro_robot/") and "/_action/" not in name]
@@ -41,7 +41,7 @@ def clients(bench):
 
 
 def refused(request, response) -> bool:
-    """Whether an answer says no; the services that read parameters cannot say so, and give nothing."""
+    """Whether an answer is a refusal; services that read parameters cannot refuse and return nothing."""
     if any(len(name) > LONGEST_NAME for field in ("names", "prefixes") for name in getattr(request, field, ())):
         return True
     if isinstance(response, SetParameters.Response):
@@ -84,14 +84,14 @@ def test_every_request_is_answered_every_refusal_counted_and_every_sample_finite
 
 
 def sentences(response) -> list[str]:
-    """What an answer of any service says in words."""
+    """Return the texts of an answer of any service."""
     parts = [response, getattr(response, "result", None), *getattr(response, "results", ())]
     found = [getattr(part, field, "") for part in parts for field in SENTENCES]
     return [text for text in found if isinstance(text, str)]
 
 
 def ask(bench, asked: list) -> list:
-    """The answers to several requests, each a client and what it asks."""
+    """Send several requests, each to a client, and return the answers."""
     futures = [client.call_async(request) for client, request in asked]
 
     def waiting() -> list[str]:
@@ -105,7 +105,7 @@ def ask(bench, asked: list) -> list:
 
 
 def numbers_of(operator: Operator, topic: str) -> list[float]:
-    """Numbers of the latest message of a topic."""
+    """Return the numbers of the latest message of a topic."""
     if topic == "odom":
         message = operator.odom()
         return [message.pose.pose.position.x, message.pose.pose.position.z, message.twist.twist.linear.x]

@@ -1,4 +1,4 @@
-"""Goals of another program: the actions of a real controller, which drives a real robot."""
+"""Goals sent by another program: the actions of a real controller, which drives a real robot."""
 
 import math
 import signal
@@ -14,7 +14,7 @@ from vibro_ros.ros.controller import controller, goals
 
 @pytest.fixture
 def served(start, bench):
-    """A robot, a controller that serves, and clients of its actions."""
+    """A robot, a controller with `--serve`, and clients of its actions."""
     types = pytest.importorskip("vibro_ros_interfaces.action")
     served = SimpleNamespace(feedback=[], robot=start("robot", "--ros-args", "-p", "record.enabled:=false"))
     served.controller = start("controller", "--serve")
@@ -24,7 +24,7 @@ def served(start, bench):
     bench.spin_until(lambda: all(client.server_is_ready() for client in clients.values()), "actions")
 
     def send(kind: str, **goal: float):
-        """The handle of a goal; each is accepted."""
+        """Send a goal, which must be accepted, and return its handle."""
         future = clients[kind].send_goal_async(getattr(types, kind).Goal(**goal),
                                                feedback_callback=lambda one: served.feedback.append(one.feedback))
         bench.spin_until(future.done, "acceptance")
@@ -32,7 +32,7 @@ def served(start, bench):
         return future.result()
 
     def result(handle):
-        """Status, words and position."""
+        """Return status, message and position of a goal."""
         future = handle.get_result_async()
         bench.spin_until(future.done, "result")
         return future.result().status, future.result().result.message, future.result().result.position

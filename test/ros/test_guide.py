@@ -1,4 +1,4 @@
-"""docs/guide against robots that run: what one has and the other has not is a mistake in one of them."""
+"""docs/guide compared with running robots: a name that only one of them has is an error in one of them."""
 
 from functools import partial
 
@@ -115,7 +115,7 @@ def test_topics_services_parameters_joints_and_frames_are_those_of_a_running_rob
 
 
 def test_keys_of_diagnostics_and_of_custom_data_are_those_of_running_robots(start, listener, tmp_path):
-    """Each robot has some of the keys: all together have all, and none has another."""
+    """Each robot has some of the documented keys; all robots together have all of them, and no other key."""
     for method in ("exact", "rk4"):
         compile_kernels(method)
     seen: dict[str, set[str]] = {"simulation": set(), "recorder": set()}

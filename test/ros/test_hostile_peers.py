@@ -1,4 +1,6 @@
-"""A live robot and peers that send what no robot expects: it lives, answers, counts, and its bag holds what came."""
+"""A live robot and peers that send unexpected messages: the robot runs on, answers and counts, and its bag has what
+arrived.
+"""
 
 import array
 import math
@@ -68,12 +70,12 @@ def attacker(bench):
 
 
 def padded(data: bytes) -> bytes:
-    """`data` as it arrives: DDS fills it with zeros to a whole number of 4 bytes."""
+    """Return `data` as it arrives: DDS pads it with zeros to a multiple of 4 bytes."""
     return data + bytes(-len(data) % 4)
 
 
 def recorded(folder: Path) -> list[tuple[str, bytes]]:
-    """What the bag holds of the commands' topics, in order."""
+    """Return the messages of the commands' topics in the bag, in order."""
     return [(topic[1:], data) for topic, _, data in by_rosbags(folder) if topic[1:] in COMMANDS]
 
 

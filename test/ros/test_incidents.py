@@ -1,4 +1,6 @@
-"""What is let happen to a running robot: another state, a push, faults; refused in words, recorded, replayed."""
+"""States, pushes and faults that are requested of a running robot: impossible ones are refused in words, all others are
+recorded and replayed.
+"""
 
 import math
 
@@ -18,7 +20,7 @@ RUNNING = ("robot", "--ros-args", "-p", "motor.speed:=100.0")
 
 @pytest.fixture
 def let(call):
-    """Let something happen; the words of the answer, after a check whether it was done."""
+    """Request something of the robot, check whether it was done, and return the message of the answer."""
     def let_one(name: str, done: bool = True, **request) -> str:
         kind = {"set_state": own.SetState, "push": own.Push, "inject_fault": own.InjectFault}[name]
         answer = call(kind, name, **request)

@@ -26,13 +26,13 @@ PARAMETERS = {"robot": (*DEVICE_PARAMETERS, *SCENE_PARAMETERS), "controller": co
 
 
 class Asked:
-    """Something that a launch file makes."""
+    """An object of `launch` that a launch file creates."""
 
     def __init__(self, kind, *given, **named):
         self.kind, self.given, self.named = kind, given, named
 
     def __iter__(self):
-        """This and all that it is made of."""
+        """Yield this object and all objects that it contains."""
         yield self
         for one in (*self.given, *self.named.values()):
             for part in one if isinstance(one, (list, tuple)) else [one]:
@@ -41,7 +41,7 @@ class Asked:
 
 
 class StandIn(ModuleType):
-    """A module of launch, of which every name makes an `Asked`."""
+    """A stand-in for a module of launch: every name of it creates an `Asked`."""
 
     __path__ = ()
 

@@ -1,4 +1,4 @@
-"""Which commands are in force, and who keeps the motor turning: real messages of several publishers."""
+"""Which commands are in force, and which publisher keeps the motor running: real messages of several publishers."""
 
 import pytest
 from std_msgs.msg import Float64
@@ -11,7 +11,7 @@ SCENE = vibro_ros.load_scene("device")
 
 
 class Both:
-    """The view's commands, a robot that listens, and another node that commands."""
+    """The view's commands, a robot that subscribes to them, and another node that commands."""
 
     def __init__(self, bench):
         self.heard: list[float] = []

@@ -1,5 +1,6 @@
-"""Samples are read as the robot wrote them, or not at all; another start, or time that goes back, is another run, and
-two in turn are two robots."""
+"""Messages of samples are read exactly or refused. Another start, or time that goes back, is another run; two
+alternating starts are two robots.
+"""
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ def test_every_number_is_what_the_robot_wrote_in_any_byte_order():
 
 
 def changed(**fields: object) -> bytes:
-    """The good message with another number in place of these: a field's name, or `label`."""
+    """Return a valid message with other values of a field, given by its name, or of `label`."""
     store = jazzy_types()
     message = store.deserialize_cdr(GOOD, KIND)
     message.layout.dim[0].label = fields.pop("label", message.layout.dim[0].label)

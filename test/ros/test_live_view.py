@@ -1,4 +1,4 @@
-"""The live view with real robots: what it shows of them, and what it hands to them."""
+"""The live view with real robots: what it shows of them, and what it sends to them."""
 
 import re
 import signal
@@ -25,7 +25,7 @@ def view(start):
 
 @pytest.fixture
 def visit(view):
-    """Open a page of a view, by default of the one that runs."""
+    """Open a page of a view, by default of the running one."""
     visitors = []
 
     def visit_one(of=None) -> PageVisitor:

@@ -1,4 +1,4 @@
-"""How the live view begins and ends: signals at any instant, ports that are taken, words that are wrong."""
+"""Start and end of the live view: signals at any instant, ports in use, wrong arguments."""
 
 import random
 import signal

@@ -23,7 +23,7 @@ ROUNDS = 150
 
 
 def strange_messages(chance: random.Random) -> list[tuple[str, bytes]]:
-    """Bytes of any kind, and messages that are well formed and say what no robot says."""
+    """Yield random bytes, and well-formed messages with contents that no robot sends."""
     sample = Float64MultiArray(data=[chance.choice((float("nan"), float("inf"), -5.0, 1e300)) for _ in SAMPLE_LABELS])
     sample.layout.dim = [MultiArrayDimension(label=chance.choice((",".join(SAMPLE_LABELS), "x", "\n" * 900)))]
     impact = WrenchStamped()
@@ -74,7 +74,7 @@ def test_strangers_change_nothing(start, bench):
 
 
 def test_a_node_of_the_robot_s_name_that_is_none_is_not_shown(start, bench):
-    """Its list of parameters says that it is none; in words, not with a picture."""
+    """A node with the robot's name whose parameters are not a robot's is not drawn, and the page says why."""
     view = start("live_view", "--port", "0", "--robot", "bench")
     page = PageVisitor(address_of(view))
     bench.node.create_publisher(Float64MultiArray, "bench/samples", 10)

@@ -21,7 +21,7 @@ entries:
 
 
 def lock_stepped(start, nodes: str, *more: str):
-    """A robot that stands at robot time 0 until it is resumed, and then runs as fast as it and `nodes` can."""
+    """Start a robot that waits at robot time 0 until it is resumed, and then runs as fast as robot and `nodes` can."""
     return start("robot", "--ros-args", "-p", "clock.publish:=true", "-p", f"clock.lock_step:=[{nodes}]",
                  "-p", "rate.start_paused:=true", "-p", "rate.real_time_factor:=0.0", *more)
 
@@ -40,7 +40,7 @@ def messages(folder: Path) -> list[tuple[str, int, bytes]]:
 
 
 def assert_equal(one: list[tuple[str, int, bytes]], other: list[tuple[str, int, bytes]]) -> None:
-    """Say where two bags part, which pytest would look for among a thousand messages."""
+    """Compare two bags, and say where they first differ; pytest would search a thousand messages for it."""
     parted = next((k for k, pair in enumerate(zip(one, other, strict=False)) if pair[0] != pair[1]), None)
     if parted is not None:
         raise AssertionError(f"message {parted} of {len(one)}, {len(other)}: {one[parted - 2:parted + 2]} and "
@@ -66,7 +66,7 @@ def test_two_runs_of_the_controller_have_bags_with_the_same_messages(start, resu
 
 @pytest.fixture
 def start_peer(start):
-    """Start the node that its author wrote for the hardware."""
+    """Start the node of `simulated_time_peer.py`."""
     return partial(start, str(HERE / "simulated_time_peer.py"), "--ros-args", "-p", "use_sim_time:=true")
 
 

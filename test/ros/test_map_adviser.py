@@ -1,4 +1,6 @@
-"""The command map in the controller: whether it is the robot's, and what it says of commands that cross."""
+"""The command map in the controller: whether it belongs to the robot, and its messages about commands that change the
+motion.
+"""
 
 import json
 
@@ -84,7 +86,8 @@ STANDING = {"motor_speed": 0.0, "upper_gap": 0.0, "inclined_gap": 0.0}
 
 
 def said(*courses, initial=None):
-    """What the watch says of motor speeds that follow each other; a pair is a speed and the one that follows later."""
+    """Return the adviser's messages for a sequence of motor speeds; a pair is a speed and the one that follows later.
+    """
     watch, words = MotionWatch(known_map(), initial or STANDING), []
     for course in courses:
         speed, later = course if isinstance(course, tuple) else (course, course)

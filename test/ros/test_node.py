@@ -1,4 +1,5 @@
-"""A node goes on whatever its callbacks and peers do: errors are counted and said, in one line and not too often."""
+"""A node goes on whatever its callbacks and peers do: errors are counted and logged, in one line and at a limited rate.
+"""
 
 from collections.abc import Callable, Iterator
 
@@ -15,7 +16,7 @@ PATIENCE = 10.0  # [s]
 
 
 class Victim:
-    """A node that listens to `speed`, with what it has heard."""
+    """A node that subscribes to `speed` and keeps what it has received."""
 
     def __init__(self):
         self.node = GuardedNode("victim")

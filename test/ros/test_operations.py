@@ -1,4 +1,4 @@
-"""Reset, pause, step and parameters of a running robot: what they do to its stamps, its state and its bag."""
+"""Reset, pause, step and parameters of a running robot: their effect on stamps, state and bag."""
 
 import signal
 from pathlib import Path
@@ -30,7 +30,7 @@ def number(name: str, value: float) -> ParameterMessage:
 
 
 def stamps_and_places(operator: Operator) -> list[tuple[int, float]]:
-    """Stamp [ns] and body position [m] of every odometry that was heard."""
+    """Stamp [ns] and body position [m] of every received odometry message."""
     heard = [deserialize_message(data, Odometry) for data in operator.heard["odom"]]
     return [(one.header.stamp.sec * 10**9 + one.header.stamp.nanosec, one.pose.pose.position.x) for one in heard]
 

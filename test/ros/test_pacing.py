@@ -1,4 +1,4 @@
-"""Pacing against a clock that the test turns, robot time through resets, and the watchdog that counts it."""
+"""Pacing by a clock that the test controls, robot time through resets, and the watchdog of `command.timeout`."""
 
 from collections import Counter
 
@@ -12,7 +12,8 @@ TICK = 0.005  # [s]
 
 
 class Clock:
-    """A wall clock that moves only when slept on, `oversleep` too far each time, or when a test sets it."""
+    """A wall clock that advances only while a caller sleeps, by `oversleep` too far each time, or when a test sets it.
+    """
 
     def __init__(self, oversleep: float = 0.0):
         self.time = 1000.0
@@ -170,7 +171,7 @@ def test_a_motor_that_turns_from_the_start_is_watched_from_the_start():
 
 
 def test_the_slowest_factor_paces_and_drops_nothing():
-    """Of 5e-324 the inverse overflowed: nothing was paced, messages were dropped, and of time `nan`."""
+    """The inverse of 5e-324 overflowed: nothing was paced, messages were dropped, and the dropped time was `nan`."""
     (factor,) = (parameter for parameter in DEVICE_PARAMETERS if parameter.name == "rate.real_time_factor")
     for value in (5e-324, 1e-320, 0.99 * factor.smallest):
         with pytest.raises(ValueError, match="0 or from 1e-06 to 1000"):

@@ -1,4 +1,4 @@
-"""One robot by each road that a parameter file can come: `--params-file`, the parameter `scene`, `load_scene`."""
+"""The three ways of a parameter file, `--params-file`, the parameter `scene` and `load_scene`, give the same robot."""
 
 import pytest
 import rclpy

@@ -30,7 +30,7 @@ class Parameters:
         self._bench = bench
 
     def dump(self) -> dict[str, object]:
-        """Every parameter's value by its name."""
+        """Return every parameter's value by its name."""
         names = self._ask(ListParameters, "list_parameters").result.names
         values = self._ask(GetParameters, "get_parameters", names=names).values
         return {name: parameter_value_to_python(value) for name, value in zip(names, values, strict=True)}
@@ -39,12 +39,12 @@ class Parameters:
         return self._ask(DescribeParameters, "describe_parameters", names=names).descriptors
 
     def set(self, name: str, words: str) -> tuple[bool, str]:
-        """Whether a parameter was set to what somebody has typed, and why not."""
+        """Set a parameter to the text that a user typed; returns whether it was set, and why not."""
         (answer,) = self._set([Parameter(name=name, value=None).to_parameter_msg()], get_parameter_value(words))
         return answer.successful, answer.reason
 
     def load(self, path: Path) -> list[str]:
-        """Why parameters of a file were not set."""
+        """Load parameters of a file; returns why some were not set."""
         wanted = parameter_dict_from_yaml_file(str(path), True, target_nodes=[NODE])
         return [answer.reason for answer in self._set([*wanted.values()]) if not answer.successful]
 
@@ -63,7 +63,7 @@ def parameters(bench) -> Parameters:
 
 
 def written(values: dict[str, object], path: Path) -> Path:
-    """A file as `ros2 param dump` writes it: nested by the dots of the names."""
+    """Return parameters in the form of a file by `ros2 param dump`: nested by the dots of the names."""
     nested: dict = {}
     for name, value in values.items():
         *groups, last = name.split(".")
@@ -86,7 +86,9 @@ REFUSED = (
 
 
 def test_what_somebody_types_is_refused_in_words_that_help_and_every_parameter_is_described(start, parameters):
-    """Of a robot with one integer, one scene and one override more than its defaults; it keeps energy accounts."""
+    """The robot is started with another scene, an integer where a floating-point number is required, and a changed
+    default.
+    """
     robot = start("robot", "--ros-args", "-p", "record.enabled:=false", "-p", "mass.body:=3", "-p", "scene:=damped")
     robot.wait_for("ready")
     for name, words, reason in REFUSED:
@@ -111,7 +113,8 @@ def test_what_somebody_types_is_refused_in_words_that_help_and_every_parameter_i
 
 
 def test_one_file_is_one_robot_by_every_road_and_a_dump_is_taken_back(start, parameters, tmp_path):
-    """By `--params-file`, the parameter `scene`, `load_scene`, and a dump, which holds rclpy's own parameters as well.
+    """The file is given by `--params-file`, by the parameter `scene` and to `load_scene`; a dump, which also has
+    rclpy's own parameters, is accepted.
     """
     (tmp_path / "lab").mkdir()
     mine = tmp_path / "lab" / "mine.yaml"

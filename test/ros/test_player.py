@@ -1,4 +1,4 @@
-"""Playing in time: by the time on /clock with `use_sim_time`, whatever the wall clock does meanwhile."""
+"""Playing in time: by /clock with `use_sim_time`, whatever the wall clock does meanwhile."""
 
 import signal
 from functools import partial
@@ -37,7 +37,9 @@ class Simulator:
                               and self.bench.node.count_publishers("motor_speed"), "controller up")
 
     def begin_at(self, nanoseconds: int) -> None:
-        """Publish the first time until it is heard: who publishes finds a listener before the listener finds him."""
+        """Publish the first time until it is received, because the publisher discovers the subscriber before the
+        subscriber discovers the publisher.
+        """
         for _ in range(20):
             self.step_to(nanoseconds)
 
@@ -47,7 +49,7 @@ class Simulator:
         self._clock.publish(message)
 
     def step_to(self, nanoseconds: int) -> list[float]:
-        """Publish a time and wait until the controller has answered; what it has commanded by then."""
+        """Publish a time, wait until the controller has answered, and return the commands that it has sent by then."""
         self.publish(nanoseconds)
         for _ in range(BARRIER):
             answer = self._client.call_async(GetParameters.Request(names=["rate"]))
@@ -117,7 +119,9 @@ def test_a_clock_that_jumps_back_is_an_error_and_stops_the_motor(start, simulato
 
 
 def test_what_is_due_is_done_before_the_next_request_is_answered(domain_id, monkeypatch):
-    """In one process, so that the order can be seen: each answer but a time's first finds the time's act done."""
+    """Both run in one process, so that the order is visible: when the controller answers after a new time, the commands
+    of that time have been sent, except at the first answer.
+    """
     done: list[object] = []
     context = Context()
     rclpy.init(context=context, domain_id=domain_id)
@@ -154,7 +158,7 @@ def test_what_is_due_is_done_before_the_next_request_is_answered(domain_id, monk
 
 
 def test_time_between_two_instants_is_never_beyond_the_second(domain_id: int):
-    """Where the clock was read twice, one wait in fifty told of a time after the instant."""
+    """When the clock was read twice, one wait in fifty reported a time after the instant."""
     context = Context()
     rclpy.init(context=context, domain_id=domain_id)
     node = Node("player", context=context)

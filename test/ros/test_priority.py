@@ -1,4 +1,4 @@
-"""A robot that is paced goes before programs that need not keep time, where the system lets it; no other robot does."""
+"""A robot paced in real time takes a real-time priority where the system allows it; any other robot does not."""
 
 import os
 from pathlib import Path
@@ -10,7 +10,7 @@ from vibro_ros.ros.robot.pacing import POLICY, PRIORITY
 
 
 def may_go_before_others() -> bool:
-    """Whether this user may; asked in a child, which is gone at once."""
+    """Whether this user may take the priority; tested in a child process, which ends at once."""
     child = os.fork()
     if child == 0:
         try:

@@ -1,4 +1,4 @@
-"""The robot's messages as rclpy reads them: units, signs, frames and stamps, for any numbers; and their way out."""
+"""The robot's messages as rclpy reads them, for any numbers: units, signs, frames and stamps; and their publication."""
 
 import math
 
@@ -33,7 +33,7 @@ def stamp_of(time: float) -> int:
 
 
 def random_cases(seed: int, count: int) -> list[tuple[np.ndarray, int]]:
-    """Samples of plain, special and any other numbers, NaN with a payload among them; and stamps."""
+    """Return samples of ordinary, special and random numbers, including NaN with a payload, and stamps."""
     rng = np.random.default_rng(seed)
     kinds = (lambda: rng.standard_normal(len(FIELDS)), lambda: rng.choice(SPECIAL, len(FIELDS)),
              lambda: np.frombuffer(rng.bytes(8 * len(FIELDS))))
@@ -41,7 +41,7 @@ def random_cases(seed: int, count: int) -> list[tuple[np.ndarray, int]]:
 
 
 def read(name: str, data: bytes):
-    """The message as a subscriber gets it, which rclpy writes with the same fields and length."""
+    """Return the message as a subscriber receives it; rclpy must serialise it to the same fields and length."""
     message = deserialize_message(data, message_class(TOPICS[name].type))
     written = serialize_message(message)
     assert len(written) == len(data) and first_difference(data, written, TOPICS[name].type) is None, name
@@ -150,7 +150,7 @@ def test_whoever_listens_to_samples_gets_every_quantity_under_its_name(bench):
 
 
 def test_a_row_of_the_table_is_a_message_that_can_be_made():
-    """Each path leads to a part of the message, and each field is one of a sample."""
+    """Each path of a row is a field of the message, and each source is a field of a sample."""
     messages = RobotMessages(load_scene("machine").with_parameters(SENSORS), "", ALL)
     assert set(messages.topics) == {name for name, topic in TOPICS.items() if topic.when in ("sample", "event", "once")}
     fields = [field.lstrip("-") for topic in TOPICS.values() for field in topic.numbers.values()]

@@ -1,4 +1,6 @@
-"""The robot's bags over a run: on request, in part, in small files, each of which begins with the robot's URDF."""
+"""The robot's bags during a run: on request, with some topics only, in small files; each file begins with the robot's
+URDF.
+"""
 
 import re
 import time
@@ -31,7 +33,7 @@ SETTINGS = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS
 
 @pytest.fixture
 def topics(bench):
-    """What a robot records."""
+    """Topics that a robot records."""
     return plan_recording(SETTINGS, RECEIVED, RobotPublishers(bench.node, vibro_ros.Scene()), {}).topics
 
 
@@ -74,7 +76,7 @@ def test_recording_is_sealed_and_begun_on_request_and_every_file_of_every_bag_be
 
 
 def descriptions(path: Path) -> list[tuple[int, str]]:
-    """Recorded stamp and text of each description in one of a bag's files, by rosbags alone."""
+    """Return recorded stamp and text of each description in one of a bag's files, by rosbags alone."""
     with Reader(path) as reader:
         chosen = [one for one in reader.connections if one.topic == DESCRIPTION]
         return [(stamp, deserialised(bytes(data), "std_msgs/msg/String").data)

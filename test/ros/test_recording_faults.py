@@ -117,7 +117,7 @@ def test_a_disk_that_stalls_for_two_seconds_costs_no_message_and_no_time(start, 
 
 @contextlib.contextmanager
 def read_only(*folders: Path):
-    """Nothing can be made in these folders; root is kept out by another way than users are."""
+    """Make folders read-only; for root, who ignores permissions, in another way."""
     def change(mode: int, attribute: str) -> int:
         if os.geteuid():
             for folder in folders:

@@ -1,4 +1,4 @@
-"""A recording is computed again to the last bit, and a bit, stamp, message or command that is another is found."""
+"""A replay computes a recording again to the last bit, and finds any changed bit, stamp, message or command."""
 
 import json
 import signal
@@ -40,7 +40,8 @@ def test_the_storage_makes_no_difference(recorded, tmp_path, capsys):
 
 
 def test_a_killed_robots_bag_is_replayed_as_far_as_it_goes(udp_only, start, bench, tmp_path, capsys):
-    """Samples not at whole nanoseconds, three times as fast as the clock, topics renamed, files of half a second."""
+    """Sample times that are no whole nanoseconds, three times real time, remapped topics, and files of half a second.
+    """
     bag = record_run(start, bench, tmp_path, "rate.publish:=333.0", "rate.real_time_factor:=3.0", "scene:=unilateral",
                      "record.max_duration:=0.5", seconds=1.0, end=signal.SIGKILL,
                      names=("-r", "__ns:=/lab", "-r", "motor_speed:=speed", "-r", "odom:=body/odom"),
@@ -150,7 +151,7 @@ def test_one_flipped_bit_in_the_file_is_caught(recorded, tmp_path, capsys):
 
 
 def flipped(bit: int):
-    """One bit of the last position in message 333 of joint_states."""
+    """Flip one bit of the last position in message 333 of joint_states."""
     def change(messages: list) -> list:
         number = place(messages, "/joint_states", 333)
         topic, stamp, data = messages[number]
@@ -161,7 +162,7 @@ def flipped(bit: int):
 
 
 def copies(topic: str, number: int, count: int):
-    """So many of one message in place of it."""
+    """Put several copies of a message in its place."""
     def change(messages: list) -> list:
         at = place(messages, topic, number)
         return messages[:at] + [messages[at]] * count + messages[at + 1:]

@@ -1,4 +1,4 @@
-"""The robot as a process of its own, commanded and heard over DDS."""
+"""The robot as a process of its own, commanded and observed over DDS."""
 
 import json
 import math
@@ -14,7 +14,7 @@ from vibro_ros.recordings import replay
 
 
 def raw_messages(folder: Path) -> dict[str, list[tuple[int, bytes]]]:
-    """Stamps and bytes by topic, as two readers have them."""
+    """Return stamps and bytes by topic, as two independent readers read them."""
     messages: dict[str, list] = defaultdict(list)
     for topic, stamp, data in by_rosbags(folder):
         messages[topic].append((stamp, data))

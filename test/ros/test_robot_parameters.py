@@ -1,4 +1,4 @@
-"""The scene of a robot is what its parameters say, and none if no robot of this version can say so."""
+"""The scene of a robot as its parameters give it, or no scene if no robot of this version answers."""
 
 import pytest
 from rcl_interfaces.msg import ParameterValue

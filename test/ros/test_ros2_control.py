@@ -1,4 +1,6 @@
-"""A robot under ros2_control: its description read, its hardware by topics played by the rules of its sources, in DDS.
+"""A robot under ros2_control: the test reads its description and acts as its hardware, by the rules of the hardware's
+sources, over DDS. `TopicSystem` does what JointStateTopicSystem of joint_state_topic_hardware_interface does in `read`
+and `write`.
 
 `TopicSystem` does what JointStateTopicSystem of joint_state_topic_hardware_interface does in `read` and `write`.
 """
@@ -21,7 +23,7 @@ KINDS = ("position", "velocity", "effort")
 
 
 class TopicSystem:
-    """The hardware of a `<ros2_control>` block: states and commands of its joints, by name and interface."""
+    """The hardware of a `<ros2_control>` block: states and commands of its joints by name and interface."""
 
     def __init__(self, bench, description: str):
         (block,) = ElementTree.fromstring(description).iter("ros2_control")

@@ -1,4 +1,4 @@
-"""`use_sim_time`: the robot's time begins with what /clock says, and nothing on /clock ends it."""
+"""`use_sim_time`: the robot's time starts with /clock, and no message on /clock ends the robot."""
 
 import signal
 from collections.abc import Callable
@@ -22,7 +22,7 @@ def clock(seconds: int, nanoseconds: int = 0) -> Clock:
 
 @pytest.fixture
 def publish(bench) -> Callable[..., None]:
-    """Publish on /clock, again and again until something is seen: the robot listens there with best effort."""
+    """Publish on /clock repeatedly until a condition holds, because the robot subscribes to it with best effort."""
     publisher = bench.node.create_publisher(Clock, "/clock", 10)
 
     def until(message: Clock | bytes, done: Callable[[], bool] = lambda: True) -> None:

@@ -1,4 +1,6 @@
-"""The run behind its lock: what acts on it at any instant replays, and whoever waits is answered when it ends."""
+"""The run behind its lock: whatever acts on it at any instant is replayed, and every waiting caller is answered when
+the run ends.
+"""
 
 import random
 import signal
@@ -49,7 +51,7 @@ def test_an_error_ends_the_thread_and_is_kept_for_the_main_thread(bench):
 
 
 def test_whoever_asked_is_answered_when_the_run_cannot_go_on(bench, monkeypatch):
-    """Else a robot that waits for its answers before it seals the bag would wait without end."""
+    """Otherwise a robot that waits for these answers before it seals the bag would wait for ever."""
     run = run_of(bench, lambda *_: None, paused=True)
 
     def fail() -> None:
@@ -71,7 +73,7 @@ def test_whoever_asked_is_answered_when_the_run_cannot_go_on(bench, monkeypatch)
 
 
 def test_commands_and_operations_at_any_instant_replay_to_the_last_bit(start, bench, tmp_path, capsys):
-    """Nobody waits for an answer before the next is asked, so that they come at every phase of a tick."""
+    """Requests are sent without waiting for answers, so that they arrive at every phase of a tick."""
     robot = start("robot", "--ros-args", "-p", f"rate.real_time_factor:={FASTER}")
     robot.wait_for("ready")
     chance = random.Random(11)

@@ -1,4 +1,4 @@
-"""Scripts from YAML text to commands in time."""
+"""Scripts, from YAML text to commands in time."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Security that is asked for: enforced or refused in one line; never left out without a word under `Enforce`."""
+"""Requested security is enforced or refused in one line, and under `Enforce` never missing without an error."""
 
 import os
 
@@ -7,7 +7,7 @@ import pytest
 
 @pytest.fixture
 def secured(tmp_path, monkeypatch):
-    """A keystore with an empty enclave for the robot."""
+    """Return a keystore with an empty enclave for the robot."""
     (tmp_path / "keys" / "enclaves" / "robot").mkdir(parents=True)
     monkeypatch.setenv("ROS_SECURITY_ENABLE", "true")
     monkeypatch.setenv("ROS_SECURITY_STRATEGY", "Enforce")

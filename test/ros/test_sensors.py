@@ -1,4 +1,4 @@
-"""Sensors of a real robot: heard as users hear them, recorded, and computed again to the last bit."""
+"""Sensors of a real robot: received as users receive them, recorded, and computed again to the last bit."""
 
 from importlib import import_module
 from importlib.util import find_spec

@@ -1,4 +1,4 @@
-"""What requests of simulation_interfaces mean, and what programs are told when they cannot be done."""
+"""The meaning of requests of simulation_interfaces, and the results for requests that cannot be done."""
 
 import pytest
 from simulator_user import Code, State

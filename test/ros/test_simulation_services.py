@@ -1,4 +1,4 @@
-"""A live robot as a simulator to a program that knows simulation_interfaces and nothing of this robot."""
+"""A live robot as a simulator, for a program that knows simulation_interfaces and nothing of this robot."""
 
 import time
 from pathlib import Path
@@ -77,7 +77,7 @@ def test_features_states_steps_and_resets_are_as_the_definitions_say(simulator, 
 
 
 def operations(bag: Path) -> list[tuple[int, str]]:
-    """Stamp and words of what was done to the robot."""
+    """Return stamp and text of each operation that the robot has published."""
     with Reader(bag) as reader:
         chosen = [one for one in reader.connections if one.topic == "/vibro_robot/operations"]
         return [(stamp, deserialised(bytes(data), one.msgtype).data) for one, stamp, data in reader.messages(chosen)]

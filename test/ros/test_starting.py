@@ -1,4 +1,4 @@
-"""How robot and controller start and stop: compiling, closed terminals, pipes without reader, the first stamp."""
+"""Start and end of robot and controller: compilation, closed terminals, pipes without a reader, the first stamp."""
 
 import fcntl
 import os
@@ -73,7 +73,7 @@ def test_a_warm_start_says_nothing_of_compiling_and_stamps_are_those_of_the_wall
 
 
 class Terminal:
-    """A terminal of which an executable is the session's leader, as a shell's window has it."""
+    """A terminal in which an executable is the session's leader, as in a shell's window."""
 
     def __init__(self, name: str, *words: str, folder: Path):
         self._master, slave = pty.openpty()

@@ -1,4 +1,4 @@
-"""Commands taken from DDS by the stepping thread: each once and in order, the last one of each topic never lost."""
+"""Commands taken from DDS by the stepping thread: each once and in order; the last command of a topic is never lost."""
 
 from std_msgs.msg import Float64
 
@@ -9,7 +9,7 @@ from vibro_ros.ros.robot.subscriptions import CommandSubscriptions
 
 
 def test_rclpy_hands_out_bytes_and_instant_of_a_message(bench):
-    """`take_message` is not documented: a rclpy that has it no more, or another one, fails here."""
+    """`take_message` is not documented, so this test fails if rclpy changes or removes it."""
     subscription = PollingSubscription(bench.node, Float64, "numbers", 10)
     publisher = bench.node.create_publisher(Float64, "numbers", 10)
     bench.spin_until(publisher.get_subscription_count, "match")

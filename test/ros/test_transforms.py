@@ -1,4 +1,4 @@
-"""Frames on /tf and /tf_static and the URDF, live, in bags and computed again, also where tf2_msgs is missing."""
+"""Frames on /tf and /tf_static and the URDF: live, in bags and in replays, also if tf2_msgs is missing."""
 
 import math
 import os
@@ -29,7 +29,7 @@ LINKS = {"body", "crank", *(f"{side}_{part}" for side in ("upper", "inclined")
 
 
 def spin_for_tf(bench, topic: str, count: int) -> dict[str, str]:
-    """Parents by child in `count` messages of a topic."""
+    """Return the parent of each child in `count` messages of a topic."""
     heard: list = []
     bench.node.create_subscription(TFMessage, topic, heard.append, LATE if "static" in topic else 100)
     bench.spin_until(lambda: len(heard) >= count, topic)
@@ -93,7 +93,9 @@ def test_a_robot_without_tf2_msgs_and_simulation_interfaces_says_so_once_and_doe
 
 
 def check_places(bag: dict[str, list]) -> None:
-    """tf is where the recorded URDF and joint_states say: rods, which the URDF does not move, `test_frames` checks."""
+    """Check that tf agrees with the recorded URDF and joint_states; rods, which the URDF cannot move, are tested in
+    `test_frames`.
+    """
     kinematics, (fixed,) = Kinematics(bag["/robot_description"][0].data), bag["/tf_static"]
     assert len(bag["/tf"]) >= 100
     for transforms, states, odometry in [*zip(bag["/tf"], bag["/joint_states"], bag["/odom"], strict=True)][::7]:

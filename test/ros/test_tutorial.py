@@ -1,4 +1,4 @@
-"""docs/tutorial.md as a student goes through it: every file, every command, and what the page shows below it."""
+"""docs/tutorial.md as a student follows it: every file, every command, and the output that the page shows."""
 
 import re
 import subprocess
@@ -19,7 +19,7 @@ NUMBER = r"[-+]?\d+(?:\.\d+)?"
 
 
 def check(shown: str, said: str, live: bool) -> None:
-    """What was said is what is shown, where `…` stands for anything; the numbers of a live run are its own."""
+    """Compare output with the page, where `…` matches anything; numbers of a live run may differ."""
     pattern = re.sub(FOLDER, "FOLDER", shown.strip())
     pattern = re.escape(pattern).replace("FOLDER", FOLDER).replace("…", ".*?").replace("\\\n", "\n")
     if live:
@@ -33,7 +33,7 @@ def numbers_after(word: str, said: str) -> list[float]:
 
 @pytest.fixture
 def run(tmp_path):
-    """What one of the page's commands says."""
+    """Run one of the page's commands and return its output."""
     def run_one(command: str) -> str:
         program, *arguments = command.replace('"', "").split()
         name = Path(program).name

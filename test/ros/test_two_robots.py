@@ -24,7 +24,7 @@ def frames_of(message) -> set[str]:
 
 @pytest.fixture
 def two(start):
-    """Both robots, recording into the same folder."""
+    """Start both robots, which record into the same folder."""
     robots = {name: start("robot", "--ros-args", "-r", f"__ns:=/{name}", "-p", f"frame_prefix:={PREFIX[name]}",
                           "-p", "effects.motor:=ideal") for name in SPEEDS}
     for robot in robots.values():
@@ -63,7 +63,7 @@ def test_each_hears_its_own_commands_and_is_known_by_its_own_names(two, bench, t
 
 
 def check_bag(bag: Path, name: str) -> None:
-    """It holds its own robot alone; replay computes it again bit for bit, and report finds its impacts."""
+    """Check that the bag has messages of its own robot only, and that replay and report succeed."""
     recording = read_bag(bag)
     own = {topic for topic in recording.topics if topic.startswith(f"/{name}/")}
     assert set(recording.topics) - own == {"/tf", "/tf_static"}

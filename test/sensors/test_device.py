@@ -23,7 +23,7 @@ def device_with(changes: dict, scene: str = "device") -> SensedSimulator:
 
 
 def heard(device: SensedSimulator, until: float, step: float) -> dict[str, list]:
-    """What comes out up to `until` when the device is advanced in steps of about `step` [s]."""
+    """Return the measurements up to `until` when the device is advanced in steps of about `step` [s]."""
     begin, found = device.time, {}
     for time in np.linspace(begin, until, 1 + math.ceil((until - begin) / step))[1:]:
         device.advance_to(time)
@@ -116,7 +116,7 @@ def test_an_encoder_counts_ticks():
 
 
 def test_the_supply_s_current_is_what_its_power_says_clipped_noisy_and_in_steps():
-    """A stalled motor at V takes V²/R; the supply gives that at its own voltage, with the errors of the chain."""
+    """A stalled motor at V takes V²/R; the supply gives this power at its own voltage, with the errors of the chain."""
     stalled = {"effects.motor": "dc", "motor.control": "voltage", "motor.voltage": 12.0, "motor.friction": 1e3,
                "motor.static_friction": 1e3, "motor.speed": 0.0, "sensors.current.rate": 1000.0}
     true, supply, resistance = 144.0 / 1.43 / 36.0, 36.0, 0.5

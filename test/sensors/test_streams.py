@@ -1,4 +1,4 @@
-"""Counted random numbers: Random123's known answers, and that a number depends on nothing but its place."""
+"""Counter-based random numbers: Random123's known answers, and each number depends only on its position."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A device with parameters of the test's own, and what its tests compare of it."""
+"""A device with parameters that a test chooses, and comparisons of it."""
 
 import contextlib
 import dataclasses
@@ -18,7 +18,7 @@ def device(changes=None, scene="unilateral"):
 
 
 def changed(name: str, *changes: dict) -> vibro_ros.Scene:
-    """A shipped scene with changes, of which the later ones count."""
+    """Return a shipped scene with changes, of which later ones take precedence."""
     return vibro_ros.load_scene(name).with_parameters({key: value for one in changes for key, value in one.items()})
 
 
@@ -31,13 +31,13 @@ def of_kind(events, *kinds):
 
 
 def running(scene: str = "device", **changes: object) -> vibro_ros.Simulator:
-    """A device at 100 rad/s; of a parameter's name here __ stands for its dot."""
+    """Return a device at 100 rad/s; in the name of a parameter `__` stands for the dot."""
     return device({"motor.speed": 100.0} | {name.replace("__", "."): value for name, value in changes.items()}, scene)
 
 
 @contextlib.contextmanager
 def refused(made: vibro_ros.Simulator, words: str) -> Iterator[None]:
-    """What is asked of the device in this block is refused in these words and changes nothing."""
+    """Check that the request in this block is refused with this message and changes nothing."""
     before = made.checkpoint().tobytes()
     with pytest.raises(ValueError, match=words):
         yield
@@ -45,7 +45,7 @@ def refused(made: vibro_ros.Simulator, words: str) -> Iterator[None]:
 
 
 def suffer(made: vibro_ros.Simulator) -> None:
-    """Let a device have every fault that can befall it, and a push, from now on."""
+    """Give a device every fault that it can have, and a push, from now on."""
     made.push(0.0371, force_x=8.0, force_z=9.0 if made.scene.body_hops else 0.0)
     if not made.scene.linkage or made.scene["effects.motor"] != "ideal":  # such a motor keeps its speed
         made.fail("motor_stall", 0.02)
@@ -59,11 +59,11 @@ def suffer(made: vibro_ros.Simulator) -> None:
 
 
 def booked_energy(accounts: dict[str, float]) -> float:
-    """Energy on all accounts [J], in magnitude: what their residual is measured by."""
+    """Return the sum of the magnitudes of all energy accounts [J], to which the residual is compared."""
     return sum(abs(amount) for name, amount in accounts.items() if name != "residual")
 
 
 def assert_balanced(made: vibro_ros.Simulator, part: float = 1e-12) -> None:
-    """The accounts leave no more than this part of the energy that was exchanged."""
+    """Check that the residual is at most this part of the exchanged energy."""
     accounts = made.statistics["energy_accounts"]
     assert abs(accounts["residual"]) <= part * booked_energy(accounts)

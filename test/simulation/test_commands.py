@@ -17,7 +17,7 @@ def test_an_empty_command_changes_nothing_but_rounding():
 
 @pytest.mark.parametrize("acceleration", [200.0, 1.0, 1e5])
 def test_the_ramp_motor_keeps_to_its_acceleration(acceleration):
-    """ω = a t and θ = a t²/2 up to the target, which is met exactly, at v/a; the event says when."""
+    """ω = a t and θ = a t²/2 up to the target, which is reached exactly at v/a; the event has this instant."""
     made = device(RAMP | SWINGING | {"motor.acceleration": acceleration})
     end = 30.0 / acceleration
     made.command(motor_speed=30.0)
@@ -57,7 +57,9 @@ def test_the_gap_moves_at_its_speed():
 
 @pytest.mark.parametrize("scene", ["paper", "unilateral", "damped"])
 def test_a_flood_of_commands_at_one_instant(scene):
-    """The last of 1000 counts; each jump of the speed jolts the dampers, and none is taken for a lack of progress."""
+    """The last of 1000 commands counts. Each jump of the speed causes a jump of the dampers' force, and none is taken
+    for a lack of progress.
+    """
     made = device({"upper.spring.damping": 50.0, "inclined.spring.damping": 50.0}, scene)
     made.advance_to(0.0155)
     for index in range(1000):

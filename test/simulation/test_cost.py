@@ -46,7 +46,7 @@ def test_segments_and_events_grow_linearly_with_time_and_an_event_costs_a_few(na
     {"effects.motor": "lag"}, {"motor.acceleration": 10.0}, {"start.state": "zero"}, {"solver.method": "rk4"}],
     ids=lambda changes: next(iter(changes)))
 def test_a_sweep_over_the_operation_compiles_once(changes):
-    """Speeds, gaps, start and method are nothing of the equations."""
+    """Speeds, gaps, start and method do not enter the compiled equations."""
     scene = vibro_ros.load_scene("device")
     assert compile_scene(scene.with_parameters(changes)) is compile_scene(scene)
 
@@ -59,7 +59,7 @@ def test_another_machine_is_compiled_anew(changes):
 
 
 def peak_memory(function):
-    """Most bytes that a call has at a time."""
+    """Return the largest memory [bytes] that a call uses at a time."""
     tracemalloc.start()
     try:
         function()
@@ -69,7 +69,8 @@ def peak_memory(function):
 
 
 def test_time_alone_takes_no_memory():
-    """A run of 1000 s, sampled once and without events, takes what one of 10 s takes.
+    """A run of 1000 s that is sampled once and has no events takes the memory of a run of 10 s. The run is made in one
+    part, because a busy machine makes more parts, and Python keeps some objects of each part for the next ones.
 
     In one part: a busy machine makes more parts, and Python keeps some objects of each for the next ones.
     """

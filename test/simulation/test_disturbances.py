@@ -1,4 +1,4 @@
-"""A push on the body and faults of the device: exact, ended to the instant, the same however time is cut up."""
+"""A push on the body and faults of the device: exact, ended at their instants, independent of how time is divided."""
 
 import math
 

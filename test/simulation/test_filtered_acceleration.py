@@ -21,7 +21,7 @@ def filtered(state: complex) -> float:
 
 
 def falling_body(time: float) -> float:
-    """Of a body that falls from 0.1 m at rest, lands, and lies: what is filtered of its vertical acceleration."""
+    """Return the filtered vertical acceleration of a body that falls from 0.1 m at rest, lands, and lies."""
     landing = math.sqrt(2.0 * 0.1 / 9.81)
     falls = min(time, landing)
     state = -9.81 * (np.exp(POLE * (time - falls)) - np.exp(POLE * time)) / -POLE
@@ -50,7 +50,7 @@ def test_a_body_that_oil_stops():
 
 
 def by_fine_steps(scene: Scene, until: float, count: int) -> np.ndarray:
-    """Filtered accelerations along x and z, from samples of the speed and the middle of each step: order 2."""
+    """Return filtered accelerations along x and z from samples of the speed and the middle of each step, at order 2."""
     times = np.linspace(0.0, until, count + 1)
     run = Simulator(scene).sample(times)
     kernel = np.exp(POLE * (until - 0.5 * (times[1:] + times[:-1])))
@@ -90,7 +90,7 @@ def test_no_filter_by_steps_of_fixed_length():
 
 
 def test_whoever_reads_the_energy_leaves_the_filter_alone():
-    """The accounts end a copy of the mode, and with the mode its filters."""
+    """To read the accounts, the mode is ended in a copy of the state, so the filters of the device do not change."""
     scene = load_scene("device").with_parameters({"motor.speed": 100.0, "solver.accounts": True})
     device, left_alone = Simulator(scene, BANDWIDTH), Simulator(scene, BANDWIDTH)
     for tick in range(1, 101):

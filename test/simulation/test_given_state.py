@@ -1,4 +1,4 @@
-"""`Simulator.set_state`: any state that can be is taken up where it is, and what cannot be changes nothing."""
+"""`Simulator.set_state`: any possible state is accepted at the present time, and an impossible one changes nothing."""
 
 import math
 
@@ -25,7 +25,9 @@ def running(name: str, **changes) -> vibro_ros.Simulator:
 
 @pytest.mark.parametrize("name", [name for name in shipped_scenes() if name != "machine"])  # whose controller remembers
 def test_the_state_that_a_device_has_leads_where_the_device_goes(name):
-    """At 200 instants, in flight, on plates and in the air; from 0.3 s on, when a ramp has reached its speed."""
+    """A device that is given another device's state continues like that device: at 200 instants, in flight, on plates
+    and in the air, from 0.3 s on, when a ramp has reached its speed.
+    """
     times = np.sort(np.random.default_rng(5).uniform(0.3, 2.0, 200))
     device = running(name)
     for time in times:
@@ -93,7 +95,7 @@ def test_any_crank_angle_is_taken_up(angle, speed):
 
 @pytest.mark.parametrize("name", ["damped", "unilateral", "device", "rigid"])
 def test_energy_stays_balanced(name):
-    """What a given state adds is booked as a change from outside: the accounts see no error in it."""
+    """The energy that a given state adds is booked as a change from outside, so the residual does not contain it."""
     device, chance = running(name, **{"solver.accounts": True}), np.random.default_rng(3)
     for number in range(20):
         device.advance_to(0.1 * (number + 1))

@@ -1,4 +1,5 @@
-"""All kernels of a method are compiled and stored before the start, by a process of its own; and run without numba."""
+"""All kernels of a method are compiled and stored before the start by a separate process, and run without numba, too.
+"""
 
 import itertools
 import os
@@ -41,7 +42,7 @@ for name, duration in (("damped", 0.3), ("device", 0.2), ("machine", 0.02)):
 
 
 def said(program: str, **environment: str) -> str:
-    """What a program prints."""
+    """Run a program and return its output."""
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=PATIENCE,
                           env={**os.environ, **environment})
     assert done.returncode == 0, done.stderr
@@ -49,13 +50,13 @@ def said(program: str, **environment: str) -> str:
 
 
 def array_types(values: tuple) -> list[str]:
-    """Types of all arrays in a named tuple, by which numba tells kernels apart."""
+    """Types of all arrays in a named tuple, by which numba distinguishes kernels."""
     return [kind for value in values for kind in (array_types(value) if hasattr(value, "_fields")
                                                   else [str(numba.typeof(value))])]
 
 
 def test_every_scene_takes_the_same_kernels():
-    """An array that cannot be written, or is not contiguous, would be one more set of kernels to compile."""
+    """A read-only or non-contiguous array would require another set of compiled kernels."""
     expected = array_types(compile_scene(Scene()).system)
     for name, accounts in itertools.product(shipped_scenes(), (False, True)):
         scene = load_scene(name).with_parameters({"solver.accounts": accounts})
@@ -63,7 +64,7 @@ def test_every_scene_takes_the_same_kernels():
 
 
 def test_a_first_start_computes_the_bits_of_every_other_and_leaves_nothing_to_be_compiled(tmp_path):
-    """A process that compiles in itself may call parts that were compiled apart, and round in another way."""
+    """A process that compiles for itself may call parts that were compiled separately, and round in another way."""
     first, second = (said(RUN.format(method="rk4"), NUMBA_CACHE_DIR=str(tmp_path)).split() for _ in range(2))
     assert first == ["7", "0", "kernels", first[-1]]
     assert second == ["7", "0", first[-1]]
@@ -86,7 +87,9 @@ def test_the_process_that_compiles_ends_with_the_one_that_wants_it(tmp_path):
 
 
 def test_the_kernels_run_as_plain_python():
-    """A debugger steps through what numba compiles elsewhere: the same events, positions to rounding."""
+    """A debugger steps through the code that numba compiles otherwise; events are the same, and positions agree to
+    rounding.
+    """
     assert said(WITHOUT_NUMBA, NUMBA_DISABLE_JIT="1") == said(WITHOUT_NUMBA)
 
 
@@ -99,5 +102,5 @@ def test_vectors_of_numpy_do_what_vectors_in_registers_do():
 
 @pytest.mark.parametrize("name", [name for name, one in vars(state).items() if isinstance(one, np.dtype) and one.names])
 def test_no_field_of_a_record_has_the_name_of_an_attribute_of_numpy(name):
-    """Plain Python would read the attribute."""
+    """Otherwise plain Python would read the attribute instead of the field."""
     assert not set(getattr(state, name).names) & set(dir(np.record))

@@ -39,7 +39,7 @@ def test_another_floor_goes_on_from_the_same_state_and_keeps_the_energy_balance(
 
 @pytest.mark.parametrize("scene", ["unilateral", "damped", "rigid", "device"])
 def test_another_floor_moves_the_robot_as_a_robot_that_was_built_for_it(scene: str):
-    """Between two coefficients above 0 the tables have one shape, so that a checkpoint goes from one to the other."""
+    """Between two coefficients above 0 the tables keep their shape, so a checkpoint of one device fits the other."""
     device, built_for_it = running(scene), running(scene, ground__friction=0.1)
     device.advance_to(0.3)
     built_for_it.restore(device.checkpoint())
@@ -81,7 +81,7 @@ def test_a_body_that_sticks_slips_when_the_floor_becomes_smoother():
     ({}, {"upper_gap": 0.002}, {"gap_actuator.speed": 0.001},
      "upper_plate_position", {0.25: 0.06125, 0.35: 0.06135, 1.0: 0.062})], ids=["ramp", "lag", "plate"])
 def test_what_is_on_its_way_goes_on_with_the_new_parameter(start, command, change, field, values):
-    """Changed at 0.25 s."""
+    """The parameter is changed at 0.25 s, while motor and plate still move."""
     device = running("damped", motor__speed=0.0, **start)
     device.command(**command)
     for time, value in values.items():

@@ -1,4 +1,6 @@
-"""Many scenes at once: the results of `simulate` in order, failures by name, bounded memory, and no process left."""
+"""Many scenes at once: results equal to `simulate`'s and in order, failures with the scene's name, bounded memory, and
+no process left behind.
+"""
 
 import dataclasses
 import gc
@@ -23,14 +25,14 @@ SHORT = {"duration": 0.05, "rate": 1000.0}
 
 
 def sweep(count=None, scene="unilateral"):
-    """Scenes of rising guide angle; without end unless counted."""
+    """Return scenes of rising guide angle, infinitely many unless a number is given."""
     base = vibro_ros.load_scene(scene)
     numbers = itertools.count() if count is None else range(count)
     return (base.with_parameters({"guide.angle": 0.5 + 1e-6 * number}) for number in numbers)
 
 
 def running():
-    """Workers that are alive."""
+    """Return the workers that are alive."""
     return [process for process in multiprocessing.active_children() if process.name == "vibro_ros worker"]
 
 
@@ -60,7 +62,9 @@ def test_arguments_of_simulate(arguments):
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_results_belong_to_the_user(workers):
-    """Who writes to one, or to the times that he has given, changes no other; who keeps an array keeps no others."""
+    """A user who changes a result, or the times that he gave, changes no other result; an array that is kept does not
+    keep others.
+    """
     times = np.linspace(0.0, 0.05, 51)
     wanted = bits(vibro_ros.simulate(vibro_ros.load_scene("unilateral"), times=times))
     scenes = itertools.repeat(vibro_ros.load_scene("unilateral"), 12)
@@ -104,7 +108,7 @@ def test_scenes_without_end_are_taken_as_they_are_needed(workers):
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_reduced_runs_are_what_the_function_returns_of_each(workers):
-    """A function without a name can be no other way in another process than by a fork."""
+    """A lambda can reach another process only by a fork."""
     scenes, weight = list(sweep(7)), 3.0
     found = list(vibro_ros.simulate_many(scenes, **SHORT, workers=workers,
                                          reduce=lambda run: weight * run.body_position[-1]))
@@ -118,7 +122,9 @@ COMMANDS = [(0.0, {"motor_speed": 90.0}), (0.02, {"upper_gap": 0.001, "inclined_
 @pytest.mark.parametrize("workers", [1, 2])
 @pytest.mark.parametrize("scene", ["unilateral", "device"])
 def test_commands_are_those_of_a_device(scene, workers):
-    """Given before the samples at their instants, between samples as well; what comes after the last is left out."""
+    """Commands take effect before samples at their instants, and also between samples; commands after the last sample
+    are ignored.
+    """
     times = np.linspace(0.0, 0.05, 51)
     scene = vibro_ros.load_scene(scene)
     device, rows, waiting = vibro_ros.Simulator(scene), [], list(COMMANDS)
@@ -157,14 +163,14 @@ def test_a_command_beyond_its_limit_names_the_scene(workers):
 
 
 def failing_at(number):
-    """Scenes of which one differs from the others, and fails where `lost_roots` makes it."""
+    """Return scenes of which one has a motor speed at which `lost_roots` makes it fail."""
     for index, scene in enumerate(sweep()):
         yield scene.with_parameters({"upper.gap": 0.001, "motor.speed": 7.0}) if index == number else scene
 
 
 @pytest.fixture
 def lost_roots(monkeypatch):
-    """At a motor speed of 7 rad/s every run ends at its first event: workers are forks and inherit it."""
+    """Make every run at a motor speed of 7 rad/s fail at its first event; workers are forks and inherit this."""
     advance = Exact.advance
 
     def lose(stepper, state, times, *rest):
@@ -216,7 +222,9 @@ def test_a_result_that_cannot_be_handed_over_is_an_error_that_says_so():
 
 
 def test_workers_work_at_the_same_time():
-    """Each waits with its first result until four have one, so that fewer at a time would wait for ever."""
+    """Each worker waits with its first result until four workers have one, so fewer simultaneous workers would wait for
+    ever.
+    """
     barrier, met = multiprocessing.get_context("fork").Barrier(4, timeout=60.0), set()
 
     def meet(_):
@@ -230,7 +238,7 @@ def test_workers_work_at_the_same_time():
 
 
 def test_a_worker_that_is_killed_while_it_hands_over_is_an_error_and_no_hang():
-    """Results of 37 MB: most of the time they are under way."""
+    """Results of 37 MB are being transferred for most of the time."""
     for delay in (0.02, 0.05, 0.1):
         runs = vibro_ros.simulate_many(sweep(scene="no_impact"), duration=2.0, rate=1e5, workers=2)
         next(runs)
@@ -243,7 +251,7 @@ def test_a_worker_that_is_killed_while_it_hands_over_is_an_error_and_no_hang():
 
 
 def test_an_iterator_that_is_dropped_leaves_nothing_running():
-    """A run of five minutes is under way in each process."""
+    """Each process is in the middle of a run of five minutes."""
     runs = vibro_ros.simulate_many(itertools.chain(sweep(1, "no_impact"), sweep()), times=np.array([300.0]), workers=2)
     began = time.monotonic()
     next(runs)
@@ -255,7 +263,7 @@ def test_an_iterator_that_is_dropped_leaves_nothing_running():
 
 
 def test_nothing_runs_once_the_last_result_is_there():
-    """Whoever counts the scenes, as zip does, never asks for one more, and may keep the iterator."""
+    """A caller that counts the scenes, such as zip, never requests one more result, and may keep the iterator."""
     runs = vibro_ros.simulate_many(sweep(12), workers=2, **SHORT)
     for _, _run in zip(range(12), runs, strict=False):
         pass
@@ -319,8 +327,9 @@ def alive(pid):
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_results_that_are_not_kept_need_no_memory(workers):
-    """40 runs of 20 000 samples, 3.7 MB each, taken one by one: no more at a time than may be ahead of the one that is
-    due, and those being taken and sent, as bytes and as arrays."""
+    """40 runs of 20 000 samples, 3.7 MB each, are taken one by one. In memory are at most the runs that may be ahead of
+    the next one, and those being transferred, as bytes and as arrays.
+    """
     base = vibro_ros.load_scene("no_impact")
     runs = vibro_ros.simulate_many(itertools.repeat(base, 40), duration=2.0, rate=1e4, workers=workers)
     first = next(runs)

@@ -1,4 +1,4 @@
-"""What takes long before a run: how far it is, how it fails, how it is left alone."""
+"""Preparation before a run: its progress, its failures, and its interruption."""
 
 import signal
 import sys
@@ -17,7 +17,7 @@ PATIENCE = 60.0  # [s]
 
 @pytest.fixture
 def progress(monkeypatch) -> Progress:
-    """Progress that the test makes, told without a pause."""
+    """Progress that the test controls, reported without a delay."""
     planted = Progress()
     monkeypatch.setattr(preparation, "progress", planted)
     monkeypatch.setattr(preparation, "REPORTS", 0.0)

@@ -1,4 +1,4 @@
-"""What decides the bits of a run is told, and a replay names what of it differs."""
+"""A recording states everything that decides the bits of a run, and a replay names the differences."""
 
 import os
 import pkgutil
@@ -18,7 +18,7 @@ ENTRIES = {"version", "platform", "sources", "arithmetic", "processor", "c_libra
 
 
 def differences(changes=None, without=()):
-    """Notes of a bag that was recorded here, but for `changes` of what it says and what it says nothing of."""
+    """Return the notes on a bag that was recorded here, with `changes` of its statements."""
     told = {**provenance.provenance(DEVICE.parameters, 0), **(changes or {})}
     told = {key: value for key, value in told.items() if key not in without}
     topics = {name: f"/{name}" for name in ("motor_speed", "upper_gap", "inclined_gap", "checkpoint")}

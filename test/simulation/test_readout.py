@@ -1,4 +1,6 @@
-"""What is read off the solver's samples: the same bits one by one and at once, and torque where the crank stands."""
+"""Quantities computed from the solver's samples: the same bits one by one and all at once, and the torque of a crank
+that stands.
+"""
 
 import numpy as np
 import pytest
@@ -18,7 +20,7 @@ def commanded(scene: str, method: str) -> Motion:
 @pytest.mark.parametrize("scene", ["device", "paper", "frictionless"])
 @pytest.mark.parametrize("method", ["exact", "rk4"])
 def test_one_by_one_and_at_once_give_the_same_bits(scene, method, monkeypatch):
-    """In parts of seven instants, with a motor that stands, turns and stands again."""
+    """In groups of seven instants, with a motor that stands, turns and stands again."""
     monkeypatch.setattr(readout, "_AT_ONCE", 7)
     one_by_one, at_once = commanded(scene, method), commanded(scene, method)
     for speed, times in ((0.0, TIMES[:100]), (40.0, TIMES[100:200]), (0.0, TIMES[200:])):
@@ -32,8 +34,9 @@ def test_one_by_one_and_at_once_give_the_same_bits(scene, method, monkeypatch):
 
 
 def test_the_torque_of_a_crank_that_stands_is_the_limit_of_that_of_one_that_creeps():
-    """Power by speed is the drive forces by the sliders' slopes, at every angle; a slope has a relative error of 1e-9
-    by central differences of the positions."""
+    """Power over speed equals the drive forces times the sliders' slopes, at every angle; central differences of the
+    positions give a slope to 1e-9.
+    """
     device = vibro_ros.Simulator(vibro_ros.load_scene("device").with_parameters({"effects.motor": "ideal"}))
     for stop in (0.21, 0.37, 0.52):
         device.command(motor_speed=30.0)

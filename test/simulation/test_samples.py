@@ -1,4 +1,4 @@
-"""What is read from samples alone."""
+"""Quantities that are derived from samples alone."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,9 @@ from vibro_ros.simulation.samples import resets
 @pytest.mark.parametrize(("name", "changes"), [
     ("device", {}), ("damped", {"effects.motor": "lag", "motor.time_constant": 0.05}), ("damped", {}), ("machine", {})])
 def test_resets_are_told_whichever_way_the_crank_runs(name, changes, rate):
-    """Commands one second apart, from one direction to the other, and resets of a crank on either side of its start."""
+    """Commands one second apart that reverse the crank are not taken for resets; resets on either side of the start
+    angle are recognised.
+    """
     device = vibro_ros.Simulator(vibro_ros.load_scene(name).with_parameters(changes))
     rows, wanted, elapsed = [], [], 0.0
     for speeds in ((100.0, 90.0, -95.0), (-90.0, -100.0, 60.0), (80.0,)):

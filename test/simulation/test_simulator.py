@@ -35,7 +35,8 @@ def falling(gap):
 
 
 def test_a_contact_is_reported_once_with_its_first_instant():
-    """Plate at the slider: the mass comes at 8 m/s after a quarter period; peak √(v² m k4) / √(1 + k2/k4).
+    """The plate is at the slider: the mass arrives at 8 m/s after a quarter period; the peak is √(v² m k4) / √(1 +
+    k2/k4). k2 and k4 together push it back, from the deepest point v/√((k2 + k4)/m).
 
     Pushed back by k2 + k4 together, the deepest point is v/√((k2 + k4)/m).
     """
@@ -54,7 +55,7 @@ def test_a_contact_is_reported_once_with_its_first_instant():
 
 
 def test_a_contact_across_commands_is_one_contact():
-    """Commands that arrive while the mass is in contact, one at its deepest point, neither split nor change it."""
+    """Commands that arrive during the contact, one of them at the deepest point, neither split nor change it."""
     made = falling(0.02)
     contact, depth = math.pi / 200, math.pi / math.sqrt((1e3 + 1e7) / 0.1)
     for share in (0.1, 0.5, 0.5, 0.9):
@@ -67,7 +68,8 @@ def test_a_contact_across_commands_is_one_contact():
 
 
 def test_commands_and_samples_at_the_instant_of_an_event():
-    """The instant of the contact, one rounding before and one behind: the trajectory is the same to rounding."""
+    """At the instant of the contact, one rounding before it and one after it, the trajectory is the same to rounding.
+    """
     finals = []
     for instant in (math.pi / 200, math.nextafter(math.pi / 200, 0), math.nextafter(math.pi / 200, 1)):
         made = falling(0.02)
@@ -82,7 +84,7 @@ def test_commands_and_samples_at_the_instant_of_an_event():
 
 
 def test_a_plate_called_away_lets_go_at_once():
-    """No tension: in the very instant of the command the damper would pull by c E' = 1 N, and must not be seen to."""
+    """Without tension: at the instant of the command the damper would pull with c E' = 1 N, which must not appear."""
     for instant in np.linspace(0.04, 0.06, 60) * math.pi / 3:
         made = device(RAMP | {"effects.adhesion": False, "upper.gap": 0.0199, "upper.plate.damping": 100.0,
                               "upper.spring.damping": 20.0, "upper.plate.stiffness": 1e4, "gap_actuator.speed": 0.5})
@@ -94,7 +96,7 @@ def test_a_plate_called_away_lets_go_at_once():
 
 @pytest.mark.parametrize("times", [[0.0, 1e9], np.arange(10_000_001) * 100.0], ids=["sparse", "dense"])
 def test_a_run_of_hours_of_computation_can_be_stopped(times):
-    """A signal's handler runs between two parts of the run; without parts it would wait for the last sample."""
+    """A signal's handler runs between two parts of the run; without parts it would wait until the last sample."""
     def interrupt(number, frame):
         raise KeyboardInterrupt
 
@@ -110,7 +112,7 @@ def test_a_run_of_hours_of_computation_can_be_stopped(times):
 
 @pytest.mark.parametrize("method", ["exact", *sorted(SCHEMES)])
 def test_the_state_is_a_sample_taken_now_whatever_came_before(method):
-    """After an advance, a command, samples and a checkpoint; and the class's own constructor makes the same."""
+    """After an advance, a command, samples and a checkpoint; the constructor of the class gives the same."""
     scene = vibro_ros.load_scene("device").with_parameters({"solver.method": method, "solver.step": 1.3e-4})
     made, other = vibro_ros.Simulator(scene), vibro_ros.Simulator(scene)
     states = []
@@ -166,8 +168,10 @@ DC = {"effects.motor": "dc", "motor.control_rate": 400.0}
     *(DC | {"motor.control": law} for law in ("voltage", "speed_by_voltage", "speed_by_current"))],
     ids=lambda changes: "-".join(map(str, changes.values())))
 def test_a_checkpoint_that_no_device_made_ends_no_process(changes):
-    """A bag may hold anything: each number in turn is not finite, or far beyond the tables, of faults, filters and
-    controllers as well. Refused, it changes nothing; accepted, the device goes on or blames the checkpoint."""
+    """A bag may have any numbers: each number of a checkpoint in turn, those of faults, filters and controllers
+    included, is not finite or far beyond the tables. A refused checkpoint changes nothing; with an accepted one the
+    device goes on, or fails with an error that names the checkpoint.
+    """
     scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0, **changes})
     made, other = (vibro_ros.Simulator(scene, 300.0 * ("solver.method" not in changes)) for _ in range(2))
     made.advance_to(0.2)

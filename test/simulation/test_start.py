@@ -1,4 +1,4 @@
-"""`start.state: given`: the device begins where the parameters say, and what cannot be is refused."""
+"""`start.state: given`: the device starts in the state of the parameters, and an impossible state is refused."""
 
 import math
 
@@ -26,7 +26,9 @@ def test_with_every_number_0_it_is_the_start_zero_bit_for_bit(name):
 
 @pytest.mark.parametrize("method", ["exact", "rk4"])
 def test_every_method_begins_there(method):
-    """A mass of the frequency W off its slider by d with speed v, the crank standing: d cos Wt + v/W sin Wt."""
+    """With a standing crank, a mass of the frequency W that starts d from its slider at speed v moves by d cos Wt + v/W
+    sin Wt.
+    """
     start = {"crank_angle": math.pi, "upper_position": 0.02, "upper_velocity": -0.3, "body_position": 0.7}
     scene = scene_of("no_impact", **start).with_parameters({
         "motor.speed": 0.0, "solver.method": method, "solver.step": 1e-5})

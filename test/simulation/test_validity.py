@@ -1,4 +1,4 @@
-"""The pitch index and the share of the winding's current: known values, an independent integral, and limits."""
+"""The pitch index and the current of the winding over its limit: known values, an independent integral, and limits."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def test_the_known_indices_of_device(offset, known, rate):
 
 
 def test_the_index_is_the_double_integral_of_the_moment():
-    """Of a flight that is given, by the sum of m p × (a + g) itself: the masses swing, and the body falls freely."""
+    """For a given flight, compared with the sum of m p × (a + g) itself: the masses swing and the body falls freely."""
     scene = device(body__crank_offset=0.01)
     t = np.linspace(0.0, 0.05, 20_001)
     places = {"upper": 0.05 + 0.004 * np.sin(60.0 * t), "inclined": 0.06 + 0.003 * np.cos(90.0 * t)}

@@ -48,7 +48,9 @@ class Motion:
                 - radius**4 * (sine * cosine) ** 2 / root**3)
 
     def linkage(self):
-        """Masses that the crank moves: mass, direction, and the place's two derivatives by the angle."""
+        """Return the masses that the crank moves: mass, direction, and first and second derivative of the position by
+        the angle.
+        """
         scene, angle, radius = self.scene, self.at["crank_angle"], self.scene["crank.radius"]
         for side in SIDES:
             if self.has(side) and scene[f"mass.{side}_slider"]:
@@ -80,7 +82,7 @@ class Motion:
         return np.where((depth >= 0.0) & ((force >= 0.0) | self.scene["effects.adhesion"]), force, 0.0)
 
     def moves_with_plate(self, side):
-        """Whether the mass rests on a rigid plate: it moves as that, bit for bit (and is pressed on it)."""
+        """Whether the mass rests on a rigid plate, so that it moves with the plate bit for bit and is pressed on it."""
         if not self.has(side) or self.scene[f"effects.{side}_contact"] != "restitution":
             return np.zeros(len(self), dtype=bool)
         depth, rate = self.depth(side)
@@ -109,7 +111,7 @@ class Motion:
                                          for mass, way, slope, bend in self.linkage())
 
     def _torque_rows(self):
-        """What the unknowns add to that torque, shape (n, 9)."""
+        """Return the contributions of the unknowns to the linkage's torque, shape (n, 9)."""
         rows, acts = np.zeros((len(self), 9)), self.scene["effects.reaction"]
         for mass, way, slope, _ in self.linkage():
             rows[:, CRANK] += mass * slope**2
@@ -122,7 +124,9 @@ class Motion:
         return self.scene["effects.normal_force"]
 
     def _ground(self):
-        """The unknowns: first with a body at rest that sticks, then slipping where it would not, then unloaded."""
+        """Solve for the unknowns: a body at rest first as if it stuck, then slipping if friction cannot hold it, then
+        unloaded.
+        """
         scene, law = self.scene, self.scene["effects.friction"]
         moves = self.has("inclined") and np.sin(self.tilt("inclined")) != 0.0 or scene["mass.crank_pin"] or any(
             scene[f"ground.{name}"] for name in ("slope", "drag", "viscous_friction"))
@@ -145,14 +149,18 @@ class Motion:
         return solution
 
     def _frictions(self, direction):
-        """Coefficients of a body that slips, and of one that sticks, in the directions of the signs of `direction`."""
+        """Return the friction coefficients of a slipping and of a sticking body, in the directions of the signs of
+        `direction`.
+        """
         forward, backward = self.scene["ground.friction"], self.scene["ground.friction_backward"]
         kinetic = np.where(direction < 0.0, forward if backward == -1.0 else backward, forward)
         own = self.scene["effects.friction"] in ("static", "stribeck")
         return kinetic, np.full(len(self), self.scene["ground.static_friction"]) if own else kinetic
 
     def _solve(self, air, sticks, slide):
-        """With F_fr = `slide` N where the body does not stick; masses that a plate would have to hold leave it."""
+        """Solve with F_fr = `slide` N where the body does not stick; a mass that its rigid plate would have to pull is
+        set free.
+        """
         resting = [self.moves_with_plate(side) for side in SIDES]
         solution = self._solve_resting(air, sticks, slide, resting)
         pulled = [rests & (solution[:, PRESS + i] < 0.0) for i, rests in enumerate(resting)]

@@ -83,7 +83,8 @@ def assert_close(name, times, found, expected, limit):
 
 
 def assert_events_agree(kind, ours, theirs, position, begin=0.0, end=0.0):
-    """Return the events of that kind of both, in pairs; they may begin and end off by more than others, by so much [s].
+    """Check that both have the same events of a kind, at instants that may differ by so much [s], and return them in
+    pairs.
     """
     ours, theirs = ended(ours, kind), ended(theirs, kind)
     assert len(ours) == len(theirs), kind
@@ -96,7 +97,7 @@ def assert_events_agree(kind, ours, theirs, position, begin=0.0, end=0.0):
 
 
 def ended(events, kind):
-    """The solver reports a contact when it has ended."""
+    """Return the events of a kind without unfinished contacts, because the solver reports a contact only at its end."""
     return events[(events["kind"] == kind) & np.isfinite(events["duration"])]
 
 
@@ -110,12 +111,14 @@ def passing_speeds(side, robot, run, commands):
 
 
 def stiffness(scene, side, part):
-    """Force [N] that a position off by 1 m, and a speed by 1e4 m/s, makes in a spring with its damper."""
+    """Force [N] that an error of 1 m in a position, and of 1e4 m/s in a speed, makes in a spring with its damper."""
     return scene[f"{side}.{part}.stiffness"] + 1e4 * scene[f"{side}.{part}.damping"]
 
 
 def assert_forces_agree(times, samples, moved, position):
-    """As far as positions off by `position`, and speeds by 1e4/s of that, let them."""
+    """Check that forces agree within the effect of an error `position` of the positions, and of 1e4/s times that of the
+    speeds.
+    """
     scene, limits = moved.scene, {}
     for side in SIDES:
         drive = position * stiffness(scene, side, "spring")
@@ -136,7 +139,7 @@ def assert_forces_agree(times, samples, moved, position):
 
 
 def assert_peaks_agree(side, robot, run, commands, ours, theirs, position):
-    """Greatest forces of contacts: a blow's is infinite, others are looked for in heyoka's states."""
+    """Check the peak forces of contacts: infinite for a blow, otherwise found in heyoka's states."""
     scene, blows = robot.scene, theirs["duration"] == 0.0
     assert np.all(np.isinf(ours["peak_force"]) == blows), side
     ours, theirs = ours[~blows], theirs[~blows]
@@ -165,7 +168,7 @@ def assert_peaks_agree(side, robot, run, commands, ours, theirs, position):
 
 
 def smooth_pieces(begin, end, seams):
-    """A contact between the instants at which a force may jump."""
+    """Yield the parts of a contact between instants at which a force may jump."""
     edges = np.unique(np.concatenate([[begin], seams[(seams > begin) & (seams < end)], [end]]))
     return list(zip(edges[:-1], edges[1:], strict=True))
 
@@ -178,7 +181,7 @@ def grid(begin, end, rate):
 
 
 def plate_forces(side, robot, commands, grids):
-    """The plate's forces on heyoka's way at the instants of each of `grids`."""
+    """Return the plate's forces in heyoka's motion at the instants of each of `grids`."""
     times = np.unique(np.concatenate(grids))
     times = times[np.append(True, np.diff(times) > 1e-16)]  # what heyoka, who counts from a command, tells apart
     moved = motion(robot.scene, robot.integrate(times, commands))

@@ -323,7 +323,7 @@ def test_a_force_off_by_a_millionth_is_noticed(name, quantity, monkeypatch):
 
 
 def test_a_choice_and_a_number_that_the_peer_does_not_have_are_refused(monkeypatch):
-    """As a later version of the model may have them."""
+    """A later version of the model may have parameters that heyoka's robot does not support."""
     for name, value in (("effects.friction", "viscous"), ("ground.wind", 0.3)):
         monkeypatch.setitem(BY_NAME, name, replace(BY_NAME["effects.friction"], name=name, default=0.0))
         scene = vibro_ros.load_scene("paper")
@@ -333,7 +333,7 @@ def test_a_choice_and_a_number_that_the_peer_does_not_have_are_refused(monkeypat
 
 
 def test_every_effect_that_a_scene_may_have_is_compared():
-    """By name and value: who adds one to the model is told here to add it to the robot of heyoka and to `EFFECTS`."""
+    """A developer who adds a choice of an effect learns here to add it to heyoka's robot and to `EFFECTS`."""
     default = vibro_ros.load_scene("paper")
     compared = {name: {default[name]} for name in default.parameters if name.startswith(("effects.", "start.state"))}
     for changes, _ in EFFECTS.values():
@@ -399,7 +399,7 @@ def test_a_very_slow_motor_agrees_with_heyoka(name):
 
 @pytest.mark.parametrize("name", ["as printed", "unilateral", "hop"])
 def test_masses_that_follow_a_slow_crank_on_their_plates_agree_with_heyoka(name):
-    """Until a plate moves, while it does, and after it has stopped."""
+    """The motions agree before a plate moves, while it moves, and after it has stopped."""
     scene = PAPER.with_parameters(SCENES[name] | {
         "motor.speed": 8.0, "start.state": "rest", "upper.gap": -0.01, "inclined.gap": -0.01, "ground.friction": 2.0})
     commands = ((0.15, {"upper_gap": -0.012}), (0.3, {"inclined_gap": -0.008}))
