@@ -211,9 +211,6 @@ def check_height(scene, device, rows):
     """Check that the body is not below the ground, and that the ground exerts no force on it in the air. The distance
     by which rounding of forces moves it within a segment is allowed: 2e-15 m in the scene `device`, more where plates
     of 1e11 N/m press on masses on guides of a kilometre.
-
-    What the rounding of forces moves it within a segment is no height: 2e-15 m in the scene `device`, more where plates
-    of 1e11 N/m press on masses on guides of a kilometre.
     """
     height = rows["body_height"]
     if scene["effects.normal_force"] != "hop":

@@ -34,8 +34,6 @@ def tabulated(slider, theta):
 def test_position_and_series(slider):
     """A36. Everywhere in the turn, also near the kink, to 2 roundings, 1e-16 m. Near a kink a rounding of the angle
     itself moves the slider by up to 2 l times 4e-16.
-
-    Near a kink a rounding of the angle itself moves the slider by up to 2 l times 4e-16.
     """
     random = np.random.default_rng(3)
     kinks = np.mod(slider.angle + np.array([0.5, 1.5]) * math.pi, TURN)

@@ -1,7 +1,5 @@
 """Runs the simulator with the inputs of a reference table, and compares. As a program it prints the largest difference
 of each position from every stored table.
-
-As a program it prints the largest difference of each position from every stored table.
 """
 
 import json

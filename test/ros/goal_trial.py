@@ -16,8 +16,6 @@ Samples = Iterable[tuple[int, float]]
 class Trial:
     """A goal pursued on a device. `heard` turns stamp [ns] and position [m] of a sample into what odometry reports. The
     last goal took `took` [s]; `positions` [m] at each sample, `commands` [rad/s] and the log belong to it.
-
-    The last goal took `took` [s]; `positions` [m] at each sample, `commands` [rad/s] and the words said are its own.
     """
 
     def __init__(self, scene: Scene, heard: Callable[[int, float], Samples] = lambda *sample: (sample,)):

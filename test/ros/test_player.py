@@ -119,8 +119,8 @@ def test_a_clock_that_jumps_back_is_an_error_and_stops_the_motor(start, simulato
 
 
 def test_what_is_due_is_done_before_the_next_request_is_answered(domain_id, monkeypatch):
-    """Both run in one process, so that the order is visible: when the controller answers after a new time, the commands
-    of that time have been sent, except at the first answer.
+    """Both run in one process, so that the order is visible: at every answer after a new time but the first, the
+    commands that are due at that time have been sent.
     """
     done: list[object] = []
     context = Context()

@@ -1,8 +1,6 @@
 """A robot under ros2_control: the test reads its description and acts as its hardware, by the rules of the hardware's
 sources, over DDS. `TopicSystem` does what JointStateTopicSystem of joint_state_topic_hardware_interface does in `read`
 and `write`.
-
-`TopicSystem` does what JointStateTopicSystem of joint_state_topic_hardware_interface does in `read` and `write`.
 """
 
 import math

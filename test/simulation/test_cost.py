@@ -71,8 +71,6 @@ def peak_memory(function):
 def test_time_alone_takes_no_memory():
     """A run of 1000 s that is sampled once and has no events takes the memory of a run of 10 s. The run is made in one
     part, because a busy machine makes more parts, and Python keeps some objects of each part for the next ones.
-
-    In one part: a busy machine makes more parts, and Python keeps some objects of each for the next ones.
     """
     scene = vibro_ros.load_scene("unilateral").with_parameters(EVENTLESS)
     vibro_ros.simulate(scene, times=np.array([1.0]))

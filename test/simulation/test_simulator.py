@@ -37,8 +37,6 @@ def falling(gap):
 def test_a_contact_is_reported_once_with_its_first_instant():
     """The plate is at the slider: the mass arrives at 8 m/s after a quarter period; the peak is √(v² m k4) / √(1 +
     k2/k4). k2 and k4 together push it back, from the deepest point v/√((k2 + k4)/m).
-
-    Pushed back by k2 + k4 together, the deepest point is v/√((k2 + k4)/m).
     """
     made = falling(0.02)
     made.advance_to(0.0159)

@@ -1,4 +1,4 @@
-"""Kernels are parts of other kernels, without an entry from Python; here they get one, to be tested one by one."""
+"""Entries from Python for kernels that only other kernels call, so that tests can call them one by one."""
 
 from types import ModuleType
 

@@ -1,4 +1,4 @@
-"""Systems of a few rows, built by hand: the solver is tested without any robot."""
+"""Systems of a few rows, built by hand, so that the solver is tested without a robot."""
 
 import math
 from dataclasses import dataclass, field
@@ -30,9 +30,9 @@ from vibro_ros.solver.vector import LENGTH
 
 @dataclass(frozen=True)
 class Guard:
-    """form >= 0; else the first of `targets` that holds, after the jump (channel to form).
-
-    A blow `strike`s monitor 0. `entry`: a form that the first target needs before the jump.
+    """A guard form >= 0. When it turns negative, the first of `targets` that holds is entered, after the jump (channel
+    to form). If `strike` is true, the event is a blow on monitor 0. `entry` is a form that the first target requires to
+    be non-negative before the jump.
     """
 
     form: np.ndarray
@@ -54,10 +54,9 @@ def cosine_table(cells=8):
 
 
 def build(channels, modes, guards=(), signals=None, monitor=None, decay=None):
-    """System whose mode m has the rows `modes[m]` and the guards `guards[m]`; entering it is event m.
-
-    `monitor`: the form watched, that noted at its start, and the modes in which it is on. `decay`: factors and rates
-    of the decaying term, mode by mode.
+    """Build a system whose mode m has the rows `modes[m]` and the guards `guards[m]`; entering mode m is event m.
+    `monitor` has the form that is observed, the form that is noted at its start, and the modes in which it is on.
+    `decay` has factor and rate of the decaying term for each mode.
     """
     count = len(modes)
     acceleration = np.array(modes, dtype=float).reshape(count, channels.coordinates, channels.count)
@@ -155,7 +154,7 @@ class Integration:
         return self.state.now["automaton"]["segments"][0]
 
     def ramp_speed(self, target, change):
-        """Let the speed change to `target` at `change` [rad/s²], from the present segment's start on."""
+        """Change the speed to `target` at `change` [rad/s²], from the start of the present segment on."""
         drive = self.state.now["drive"][0]
         drive["target"] = target
         drive["acceleration"] = math.copysign(change, target - drive["speed"])

@@ -9,7 +9,7 @@ from vibro_ros.solver.system import Channels
 
 
 def form(channels, **parts):
-    """A row by the names of `Channels`' methods: position, velocity, signal, one."""
+    """Return a row of coefficients by the names of `Channels`' methods: position, velocity, signal, one."""
     row = np.zeros(channels.count)
     for name, factor in parts.items():
         row[channels.one if name == "one" else getattr(channels, name)(0)] = factor

@@ -1,4 +1,4 @@
-"""The event loop on systems of a few rows: friction oscillators with known answers, and how the loop ends."""
+"""The event loop on systems of a few rows: friction oscillators with known answers, and the ends of the loop."""
 
 import math
 
@@ -14,7 +14,7 @@ RATE = 100.0  # Ω of the spring [rad/s]
 
 
 def friction_oscillator(friction, drive=0.0):
-    """q'' = -Ω² q + drive cos(phase) - friction sign(q'), and it sticks while the force is below friction."""
+    """Return q'' = -Ω² q + drive cos(phase) - friction sign(q'), which sticks while the force is below friction."""
     channels = Channels(1, 1, 1, 0)
 
     def form(position=0.0, velocity=0.0, signal=0.0, one=0.0):
@@ -32,9 +32,8 @@ def friction_oscillator(friction, drive=0.0):
 
 
 def test_coulombs_free_oscillator():
-    """A16. Each half period takes 2 f/Ω² off the amplitude; it rests within f/Ω², for good.
-
-    From 1 with f/Ω² = 0.03 the turning points are 1, -0.94, 0.88 ... and the last, 0.02, is inside the dead zone.
+    """A16. Each half period reduces the amplitude by 2 f/Ω²; the oscillator rests within f/Ω² for good. From 1 with
+    f/Ω² = 0.03 the turning points are 1, -0.94, 0.88 ... and the last, 0.02, is inside the dead zone.
     """
     band = 0.03
     run = Integration(friction_oscillator(band * RATE**2), [1.0], [0.0], mode=STICK)
@@ -81,7 +80,9 @@ def test_the_turning_points_of_den_hartogs_oscillator():
 
 
 def bouncing_mass():
-    """q'' = -1 above the floor q = 0, and a spring of rate 1e4 below: open 0, closed 1; the spring's force watched."""
+    """Return q'' = -1 above the floor q = 0, and a spring of rate 1e4 below it, whose force is monitored; modes: open
+    0, closed 1.
+    """
     channels = Channels(1, 1, 0, 0)
     fall, spring, position = np.zeros((3, channels.count))
     fall[channels.one], spring[channels.one] = -1.0, -1.0
@@ -93,7 +94,7 @@ def bouncing_mass():
 
 
 def test_full_rooms_for_events_lose_none():
-    """Whatever fits at once, the events and the samples are the same bits."""
+    """However many events fit into the array at once, events and samples have the same bits."""
     results = []
     for room in (4, 7, 1000):
         run = Integration(bouncing_mass(), [0.5], [0.0])
@@ -104,7 +105,7 @@ def test_full_rooms_for_events_lose_none():
 
 
 def test_two_crossings_within_one_segment_are_seen():
-    """A graze of 1e-9 beyond a wall on a slow oscillation: in and out within 1e-6 of a period."""
+    """A slow oscillation passes a wall by 1e-9, and leaves it again within 1e-6 of a period."""
     channels = Channels(1, 1, 0, 0)
     row, wall = np.zeros((2, channels.count))
     row[channels.position(0)] = -1.0
@@ -121,7 +122,7 @@ def test_two_crossings_within_one_segment_are_seen():
 
 
 def toggling(value):
-    """Two modes with the guard q - 1 + `value`, while q stays at 1: if it fires, they take turns."""
+    """Return two modes with the guard q - 1 + `value`, while q stays at 1: if the guard fires, the modes alternate."""
     channels = Channels(1, 1, 0, 0)
     row, guard = np.zeros((2, channels.count))
     guard[[channels.position(0), channels.one]] = 1.0, value - 1.0
@@ -141,7 +142,9 @@ def test_guards_that_are_negative_within_rounding_only_do_not_fire():
 
 
 def test_modes_that_contradict_each_other_within_rounding():
-    """A spring that acts beyond q = 1, loaded to a depth of some roundings: both modes may hold, and one does."""
+    """A spring that acts beyond q = 1 is loaded to a depth of some roundings: both modes may hold, and one of them is
+    kept.
+    """
     channels = Channels(1, 1, 0, 0)
     for depth in np.arange(-12, 13) * 2.2e-16:
         free, spring, wall = np.zeros((3, channels.count))

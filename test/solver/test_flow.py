@@ -21,9 +21,8 @@ def oscillator(stiffness, damping, drive):
 
 
 def exact(stiffness, damping, drive, speed, position, velocity, times):
-    """Position: complex particular solution and two complex homogeneous ones, in 60 digits.
-
-    Double roots and resonance are parted by 1e-20, whose effect is far below a double's rounding.
+    """Position from a complex particular and two complex homogeneous solutions, in 60 digits. Double roots and
+    resonance are avoided by a shift of 1e-20, whose effect is far below a double's rounding.
     """
     with mpmath.workdps(60):
         hair = mpmath.mpf(10) ** -20
@@ -42,7 +41,7 @@ def exact(stiffness, damping, drive, speed, position, velocity, times):
 @pytest.mark.parametrize("detuning", [0.0, 1e-15, 1e-12, 1e-8, 1e-4, -1e-8, 0.3])
 @pytest.mark.parametrize("damping", [0.0, 1e-6, 3.0])
 def test_at_and_near_resonance(detuning, damping):
-    """60 turns, over which the undamped motion grows to 190 amplitudes of the drive; to 1e-13 of what it reaches."""
+    """Over 60 turns the undamped motion grows to 190 amplitudes of the drive; the error is 1e-13 of that."""
     times = np.linspace(0, 3.8, 80)
     speed = 100.0 * (1 + detuning)
     points, _, _ = Integration(oscillator(1e4, damping, 1e4), [0.3], [-4.0], speed=speed).sample(times)
@@ -53,7 +52,9 @@ def test_at_and_near_resonance(detuning, damping):
 @pytest.mark.parametrize("stiffness", [0.0, 1.0, 1e4, 1e8, 1e11])
 @pytest.mark.parametrize("ratio", [0.0, 0.05, 0.999999, 1.0, 1.000001, 30.0])
 def test_slow_and_stiff_damped_and_overdamped(stiffness, ratio):
-    """`ratio` of the critical damping; 20 of the mode's own time constants, under the same drive."""
+    """`ratio` is the damping over the critical damping; the run lasts 20 time constants of the mode, under the same
+    drive.
+    """
     rate = max(math.sqrt(stiffness), 1.0)
     times = np.linspace(0, 20.0 / rate, 50)
     system = oscillator(stiffness, 2 * ratio * math.sqrt(stiffness), rate**2)
@@ -106,7 +107,7 @@ def test_a_driven_coordinate_integrates_the_others():
 
 @pytest.mark.parametrize("stiffness", [5e3, 9e3, 1e4, 1.1e4, 2e4])
 def test_energy_of_a_free_oscillator_over_a_million_radians(stiffness):
-    """The series is cut below rounding: 3e5 segments, all alike, change the energy by five roundings each at most."""
+    """The series is cut off below rounding: each of 3e5 equal segments changes the energy by at most five roundings."""
     run = Integration(oscillator(stiffness, 0.0, 0.0), [1.0], [0.0])
     points, _, _ = run.sample([1e4])
     assert run.status == 0
@@ -115,7 +116,7 @@ def test_energy_of_a_free_oscillator_over_a_million_radians(stiffness):
 
 
 def test_longest_segments():
-    """2 RATE_LIMIT over the fastest eigenvalue: k, overdamped, none."""
+    """2 RATE_LIMIT over the fastest eigenvalue: for a spring, an overdamped one, and no rate at all."""
     channels = Channels(1, 1, 0, 0)
     rows = np.zeros((4, 1, channels.count))
     rows[0, 0, 0] = -1e4

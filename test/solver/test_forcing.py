@@ -23,14 +23,16 @@ def exact_slider(slider, theta):
 
 
 def exact_phase(time, speed, change, ramp_time):
-    """Phase [rad] at `time`, the speed changing for `ramp_time` [s]."""
+    """Phase [rad] at `time`, with a speed that changes for `ramp_time` [s]."""
     time, speed, change = mpmath.mpf(float(time)), mpmath.mpf(speed), mpmath.mpf(change)
     ramped = min(time, mpmath.mpf(ramp_time))
     return speed * time + change * ramped * (time - ramped / 2)
 
 
 def check(slider, speed, target, change, times):
-    """Signal and phase: to the rounding of a position, and of the phase (2e-15 of its way) at the slider's speed."""
+    """Compare signal and phase: to the rounding of a position, and of the phase (2e-15 of its change) at the slider's
+    speed.
+    """
     run = Integration(build(ONE_SIGNAL, [[]], signals=signal_table((slider,))), speed=speed)
     ramp_time = 0.0
     if target != speed:
@@ -62,7 +64,7 @@ def test_steady_speed(slider, speed):
     (0.0, 100.0, 200.0), (0.0, 500.0, 1e4), (100.0, 0.0, 200.0), (100.0, 99.0, 1e6), (3.0, 5.0, 0.1),
     (500.0, 0.0, 1e5)])
 def test_changing_speed(slider, speed, target, change):
-    """Over the ramp and beyond it, from standstill and to it."""
+    """Over a ramp and beyond it, from standstill and to standstill."""
     duration = min(1.3 * abs(target - speed) / change, 3.0)
     run, _, phases = check(slider, speed, target, change, np.linspace(0, duration, 150))
     times = np.linspace(0, duration, 150)
@@ -78,7 +80,7 @@ def test_changing_speed(slider, speed, target, change):
 
 @pytest.mark.parametrize("slider", SLIDERS[:4])
 def test_signal_rates(slider):
-    """ds/dt: to the rounding of the position over the time in which a cell passes."""
+    """ds/dt, to the rounding of a position over the time in which the crank passes a cell."""
     run = Integration(build(ONE_SIGNAL, [[]], signals=signal_table((slider,))), speed=100.0)
     times = np.linspace(0, 0.1, 100)
     points, _, phases = run.sample(times)
@@ -97,7 +99,7 @@ def test_a_phase_that_stops_in_a_cell_stays_there():
 
 @pytest.mark.parametrize("distance", [math.pi / 4, math.nextafter(math.pi / 4, 0.0), math.nextafter(math.pi / 4, 1.0)])
 def test_a_phase_that_stops_at_the_end_of_a_cell(distance):
-    """The end of the cell is reached at vanishing speed, exactly, almost, or just not."""
+    """The speed vanishes exactly at the end of the cell, just before it, or just after it."""
     change = 50.0**2 / (2 * distance)
     run = Integration(build(ONE_SIGNAL, [[]], signals=cosine_table()), speed=50.0)
     run.ramp_speed(0.0, change)
@@ -107,7 +109,7 @@ def test_a_phase_that_stops_at_the_end_of_a_cell(distance):
 
 
 def test_turns_are_counted_for_an_hour():
-    """The clock keeps what rounding takes: after 57 000 turns the phase is right to 1e-15 of what it has turned."""
+    """The clock stores its rounding error: after 57 000 turns the phase is right to 1e-15 of the turned angle."""
     run = Integration(build(ONE_SIGNAL, [[]], signals=cosine_table()), speed=100.0)
     _, _, phases = run.sample([3600.0])
     assert phases[0, 0] * 2 * math.pi + phases[0, 1] == pytest.approx(3.6e5, rel=1e-15)

@@ -1,4 +1,4 @@
-"""The folder of compiled kernels: where it is, who may write it, damage, a full disk, several first starts at once."""
+"""The folder of compiled kernels: its place, its owner, damage, a full disk, several first starts at once."""
 
 import os
 import subprocess
@@ -27,7 +27,7 @@ print(twice(21.0), *progress.done, *("loaded" for _ in progress.loaded), progres
 
 @pytest.fixture
 def computed(tmp_path, monkeypatch):
-    """What a new process computes from 21, whether it compiled or loaded, and what it says of the folder."""
+    """Return what a new process computes from 21, whether it compiled or loaded, and what it reports of the folder."""
     program = tmp_path / "program.py"
     program.write_text(PROGRAM)
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "chosen"))
@@ -40,7 +40,7 @@ def computed(tmp_path, monkeypatch):
 
 
 def kernels(folder: Path) -> list[Path]:
-    """The files of the cache in a folder."""
+    """Return the files of the cache in a folder."""
     return sorted(file for file in folder.rglob("*.nb?") if file.is_file())
 
 
@@ -61,7 +61,9 @@ def test_a_damaged_file_is_compiled_and_written_again(computed, tmp_path, kind, 
 
 
 def give_away(path: Path, monkeypatch) -> None:
-    """Let a path belong to another user: the superuser gives it away, anybody else is somebody else from now on."""
+    """Make a path belong to another user: root changes its owner, any other user pretends to be somebody else from then
+    on.
+    """
     if os.geteuid() == 0:
         os.chown(path, 65534, -1, follow_symlinks=False)
     else:

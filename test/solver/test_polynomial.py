@@ -1,4 +1,4 @@
-"""Polynomials of fixed length, against exact rational arithmetic and numpy."""
+"""Polynomials of fixed length, compared with exact rational arithmetic and numpy."""
 
 from fractions import Fraction
 
@@ -52,9 +52,8 @@ def test_recentre(x):
 @pytest.mark.parametrize("shift", [(0.0, 0.0, 0.3), (0.02, 0.0, -0.02), (0.03, 0.01, -0.03, -0.01),
                                    (0.0, 0.0, -0.3, 0.1, -0.03)])
 def test_displace(shift):
-    """p(x + shift(x)), to rounding: powers beyond the length are economized, not cut.
-
-    Series of a part of a cell shrink by 0.225 (`system.STRIDE`) a term, with the shift.
+    """p(x + shift(x)) to rounding, because powers beyond the length are economized instead of cut off. Series over a
+    part of a cell shrink by 0.225 (`system.STRIDE`) from term to term, and so does the shift.
     """
     target, room, series = np.empty(LENGTH), np.empty(2 * LENGTH), np.zeros(LENGTH)
     series[:len(shift)] = shift
@@ -67,7 +66,9 @@ def test_displace(shift):
 
 @pytest.mark.parametrize("x", [-1.0, 0.3])
 def test_integrate_through(x):
-    """Exact integral, `wanted` at x, but for the highest Chebyshev polynomial of the term beyond the length."""
+    """The exact integral, with the value `wanted` at x, apart from the highest Chebyshev polynomial of the term beyond
+    the length.
+    """
     target = np.empty(LENGTH)
     places = np.linspace(-1.0, 1.0, 101)
     for p in (*DECAYING, np.ones(LENGTH)):
@@ -88,7 +89,7 @@ def test_a_power_loses_its_highest_chebyshev_polynomials_and_nothing_else():
 
 
 def test_a_series_reaches_rounding_where_its_first_terms_do_not():
-    """(1 - 0.45 x)^(-1/2): the first terms alone are off by 0.45^LENGTH, and more."""
+    """(1 - 0.45 x)^(-1/2): the first terms alone have an error of more than 0.45^LENGTH."""
     terms = 4 * LENGTH
     ratio = 0.45
     series = np.cumprod(np.concatenate([[1.0], [(n - 0.5) / n * ratio for n in range(1, terms)]]))

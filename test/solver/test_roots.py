@@ -1,4 +1,4 @@
-"""The first root of a guard, against the eigenvalues of companion matrices and exact rational arithmetic."""
+"""The first root of a guard, compared with the eigenvalues of companion matrices and with exact rational arithmetic."""
 
 from fractions import Fraction
 from math import comb
@@ -40,7 +40,7 @@ def real_roots(coefficients, start=0.0):
 
 
 def first_crossing(coefficients, start=0.0):
-    """First root behind which the polynomial is negative, its sign taken exactly; NO_ROOT without one."""
+    """Return the first root after which the polynomial is negative, with exact signs; NO_ROOT if there is none."""
     if exact_value(coefficients, start) < 0:
         return start
     edges = [*real_roots(coefficients, start), 1.0]
@@ -63,7 +63,7 @@ def power(root, order):
 
 
 def motion(random):
-    """Series, over two radians, of a random oscillation about a random place: what guards look like."""
+    """Return the series of a random oscillation about a random position over two radians, a typical guard."""
     order = np.arange(LENGTH)
     factorial = np.cumprod(np.maximum(order, 1.0))
     phase, rate = random.uniform(0, 2 * np.pi), random.uniform(0.01, 2.0)
@@ -74,7 +74,7 @@ def motion(random):
 
 @pytest.mark.parametrize("kind", ["oscillation", "decaying", "any"])
 def test_random_polynomials(kind):
-    """1000 guards each: the first crossing within 1e-9 of the companion matrix's, which is the less exact one."""
+    """For 1000 guards each, the first crossing agrees to 1e-9 with the companion matrix, which is less exact."""
     random = np.random.default_rng(["oscillation", "decaying", "any"].index(kind))
     crossings = 0
     for number in range(1000):
@@ -93,7 +93,7 @@ def test_random_polynomials(kind):
 
 @pytest.mark.parametrize("lift", [1e-13, -1e-13, 1e-10, -1e-10])
 def test_a_graze_is_told_from_a_hit(lift):
-    """(x - r)² + lift has no root for lift > 0, and its first one at r - sqrt(-lift) for lift < 0."""
+    """(x - r)² + lift has no root for lift > 0, and its first root at r - sqrt(-lift) for lift < 0."""
     random = np.random.default_rng(7)
     for _ in range(300):
         place = random.uniform(0.05, 0.95)
@@ -120,7 +120,7 @@ def test_a_root_at_the_start_does_not_hide_the_next_one(order, start):
 
 @pytest.mark.parametrize("distance", [1e-2, 1e-4, 1e-6])
 def test_two_crossings_close_together(distance):
-    """Both are noticed, whatever the step: the first one is returned, to the guard's rounding over its slope."""
+    """The first of the two is found whatever their distance, to the guard's rounding error over its slope."""
     random = np.random.default_rng(11)
     for _ in range(300):
         root = random.uniform(0.01, 0.98)
@@ -137,14 +137,14 @@ def test_what_is_all_noise_has_no_root():
 
 @pytest.mark.parametrize("height", [1e-9, 1e-13, 1e-14, 1e-15, 1e-17])
 def test_a_guard_that_rises_from_almost_zero(height):
-    """ε + x - 1.25 x² falls through zero at 0.8 + ε to first order; a cancelling step leapt beyond it."""
+    """ε + x - 1.25 x² falls through zero at 0.8 + ε to first order; a step with cancellation once went beyond it."""
     assert search([height, 1.0, -1.25]) == pytest.approx(0.8 + height, abs=ROUNDING)
 
 
 @pytest.mark.parametrize("order", [3, 4, 5, 6, 8])
 @pytest.mark.parametrize("height", [1e-9, 1e-12, 1e-15])
 def test_a_flat_guard(order, height):
-    """ε - x^n: all derivatives but the n-th are small up to the root, as after a start from rest."""
+    """ε - x^n: all derivatives but the n-th are small up to the root, as in a motion that starts from rest."""
     assert search([height] + [0.0] * (order - 1) + [-1.0]) == pytest.approx(height ** (1 / order), rel=1e-10)
 
 
@@ -154,7 +154,7 @@ def test_the_start_when_the_guard_is_negative_there():
 
 
 def test_the_search_ends_at_its_limit():
-    """A root behind the limit is none, whatever the limit; one before it is found as without."""
+    """A root after the limit is not found; a root before the limit is the same as without a limit."""
     cubic = product([-0.4, 1.0], [-0.4, 1.0], [0.7, -1.0])
     assert search(cubic) == pytest.approx(0.7, abs=ROUNDING)
     for limit in (0.1, 0.4, 0.6999):
@@ -163,13 +163,13 @@ def test_the_search_ends_at_its_limit():
 
 
 def test_a_root_at_the_very_end():
-    """At exactly 1 it belongs to the next segment, which starts with it."""
+    """A root at exactly 1 belongs to the next segment, which starts there."""
     assert search([1.0 - 1e-12, -1.0]) == pytest.approx(1.0 - 1e-12, abs=ROUNDING)
     assert search([1.0 + 1e-12, -1.0]) == NO_ROOT
 
 
 def test_maximum():
-    """Against the values at the ends and at all roots of the derivative."""
+    """Compared with the values at the ends and at all roots of the derivative."""
     random = np.random.default_rng(17)
     work = np.empty((3, LENGTH))
     for _ in range(500):
@@ -183,7 +183,8 @@ def test_maximum():
 
 @pytest.mark.parametrize("magnitude", [1e-90, 1e-150, 1e-164, 1e-300, 1e-320])
 def test_a_motion_that_has_died_away(magnitude):
-    """Squares of the coefficients are below the smallest number: the searches end, and what is tiny is zero."""
+    """The squares of the coefficients are below the smallest number: the searches end, and tiny values count as zero.
+    """
     random = np.random.default_rng(19)
     for _ in range(50):
         polynomial = motion(random) * magnitude

@@ -1,4 +1,6 @@
-"""A landing whose friction falls with the speed, against the integral of the impulse, and its limits, Coulomb's law."""
+"""A landing with friction that falls with the speed, compared with the integral of the impulse and with its limit,
+Coulomb's law.
+"""
 
 import itertools
 import math
@@ -23,7 +25,7 @@ def law(decay_speed, restitution, kinetic=KINETIC, static=STATIC):
 
 
 def integrated(inertia, speed, fall, decay_speed, restitution):
-    """x' and y' by DOP853 in P_y, which starts again where the body stops and where y' vanishes."""
+    """Return x' and y' by DOP853 over P_y, restarted where the body stops and where y' vanishes."""
     inverse, velocity, given, end, direction = np.linalg.inv(inertia), [speed, fall], 0.0, math.inf, np.sign(speed)
 
     def change(_, velocity, direction):
@@ -59,8 +61,9 @@ def integrated(inertia, speed, fall, decay_speed, restitution):
 @pytest.mark.parametrize("restitution", [0.0, 0.7])
 @pytest.mark.parametrize("across", [0.0, 0.05, 0.2, -0.2, 0.35, -0.35])
 def test_a_landing_with_stribecks_friction_is_the_integral_of_the_impulse(across, restitution):
-    """A74. Bodies that slip on, that stop and stick in either phase, that are driven on, and that are turned back.
-    1e-11 is DOP853's error at a stop."""
+    """A74. Bodies that slip on, that stop and stick in either phase, that continue to slip, and that are turned back.
+    1e-11 is the error of DOP853 at a stop.
+    """
     inertia, outcomes = np.array([[1.3, across], [across, 0.9]]), set()
     for speed, decay_speed in itertools.product((0.0, 1e-3, -0.02, 0.05, -0.1, 0.15, 0.3, -2.0), (0.02, 0.3)):
         after, rise, outcome = KERNELS.land(law(decay_speed, restitution), 1.3, across, 0.9, speed, -0.5)
@@ -72,8 +75,9 @@ def test_a_landing_with_stribecks_friction_is_the_integral_of_the_impulse(across
 
 @pytest.mark.parametrize("across", [0.0, 0.2, -0.35])
 def test_friction_that_falls_at_once_or_never_is_coulombs(across):
-    """Of a speed far above v_s mu alone is felt, and of one far below mu_s; each error is of the order of their ratio,
-    at the ends of the range of numbers, too."""
+    """At a speed far above v_s only mu acts, at one far below only mu_s; each error is of the order of the ratio of the
+    speeds, also at the ends of the range of numbers.
+    """
     for speed, restitution in itertools.product((0.3, -0.3, 2.0), (0.0, 0.7)):
         for tiny in (1e-9, 1e-300):
             found = KERNELS.land(law(tiny, restitution), 1.3, across, 0.9, speed, -0.5)
@@ -86,7 +90,7 @@ def test_friction_that_falls_at_once_or_never_is_coulombs(across):
 
 
 def test_friction_takes_energy_from_a_landing():
-    """dP_x is against x', so that no landing gains energy."""
+    """dP_x acts against x', so no landing gains energy."""
     chance = np.random.default_rng(4)
     for _ in range(2000):
         along, up = chance.uniform(1.0, 2.0, 2)

@@ -30,7 +30,9 @@ def block(push, friction, speed, sign=1.0):
 
 
 def motion(push, friction, speed, start, times):
-    """v at `times`, of the double numbers given, to double precision; 60 digits survive the cancellation in w."""
+    """v at `times` for parameters in double precision, correct to double precision; 60 digits survive the cancellation
+    in w.
+    """
     with mpmath.workdps(60):
         push, friction, speed, start = map(mpmath.mpf, (push, friction, speed, start))
         bound = friction / push
@@ -58,8 +60,9 @@ def test_a_block_is_stopped_by_friction_that_grows(speed, sign):
 
 @pytest.mark.parametrize("speed", [1.0, 0.01, 1e-6])
 def test_a_block_breaks_away(speed):
-    """A18. From rest, pushed by a hundredth more than holds it; until the decay is over, at 41 s, and long after, when
-    a segment of a second rounds what it adds, 5 m/s."""
+    """A18. From rest, pushed by a hundredth more than friction holds; compared until the decay is over, at 41 s, and
+    long afterwards, when the 5 m/s that a segment of a second adds is rounded.
+    """
     push, friction = 5.05, 5.0
     last = speed / push * math.log(1e20)
     times = np.linspace(0.0, last, 60)
@@ -73,7 +76,9 @@ def test_a_block_breaks_away(speed):
 
 
 def test_what_has_decayed_costs_nothing():
-    """A block a thousand seconds on ice takes segments of the longest kind, once it has left the decay behind."""
+    """A block that slides on ice for a thousand seconds needs only segments of the longest kind, once its decaying term
+    has vanished.
+    """
     run = Integration(block(1.0, 0.5, 1e-6), [0.0], [0.0])
     run.sample([1.0])
     begun = run.segments
@@ -83,7 +88,9 @@ def test_what_has_decayed_costs_nothing():
 
 @pytest.mark.parametrize("speed", [1e-3, 1e-6])
 def test_the_term_is_back_when_the_block_comes_down_to_it(speed):
-    """From 0.3, far above: v falls by 2 a second until the term adds to it; the stop comes sooner by its part."""
+    """From 0.3, far above v_s, v falls by 2 a second until the decaying term adds to that; the stop comes
+    correspondingly sooner.
+    """
     push, friction, start = -2.0, 5.0, 0.3
     stop = start / 2.0 - speed / 2.0 * math.log(1.0 - friction / push)  # exp(-0.3/s) is no number beside 1
     run = Integration(block(push, friction, speed), [0.0], [start])

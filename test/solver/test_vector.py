@@ -23,7 +23,7 @@ P, Q = RANDOM.normal(size=(2, LENGTH))
 
 
 def stored(function, *arguments):
-    """What a kernel stores as its first argument."""
+    """Return the value that a kernel stores as its first argument."""
     target = np.full(LENGTH, np.nan)
     numba.njit(function)(target, *arguments)
     return target
@@ -37,7 +37,7 @@ def test_arrays_may_begin_anywhere():
 
 
 def test_arithmetic():
-    """Number by number, and by one number: rounded as numpy rounds it."""
+    """Element by element, and with one number: rounded as by numpy."""
     np.testing.assert_array_equal(stored(lambda target, p, q: store(target, vector(p) + vector(q)), P, Q), P + Q)
     np.testing.assert_array_equal(stored(lambda target, p, q: store(target, vector(p) - vector(q)), P, Q), P - Q)
     np.testing.assert_array_equal(stored(lambda target, p, q: store(target, vector(p) * vector(q)), P, Q), P * Q)
@@ -53,7 +53,7 @@ def test_places():
 
 
 def test_places_by_size():
-    """As numpy's comparison finds them; a number that is none is not above."""
+    """Compared with numpy's comparison; NaN is not above any number."""
     above = numba.njit(lambda p, limit: indices_above(vector(p), limit))
     lowest = numba.njit(lambda bits: first_index(bits))
     for p in (P, np.where(np.arange(LENGTH) == 3, np.nan, Q), np.zeros(LENGTH)):
@@ -64,7 +64,7 @@ def test_places_by_size():
 
 
 def test_total():
-    """Of numbers whose sums are exact, and of others to rounding."""
+    """Exact for numbers whose sums are exact, and to rounding for others."""
     found = numba.njit(lambda p: total(vector(p)))
     assert found(np.arange(LENGTH) * 0.5) == LENGTH * (LENGTH - 1) / 4
     assert found(P) == pytest.approx(P.sum(), abs=1e-15 * abs(P).sum())

@@ -1,4 +1,4 @@
-"""What the tests of all studies ask: what was written, and the one line with which bad words are refused."""
+"""Helpers for the tests of all studies: written files, and the line with which bad arguments are refused."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 
 @pytest.fixture
 def refusal(tmp_path, capsys) -> Callable[..., str]:
-    """The one line with which a study's `main` refuses its words, with exit code 2 and nothing written."""
+    """Return the line with which a study's `main` refuses its arguments, with exit code 2 and nothing written."""
     def call(main: Callable[[list[str]], int], *words: str) -> str:
         assert main([*words, "--output", str(tmp_path / "none")]) == 2
         (line,) = capsys.readouterr().err.splitlines()
@@ -19,6 +19,6 @@ def refusal(tmp_path, capsys) -> Callable[..., str]:
 
 @pytest.fixture
 def bytes_of() -> Callable[[Path], dict[str, bytes]]:
-    """Names and bytes of all that a study has written into a folder."""
+    """Return names and bytes of all files that a study has written into a folder."""
     return lambda folder: {str(file.relative_to(folder)): file.read_bytes()
                            for file in sorted(folder.rglob("*")) if file.is_file()}

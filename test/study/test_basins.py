@@ -1,4 +1,5 @@
-"""The study of basins: known motions, the same bytes however it is interrupted or shared, nothing foreign mixed in."""
+"""The study of basins: known motions, the same bytes with any interruption or distribution, no foreign files accepted.
+"""
 
 import json
 import math
@@ -19,7 +20,9 @@ GRID = [*RARE, "--over", "body_velocity=-2:2:20", "--over", "crank_angle=0:6:15"
 
 
 def test_the_rare_motion_is_found_among_300_starts(tmp_path, capsys):
-    """-35 mm/s and, seldom, -236 mm/s; both orbits close, and each start's motion is what a plain run settles to."""
+    """-35 mm/s and, rarely, -236 mm/s; both orbits close, and each start's motion is the one to which a plain run
+    settles.
+    """
     assert main([*RARE, "--quick", "--output", str(tmp_path)]) == 0
     motions, starts = (pandas.read_parquet(tmp_path / name) for name in ("attractors.parquet", "starts.parquet"))
     assert (motions["mean_speed"] * 1e3).round(1).tolist() == [-34.8, -236.5] and motions["turns"].tolist() == [1, 1]
@@ -146,7 +149,9 @@ def test_intervals_are_those_of_a_published_table(found, of, low, high):
 
 
 def test_a_straight_boundary_has_the_entropy_of_its_boxes():
-    """A51. Columns 0 to 6 lead to 1, the others to 2: of the boxes 5 to 9, two fifths are of one motion."""
+    """A51. Columns 0 to 6 lead to motion 1, the others to 2: in the boxes over columns 5 to 9, two fifths belong to
+    motion 1.
+    """
     numbers = np.where(np.arange(20)[None, :] < 7, 1, 2) * np.ones((10, 1), dtype=int)
     entropy, mixed = basin_entropy(numbers, -1), -0.4 * math.log(0.4) - 0.6 * math.log(0.6)
     assert (entropy.boxes, entropy.mixed) == (8, 2)

@@ -1,4 +1,4 @@
-"""A sweep on a Dask cluster of real processes: the bytes of one machine, also when a worker is killed."""
+"""A sweep on a Dask cluster of real processes: the bytes are those of one machine, also if a worker is killed."""
 
 import json
 import os
@@ -101,7 +101,7 @@ def test_workers_that_compute_otherwise_are_refused(started, address, tmp_path, 
 
 
 def test_a_scheduler_that_goes_is_told(started, scheduler, address, tmp_path, monkeypatch, capfd):
-    """Nothing hangs, and what is done is kept."""
+    """If the scheduler disappears, the study reports it, nothing hangs, and finished blocks are kept."""
     monkeypatch.setattr("vibro_ros.study.sweep._BLOCK_TIME", 220.0)
     monkeypatch.setattr(execution, "_THERE", (60.0, 256))
     add_worker(started, address)

@@ -1,4 +1,6 @@
-"""A sweep's file and the words that change it: the shipped one is read, and every slip is named with its remedy."""
+"""A sweep's file and the options that override it: the shipped file is read, and every mistake is named with its
+remedy.
+"""
 
 import argparse
 
@@ -12,12 +14,12 @@ WORDS = {"scene": None, "set": [], "vary": [], "sample": None, "measure": None, 
 
 
 def said(**options):
-    """Return what the command line gives."""
+    """Return the output of the command line."""
     return given_in_words(argparse.Namespace(**WORDS | options))
 
 
 def file_of(tmp_path, text):
-    """Return a file with a text."""
+    """Return a file with the given text."""
     path = tmp_path / "sweep.yaml"
     path.write_text(text)
     return path

@@ -21,7 +21,7 @@ FOLD = ["--scene", "damped", "--vary", "motor.speed=104,104.8,105.2,106,107,107.
 
 @pytest.fixture(scope="module")
 def fold(tmp_path_factory):
-    """The folder of a diagram over the fold, and what was said."""
+    """Return the folder of a diagram over the fold, and the study's output."""
     folder = tmp_path_factory.mktemp("fold")
     words = [*FOLD, "--output", str(folder)]
     said = subprocess.run([sys.executable, "-m", "vibro_ros.study.command", "diagram", *words], capture_output=True,
@@ -44,7 +44,7 @@ def test_hysteresis_is_between_the_fold_and_the_end_of_the_branch(fold):
 
 
 def test_each_way_finds_its_orbit_its_speed_and_its_multipliers(fold):
-    """Upwards, the orbit that Newton's method finds from the scene's own start."""
+    """The upward sweep finds the orbit that Newton's method finds from the scene's own start."""
     folder, _ = fold
     for visit, speed in enumerate(column(folder, "motor.speed")[:6]):
         orbit = vibro_ros.find_orbit(vibro_ros.load_scene("damped").with_parameters({"motor.speed": float(speed)}))
@@ -70,7 +70,7 @@ def test_the_files_tell_units_design_and_every_state(fold):
 
 
 def test_a_state_that_was_left_is_where_the_next_value_begins(fold):
-    """Settled, it comes back a turn later: by a device put there."""
+    """A device that is put into a settled state returns to it a turn later."""
     folder, _ = fold
     table = pq.read_table(folder / command.STATES)
     phase = json.loads(table.schema.metadata[b"vibro_ros"])["design"]["phase"]
@@ -95,7 +95,7 @@ def test_a_motion_that_never_settles_says_so(tmp_path, capsys):
 
 @pytest.mark.process
 def test_a_long_period_is_found_and_an_unknown_sign_is_said(tmp_path, capsys):
-    """`device` repeats itself every 158 turns at 204 rad/s, and not at 186."""
+    """`device` repeats itself every 158 turns at 204 rad/s, and not at all at 186 rad/s."""
     words = ["--vary", "motor.speed=186,204", "--exponents", "20", "--output", str(tmp_path)]
     assert main(words) == 0
     out = capsys.readouterr().out
@@ -114,7 +114,7 @@ def test_the_sign_of_an_exponent_is_not_known_within_its_interval():
 
 
 def test_a_plate_that_moves_into_a_mass_takes_it_along(tmp_path):
-    """Rigid plates from far to near: where the mass was, there is now the plate."""
+    """A rigid plate moves nearer from value to value, to where the mass was in the previous state."""
     words = ["--scene", "rigid", "--vary", "upper.gap=-0.01:0.01:3", "--exponents", "0", "--output", str(tmp_path)]
     assert main(words) == 0
     assert np.isfinite(column(tmp_path, "mean_speed")).all()
@@ -122,8 +122,9 @@ def test_a_plate_that_moves_into_a_mass_takes_it_along(tmp_path):
 
 @pytest.mark.process
 def test_the_sommerfeld_effect_is_hysteresis_over_the_voltage(tmp_path, capsys):
-    """A70. Without plates and flywheel, on a winding of 3 ohm: another motion upwards from 36 to 46 V, and the crank's
-    speed jumps beside."""
+    """A70. Without plates and flywheel, with a winding of 3 ohm, the sweep up has another motion than the sweep down
+    from 36 to 46 V, and the crank's speed jumps beside that range.
+    """
     words = ["--scene", "machine", "--vary", "motor.voltage=26:50:13", "--exponents", "0", "--coordinate",
              "motor_speed", "--output", str(tmp_path)]
     for setting in ("effects.upper_contact=none", "effects.inclined_contact=none", "mass.upper_slider=0",

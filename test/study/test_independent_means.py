@@ -1,8 +1,7 @@
-"""Means and spreads of a sweep beside those of an independent implementation, for guide angle, mass and crank.
-
-The independent one is the paper's robot in the plainest way: Runge-Kutta 4 with a fixed step, from the equations alone.
-Nothing of the package is used in it. Contacts and friction are looked at once a step: at 1e-5 s a contact takes thirty
-steps. The starts are those of `vibro_ros.orbits.starts`, written again.
+"""Means and spreads of a sweep, compared with an independent implementation, over guide angle, mass and crank. The
+independent one simulates the paper's robot in the plainest way: Runge-Kutta 4 with a fixed step, from the equations
+alone, without any code of the package. Contacts and friction are evaluated once a step: at 1e-5 s a contact takes
+thirty steps. The starts are those of `vibro_ros.orbits.starts`, programmed again.
 """
 
 import math
@@ -104,7 +103,9 @@ STARTS, SETTLING, TURNS = 12, 4.0, 96
 @pytest.mark.parametrize("rule", ["printed", "unilateral"])
 @pytest.mark.parametrize("point", POINTS)
 def test_means_are_within_two_standard_errors_and_spreads_within_a_factor(tmp_path, rule, point):
-    """The same starts, chaotic: single runs differ, means and spreads do not. By chance one in twenty would be off."""
+    """Both use the same starts, but the motion is chaotic: single runs differ, means and spreads agree. By chance one
+    mean in twenty may differ more.
+    """
     guide, crank, mass = point
     words = ["--scene", "paper", "--vary", f"guide.angle={math.radians(guide)!r}", "--set", f"crank.radius={crank}",
              "--set", f"mass.inclined={mass}", "--set", f"effects.normal_force={rule}", "--starts", "48",

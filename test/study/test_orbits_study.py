@@ -1,4 +1,6 @@
-"""`study orbits`: the same numbers however often it is interrupted, nothing mixed, bad input refused in one line."""
+"""`study orbits`: the same numbers however often it is interrupted, no foreign files accepted, bad input refused in one
+line.
+"""
 
 import json
 
@@ -27,7 +29,7 @@ SHORT = ["--scene", "damped", "--vary", "motor.speed=99.5:101", "--from", "100",
 
 @pytest.fixture(scope="module")
 def short(tmp_path_factory):
-    """A folder with a short study."""
+    """The folder of a short study."""
     folder = tmp_path_factory.mktemp("orbits")
     assert main([*SHORT, "--workers", "1", "--output", str(folder)]) == 0
     return folder
@@ -57,7 +59,7 @@ def test_columns_say_their_units_and_the_file_its_origin(short):
 
 def test_the_same_command_goes_on_where_it_was_and_more_processes_change_no_byte(short, bytes_of, tmp_path,
                                                                                   capsys):
-    """What is missing or damaged is followed again; what is there is not."""
+    """Missing or damaged branches are followed again; finished ones are not."""
     (tmp_path / "branches").mkdir()
     for name in ("block_000000.parquet", "block_000001.parquet"):
         (tmp_path / "branches" / name).write_bytes((short / "branches" / name).read_bytes())
@@ -86,7 +88,7 @@ def test_bad_input_is_refused_in_one_line(refusal, words, message):
 
 
 def test_a_branch_is_read_as_it_was_written():
-    """Special points stand between the orbits that they lie between."""
+    """Special points are stored between the orbits that they lie between."""
     plan = plan_of(main.parser().parse_args(["--quick", "--scene", "damped"]))
     random = np.random.default_rng(7)
     names = ("upper_position", "upper_velocity", "inclined_position", "inclined_velocity", "body_velocity")
@@ -112,7 +114,7 @@ def test_a_branch_is_read_as_it_was_written():
 
 @pytest.mark.process
 def test_curves_are_followed_kept_and_not_followed_twice(bytes_of, tmp_path, capsys):
-    """The fold of `damped` at 107.96 rad/s; the same command reads what is there, and changes no byte."""
+    """The fold of `damped` at 107.96 rad/s; the same command reads the stored curve and changes no byte."""
     words = ["--scene", "damped", "--vary", "motor.speed=100:110", "--from", "107", "--starts", "1", "--turns", "1",
              "--points", "30", "--curves", "inclined.gap=-0.0001:0.0001", "--workers", "1", "--output", str(tmp_path)]
     assert main(words) == 0

@@ -1,4 +1,4 @@
-"""The search finds what is known to be best, its budget holds, and a search that was stopped goes on bit for bit."""
+"""The search finds a known optimum, keeps within its budget, and continues bit for bit after an interruption."""
 
 import signal
 import subprocess
@@ -19,7 +19,7 @@ BEST = np.array([0.2, 0.9, 0.6])
 
 
 class Counting:
-    """Counts what it is told."""
+    """A progress bar that counts."""
 
     count = 0
 
@@ -29,7 +29,7 @@ class Counting:
 
 
 def hill(points):
-    """Score 1 at `BEST`, less elsewhere."""
+    """Score that is 1 at `BEST` and less elsewhere."""
     return 1.0 - np.square(points - BEST).sum(axis=-1)
 
 
@@ -46,7 +46,7 @@ def test_finds_the_top_of_a_hill():
 
 
 class Cube:
-    """A space whose robots are their points."""
+    """A space whose robots are points of the unit cube."""
 
     dimension, scene = 3, {"solver.method": "exact"}
 
@@ -56,7 +56,7 @@ class Cube:
 
 
 class Hill:
-    """A plan of which a robot's values are the hill at its point."""
+    """A plan in which a robot's values are the hill at its point."""
 
     objective, space, run_time = "speed", Cube(), 1.0
 
@@ -64,7 +64,7 @@ class Hill:
         self.effort, self.seed = Effort(budget=budget, trials=Trials(starts=2)), seed
 
     def identity(self):
-        """Return what tells searches apart."""
+        """Return what distinguishes searches."""
         return {"seed": self.seed}
 
     def score(self, values):
@@ -74,7 +74,7 @@ class Hill:
 
 @pytest.fixture
 def simulated(monkeypatch):
-    """Replace simulation by the hill; returns the points that were simulated."""
+    """Replace simulation by the hill; returns the list of simulated points."""
     points = []
 
     def values_of(point, trials):
@@ -86,7 +86,7 @@ def simulated(monkeypatch):
 
 
 def contents(folder):
-    """Files of a search and what they hold."""
+    """Return the files of a search and their contents."""
     return {file.name: file.read_bytes() for file in folder.glob("*.parquet")}
 
 

@@ -1,4 +1,6 @@
-"""Every point of the unit cube is a robot that can be built, the bounds are the table's; and what makes a score."""
+"""Every point of the unit cube is a robot that can be built, the bounds are those of the table, and scores are computed
+as stated.
+"""
 
 import math
 from types import SimpleNamespace
@@ -88,7 +90,7 @@ def test_bounds_without_a_robot_are_refused(fixed, varied, said):
 
 
 def values(speeds, net=2.0, delivered=4.0, air=0.0):
-    """Values of a robot with these mean speeds [m/s], one power [W] and one share of time in the air."""
+    """Return the values of a robot with these mean speeds [m/s], one power [W] and one share of time in the air."""
     return np.array([[one, net, delivered, air] for one in speeds])
 
 

@@ -1,4 +1,4 @@
-"""A sweep: the same bytes however often it is interrupted, nothing mixed, damage noticed, nothing lost."""
+"""A sweep: the same bytes however often it is interrupted, no foreign files accepted, damage detected, no run lost."""
 
 import json
 import os
@@ -27,7 +27,7 @@ SHORT = ["--scene", "damped", "--vary", "guide.angle=0.7,1.1", "--starts", "2", 
 
 @pytest.fixture
 def small_blocks(monkeypatch):
-    """Let a block have four of the long runs."""
+    """Make a block contain four of the long runs."""
     monkeypatch.setattr("vibro_ros.study.sweep._BLOCK_TIME", 100.0)
 
 
@@ -97,7 +97,9 @@ def test_pandas_and_polars_read_the_same_and_the_files_tell_units_scene_and_desi
 
 @pytest.mark.parametrize(("starts", "turns", "known"), [("0", "400", True), ("4", "100", True), ("0", "8", False)])
 def test_an_exponent_has_its_interval_and_its_sign_is_known_or_said_not_to_be(tmp_path, capsys, starts, turns, known):
-    """Of one start from the parts of the run, of several from their means; in eight turns no two runs can part."""
+    """The interval comes from the parts of the run for one start, and from the means of several starts; within eight
+    turns no two runs can separate.
+    """
     assert main(["--scene", "unilateral", "--vary", "guide.angle=0.87", "--starts", starts, "--settling", "4",
                  "--duration", str(int(turns) * 0.063), "--measure", "lyapunov_exponent", "--workers", "1",
                  "--output", str(tmp_path)]) == 0
@@ -123,7 +125,7 @@ def test_two_motions_of_a_point_are_two_rows_without_a_mean(tmp_path, capsys):
 
 
 def test_a_mean_that_drifts_says_so(tmp_path, capsys):
-    """The robot that is fastest by the paper's own rule is still finding its speed after 14 s, as 6 of 6 starts say."""
+    """The robot that is fastest by the paper's own rule still accelerates after 14 s, from each of 6 starts."""
     scene = Path(__file__).resolve().parents[2] / "docs" / "optimum" / "printed.yaml"
     words = ["--scene", str(scene), "--vary", "mass.body=1", "--starts", "4", "--output"]
     assert main([*words, str(tmp_path / "early"), "--settling", "4", "--duration", "10"]) == 0
@@ -132,7 +134,7 @@ def test_a_mean_that_drifts_says_so(tmp_path, capsys):
 
 
 def test_starts_that_repeat_one_motion_have_no_interval(tmp_path, capsys):
-    """`damped` has one motion, which every start settles to; `unilateral` has chaos."""
+    """`damped` has one motion, to which every start settles; `unilateral` is chaotic."""
     for scene, says in (("damped", True), ("unilateral", False)):
         assert main(["--scene", scene, "--vary", "guide.angle=0.7,1.1", "--starts", "3", "--settling", "8",
                      "--duration", "2", "--workers", "1", "--output", str(tmp_path / scene)]) == 0
@@ -143,7 +145,7 @@ def test_starts_that_repeat_one_motion_have_no_interval(tmp_path, capsys):
 @pytest.mark.parametrize(("vary", "intervals"), [
     (["guide.angle=0.7:1.1:3"], True), (["guide.angle=0.7:1.1:3", "mass.upper=0.1,0.2"], False)])
 def test_a_picture_and_the_words_say_what_is_there(tmp_path, capsys, monkeypatch, vary, intervals):
-    """The title names intervals where they are drawn; an extreme at an end of the grid is said."""
+    """The title mentions intervals if they are drawn; the summary names an extreme at an end of the grid."""
     titles = []
     monkeypatch.setattr("matplotlib.figure.Figure.suptitle", lambda _, title, **__: titles.append(title))
     words = [word for one in vary for word in ("--vary", one)]
@@ -200,7 +202,7 @@ def test_another_design_and_another_study_at_work_are_refused_and_the_folder_sta
 
 
 class KillingRows:
-    """Rows of a point, whose process is killed at one point as often as asked."""
+    """Rows of a point; the process that computes them is killed at one point, a given number of times."""
 
     def __init__(self, at, folder, times):
         self._at, self._folder, self._times = at, folder, times
@@ -213,7 +215,7 @@ class KillingRows:
 
 
 def killing(at, folder, times, count):
-    """Rows of `count` points, on two processes."""
+    """Return the rows of `count` points, computed by two processes."""
     return Execution(2).rows(KillingRows(at, folder, times), range(count), 64.0, ())
 
 

@@ -1,4 +1,4 @@
-"""The table of a study: the same bytes however often it is interrupted, nothing foreign mixed in, damage noticed."""
+"""The table of a study: the same bytes however often it is interrupted, no foreign files accepted, damage detected."""
 
 import errno
 import json
@@ -25,7 +25,9 @@ FIELDS = [Field("point", pa.int64(), "1", "number"), Field("root", pa.float64(),
 
 
 def rows_of(computed_points, number):
-    """Two rows of a point, and a note that it was computed; NaN, which differs from itself, of one of them."""
+    """Return two rows of a point, one of them with NaN, which is not equal to itself, and note that the point was
+    computed.
+    """
     computed_points.append(number)
     return [{"point": number, "root": math.nan if number == 4 else number**0.5 + sign,
              "powers": [float(number), number**2.0, sign]}
@@ -34,7 +36,7 @@ def rows_of(computed_points, number):
 
 @pytest.fixture
 def study():
-    """A study of 10 points in blocks of 3, and the points that were computed."""
+    """Return a study of 10 points in blocks of 3, and the list of computed points."""
     done = []
 
     def are_own(numbers, rows):
@@ -45,12 +47,12 @@ def study():
 
 
 def other(study, **changes):
-    """A study with some attributes changed."""
+    """Return a study with some other attributes."""
     return Study(**{**{name: getattr(study, name) for name in Study.__dataclass_fields__}, **changes})
 
 
 def whole(study, folder):
-    """The table of a study, computed in this process, and its files."""
+    """Return the table of a study, computed in this process, and its files."""
     folder.mkdir(exist_ok=True)
     return computed(study, folder, Execution(1)), {file.name: file.read_bytes() for file in folder.iterdir()}
 
@@ -64,12 +66,12 @@ def forged(path, forge):
 
 
 def with_column(table, place, values):
-    """Return a table with other values of a column, as `values` has them."""
+    """Return a table with other values of a column, which the function `values` gives."""
     return table.set_column(place, table.field(place).with_nullable(True), values)
 
 
 def shorter_lists(table):
-    """Return a table whose lists have lost their last number."""
+    """Return a table whose lists lack their last number."""
     for place, field in enumerate(table.schema):
         if pa.types.is_list(field.type):
             lists = [one[:-1] if one else one for one in table[place].to_pylist()]
@@ -78,7 +80,7 @@ def shorter_lists(table):
 
 
 def one_row(table):
-    """Return the first row in place of all; of a single one none."""
+    """Return a table with the first row repeated in place of all rows; without rows if there is only one."""
     return table.take([0] * len(table)) if len(table) > 1 else table.slice(1)
 
 
@@ -134,7 +136,7 @@ def test_a_block_whose_design_cannot_be_read_is_computed_again(study, tmp_path, 
 
 
 def test_a_damaged_file_is_computed_again_or_has_its_values(study, tmp_path):
-    """A byte that no value depends on may change unseen: of the file's description of itself, a third of all."""
+    """A changed byte may go undetected if no value depends on it: a third of the bytes of the file's description."""
     own, draw = study[0], random.Random(3)
     whole(own, tmp_path)
     path = tmp_path / "block_000000.parquet"

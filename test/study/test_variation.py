@@ -1,4 +1,6 @@
-"""What varies, from words and from a file: grids and samples are those asked for, and nonsense is refused in a line."""
+"""Axes and ranges from the command line and from a file: grids and samples are as requested, and nonsense is refused in
+a line.
+"""
 
 import math
 
@@ -82,7 +84,7 @@ def test_what_varies_nothing_is_refused_in_one_line(text, words):
 
 
 def test_an_extreme_at_an_end_of_a_scan_is_said():
-    """A number has ends, of which every point of a scan of one value would be one; a text has none."""
+    """Only a numerical parameter has ends; a scan of one value has none, because every point would be an end."""
     values = {"guide.angle": [0.5, 0.5, 1.0, 1.0], "effects.normal_force": ["hop", "printed"] * 2,
               "mass.upper": [0.1] * 4, "mass.inclined": [0.1, 0.2, 0.3, 0.2]}
     assert at_the_edge("the largest x", ends_at(values, 2)) == (
