@@ -1,4 +1,4 @@
-"""Each name of the public Python interface carries an example, and the example is true."""
+"""Each name of the public Python interface has an example, and its output is right."""
 
 import doctest
 import inspect

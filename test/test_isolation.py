@@ -1,4 +1,5 @@
-"""The tests' own guards work: a domain belongs to one test at a time, a process left behind is an error."""
+"""The guards of the tests work: a domain belongs to one test at a time, and a process that is left behind is an error.
+"""
 
 import os
 import shutil
@@ -28,7 +29,7 @@ def command_of(pid: int) -> str:
 
 
 def wait_until(predicate: Callable[[], bool], patience: float = 10.0) -> bool:
-    """Wait until a predicate holds, at most `patience` seconds, and return what it says then."""
+    """Wait until a predicate is true, at most `patience` seconds, and return its value."""
     deadline = time.monotonic() + patience
     while not predicate() and time.monotonic() < deadline:
         time.sleep(0.01)

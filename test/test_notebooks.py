@@ -1,4 +1,4 @@
-"""The notebook of the tutorial prints what it shows, and the tutorial's numbers."""
+"""The tutorial's notebook prints the output that it shows, with the tutorial's numbers."""
 
 import json
 from pathlib import Path

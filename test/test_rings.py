@@ -1,4 +1,5 @@
-"""Arrows between rooms are those that docs/architecture.md draws: inwards, no cycle, rclpy in `ros` alone."""
+"""Imports between rooms are those that docs/architecture.md draws: inwards, without a cycle, and rclpy in `ros` alone.
+"""
 
 import ast
 import re
@@ -23,7 +24,7 @@ EXEMPT = {("vibro_ros.solver.kernel_cache", name) for name in ("os", "pathlib.Pa
 
 
 def drawn_arrows(document: str, head: str = "imports") -> dict[str, set[str]]:
-    """Return the rooms that each room imports by the picture with a `head`; "" is the package's own `__init__`."""
+    """Return the rooms that each room imports, from the picture with a `head`; "" is the package's own `__init__`."""
     picture = re.search(rf"^```text\n( {head} →.*?)^```", document, re.MULTILINE | re.DOTALL)[1]
     head, *lines = picture.splitlines()
     column = {number.end() - 1: int(number[0]) for number in re.finditer(r"\d+", head)}
@@ -65,7 +66,7 @@ def room_of(module: str) -> str:
 
 
 def violations(module: str, source: str) -> list[str]:
-    """Return a sentence for each arrow in `source` that points where its room may not import from.
+    """Return a sentence for each import in `source` that its room must not make.
 
     Parameters
     ----------
@@ -103,7 +104,7 @@ def _is_call(node: ast.AST) -> bool:
 
 
 def cycle(sources: dict[str, str]) -> list[str]:
-    """Return the modules of one import cycle among {dotted name: source}, empty when there is none."""
+    """Return the modules of one import cycle among {dotted name: source}, empty if there is none."""
     names = {module.removesuffix(".__init__"): set(imported(module, source)) for module, source in sources.items()}
     graph = {module: {_owner(name, names) for name in wanted} - {module, None} for module, wanted in names.items()}
     try:
@@ -114,7 +115,7 @@ def cycle(sources: dict[str, str]) -> list[str]:
 
 
 def _owner(name: str, modules: dict[str, set[str]]) -> str | None:
-    """Return the module that an imported name is or lives in."""
+    """Return the module that an imported name is, or in which it is defined."""
     return name if name in modules else next(iter({name.rpartition(".")[0]} & modules.keys()), None)
 
 
@@ -158,7 +159,7 @@ def test_no_study_imports_another_one(sources):
 
 @pytest.mark.parametrize("page", ["architecture.md", "solver.md"])
 def test_places_in_the_code_exist(page):
-    """Each path between backticks is a file, and what follows its colon is defined there."""
+    """Each path in backticks is a file, and the name after its colon is defined there."""
     tokens = re.findall(r"`([\w/]+\.(?:py|js))(?::([\w.]+))?`", (ROOT / "docs" / page).read_text(encoding="utf-8"))
     assert len(tokens) > 10
     for path, name in tokens:

@@ -1,4 +1,4 @@
-"""The examples that use sensors do what they say, beside the truth."""
+"""The examples that use sensors give the results that they claim, compared with the true values."""
 
 import importlib.util
 from pathlib import Path

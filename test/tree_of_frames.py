@@ -1,4 +1,4 @@
-"""What a listener of tf knows: each frame in its parent, as matrices, and how frames hang together."""
+"""A listener to tf: each frame in its parent, as matrices, and the tree of frames."""
 
 from collections.abc import Iterable, Mapping
 
@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 
 def matrix_of(transform) -> np.ndarray:
-    """A geometry_msgs/msg/Transform, of any ROS library, as a homogeneous matrix."""
+    """Return a geometry_msgs/msg/Transform, of any ROS library, as a homogeneous matrix."""
     place, turn = transform.translation, transform.rotation
     assert abs(np.linalg.norm([turn.x, turn.y, turn.z, turn.w]) - 1.0) < 1e-12
     return homogeneous([place.x, place.y, place.z], Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]))
@@ -26,7 +26,7 @@ class Tree:
             self.in_parent[one.child_frame_id] = matrix_of(one.transform)
 
     def in_frame(self, frame: str, target: str) -> np.ndarray:
-        """A frame in one of those that carry it."""
+        """Return the pose of a frame in one of its ancestors."""
         matrix = np.eye(4)
         while frame != target:
             matrix, frame = self.in_parent[frame] @ matrix, self.parents[frame]
@@ -34,5 +34,5 @@ class Tree:
 
 
 def frames_of(tree: Mapping[str, str]) -> set[str]:
-    """Every frame of a tree, by its parents."""
+    """Return every frame of a tree with its parent."""
     return {*tree, *tree.values()}

@@ -1,4 +1,4 @@
-"""The changelog tells of the package's version, and of each version whether bits changed."""
+"""The changelog has an entry for the package's version, and states for each version whether bits changed."""
 
 import re
 from importlib.metadata import version

@@ -19,7 +19,7 @@ CRAWL = "entries: [{for: 2.0, motor_speed: 100.0, upper_gap: 0.0, inclined_gap: 
 
 
 def children(program: Executable) -> dict[str, int]:
-    """Process id by name of the executables that run below a tool."""
+    """Return the process ids by name of the executables that run below a tool."""
     pids = [int(pid) for listing in Path(f"/proc/{program.pid}/task").glob("*/children")
             for pid in listing.read_text().split()]
     words = {pid: Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0") for pid in pids}
@@ -28,14 +28,14 @@ def children(program: Executable) -> dict[str, int]:
 
 
 def discovery_range(pid: int) -> str:
-    """What a running process was told of how far to look for peers."""
+    """Return the discovery range in the environment of a running process."""
     words = Path(f"/proc/{pid}/environ").read_bytes().decode().split("\0")
     return dict(word.partition("=")[::2] for word in words)["ROS_AUTOMATIC_DISCOVERY_RANGE"]
 
 
 @pytest.fixture
 def tool(start) -> Callable[..., Executable]:  # noqa: F811
-    """Start a tool, in a session of its own."""
+    """Fixture: a function that starts a tool in a session of its own."""
     return partial(start, "-m", before=("setsid",))
 
 
@@ -57,7 +57,9 @@ def ends_leaving_nothing(demo: Executable) -> int:
 
 
 def test_it_moves_its_own_robot_and_reports(demo, start, tmp_path, domain_id, monkeypatch):  # noqa: F811
-    """Beside another robot in the same domain, such as that of `make view`, which hears nothing of it."""
+    """Another robot runs in the same domain, such as that of `make view`, and receives none of the demonstration's
+    commands.
+    """
     other = start("robot", "--ros-args", "-p", "record.directory:=other")
     other.wait_for("ready")
     monkeypatch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE")

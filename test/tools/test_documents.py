@@ -1,4 +1,6 @@
-"""What README and docs say holds: their Python runs, their tables are the code's. Names and links: `make lint`."""
+"""The contents of README and docs are right: their Python runs, and their tables are those of the code. `make lint`
+checks names and links.
+"""
 
 import contextlib
 import dataclasses
@@ -38,7 +40,7 @@ BLOCKS = [(name, language, text, output) for name, document in DOCUMENTS.items()
 
 
 def blocks(language):
-    """Each fenced block of a language and the output shown below it, as test parameters."""
+    """Return each fenced block of a language, with the output shown below it, as test parameters."""
     found = [(text, output) for _, of, text, output in BLOCKS if of == language]
     names = [f"{name}-{k}" for k, name in enumerate(name for name, of, _, _ in BLOCKS if of == language)]
     assert found
@@ -75,7 +77,7 @@ def test_yaml_is_a_script_a_sweep_or_a_scene(text, output, tmp_path):
 @pytest.mark.parametrize("line", [line for _, language, text, _ in BLOCKS if language == "console"
                                   for line in text.splitlines()])
 def test_errors_are_the_ones_shown(line, tmp_path, domain_id, monkeypatch, capsys):
-    """The words of the command stand for each shown error."""
+    """Each error that is shown is the message that the command prints."""
     (tmp_path / "bad.yaml").write_text("entries:\n  - for: 1.0\n    motor_speed: -600\n")
     (tmp_path / "forwards.yaml").write_text("entries: [{hold_speed: 0.05, for: 10.0}]\n")
     (tmp_path / "itself.yaml").write_text("/**:\n  ros__parameters:\n    scene: itself.yaml\n")
@@ -206,7 +208,7 @@ def test_a_fingerprint_is_of_what_sources_do_not_of_their_words(tmp_path, monkey
 
 
 def test_effects_tables_have_every_effect_and_count_what_is_compiled():
-    """Costs and motions are measured; what an effect adds to the tables is not."""
+    """Costs and motions are measured and not compared; the numbers of states, modes, terms and guards are."""
     text = DOCUMENTS["robot.md"].partition(effects.BEGIN)[2].partition(effects.END)[0]
     tables = dict(re.findall(r"^The scene `(\w+)` (.*?)(?=\nThe scene|\Z)", text, re.MULTILINE | re.DOTALL))
     assert list(tables) == list(dict.fromkeys(effect.scene for effect in effects.EFFECTS)), "run `make documents`"

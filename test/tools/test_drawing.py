@@ -1,4 +1,4 @@
-"""The drawing of docs/robot.md is to scale, names every part, and is the one that the code makes."""
+"""The drawing of docs/robot.md is to scale, names every part, and is the one that the code draws."""
 
 import re
 from pathlib import Path
@@ -14,12 +14,12 @@ SCENE = vibro_ros.load_scene("device").with_parameters({"upper.gap": 0.003, "gui
 
 
 def texts(figure: Figure) -> list[str]:
-    """Everything that is written into a picture, but the empty texts of arrows."""
+    """Return all texts of a picture except the empty texts of arrows."""
     return [text.get_text() for axes in figure.axes for text in axes.texts if text.get_text()]
 
 
 def test_the_committed_drawing_is_the_one_that_the_code_makes(tmp_path):
-    """matplotlib tells each text in a comment beside its outlines."""
+    """matplotlib writes each text as a comment beside its outlines."""
     drawn = drawing.Drawing(vibro_ros.load_scene("device"))
     committed = (DOCS / "robot.svg").read_text(encoding="utf-8")
     assert sorted(re.findall(r"<!-- (.*) -->", committed)) == sorted(texts(drawn.figure)), "run `make picture`"

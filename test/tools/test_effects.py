@@ -14,7 +14,9 @@ EFFECTS = {effect.name: effect for effect in effects.EFFECTS}
 
 
 def test_sizes_are_those_that_can_be_counted_by_hand():
-    """Two masses, no plates, no friction, N = M g: u and w each fall to their own spring and slider, x follows w."""
+    """Two masses, no plates, no friction, N = M g: the equations of u and w each contain their own spring and slider,
+    and x follows w.
+    """
     plain = DEVICE.with_parameters({
         "effects.upper_contact": "none", "effects.inclined_contact": "none", "effects.friction": "none",
         "effects.normal_force": "weight", "effects.reaction": False, "effects.mass_weight": False,
@@ -33,7 +35,7 @@ def test_each_effect_changes_its_own_parameters_and_nothing_else(effect):
 
 
 def test_every_choice_of_every_effect_is_compared_in_a_row():
-    """Of the parameters that choose an effect or a start: who adds a choice is told here to give it a row."""
+    """A developer who adds a choice of an effect or a start learns here to add a row."""
     choosing = [parameter for parameter in SCENE_PARAMETERS if parameter.name.startswith("effects.")
                 or parameter.name == "start.state"]
     compared = {parameter.name: {scene[parameter.name] for effect in effects.EFFECTS for scene in effect.scenes()
@@ -52,5 +54,5 @@ def test_the_documents_motions_are_still_the_robots(name):
 
 
 def test_several_motions_are_no_mean():
-    """At 100 rad/s `device` has a second motion, which one of 32 drawn starts finds."""
+    """At 100 rad/s `device` has a second motion, to which one of 32 random starts leads."""
     assert effects.motions(DEVICE) == "-73.6 (31 of 32), -61.0 (1 of 32)"

@@ -1,4 +1,4 @@
-"""Both ways to install, from a copy of the source: a colcon workspace, and a wheel put below a prefix."""
+"""Both kinds of installation from a copy of the sources: a colcon workspace, and a wheel below a prefix."""
 
 import os
 import shutil
@@ -52,7 +52,7 @@ def run(command: list[str], folder: Path) -> str:
 
 @pytest.fixture(scope="module")
 def source(tmp_path_factory) -> Path:
-    """Copy what is installed, so that no build folder appears in the checkout."""
+    """Copy the files that are installed, so that no build folder appears in the checkout."""
     copy = tmp_path_factory.mktemp("workspace") / "src" / "vibro_ros"
     copy.mkdir(parents=True)
     for name in SOURCES:
@@ -107,7 +107,7 @@ def test_colcon_knows_a_ros_package(source):
 
 
 def test_ros2_launch_finds_the_files_of_a_checkout(tmp_path):
-    """It walks the share folder, and `os.walk` follows no link to a folder."""
+    """`ros2 launch` searches the share folder with `os.walk`, which follows no link to a folder."""
     recipe = ["make", "--eval", "linked: ; @$(LINK_PACKAGE)", f"VENV={tmp_path}", f"BIN={Path(sys.executable).parent}"]
     run([*recipe, "linked"], ROOT)
     found = {name for _, _, names in os.walk(tmp_path / "share" / "vibro_ros") for name in names}

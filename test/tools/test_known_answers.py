@@ -1,4 +1,4 @@
-"""docs/known_answers.md and the tests say the same: each number has its tests, and each test cites its numbers."""
+"""docs/known_answers.md and the tests agree: each number has its tests, and each test cites its numbers."""
 
 import ast
 import re
@@ -13,20 +13,20 @@ NUMBER = re.compile(r"\bA\d+\b")
 
 
 def docstrings(path: Path) -> dict[str, str]:
-    """Docstrings of a file's tests, by the names of the tests."""
+    """Return the docstrings of a file's tests by the names of the tests."""
     return {node.name: ast.get_docstring(node) or "" for node in ast.parse(path.read_text(encoding="utf-8")).body
             if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")}
 
 
 def cited() -> dict[tuple[str, str], set[str]]:
-    """Numbers in the docstring of each test of the repository, by file and test."""
+    """Return the numbers in the docstring of each test of the repository, by file and test."""
     found = {(path.name, test): set(NUMBER.findall(text)) for path in (ROOT / "test").rglob("test_*.py")
              for test, text in docstrings(path).items()}
     return {test: numbers for test, numbers in found.items() if numbers}
 
 
 def told() -> dict[tuple[str, str], set[str]]:
-    """Numbers of each test on the page, by file and test."""
+    """Return the numbers of each test on the page, by file and test."""
     found: dict[tuple[str, str], set[str]] = {}
     for number, row in ROWS:
         for test in re.findall(r"`(test_\w+\.py)::(test_\w+)`", row):

@@ -1,4 +1,4 @@
-"""The page on the motor."""
+"""The numbers of the page on the motor."""
 
 import re
 from pathlib import Path
@@ -11,7 +11,7 @@ from vibro_ros.configuration.scene_file import load_scene
 
 @pytest.mark.process
 def test_the_speed_jumps_where_it_was_measured():
-    """A70. By another program: up between 46 and 48 V, to 275 rad/s, down between 36 and 34 V."""
+    """A70. Measured with another program: up between 46 and 48 V, to 275 rad/s, down between 36 and 34 V."""
     for speeds, below in zip(sommerfeld_speeds(), (46, 34), strict=True):
         jumps = [VOLTAGES[k] for k in range(len(speeds) - 1) if speeds[k + 1] - speeds[k] > JUMP]
         assert jumps == [below]
@@ -19,7 +19,9 @@ def test_the_speed_jumps_where_it_was_measured():
 
 
 def test_the_page_says_of_its_table_what_the_table_says():
-    """With which flywheels the motions of all starts, or of most, have the ideal motor's speed to a tenth."""
+    """The page names the flywheels with which all starts, or most, have the ideal motor's speed to a tenth; the table
+    agrees.
+    """
     page = (Path(__file__).resolve().parents[2] / "docs/guide/motor.md").read_text(encoding="utf-8")
     found = re.findall(r"^\| ([\d.e-]+)\S*.* \| (-[\d.]+) mm/s, .*\((\d+) of 16\) \| .* \| ([\d.]+) A \|",
                        page, re.MULTILINE)

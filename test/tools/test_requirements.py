@@ -1,4 +1,4 @@
-"""The locks pin everything that setup.py asks for, all the way down; package.xml names what is imported."""
+"""The locks pin all direct and indirect requirements of setup.py; package.xml names all imported packages."""
 
 import ast
 import re
@@ -41,7 +41,7 @@ def pins() -> dict[str, Version]:
 
 @pytest.fixture(scope="module")
 def asked(tmp_path_factory) -> list[Requirement]:
-    """Return what setup.py asks for with this interpreter, extras included."""
+    """Return the requirements of setup.py for this interpreter, extras included."""
     folder = tmp_path_factory.mktemp("metadata")
     command = [sys.executable, "setup.py", "--quiet", "egg_info", "--egg-base", str(folder)]
     subprocess.run(command, cwd=ROOT, check=True, timeout=60)

@@ -1,4 +1,4 @@
-"""The page on what a speed means: every motion of every robot, none of them a mean."""
+"""The page on speeds: every motion of every robot has a row, and no row is a mean over motions."""
 
 import re
 
@@ -11,7 +11,7 @@ PAGE = speeds.PAGE.read_text(encoding="utf-8")
 
 
 def test_every_robot_and_every_optimum_has_its_motions_on_the_page():
-    """A scene or an optimum that is added is on the page, too, when `make documents` has run."""
+    """A new scene or optimum gets its rows by `make documents`."""
     rows = re.findall(r"^\| (\S+), [\d.]+ rad/s \|", PAGE, re.MULTILINE)
     assert set(rows) == set(speeds.robots())
     costed = set(re.findall(r"^\| `(\w+)` \| (?:ideal|of `machine`) \|", PAGE, re.MULTILINE))
@@ -20,7 +20,7 @@ def test_every_robot_and_every_optimum_has_its_motions_on_the_page():
 
 @pytest.mark.parametrize("name", ["damped", "device", "rigid"])
 def test_the_motions_on_the_page_are_still_the_robots(name):
-    """`device` has a motion that none of its drawn starts finds, and that its own start leads to."""
+    """`device` has a motion to which its own start leads, but no random start."""
     rows = speeds.motion_rows(f"`{name}`", speeds.robots()[f"`{name}`"])
     assert [row for row in PAGE.splitlines() if row.startswith(f"| `{name}`, ")] == rows
     shares = [int(starts) for starts in re.findall(r"\| (\d+) of 64", "\n".join(rows))]

@@ -1,4 +1,4 @@
-"""Pages of a real browser, which fail their test when they complain or ask another host for anything."""
+"""Pages of a real browser, which fail their test if they log an error or send a request to another host."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -16,7 +16,7 @@ NO_HOST = {"about", "blob", "data", "file"}  # schemes by which nothing leaves t
 
 
 class Watch:
-    """What a page complains of, and what it asks other hosts for.
+    """Errors that a page logs, and its requests to other hosts.
 
     A test that provokes a complaint takes it with `expect`; what is left fails the test.
     """
@@ -32,7 +32,7 @@ class Watch:
         page.on("websocket", lambda socket: self._look(socket.url))
 
     def expect(self, words: str) -> None:
-        """Take the complaints that hold `words`; at least one must be there."""
+        """Take the errors that contain `words` from the list; there must be at least one."""
         left = [one for one in self.complaints if words not in one]
         assert len(left) < len(self.complaints), f"no complaint holds {words!r}: {self.complaints}"
         self.complaints = left
@@ -65,7 +65,7 @@ def browser() -> Iterator[str]:
 
 @pytest.fixture
 def watch() -> Iterator[Watch]:
-    """Fail the test on what its pages complained of."""
+    """Fail the test if its pages logged an error or sent a request to another host."""
     watch = Watch()
     yield watch
     assert watch.complaints == []
@@ -90,7 +90,9 @@ def page(open_page):
 
 @pytest.fixture
 def view(start) -> Iterator[LiveView]:
-    """The view as a process of its own; ended at the end as a user does, and it must not have failed meanwhile."""
+    """Start the view as a process of its own; it is ended as a user would at the end of the test, and must not have
+    failed before.
+    """
     view = LiveView(start)
     yield view
     if not view.executable.ended:

@@ -1,4 +1,4 @@
-"""The view as its own process, what it needs and what it leaves."""
+"""The view as a process of its own, with its environment and its remains."""
 
 import signal
 from pathlib import Path
@@ -21,5 +21,5 @@ class LiveView:
         return int(text.partition("VmRSS:")[2].split()[0]) * 1024e-6
 
     def end(self, number: signal.Signals = signal.SIGINT) -> None:
-        """End it as a user does."""
+        """End the view as a user would."""
         stop(self.executable, number=number)

@@ -1,4 +1,4 @@
-"""What a test reads off the page of the view, how it waits for that, and the page's modules without the page."""
+"""Functions by which tests read and await contents of the view's page, and run the page's modules without the page."""
 
 import json
 import time
@@ -38,7 +38,7 @@ def until(page, done: Callable, what: str = "") -> None:
 
 
 def wait_for(page, condition: str) -> None:
-    """Wait until JavaScript's `condition` holds."""
+    """Wait until a JavaScript `condition` is true."""
     until(page, lambda page: page.evaluate(condition), condition)
 
 
@@ -49,23 +49,23 @@ def open_file(page, file) -> None:
 
 
 def state(page) -> str:
-    """What can be read off a page, for a test that fails."""
+    """Return the readable contents of a page, for the message of a failing test."""
     absent, words = (page.evaluate(f"document.querySelector('{name}')?.textContent") for name in ("#absent", "#said"))
     return f"absent: {absent!r}; said: {words!r}"
 
 
 def drawn(page) -> dict:
-    """What the last picture shows: `time` [s] and `quantities` by name; NaN is None."""
+    """Return the `time` [s] and the `quantities` by name that the last picture shows; NaN is None."""
     return page.evaluate("globalThis.vibro ? vibro.drawn() : {time: NaN, quantities: {}}")
 
 
 def shows_robot(page) -> bool:
-    """Whether the page draws a robot, and nothing lies over it."""
+    """Whether the page draws a robot that nothing covers."""
     return drawn(page)["time"] == drawn(page)["time"] and not page.is_visible("#absent")
 
 
 def drawn_frames(page, count: int) -> list[dict]:
-    """What so many pictures show that the page draws one after the other."""
+    """Return the contents of so many consecutive pictures of the page."""
     return page.evaluate("""count => new Promise(resolve => {
         const frames = [];
         const take = () => {
@@ -77,12 +77,12 @@ def drawn_frames(page, count: int) -> list[dict]:
 
 
 def said(page) -> str:
-    """The robot's words that the page shows."""
+    """Return the robot's message that the page shows."""
     return page.inner_text("#said")
 
 
 def exactness(page) -> str:
-    """What the page says of how exact its slow motion is."""
+    """Return the page's statement on the exactness of its slow motion."""
     return page.inner_text("#exactness")
 
 
@@ -100,6 +100,6 @@ class Modules:
         self._page = page
 
     def call(self, module: str, body: str, *values: object) -> Any:
-        """What JavaScript's `body` returns with the names that `module` exports as `m`, and `values` as `v`."""
+        """Return the result of a JavaScript `body`, with the exports of `module` as `m` and `values` as `v`."""
         program = f'async (v) => {{ const m = await import("vibro/{module}.js"); {body} }}'
         return self._page.evaluate(program, json.loads(json.dumps(values)))

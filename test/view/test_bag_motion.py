@@ -1,4 +1,5 @@
-"""The motion of a recording is, between the samples, what `simulate` says; where it is not, it says so."""
+"""Between the samples the motion of a recording is that of `simulate`; where it is not, it is marked as interpolated.
+"""
 
 import itertools
 import json
@@ -23,14 +24,14 @@ COMMANDS = {5: {"motor_speed": 100.0}, 120: {"upper_gap": 0.0005}, 150: {"motor_
 
 
 def read(folder, scene=None):
-    """The motion, its header as a browser gets it, and the parts of the setting."""
+    """Return the motion, its header as a browser gets it, and the parts of the setting."""
     setting, header, payload = bag_motion(folder, scene=scene)
     json.dumps(setting, allow_nan=False)
     return Motion(json.loads(json.dumps(header, allow_nan=False)), payload), setting
 
 
 def run_of(times, scene="device", told=COMMANDS):
-    """The run of a scene that is given these commands, by the number of the sample."""
+    """Return the run of a scene with these commands, by the number of the sample."""
     scene = vibro_ros.load_scene(scene) if isinstance(scene, str) else scene
     return vibro_ros.simulate(scene, times=times, commands=[(tick / RATE, command) for tick, command in told.items()])
 
@@ -42,7 +43,9 @@ def assert_places_are_those_of_the_run(motion, times):
 
 
 def run_with(last, *acts):
-    """Samples until the number `last` of a `device` to which each of (number, act, arguments) is done in turn."""
+    """Return the samples up to the number `last` of a `device` on which each (number, method, arguments) is carried out
+    in turn.
+    """
     device, times, parts = vibro_ros.Simulator(vibro_ros.load_scene("device")), offset_times(0.0, last / RATE, 6000), []
     for (begin, act, given), (end, *_) in itertools.pairwise([*acts, (last,)]):
         device.advance_to(begin / RATE)
@@ -113,7 +116,7 @@ def test_other_parameters_while_it_runs_a_stop_for_want_of_commands_and_refused_
 
 
 def test_commands_of_all_joints_in_one_message_are_part_of_the_motion(tmp_path):
-    """As ros2_control sends them; what is wrong with one joint's is refused, and the others count."""
+    """A message as ros2_control sends it; an invalid value for one joint is refused, and the others take effect."""
     scene, message = vibro_ros.load_scene("device"), new_message(ROBOT_TOPICS["joint_commands"])
     message.name = ["crank", "upper_plate", "inclined_plate"]
     message.velocity = np.array([90.0])
@@ -126,7 +129,7 @@ def test_commands_of_all_joints_in_one_message_are_part_of_the_motion(tmp_path):
 
 
 def test_a_push_a_fault_and_another_state_are_part_of_the_motion(tmp_path):
-    """The third push takes the place of the second, and a duration of 0 ends it."""
+    """The third push replaces the second, and a duration of 0 ends it."""
     told = {0: {"motor_speed": 90.0}, 60: 'push {"duration": 0.103, "force_x": 20.0, "force_z": -3.0}',
             110: 'push {"duration": 9.0, "force_x": -8.0, "force_z": 0.0}',
             120: 'push {"duration": 9.0, "force_x": 0.0, "force_z": 2.0}',
@@ -146,7 +149,9 @@ def test_a_push_a_fault_and_another_state_are_part_of_the_motion(tmp_path):
 
 
 def test_the_voltage_of_a_dc_motor_follows_from_what_is_recorded(tmp_path):
-    """A recording begun late without a checkpoint is interpolated: a controller's memory is in no sample."""
+    """A recording that begins late without a checkpoint is interpolated, because no sample contains the controller's
+    integral.
+    """
     whole = robot_bag(tmp_path / "whole", "machine", 121, COMMANDS, RATE)
     motion, _ = read(rewritten(whole, tmp_path / "late", since(20 / RATE)))
     assert motion.header["exact_spans"] == [] and "interpolated" in motion.header["why"]
@@ -184,7 +189,7 @@ def test_a_lost_command_is_told_by_the_samples(tmp_path):
 
 
 def moved(stamps, distance):
-    """Changes messages: the body is `distance` [m] farther in the odometry of some stamps [s]."""
+    """Return a change of messages: the body is `distance` [m] further in the odometry of some stamps [s]."""
     def move(odometry):
         odometry.pose.pose.position.x += distance
 
@@ -219,7 +224,7 @@ def test_the_bag_of_another_recorder_is_exact_by_its_samples_and_the_scene_that_
 
 @pytest.fixture
 def unknown(tmp_path):
-    """The bag of another recorder, of a robot of the user's own."""
+    """Return the bag of another recorder, of a robot with a scene of the user's own."""
     own = vibro_ros.load_scene("device").with_parameters({"ground.friction": 0.21, "upper.spring.damping": 2.5})
     whole = robot_bag(tmp_path / "bag", own, 241, {0: {"motor_speed": 60.0}, 120: "reset"}, RATE)
     return own, lambda change=list: rewritten(whole, tmp_path / "other", change, known=False)
@@ -257,7 +262,7 @@ def test_a_bag_without_state_is_refused_in_one_line(tmp_path):
 
 
 def test_a_minute_of_the_device_is_small_and_progress_is_told(tmp_path):
-    """The page of a minute of chaos, the busiest that is shipped, stays below 10 MB."""
+    """The page of a minute of chaos, the most eventful of the shipped scenes, is smaller than 10 MB."""
     folder, shares = robot_bag(tmp_path / "bag", "unilateral", 60 * 50 + 1, {}, 50.0), []
     _, header, payload = bag_motion(folder, shares.append)
     assert header["exact"] and header["end"] == 60.0

@@ -1,4 +1,4 @@
-"""The motion between published samples is what the robot did, whatever it was told meanwhile."""
+"""The computed motion between published samples is the robot's motion, whatever commands came meanwhile."""
 
 import json
 
@@ -17,7 +17,9 @@ COMMANDS = [(0.0, {"motor_speed": 100.0}), (3.2, {"motor_speed": 130.0, "upper_g
 
 
 def published(scene, rate=200.0, start=START, duration=1.0, commands=COMMANDS):
-    """Samples as the robot publishes them: before the commands of their instant, stamps in whole nanoseconds."""
+    """Return samples as the robot publishes them: before the commands of their instant, with stamps in whole
+    nanoseconds.
+    """
     device, rows = vibro_ros.Simulator(scene), []
     waiting = list(commands)
     for tick in range(round(start * rate), round((start + duration) * rate) + 1):
@@ -50,7 +52,7 @@ def test_every_scene_under_commands(name, rate):
 
 
 def test_a_motor_whose_controller_remembers_is_shown_from_sample_to_sample():
-    """What the controller of a dc motor has summed up is in no sample."""
+    """No sample contains the integral of a dc motor's controller."""
     scene = vibro_ros.load_scene("machine")
     motion = made(scene, published(scene, 200.0))
     assert not motion.header["exact"] and motion.header["why"].endswith("interpolated between the samples")
@@ -58,7 +60,9 @@ def test_a_motor_whose_controller_remembers_is_shown_from_sample_to_sample():
 
 @pytest.mark.parametrize("name", ["paper", "unilateral"])
 def test_chaos_does_not_grow_over_five_seconds(name):
-    """Rounding grows without dampers; the motion goes on from a published state where it has grown too much."""
+    """Without dampers rounding errors grow; where they have grown too much, the motion is continued from a published
+    sample.
+    """
     scene = vibro_ros.load_scene(name)
     motion = made(scene, published(scene, start=1.0, duration=5.0, commands=[]))
     assert motion.header["exact"]
@@ -109,7 +113,7 @@ def test_a_reset_begins_another_motion():
 
 
 def test_samples_that_did_not_arrive_are_bridged():
-    """The half that is missing says nothing that the other half does not."""
+    """The missing half of the samples contains nothing that the other half does not determine."""
     scene, samples = vibro_ros.load_scene("device"), published(vibro_ros.load_scene("device"), commands=COMMANDS[:1])
     kept = np.random.default_rng(1).uniform(size=len(samples["time"])) < 0.5
     kept[[0, -1]] = True

@@ -1,4 +1,4 @@
-"""What a page is told of a robot is what the scene has, and ready for JSON."""
+"""The drawing data of a robot agrees with its scene and can be written as JSON."""
 
 import json
 

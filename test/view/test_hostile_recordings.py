@@ -1,4 +1,4 @@
-"""Whatever stands in a bag: one document that a browser can read, or one line that says why not; soon, in any case."""
+"""Any bag gives either a document that a browser can read or a line with the reason, always within a short time."""
 
 import json
 import time
@@ -109,7 +109,7 @@ def test_a_method_whose_steps_are_too_many_is_said_to_be_drawn_less_finely(
     {"motor.max_speed": 1e4, "motor.acceleration": 1e9}, {"effects.inclined_mass": False},
     {"effects.upper_mass": False, "effects.inclined_mass": False}])
 def test_extreme_robots(tmp_path, changes):
-    """Forces full of rounding, kinks that no event announces, 1600 turns a second, no mass at all."""
+    """Forces that are mostly rounding error, kinks without an event, 1600 turns a second, no mass at all."""
     scene = vibro_ros.load_scene("device").with_parameters(changes)
     speed = min(scene["motor.max_speed"], 1e4) if "motor.max_speed" in changes else 100.0
     motion, setting = read(robot_bag(tmp_path / "bag", scene, 41, {0: {"motor_speed": speed}}, RATE))
@@ -122,6 +122,6 @@ def test_extreme_robots(tmp_path, changes):
 
 
 def test_stamps_between_the_samples(recorded, tmp_path):
-    """As if another recorder had kept the robot's own words: the headers still tell the samples."""
+    """Another recorder stores the robot's messages under its own stamps; the headers still identify the samples."""
     motion, setting = read(rewritten(recorded, tmp_path / "other", each(lambda one: (one[0], one[1] + 3, one[2]))))
     assert motion.header["exact"] and setting["robot"] == "device"

@@ -1,4 +1,4 @@
-"""Who is not the page of the view gets nothing of it; who is rude changes nothing for the others."""
+"""The server gives nothing to visitors other than its own page, and a rude visitor does not affect the others."""
 
 import socket
 import time
@@ -42,7 +42,7 @@ RUDE_FRAMES = {
 
 
 def is_served(view) -> bool:
-    """Whether the page and the web socket still serve who may have them."""
+    """Whether page and web socket still serve permitted visitors."""
     visit = view.address.visit()
     assert isinstance(visit, Visit), visit
     with visit:
@@ -51,7 +51,7 @@ def is_served(view) -> bool:
 
 
 def test_one_view_and_all_its_rude_visitors(view, tmp_path):
-    """One guard after the other, by one process: none of them may harm the next."""
+    """One process meets all rude visitors in turn; none of them may affect the next."""
     the_page_is_for_who_knows_the_token(view)
     the_page_tells_the_browser_to_trust_nobody_else(view)
     another_name_for_this_machine_gets_nothing(view)
@@ -89,7 +89,7 @@ def the_page_tells_the_browser_to_trust_nobody_else(view) -> None:
 
 
 def another_name_for_this_machine_gets_nothing(view) -> None:
-    """DNS rebinding: the browser of a victim asks 127.0.0.1 under the name of the attacker's site."""
+    """DNS rebinding: a victim's browser sends requests to 127.0.0.1 under the name of the attacker's site."""
     port = view.address.port
     for host in (f"evil.example:{port}", f"192.168.1.7:{port}"):  # `test_server` has more
         assert view.address.ask(host=host).status in (400, 404), host
@@ -252,7 +252,7 @@ def test_a_page_that_does_not_read_costs_the_others_nothing(start, view):
 
 
 def wait_for_a_slow_motion(visit: Visit, patience: float = 120.0) -> None:
-    """Ask for slow motion until it comes; before that the view says that it is being prepared."""
+    """Request slow motion until it comes; before that the view answers that it is being prepared."""
     deadline = time.monotonic() + patience
     for number in count():
         visit.send({"id": number, "slow_motion": 0.1})
@@ -263,7 +263,7 @@ def wait_for_a_slow_motion(visit: Visit, patience: float = 120.0) -> None:
 
 
 def samples_heard(visit: Visit, count: int) -> int:
-    """Receive until so many samples have come; their number."""
+    """Receive until so many samples have come, and return their number."""
     heard = 0
     while heard < count:
         frame = visit.receive()

@@ -1,4 +1,5 @@
-"""Robot, view and browser together: what the page shows is what the robot publishes, and what it asks is done."""
+"""Robot, view and browser together: the page shows what the robot publishes, and the page's requests are carried out.
+"""
 
 import contextlib
 import time
@@ -20,7 +21,7 @@ QOS = QoSProfile(depth=10_000)
 
 
 class Published:
-    """The robot's samples by their stamps [ns], as a node of the test's own hears them."""
+    """The robot's samples by their stamps [ns], received by a node of the test."""
 
     def __init__(self, bench):
         self._bench = bench
@@ -32,11 +33,11 @@ class Published:
 
     @property
     def samples(self) -> dict[int, dict[str, float]]:
-        """What is known of each instant of which both messages have come."""
+        """Return the samples for which both messages have come."""
         return {stamp: self._bodies[stamp] | self._joints[stamp] for stamp in self._bodies.keys() & self._joints.keys()}
 
     def hear_until(self, stamp: int) -> None:
-        """Listen until a sample has come that is later [ns]."""
+        """Receive until a sample later than an instant [ns] has come."""
         self._bench.spin_until(lambda: self._newest > stamp, "samples")
 
     def _hear_body(self, message: Odometry) -> None:
@@ -62,7 +63,7 @@ def _stamp(message) -> int:
 
 @pytest.fixture
 def published(bench) -> Published:
-    """What the robot publishes, heard by a node of the test's own; to be asked for before the robot starts."""
+    """The robot's published samples; tests must request this fixture before they start the robot."""
     return Published(bench)
 
 
@@ -72,7 +73,7 @@ def open_robot(page, view) -> None:
 
 
 def test_the_page_of_a_running_robot(start, published, view, open_page, bench):
-    """Nothing here changes the robot but a pause and a command at the end, so that one robot serves."""
+    """The robot is changed only by a pause and a command at the end, so one robot serves all checks."""
     start("robot", *CRAWL)
     published.hear_until(0)  # from here on every sample is heard
     page = open_page()
@@ -170,7 +171,7 @@ def test_what_a_page_asks_for_is_what_the_robot_does_and_what_it_shows_is_in_for
 
 
 def shown(page, name: str) -> list[float]:
-    """What field, slider and words of a knob say."""
+    """Return the contents of a knob's field, slider and label."""
     return [float(page.input_value(f"#{name}")), float(page.input_value(f".knob:has(#{name}) [type=range]")),
             float(page.inner_text(f"#{name}_now").removeprefix("now "))]
 
@@ -218,7 +219,7 @@ def saves_samples(page, folder) -> None:
 
 
 def saved(page, button: str, path):
-    """The file that the browser saves when a button is clicked."""
+    """Return the file that the browser saves when a button is clicked."""
     with page.expect_download() as download:
         page.click(button)
     download.value.save_as(path)
@@ -240,7 +241,7 @@ def stops_the_motor_that_a_page_has_commanded(page, view, bench, heard) -> None:
 
 
 def commanded_speed(page, bench, heard: list[float]) -> float:
-    """A speed of the knob that robot and test have heard: DDS drops what only one side is ready for."""
+    """Set a speed by the knob that robot and test both receive; DDS drops messages that only one side is ready for."""
     for speed in map(float, range(50, 60)):
         page.fill("#motor_speed", f"{speed:g}")
         page.press("#motor_speed", "Enter")

@@ -1,4 +1,4 @@
-"""The motion document: what is written is read again, to half a step of each quantity."""
+"""The motion document: what is written can be read again, to half a quantisation step of each quantity."""
 
 import json
 
@@ -24,7 +24,7 @@ def written(rng, pieces=50, steps=STEPS):
 
 
 def test_the_docstring_is_enough_to_read_a_document():
-    """What is written is read again, to half a step of each quantity."""
+    """A reader written from the docstring alone reads the document to half a quantisation step of each quantity."""
     borders, coefficients, (header, payload) = written(np.random.default_rng(4))
     motion = Motion(json.loads(json.dumps(header)), payload)
     assert (motion.known == ~np.isnan(coefficients[:, :, 0])).all()

@@ -1,4 +1,4 @@
-"""The pure functions of the page's modules: what they return is compared with Python's, or with an exact answer."""
+"""The pure functions of the page's modules: results are compared with Python's, or with an exact answer."""
 
 import base64
 import math

@@ -1,4 +1,4 @@
-"""The page can be read and used: to scale, in two sizes and two themes, by keyboard and by screen reader."""
+"""The page is readable and usable: to scale, in two sizes and two themes, by keyboard and by screen reader."""
 
 import numpy as np
 import pytest
@@ -68,7 +68,7 @@ def file(recording):
 
 @pytest.mark.parametrize("slope", [0.0, 0.15, -0.9])
 def test_masses_are_drawn_where_they_are_and_to_scale(page, recording, slope):
-    """On a slope x points uphill, and what is down in the picture is down."""
+    """On a slope x points uphill, and gravity points down in the picture."""
     file = recording({"ground.slope": slope, "ground.friction": 1.0})
     cos, sin = np.cos(slope), np.sin(slope)
     page.emulate_media(reduced_motion="reduce", color_scheme="light")
@@ -130,7 +130,9 @@ def test_a_live_page_can_be_read_reached_and_heard(start, view, open_page):
 
 
 def check_places(page, width: int, touch: bool) -> None:
-    """Check that controls stand in the window and apart, large enough for a finger, and beside their own labels."""
+    """Check that controls lie in the window, do not overlap, are large enough for a finger, and are beside their own
+    labels.
+    """
     boxes = page.evaluate(BOXES, CONTROLS)
     assert {"motor_speed", "upper_gap", "ground_friction", "stop", "reset", "pause", "step", "record", "slow"} <= {
         box["name"] for box in boxes}

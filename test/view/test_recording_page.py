@@ -1,4 +1,4 @@
-"""The page of a recording: one file that shows, without a network, where everything was."""
+"""The page of a recording: one file that shows the positions of all parts without a network."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""Who is let in by the live page's server, and what waits for a page: bounded, and what is late is dropped first."""
+"""Access to the live page's server, and its queue for each page: bounded, with the oldest samples dropped first."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Slow motions are computed one after the other, and what goes wrong with one is said to the page that asked."""
+"""Slow motions are computed one after the other, and an error is reported to the page that made the request."""
 
 import itertools
 import threading

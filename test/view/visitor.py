@@ -1,4 +1,4 @@
-"""Visitors of the view's server that speak HTTP and WebSocket by hand, so that they can be as rude as they like."""
+"""Visitors of the view's server that speak HTTP and WebSocket by hand, so that they can break the rules of both."""
 
 import base64
 import json
@@ -25,7 +25,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Address:
-    """The address that the view prints, and what visitors make of it."""
+    """The address that the view prints, with methods for visitors."""
 
     url: str
 
@@ -50,13 +50,13 @@ class Address:
         return one
 
     def ask(self, target: str | None = None, method: str = "GET", body: bytes = b"", **headers: str) -> Answer:
-        """One request, by default for the page as the browser asks; `host=""` leaves the header out."""
+        """Send one request, by default for the page as the browser does; `host=""` leaves the header out."""
         with self.connect() as one:
             one.sendall(self._request(f"/?token={self.token}" if target is None else target, method, headers, body))
             return read_answer(one)
 
     def visit(self, target: str | None = None, receive_buffer: int = 0, **headers: str) -> "Visit | Answer":
-        """Open the web socket, by default as the page does; the server's answer if it refuses."""
+        """Open the web socket, by default as the page does; returns the server's answer if it refuses."""
         one = self.connect(receive_buffer)
         try:
             wanted = {"origin": f"http://{self.host}", "upgrade": "websocket", "connection": "Upgrade",
@@ -81,12 +81,14 @@ class Address:
 
 
 def address_of(view) -> Address:
-    """The address that the process of a view has printed."""
+    """Return the address that a view's process has printed."""
     return Address(re.search(r"http://\S+:\d+/\?token=\S+", view.wait_for("/?token="))[0])
 
 
 def read_answer(one: socket.socket) -> Answer:
-    """Read one answer; of a switch of protocols, `body` is what has come beyond it. Status 0: closed without a word."""
+    """Read one answer; after a switch of protocols, `body` has the bytes that followed it. Status 0: closed without an
+    answer.
+    """
     data = b""
     while b"\r\n\r\n" not in data:
         try:
@@ -109,7 +111,7 @@ def read_answer(one: socket.socket) -> Answer:
 
 
 class Visit:
-    """A web socket that is open; a context that closes it."""
+    """An open web socket; a context manager that closes it."""
 
     def __init__(self, one: socket.socket, data: bytes):
         self._socket, self._data = one, data
@@ -132,14 +134,15 @@ class Visit:
         self.send_frame(0x80 | opcode, len(data), data)
 
     def send_frame(self, first: int, length: int, data: bytes) -> None:
-        """Send a frame that says it has `length` bytes; without a mask's effect, because the mask is 0."""
+        """Send a frame that states a length of `length` bytes; the mask is 0, so that it has no effect."""
         size = (struct.pack(">B", 0x80 | length) if length < 126
                 else struct.pack(">BH", 0x80 | 126, length) if length < 1 << 16
                 else struct.pack(">BQ", 0x80 | 127, length))
         self._socket.sendall(bytes([first]) + size + bytes(4) + data)
 
     def receive(self, patience: float = PATIENCE) -> tuple[int, bytes] | None:
-        """The next frame of text or bytes; None once the server has closed, and then `closed_with` has its code."""
+        """Return the next frame of text or bytes, or None once the server has closed; then `closed_with` has its code.
+        """
         deadline = time.monotonic() + patience
         while True:
             opcode, data = self._frame(deadline)
@@ -152,11 +155,11 @@ class Visit:
                 return None
 
     def wait_for(self, kind: str, patience: float = PATIENCE, **fields: object) -> dict:
-        """The next message of a kind in which these fields have these values."""
+        """Return the next message of a kind whose fields have these values."""
         return self.wait_for_one_of((kind,), patience, **fields)
 
     def wait_for_one_of(self, kinds: Sequence[str], patience: float = PATIENCE, **fields: object) -> dict:
-        """The next message of one of these kinds, in which these fields have these values."""
+        """Return the next message of one of these kinds whose fields have these values."""
         deadline = time.monotonic() + patience
         while time.monotonic() < deadline:
             frame = self.receive(deadline - time.monotonic())
@@ -168,7 +171,7 @@ class Visit:
         raise AssertionError(f"no {kinds} with {fields} within {patience} s")
 
     def wait_for_end(self, patience: float = PATIENCE) -> int:
-        """The code with which the server closes; 1006 where it does so without a word."""
+        """Return the code with which the server closes; 1006 if it closes without one."""
         deadline = time.monotonic() + patience
         while self.receive(deadline - time.monotonic()) is not None:
             assert time.monotonic() < deadline
@@ -186,7 +189,7 @@ class Visit:
         return (head[0] & 0x0F, data) if data is not None else (CLOSE, (1006).to_bytes(2, "big"))
 
     def _read(self, count: int, deadline: float) -> bytes | None:
-        """So many bytes; None when the connection ends before."""
+        """Return so many bytes, or None if the connection ends before."""
         while len(self._data) < count:
             self._socket.settimeout(max(0.001, deadline - time.monotonic()))
             try:

@@ -1,4 +1,4 @@
-"""The types that `make setup` has built, as the ament index knows them; test/ros talks by them between processes."""
+"""The types that `make setup` has built are in the ament index; the tests of `test/ros` use them between processes."""
 
 import sys
 from pathlib import Path
@@ -13,7 +13,7 @@ from tools.interfaces.definitions import interface_packages
 
 @pytest.fixture(scope="module", autouse=True)
 def built() -> None:
-    """The types; only where there is no compiler are the tests without them."""
+    """The built types; these tests are skipped only if there is no compiler."""
     try:
         find_compiler()
     except CompilerError as error:

@@ -1,4 +1,4 @@
-"""`make setup` builds types where it can, once, and says in one line why it cannot."""
+"""`make setup` builds types once where it can, and otherwise gives the reason in one line."""
 
 import os
 import subprocess
@@ -21,7 +21,7 @@ BUILDING = f"setup: building the Python types of {NAMES} (a quarter of a minute)
 
 @pytest.fixture
 def prefix(tmp_path: Path) -> Path:
-    """An environment with nothing in it."""
+    """An empty environment."""
     folder = tmp_path / "environment"
     for part in ("lib", "share", sysconfig.get_path("platlib", vars={"platbase": str(folder)})):
         (folder / part).mkdir(parents=True, exist_ok=True)
@@ -29,7 +29,7 @@ def prefix(tmp_path: Path) -> Path:
 
 
 def run(prefix: Path, **variables: str) -> str:
-    """What the command says in an environment of variables; it must not fail."""
+    """Return the command's output with these environment variables; the command must not fail."""
     environment = {name: value for name, value in os.environ.items() if name != "CC"} | variables
     done = subprocess.run([sys.executable, "-m", MODULE, "--prefix", str(prefix)], env=environment, text=True,
                           capture_output=True, timeout=PATIENCE)

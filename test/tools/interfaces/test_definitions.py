@@ -1,4 +1,4 @@
-"""The definitions from which types are built: type hashes, by which ROS peers tell whether they mean the same type."""
+"""The definitions from which types are built: type hashes, by which ROS peers check that their types are equal."""
 
 import json
 import re
@@ -19,7 +19,7 @@ def package(request) -> InterfacePackage:
 
 @pytest.fixture(scope="module")
 def described(package, tmp_path_factory) -> dict[str, str]:
-    """Hash by type, as the wheels' generator computes them."""
+    """Return hashes by type, as the wheels' generator computes them."""
     folder = tmp_path_factory.mktemp(package.name)
     sources = Sources(package, folder, Path(sys.prefix))
     sources.describe()

@@ -1,4 +1,4 @@
-"""A package of types is in the environment as a whole or not at all, at whatever step its installation stops."""
+"""A package of types is installed completely or not at all, whatever step its installation stops at."""
 
 import sysconfig
 from pathlib import Path
@@ -29,7 +29,7 @@ def files(prefix: Path) -> dict[str, str]:
 
 
 def made(folder: Path, content: str) -> tuple[SimpleNamespace, SimpleNamespace]:
-    """What generation and compilation leave behind, in small."""
+    """Return small stand-ins for the files that generation and compilation make."""
     for path in ("share/msg/One.msg", "python/__init__.py", "lib/libsome_msgs__a.so", "lib/libsome_msgs__b.so",
                  "lib/extension.so"):
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
