@@ -11,7 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from research.literature import __main__ as literature
-from research.literature import capsule, gap_speed, two_phase
+from research.literature import capsule, gap_speed, measured, two_phase
 from research.literature.capsule_equations import Capsule, harmonic, integrate
 from research.literature.findings import (
     FAILS,
@@ -234,6 +234,14 @@ def test_the_document_has_every_study_a_passed_check_each_and_known_verdicts():
         assert finding.checks and all(check.passed for check in finding.checks)
         assert {claim.verdict for claim in finding.claims} <= set(VERDICTS)
         assert (DOCS / literature.picture(finding.name)).is_file()
+
+
+def test_a_measured_robot_is_cited_with_what_was_read_and_what_is_missing():
+    """A row without a reference, or with nothing missing, would promise a comparison that nobody made."""
+    for one in measured.SOURCES:
+        assert "](https://" in one.source or "IOSR J. Mech. Civ. Eng." in one.source
+        assert "abstract" in one.read and one.reports and one.missing
+        assert one.source in (DOCS / literature.TEXT).read_text(encoding="utf-8")
 
 
 def test_a_short_study_finds_what_the_document_says(tmp_path):
