@@ -20,19 +20,21 @@ def stamp(time: float) -> int:
 
 def odometry(times: np.ndarray, position: np.ndarray, velocity: np.ndarray,
              variances: tuple[float, float] = (0.0, 0.0), topic: str = "/odom") -> Iterator[Row]:
-    """Positions [m] and velocities [m/s] of the body, with their variances."""
-    for time, x, v in zip(times, position, velocity, strict=True):
+    """Positions [m] and velocities [m/s] of the body, along x or with rows x, z, and their variances."""
+    for time, (x, z), (v, w) in zip(times, _two(position), _two(velocity), strict=True):
         message = _stamped("odom", time)
-        message.pose.pose.position.x, message.twist.twist.linear.x = x, v
+        message.pose.pose.position.x, message.pose.pose.position.z = x, z
+        message.twist.twist.linear.x, message.twist.twist.linear.z = v, w
         message.pose.covariance[::7], message.twist.covariance[::7] = variances
         yield topic, stamp(time), serialised(message, TOPICS["odom"].type)
 
 
 def tracking(times: np.ndarray, position: np.ndarray, variance: float = 0.0) -> Iterator[Row]:
-    """Positions [m] of the body, with their variance."""
-    for time, x in zip(times, position, strict=True):
+    """Positions [m] of the body, along x or with rows x, z, and their variance."""
+    for time, (x, z) in zip(times, _two(position), strict=True):
         message = _stamped("tracking", time)
-        message.pose.pose.position.x, message.pose.covariance[::7] = x, variance
+        message.pose.pose.position.x, message.pose.pose.position.z = x, z
+        message.pose.covariance[::7] = variance
         yield "/tracking", stamp(time), serialised(message, TOPICS["tracking"].type)
 
 
@@ -77,6 +79,10 @@ def written(folder: Path, *rows: Iterable[Row], custom: Mapping[str, str] | None
     writer.flush()
     writer.close({})
     return folder
+
+
+def _two(values: np.ndarray) -> np.ndarray:
+    return np.column_stack([values, np.zeros(len(values))]) if np.ndim(values) == 1 else np.transpose(values)
 
 
 def _stamped(topic: str, time: float) -> object:

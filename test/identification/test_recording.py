@@ -4,9 +4,7 @@ import math
 
 import numpy as np
 import pytest
-
-import vibro_ros
-from test.identification.laboratory_messages import (
+from laboratory_messages import (
     START,
     imu,
     joint_states,
@@ -16,7 +14,9 @@ from test.identification.laboratory_messages import (
     tracking,
     written,
 )
-from test.robot_bag import holding, robot_bag
+from robot_bag import holding, robot_bag
+
+import vibro_ros
 from vibro_ros.bag.stream import BagError
 from vibro_ros.identification.noise import noise_of
 from vibro_ros.identification.recording import LARGEST_SPREAD, read_recording
