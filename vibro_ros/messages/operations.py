@@ -68,8 +68,6 @@ def read_operation(text: str) -> Operation:
         parameters = json.loads(rest) if name in ARGUMENTS else {}
         if not isinstance(parameters, dict):
             raise ValueError("no mapping of parameters")
-        if name == FAULT:  # earlier versions recorded faults without from_x and to_x
-            parameters = Incident._field_defaults | parameters
         if (needed := ARGUMENTS.get(name)) and needed != set(parameters):
             raise ValueError(f"it needs {', '.join(sorted(needed))}")
     except (ValueError, RecursionError) as error:
