@@ -11,6 +11,7 @@ HEYOKA := $(VENV)/peer.done
 COMPARED := $(VENV)/compared.done
 STUDY := $(VENV)/study.done
 BROWSER := $(VENV)/browser.done
+SITE := $(VENV)/site.done
 TYPES := $(VENV)/interface_types.done
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet --quiet
 PYTHON ?= python3
@@ -45,7 +46,7 @@ view: $(READY) $(TYPES)  ## run a robot and show it in the browser, at the addre
 
 # With another ROS 2 than Jazzy only the tests of ROS run, without the packages whose absence they skip.
 TESTS := $(if $(filter jazzy,$(ROS)),test,test/ros)
-NEEDED := $(if $(filter jazzy,$(ROS)),$(HEYOKA) $(STUDY) $(BROWSER))
+NEEDED := $(if $(filter jazzy,$(ROS)),$(HEYOKA) $(STUDY) $(BROWSER) $(SITE))
 
 # Four workers on two cores, because half of the tests wait for processes.
 test: $(READY) $(TYPES) $(NEEDED)  ## run the tests, four at a time, and those that need a quiet machine alone; with ROS=kilted those of ROS
@@ -74,8 +75,10 @@ lint: $(READY) conflict-markers site  ## check style, spelling, types and links;
 	@$(BIN)/mypy --no-error-summary
 	@$(BIN)/python -m tools.documents --check
 
-site: $(READY)  ## build the documents as web pages into out/site; a link that leads nowhere is an error
-	@$(BIN)/python -m mkdocs build --strict --quiet || { $(BIN)/python -m mkdocs build --strict; exit 1; }
+# The theme would print in every build that its end of life is in May 2027, and that Zensical then takes mkdocs.yml over.
+site: export NO_MKDOCS_2_WARNING := 1
+site: $(READY) $(SITE)  ## build the documents as web pages into out/site; a link that leads nowhere is an error
+	@said=$$($(BIN)/python -m mkdocs build --strict 2>&1) || { echo "$$said" >&2; exit 1; }  # with --quiet it counts no warnings
 
 # 1 of git's exit codes is "found nothing"; without a repository it looks at all files that .gitignore does not name.
 conflict-markers:
@@ -160,6 +163,13 @@ $(STUDY): requirements/study.txt $(PACKAGES)
 # Only tests and screenshots of the view need them; 53 MB to load.
 $(BROWSER): requirements/browser.txt $(PACKAGES)
 	@echo "setup: installing Playwright, to steer a browser"
+	@$(PIP) install --only-binary :all: --no-deps --requirement $<
+	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
+	@touch $@
+
+# Only the web pages of the documents need them; 110 MB on disk.
+$(SITE): requirements/site.txt $(PACKAGES)
+	@echo "setup: installing what makes web pages of the documents"
 	@$(PIP) install --only-binary :all: --no-deps --requirement $<
 	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
 	@touch $@

@@ -58,6 +58,8 @@ setup(
         "study": ["cma", "pyarrow"],
         # The environment of the room `gym`.
         "gym": ["gymnasium"],
+        # The documents as web pages.
+        "site": ["mkdocs", "mkdocs-material", "mkdocstrings-python"],
         # Sweeps on more than one machine.
         "cluster": ["distributed"],
         "test": [
@@ -66,7 +68,6 @@ setup(
             "codespell",
             "colcon-common-extensions",
             'cyclonedds ; python_version < "3.14"',  # a peer by another vendor's DDS; no wheel beyond
-            "mkdocs",
             "mpmath",
             "mypy",
             "oxlint",

@@ -2,12 +2,26 @@
 
 import doctest
 import inspect
+from collections.abc import Iterator
 
 import pytest
 from known_recording import known_run, record_run  # noqa: F401 (fixtures)
 
 import vibro_ros
-from tools.api_page import public
+
+#: Methods that a user calls, of classes whose other methods are for the physics, or belong to `Simulator`.
+USED = {"Scene": ["with_parameters", "describe"], "SensedSimulator": ["take_measurements", "fail"]}
+
+
+def public() -> Iterator[tuple[str, object]]:
+    """Yield every public name with its object: functions, classes and their methods."""
+    for name in vibro_ros.__all__:
+        found = getattr(vibro_ros, name)
+        yield name, found
+        yield from ((f"{name}.{key}", value) for key, value in vars(found).items()
+                    if not key.startswith("_") and key in USED.get(name, [key])
+                    and (inspect.isfunction(value) or isinstance(value, property)))
+
 
 PUBLIC = dict(public())
 

@@ -25,7 +25,7 @@ EXEMPT = {("vibro_ros.solver.kernel_cache", name) for name in ("os", "pathlib.Pa
 
 def drawn_arrows(document: str, head: str = "imports") -> dict[str, set[str]]:
     """Return the rooms that each room imports, from the picture with a `head`; "" is the package's own `__init__`."""
-    picture = re.search(rf"^```text\n( {head} →.*?)^```", document, re.MULTILINE | re.DOTALL)[1]
+    picture = re.search(rf"^```txt\n( {head} →.*?)^```", document, re.MULTILINE | re.DOTALL)[1]
     head, *lines = picture.splitlines()
     column = {number.end() - 1: int(number[0]) for number in re.finditer(r"\d+", head)}
     rows = {int(line.split()[0]): line for line in lines}

@@ -12,23 +12,21 @@ from typing import Any
 
 from mkdocs.structure.files import File, Files
 
-from tools.api_page import api_page
-
 ROOT = Path(__file__).resolve().parents[1]
 #: Pages outside docs/, by their names on the site.
 OUTSIDE = {"README.md": "index.md", "CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md",
            "SECURITY.md": "security.md", "QUALITY_DECLARATION.md": "quality_declaration.md",
            "CODE_OF_CONDUCT.md": "code_of_conduct.md"}
 _LINK = re.compile(r"(?P<shown>!?\[[^]]*\])\((?P<path>[^)#:\s]+)(?P<anchor>#[^)\s]*)?\)")
-_CODE = re.compile(r"(^```.*?^```|`[^`\n]+`)", re.MULTILINE | re.DOTALL)
+#: Code, in which a link is none, or a link, whose words may hold code.
+_CODE_OR_LINK = re.compile(rf"^```.*?^```|`[^`\n]+`|{_LINK.pattern}", re.MULTILINE | re.DOTALL)
 _log = logging.getLogger("mkdocs.hooks.site")
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Add the pages outside docs/, the page of the Python interface, and the page of all pictures."""
+    """Add the pages outside docs/, and the page of all pictures."""
     for name, page in OUTSIDE.items():
         files.append(File.generated(config, page, content=(ROOT / name).read_text(encoding="utf-8")))
-    files.append(File.generated(config, "api.md", content=api_page()))
     files.append(File.generated(config, "gallery.md", content=gallery()))
     return files
 
@@ -52,6 +50,8 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     source = Path(outside.get(page.file.src_uri, f"docs/{page.file.src_uri}"))
 
     def of_site(link: re.Match) -> str:
+        if not link["path"]:
+            return link[0]
         target = Path(os.path.normpath(source.parent / link["path"]))
         page_there = OUTSIDE.get(str(target)) or (str(target.relative_to("docs")) if target.parts[0] == "docs" else "")
         if page_there:
@@ -61,5 +61,4 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
             _log.warning("%s: the link to %s leads nowhere", source, link["path"])
         return link["shown"].strip("![]")
 
-    parts = _CODE.split(markdown)
-    return "".join(part if number % 2 else _LINK.sub(of_site, part) for number, part in enumerate(parts))
+    return _CODE_OR_LINK.sub(of_site, markdown)

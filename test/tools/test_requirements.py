@@ -18,7 +18,7 @@ ROSDEP_KEYS = {"PIL": "python3-pil", "mcap": "mcap-ros2-support", "rosbags": "py
                "llvmlite": "python3-numba",  # these are brought by others
                "lz4": "python3-rosbags-pip", "zstandard": "mcap-ros2-support"}
 ROSDEP_KEYS |= {name: f"python3-{name}" for name in ("matplotlib", "numba", "numpy", "scipy", "tornado", "tqdm")}
-LOCKS = [f"requirements/{part}.txt" for part in ("base", "jazzy", "bench", "browser", "study")]
+LOCKS = [f"requirements/{part}.txt" for part in ("base", "jazzy", "bench", "browser", "site", "study")]
 # Of the extras `bench`, `study`, `cluster`, `gym` and `test`; only heyoka_robot, study and gym import them, and
 # `Bag.to_pandas`.
 NO_ROSDEP_KEY = {"heyoka", "cma", "distributed", "gymnasium", "pandas", "pyarrow"}
