@@ -61,12 +61,14 @@ test-slow: $(READY) $(TYPES) $(NEEDED)  ## run the tests of installation, docume
 # The kernels once, before the workers and their robots would compile the same ones beside each other.
 COMPILED = $(BIN)/python -c "from vibro_ros.simulation.preparation import provide_kernels as provide; provide('exact'); provide('rk4')"
 
-# What needs no process of its own, of the rooms in which most changes are made.
+# The rooms in which most changes are made; of them the tests without the mark `process`.
 QUICK := $(addprefix test/,test_rings.py solver model configuration simulation orbits messages bag ros)
 
-check: lint  ## the fast loop, a minute: lint, and the tests that need no process, of the rooms from solver to ros
+check: lint  ## the fast loop, a minute: lint, and the quick tests of the rooms from solver to ros; says what it leaves out
 	@$(COMPILED)
 	@$(BIN)/python -m pytest --numprocesses 2 --dist worksteal --quiet -m "not process and not quiet and not slow" $(QUICK)
+	@echo "check: rooms left out: $(notdir $(filter-out $(QUICK),$(patsubst %/,%,$(filter-out %__pycache__/,$(wildcard test/*/)))))"
+	@echo "check: \`make test\` runs them and all of the above but installation and documents, which \`make test-slow\` runs"
 
 lint: $(READY) conflict-markers site  ## check style, spelling, types and links; name generated pages that are older than their code
 	@$(BIN)/ruff check

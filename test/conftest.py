@@ -5,9 +5,11 @@ import os
 import signal
 import socket
 import time
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing, suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -42,10 +44,11 @@ REPEATED = {
 
 
 #: Files whose tests start processes or take seconds each; so does every test with a ROS domain. `make check` leaves
-#: them out by the mark `process`.
+#: them out by the mark `process`, which single tests of other files have as well.
 PROCESS = {f"test_{name}.py" for name in (
-    "continuation", "damaged_bags", "feedback", "hostile_bags", "kernel_cache", "kernels", "kills",
-    "published_bifurcations", "recorder_faults", "recovery", "recurrence", "replay")}
+    "continuation", "curve", "damaged_bags", "dc_orbits", "feedback", "hostile_bags", "kernel_cache", "kernels",
+    "kills", "lyapunov_spectrum", "many_runs", "published_bifurcations", "recorder_faults", "recovery", "recurrence",
+    "replay")}
 
 #: Files that install the package, or run documents, notebooks and the demonstration as a reader would. Only
 #: `make test-slow` runs them, by the mark `slow`.
@@ -62,6 +65,31 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker(pytest.mark.process)
         if getattr(item, "originalname", "") in REPEATED and config.pluginmanager.hasplugin("rerunfailures"):
             item.add_marker(pytest.mark.flaky(reruns=1))
+
+
+#: Number of tests that `-m` leaves out, by file.
+LEFT_OUT: Counter[str] = Counter()
+
+
+def pytest_deselected(items: list[pytest.Item]) -> None:
+    """Count the tests that are left out; each worker of xdist counts all of them."""
+    LEFT_OUT.update(item.path.stem for item in items)
+    if hasattr(items[0].config, "workeroutput"):
+        items[0].config.workeroutput["left_out"] = dict(LEFT_OUT)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: Any) -> None:
+    """Take the count of a worker that has ended."""
+    LEFT_OUT.clear()
+    LEFT_OUT.update(getattr(node, "workeroutput", {}).get("left_out", {}))
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """Say which tests a mark has left out."""
+    if LEFT_OUT and config.option.markexpr and not config.option.keyword:
+        files = ", ".join(f"{name.removeprefix('test_')} {count}" for name, count in sorted(LEFT_OUT.items()))
+        terminalreporter.write_line(f"{LEFT_OUT.total()} tests left out by -m '{config.option.markexpr}': {files}")
 
 
 @pytest.fixture

@@ -26,9 +26,10 @@ EXTRA = {
     "speed by voltage": ("device", DC | {"motor.control": "speed_by_voltage", "motor.winding_inductance": 2.81e-4}),
     "speed by current, struck crank": ("rigid", DC | LINKAGE | {
         "motor.control": "speed_by_current", "effects.normal_force": "hop", "ground.restitution": 0.3})}
-SCENES = [(name, {}) for name in shipped_scenes()] + list(EXTRA.values())
-SCENES += [(name, {"motor.speed": 100.0, "effects.motor": "ramp", "solver.method": method, "solver.step": 2e-5})
-           for name in ("device", "rigid") for method in sorted(SCHEMES)]
+SCENES = {name: (name, {}) for name in shipped_scenes()} | EXTRA | {f"{method}-{name}": (
+    name, {"motor.speed": 100.0, "effects.motor": "ramp", "solver.method": method, "solver.step": 2e-5})
+    for name in ("device", "rigid") for method in sorted(SCHEMES)}
+QUICK = ("damped", "device", "paper", "rk4-device")  # of `make check`; the others take seconds each
 
 
 def new_device(scene):
@@ -59,8 +60,8 @@ def trajectory(scene, piece):
     return np.array(states), np.concatenate([*events, device.take_events()]), device
 
 
-@pytest.mark.parametrize(("name", "changes"), SCENES, ids=[*shipped_scenes(), *EXTRA, *(
-    f"{one['solver.method']}-{name}" for name, one in SCENES if "solver.method" in one)])
+@pytest.mark.parametrize(("name", "changes"), [
+    pytest.param(*one, id=key, marks=() if key in QUICK else pytest.mark.process) for key, one in SCENES.items()])
 def test_every_cut_of_time_gives_the_same_bits(name, changes):
     """A35, A66, A72. Only commands begin a new segment, so samples do not disturb the motion; nor do they a step's.
     Through 0, a push and every fault, with the filtered acceleration; and the energy balances."""

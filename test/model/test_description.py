@@ -177,6 +177,7 @@ def test_the_described_first_mode_is_the_compiled_one(scene):
     assert first == ", ".join(state for state, one_of in zip(states, several, strict=True) if one_of)
 
 
+@pytest.mark.process
 @each_scene
 def test_guards_of_every_mode_are_described(scene):
     """A mode's guards are those of its states: as many rows in the tables as lines in the text, each with the value of

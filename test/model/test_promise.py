@@ -28,6 +28,7 @@ def shift(scene):
     return max(np.abs(positions(scene.with_parameters(changes)) - reference).max() for changes in neighbours)
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("stiffness", [1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11])
 @pytest.mark.parametrize("name", shipped_scenes())
 def test_a_rounding_of_a_parameter_shifts_positions_by_less_than_is_promised(name, stiffness):

@@ -24,9 +24,7 @@ def first(scene: vibro_ros.Scene, name: str, low: float, high: float, upwards: b
 
 
 @pytest.mark.parametrize(("speed", "restitution", "gap", "points", "kind", "reach"), [
-    (170.0, 0.5, 0.0, 40, FOLD, 1.0), (230.0, 0.5, -0.003, 22, DOUBLING, 1.0),
-    pytest.param(170.0, 0.5, 0.0, 40, FOLD, 20.0, marks=pytest.mark.process),
-    pytest.param(230.0, 0.5, -0.003, 22, DOUBLING, 20.0, marks=pytest.mark.process)])
+    (170.0, 0.5, 0.0, 40, FOLD, 20.0), (230.0, 0.5, -0.003, 22, DOUBLING, 20.0)])
 def test_folds_and_doublings_over_two_parameters_are_those_of_the_closed_form(speed, restitution, gap, points, kind,
                                                                              reach):
     branch, special = first(oscillator(speed, restitution, gap), "upper.gap", LOW, HIGH, True, kind, points)
@@ -43,12 +41,11 @@ def test_folds_and_doublings_over_two_parameters_are_those_of_the_closed_form(sp
         assert min(abs(closed.blow(phase).gap - here) for phase in phases) < 1e-12
 
 
-@pytest.mark.parametrize("end", [170.5, pytest.param(180.0, marks=pytest.mark.process)])
-def test_a_mass_grazes_its_plate_where_the_gap_is_the_amplitude_of_the_steady_motion(end):
+def test_a_mass_grazes_its_plate_where_the_gap_is_the_amplitude_of_the_steady_motion():
     branch, special = first(oscillator(170.0, 0.8, 0.02), "upper.gap", LOW, HIGH, False, GRAZING)
     assert "no orbit was found beyond" in branch.end and special.change == "upper_contact appears"
-    curve = vibro_ros.follow_bifurcation(branch, special, {"upper.gap": (LOW, HIGH), "motor.speed": (160.0, end)})
-    assert curve.end == f"motor.speed leaves its range at {end:g} rad/s"
+    curve = vibro_ros.follow_bifurcation(branch, special, {"upper.gap": (LOW, HIGH), "motor.speed": (160.0, 180.0)})
+    assert curve.end == "motor.speed leaves its range at 180 rad/s"
     for here, at in curve.values:
         closed = ImpactOscillator(oscillator(at, 0.8, here))
         phases = np.linspace(0.0, 2.0 * np.pi, 100)
@@ -58,7 +55,6 @@ def test_a_mass_grazes_its_plate_where_the_gap_is_the_amplitude_of_the_steady_mo
         assert here + closed.rod == pytest.approx(-most.fun, abs=1e-13)  # rounding, and (1e-6)² crank radii
 
 
-@pytest.mark.process
 @pytest.mark.parametrize("kind", [FOLD, GRAZING])
 def test_a_curve_comes_back_and_lies_where_one_parameter_has_its_special_point(kind):
     """`damped` over motor speed and gap: the curve is followed for a few orbits; the branch at the gap of the last one
@@ -97,7 +93,6 @@ def test_a_special_point_without_a_curve_and_parameters_that_are_not_two_are_ref
             vibro_ros.follow_bifurcation(branch, special, ranges)
 
 
-@pytest.mark.process
 def test_two_folds_meet_in_the_cusp_of_the_closed_form():
     """From one fold at 56 rad/s through the cusp to the other fold at 56 rad/s."""
     def closed(speed):

@@ -35,6 +35,7 @@ def in_order(values) -> np.ndarray:
     return np.array(sorted(np.asarray(values, dtype=complex), key=lambda z: (-round(abs(z), 9), z.imag)))
 
 
+@pytest.mark.process
 def test_a_mirrored_crank_has_the_same_orbits():
     """The inclined mass cannot tell which way the crank turns; with the body it moves at the same mean speed."""
     found = {speed: vibro_ros.find_orbit(scene("damped", **{"effects.upper_mass": False, "motor.speed": speed}))
@@ -119,6 +120,7 @@ def test_the_step_of_the_differences_suits_contacts_that_lie_close_together():
     assert 1e-8 < found.multiplier_error < 2e-6
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(("name", "turns"), [("damped", 1), ("device", 2)])
 def test_multipliers_do_not_depend_on_the_cut_nor_on_the_step_of_the_differences(name, turns):
     of = scene(name)
@@ -156,6 +158,7 @@ def test_a_disturbed_motion_leaves_an_unstable_orbit_as_fast_as_its_multiplier_s
         assert moved == pytest.approx(np.real(values[fastest])**passes * away, abs=1e-3 * np.abs(moved).max())
 
 
+@pytest.mark.process
 def test_a_motion_that_repeats_itself_later_is_named():
     with pytest.raises(OrbitNotFoundError, match=r"device: at 100 rad/s no motion was found that repeats itself after "
                                                  r"3 turns; it repeats itself after 4 turns: give turns=4"):

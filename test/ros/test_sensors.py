@@ -4,6 +4,7 @@ from importlib import import_module
 from importlib.util import find_spec
 
 import numpy as np
+import pytest
 from random_run import FASTER, SENSORS, record_run
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.serialization import deserialize_message
@@ -57,6 +58,7 @@ def test_a_sensed_run_is_identical_in_its_replay_and_another_seed_is_another_noi
     assert not np.array_equal(one["imu/data_raw"]["acceleration"][:50], other["imu/data_raw"]["acceleration"][:50])
 
 
+@pytest.mark.process
 def test_a_run_without_sensors_is_sensed_in_its_replay(recorded, capsys):
     assert not set(SENSOR_TOPICS.values()) & {topic[1:] for topic in read_bag(recorded).topics}
     assert replay.main([str(recorded), "--set", "sensors.imu.rate=500.0"]) == 0

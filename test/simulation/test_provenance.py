@@ -60,6 +60,7 @@ def test_sources_differ_by_their_text_but_not_by_their_line_ends(monkeypatch):
     assert provenance.software()["sources"] == here
 
 
+@pytest.mark.process
 def test_sources_are_of_every_module_that_a_simulator_needs():
     code = "import sys, vibro_ros.simulation.simulator; print(*sys.modules)"
     needed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
@@ -81,6 +82,7 @@ def test_tables_differ_with_the_scene_and_not_with_its_commands():
 
 
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="only the oldest x86-64 lacks fused multiply-add")
+@pytest.mark.process
 def test_a_processor_without_fused_multiply_add_is_told(tmp_path):
     words = "from vibro_ros.solver.compilation import *; print(multiply_add(), processor())"
     found = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True, env={

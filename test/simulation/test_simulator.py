@@ -161,6 +161,7 @@ def test_a_checkpoint_of_another_scene_is_refused():
 DC = {"effects.motor": "dc", "motor.control_rate": 400.0}
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("changes", [
     {}, *({"solver.method": method, "solver.step": 1e-4} for method in sorted(SCHEMES)),
     *(DC | {"motor.control": law} for law in ("voltage", "speed_by_voltage", "speed_by_current"))],
