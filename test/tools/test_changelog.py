@@ -16,6 +16,8 @@ def test_the_top_entry_is_the_packages_version():
     cited = yaml.safe_load((ROOT / "CITATION.cff").read_text())
     assert ENTRIES[0][0] == PACKAGE.findtext("version") == version("vibro_ros") == cited["version"]
     assert cited["license"] == PACKAGE.findtext("license")
+    interfaces = ElementTree.parse(ROOT / "interfaces" / "vibro_ros_interfaces" / "package.xml").getroot()
+    assert interfaces.findtext("version") == PACKAGE.findtext("version")
 
 
 def test_versions_fall_and_each_tells_of_its_bits():
