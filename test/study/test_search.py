@@ -12,7 +12,7 @@ import pytest
 from vibro_ros.study import optimise as module
 from vibro_ros.study.execution import Execution
 from vibro_ros.study.optimise import FRONT, Effort, evaluated, non_dominated, proposals, searched
-from vibro_ros.study.trials import Trials
+from vibro_ros.study.trials import MEASURED, Trials
 
 PATIENCE = 120.0  # [s] deadline of what takes a few seconds on an idle machine
 BEST = np.array([0.2, 0.9, 0.6])
@@ -79,7 +79,7 @@ def simulated(monkeypatch):
 
     def values_of(point, trials):
         points.append(point)
-        return np.full((trials.starts, 4), hill(point))
+        return np.full((trials.starts, len(MEASURED)), hill(point))
 
     monkeypatch.setattr(module, "values_of", values_of)
     return points

@@ -89,9 +89,9 @@ def test_bounds_without_a_robot_are_refused(fixed, varied, said):
         Space(DEVICE, chosen_variables(fixed, varied))
 
 
-def values(speeds, net=2.0, delivered=4.0, air=0.0):
-    """Return the values of a robot with these mean speeds [m/s], one power [W] and one share of time in the air."""
-    return np.array([[one, net, delivered, air] for one in speeds])
+def values(speeds, net=2.0, delivered=4.0, air=0.0, supply=np.nan):
+    """Return the values of a robot with these mean speeds [m/s], powers [W] and one share of time in the air."""
+    return np.array([[one, net, delivered, air, supply] for one in speeds])
 
 
 def test_a_lucky_start_does_not_win():
@@ -108,8 +108,10 @@ def test_either_direction_counts_but_all_starts_must_agree():
     assert speed(values([-0.3, -0.2]), Reading(direction="backward")) == pytest.approx(0.225)
 
 
-def test_both_readings_of_power_which_is_no_merit_unless_above_zero():
-    robot = values([0.2, 0.2])
+def test_each_reading_of_power_which_is_no_merit_unless_above_zero():
+    robot = values([0.2, 0.2], supply=8.0)
+    assert speed_per_power(robot, Reading(power="supply")) == pytest.approx(0.025)
+    assert cost_of_transport(robot, Reading(power="supply"), 10.0) == pytest.approx(8.0 / (10.0 * 0.2))
     assert speed_per_power(robot, Reading()) == pytest.approx(0.1)
     assert speed_per_power(robot, Reading(power="delivered")) == pytest.approx(0.05)
     assert cost_of_transport(robot, Reading(), 10.0) == pytest.approx(2.0 / (10.0 * 0.2))

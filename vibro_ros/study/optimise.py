@@ -47,11 +47,13 @@ from vibro_ros.study.trials import (
     Verified,
     check_reaction,
     cost_of_transport,
+    has_supply,
     readings,
     speed,
     values_of,
     values_of_many,
     verified,
+    went_on,
 )
 from vibro_ros.study.variation import Range, at_the_edge, varied_in_words
 
@@ -119,6 +121,9 @@ class Plan:
     seed: int
 
     def __post_init__(self) -> None:
+        if self.reading.power == "supply" and not has_supply(self.space.scene):
+            raise ValueError(f"--power supply: {self.space.scene.name} has no dc motor that the method exact solves; "
+                             "give --power net or delivered, or a scene with effects.motor dc such as machine")
         if self.objective == FRONT:
             check_reaction(self.space.scene, "the cost of transport")
         elif OBJECTIVES[self.objective].needs_reaction:
@@ -153,7 +158,7 @@ class Plan:
 
     def speed_and_cost(self, point: np.ndarray, values: np.ndarray) -> tuple[float, float]:
         """Speed [m/s] and cost of transport [-] of the robot at a point; infinite cost if it is not accepted."""
-        if not np.isfinite(values).all():
+        if not went_on(values):
             return FAILED, np.inf
         if excess := self._flies(values):
             return -excess, np.inf
@@ -427,7 +432,7 @@ def studied(plan: Plan, folder: Path, execution: Execution) -> tuple[Result, Can
 
 def _chosen(plan: Plan, candidates: Candidates, scores: np.ndarray, execution: Execution) -> np.ndarray:
     """Return the point that is best from other starts among the best of the search, whose scores were partly luck."""
-    scores = np.where(np.isfinite(candidates.values).all(axis=(1, 2)), scores, -np.inf)
+    scores = np.where(went_on(candidates.values), scores, -np.inf)
     finalists = _apart(candidates.points, scores, plan.effort.finalists)
     trials = replace(plan.effort.choosing, first=CHOOSING)
     robots, fresh = [plan.space.robot(point) for point in finalists], []
@@ -483,7 +488,8 @@ def scene_file(scene: Scene, comment: str) -> bytes:
 
 
 POWER = {"net": "the work of the motor less what the springs return to it, over time",
-         "delivered": "the work that the motor delivers, over time; what the springs return to it is lost"}
+         "delivered": "the work that the motor delivers, over time; what the springs return to it is lost",
+         "supply": "the energy that the supply gives to the dc motor, with the heat of its winding, over time"}
 """Definition of P for each reading of the power."""
 _DIRECTIONS = {"either": "in either direction", "forward": "forwards only", "backward": "backwards only"}
 _ENDS = {"low": "lower", "high": "upper", "": ""}
@@ -544,7 +550,7 @@ def _question_and_verdict(result: Result) -> list[str]:
         floor += f" A robot that is in the air for more than {100 * plan.most_air:g} % of the time does not count."
     how = "CMA-ES, one weight of speed and cost after the other," if plan.objective == FRONT else (
         "CMA-ES, restarted with twice as many robots a group,")
-    asked = (f"P is mean mechanical power: {POWER[plan.reading.power]}. {how} tried {result.robots} robots, each "
+    asked = (f"P is mean power: {POWER[plan.reading.power]}. {how} tried {result.robots} robots, each "
             f"from the same {trials.starts} drawn starts over {trials.duration:g} s after {trials.settling:g} s. The "
             f"score is the lower quartile of these starts. Speed counts {_DIRECTIONS[plan.reading.direction]}, and all "
             f"starts must agree.{floor}")
@@ -586,10 +592,12 @@ def _verification(result: Result) -> list[str]:
             "by the rule of its row, and would not do this.")
     return [said, _table(
         ["reading", "repeats itself", "starts", "speed, forward positive [mm/s]", "mean N over weight",
-         "time with N <= 0 [%]", "in the air [%]", "P net [W]", "P delivered [W]", "V/P [m/J]", "cost of transport"],
+         "time with N <= 0 [%]", "in the air [%]", "P net [W]", "P delivered [W]", "P from the supply [W]", "V/P [m/J]",
+         "cost of transport"],
         ([row.reading, _motion(row), f"{row.starts} of {trials.starts}", f"{_with_spread(row.speed, 1e3)}{_drift(row)}",
           _number(row.load), f"{100 * row.unloaded:.0f}", f"{100 * row.air:.0f}", _with_spread(row.power),
-          _with_spread(row.delivered), _with_spread(row.ratio) if math.isfinite(row.cost) else "-", _number(row.cost)]
+          _with_spread(row.delivered), _with_spread(row.supply),
+          _with_spread(row.ratio) if math.isfinite(row.cost) else "-", _number(row.cost)]
          for row in result.verified))]
 
 
@@ -683,8 +691,9 @@ def plan_of(options: argparse.Namespace) -> Plan:
     effort = QUICK if options.quick else Effort()
     starts = options.starts or effort.trials.starts
     effort = replace(effort, budget=options.budget or effort.budget, trials=replace(effort.trials, starts=starts))
-    return Plan(Space(scene, chosen_variables(fixed, varied)), options.objective,
-                Reading(options.power, options.direction), options.least_speed, options.most_air, effort, options.seed)
+    power = options.power or ("supply" if has_supply(scene) else "net")
+    return Plan(Space(scene, chosen_variables(fixed, varied)), options.objective, Reading(power, options.direction),
+                options.least_speed, options.most_air, effort, options.seed)
 
 
 def sought(scene: Scene) -> Scene:
@@ -718,8 +727,9 @@ def _add_options(own: Parser) -> None:
     objectives = "; ".join(f"{name}: {one.does}" for name, one in OBJECTIVES.items())
     own.add_argument("--objective", choices=[*OBJECTIVES, FRONT], default="speed_per_power", help=f"{objectives}; "
                         f"{FRONT}: speed and cost of transport (default: %(default)s)")
-    own.add_argument("--power", choices=POWERS, default="net", help="what P is; net: less what springs return to "
-                        "the motor; delivered: without that (default: %(default)s)")
+    own.add_argument("--power", choices=POWERS, help="what P is; net: work of the motor less what springs return to "
+                        "it; delivered: without that; supply: what the supply gives to a dc motor (default: supply "
+                        "with a dc motor, else net)")
     own.add_argument("--direction", choices=DIRECTIONS, default="either", help="which way counts; all starts must "
                         "agree (default: %(default)s)")
     own.add_argument("--least-speed", type=float, default=0.0, metavar="V", help="slower robots do not count [m/s] "

@@ -24,15 +24,15 @@ from vibro_ros.study.measures import drift_in, measure, measure_with_motion
 from vibro_ros.study.space import Space
 
 #: Measures from which every score is computed: the columns of the values of a robot.
-MEASURED = ("mean_speed", "mean_power", "delivered_power", "air_share")
+MEASURED = ("mean_speed", "mean_power", "delivered_power", "air_share", "supply_power")
 #: Quantile over the starts that gives the score.
 QUANTILE = 0.25
 #: Score of a robot that cannot be simulated: below all others.
 FAILED = -1e3
+#: Columns of `MEASURED` with the share of the time in the air, and with the power from the supply.
+AIR, SUPPLY = 3, 4
 #: Column of `MEASURED` for each reading of P.
-POWERS = {"net": 1, "delivered": 2}
-#: Column of `MEASURED` with the share of the time in the air.
-AIR = 3
+POWERS = {"net": 1, "delivered": 2, "supply": SUPPLY}
 #: Sign of the mean speed for each direction; 0 for either.
 DIRECTIONS = {"either": 0.0, "forward": 1.0, "backward": -1.0}
 
@@ -52,6 +52,19 @@ class Reading(NamedTuple):
     direction: str = "either"
 
 
+def has_supply(scene: Scene) -> bool:
+    """Whether the power from a motor's supply can be measured: for a dc motor, by the method `exact`."""
+    return scene.has_rotor and scene["solver.method"] == "exact"
+
+
+def went_on(values: np.ndarray) -> np.ndarray:
+    """Whether all runs of a robot went on, from its values, shape (..., starts, measures): else all are NaN.
+
+    The power from the supply does not count, because it is NaN without a dc motor.
+    """
+    return np.isfinite(values[..., :SUPPLY]).all(axis=(-2, -1))
+
+
 def directed(speeds: np.ndarray, direction: str) -> np.ndarray:
     """Speeds [m/s], shape (starts,), positive in the given direction, or for `either` in that of their mean."""
     sign = DIRECTIONS[direction] or float(np.sign(np.mean(speeds))) or 1.0
@@ -63,7 +76,7 @@ def speed(values: np.ndarray, reading: Reading) -> float:
 
     `values` has the shape (starts, measures), with columns `MEASURED`.
     """
-    if not np.isfinite(values).all():
+    if not went_on(values):
         return FAILED
     speeds = directed(values[:, 0], reading.direction)
     return float(speeds.min() if speeds.min() <= 0.0 else np.quantile(speeds, QUANTILE))
@@ -163,7 +176,8 @@ class Trials:
 def values_of(scene: Scene | None, trials: Trials) -> np.ndarray:
     """Values of `MEASURED` of a robot from each start, shape (starts, measures).
 
-    All are NaN if a run cannot go on, and for a robot that cannot be built (None).
+    All are NaN if a run cannot go on, and for a robot that cannot be built (None); the power from the supply also
+    without a dc motor.
     """
     nothing = np.full((trials.starts, len(MEASURED)), np.nan)
     if scene is None:
@@ -212,8 +226,8 @@ class Verified:
         Their share of all starts, and its 95 % confidence interval; dimensionless.
     speed : Mean
         Mean speed [m/s], forward positive.
-    power, delivered : Mean
-        Net and delivered mean power [W].
+    power, delivered, supply : Mean
+        Net and delivered mean power, and that from the supply of a dc motor, else NaN [W].
     ratio : Mean
         Absolute speed over the power of the reading of P [m/J].
     cost : float
@@ -234,6 +248,7 @@ class Verified:
     speed: Mean
     power: Mean
     delivered: Mean
+    supply: Mean
     ratio: Mean
     cost: float
     drift: float
@@ -324,7 +339,7 @@ def _verified(words: str, scene: Scene, attractor: Attractor, values: np.ndarray
     pays = scene["effects.reaction"] and power.mean() > 0.0 and speed.mean() != 0.0 and weight > 0.0
     return Verified(
         words, attractor.turns, attractor.starts, attractor.share, attractor.low, attractor.high, mean(speed),
-        mean(values[:, 1]), mean(values[:, 2]), ratio,
+        *(mean(values[:, column]) for column in POWERS.values()), ratio,
         float(power.mean() / (weight * abs(speed.mean()))) if pays else math.nan,
         0.0 if attractor.turns else drift_in(values[:, -1], float(speed.mean())),
         *map(float, values[:, [len(MEASURED), len(MEASURED) + 1, AIR]].mean(axis=0)))
