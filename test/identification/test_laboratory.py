@@ -7,10 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from laboratory import FIELD, ROBOTS, lowpassed, record
 
 import vibro_ros
 from vibro_ros.identification.recording import read_recording
+
+pytest.importorskip("heyoka", reason="heyoka, the extra `bench`, is not installed")
+
+from laboratory import FIELD, ROBOTS, lowpassed, record
 
 HORIZON = {"damped": 4.0, "starts": 4.0}  # s; the others' motions are chaotic, and noise of rounding grows
 CHANNELS = {"body_position", "body_velocity", "upper_position", "upper_velocity", "inclined_position",
