@@ -20,6 +20,7 @@ import vibro_ros
 from vibro_ros.bag.stream import BagError
 from vibro_ros.identification.noise import noise_of
 from vibro_ros.identification.recording import LARGEST_SPREAD, read_recording
+from vibro_ros.messages.codec import deserialised, serialised
 from vibro_ros.messages.topics import TOPICS
 
 DAMPED = vibro_ros.load_scene("damped")
@@ -53,6 +54,23 @@ def test_channels_have_the_measured_values_at_the_stamps_of_the_headers(tmp_path
     assert {one.sigma_from for one in recording.channels} == {"covariance"}
     assert recording.start == pytest.approx(START * 1e-9 + 1.0, abs=1e-6)
     assert recording.duration == pytest.approx(2.098, abs=1e-9)
+
+
+def test_a_body_that_hops_has_a_height_with_variances_of_its_own(tmp_path):
+    def widened(rows):
+        for topic, at, data in rows:
+            message = deserialised(data, TOPICS["odom"].type)
+            for part, variance in ((message.pose, 4e-8), (message.twist, 9e-6)):
+                part.covariance = np.where(np.arange(36) == 14, variance, part.covariance)
+            yield topic, at, serialised(message, TOPICS["odom"].type)
+
+    rows = odometry(TIMES, np.array([X, X**2]), np.array([V, 2.0 * X * V]), (1e-8, 1e-6))
+    bag = written(tmp_path / "bag", widened(rows))
+    found = {one.field: one for one in read_recording(
+        bag, DAMPED.with_parameters({"effects.normal_force": "hop"})).channels}
+    np.testing.assert_array_equal(found["body_height"].values, X**2)
+    np.testing.assert_array_equal(found["body_vertical_velocity"].values, 2.0 * X * V)
+    assert [one.sigma for one in found.values()] == pytest.approx([1e-4, 2e-4, 1e-3, 3e-3])
 
 
 def test_joints_in_any_order_without_velocities_and_unknown_ones(tmp_path):
