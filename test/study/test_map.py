@@ -67,6 +67,28 @@ def test_two_motions_exist_exactly_between_the_folds_which_are_where_continuatio
     assert min(abs(speed - FOLD) for speed in at_zero) < 1e-5  # the known value has six digits
 
 
+def test_the_shares_are_those_of_the_starts_by_another_road(folded):
+    """Between the folds at 106 rad/s; the eight starts of `attractors` are the same, its cut is another."""
+    table = pandas.read_parquet(folded / "motions.parquet")
+    here = table[(table.motor_speed == 106.0) & (table.gap == 0.0)]
+    scene = vibro_ros.load_scene("damped").with_parameters({"motor.speed": 106.0, "upper.gap": 0.0,
+                                                            "inclined.gap": 0.0})
+    led = {round(one.mean_speed, 6): one.share for one in vibro_ros.attractors(scene, motions_module.HISTORIES)}
+    assert len(here) == 2 and here.share_of_starts.sum() == 1.0
+    assert {round(speed, 6): share for speed, share in zip(here.mean_speed, here.share_of_starts, strict=True)
+            if share} == led
+    alone = table[table.groupby(["motor_speed", "gap"]).motion.transform("size") == 1]
+    assert len(alone) and alone.share_of_starts.isna().all()
+
+
+@pytest.mark.parametrize(("turns", "speed", "place"), [
+    (1, -0.0501, 0), (2, -0.0501, 1), (2, -0.2, None), (4, -0.05, None), (20, -0.08, 2)])
+def test_a_start_has_led_to_the_motion_of_its_period_and_speed_or_to_none(turns, speed, place):
+    """A period of more than 8 turns counts as none, as in the table of motions."""
+    led = visit(turns=turns, speed=speed).settled(1e-5)
+    assert motions_module._place_among(replace(led, turns=turns), [(1, -0.05), (2, -0.05), (0, -0.081)]) == place
+
+
 def test_motions_on_either_side_of_a_fold_have_numbers_of_their_own(folded):
     found = read_map(folded / "damped.json").found
     first, last = (found.motion[found.speed_index == i] for i in (0, 10))

@@ -7,7 +7,8 @@ mean speeds are close. But two motions of one cell are never the same, even if a
 beyond the end of a fold, where its two sheets meet, nothing separates them.
 
 Where a motion ends, its branch is followed to the special point there (`end_point`), and these points are joined to
-curves. Finally, the commands that a controller would give are tried from random starts (`proved`).
+curves. Random starts tell which share of them leads to each motion of a cell with several (`shares`). Finally, the
+commands that a controller would give are tried from random starts (`proved`).
 """
 
 import argparse
@@ -41,6 +42,7 @@ from vibro_ros.configuration.command_map import (
 )
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.scene import Scene
+from vibro_ros.orbits.attractors import steady_start
 from vibro_ros.orbits.continuation import CORNER, follow, special_points
 from vibro_ros.orbits.family import Family, LostError
 from vibro_ros.orbits.recurrence import SAME, SettledMotion, number_among, settle, tolerance_of
@@ -516,6 +518,57 @@ def curves(design: MapDesign, points: list[Point], gap_indices: range) -> tuple[
                  for line in lines if len(line) > 1)
 
 
+HISTORIES = 8
+"""Random starts of each cell with several motions (`orbits.starts`)."""
+_SAME_SPEED = 0.05  # relative difference of mean speeds up to which a start has led to a motion of the same period
+_LONGEST_SETTLING = 40.0  # simulated time [s] of a start, about
+
+
+def shares(design: MapDesign, found: Found, execution: Execution) -> np.ndarray:
+    """Share of `HISTORIES` random starts that lead to each motion, shape (rows,); NaN for the only motion of its cell.
+
+    The shares of a cell's motions add up to less than 1 if a start leads to a motion that no sweep has found.
+    """
+    rows_of: dict[tuple[int, int], list[int]] = defaultdict(list)
+    for row, cell in enumerate(zip(found.speed_index.tolist(), found.gap_index.tolist(), strict=True)):
+        rows_of[cell].append(row)
+    several = {cell: rows for cell, rows in rows_of.items() if len(rows) > 1}
+    known = tuple((cell, [(int(found.turns[row]), float(found.mean_speed[row])) for row in rows])
+                  for cell, rows in several.items())
+    table = np.full(len(found.motion), math.nan)
+    with Progress("random starts of cells with several motions", "cell", len(known)) as progress, closing(
+            execution.rows(partial(_led, design, known), range(len(known)), HISTORIES * _LONGEST_SETTLING,
+                           ("exact",))) as led:
+        for rows, counts in zip(several.values(), led, strict=True):
+            table[rows] = np.array(counts) / HISTORIES
+            progress.add(1)
+    return table
+
+
+def _led(design: MapDesign, known: Sequence[tuple[tuple[int, int], list[tuple[int, float]]]], number: int
+         ) -> list[int]:
+    """Number of random starts that lead to each known motion of a cell: period [turns] and mean speed [m/s]."""
+    cell, motions = known[number]
+    turn_map, counts = TurnMap(design.scene_at(*cell), PHASE), [0] * len(motions)
+    for start in range(HISTORIES):
+        stroboscope = Stroboscope(turn_map)
+        with suppress(SimulationError):
+            stroboscope.begin_with(steady_start(turn_map.scene, start))
+            motion = settle(stroboscope, most=MOST_TURNS)
+            place = None if motion is None else _place_among(motion, motions)
+            if place is not None:
+                counts[place] += 1
+    return counts
+
+
+def _place_among(motion: SettledMotion, motions: Sequence[tuple[int, float]]) -> int | None:
+    """Index of the motion of the same period whose mean speed is nearest; None if it differs by too much."""
+    turns = motion.turns if motion.turns <= LONG else 0
+    near = [(abs(speed - motion.mean_speed), place) for place, (other, speed) in enumerate(motions) if other == turns
+            and abs(speed - motion.mean_speed) <= _SAME_SPEED * max(abs(speed), abs(motion.mean_speed))]
+    return min(near)[1] if near else None
+
+
 PROOFS, QUICK_PROOFS = 185, 16
 """Number of mean speeds that are tried, equally spaced over the range of a map; the same for a quick map."""
 STARTS = 8
@@ -610,8 +663,11 @@ SHOWN = 22
 """Approximate number of rows of the printed table of trials."""
 
 
-def map_in_words(command_map: CommandMap, visits: list[Visit]) -> list[str]:
-    """Return lines of text about the map: numbers of motions, mean speeds, curves, and sure commands."""
+def map_in_words(command_map: CommandMap, visits: list[Visit], share: np.ndarray) -> list[str]:
+    """Return lines of text about the map: numbers of motions, mean speeds, curves, and sure commands.
+
+    `share` has the shares of `shares`.
+    """
     found = command_map.found
     cells, counts = np.unique(np.column_stack([found.speed_index, found.gap_index]), axis=0, return_counts=True)
     unsettled = sum(visit.turns == UNSETTLED for visit in visits)
@@ -621,6 +677,9 @@ def map_in_words(command_map: CommandMap, visits: list[Visit]) -> list[str]:
     forwards = int(np.sum(found.mean_speed > 0.0))
     place = (f"{command_map.speeds.values[found.speed_index[fastest]]:g} rad/s, gap "
                   f"{command_map.gaps.values[found.gap_index[fastest]] * 1e3:g} mm")
+    if not math.isnan(share[fastest]):
+        place += f", {round(share[fastest] * HISTORIES)} of {HISTORIES} random starts"
+    tried = _fastest(command_map, share)[~np.isnan(_fastest(command_map, share))]
     kinds = [curve.kind for curve in command_map.curves]
     curves = ", ".join(f"{kinds.count(kind)} of {kind}" for kind in dict.fromkeys(kinds))
     sure = "no sure commands for any mean speed"
@@ -631,6 +690,8 @@ def map_in_words(command_map: CommandMap, visits: list[Visit]) -> list[str]:
     return [
         f"{len(cells)} of {command_map.speeds.count * command_map.gaps.count} cells have a motion, "
         f"{np.sum(counts > 1)} have more than one; {unsettled} of {len(visits)} visits did not settle",
+        f"the fastest of several motions has most of {HISTORIES} random starts in {np.sum(tried > 0.5)} cells, and "
+        f"none of them in {np.sum(tried == 0.0)}",
         f"{len(numbered)} motions of neighbouring cells; {periodic:.0%} of what was found repeats itself within 8 "
         "turns",
         f"mean speeds from {found.mean_speed[slowest] * 1e3:.1f} to {found.mean_speed[fastest] * 1e3:.1f} mm/s "
@@ -655,32 +716,33 @@ def trials_in_words(trials: list[Trial]) -> list[str]:
             f"at most, and by {median:.1%} in the median"]
 
 
-WIDTH, HEIGHT = 9.6, 8.4  # in
+WIDTH, HEIGHT = 9.6, 11.4  # in
 _PERIODS = (("#dddddd", "none up to 8"), (BLUE, "1"), (SKY, "2"), (GREEN, "3"), (YELLOW, "4"), (ORANGE, "5 to 8"))
 _STYLES = {"fold": (BLACK, "-"), "period doubling": (BLACK, "--"), "Neimark-Sacker": (BLACK, ":"),
            "grazing": (VERMILION, "-")}
 
 
-def draw_map(command_map: CommandMap) -> bytes:
-    """Draw mean speed and period over motor speed and gap; returns a PNG file."""
+def draw_map(command_map: CommandMap, share: np.ndarray) -> bytes:
+    """Draw mean speed, share of the starts and period over motor speed and gap; returns a PNG file.
+
+    `share` has the shares of `shares`.
+    """
     figure = new_figure(WIDTH, HEIGHT)
-    upper, lower = figure.subplots(2, 1, sharex=True, sharey=True)
-    _draw_quantity(figure, upper, command_map, command_map.found.mean_speed * 1e3, "mean speed [mm/s]", "viridis")
+    upper, middle, lower = figure.subplots(3, 1, sharex=True, sharey=True)
+    _draw_quantity(figure, upper, command_map, command_map.found.mean_speed * 1e3, "fastest mean speed [mm/s]",
+                   "viridis")
+    _draw_quantity(figure, middle, command_map, share * 100.0, f"share of {HISTORIES} random starts [%]", "magma",
+                   (0.0, 100.0))
     _draw_periods(figure, lower, command_map)
-    for axes in (upper, lower):
+    for axes in (upper, middle, lower):
         _draw_curves(axes, command_map)
-    found = command_map.found
-    cells, counts = np.unique(np.column_stack([found.speed_index, found.gap_index]), axis=0, return_counts=True)
-    several = cells[counts > 1]  # each gets a dot
-    upper.plot(command_map.speeds.values[several[:, 0]], command_map.gaps.values[several[:, 1]] * 1e3, ".",
-               color="white", markersize=2.5, markeredgewidth=0.0)
     handles = [Line2D([], [], color=colour, linestyle=style, label=kind) for kind, (colour, style) in _STYLES.items()
                if any(curve.kind == kind for curve in command_map.curves)]
-    handles.append(Line2D([], [], color="white", markeredgecolor="grey", marker="o", markersize=5, linestyle="",
-                          label="more than one motion"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False)
+    if handles:
+        figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
     sides = "both plates" if len(command_map.sides) > 1 else f"the {command_map.sides[0]} plate"
     upper.set_title(f"{command_map.scene}: motions over motor speed and gap of {sides}")
+    middle.set_title("cells with more than one motion: random starts that lead to the fastest", fontsize="medium")
     lower.set_xlabel("motor speed [rad/s]")
     return png(figure)
 
@@ -698,9 +760,9 @@ def _edges(axis: Axis, factor: float = 1.0) -> np.ndarray:
 
 
 def _draw_quantity(figure: Figure, axes: Axes, command_map: CommandMap, values: np.ndarray, name: str,
-                   colours: str) -> None:
+                   colours: str, limits: tuple[float | None, float | None] = (None, None)) -> None:
     mesh = axes.pcolormesh(_edges(command_map.speeds), _edges(command_map.gaps, 1e3), _fastest(command_map, values),
-                           cmap=colours, rasterized=True)
+                           cmap=colours, vmin=limits[0], vmax=limits[1], rasterized=True)
     figure.colorbar(mesh, ax=axes, label=name, pad=0.01)
     axes.set_ylabel("gap [mm]")
     axes.set_facecolor("white")
@@ -753,27 +815,29 @@ def _results(asked: Asked, folder: Path, execution: Execution) -> Iterator[Resul
     command_map = CommandMap(design.scene.name, parameters, design.sides, design.speeds, design.gaps, found, ())
     points = points_of(design, ends(found, rows, design.speeds, asked.gap_indices), execution)
     command_map = replace(command_map, curves=curves(design, points, asked.gap_indices))
+    share = shares(design, found, execution)
     command_map, trials = proved(command_map, design, asked.proofs, execution)
-    yield Results(_files(command_map, rows), [*map_in_words(command_map, visits), *trials_in_words(trials)])
+    yield Results(_files(command_map, rows, share),
+                  [*map_in_words(command_map, visits, share), *trials_in_words(trials)])
 
 
-def _files(command_map: CommandMap, rows: list[Visit]) -> dict[str, bytes]:
+def _files(command_map: CommandMap, rows: list[Visit], share: np.ndarray) -> dict[str, bytes]:
     """Contents of command map, table and picture by file name."""
     name, text = f"{command_map.scene}.json", written(command_map, f"vibro_ros {software()['version']}").encode()
     if len(text) > LARGEST:
         raise RuntimeError(f"{name}: {len(text)} bytes are more than the {LARGEST} that a controller reads; give a "
                            "coarser grid")
-    return {name: text, TABLE: _table(command_map, rows), PICTURE: draw_map(command_map)}
+    return {name: text, TABLE: _table(command_map, rows, share), PICTURE: draw_map(command_map, share)}
 
 
-def _table(command_map: CommandMap, rows: list[Visit]) -> bytes:
+def _table(command_map: CommandMap, rows: list[Visit], share: np.ndarray) -> bytes:
     """Return a Parquet file of all motions, with motor speeds and gaps in place of indices."""
     found, speeds, gaps = command_map.found, command_map.speeds, command_map.gaps
     columns = {"motor_speed": (speeds.values[found.speed_index], "rad/s"), "gap": (gaps.values[found.gap_index], "m"),
                "motion": (found.motion, "1"), "turns": ([visit.turns for visit in rows], "1"),
                "landings": ([visit.landings for visit in rows], "1"), "mean_speed": (found.mean_speed, "m/s"),
                "cost_of_transport": (found.cost_of_transport, "1"), "stick_share": (found.stick_share, "1"),
-               "air_share": (found.air_share, "1")}
+               "air_share": (found.air_share, "1"), "share_of_starts": (share, "1")}
     arrays = [pa.array(values) for values, _ in columns.values()]
     fields = [pa.field(name, array.type, metadata={"unit": unit})
               for (name, (_, unit)), array in zip(columns.items(), arrays, strict=True)]
