@@ -1,9 +1,9 @@
-"""Speed over ground from an encoder and a clipped IMU, beside the truth: python examples/estimator.py
+"""Estimate the speed over ground from an encoder and a clipped IMU: python examples/estimator.py
 
-The accelerometer clips every blow, so that its integral is no speed, and the crank's speed tells little of the speed
-over ground. But what is left of the force over some turns, its means and spreads and how often it is clipped, tells in
-which way the robot moves. So the estimator learns from runs whose truth is known, as on a test bench, and is tried on
-runs that it has not seen.
+The accelerometer clips every blow, so its integral is not the speed, and the crank's speed says little about the speed
+over ground. But the rest of the force over some turns, its means, its spreads and the share of clipped samples, depends
+on how the robot moves. The estimator therefore learns from runs with known speed, as on a test bench, and is tested on
+other runs. Each line has the true speed, too.
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ _UNITS = np.array([100.0, 5.0, 10.0, 50.0, 50.0, 0.01, 0.01])  # of the features
 
 
 def features(measurements):
-    """What a window's measurements tell: numbers of magnitude 1, their squares and products; shape (36,)."""
+    """Return features of a window's measurements: numbers of magnitude 1, their squares and products; shape (36,)."""
     force = np.array([one.values[:3:2] for one in measurements if one.sensor == "imu"])  # along x and z
     crank = np.mean([one.values[1] for one in measurements if one.sensor == "encoder"])
     told = np.array([1.0, *np.concatenate([[crank], force.mean(axis=0), force.std(axis=0),

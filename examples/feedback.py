@@ -1,7 +1,8 @@
-"""Follow a target by a late and broken tracking system, beside the truth: python examples/feedback.py
+"""Follow a target with a tracking system that is late and drops out: python examples/feedback.py
 
-A controller sees where the robot was a tenth of a second ago, ten times a second at best, and sets the motor's speed.
-Between two measurements, and while none comes, it goes on from the last one with the speed that it has seen.
+The controller receives the robot's position a tenth of a second late, at most ten times a second, and sets the motor's
+speed. Between measurements, and during dropouts, it extrapolates the position from the last measurement with the
+measured speed.
 """
 
 import vibro_ros
@@ -14,7 +15,7 @@ RESTING, GAIN, FASTEST = 60.0, 2500.0, 105.0  # rad/s, rad/s a metre, rad/s; bey
 
 
 class Controller:
-    """Knows nothing but measurements and the time."""
+    """A controller that receives only measurements and the time."""
 
     def __init__(self):
         self.time, self.place, self.speed = 0.0, 0.0, 0.0  # of the last measurement, and the speed over ground

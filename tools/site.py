@@ -18,7 +18,7 @@ OUTSIDE = {"README.md": "index.md", "CONTRIBUTING.md": "contributing.md", "CHANG
            "SECURITY.md": "security.md", "QUALITY_DECLARATION.md": "quality_declaration.md",
            "CODE_OF_CONDUCT.md": "code_of_conduct.md"}
 _LINK = re.compile(r"(?P<shown>!?\[[^]]*\])\((?P<path>[^)#:\s]+)(?P<anchor>#[^)\s]*)?\)")
-#: Code, in which a link is none, or a link, whose words may hold code.
+#: Code, in which no link is changed, or a link, whose text may contain code.
 _CODE_OR_LINK = re.compile(rf"^```.*?^```|`[^`\n]+`|{_LINK.pattern}", re.MULTILINE | re.DOTALL)
 _log = logging.getLogger("mkdocs.hooks.site")
 

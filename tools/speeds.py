@@ -47,13 +47,13 @@ _COSTS = ("mean_speed", "cost_of_transport", "delivered_cost_of_transport", "sup
 
 
 def robots() -> dict[str, Scene]:
-    """Every robot that a page names, by its name there, its motor turning."""
+    """Return every robot that a page names, by its name there, with its motor turning."""
     return {**{f"`{name}`": running(load_scene(name)) for name in shipped("scene")},
             **{f"[`{path.stem}`](optimum.md)": load_scene(path) for path in OPTIMA}}
 
 
 def motion_rows(name: str, scene: Scene, starts: int = STARTS) -> list[str]:
-    """A row of the first table for each motion of a robot."""
+    """Return a row of the first table for each motion of a robot."""
     command, value = motor_command(scene)
     name = f"{name}, {value:.4g} {'V' if command == 'motor_voltage' else 'rad/s'}"
     found = vibro_ros.attractors(scene, starts)
@@ -75,7 +75,9 @@ def exponent_in_words(one: Attractor) -> str:
 
 def led_to(scene: Scene, found: Sequence[Attractor]) -> tuple[list[str], dict[str, Attractor]]:
     """Return a simple start that leads to each motion; and, by their starts, the periodic motions to which simple
-    starts lead and no drawn one does. Of motions without a period one start cannot tell whether another is the same."""
+    starts lead and no random start does. Motions without a period are left out of the latter, because one start does
+    not suffice to compare them.
+    """
     words, others, met = [""] * len(found), dict[str, Attractor](), list[SettledMotion]()
     for start, motion in simple_starts(scene):
         places = [place for place, one in enumerate(found) if is_of(motion, one)]
@@ -88,8 +90,9 @@ def led_to(scene: Scene, found: Sequence[Attractor]) -> tuple[list[str], dict[st
 
 
 def simple_starts(scene: Scene) -> Iterator[tuple[str, SettledMotion]]:
-    """What leads somewhere, in words, and the motion: a command to the robot that stands, the motor turning from the
-    start, and the same with another speed of the body."""
+    """Yield a description of each simple start, and the motion to which it leads: a command to a standing robot; the
+    motor turning from the start; the same with another speed of the body.
+    """
     command, value = motor_command(scene)
     device = vibro_ros.Simulator(scene.with_parameters({command.replace("_", "."): 0.0}))
     device.command(**{command: value})
@@ -112,19 +115,19 @@ def is_of(motion: SettledMotion, one: Attractor) -> bool:
 
 
 class MeasuredMotion(NamedTuple):
-    """A motion of a robot, the measures of the first drawn start that leads to it, and samples of that start."""
+    """A motion of a robot, the measures of the first random start that leads to it, and samples of that start."""
 
     attractor: Attractor
     values: dict[str, float]
     samples: Samples
 
     def in_words(self, starts: int) -> str:
-        """Its speed and period, and how many of so many starts lead to it."""
+        """Return the motion's speed and period, and the number of starts, of `starts`, that lead to it."""
         return f"{self.attractor.in_words()} ({self.attractor.starts} of {starts})"
 
 
 def measured_motions(scene: Scene, names: Collection[str], starts: int = COSTED_STARTS) -> list[MeasuredMotion]:
-    """The motions that drawn starts have settled to, those of most starts first, each with its own measures."""
+    """Return the motions that random starts have settled to, those of most starts first, each with its own measures."""
     runs = in_processes(partial(_measured, scene, names), range(starts), core_count())
     values, motions = zip(*(future.result() for _, future in runs), strict=True)
     found, places = grouped(motions, [one["mean_speed"] if motion is None else motion.mean_speed

@@ -1,11 +1,11 @@
 """A vibro-impact robot as a virtual device, with physics to be trusted to the last digit.
 
-In comes a scene, every parameter of the machine: `load_scene`. Out come motions: `simulate` makes whole runs,
-`Simulator` is the device that is commanded as it goes on, `SensedSimulator` the same with its sensors, `find_orbit` a
-motion that repeats itself. `model` has the physics, as modes and guards; `solver` finds the events between two modes
-and knows nothing of robots; `simulation` makes the device of both. Around it stand `orbits`, `sensors`, `bag`
-(recordings), `recordings` (what is done with them), `accuracy`, `study`, `view` (the page) and `ros`, which alone
-imports rclpy. Read `simulation/simulator.py` first, then `docs/architecture.md`.
+A scene comes in, with every parameter of the machine (`load_scene`); motions go out. `simulate` computes whole runs,
+`Simulator` is a device that takes commands while it runs, `SensedSimulator` is a device with sensors, and `find_orbit`
+computes a periodic motion. `model` has the physics, as modes and guards; `solver` finds the events between two modes
+and knows nothing of robots; `simulation` makes the device from both. The other rooms use the device: `orbits`,
+`sensors`, `bag` (recordings), `recordings` (programs for recordings), `accuracy`, `study`, `view` (the page) and `ros`,
+which alone imports rclpy. Read `simulation/simulator.py` first, then `docs/architecture.md`.
 """
 
 from importlib import import_module
@@ -49,7 +49,9 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> object:
-    """Import what is asked for: who reads bags needs no kernels (65 MB), who simulates no bags."""
+    """Import a public name at its first use: a program that reads bags needs no kernels (65 MB), one that simulates
+    needs no bags.
+    """
     if name == "__version__":
         return import_module("importlib.metadata").version(__name__)
     if name in _HOMES:

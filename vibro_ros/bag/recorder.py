@@ -230,7 +230,8 @@ class Recorder:
     def close(self, patience: float | None = None) -> bool:
         """Stop accepting, write the queue, seal the bag and end the thread; calling it again does nothing.
 
-        Returns False when this took longer than `patience` [s]; the thread then goes on by itself. None waits for ever.
+        Returns False if this took longer than `patience` [s]; the thread then finishes on its own. With None it waits
+        for ever.
         """
         self._accepting = False
         self._closing = True

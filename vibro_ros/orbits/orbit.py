@@ -51,7 +51,7 @@ _CLOSE = 1e-6  # units of the machine: largest difference after a period; a sett
 
 
 class OrbitNotFoundError(RuntimeError):
-    """No motion was found that repeats itself after the given number of turns; the message says what was found."""
+    """No motion repeats itself after the given number of turns; the message says which motion was found."""
 
 
 class Closed(NamedTuple):

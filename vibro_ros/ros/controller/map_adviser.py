@@ -1,9 +1,9 @@
 """Use of the command map in the controller: does it belong to the robot, and which commands change the motion?
 
-A motion goes on for as long as the map has it in the cell of the commands. So a robot that is led into cells with two
-motions keeps its own, and changes where that motion ends. Cells that the commands only pass through, too fast for the
-robot to settle, do not count; only the motion in which the commands stay does. A robot that comes from outside of the
-map, such as from standstill, changes nothing.
+A robot keeps its motion as long as the map has that motion in the cell of the commands. In cells with two motions it
+therefore keeps its present one, and changes the motion only where the present one ends. Cells that the commands only
+pass through, too fast for the robot to settle, do not count; only the motion in which the commands stay does. A robot
+that comes from outside of the map, such as from standstill, changes nothing.
 """
 
 from collections import deque

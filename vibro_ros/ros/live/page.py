@@ -50,7 +50,7 @@ Answer = Callable[[bool, str], object]
 
 
 class Presence(NamedTuple):
-    """State of the robot for the pages: why there is none, or its settings, start and offered services.
+    """State of the robot for the pages: its settings, start and offered services, or the reason why no robot is shown.
 
     `origin` is the stamp [ns] of its robot time 0.
     """
