@@ -68,6 +68,8 @@ def points() -> Iterator[Point]:
 
 #: Kinds of starts of a robot.
 STARTS = NEAR_ZERO, NEAR_REST, ANY_PHASE = "near zero", "near rest", "any phase"
+#: As near rest, but with the masses on the sliders where the crank has moved them.
+ON_SLIDERS = "on sliders"
 
 
 class Reading(NamedTuple):
@@ -86,7 +88,8 @@ class Reading(NamedTuple):
     start : str
         `near zero` (every coordinate 0 but the crank's, which is a little ahead), `near rest` (each mass at rest on its
         slider or its plate, and the crank a little ahead), or `any phase` (the same with the crank anywhere in the half
-        turn in which the upper slider moves). The first start near `zero` or `rest` is that state itself.
+        turn in which the upper slider moves). The first start near `zero` or `rest` is that state itself. Near `rest`
+        the masses are where the sliders were before the crank was ahead; `on sliders`, where the sliders are then.
     friction : str
         `eq5` (Coulomb's, eq. (5)), `smooth` (x' / (abs(x') + 1 mm/s) for sign(x')), or `reversed` (the other sign).
     """
@@ -125,6 +128,13 @@ def exact_readings() -> Iterator[Reading]:
     for equations, rule, start in itertools.product(
             EQUATIONS, ("printed", "unilateral", "weight", "hop"), STARTS):
         yield Reading("exact", 0.0, equations, rule, start, "eq5")
+
+
+def slider_readings() -> Iterator[Reading]:
+    """Yield the readings whose masses rest on the sliders at the crank's own angle."""
+    for one in exact_readings():
+        if one.start == NEAR_REST:
+            yield one._replace(start=ON_SLIDERS)
 
 
 def worksheet_readings() -> Iterator[Reading]:

@@ -17,6 +17,7 @@ from research.paper import worksheet
 from research.paper.claims import (
     ANY_PHASE,
     CLAIMS,
+    ON_SLIDERS,
     STEPS,
     UNITS,
     Mean,
@@ -27,6 +28,7 @@ from research.paper.claims import (
     exact_readings,
     instants,
     points,
+    slider_readings,
     verdicts,
     worksheet_readings,
 )
@@ -68,14 +70,14 @@ class Batch(NamedTuple):
 
 def full_effort() -> Effort:
     """Return the full effort: every reading; a quarter of an hour on two cores."""
-    return Effort((*exact_readings(), *worksheet_readings()), 32, 6)
+    return Effort((*exact_readings(), *worksheet_readings(), *slider_readings()), 32, 6)
 
 
 def quick_effort() -> Effort:
     """Return a small effort: readings with `exact`, and Runge-Kutta with one step, from few starts; two minutes."""
     worksheets = (reading for reading in worksheet_readings()
                   if reading.step == STEPS[1] and reading.friction == "eq5")
-    return Effort((*exact_readings(), *worksheets), 6, 4)
+    return Effort((*exact_readings(), *worksheets, *slider_readings()), 6, 4)
 
 
 def batches(effort: Effort) -> list[Batch]:
@@ -121,7 +123,19 @@ def _displacement(reading: Reading, point: Point, number: int) -> np.ndarray:
         device.command(motor_speed=TURNING_SPEED)
         device.advance_to(ahead / TURNING_SPEED)
         device.command(motor_speed=scene["motor.speed"])
+        if reading.start == ON_SLIDERS:
+            device.set_state(**masses_on_sliders(device))
     return device.sample(times).body_position
+
+
+def masses_on_sliders(device: vibro_ros.Simulator) -> dict[str, float]:
+    """State of the masses of the paper's robot, which has no dampers, at rest on their sliders or plates [m, m/s]."""
+    scene, now, state = device.scene, device.state, dict[str, float]()
+    for side in scene.guides:
+        stretch = getattr(now, f"{side}_drive_force") / scene[f"{side}.spring.stiffness"]
+        plate = scene[f"crank.{side}_rod"] + scene[f"{side}.gap"]
+        state |= {f"{side}_position": min(getattr(now, f"{side}_position") + stretch, plate), f"{side}_velocity": 0.0}
+    return state
 
 
 def judged(effort: Effort) -> list[Verdict]:
