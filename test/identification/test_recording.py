@@ -117,7 +117,7 @@ def test_commands_come_from_all_topics_and_those_before_the_first_measurement_ho
     assert given[:2] == ({"motor_speed": 60.0, "inclined_gap": 0.002}, {"motor_speed": 90.0, "inclined_gap": 0.003})
     assert given[2] == {"upper_gap": pytest.approx(0.001)}
     assert sum("would be refused" in sentence for sentence in recording.said) == 2
-    assert any("no upper_gap was recorded before" in sentence for sentence in recording.said)
+    assert any("no command of upper_gap was recorded before" in sentence for sentence in recording.said)
     vibro_ros.simulate(DAMPED.with_parameters({"effects.motor": "ramp"}), recording.duration, 10.0,
                        commands=recording.commands)
 

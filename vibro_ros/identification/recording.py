@@ -212,8 +212,8 @@ def _since(begin: int, commands: list[tuple[int, dict[str, float]]], scene: Scen
         found.setdefault(max(0, stamp - begin) * 1e-9, {}).update(given)
     wanted = (scene.motor_command, *(f"{side}_gap" for side in scene.plates))
     if missing := [name for name in wanted if name not in found.get(0.0, {})]:
-        said.append(f"no {' or '.join(missing)} was recorded before the first measurement: until another comes, those "
-                    "of the scene are taken")
+        said.append(f"no command of {', '.join(missing)} was recorded before the first measurement: until one "
+                    "comes, the scene's values hold")
     return tuple(sorted(found.items()))
 
 
