@@ -6,8 +6,10 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
+from gymnasium.spaces import Box
 from gymnasium.utils.env_checker import check_env
 
+from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.gym.crawl import PERIOD, Crawl
 
 NAME = "vibro_ros/Crawl-v1"
@@ -101,6 +103,28 @@ def test_another_reward_and_a_picture():
     assert blue.mean() - red.mean() == pytest.approx(ahead, abs=2.0)
     with pytest.raises(ValueError, match="render_mode: 'human' is not offered"):
         Crawl(render_mode="human")
+
+
+def test_another_observation_has_the_measurements_of_every_sensor():
+    seen = []
+
+    def acceleration(measured):
+        seen.append(dict(measured))
+        return np.float32(measured["imu"][:3] / 100.0)
+
+    scene = load_scene("device").with_parameters({"sensors.imu.rate": 100.0})
+    space = Box(-1e3, 1e3, (3,), np.float32)
+    env = made(scene=scene, observation=acceleration, observation_space=space)
+    env.reset(seed=0, options={"target_speed": -0.05})
+    for _ in range(5):
+        observation, *_, info = env.step(np.array([0.4, -1.0, -1.0], np.float32))
+    assert env.observation_space == space and np.array_equal(observation, np.float32(seen[-1]["imu"][:3] / 100.0))
+    assert seen[-1].keys() == {"ahead", "target_speed", "crank_speed", "action", "encoder", "tracking", "imu"}
+    assert seen[-1]["target_speed"] == -0.05 and abs(seen[-1]["crank_speed"] - 105.0) < 5.0
+    assert seen[-1]["ahead"] == pytest.approx(info["body_position"] - info["target_position"], abs=5.0 * 0.001)
+    assert np.array_equal(seen[-1]["action"], np.float32([0.4, -1.0, -1.0]))
+    with pytest.raises(ValueError, match="observation, observation_space: give both, or none"):
+        Crawl(observation=acceleration)
 
 
 def trained(env: gymnasium.Env, count: int, policy_of) -> np.ndarray:

@@ -6,7 +6,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium.error import ResetNeeded
-from gymnasium.spaces import Box
+from gymnasium.spaces import Box, Space
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
@@ -37,6 +37,12 @@ def closeness(info: Mapping[str, float]) -> float:
     return -abs(info["body_position"] - info["target_position"]) / UNIT
 
 
+def relative(measured: Mapping[str, Any]) -> np.ndarray:
+    """Return distance, target's speed, crank's speed and last action as numbers near 1; the default observation."""
+    numbers = [measured["ahead"] / UNIT, measured["target_speed"] / UNIT, measured["crank_speed"] / 100.0]
+    return np.clip([*numbers, *measured["action"]], -_MOST, _MOST).astype(np.float32)
+
+
 class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
     """Stay at a target that moves over the ground at a steady speed.
 
@@ -48,9 +54,10 @@ class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
         Motor speed from 0 to 150 rad/s; gaps of the upper and of the inclined plate from 0 to 1 mm. The motor follows
         with the scene's acceleration, the plates with the speed of their actuators.
 
-    Observation, shape (6,)
-        Distance of the robot ahead of the target along x, from tracking, in 0.1 m; the target's speed along x, in
-        0.1 m/s; the crank's speed over the last step, from the encoder, in 100 rad/s; and the last action.
+    Observation
+        `observation(measured)`; by default of shape (6,): distance of the robot ahead of the target along x, from
+        tracking, in 0.1 m; the target's speed along x, in 0.1 m/s; the crank's speed over the last step, from the
+        encoder, in 100 rad/s; and the last action.
 
     Reward
         `reward(info)` at the end of the step; by default minus the true distance from the target, in 0.1 m.
@@ -66,6 +73,12 @@ class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
         The robot: a shipped scene's name, a file, or a scene. Encoder and tracking get the rate that a step needs.
     reward : callable
         Returns the reward of a step from its `info`.
+    observation : callable
+        Returns an observation from a mapping: `ahead` [m], `target_speed` [m/s], `crank_speed` [rad/s] and `action`,
+        shape (3,), the last one; and under the name of each sensor that is on, such as `imu`, the values of its last
+        measurement, which are missing before the first. Sensors are on by the scene's `sensors.*`.
+    observation_space : Space, optional
+        The space of other observations than the default.
     render_mode : str, optional
         `rgb_array`: `render` returns a picture with the robot in the middle, and the target.
     """
@@ -73,15 +86,18 @@ class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
     metadata = {"render_modes": ["rgb_array"], "render_fps": round(1.0 / PERIOD)}
 
     def __init__(self, scene: str | Scene = "device", reward: Callable[[Mapping[str, float]], float] = closeness,
-                 render_mode: str | None = None):
+                 observation: Callable[[Mapping[str, Any]], np.ndarray] = relative,
+                 observation_space: Space | None = None, render_mode: str | None = None):
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode: {render_mode!r} is not offered; give rgb_array, or none")
-        self.render_mode, self._reward = render_mode, reward
+        if (observation is relative) != (observation_space is None):
+            raise ValueError("observation, observation_space: give both, or none")
+        self.render_mode, self._reward, self._observe = render_mode, reward, observation
         self._device: SensedSimulator | None = None
         loaded = load_scene(scene) if isinstance(scene, str) else scene
         self._scene = loaded.with_parameters({**_SENSORS, "motor.speed": 0.0})
         self.action_space = Box(-1.0, 1.0, (3,), np.float32)
-        self.observation_space = Box(-_MOST, _MOST, (6,), np.float32)
+        self.observation_space = observation_space or Box(-_MOST, _MOST, (6,), np.float32)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
         """Begin an episode.
@@ -97,9 +113,11 @@ class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
         noise, drawn = int(self.np_random.integers(2**53)), self.np_random.uniform(*TARGETS)
         self._device = SensedSimulator(self._scene.with_parameters({"sensors.seed": float(noise)}))
         self._speed = float((options or {}).get("target_speed", drawn))
-        self._steps, self._ahead, self._crank, self._action = 0, 0.0, 0.0, np.full(3, -1.0)
+        self._steps = 0
+        self._measured: dict[str, Any] = {"ahead": 0.0, "target_speed": self._speed, "crank_speed": 0.0,
+                                          "action": np.full(3, -1.0)}
         self._sense(self._device)
-        return self._observation(), self._truth(self._device)
+        return self._observe(self._measured), self._truth(self._device)
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
         """Send the commands of an action and simulate one step; an action is clipped to the action space.
@@ -116,14 +134,14 @@ class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
         if given.shape != self.action_space.shape or np.isnan(given).any():
             raise ValueError(f"action: {np.array2string(given, threshold=6)} of shape {given.shape} is not three "
                              "numbers; give motor speed, upper gap and inclined gap, each from -1 to 1")
-        self._action = np.clip(given, -1.0, 1.0)
-        speed, upper, inclined = (0.5 * (1.0 + self._action)).tolist()
+        self._measured["action"] = np.clip(given, -1.0, 1.0)
+        speed, upper, inclined = (0.5 * (1.0 + self._measured["action"])).tolist()
         device.command(FASTEST * speed, WIDEST * upper, WIDEST * inclined)
         self._steps += 1
         device.advance_to(self._steps * PERIOD)
         self._sense(device)
         truth = self._truth(device)
-        return self._observation(), float(self._reward(truth)), False, False, truth
+        return self._observe(self._measured), float(self._reward(truth)), False, False, truth
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
         """Return a picture, shape (160, 480, 3): body, ground and target over 1.2 m; None without `render_mode`."""
@@ -153,11 +171,8 @@ class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
     def _sense(self, device: SensedSimulator) -> None:
         """Read the sensors; where a measurement is late or missing, the previous value stays."""
         for sensor, time, values in device.take_measurements():
+            self._measured[sensor] = values
             if sensor == "encoder":
-                self._crank = values.item(1)
+                self._measured["crank_speed"] = values.item(1)
             elif sensor == "tracking":
-                self._ahead = values.item(0) - self._speed * time
-
-    def _observation(self) -> np.ndarray:
-        numbers = np.array([self._ahead / UNIT, self._speed / UNIT, self._crank / 100.0, *self._action])
-        return np.clip(numbers, -_MOST, _MOST).astype(np.float32)
+                self._measured["ahead"] = values.item(0) - self._speed * time
