@@ -50,6 +50,14 @@ def test_the_command_line_changes_what_the_file_says(tmp_path):
     assert (found.scene.name, found.measures, found.starts, found.duration) == ("rigid", ("period",), 4, 2.0)
 
 
+def test_linked_parameters_of_a_file_are_overridden_together_or_not_at_all(tmp_path):
+    path = file_of(tmp_path, "scene: damped\nvary: {upper.gap+inclined.gap: [0.0, 0.001], mass.upper: [0.1]}\n")
+    found = design_of(read_sweep(path), said(vary=["upper.gap=0.001", "inclined.gap=0.002"]))
+    assert [one.name for one in found.varied] == ["mass.upper", "upper.gap", "inclined.gap"]
+    with pytest.raises(ValueError, match="upper.gap: is set and varied"):
+        design_of(read_sweep(path), said(set=["upper.gap=0.001"]))
+
+
 def test_a_relative_path_of_the_scene_starts_at_the_file(tmp_path, monkeypatch):
     (tmp_path / "own.yaml").write_text("/**:\n  ros__parameters:\n    mass.body: 2.0\n")
     path = file_of(tmp_path, "scene: own.yaml\nvary: {guide.angle: [0.7]}\n")

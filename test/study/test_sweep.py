@@ -142,17 +142,31 @@ def test_starts_that_repeat_one_motion_have_no_interval(tmp_path, capsys):
         assert (" from every start (" in said) == says and ("±" in said) != says
 
 
-@pytest.mark.parametrize(("vary", "intervals"), [
-    (["guide.angle=0.7:1.1:3"], True), (["guide.angle=0.7:1.1:3", "mass.upper=0.1,0.2"], False)])
-def test_a_picture_and_the_words_say_what_is_there(tmp_path, capsys, monkeypatch, vary, intervals):
-    """The title mentions intervals if they are drawn; the summary names an extreme at an end of the grid."""
-    titles = []
-    monkeypatch.setattr("matplotlib.figure.Figure.suptitle", lambda _, title, **__: titles.append(title))
+SEVEN = ",".join(f"{0.08 + 0.01 * k:.2f}" for k in range(7))
+
+
+@pytest.mark.parametrize(("vary", "drawn", "axis"), [
+    (["guide.angle=1.1,0.7,0.9"], [""], "guide.angle [rad]"),
+    (["guide.angle=0.7:1.1:3", "mass.upper=0.1,0.2"], ["mass.upper = 0.1", "mass.upper = 0.2"], "guide.angle [rad]"),
+    (["upper.gap+inclined.gap=0,0.001"], [""], "upper.gap+inclined.gap [m]"),
+    (["guide.angle=0.7,1.1", f"mass.upper={SEVEN}"], None, "mass.upper [kg]")])
+def test_a_picture_and_the_words_say_what_is_there(tmp_path, capsys, monkeypatch, vary, drawn, axis):
+    """Two parameters are lines with intervals, or a map for many values; an extreme at an end of the grid is said."""
+    figures = []
+    monkeypatch.setattr("vibro_ros.study.sweep.png", lambda figure: figures.append(figure) or b"")
     words = [word for one in vary for word in ("--vary", one)]
     assert main(["--scene", "damped", *words, "--starts", "2", "--settling", "1", "--duration", "0.5", "--workers",
                  "1", "--output", str(tmp_path)]) == 0
-    assert ("95 % intervals" in titles[0]) == intervals
-    assert "mean_speed is at the end of the range of guide.angle" in capsys.readouterr().out
+    panel = figures[0].axes[0]
+    lines = [bars for bars in panel.containers if len(bars) and hasattr(bars, "has_yerr")]
+    assert ("95 % intervals" in figures[0].get_suptitle()) == bool(drawn)
+    labels = [bars.get_label() for bars in lines]
+    assert ["" if label.startswith("_") else label for label in labels] == (drawn or []) and panel.get_xlabel() == axis
+    for bars in lines:
+        places = list(bars[0].get_xdata())
+        assert bars.has_yerr and places == sorted(places)
+    ends = axis.partition(" ")[0].replace("+", ", ") if "+" in axis else "guide.angle"
+    assert f"mean_speed is at the end of the range of {ends}" in capsys.readouterr().out
 
 
 def test_a_grid_with_an_illegal_point_is_refused_before_anything_runs(refusal):

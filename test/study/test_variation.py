@@ -41,6 +41,28 @@ def test_lists_are_of_the_parameters_type():
     assert varied_in_words("mass.inclined=0.02,1")[1].values == (0.02, 1.0)
 
 
+def test_linked_parameters_have_one_value_on_a_grid_and_in_a_sample():
+    gaps, speed = (varied_in_words(text, linked=True)[1] for text in (
+        "upper.gap+inclined.gap=0,0.001", "mass.upper+mass.inclined=0.02:0.2"))
+    drawn = design([gaps, speed], sampling("sobol", 4, 0))
+    assert drawn.points == 8 and drawn.names == ("upper.gap", "inclined.gap", "mass.upper", "mass.inclined")
+    for point in range(8):
+        found = drawn.changes(point)
+        assert found["upper.gap"] == found["inclined.gap"] == gaps.values[point // 4]
+        assert found["mass.upper"] == found["mass.inclined"] == drawn.changes(point % 4)["mass.upper"]
+    assert "mass.upper+mass.inclined" in drawn.document()["vary"] and "mass.upper" not in drawn.document()["set"]
+
+
+@pytest.mark.parametrize(("text", "words"), [
+    ("upper.gap+motor.speed=0,1", "link parameters of one kind"), ("upper.gap+inclined.gapp=0,1", "did you mean"),
+    ("guide.angle+ground.slope=0,2", "ground.slope")])
+def test_parameters_that_cannot_be_linked_are_refused(text, words):
+    with pytest.raises(ValueError, match=words):
+        varied_in_words(text, linked=True)
+    with pytest.raises(ValueError, match="only `study sweep` links"):
+        varied_in_words(text)
+
+
 @pytest.mark.parametrize("method", ["sobol", "latin_hypercube"])
 def test_samples_are_scipys_and_their_seed_counts(method):
     drawn = design([Range("guide.angle", 0.5, 1.5, False), Range("mass.inclined", 0.02, 0.2, True)],
@@ -111,6 +133,7 @@ def test_a_bad_sampling_is_refused(text, words):
 @pytest.mark.parametrize(("ones", "sampled", "starts", "words"), [
     ([Range("guide.angle", 0.1, 1.0, False)], None, 2, "needs --sample"),
     ([Axis("guide.angle", (0.1,))], sampling("sobol", 8, 0), 2, "no range to sample"),
+    ([Axis("upper.gap+inclined.gap", (0.0,)), Axis("upper.gap", (0.0,))], None, 2, "upper.gap: is varied twice"),
     ([Axis(name, tuple(np.linspace(0.01, 0.02, 1000).tolist())) for name in ("mass.upper", "mass.inclined")], None,
      101, "more than 100000000 runs")])
 def test_a_design_that_contradicts_itself_is_refused(ones, sampled, starts, words):

@@ -44,7 +44,6 @@ from vibro_ros.study.figures import (
     PURPLE,
     VERMILION,
     new_figure,
-    of_parameter,
     png,
     tidy,
     with_unit,
@@ -67,6 +66,7 @@ from vibro_ros.study.variation import (
     Sampling,
     at_the_edge,
     ends_at,
+    parameter_names,
     sampling,
     sampling_in_words,
     varied,
@@ -130,6 +130,9 @@ class Design:
             raise ValueError(f"{name}: a range without a count needs --sample, such as sobol:64; or give a count")
         if self.sampling is not None and not self.ranges:
             raise ValueError("sample: no range to sample; give one without a count, as --vary NAME=LOW:HIGH")
+        for name in self.names:
+            if self.names.count(name) > 1:
+                raise ValueError(f"{name}: is varied twice; keep one")
         if self.rows > MOST_RUNS:
             raise ValueError(f"{self.points} points from {max(self.starts, 1)} starts each are more than {MOST_RUNS} "
                              "runs; give fewer")
@@ -140,8 +143,8 @@ class Design:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the varied parameters."""
-        return tuple(one.name for one in self.varied)
+        """Names of the varied parameters, each of linked ones by itself."""
+        return tuple(name for one in self.varied for name in one.names)
 
     @property
     def axes(self) -> tuple[Axis, ...]:
@@ -179,10 +182,10 @@ class Design:
         found: dict[str, Value] = {}
         if self.sampling:
             rest, sample = divmod(point, self.sampling.count)
-            found = {one.name: float(sampled[sample, k]) for k, one in enumerate(self.ranges)}
+            found = {name: float(sampled[sample, k]) for k, one in enumerate(self.ranges) for name in one.names}
         for axis in reversed(self.axes):
             rest, index = divmod(rest, len(axis.values))
-            found[axis.name] = axis.values[index]
+            found |= dict.fromkeys(axis.names, axis.values[index])
         return {name: found[name] for name in self.names}
 
     def scenes(self) -> Iterator[tuple[int, Scene | None, str]]:
@@ -270,7 +273,7 @@ def given_in_words(options: argparse.Namespace) -> dict[str, Any]:
     given["sample"] = sampling_in_words(options.sample) if options.sample else None
     said = {key: value for key, value in given.items() if value is not None}
     said["set"] = settings_of(options.set)
-    said["vary"] = dict(varied_in_words(text) for text in options.vary)
+    said["vary"] = dict(varied_in_words(text, linked=True) for text in options.vary)
     if len(said["vary"]) < len(options.vary):
         raise ValueError("--vary: a parameter is given twice; keep one")
     return said
@@ -279,7 +282,7 @@ def given_in_words(options: argparse.Namespace) -> dict[str, Any]:
 def design_of(file: Mapping[str, Any], words: Mapping[str, Any]) -> Design:
     """Make the design from a sweep's file and the command line.
 
-    A parameter that the command line sets or varies overrides its entry in the file.
+    A parameter that the command line sets or varies overrides its entry in the file; linked ones, if all of them are.
 
     Parameters
     ----------
@@ -292,11 +295,14 @@ def design_of(file: Mapping[str, Any], words: Mapping[str, Any]) -> Design:
         For entries that are missing, invalid or contradict each other.
     """
     said = {**DEFAULTS, **file, **words}
-    for key, other in (("set", "vary"), ("vary", "set")):
-        left = {name: value for name, value in file.get(key, {}).items() if name not in words.get(other, {})}
-        said[key] = {**left, **words.get(key, {})}
+    given = {name for key in ("set", "vary") for linked in words.get(key, {}) for name in parameter_names(linked)}
+    for key in ("set", "vary"):
+        own = words.get(key, {})
+        said[key] = {name: value for name, value in file.get(key, {}).items()
+                     if name in own or not given.issuperset(parameter_names(name))} | own
+    varied_names = {name for linked in said["vary"] for name in parameter_names(linked)}
     for name in said["set"]:
-        if name in said["vary"]:
+        if name in varied_names:
             raise ValueError(f"{name}: is set and varied; keep one")
     if "scene" not in said:
         raise ValueError("scene: none given; give --scene NAME, or a sweep's file that names one")
@@ -313,7 +319,7 @@ _TYPES = {float: pa.float64(), bool: pa.bool_(), str: pa.string()}
 
 def study_of(design: Design) -> Study:
     """Return the study of a sweep, with one row for each run, point by point, and within a point start by start."""
-    methods = next((axis.values for axis in design.axes if axis.name == "solver.method"),
+    methods = next((axis.values for axis in design.axes if "solver.method" in axis.names),
                    (design.scene["solver.method"],))
     starts = min(max(design.starts, 1), PART)
     run_time = (design.settling + design.duration) * starts
@@ -564,25 +570,32 @@ _WIDTH, _HEIGHT = 5.2, 3.6  # in, of a panel
 
 
 def draw_sweep(found: Summary) -> bytes:
-    """Draw every measure of a sweep in a row of panels; returns a PNG file."""
-    numbers = [name for name in found.design.names if isinstance(BY_NAME[name].default, float)]
-    on_grid = not found.design.ranges
-    is_map = on_grid and len(numbers) == 2 and len(found.design.names) == 2
-    columns = [tuple(numbers)] if is_map else [(name,) for name in numbers] or [(found.design.names[0],)]
+    """Draw every measure of a sweep in a row of panels; returns a PNG file.
+
+    A grid of one number, alone or with others of few values, is drawn as lines with intervals; a grid of two numbers
+    with many values each as a map. What is sampled, or has more dimensions, is drawn as dots over each number.
+    """
+    varied_ones, on_grid = found.design.varied, not found.design.ranges
+    numbers = [one for one in varied_ones if isinstance(BY_NAME[one.names[0]].default, float)]
+    over = numbers or [varied_ones[0]]
+    is_pair = on_grid and len(numbers) == 2 and len(varied_ones) == 2
+    is_map = is_pair and len(found.design.axes[1].values) > MOST_LINES
+    is_lines = on_grid and (len(over) == 1 or is_pair) and not is_map
+    columns = over if not is_pair else over[:1]
     measures = _shown(found.design)
     figure = new_figure(_WIDTH * len(columns), _HEIGHT * len(measures), 100)
     axes = figure.subplots(len(measures), len(columns), squeeze=False)
     for row, measure in zip(axes, measures, strict=True):
-        for axis, over in zip(row, columns, strict=True):
+        for axis, one in zip(row, columns, strict=True):
             if is_map:
-                _draw_map(figure, axis, found, measure, over)
-            elif on_grid and len(columns) == 1:
-                _draw_lines(axis, found, measure, over[0], measure == measures[0])
+                _draw_map(figure, axis, found, measure)
+            elif is_lines:
+                _draw_lines(axis, found, measure, one, measure == measures[0])
             else:
-                axis.plot([found.parameters[over[0]][point] for point in found.point], found.mean[measure], ".",
+                axis.plot([found.parameters[one.names[0]][point] for point in found.point], found.mean[measure], ".",
                           color=_STYLES[0][0], ms=4, alpha=0.6)
-                _label(axis, over[0], measure)
-    intervals = ", 95 % intervals" if on_grid and not is_map and len(columns) == 1 else ""
+                _label(axis, one, measure)
+    intervals = ", 95 % intervals" if is_lines else ""
     several = ", of several motions the one of most starts" if is_map else ", a mark a motion"
     starts = f"{found.design.starts} starts{several}{intervals}" if found.design.starts > 1 else "one start"
     figure.suptitle(f"{found.design.scene.name}: {starts}, {found.design.duration:g} s after "
@@ -590,30 +603,33 @@ def draw_sweep(found: Summary) -> bytes:
     return png(figure)
 
 
-def _draw_lines(axes: Axes, found: Summary, measure: str, over: str, legend: bool) -> None:
-    """Draw a mark for each motion; marks are joined by lines if every point has one motion."""
-    line = "-" if all(len(own) <= 1 for own in found.attractors) else "none"
+def _draw_lines(axes: Axes, found: Summary, measure: str, over: Axis | Range, legend: bool) -> None:
+    """Draw a mark for each motion; a line joins the marks of a combination if each of its points has one motion."""
+    places = found.parameters[over.names[0]]
     for (label, chosen), (colour, marker) in zip(_combinations(found, over), itertools.cycle(_STYLES), strict=False):
         rows = np.flatnonzero(np.isin(found.point, chosen))
-        places = [found.parameters[over][found.point[row]] for row in rows]
-        axes.errorbar(places, found.mean[measure][rows], yerr=np.nan_to_num(found.spread[measure][rows]), color=colour,
-                      marker=marker, ms=4, lw=1.2, linestyle=line, capsize=2, label=label)
-    if legend and len(found.design.names) > 1:
+        if isinstance(places[0], float):
+            rows = np.array(sorted(rows, key=lambda row: places[found.point[row]]), dtype=int)  # a list has any order
+        one_motion = len(set(found.point[rows])) == len(rows)
+        axes.errorbar([places[found.point[row]] for row in rows], found.mean[measure][rows],
+                      yerr=np.nan_to_num(found.spread[measure][rows]), color=colour, marker=marker, ms=4, lw=1.2,
+                      linestyle="-" if one_motion else "none", capsize=2, label=label)
+    if legend and len(found.design.varied) > 1:
         axes.legend(fontsize=8, frameon=False)
     _label(axes, over, measure)
 
 
-def _combinations(found: Summary, over: str) -> Iterator[tuple[str, np.ndarray]]:
+def _combinations(found: Summary, over: Axis | Range) -> Iterator[tuple[str, np.ndarray]]:
     """Yield label and points of each combination of the parameters other than `over`, at most `MOST_LINES`."""
-    others = [name for name in found.design.names if name != over]
-    keys = list(zip(*(found.parameters[name] for name in others), strict=True)) or [()] * found.design.points
+    others = [one for one in found.design.varied if one is not over]
+    keys = list(zip(*(found.parameters[one.names[0]] for one in others), strict=True)) or [()] * found.design.points
     for key in list(dict.fromkeys(keys))[:MOST_LINES]:
-        label = ", ".join(f"{name} = {value:.4g}" if isinstance(value, float) else f"{name} = {value}"
-                          for name, value in zip(others, key, strict=True))
+        label = ", ".join(f"{one.name} = {value:.4g}" if isinstance(value, float) else f"{one.name} = {value}"
+                          for one, value in zip(others, key, strict=True))
         yield label, np.array([point for point, own in enumerate(keys) if own == key])
 
 
-def _draw_map(figure: Figure, axes: Axes, found: Summary, measure: str, over: tuple[str, ...]) -> None:
+def _draw_map(figure: Figure, axes: Axes, found: Summary, measure: str) -> None:
     first, second = found.design.axes
     values = np.full(found.design.points, np.nan)
     largest = found.place == 0
@@ -622,12 +638,17 @@ def _draw_map(figure: Figure, axes: Axes, found: Summary, measure: str, over: tu
     cells = values.reshape(len(first.values), -1)[order]
     mesh = axes.pcolormesh(np.sort(second.values), np.sort(first.values), cells, shading="nearest", cmap="viridis")
     figure.colorbar(mesh, ax=axes, label=with_unit(measure, MEASURES[measure].unit))
-    axes.set(xlabel=of_parameter(second.name),
-             ylabel=of_parameter(first.name))
+    axes.set(xlabel=_with_unit(second), ylabel=_with_unit(first))
 
 
-def _label(axes: Axes, over: str, measure: str) -> None:
-    axes.set(xlabel=of_parameter(over), ylabel=with_unit(measure, MEASURES[measure].unit))
+def _with_unit(one: Axis | Range) -> str:
+    return with_unit(one.name, BY_NAME[one.names[0]].unit)
+
+
+def _label(axes: Axes, over: Axis | Range, measure: str) -> None:
+    axes.set(xlabel=_with_unit(over), ylabel=with_unit(measure, MEASURES[measure].unit))
+    if isinstance(BY_NAME[over.names[0]].default, float):
+        axes.locator_params(axis="x", nbins=6)  # more would touch each other, of small numbers such as gaps
     tidy(axes)
 
 
@@ -677,7 +698,8 @@ def _add_options(parser: Parser) -> None:
                         "point, SI units, angles in rad; repeatable")
     parser.add_argument("--vary", action="append", default=[], metavar="NAME=VALUES", help="LOW:HIGH:COUNT, a grid; "
                         "A,B,C, a list; LOW:HIGH, a range for --sample; `:log` behind a grid or a range spreads it by "
-                        "its logarithm; repeatable, every combination is run")
+                        "its logarithm; NAME+NAME gives linked parameters the same value; repeatable, every "
+                        "combination is run")
     parser.add_argument("--sample", metavar="METHOD:COUNT[:SEED]", help="how ranges are sampled: "
                         f"{' or '.join(SAMPLERS)}; the seed is 0 unless given")
     parser.add_argument("--measure", nargs="+", metavar="NAME", help="what is measured (default: "

@@ -1,7 +1,11 @@
-"""Varied parameters of a sweep: lists and grids of values, and ranges that are sampled."""
+"""Varied parameters of a sweep: lists and grids of values, and ranges that are sampled.
+
+Linked parameters, such as ``upper.gap+inclined.gap``, always have the same value.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.stats import qmc
@@ -12,24 +16,31 @@ from vibro_ros.model.parameters import BY_NAME, Parameter, Value, parameter_name
 #: Largest number of values of a list or grid, because every file's metadata contain all of them, and of samples.
 MOST_VALUES, MOST_SAMPLES = 10_000, 10_000_000
 LOG = "log"
+#: Stands between the names of linked parameters.
+LINK = "+"
 #: Methods to sample ranges, all with a seed.
 SAMPLERS = {"sobol": qmc.Sobol, "latin_hypercube": qmc.LatinHypercube}
 
 
 @dataclass(frozen=True)
 class Axis:
-    """A parameter that takes each of some values in turn.
+    """A parameter, or linked ones, that take each of some values in turn.
 
     Attributes
     ----------
     name : str
-        Name of the parameter.
+        Name of the parameter; names of linked ones with `LINK` between them.
     values : tuple
         Its values, in SI units, in their order.
     """
 
     name: str
     values: tuple[Value, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters, one or the linked ones."""
+        return parameter_names(self.name)
 
     def document(self) -> list[Value]:
         """Its entry in a sweep's file."""
@@ -38,12 +49,12 @@ class Axis:
 
 @dataclass(frozen=True)
 class Range:
-    """A numeric parameter that is sampled in a range.
+    """A numeric parameter, or linked ones, sampled in a range.
 
     Attributes
     ----------
     name : str
-        Name of the parameter.
+        Name of the parameter; names of linked ones with `LINK` between them.
     low, high : float
         Its limits, in SI units.
     log : bool
@@ -54,6 +65,11 @@ class Range:
     low: float
     high: float
     log: bool
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters, one or the linked ones."""
+        return parameter_names(self.name)
 
     def at(self, shares: np.ndarray) -> np.ndarray:
         """Values at `shares` of the range, from 0 to 1."""
@@ -87,6 +103,11 @@ class Sampling:
         return SAMPLERS[self.method](dimensions, seed=np.random.default_rng(self.seed)).random(self.count)
 
 
+def parameter_names(name: str) -> tuple[str, ...]:
+    """Return the names of the parameters that `name` links, or `name` itself."""
+    return tuple(name.split(LINK))
+
+
 def spread(low: float, high: float, log: bool, shares: np.ndarray) -> np.ndarray:
     """Values from `low` at share 0 to `high` at share 1, linear or logarithmic; both ends are exact."""
     values = low * (high / low) ** shares if log else low + (high - low) * shares
@@ -99,7 +120,7 @@ def varied(name: str, given: object) -> Axis | Range:
     Parameters
     ----------
     name : str
-        Name of a parameter of the scene.
+        Name of a parameter of the scene, or names of several with `LINK` between them.
     given : object
         A list of values; or a mapping with `from`, `to` and optionally `scale` for a range that is sampled, and with
         `count` for a grid.
@@ -109,9 +130,14 @@ def varied(name: str, given: object) -> Axis | Range:
     ValueError
         For an entry of another form, with the parameter, the value, the limit and the remedy.
     """
-    parameter = parameter_named(name, BY_NAME)
+    parameters = [parameter_named(one, BY_NAME) for one in parameter_names(name)]
+    first = parameters[0]
+    for other in parameters[1:]:
+        if (other.unit, other.type_name) != (first.unit, first.type_name):
+            raise ValueError(f"{name}: {first.name} is {first.type_name} [{first.unit or '1'}] and {other.name} "
+                             f"{other.type_name} [{other.unit or '1'}]; link parameters of one kind")
     if isinstance(given, (list, tuple)):
-        return _axis(parameter, given)
+        return _axis(name, parameters, given)
     if not isinstance(given, dict):
         raise ValueError(f"{name}: {given!r} varies nothing; give a list of values, or `from` and `to`")
     for key in given:
@@ -120,13 +146,15 @@ def varied(name: str, given: object) -> Axis | Range:
     for key in ("from", "to"):
         if key not in given:
             raise ValueError(f"{name}: {key!r} is missing; give `from` and `to`")
-    return _grid_or_range(parameter, given["from"], given["to"], given.get("count"), given.get("scale", "linear"))
+    return _grid_or_range(name, parameters, given["from"], given["to"], given.get("count"),
+                          given.get("scale", "linear"))
 
 
-def varied_in_words(text: str) -> tuple[str, Axis | Range]:
+def varied_in_words(text: str, linked: bool = False) -> tuple[str, Axis | Range]:
     """Parse a parameter's name and its axis or range: ``NAME=A,B,C``, ``NAME=LOW:HIGH:COUNT`` or ``NAME=LOW:HIGH``.
 
-    After either of the last two, ``:log`` spaces the values evenly by their logarithms.
+    After either of the last two, ``:log`` spaces the values evenly by their logarithms. If `linked` is true, ``NAME``
+    may be several names with `LINK` between them.
 
     Raises
     ------
@@ -137,11 +165,13 @@ def varied_in_words(text: str) -> tuple[str, Axis | Range]:
     parts = values.split(":")
     if not equals or not values:
         raise ValueError(f"--vary {text}: give NAME=LOW:HIGH:COUNT, NAME=LOW:HIGH with --sample, or NAME=A,B,C")
+    if LINK in name and not linked:
+        raise ValueError(f"--vary {text}: only `study sweep` links parameters; give one name")
     if len(parts) == 1:
         try:
             return name, varied(name, [read_scalar(value.strip()) for value in values.split(",")])
         except ValueError as error:
-            if name not in BY_NAME:
+            if not BY_NAME.keys() >= set(parameter_names(name)):
                 raise
             raise ValueError(f"{error}; --vary takes NAME=LOW:HIGH:COUNT, NAME=LOW:HIGH with --sample, or NAME=A,B,C"
                              ) from None
@@ -203,27 +233,33 @@ def whole_number(what: str, value: object, least: int, most: int) -> int:
     return value
 
 
-def _axis(parameter: Parameter, values: Sequence[object]) -> Axis:
+def _axis(name: str, parameters: Sequence[Parameter], values: Sequence[object]) -> Axis:
     if not 1 <= len(values) <= MOST_VALUES:
-        raise ValueError(f"{parameter.name}: {len(values)} values; give from 1 to {MOST_VALUES}")
-    checked = tuple(map(parameter.checked, values))
+        raise ValueError(f"{name}: {len(values)} values; give from 1 to {MOST_VALUES}")
+    checked = tuple(_checked(parameters, value) for value in values)
     if len(set(checked)) < len(checked):
         twice = next(value for k, value in enumerate(checked) if value in checked[:k])
-        raise ValueError(f"{parameter.name}: {twice!r} is given twice; keep one")
-    return Axis(parameter.name, checked)
+        raise ValueError(f"{name}: {twice!r} is given twice; keep one")
+    return Axis(name, checked)
 
 
-def _grid_or_range(parameter: Parameter, low: object, high: object, count: object, scale: object) -> Axis | Range:
-    if not isinstance(parameter.default, float):
-        raise ValueError(f"{parameter.name}: is {parameter.type_name}, which has no range; list its values")
+def _grid_or_range(name: str, parameters: Sequence[Parameter], low: object, high: object, count: object,
+                   scale: object) -> Axis | Range:
+    if not isinstance(parameters[0].default, float):
+        raise ValueError(f"{name}: is {parameters[0].type_name}, which has no range; list its values")
     if scale not in ("linear", LOG):
-        raise ValueError(f"{parameter.name}: scale {scale!r} is unknown; choose one of linear, {LOG}")
-    first, last = parameter.checked(low), parameter.checked(high)
+        raise ValueError(f"{name}: scale {scale!r} is unknown; choose one of linear, {LOG}")
+    first, last = _checked(parameters, low), _checked(parameters, high)
     if not first < last:
-        raise ValueError(f"{parameter.name}: from {first:g} to {last:g} is no range; give the smaller number first")
+        raise ValueError(f"{name}: from {first:g} to {last:g} is no range; give the smaller number first")
     if scale == LOG and first <= 0.0:
-        raise ValueError(f"{parameter.name}: {first:g} has no logarithm; begin above 0, or give no {LOG}")
+        raise ValueError(f"{name}: {first:g} has no logarithm; begin above 0, or give no {LOG}")
     if count is None:
-        return Range(parameter.name, first, last, scale == LOG)
-    values = whole_number(f"{parameter.name}: count", count, 2, MOST_VALUES)
-    return _axis(parameter, spread(first, last, scale == LOG, np.linspace(0.0, 1.0, values)).tolist())
+        return Range(name, first, last, scale == LOG)
+    values = whole_number(f"{name}: count", count, 2, MOST_VALUES)
+    return _axis(name, parameters, spread(first, last, scale == LOG, np.linspace(0.0, 1.0, values)).tolist())
+
+
+def _checked(parameters: Sequence[Parameter], value: object) -> Any:
+    """Return `value` as the parameters take it, which are of one type (ValueError if one of them refuses it)."""
+    return [parameter.checked(value) for parameter in parameters][0]
