@@ -25,8 +25,8 @@ from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.model.parameters import SCENE_PARAMETERS
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.ros.controller.script import read_script
-from vibro_ros.simulation.motion import EventLog
 from vibro_ros.simulation.samples import Samples
+from vibro_ros.simulation.statistics import EventLog
 from vibro_ros.study.measures import MEASURES
 from vibro_ros.study.sweep import design_of, read_sweep
 
