@@ -3,7 +3,9 @@ detected.
 """
 
 import math
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -142,6 +144,17 @@ def test_columns_are_fields_of_a_run():
                   by_device("exact", vibro_ros.load_scene("paper"), TIMES, 1e-9))
     for k, column in enumerate(COLUMNS):
         np.testing.assert_array_equal(found.samples[:, k], getattr(run, column))
+
+
+def test_the_mean_of_a_transient_says_that_it_drifts():
+    """Starts of the optimum `printed` still get faster after ten seconds; those of `damped` have settled."""
+    printed = Path(__file__).resolve().parents[2] / "docs/optimum/printed.yaml"
+    [row] = averages(vibro_ros.load_scene(printed), "exact", math.nan, Effort(starts=1, duration=10.0))
+    assert re.fullmatch(r"drifts by -\d\.?\d*e\+03 mm/s", row.note)
+    rows = [LyapunovTime(0.0, 0.0, False, 15.0).row("printed"), row, replace(row, program="rk4", value=1e-4)]
+    assert f" mm/s, {row.note}" in speeds_table(rows)
+    damped = vibro_ros.load_scene("damped").with_parameters({"motor.speed": 100.0})
+    assert [one.note for one in averages(damped, "exact", math.nan, Effort(starts=1, duration=10.0))] == [""]
 
 
 def test_several_motions_have_a_row_each_and_no_mean():

@@ -66,8 +66,10 @@ def test_grouping_has_one_rule():
     assert [attractor.turns for attractor in found] == [2, 2, 1, None] and places.tolist() == [3, 1, 0, 2, 0, 3]
     assert [attractor.starts for attractor in found] == [2, 1, 1, 2]
     assert sum(attractor.share for attractor in found) == pytest.approx(1.0)
-    assert found[-1].mean_speed == pytest.approx(0.4) and found[-1].spread == pytest.approx(12.706 * 0.1, rel=1e-4)
-    assert "400 ± 1271 mm/s, not settled (2 of 6 starts, 10 to 70 %)" in found.in_words()
+    assert math.isnan(found[-1].spread) and (found[-1].least, found[-1].largest) == (0.3, 0.5)
+    assert "300.00 to 500.00 mm/s, not settled (2 of 6 starts, 10 to 70 %)" in found.in_words()
+    alone, _ = grouped([None], [-0.1])
+    assert alone.in_words() == "-100.00 mm/s, not settled"
     assert math.isnan(found[0].exponent)
 
 

@@ -67,18 +67,23 @@ def test_two_motions_exist_exactly_between_the_folds_which_are_where_continuatio
     assert min(abs(speed - FOLD) for speed in at_zero) < 1e-5  # the known value has six digits
 
 
-def test_the_shares_are_those_of_the_starts_by_another_road(folded):
-    """Between the folds at 106 rad/s; the eight starts of `attractors` are the same, its cut is another."""
+def test_only_cells_with_several_motions_have_shares(folded):
     table = pandas.read_parquet(folded / "motions.parquet")
-    here = table[(table.motor_speed == 106.0) & (table.gap == 0.0)]
-    scene = vibro_ros.load_scene("damped").with_parameters({"motor.speed": 106.0, "upper.gap": 0.0,
-                                                            "inclined.gap": 0.0})
-    led = {round(one.mean_speed, 6): one.share for one in vibro_ros.attractors(scene, motions_module.HISTORIES)}
-    assert len(here) == 2 and here.share_of_starts.sum() == 1.0
-    assert {round(speed, 6): share for speed, share in zip(here.mean_speed, here.share_of_starts, strict=True)
-            if share} == led
-    alone = table[table.groupby(["motor_speed", "gap"]).motion.transform("size") == 1]
-    assert len(alone) and alone.share_of_starts.isna().all()
+    size = table.groupby(["motor_speed", "gap"]).motion.transform("size")
+    assert table.share_of_starts[size == 1].isna().all() and (size == 1).any()
+    assert (table[size == 2].groupby(["motor_speed", "gap"]).share_of_starts.sum() == 1.0).all() and (size == 2).any()
+
+
+def test_the_shares_are_those_of_the_same_starts_by_another_road():
+    """`device` at 100 rad/s and 2 mm, where both motions have starts; `attractors` cuts elsewhere, groups by states."""
+    axes = Axis(100.0, 101.0, 2), Axis(0.002, 0.003, 2)
+    scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0, "upper.gap": 0.002,
+                                                            "inclined.gap": 0.002})
+    led = vibro_ros.attractors(scene, motions_module.HISTORIES)
+    known = [(one.turns, one.mean_speed) for one in reversed(led)]
+    assert sorted(round(1e3 * speed, 1) for _, speed in known) == [-113.6, -84.6]
+    counts = motions_module._led(MapDesign(scene, SIDES, *axes), [((0, 0), known)], 0)
+    assert counts == [one.starts for one in reversed(led)] == [2, 6]
 
 
 @pytest.mark.parametrize(("turns", "speed", "place"), [

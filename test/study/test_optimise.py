@@ -132,8 +132,9 @@ def test_the_speed_of_a_transient_says_that_it_drifts():
     space = Space(load_scene(folder / "printed.yaml"), VARIABLES[:1])
     row = verified(space, of_scene(space), Reading(), Trials(4, 4.0, 10.0), Execution(2), Counting())[0]
     assert row.turns is None and row.drift < -1.0
-    assert re.fullmatch(r", drifts by -\d+", command._drift(row))  # mm/s, to three digits
-    assert command._drift(replace(row, drift=0.0)) == ""
+    assert re.fullmatch(r"-\d+ to -\d+, drifts by -\d+", command._speed(row))  # mm/s, to three digits
+    assert row.least < row.speed.mean < row.largest < 0.0 and math.isnan(row.speed.spread)
+    assert "drifts" not in command._speed(replace(row, drift=0.0))
 
 
 OPTIONS = "--quick --budget 24 --starts 2 --workers 1 --seed 1 --vary crank.radius=0.005:0.02 --fix upper.gap=0.001"

@@ -57,7 +57,9 @@ class Attractor:
         the group.
     spread : float
         Half the width of its 95 % confidence interval [m/s], by Student's distribution; 0 for a periodic motion, NaN
-        for a single start without a period.
+        for a single start without a period, and for starts that have not settled, whose motions may differ.
+    least, largest : float
+        Least and largest mean speed of its starts [m/s].
     starts : int
         Number of starts that lead to it.
     share, low, high : float
@@ -77,6 +79,8 @@ class Attractor:
     turns: int | None
     mean_speed: float
     spread: float
+    least: float
+    largest: float
     starts: int
     share: float
     low: float
@@ -87,13 +91,18 @@ class Attractor:
     states: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
 
     def in_words(self) -> str:
-        """Return a text such as ``-79.80 mm/s, again after 3 turns``, or ``-45.468 ± 0.008 mm/s, without a period``."""
+        """Return a text such as ``-79.80 mm/s, again after 3 turns``, or ``-45.468 ± 0.008 mm/s, without a period``.
+
+        Starts that have not settled have the range of their mean speeds, ``-0.41 to 0.32 mm/s, not settled``.
+        """
+        if self.turns is None:
+            ends = dict.fromkeys(f"{round(1e3 * speed, 2) + 0.0:.2f}" for speed in (self.least, self.largest))
+            return f"{' to '.join(ends)} mm/s, not settled"
         spread, digits = self.spread * 1e3, 2
         if spread > 0.0:
             digits = max(0, -math.floor(math.log10(spread)))
         plus_minus = f" ± {spread:.{digits}f}" if spread > 0.0 else ""
-        again = ("not settled" if self.turns is None else "without a period" if self.turns == 0 else
-                 f"again after {self.turns} turn{'s' * (self.turns > 1)}")
+        again = f"again after {self.turns} turn{'s' * (self.turns > 1)}" if self.turns else "without a period"
         return f"{self.mean_speed * 1e3:.{digits}f}{plus_minus} mm/s, {again}"
 
 
@@ -162,13 +171,12 @@ def grouped(motions: Sequence[SettledMotion | None], mean_speeds: Sequence[float
 
 
 def _attractor(motion: SettledMotion | None, speeds: np.ndarray, total: int) -> Attractor:
-    shares = share_of(len(speeds), total)
-    if motion is not None and motion.turns:
-        return Attractor(motion.turns, motion.mean_speed, 0.0, len(speeds), *shares, states=motion.states)
-    mean, spread = float(np.mean(speeds)), float(half_interval(speeds))
+    group = (float(min(speeds)), float(max(speeds)), len(speeds), *share_of(len(speeds), total))
     if motion is None:
-        return Attractor(None, mean, spread, len(speeds), *shares)
-    return Attractor(0, mean, spread, len(speeds), *shares, states=motion.states)
+        return Attractor(None, float(np.mean(speeds)), math.nan, *group)
+    if motion.turns:
+        return Attractor(motion.turns, motion.mean_speed, 0.0, *group, states=motion.states)
+    return Attractor(0, float(np.mean(speeds)), float(half_interval(speeds)), *group, states=motion.states)
 
 
 def measured(attractor: Attractor, turn_map: TurnMap) -> Attractor:

@@ -519,6 +519,14 @@ def _with_spread(found: Mean, factor: float = 1.0) -> str:
     return f"{_number(factor * found.mean)}{spread}"
 
 
+def _speed(row: Verified) -> str:
+    """Mean speed of a motion [mm/s], or the range of starts that have not settled; and its drift."""
+    if row.turns is None and math.isfinite(row.least):
+        ends = dict.fromkeys(_number(1e3 * speed) for speed in (row.least, row.largest))
+        return f"{' to '.join(ends)}{_drift(row)}"
+    return f"{_with_spread(row.speed, 1e3)}{_drift(row)}"
+
+
 def _drift(row: Verified) -> str:
     return f", drifts by {_number(1e3 * row.drift)}" if row.drift else ""
 
@@ -555,8 +563,8 @@ def _question_and_verdict(result: Result) -> list[str]:
             f"score is the lower quartile of these starts. Speed counts {_DIRECTIONS[plan.reading.direction]}, and all "
             f"starts must agree.{floor}")
     own = [row for row in result.verified if row.reading == result.verified[0].reading]
-    moves = "; ".join(f"{_with_spread(row.speed, 1e3)} mm/s{_drift(row)}{_yield(row)} from {row.starts} of "
-                      f"{plan.effort.verifying.starts} starts" for row in own)
+    moves = "; ".join(f"{_speed(row)} mm/s{_yield(row)} from {row.starts} of {plan.effort.verifying.starts} starts"
+                      for row in own)
     return [asked, f"The optimum goes at {moves}, forward positive."]
 
 
@@ -588,13 +596,14 @@ def _verification(result: Result) -> list[str]:
     trials = result.plan.effort.verifying
     said = (f"{trials.starts} drawn starts that the search has not seen, {trials.duration:g} s each after "
             f"{trials.settling:g} s: a row for each motion that they settle to, with its mean ± half the 95 % interval "
-            "where it has no period. Mean N over the weight must be 1 on a real ground; a robot with more is held down "
-            "by the rule of its row, and would not do this.")
+            "where it has no period, and the least and the largest mean of starts that have not settled. Mean N over "
+            "the weight must be 1 on a real ground; a robot with more is held down by the rule of its row, and would "
+            "not do this.")
     return [said, _table(
         ["reading", "repeats itself", "starts", "speed, forward positive [mm/s]", "mean N over weight",
          "time with N <= 0 [%]", "in the air [%]", "P net [W]", "P delivered [W]", "P from the supply [W]", "V/P [m/J]",
          "cost of transport"],
-        ([row.reading, _motion(row), f"{row.starts} of {trials.starts}", f"{_with_spread(row.speed, 1e3)}{_drift(row)}",
+        ([row.reading, _motion(row), f"{row.starts} of {trials.starts}", _speed(row),
           _number(row.load), f"{100 * row.unloaded:.0f}", f"{100 * row.air:.0f}", _with_spread(row.power),
           _with_spread(row.delivered), _with_spread(row.supply),
           _with_spread(row.ratio) if math.isfinite(row.cost) else "-", _number(row.cost)]

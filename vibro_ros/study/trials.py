@@ -225,7 +225,9 @@ class Verified:
     share, low, high : float
         Their share of all starts, and its 95 % confidence interval; dimensionless.
     speed : Mean
-        Mean speed [m/s], forward positive.
+        Mean speed [m/s], forward positive. As all means, without an interval for starts that have not settled.
+    least, largest : float
+        Least and largest mean speed of its starts [m/s].
     power, delivered, supply : Mean
         Net and delivered mean power, and that from the supply of a dc motor, else NaN [W].
     ratio : Mean
@@ -246,6 +248,8 @@ class Verified:
     low: float
     high: float
     speed: Mean
+    least: float
+    largest: float
     power: Mean
     delivered: Mean
     supply: Mean
@@ -330,7 +334,8 @@ def _verified(words: str, scene: Scene, attractor: Attractor, values: np.ndarray
     """Make a row from the values of one attractor's starts, shape (starts, measures + 1); the last column is the drift.
     """
     def mean(column: np.ndarray) -> Mean:
-        return Mean(float(column.mean()), float(half_interval(column)))
+        settled = attractor.turns is not None  # else the starts may have different motions
+        return Mean(float(column.mean()), float(half_interval(column)) if settled else math.nan)
 
     speed, power = values[:, 0], values[:, POWERS[reading.power]]
     weight = scene.total_mass * scene["gravity"]
@@ -339,7 +344,7 @@ def _verified(words: str, scene: Scene, attractor: Attractor, values: np.ndarray
     pays = scene["effects.reaction"] and power.mean() > 0.0 and speed.mean() != 0.0 and weight > 0.0
     return Verified(
         words, attractor.turns, attractor.starts, attractor.share, attractor.low, attractor.high, mean(speed),
-        *(mean(values[:, column]) for column in POWERS.values()), ratio,
+        attractor.least, attractor.largest, *(mean(values[:, column]) for column in POWERS.values()), ratio,
         float(power.mean() / (weight * abs(speed.mean()))) if pays else math.nan,
         0.0 if attractor.turns else drift_in(values[:, -1], float(speed.mean())),
         *map(float, values[:, [len(MEASURED), len(MEASURED) + 1, AIR]].mean(axis=0)))
