@@ -1,0 +1,494 @@
+"""A particle filter that estimates a robot's state and parameters online, and names the fault that it has.
+
+Each particle is a `Simulator` with parameters of its own, which simulates the robot exactly, blow by blow. In steps of
+`STEP` all particles advance under the commands and are weighted by the likelihood of what the sensors measured
+meanwhile. When few of them carry the weight, unlikely ones are replaced by varied copies of likely ones (J. Liu,
+M. West, "Combined parameter and state estimation in simulation-based filtering", 2001).
+
+Three things differ from the plain filter:
+
+- A body's position enters no equation, so each particle has a Kalman filter of the place where its simulation began. An
+  encoder is finer than particles could ever lie, so each has a Kalman filter of its crank's angle, too.
+- Errors have heavy tails, and a step's likelihoods are tempered until they leave enough particles in use, because no
+  particle is the robot: a likelihood taken literally would leave a single one.
+- When the measurements of some quantity are much farther off than usual, each fault that the scene can have is
+  simulated from earlier states of a few particles, beginning at several instants. The fault with the largest ratio of
+  likelihoods is named if it is large enough (A. Willsky, H. Jones, "A generalized likelihood ratio approach", 1976).
+"""
+
+import math
+from collections import deque
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from vibro_ros.identification.particles import (
+    ACCELERATIONS,
+    DRIFT,
+    INDEX,
+    LATENCY,
+    STEP,
+    Innovation,
+    Kept,
+    Measurement,
+    Offsets,
+    Particle,
+    run,
+    thinned,
+)
+from vibro_ros.model.faults import LONGEST, PLACE, Incident
+from vibro_ros.model.scene import Scene
+from vibro_ros.simulation.given_state import UNITS, motor_coordinates
+from vibro_ros.simulation.samples import FIELDS
+
+MOST_WAITING = 10_000
+"""Most measurements that wait for their step."""
+ROUNDING = 1e-9  # s
+LONGEST_GAP = 5.0
+"""Time [s] that is not filtered if the filter is farther behind; it starts again."""
+IN_USE, CHANGED, SHRINKAGE = 0.5, 8, 0.98
+"""Share of effective particles that tempering leaves; most copies that get new parameters in one resampling, because
+each compiles a scene; and factor that draws their logarithms to the mean, while noise keeps their variance."""
+RESAMPLED, LEAST_SPREAD = 0.9, 0.5
+"""Share of effective particles below which they are resampled; least deviation of the parameters for that, over what is
+believed at the start, so that the filter goes on learning."""
+SCATTER = {"body_velocity": 3e-3, "upper_position": 3e-5, "upper_velocity": 3e-3, "inclined_position": 3e-5,
+           "inclined_velocity": 3e-3}
+"""Standard deviations of the noise in the state of each copy [m, m/s]; a tenth of that of the particles is added."""
+REPLAYED_PHASE, SLOW, OFF, FIRST_SPEED = 0.03, 5.0, 0.1, 0.5
+"""Least deviation of a crank's angle in replays, which do not correct it [rad]; differences of speed [rad/s] and of
+angle [rad] from which the encoder's are adopted at a start; and time [s] over which its speed is then measured again.
+"""
+FLOOR = {"body_position": 1e-4, "body_velocity": 1e-3, "body_height": 1e-4, "body_vertical_velocity": 1e-3}
+"""Standard deviations [m, m/s] below which no estimate is published, whatever the particles agree on."""
+BACK, REPLAYED, CHECK_PERIOD = (2, 4, 8, 14), 2, 0.2
+"""Numbers of steps before now at which a fault may have begun; particles whose states are kept for that; and least time
+[s] between two comparisons of faults, each of which costs some tenths of a second."""
+UNUSUAL, MEMORY, MOST_USUAL = 6.0, 3.0, 25.0
+"""Mean normalised square of innovations that is unusual when four times the usual one is added; time [s] over which the
+usual one is found, and the largest square that counts for it."""
+NAMED, MARGIN, FITS = 15.0, 5.0, 0.8
+"""Log ratio of likelihoods from which a fault is named, and by which it must exceed every other fault; and largest
+`Offsets.misfit` of a measurement with which a fault explains what was measured: a filter that has lost a chaotic robot
+finds many a fault more likely than what it has."""
+SETTLING = 1.0
+"""Time [s] after a start in which nothing counts as unusual."""
+OF_MOTOR = ("motor_stall", "supply_sag")
+"""Faults that an encoder shows at once, whatever the masses do."""
+UNEXPLAINED, GIVEN_UP = 0.6, 3.0
+"""Time [s] after which a departure without a name is reported, and after which the filter starts again."""
+FRICTIONS, SUPPLIES = (0.1, 0.4, 2.5), (0.5, 0.75)
+"""Factors of the friction coefficient and of the supply's voltage that are tried as faults."""
+
+
+class Estimate(NamedTuple):
+    """Means and variances of all `FIELDS` at `time` [s], shape (fields,) each; mean and standard deviation of each free
+    parameter."""
+
+    time: float
+    mean: np.ndarray
+    variance: np.ndarray
+    parameters: Mapping[str, tuple[float, float]]
+
+
+class Departure(NamedTuple):
+    """The robot has left the model since about `since` [s]; noticed at `time` [s].
+
+    `fault` is None if no fault explains what was measured; `evidence` is the log ratio of likelihoods for the fault, or
+    the mean square of the normalised innovations. `words` names the fault, or the quantity that is farthest off.
+    """
+
+    time: float
+    since: float
+    fault: Incident | None
+    evidence: float
+    words: str
+
+
+class Estimator:
+    """Estimates the state and the free parameters of a robot.
+
+    Parameters
+    ----------
+    scene : Scene
+        The robot as it is believed to be; commands and instants are counted from its start.
+    free : sequence of str
+        Names of the parameters that are estimated, numbers above 0.
+    spread : float
+        Relative standard deviation of what is believed about each of them.
+    particles : int
+        Number of particles.
+    seed : int
+        Seed of all random numbers.
+    bandwidth : float
+        Bandwidth of the IMU's low-pass [Hz]; 0 without an IMU.
+
+    Attributes
+    ----------
+    time : float
+        Instant [s] up to which measurements have been used.
+    innovations : list of Innovation
+        Those of the last step.
+    departure : Departure or None
+        How the robot differs from the model now.
+    late, restarts : int
+        Measurements that came after their step, or were too many; and how often the filter has started again.
+
+    Raises
+    ------
+    ValueError
+        For a free parameter that the filter cannot vary.
+    """
+
+    def __init__(self, scene: Scene, free: Sequence[str] = (), spread: float = 0.02, particles: int = 40,
+                 seed: int = 0, bandwidth: float = 0.0):
+        for name in free:
+            value = scene.parameters.get(name)
+            if not isinstance(value, float) or value <= 0.0 or name.startswith(("sensors.", "solver.", "start.")):
+                raise ValueError(f"{name}: is no parameter above 0 of this scene's machine; leave it out")
+        self._scene, self._free, self._spread, self._count = scene, tuple(free), spread, particles
+        self._bandwidth, self._random = bandwidth, np.random.default_rng(seed)
+        self._fields = tuple(name for name in UNITS if _exists(scene, name))
+        self._faults = possible_faults(scene)
+        self._least_scatter = np.array([SCATTER.get(name, 0.0) for name in FIELDS])
+        self.late, self.restarts = 0, -1
+        self._measured: list[Measurement] = []
+        self._commands: list[tuple[float, dict[str, float]]] = []
+        self._given: dict[str, float] = {}  # the last command of each kind
+        self._weights, self._logs = np.full(particles, 1.0 / particles), np.zeros((particles, len(self._free)))
+        self._anchor: Measurement | None = None  # the encoder's first angle, while the command is not known
+        self._start(0.0)
+
+    def _start(self, time: float) -> None:
+        """Begin at `time` [s] from the scene's start, with parameters as believed or found, and the last commands."""
+        self.time, self._resampled, self._compared, self._began = time, time, time, time
+        self.restarts += 1
+        self.innovations: list[Innovation] = []
+        self.departure: Departure | None = None
+        self._active: Incident | None = None
+        self._usual, self._latest = dict[str, float](), dict[str, float]()
+        self._unusual_since, self._last_unusual = math.inf, -math.inf
+        self._history: deque[_Step] = deque(maxlen=max(BACK))
+        believed, deviation = np.log([self._scene[name] for name in self._free]), self._spread
+        if self.restarts:
+            believed, deviation = self._weights @ self._logs, LEAST_SPREAD * self._spread
+        self._logs = believed + deviation * self._random.standard_normal((self._count, len(self._free)))
+        self._particles = []
+        for k, logs in enumerate(self._logs):
+            try:
+                scene = self._with(logs)
+            except ValueError:  # beyond a limit
+                self._logs[k], scene = np.log([self._scene[name] for name in self._free]), self._scene
+            self._particles.append(Particle(scene, self._bandwidth, time))
+            self._particles[-1].device.command(**self._given)
+        self._weights = np.full(self._count, 1.0 / self._count)
+        self._offsets = Offsets(np.zeros(self._count), np.full(self._count, 1e6), np.full(self._count, 1e-6))
+        self._has_turned, self._anchor = False, None
+
+    def _with(self, logs: np.ndarray) -> Scene:
+        return self._scene.with_parameters(dict(zip(self._free, np.exp(logs).tolist(), strict=True)))
+
+    def measure(self, measurement: Measurement) -> None:
+        """Take a measurement, which is used when its step comes; one that comes too late is counted."""
+        if measurement.time <= self.time or len(self._measured) == MOST_WAITING:
+            self.late += 1
+        else:
+            self._measured.append(measurement)
+
+    def command(self, time: float, **given: float) -> None:
+        """Take commands, arguments of `Simulator.command` that the scene permits, which arrived at `time` [s]."""
+        self._commands.append((max(time + LATENCY, self.time), given))
+        self._commands.sort(key=lambda one: one[0])
+
+    def advance_to(self, time: float) -> int:
+        """Use what was measured up to `time` [s], in whole steps; return the number of steps."""
+        if time - self.time > LONGEST_GAP:
+            self._start(STEP * math.floor(time / STEP))
+        steps = 0
+        while (end := STEP * (round(self.time / STEP) + 1)) <= time + ROUNDING:
+            self._advance(end)
+            steps += 1
+        return steps
+
+    def estimate(self) -> Estimate:
+        """Return the estimate at `time`."""
+        values = self._values()
+        values[:, INDEX["body_position"]] += self._offsets.place
+        mean = self._weights @ values
+        variance = self._weights @ (values - mean)**2
+        variance[INDEX["body_position"]] += self._weights @ self._offsets.place_variance
+        for name, least in FLOOR.items():
+            variance[INDEX[name]] += least**2
+        numbers = np.exp(self._logs)
+        average = self._weights @ numbers
+        deviation = np.sqrt(self._weights @ (numbers - average)**2)
+        return Estimate(self.time, mean, variance, dict(zip(self._free, zip(
+            average.tolist(), deviation.tolist(), strict=True), strict=True)))
+
+    def _values(self) -> np.ndarray:
+        return np.array([particle.device.values for particle in self._particles])
+
+    def _advance(self, end: float) -> None:
+        """Take one step, to `end` [s]."""
+        measured = thinned(one for one in self._measured if self.time < one.time <= end)
+        self._measured = [one for one in self._measured if one.time > end]
+        commands = [one for one in self._commands if one[0] <= end]
+        self._commands = self._commands[len(commands):]
+        self._adopt_speed(measured)
+        chosen = self._random.choice(self._count, REPLAYED, p=self._weights)
+        self._history.append(_Step(end, measured, commands, [self._particles[k].kept() for k in chosen],
+                                   self._offsets.part(chosen), self._logs[chosen]))
+        before = self._values()[:, INDEX["motor_speed"]]
+        predicted = run(self._particles, measured, commands, end)
+        for _, given in commands:
+            self._given |= given
+        alive = np.array([particle.is_alive for particle in self._particles])
+        if not alive.any():
+            self._start(end)
+            return
+        self.time = end
+        self._offsets.grow(self._values()[:, INDEX["motor_speed"]] - before, self._scene.has_rotor, bool(commands))
+        gains, turns, self.innovations = self._offsets.weigh(measured, predicted, self._weights)
+        self._reweigh(np.where(alive, gains, -np.inf))
+        for particle, turn in zip(self._particles, turns.tolist(), strict=True):
+            if turn and particle.is_alive:
+                particle.device.set_state(crank_angle=particle.device.values.item(INDEX["crank_angle"]) + turn)
+        self._watch()
+        if 1.0 / (self._weights**2).sum() < RESAMPLED * self._count and self.time - self._resampled > 1.5 * STEP:
+            self._resample()
+
+    def _adopt_speed(self, measured: Sequence[Measurement]) -> None:
+        """Let the cranks turn as the encoder says, if they do not when the filter begins: it may have missed commands.
+
+        The speed over a step is coarse by a tick of the encoder, so that half a second later it is corrected once.
+        """
+        angles = [one for one in measured if one.field == "crank_angle"]
+        if len(angles) < 2 or angles[0].time == angles[-1].time:
+            return
+        last, first, is_first = angles[-1], self._anchor or angles[0], not self._has_turned
+        speed = (last.value - first.value) / (last.time - first.time)
+        self._has_turned = True
+        if self._anchor and last.time - first.time > FIRST_SPEED:
+            self._anchor = None
+        elif not is_first:
+            return
+        angle = last.value - speed * (last.time - self.time)
+        for particle in self._particles:
+            values, commanded = particle.device.values, {}
+            if abs(values.item(INDEX["motor_speed"]) - speed) > SLOW or not is_first:
+                commanded = {"motor_speed": speed}
+            if commanded and "motor_speed" not in self._given and self._scene.motor_command == "motor_speed":
+                particle.device.command(motor_speed=speed)
+                self._anchor = first if is_first else None
+            if is_first and (commanded or abs(values.item(INDEX["crank_angle"]) - angle) > OFF):
+                particle.device.set_state(crank_angle=angle, **commanded)
+
+    def _reweigh(self, gains: np.ndarray) -> None:
+        """Multiply the weights by likelihoods with the logarithms `gains`, tempered so that enough stay in use."""
+        least = min(IN_USE * self._count, 1.0 / (self._weights**2).sum()) - 1e-9
+        logs, gains = np.log(self._weights + 1e-300), gains - gains.max()
+        dead = np.isinf(gains)
+        for self._temper in (1.0, 0.5, 0.25, 0.1, 0.05, 0.02, 0.01, 0.0):
+            weights = np.where(dead, 0.0, np.exp(logs + self._temper * np.where(dead, 0.0, gains)))
+            weights /= weights.sum()
+            if 1.0 / (weights**2).sum() >= least:
+                break
+        self._weights = weights
+
+    def _resample(self) -> None:
+        """Replace unlikely particles by varied copies of likely ones, all with equal weights."""
+        count, self._resampled = self._count, self.time
+        mean = self._weights @ self._logs
+        deviation = np.maximum(np.sqrt(self._weights @ (self._logs - mean)**2), LEAST_SPREAD * self._spread)
+        values = self._values()
+        scatter = 0.1 * np.sqrt(self._weights @ (values - self._weights @ values)**2)
+        scatter = min(1.0 / max(self._temper, 0.1), 10.0) * np.hypot(scatter, self._least_scatter)
+        points = (np.arange(count) + self._random.random()) / count
+        chosen = np.searchsorted(np.cumsum(self._weights), points).clip(max=count - 1)
+        self._copy(self._particles, chosen, self._logs, mean, deviation, scatter)
+        self._offsets = self._offsets.part(chosen)
+
+    def _copy(self, particles: Sequence[Particle], chosen: np.ndarray, logs: np.ndarray, mean: np.ndarray,
+              deviation: np.ndarray, scatter: np.ndarray) -> None:
+        """Let the particles be those `chosen` of `particles`; those that are chosen again are varied.
+
+        `mean` and `deviation` are those of the logarithms of the free parameters, `scatter` the deviations of the state
+        besides `SCATTER`.
+        """
+        copies, seen, new = list[Particle](), set[int](), 0
+        fresh = logs[chosen]
+        for k, i in enumerate(chosen.tolist()):
+            scene = particles[i].scene
+            if i in seen and new < CHANGED and self._free:
+                new += 1
+                noise = math.sqrt(1.0 - SHRINKAGE**2) * deviation * self._random.standard_normal(len(mean))
+                drawn = mean + SHRINKAGE * (logs[i] - mean) + noise
+                try:
+                    scene, fresh[k] = self._with(drawn), drawn
+                except ValueError:  # beyond a limit
+                    pass
+            copies.append(self._varied(particles[i], scene, scatter) if i in seen else particles[i])
+            seen.add(i)
+        self._particles, self._logs = copies, fresh
+        self._weights = np.full(self._count, 1.0 / self._count)
+
+    def _varied(self, particle: Particle, scene: Scene, scatter: np.ndarray) -> Particle:
+        """Return a copy of a particle with the parameters of `scene` and noise in its state."""
+        new, old = Particle(scene, self._bandwidth, self.time), particle.device
+        state = vars(old.state)
+        given = {name: state[name] for name in self._fields}
+        for name in SCATTER:
+            if name in given:
+                given[name] += scatter[INDEX[name]] * self._random.standard_normal()
+        for side in scene.plates:
+            if scene[f"effects.{side}_contact"] == "restitution":  # no mass may lie beyond its plate
+                given[f"{side}_position"] = min(given[f"{side}_position"], given[f"{side}_plate_position"])
+        for name in motor_coordinates(scene):
+            given[name] = old.controller_integral if name == "controller_integral" else state[name]
+        new.device.command(**{**self._given, scene.motor_command: old.commanded_motor_speed})
+        if self._active:
+            new.device.fail(*self._active)
+        new.device.set_state(**given)
+        new.settled = self.time + (2.0 / self._bandwidth if self._bandwidth else 0.0)
+        return new
+
+    def _watch(self) -> None:
+        """Look whether the measurements are unusual; if so, compare faults, and note a departure from the model.
+
+        An IMU alone lets faults be compared, but is no departure: after a blow that comes a tenth of a millisecond
+        early its whole signal is wrong.
+        """
+        squares: dict[str, list[float]] = {}
+        for one in self.innovations:
+            squares.setdefault(one.field, []).append(one.value**2 / one.variance)
+        ratios = {field: self._unusual(field, float(np.mean(many))) for field, many in squares.items()}
+        slow = {field: ratio for field, ratio in ratios.items() if field not in ACCELERATIONS}
+        if self.time - self._began < SETTLING or not ratios:
+            return
+        if max(ratios.values()) > 1.0 and self.time - self._compared >= CHECK_PERIOD - 1e-9:
+            self._compared = self.time
+            if self._compare():
+                return
+        farthest = max(slow, key=lambda field: slow[field], default="")
+        if not farthest or slow[farthest] <= 1.0:
+            if self.time - self._last_unusual >= UNEXPLAINED:
+                self._unusual_since = math.inf
+                if self.departure and not self.departure.fault:
+                    self.departure = None
+            return
+        self._unusual_since, self._last_unusual = min(self._unusual_since, self.time), self.time
+        lasted = self.time - self._unusual_since
+        if lasted >= GIVEN_UP:
+            self._start(self.time)
+        elif lasted >= UNEXPLAINED and not self.departure:
+            self.departure = Departure(self.time, self._unusual_since, None, slow[farthest], farthest)
+
+    def _unusual(self, field: str, square: float) -> float:
+        """Return how unusual the mean `square` of a quantity's normalised innovations is; above 1 it is."""
+        usual = self._usual.get(field, 1.0)
+        recent, self._latest[field] = 0.5 * (square + self._latest.get(field, 0.0)), square
+        self._usual[field] = usual + STEP / MEMORY * (min(square, MOST_USUAL) - usual)
+        return recent / (UNUSUAL + 4.0 * usual)
+
+    def _compare(self) -> bool:
+        """Compare the present system with all faults, begun at several instants; return whether one is taken over.
+
+        The end of the present fault is preferred to others that fit nearly as well, as all do that have not begun to
+        matter.
+        """
+        present, found = self._active, dict[Incident, _Replay]()
+        end = Incident(present.fault, 0.0, present.of) if present else None
+        for back in [back for back in BACK if back <= len(self._history)]:
+            steps = list(self._history)[-back:]
+            unchanged = _Replay(steps, self._bandwidth, ()).gain
+            for change in [*(one for one in self._faults if one != present), *([end] if end else [])]:
+                try:
+                    replay = _Replay(steps, self._bandwidth, (end, change) if end and change != end else (change,))
+                except ValueError:  # a fault that the device cannot have now
+                    continue
+                replay.gain -= unchanged
+                fits = replay.misfit <= FITS or change.fault in OF_MOTOR
+                if fits and (change not in found or replay.gain > found[change].gain):
+                    found[change] = replay
+        ranked = sorted(found, key=lambda one: found[one].gain + 2.0 * MARGIN * (one == end), reverse=True)
+        if not ranked or found[ranked[0]].gain < NAMED:
+            return False
+        fault, best = ranked[0], found[ranked[0]]
+        others = [found[one].gain for one in ranked if (one.fault, one.of) != (fault.fault, fault.of)]
+        if fault != end and best.gain - max(others, default=-math.inf) < MARGIN:
+            return False
+        self._active = fault if fault != end else None
+        self.departure = Departure(self.time, best.begin, fault, best.gain, words_of(fault)) if self._active else None
+        chosen = np.arange(self._count) % len(best.particles)
+        self._copy(best.particles, chosen, best.logs, best.logs.mean(axis=0),
+                   np.full(len(self._free), LEAST_SPREAD * self._spread), self._least_scatter)
+        self._offsets = best.offsets.part(chosen)
+        self._history.clear()
+        self._latest.clear()
+        self._unusual_since, self._began = math.inf, self.time
+        self._has_turned = False  # the fault may have begun within a step
+        return True
+
+
+class _Step(NamedTuple):
+    """A step that has been taken: its end [s], what was measured and commanded, and some particles at its beginning."""
+
+    end: float
+    measured: list[Measurement]
+    commands: list[tuple[float, dict[str, float]]]
+    kept: list[Kept]
+    offsets: Offsets
+    logs: np.ndarray
+
+
+class _Replay:
+    """The particles that were kept before the first of `steps`, run through all of them with `changes` from there on.
+
+    `gain` is the best of their log likelihoods, `misfit` the mean one of `Offsets.misfit` for a measurement. ValueError
+    if the device cannot have a fault.
+    """
+
+    def __init__(self, steps: Sequence[_Step], bandwidth: float, changes: Iterable[Incident]):
+        first = steps[0]
+        self.begin, self.logs = first.end - STEP, first.logs
+        self.particles, self.offsets = [one.restored(bandwidth) for one in first.kept], first.offsets.part(np.arange(
+            len(first.kept)))
+        for particle in self.particles:
+            for change in changes:
+                particle.device.fail(*change)
+        gains = np.zeros(len(self.particles))
+        equal = np.full(len(gains), 1.0 / len(gains))
+        for step in steps:
+            self.offsets.phase_variance = np.maximum(self.offsets.phase_variance, REPLAYED_PHASE**2)
+            predicted = run(self.particles, step.measured, step.commands, step.end)
+            gains += self.offsets.weigh(step.measured, predicted, equal)[0]
+            self.offsets.place_variance = self.offsets.place_variance + DRIFT**2 * STEP
+        self.gain = float(np.max(gains, where=[one.is_alive for one in self.particles], initial=-np.inf))
+        self.misfit = float(self.offsets.misfit.min()) / max(1, self.offsets.heard)
+
+
+def possible_faults(scene: Scene) -> list[Incident]:
+    """Return the faults of the device that a scene can have, each without an end."""
+    found = [Incident("motor_stall", LONGEST), *(Incident("plate_stuck", LONGEST, side) for side in scene.plates)]
+    if scene.has_rotor:
+        found += [Incident("supply_sag", LONGEST, value=share * scene["motor.supply_voltage"]) for share in SUPPLIES]
+    if scene.body_moves and scene["effects.friction"] != "none":
+        found += [Incident("friction_patch", LONGEST, "", factor * scene["ground.friction"], -PLACE.maximum,
+                           PLACE.maximum) for factor in FRICTIONS]
+    return found
+
+
+def words_of(fault: Incident) -> str:
+    """Return a fault in words, such as `plate_stuck of upper`."""
+    about = f" of {fault.of}" * bool(fault.of) + f" of about {fault.value:.2g}" * bool(fault.value)
+    return f"{fault.fault}{about}"
+
+
+def _exists(scene: Scene, name: str) -> bool:
+    """Return whether a scene has the part that the field `name` describes."""
+    side, _, part = name.partition("_")
+    if side in ("upper", "inclined"):
+        return side in (scene.plates if part.startswith("plate") else scene.guides)
+    return {"body_position": scene.body_moves, "body_velocity": scene.body_moves,
+            "body_height": scene.body_hops, "body_vertical_velocity": scene.body_hops}.get(name, True)

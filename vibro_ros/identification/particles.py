@@ -1,0 +1,223 @@
+"""The particles of the online estimator: simulators with parameters of their own, and Kalman filters beside them.
+
+A body's position enters no equation, so each particle has a Kalman filter of the place where its simulation began. An
+encoder is finer than particles could ever lie, so each has a Kalman filter of its crank's angle, too.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from vibro_ros.model.scene import Scene
+from vibro_ros.simulation.motion import SimulationError
+from vibro_ros.simulation.samples import FIELDS
+from vibro_ros.simulation.simulator import Simulator
+
+STEP = 0.05
+"""Duration of a step of the filter [s]."""
+INDEX = {name: k for k, name in enumerate(FIELDS)}
+ACCELERATIONS = ("acceleration_x", "acceleration_z")
+"""Names of an IMU's specific force; all other measured quantities are fields of `Samples`."""
+LATENCY = 0.0025
+"""Mean time [s] from a command's arrival to its effect, half a tick of a robot at 200 Hz; it may be 0 to twice that."""
+MOST = 5
+"""Most measurements of a quantity that are used in a step, because each instant costs all particles some microseconds.
+"""
+TAIL = 4.0
+"""Degrees of freedom of the Student distribution of errors."""
+MODEL_ERROR = {**dict.fromkeys(ACCELERATIONS, 0.6), "crank_angle": 1e-3, "motor_speed": 0.5}
+"""Standard deviations of what even the best particle lacks, besides the errors of a sensor, in the quantity's unit."""
+DRIFT = 0.003
+"""Random walk of the place [m in a second], for errors of the mean speed."""
+LEAST_TURN = 1e-3
+"""Smallest correction of a crank's angle [rad]; each one begins a segment of the solver, which costs time."""
+
+
+class Measurement(NamedTuple):
+    """One measured number.
+
+    Attributes
+    ----------
+    time : float
+        Instant of the measurement [s].
+    field : str
+        A field of `Samples`, or one of `ACCELERATIONS`: specific force [m/s²] after the IMU's low-pass.
+    value, variance : float
+        The measured value, and the variance of its error.
+    limit : float
+        Magnitude at which the sensor clips; the prediction is clipped likewise.
+    """
+
+    time: float
+    field: str
+    value: float
+    variance: float
+    limit: float = math.inf
+
+
+class Innovation(NamedTuple):
+    """A measured value less the predicted one, and the variance that the filter expects of this difference."""
+
+    time: float
+    field: str
+    value: float
+    variance: float
+
+
+class Particle:
+    """A simulator with parameters of its own, which began at the instant `start` [s] of the filter.
+
+    From `settled` on [s], the IMU's low-pass has forgotten how it began.
+    """
+
+    def __init__(self, scene: Scene, bandwidth: float, start: float):
+        self.device, self.scene, self.start = Simulator(scene, bandwidth), scene, start
+        self.settled, self.is_alive = start, True
+
+    def kept(self) -> "Kept":
+        """Return the present state, for a replay."""
+        return Kept(self.scene, self.start, self.settled, self.device.checkpoint())
+
+    def predict(self, instants: Mapping[float, tuple[list[tuple[int, Measurement]], list[dict[str, float]]]],
+                predicted: np.ndarray) -> None:
+        """Advance to each instant [s], fill in what the sensors would measure there, and pass on the commands."""
+        slope, gravity = self.scene["ground.slope"], self.scene["gravity"]
+        weight = gravity * math.sin(slope), gravity * math.cos(slope)
+        for time, (measured, commands) in instants.items():
+            self.device.advance_to(max(time - self.start, self.device.time))
+            values, force = self.device.values, None
+            for k, one in measured:
+                if one.field not in ACCELERATIONS:
+                    predicted[k] = values.item(INDEX[one.field])
+                elif time >= self.settled:
+                    force, axis = force or self.device.filtered_acceleration(), ACCELERATIONS.index(one.field)
+                    predicted[k] = min(max(force[axis] + weight[axis], -one.limit), one.limit)
+            for given in commands:
+                self.device.command(**given)
+
+
+class Kept(NamedTuple):
+    """A particle's state, for a replay."""
+
+    scene: Scene
+    start: float
+    settled: float
+    checkpoint: np.ndarray
+
+    def restored(self, bandwidth: float) -> Particle:
+        """Return a new particle in this state; `bandwidth` is that of the IMU's low-pass [Hz]."""
+        particle = Particle(self.scene, bandwidth, self.start)
+        particle.device.restore(self.checkpoint)
+        particle.settled = self.settled
+        return particle
+
+
+class Offsets:
+    """Kalman filters of the particles: of the place [m] where each began, and of the angle [rad] of its crank.
+
+    All arrays have the shape (particles,). The angle's mean is the simulated one. `misfit` is the sum of what the
+    errors of `heard` measurements cost in log likelihood, half a unit each on average if model and noise are right;
+    the crank's angle is left out, because replays do not correct it.
+    """
+
+    def __init__(self, place: np.ndarray, place_variance: np.ndarray, phase_variance: np.ndarray):
+        self.place, self.place_variance, self.phase_variance = place, place_variance, phase_variance
+        self.misfit, self.heard = np.zeros(len(place)), 0
+
+    def part(self, chosen: np.ndarray) -> "Offsets":
+        """Return the filters of the particles `chosen`, by number."""
+        return Offsets(self.place[chosen], self.place_variance[chosen], self.phase_variance[chosen])
+
+    def grow(self, faster: np.ndarray, is_loaded: bool, is_commanded: bool) -> None:
+        """Increase the variances by what a step may add; the cranks have become `faster` by so much [rad/s].
+
+        A crank's angle is uncertain after a change of speed: the command's instant by `LATENCY`, the rate by a
+        twentieth. A dc motor is loaded, so that its crank does not turn evenly.
+        """
+        self.place_variance = self.place_variance + DRIFT**2 * STEP
+        late = LATENCY if is_commanded else 0.0
+        self.phase_variance = (self.phase_variance + ((0.05 * STEP + late) * faster)**2
+                               + (1e-2 if is_loaded else 1e-4)**2 * STEP)
+
+    def weigh(self, measured: Sequence[Measurement], predicted: np.ndarray, weights: np.ndarray
+              ) -> tuple[np.ndarray, np.ndarray, list[Innovation]]:
+        """Update the places; return log likelihoods and angles [rad] to turn the cranks by, shape (particles,) each,
+        and the innovations of the particles with the given `weights`.
+
+        Parameters
+        ----------
+        measured : sequence of Measurement
+            n measurements, by time.
+        predicted : ndarray, shape (particles, n)
+            What each particle predicts; NaN where it cannot.
+        weights : ndarray, shape (particles,)
+        """
+        gains, innovations, angles, noise = np.zeros(len(weights)), [], [], 0.0
+        for one, column in zip(measured, predicted.T, strict=True):
+            known = np.isfinite(column)
+            shares = np.where(known, weights, 0.0)
+            if not shares.sum() > 0.0:
+                continue
+            own, column = np.zeros(len(weights)), np.where(known, column, 0.0)
+            if one.field == "body_position":
+                own, column = self.place_variance, column + self.place
+            elif one.field == "crank_angle":
+                own = self.phase_variance
+            error, of_sensor = one.value - column, one.variance + MODEL_ERROR.get(one.field, 0.0)**2
+            total = own + of_sensor
+            surprise = error**2 / total
+            misfit = np.where(known, 0.5 * (TAIL + 1.0) * np.log1p(surprise / TAIL), 0.0)
+            gains -= misfit + np.where(known, 0.5 * np.log(total), 0.0)
+            if one.field != "crank_angle":
+                self.misfit, self.heard = self.misfit + misfit, self.heard + 1
+            shares = shares / shares.sum()
+            mean = shares @ column
+            innovations.append(Innovation(one.time, one.field, float(one.value - mean),
+                                          float(shares @ ((column - mean)**2 + own) + of_sensor)))
+            if one.field == "body_position":
+                share = own / (own + of_sensor * (TAIL + surprise) / (TAIL + 1.0))  # an outlier counts for less
+                self.place = self.place + share * error
+                self.place_variance = (1.0 - share) * own
+            elif one.field == "crank_angle":
+                angles.append(np.where(known, error, 0.0))
+                noise = of_sensor
+        turns = np.zeros(len(weights))
+        if angles:
+            share = self.phase_variance / (self.phase_variance + noise / len(angles))
+            wanted = share * np.mean(angles, axis=0)
+            if np.abs(wanted).max() > LEAST_TURN:  # to turn a crank begins a segment, and costs
+                turns, self.phase_variance = wanted, (1.0 - share) * self.phase_variance
+        return gains, turns, innovations
+
+
+def run(particles: Sequence[Particle], measured: Sequence[Measurement],
+        commands: Sequence[tuple[float, dict[str, float]]], end: float) -> np.ndarray:
+    """Advance the particles to `end` [s], and return what each predicts, shape (particles, measurements).
+
+    A particle that cannot go on is no longer alive, and predicts NaN from then on.
+    """
+    instants = {time: ([(k, one) for k, one in enumerate(measured) if one.time == time],
+                       [given for at, given in commands if at == time])
+                for time in sorted({one.time for one in measured} | {at for at, _ in commands} | {end})}
+    predicted = np.full((len(particles), len(measured)), np.nan)
+    for row, particle in zip(predicted, particles, strict=True):
+        if particle.is_alive:
+            try:
+                particle.predict(instants, row)
+            except (SimulationError, ValueError):
+                particle.is_alive = False
+    return predicted
+
+
+def thinned(measured: Iterable[Measurement]) -> list[Measurement]:
+    """Return at most `MOST` measurements of each quantity, evenly chosen, by time."""
+    by_field: dict[str, list[Measurement]] = {}
+    for one in sorted(measured):
+        by_field.setdefault(one.field, []).append(one)
+    kept = [one for many in by_field.values() for one in (many if len(many) <= MOST else [
+        many[round(k)] for k in np.linspace(0, len(many) - 1, MOST)])]
+    return sorted(kept)
+
+
