@@ -142,11 +142,24 @@ def test_the_mean_speed_begins_at_a_reset_and_leaves_out_what_is_not_known(modul
     call = """const names = ["time", "body_position", "crank_angle", "motor_speed"];
         const samples = new m.SampleBuffer(names, 1000);
         samples.push(Float64Array.from(v[0]));
-        const {meanSpeed} = await import("vibro/text.js");
+        const {meanSpeed} = await import("vibro/speed.js");
         return v[1].map((time) => Object.values(meanSpeed(samples, time)));"""
     found = np.array(modules.call("samples", call, rows.ravel().tolist(), [5.99, 8.0, 2.0]))
     np.testing.assert_allclose(found[:, 0], [5.0, 2.0, 2.0], atol=0.02)
     np.testing.assert_allclose(found[:, 1], [0.01, -0.02, 0.01], rtol=1e-9)
+    for known in (False, True):  # computed at once, or in pieces that are kept
+        curve = modules.call("speed", """const {SampleBuffer} = await import("vibro/samples.js");
+            const samples = new SampleBuffer(["time", "body_position", "crank_angle", "motor_speed"], 1000);
+            samples.push(Float64Array.from(v[0]));
+            const found = new m.SpeedCurve(samples, v[1]).points(5, 7.5);
+            return found.map((one) => Number.isNaN(one) ? null : one);""", rows.ravel().tolist(), known)
+        at, speed = np.array(curve, dtype=float).reshape(-1, 2).T
+        assert at[np.isnan(speed)] == pytest.approx([6.0], abs=0.011)
+        assert at.min() <= 5.0 + 0.011 and at.max() >= 7.5 - 0.011
+        late = at > 6.05
+        np.testing.assert_allclose(speed[late], -0.02, rtol=1e-9)
+        np.testing.assert_allclose(speed[~late & ~np.isnan(speed)], 0.01, rtol=1e-9)
+        assert at[late].min() == pytest.approx(6.1, abs=0.021)  # a shorter mean would be that of a part of a turn
 
 
 def test_curve_and_path_of_a_motion_break_where_nothing_was_recorded_and_else_are_what_it_is(modules):

@@ -152,6 +152,24 @@ def test_what_the_page_says_of_the_air_holds():
         assert words in " ".join(page_text({"mode": "live", "title": ""}).split())
 
 
+def test_a_chart_has_the_mean_speed_of_the_last_second(opened):
+    opened.evaluate("""() => { globalThis.texts = []; const real = CanvasRenderingContext2D.prototype.fillText;
+        CanvasRenderingContext2D.prototype.fillText = function (text, ...rest) {
+          texts.push(text);
+          real.call(this, text, ...rest);
+        }; }""")
+
+    def drawn(moment):
+        return opened.evaluate("(time) => { texts.length = 0; vibro.show(time); return texts; }", moment)
+
+    then, now = (opened.evaluate("(time) => vibro.show(time).quantities.body_position", at) for at in (0.5, 1.5))
+    texts = drawn(1.5)
+    number = texts[texts.index("speed over ground, mean of a second [mm/s]") + 1]
+    assert abs(float(number.replace("\u2212", "-")) - 1e3 * (now - then)) < 1.0
+    opened.select_option("#speed", "0.1")  # less than a second is shown: the curve would be a line
+    assert not any(text.startswith("speed") for text in drawn(1.5))
+
+
 def test_phase_portraits_are_drawn_in_place_of_the_strip_charts(opened):
     opened.evaluate("vibro.show(1.0)")
     strips = picture(opened, "#charts")

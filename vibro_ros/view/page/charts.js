@@ -7,6 +7,7 @@
 
 import {line} from "vibro/mechanism.js";
 import {countUpTo} from "vibro/samples.js";
+import {CURVE_SECONDS, SpeedCurve, latest} from "vibro/speed.js";
 import {axisRange, fixed, font, theme, tickText, ticks} from "vibro/text.js";
 
 const MILLI = 1e3;
@@ -30,6 +31,7 @@ const MILLI = 1e3;
  * @property {number} decimals of the values
  * @property {number} share of the height
  * @property {boolean} [impacts] whether impacts are marked
+ * @property {boolean} [speed] whether the mean speed is drawn that follows from the quantity
  * @property {Series[]} series
  */
 
@@ -38,6 +40,10 @@ export const STRIPS = [
   {
     title: "body displacement", unit: "mm", scale: MILLI, least: 0.2, decimals: 2, share: 1,
     series: [{name: "body_position", colour: "ink"}],
+  },
+  {
+    title: "speed over ground, mean of a second", short: "speed", unit: "mm/s",
+    scale: MILLI, least: 1, decimals: 1, share: 0.9, speed: true, series: [{name: "body_position", colour: "ink"}],
   },
   {
     title: "masses, plates dashed, impacts ▾", short: "masses", unit: "mm",
@@ -110,7 +116,7 @@ export class Readings {
     this.#body.textContent = "";
     this.#rows = [];
     for (const strip of stripsOf(source)) {
-      for (const series of strip.series) {
+      for (const series of strip.speed ? [] : strip.series) { // the speed is among the numbers of the page
         const row = this.#body.insertRow();
         const head = document.createElement("th");
         head.scope = "row";
@@ -120,7 +126,6 @@ export class Readings {
       }
     }
   }
-
 
   show(values, now) {
     if (now - this.#written < EVERY) {
@@ -277,17 +282,12 @@ const FUTURE = 0.3; // share of the window that lies ahead, when what comes is k
 const PALE = 0.35; // how strongly what comes is drawn
 
 export class Charts {
-  #strips;
-  #ranges;
-  #source;
+  #strips = [];
+  #ranges = new Map();
+  #source = null;
+  #speed = null;
   #ahead;
   #shown;
-
-  constructor() {
-    this.#strips = [];
-    this.#ranges = [];
-    this.#source = null;
-  }
 
   /**
    * Show another source.
@@ -296,9 +296,10 @@ export class Charts {
    */
   load(source, ahead) {
     this.#source = source;
+    this.#speed = new SpeedCurve(source, ahead);
     this.#ahead = ahead;
     this.#strips = stripsOf(source);
-    this.#ranges = this.#strips.map(() => null);
+    this.#ranges.clear();
   }
 
   /**
@@ -314,13 +315,15 @@ export class Charts {
       return;
     }
     const [begin, end] = this.#span(time, window);
-    const shares = this.#strips.reduce((sum, strip) => sum + strip.share, 0);
-    const room = surface.height - BOTTOM - this.#strips.length * (TITLE + GAP);
-    const charts = this.#strips.map((strip, number) => {
+    const strips = this.#strips.filter((strip) => !strip.speed || window > CURVE_SECONDS);
+    const shares = strips.reduce((sum, strip) => sum + strip.share, 0);
+    const room = surface.height - BOTTOM - strips.length * (TITLE + GAP);
+    const charts = strips.map((strip) => {
       const height = Math.max(20, room * strip.share / shares);
-      const lines = strip.series.map((series) => this.#points(series, strip.scale, begin, end, surface.width));
-      this.#ranges[number] = axisRange(this.#ranges[number], ...extent(lines), strip.least);
-      return {strip, height, lines, range: this.#ranges[number], marks: upright(this.#ranges[number], height)};
+      const lines = strip.series.map((series) => this.#points(strip, series, begin, end, surface.width));
+      const range = axisRange(this.#ranges.get(strip), ...extent(lines), strip.least);
+      this.#ranges.set(strip, range);
+      return {strip, height, lines, range, marks: upright(range, height)};
     });
     const left = roomBeside(context, charts.map(({marks}) => marks));
     const frame = {left, width: Math.max(10, surface.width - left - RIGHT), begin, end, time};
@@ -360,7 +363,8 @@ export class Charts {
   #drawStrip(context, place, {strip, lines, range, marks}, {values, impacts, timeTicks}) {
     const y = (value) => place.top + place.height * (range.high - value) / (range.high - range.low);
     drawGrid(context, place, marks, y, timeTicks);
-    drawTitle(context, place, strip, values);
+    const shown = strip.speed ? {body_position: latest(lines[0], place.time) / strip.scale} : values;
+    drawTitle(context, place, strip, shown);
     context.save();
     context.beginPath();
     context.rect(place.left, place.top - 1, place.width, place.height + 2);
@@ -385,9 +389,12 @@ export class Charts {
   }
 
   // Times and values of a series within the window, one behind the other.
-  #points(series, scale, begin, end, width) {
+  #points(strip, series, begin, end, width) {
+    if (strip.speed) {
+      return this.#speed.points(begin, end).map((number, k) => k % 2 ? strip.scale * number : number);
+    }
     const points = [];
-    const factor = scale * (series.sign ?? 1);
+    const factor = strip.scale * (series.sign ?? 1);
     this.#source.trace(series.name, begin, end, roundedStep((end - begin) / Math.max(10, width)), (time, value) => {
       points.push(time, factor * value);
     });

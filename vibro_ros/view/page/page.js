@@ -5,7 +5,8 @@ import {Impacts} from "vibro/impacts.js";
 import {Stage, drawMechanism} from "vibro/mechanism.js";
 import {drawForces, drawNames, drawPush} from "vibro/overlays.js";
 import {Portraits} from "vibro/portraits.js";
-import {MeanSpeed, Surface, bodyState, clockDecimals, explain, fixed, followTheme, font, sayExactness, theme} from "vibro/text.js";
+import {MeanSpeed} from "vibro/speed.js";
+import {Surface, bodyState, clockDecimals, explain, fixed, followTheme, font, sayExactness, theme} from "vibro/text.js";
 import {Marks, Player, Transport, scrub} from "vibro/transport.js";
 
 const LONGEST = 0.1; // s between two pictures; a page that was hidden goes on where it was
