@@ -134,7 +134,8 @@ def test_a_push_a_fault_and_another_state_are_part_of_the_motion(tmp_path):
             110: 'push {"duration": 9.0, "force_x": -8.0, "force_z": 0.0}',
             120: 'push {"duration": 9.0, "force_x": 0.0, "force_z": 2.0}',
             130: 'push {"duration": 0.0, "force_x": 0.0, "force_z": 0.0}',
-            150: 'fault {"fault": "plate_stuck", "of": "upper", "value": 0.0, "duration": 0.2}',
+            150: 'fault {"fault": "plate_stuck", "of": "upper", "value": 0.0, "duration": 0.2, '
+                 '"from_x": 0.0, "to_x": 0.0}',
             155: {"upper_gap": 0.001}, 210: 'state {"body_velocity": 0.3}', 220: 'push {"duration": NaN}'}
     motion, setting = read(robot_bag(tmp_path / "bag", "device", 241, told, RATE))
     assert (motion.header["exact"], setting["notes"]) == (True, [])

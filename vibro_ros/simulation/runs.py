@@ -74,7 +74,7 @@ def simulate(scene: Scene, duration: float | None = None, rate: float | None = N
         scene = scene.with_parameters(overrides)
     began = wall_clock.perf_counter()
     device = Simulator(scene)
-    samples = _commanded_samples(device, times, commands) if commands else device.sample(times)
+    samples = commanded_samples(device, times, commands) if commands else device.sample(times)
     wall_time = wall_clock.perf_counter() - began
     events = device.take_events()
     events = events.take(np.argsort(events["time"], kind="stable"))
@@ -145,8 +145,8 @@ def simulate_many(scenes: Iterable[Scene], duration: float | None = None, rate: 
     return _results(_checked(scenes), simulation, workers, method)
 
 
-def _commanded_samples(device: Simulator, times: np.ndarray, commands: Commands) -> Samples:
-    """Sample `device` at `times`, giving each command before the samples at its instant."""
+def commanded_samples(device: Simulator, times: np.ndarray, commands: Commands) -> Samples:
+    """Sample `device` at ascending `times` [s]; each command is given before the samples at its instant."""
     parts, done = [], 0
     for instant, command in commands:
         upto = int(np.searchsorted(times, instant))

@@ -38,6 +38,7 @@ import numpy as np
 from vibro_ros.messages.robot_messages import PLATES
 from vibro_ros.model.scene import Scene
 from vibro_ros.sensors.device import new_device
+from vibro_ros.simulation.runs import commanded_samples
 from vibro_ros.simulation.simulator import Simulator, ToleranceWarning
 
 UNKNOWN = 255
@@ -182,22 +183,10 @@ class ExactInterval(NamedTuple):
     def values(self, device: Simulator, times: np.ndarray, names: Sequence[str]) -> np.ndarray:
         """Return quantities at ascending `times` [s] of the device's own, shape (n, names); overwrites `device`."""
         device.restore(self.start)
-        parts, done = [], 0
-        for instant, command in self.commands:
-            upto = int(np.searchsorted(times, instant))
-            if upto > done:
-                parts.append(_sampled(device, times[done:upto], names))
-            device.advance_to(instant)
-            device.command(**command)
-            done = upto
-        parts.append(_sampled(device, times[done:], names))
+        samples = commanded_samples(device, times, self.commands)
         device.take_events()
-        return np.concatenate(parts)
+        return np.column_stack([getattr(samples, name) for name in names])
 
-
-def _sampled(device: Simulator, times: np.ndarray, names: Sequence[str]) -> np.ndarray:
-    samples = device.sample(times)
-    return np.column_stack([getattr(samples, name) for name in names])
 
 
 def quiet() -> warnings.catch_warnings:
