@@ -85,8 +85,8 @@ def test_other_parameters_are_written_to_a_new_bag(recorded, capsys):
     (["--set", "guide.angel=1.2"], "guide.angel: unknown parameter; did you mean guide.angle?"),
     (["--set", "guide.angle=steep"], "guide.angle: 'steep' is not a number"),
     (["--set", "rate.publish=100"], "rate.publish=100: is a parameter of the node, which the recording fixes; change"),
-    (["--set", "gravity=1.6", "--set", "gravity=2"], "--set gravity=2: gravity is set already, to 1.6; give one"),
-    (["--set", "=2"], "--set =2: not a change; write name=value"),
+    (["--set", "gravity=1.6", "--set", "gravity=2"], "--set gravity=2: gravity is given twice; keep one"),
+    (["--set", "=2"], "--set =2: give NAME=VALUE"),
     (["--publish"], "unrecognized arguments: --publish; `replay --help` shows what there is"),
     (["another"], "unrecognized arguments: another; `replay --help` shows what there is"),
 ])

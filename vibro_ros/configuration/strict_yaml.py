@@ -6,7 +6,7 @@ rcl ignores them: launch files write lists as `!!python/tuple`, and no tag may c
 """
 
 import re
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -107,6 +107,25 @@ def read_scalar(text: str) -> object:
     except ValueError:
         return text
     return value if isinstance(value, (bool, int, float, str)) else text
+
+
+def read_settings(words: Sequence[str]) -> dict[str, object]:
+    """Return the values of every `--set NAME=VALUE`, by name, as `read_scalar` reads them.
+
+    Raises
+    ------
+    ValueError
+        For a word of another form, and for a name that is given twice.
+    """
+    found: dict[str, object] = {}
+    for word in words:
+        name, equals, value = word.partition("=")
+        if not (name and equals):
+            raise ValueError(f"--set {word}: give NAME=VALUE, such as ground.friction=0.3")
+        if name in found:
+            raise ValueError(f"--set {word}: {name} is given twice; keep one")
+        found[name] = read_scalar(value)
+    return found
 
 
 def read_yaml(path: Path, limits: Limits = LIMITS, follow: bool = True) -> object:

@@ -19,7 +19,7 @@ from vibro_ros.bag.metadata import Topic, defined
 from vibro_ros.bag.recorder import BagWriter, Storage
 from vibro_ros.bag.stream import QOS_DEPTH, BagError, BagStream, bag_errors, not_read
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
-from vibro_ros.configuration.strict_yaml import read_scalar
+from vibro_ros.configuration.strict_yaml import read_settings
 from vibro_ros.messages.topics import CHECKPOINT, COMMAND_UNITS, INPUTS, OF_DC_MOTOR, SENSOR_TOPICS, TOPICS
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.entry_point import Parser, exit_code, say
@@ -44,7 +44,7 @@ def main(words: Sequence[str]) -> int:
 def _run(words: Sequence[str]) -> int:
     options = _parser().parse_args(words)
     with bag_errors(options.bag):
-        return _show_what_if(options.bag, _changes(options.set)) if options.set else _compare(options.bag)
+        return _show_what_if(options.bag, read_settings(options.set)) if options.set else _compare(options.bag)
 
 
 def _compare(bag: Path) -> int:
@@ -152,19 +152,6 @@ def _sensor_topics(facts: RecordedRun, scene: Scene) -> dict[str, str]:
     """Return names for the topics of a scene's sensors, which the recorded robot may lack; with the prefix of odom."""
     names = [SENSOR_TOPICS[sensor] for sensor in sensors_on(scene)]
     return {name: f"{facts.topics['odom'].removesuffix('odom')}{name}" for name in names if "odom" in facts.topics}
-
-
-def _changes(texts: Sequence[str]) -> dict[str, object]:
-    """Return names and values from texts of the form `name=value` (ValueError)."""
-    changes: dict[str, object] = {}
-    for text in texts:
-        name, equals, value = text.partition("=")
-        if not (name and equals):
-            raise ValueError(f"--set {text}: not a change; write name=value, such as guide.angle=1.2")
-        if name in changes:
-            raise ValueError(f"--set {text}: {name} is set already, to {changes[name]}; give one of the two")
-        changes[name] = read_scalar(value)
-    return changes
 
 
 def _parser() -> Parser:

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 from tqdm import tqdm
 
 from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.configuration.strict_yaml import read_scalar
+from vibro_ros.configuration.strict_yaml import read_settings
 from vibro_ros.model.parameters import BY_NAME, Value, parameter_named
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.entry_point import FAILURE, Parser, exit_code, interrupted_code, say
@@ -178,15 +178,7 @@ def settings_of(words: Sequence[str]) -> dict[str, Value]:
     ValueError
         For an unknown name, a value out of range, and a name that is given twice.
     """
-    found: dict[str, Value] = {}
-    for word in words:
-        name, equals, value = word.partition("=")
-        if not equals:
-            raise ValueError(f"--set {word}: give NAME=VALUE, such as ground.friction=0.3")
-        if name in found:
-            raise ValueError(f"--set: {name} is given twice; keep one")
-        found[name] = parameter_named(name, BY_NAME).checked(read_scalar(value))
-    return found
+    return {name: parameter_named(name, BY_NAME).checked(value) for name, value in read_settings(words).items()}
 
 
 def execution_of(options: argparse.Namespace) -> Execution:
