@@ -13,6 +13,7 @@ STUDY := $(VENV)/study.done
 BROWSER := $(VENV)/browser.done
 SITE := $(VENV)/site.done
 TYPES := $(VENV)/interface_types.done
+BUILDERS := $(VENV)/builders.done
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet --quiet
 PYTHON ?= python3
 
@@ -151,8 +152,14 @@ $(READY): $(PACKAGES) setup.py setup.cfg package.xml vibro_ros/process/executabl
 	@$(LINK_PACKAGE)
 	@touch $@
 
+# Only the build of types needs them; 30 MB to load.
+$(BUILDERS): requirements/$(ROS)-types.txt $(PACKAGES)
+	@echo "setup: installing cmake and ament, to build types"
+	@$(PIP) install --only-binary :all: --no-deps --requirement $<
+	@touch $@
+
 # The command writes the stamp, unless there is no compiler that works: it then says so, and the robot runs without.
-$(TYPES): $(PACKAGES) $(shell find tools/interfaces interfaces -name '*.py' -o -name '*.action' -o -name '*.srv' -o -path '*/declared/*' -type f)
+$(TYPES): $(BUILDERS) $(shell find tools/interfaces interfaces -type f -not -name '*.pyc')
 	@$(BIN)/python -m tools.interfaces.command
 
 # Only the studies need them.

@@ -53,7 +53,7 @@ PROCESS = {f"test_{name}.py" for name in (
 #: Files that install the package, or run documents, notebooks and the demonstration as a reader would. Only
 #: `make test-slow` runs them, by the mark `slow`.
 SLOW = {f"test_{name}.py" for name in (
-    "built_types", "demo", "documents", "examples", "installation", "notebooks", "sensor_examples", "site", "tutorial")}
+    "demo", "documents", "examples", "installation", "notebooks", "sensor_examples", "site", "tutorial")}
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

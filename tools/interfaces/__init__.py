@@ -1,1 +1,1 @@
-"""Build of the Python types of interface packages that PyPI lacks, from definitions, for the pinned ROS wheels."""
+"""Build of the Python types of interface packages that PyPI lacks, from their packages, with colcon."""

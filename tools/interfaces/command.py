@@ -1,28 +1,34 @@
-"""`make setup`: build the Python types that PyPI lacks into the environment, from their definitions.
+"""`make setup`: build the Python types that PyPI lacks into the environment, with colcon, as a workspace does.
 
-Nothing is done if the types exist and their sources have not changed. The robot runs without them, so that a missing or
-broken compiler is reported in one line and is not a failure. A package is installed completely or not at all: its
-Python package is installed last and removed first.
+`vibro_ros_interfaces` is an ordinary package in the folder `interfaces`. `tf2_msgs` and `simulation_interfaces` are
+packages in the folder `declared`, with only the types that the robot serves. A type's hash does not depend on comments,
+so equal hashes show that a declaration agrees with the package's own. The robot runs without these types, so that a
+missing or broken compiler is reported in one line and is not a failure.
 """
 
-import fcntl
 import os
 import shutil
+import subprocess
 import sys
 import sysconfig
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
 from pathlib import Path
-from xml.sax.saxutils import escape
+from tempfile import TemporaryDirectory
 
-from tools.interfaces.compilation import CompilerError, Libraries, find_compiler
-from tools.interfaces.definitions import InterfacePackage, fingerprint, interface_packages
-from tools.interfaces.generation import Sources
 from vibro_ros.process.entry_point import Parser, exit_code
 
+ROOT = Path(__file__).resolve().parents[2]
+FOLDERS = (ROOT / "tools" / "interfaces" / "declared", ROOT / "interfaces")
+NAMES = "tf2_msgs, simulation_interfaces and vibro_ros_interfaces"
 STAMP = "interface_types.done"
-"""File in the environment with the fingerprint of the sources of its types; written last."""
-_INDEX = Path("share", "ament_index", "resource_index")
+"""File in the environment that `make` compares with the sources; written last."""
+LOG = "interface_types.log"
+"""File in the environment with all that colcon printed when it last failed."""
+COMPILERS = ("c++", "g++", "clang++")
+
+
+class BuildError(RuntimeError):
+    """The types cannot be built; the message gives the reason in one line."""
 
 
 def main(words: Sequence[str]) -> int:
@@ -31,33 +37,14 @@ def main(words: Sequence[str]) -> int:
 
 
 def _provide(prefix: Path) -> int:
-    packages = interface_packages()
-    *most, last = (package.name for package in packages)
-    names = f"{', '.join(most)} and {last}"
     try:
-        with workshop(prefix) as folder:
-            stamp, wanted = prefix / STAMP, fingerprint(packages)
-            if stamp.exists() and stamp.read_text() == wanted:
-                stamp.touch()
-                return 0
-            compiler = find_compiler()
-            print(f"setup: building the Python types of {names} (a quarter of a minute)", flush=True)
-            stamp.unlink(missing_ok=True)
-            for package in packages:
-                _build(package, folder / package.name, prefix, compiler)
-            stamp.write_text(wanted)
-    except CompilerError as error:
-        print(f"setup: types of {names} not built: {error}; the robot runs without them", flush=True)
+        require_compiler()
+        print(f"setup: building the Python types of {NAMES} (a minute)", flush=True)
+        build(prefix)
+        (prefix / STAMP).touch()
+    except BuildError as error:
+        print(f"setup: types of {NAMES} not built: {error}; the robot runs without them", flush=True)
     return 0
-
-
-def _build(package: InterfacePackage, folder: Path, prefix: Path, compiler: Sequence[str]) -> None:
-    folder.mkdir()
-    sources = Sources(package, folder, Path(sys.prefix))
-    sources.generate()
-    libraries = Libraries(package, sources, folder / "lib", Path(sys.prefix), compiler)
-    libraries.make()
-    install(package, sources, libraries, prefix)
 
 
 def _parser() -> Parser:
@@ -67,72 +54,49 @@ def _parser() -> Parser:
     return parser
 
 
-@contextmanager
-def workshop(prefix: Path) -> Iterator[Path]:
-    """Context manager that makes a temporary folder in the environment, for one process at a time."""
-    folder = prefix / "interface_types.part"
-    descriptor = os.open(prefix, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
-        with suppress(OSError):  # on a file system without locks
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
-        shutil.rmtree(folder, ignore_errors=True)  # left by a process that was killed
-        folder.mkdir()
-        yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-        os.close(descriptor)
+def require_compiler() -> None:
+    """Check that cmake will find a C++ compiler and Python's headers.
+
+    Raises
+    ------
+    BuildError
+        When one of them is missing, with the remedy. The environment variables CC and CXX name other compilers.
+    """
+    if not os.environ.get("CXX") and not any(map(shutil.which, COMPILERS)):
+        raise BuildError("no C++ compiler (" + ", ".join(COMPILERS) + "); install g++")
+    header = Path(sysconfig.get_paths()["include"], "Python.h")
+    if not header.exists():
+        raise BuildError(f"{header} is missing; install python3-dev")
 
 
-def install(package: InterfacePackage, sources: Sources, libraries: Libraries, prefix: Path) -> None:
-    """Move a package's built files to their places, replacing older ones; after an exception none of them remain."""
-    _write_package_file(package, sources.share)
-    shutil.move(libraries.extension, sources.python)
-    try:
-        remove(package.name, prefix)
-        for library in libraries.shared:
-            library.rename(prefix / "lib" / library.name)
-        sources.share.rename(prefix / "share" / package.name)
-        for file, text in _index_entries(package, prefix).items():
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_text(text, encoding="utf-8")
-        sources.python.rename(_python_package(package.name, prefix))
-    except BaseException:
-        remove(package.name, prefix)
-        raise
+def build(prefix: Path) -> None:
+    """Build and install all packages; of a package that fails nothing is installed (BuildError)."""
+    with TemporaryDirectory(prefix="interface_types_") as folder:
+        done = subprocess.run(
+            ["colcon", f"--log-base={folder}/log", "build", "--merge-install", f"--install-base={prefix}",
+             f"--build-base={folder}/build", "--base-paths", *map(str, FOLDERS), "--cmake-args", *cmake_arguments()],
+            env=environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace")
+    log = prefix / LOG
+    log.unlink(missing_ok=True)
+    if done.returncode:
+        log.write_text(done.stdout)
+        lines = [line.strip() for line in done.stdout.splitlines() if "error" in line.lower()]
+        raise BuildError(f"{lines[0] if lines else f'colcon ended with {done.returncode}'} (all of it in {log})")
 
 
-def remove(name: str, prefix: Path) -> None:
-    """Remove an installed package; missing files are ignored."""
-    if (python := _python_package(name, prefix)).exists():
-        python.rename(prefix / "interface_types.part" / f"{name}.old")  # removes it at once, unlike deletion
-    shutil.rmtree(prefix / "share" / name, ignore_errors=True)
-    for file in [*(prefix / "lib").glob(f"lib{name}__*.so"), *(prefix / _INDEX).glob(f"*/{name}")]:
-        file.unlink()
+def cmake_arguments() -> list[str]:
+    """Return the arguments by which cmake builds against the ROS wheels of this Python."""
+    repair = Path(__file__).parent / "wheels.cmake"
+    return [f"-DPython3_EXECUTABLE={sys.executable}", f"-DCMAKE_PROJECT_INCLUDE={repair}", "-DBUILD_TESTING=OFF",
+            "--no-warn-unused-cli"]
 
 
-def _python_package(name: str, prefix: Path) -> Path:
-    return Path(sysconfig.get_path("platlib", vars={"platbase": str(prefix)})) / name
-
-
-def _index_entries(package: InterfacePackage, prefix: Path) -> dict[Path, str]:
-    """Contents of the package's files in the ament index, by path."""
-    files = sorted(path for text in package.texts for path in (text, str(Path(text).with_suffix(".idl"))))
-    return {
-        prefix / _INDEX / "packages" / package.name: "",
-        prefix / _INDEX / "package_run_dependencies" / package.name: ";".join(package.dependencies),
-        prefix / _INDEX / "rosidl_interfaces" / package.name: "\n".join(files),
-    }
-
-
-def _write_package_file(package: InterfacePackage, share: Path) -> None:
-    depends = "".join(f"  <exec_depend>{name}</exec_depend>\n" for name in package.dependencies)
-    (share / "package.xml").write_text(
-        '<?xml version="1.0"?>\n<package format="3">\n'
-        f"  <name>{package.name}</name>\n  <version>{package.version}</version>\n"
-        f"  <description>{escape(package.origin)}</description>\n"
-        '  <maintainer email="maintainers@vibro-ros.example">vibro_ros maintainers</maintainer>\n'
-        f"  <license>{package.license}</license>\n{depends}"
-        "  <member_of_group>rosidl_interface_packages</member_of_group>\n</package>\n", encoding="utf-8")
+def environment() -> dict[str, str]:
+    """Return the environment in which colcon and cmake find the ROS wheels of this Python, and no other ROS."""
+    hidden = {"PYTHONPATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "COLCON_PREFIX_PATH"}
+    others = {name: value for name, value in os.environ.items() if name not in hidden}
+    path = os.pathsep.join([f"{sys.prefix}/bin", os.environ.get("PATH", os.defpath)])
+    return others | {"PATH": path, "AMENT_PREFIX_PATH": sys.prefix, "CMAKE_PREFIX_PATH": sys.prefix}
 
 
 if __name__ == "__main__":

@@ -216,8 +216,8 @@ class FaultService:
     def __init__(self, node: Node, robot: CommandedRobot):
         self._kind = installed_type(OWN_TYPES, "srv", "InjectFault")
         if not self._kind:
-            raise ValueError(f"fault: {OWN_TYPES} is not installed, or old; `make setup` builds it where there is a C "
-                             "compiler, and colcon from the folder interfaces")
+            raise ValueError(f"fault: {OWN_TYPES} is not installed, or old; `make setup` builds it where there is a "
+                             "C++ compiler, and colcon from the folder interfaces")
         self._node, self._robot = node, robot
         self._asked: list[tuple[str, Future]] = []
 

@@ -30,7 +30,7 @@ def action_types() -> dict[str, Any]:
     types = {name: installed_type(OWN_TYPES, "action", name) for name in NAMES}
     if not all(types.values()):
         raise ValueError(f"--serve: {OWN_TYPES} is not installed, so there are no actions; `make setup` builds it "
-                         "where there is a C compiler, and colcon from the folder interfaces")
+                         "where there is a C++ compiler, and colcon from the folder interfaces")
     return types
 
 
