@@ -19,9 +19,10 @@ def noise_of(times: np.ndarray, values: np.ndarray) -> tuple[float, float]:
 
     A divided difference of order k takes a smooth motion away and has unit weight on the noise. Where a blow falls
     into it, it is large: differences beyond two standard deviations are left out again and again until nothing
-    changes. On `damped` and `device` at 100 rad/s with the noise of a laboratory, 0.05 mm and 1 mm/s, the result is at
-    most 12 % above the truth at 500 Hz and 1 kHz, but 20 % for the speed of a body that sticks and slips at 500 Hz. At
-    100 and 200 Hz the motion of the masses is larger than such noise.
+    changes. On `damped` and `device` at 100 rad/s with the noise of a laboratory, 0.05 mm and 1 mm/s, 4000 samples at
+    500 Hz or 1 kHz give the truth to 4 % of standard deviation, because neighbouring differences are correlated, and a
+    bias of 0 to 6 %, or 15 % for the speed of a body that sticks and slips at 500 Hz. At 100 and 200 Hz the motion of
+    the masses is larger than such noise.
 
     Returns
     -------
