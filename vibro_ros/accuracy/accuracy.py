@@ -109,17 +109,16 @@ def write_report(rows: Mapping[str, Sequence[Row]], effort: Effort, folder: Path
 def how_measured(rows: Mapping[str, Sequence[Row]], effort: Effort, on: str) -> str:
     """Return a description of the measurement in Markdown: machine, rounds, unit, instants and starts."""
     return (f"Measured on: {on}.\n\n"
-            f"{unit_in_words(rows)} Costs are medians of at most {effort.repeats} rounds, each the "
-            f"median of the runs that {LEAST_TIME:g} s allow, as ratios to that cost, run in turn with them. "
-            f"Every run whose cost is measured is sampled at {RATE:g} Hz. Settings end where a run takes more "
-            f"than {effort.patience:g} s.\n\n"
-            f"Errors are looked for in other runs, at {INSTANTS} instants of each horizon that lie off the grids "
-            "of samples and steps; `every position` is the body along the ground, its height and both masses. A "
-            f"scene whose motor stands still at first is studied running, at {RUNNING_SPEED:g} rad/s from the "
-            f"start. A mean speed is that of {effort.duration:g} s, after {SETTLING:g} s to settle; its "
-            "starts are independent: in the first second motor speed and gaps are drawn at random. "
-            "Fewer than 95 of 100 intervals hold where a rare start goes far astray, as by `rk4` at 0.0001 s in "
-            "`paper`.")
+            f"{unit_in_words(rows)} A cost is the ratio to that cost, measured in alternating runs: the median of at "
+            f"most {effort.repeats} rounds, each the median of as many runs as fit into {LEAST_TIME:g} s. "
+            f"Every run whose cost is measured is sampled at {RATE:g} Hz. No finer setting is measured after a run of "
+            f"more than {effort.patience:g} s.\n\n"
+            f"Errors are measured in other runs, at {INSTANTS} instants of each horizon that do not coincide with "
+            "samples or steps; `every position` means the body along the ground, its height, and both masses. A "
+            f"scene whose motor stands still at first is run at {RUNNING_SPEED:g} rad/s from the start. A mean speed "
+            f"is measured over {effort.duration:g} s, after {SETTLING:g} s of settling; its starts are independent, "
+            "because motor speed and gaps change at random in the first second. Fewer than 95 of 100 intervals contain "
+            "the true mean if a rare start goes far astray, as by `rk4` at 0.0001 s in `paper`.")
 
 
 def draw(rows: Mapping[str, Sequence[Row]], effort: Effort, folder: Path) -> dict[str, Path]:

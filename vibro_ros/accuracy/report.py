@@ -31,7 +31,7 @@ def section(rows: Sequence[Row], picture: str) -> str:
     """Return the section of a scene in Markdown: diagram, chaos, reference and mean speeds."""
     reference, growth = reference_of(rows), lyapunov_time_in(rows)
     chaos, name = str(growth), rows[0].problem
-    horizon = f"Trajectories are compared within {reference.horizon:g} s only; beyond, averages are."
+    horizon = f"Trajectories are compared within {reference.horizon:g} s only; beyond that, averages are compared."
     if reference.horizon > growth.comparable:
         horizon = (f"Trajectories are compared within {reference.horizon:g} s as asked for, BEYOND the "
                    f"{growth.comparable:.2g} s that chaos allows: the errors show it as much as the programs.")
