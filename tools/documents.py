@@ -71,7 +71,8 @@ DOCUMENTS = {
     "effects": Document(
         "docs/robot.md", ("tools.effects",), 6.0, (*_PHYSICS, "vibro_ros/orbits", "tools/effects.py")),
     "literature": Document(
-        "docs/literature.md", ("research.literature",), 4.0, (*_PHYSICS, "research/literature")),
+        "docs/literature.md", ("research.literature",), 4.0,
+        (*_PHYSICS, "vibro_ros/orbits", "research/literature", "research/starts.py")),
     "map": Document(
         "docs/guide/command_map.md", (
             "vibro_ros.study.command map --output out/study/map",
@@ -89,10 +90,11 @@ DOCUMENTS = {
         {f"out/benchmark/{file}": f"docs/benchmark/{file}" for file in
          ("benchmark.md", "results.json", *(f"{problem}.png" for problem in problem_names()))}),
     "paper": Document(
-        "docs/paper.md", ("research.paper",), 15.0, (*_PHYSICS, "research/paper")),
+        "docs/paper.md", ("research.paper",), 18.0, (*_PHYSICS, "research/paper", "research/starts.py")),
     "optimum": Document(
         "docs/optimum.md", ("research.optimum",), 30.0,
-        (*_PHYSICS, "vibro_ros/study/optimise.py", "vibro_ros/study/trials.py", "research/optimum")),
+        (*_PHYSICS, "vibro_ros/orbits", "vibro_ros/study/optimise.py", "vibro_ros/study/trials.py", "research/optimum",
+         "research/starts.py")),
 }
 """Generated documents by name, the quick ones first."""
 

@@ -22,6 +22,7 @@ from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.parameters import Value
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import compile_scene
+from vibro_ros.orbits.attractors import Attractor
 from vibro_ros.solver.system import NOTHING
 
 BEGIN = "<!-- effects: written by `make documents` -->"
@@ -133,10 +134,17 @@ def motions(scene: Scene) -> str:
         return "runs away"
     if len(found) > _MOST_NAMED:
         return f"{len(found)} motions, {min(speeds) * 1e3:+.1f} to {max(speeds) * 1e3:+.1f}"
-    cells = [f"{round(one.mean_speed * 1e3, 1) + 0.0:+.1f}"
-             + (f" ± {one.spread * 1e3:.1f}" if one.spread >= 5e-5 else "") for one in found]
+    cells = [_in_words(one) for one in found]
     return cells[0] if len(set(cells)) == 1 else ", ".join(
         f"{cell} ({one.starts} of {STARTS})" for cell, one in zip(cells, found, strict=True))
+
+
+def _in_words(one: Attractor) -> str:
+    """Mean speed of a motion [mm/s], with its interval; of starts that have not settled the least and the largest."""
+    if one.turns is None:
+        return f"{one.least * 1e3:+.1f} to {one.largest * 1e3:+.1f}, not settled"
+    interval = f" ± {one.spread * 1e3:.1f}" if one.spread >= 5e-5 else ""
+    return f"{round(one.mean_speed * 1e3, 1) + 0.0:+.1f}{interval}"
 
 
 def cost_ratio(effect: Effect) -> float:
@@ -175,7 +183,8 @@ def tables(effects: Iterable[Effect], costs: Iterable[str]) -> str:
         whole = size(load_scene(name))
         parts.append("\n".join([
             f"The scene `{name}` has {whole.states} states, {whole.modes} modes, at most {whole.terms} terms and "
-            f"{whole.guards} guards in one of them. At {SPEED:g} rad/s it moves with {motions(load_scene(name))} mm/s.",
+            f"{whole.guards} guards in one of them. At {SPEED:g} rad/s {STARTS} starts lead to "
+            f"{motions(load_scene(name))} mm/s; [64 starts](speeds.md) may find more motions.",
             "",
             f"| {' | '.join(HEADS)} |", "|---" * len(HEADS) + "|", *(line(*row) for row in rows)]))
     return "\n\n".join(parts)
