@@ -62,3 +62,8 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
         return link["shown"].strip("![]")
 
     return _CODE_OR_LINK.sub(of_site, markdown)
+
+
+def on_page_content(html: str, **_: Any) -> str:
+    """Return the page with a place to break a line between a test's file and its name, which are long in tables."""
+    return html.replace(".py::test_", ".py::<wbr>test_")
