@@ -10,7 +10,7 @@ import lz4.frame
 import zstandard
 from mcap.records import Channel, Chunk, McapRecord, Message, Schema
 
-from vibro_ros.bag.mcap_file import HEAD, MAGIC, packed
+from vibro_ros.bag.mcap_file import HEAD, MAGIC, record_bytes
 
 Maker = Callable[[Path], None]
 """Changes the bag folder that it is given; `folder.parent / "outside"` has files that nobody may change."""
@@ -110,7 +110,7 @@ def spliced(seed: int) -> Maker:
 
 def behind_header(*records: McapRecord | bytes) -> Maker:
     """Put records right behind the header."""
-    inserted = b"".join(one if isinstance(one, bytes) else packed(one) for one in records)
+    inserted = b"".join(one if isinstance(one, bytes) else record_bytes(one) for one in records)
     return edited(lambda data: data[:(at := list(_heads(data))[1])] + inserted + data[at:])
 
 
@@ -128,7 +128,7 @@ def zeros(size: int) -> bytes:
 
 def tiny_messages(count: int) -> bytes:
     """Return the content of a chunk with many messages without data on channel 1."""
-    return packed(Message(channel_id=1, log_time=5, publish_time=5, sequence=0, data=b"")) * count
+    return record_bytes(Message(channel_id=1, log_time=5, publish_time=5, sequence=0, data=b"")) * count
 
 
 def labelled(text: str) -> tuple[Schema, Channel]:

@@ -12,7 +12,7 @@ from mcap.opcode import Opcode
 from mcap.records import Chunk, Schema
 from recorded_bag import POWER, mcap_file
 
-from vibro_ros.bag.mcap_file import HEAD, DamagedError, McapFile, chunk_content, packed, parsed, records_in
+from vibro_ros.bag.mcap_file import HEAD, DamagedError, McapFile, chunk_content, parse_record, record_bytes, records_in
 from vibro_ros.bag.recorder import Recorder, Storage
 
 
@@ -39,16 +39,16 @@ def test_a_damaged_chunk_is_one_kind_of_error(damaged):
 
 
 def test_bytes_that_are_no_record_are_one_kind_of_error():
-    content = packed(Schema(id=1, data=b"float64 data", encoding="ros2msg", name="x/msg/X"))[HEAD.size:]
-    assert parsed(Schema, content).data == b"float64 data"
+    content = record_bytes(Schema(id=1, data=b"float64 data", encoding="ros2msg", name="x/msg/X"))[HEAD.size:]
+    assert parse_record(Schema, content).data == b"float64 data"
     for size in range(10):
         with pytest.raises(DamagedError):
-            parsed(Schema, content[:size])
+            parse_record(Schema, content[:size])
     with pytest.raises(DamagedError):
-        parsed(Schema, content.replace(b"ros2msg", b"ros2\xff\xff\xff"))
+        parse_record(Schema, content.replace(b"ros2msg", b"ros2\xff\xff\xff"))
     with pytest.raises(DamagedError, match="another length than it says"):  # it would swallow the records behind it
-        parsed(Chunk, packed(chunk(b"data"))[HEAD.size:] + b"more")
-    torn = packed(chunk(HEAD.pack(Opcode.SCHEMA, len(content)) + content[:-1]))[HEAD.size:]
+        parse_record(Chunk, record_bytes(chunk(b"data"))[HEAD.size:] + b"more")
+    torn = record_bytes(chunk(HEAD.pack(Opcode.SCHEMA, len(content)) + content[:-1]))[HEAD.size:]
     with pytest.raises(DamagedError, match="a record ends too early"):
         list(records_in(Opcode.CHUNK, torn))
 

@@ -21,7 +21,7 @@ from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from vibro_ros.bag.folders import unsealed_bags
-from vibro_ros.bag.mcap_file import MAGIC, packed
+from vibro_ros.bag.mcap_file import MAGIC, record_bytes
 from vibro_ros.bag.recorder import Recorder, Storage
 from vibro_ros.bag.stream import BagError
 from vibro_ros.recordings import recover as executable
@@ -351,7 +351,7 @@ def test_a_bag_in_use_is_left_alone(tmp_path, published, wait_for):
 @pytest.mark.parametrize("name, data, reason", [
     ("run_0.mcap", b"", "run_0.mcap: the file is empty, nothing was recorded"),
     ("run_0.mcap", b"not a recording at all", "run_0.mcap: not an MCAP file"),
-    ("run_0.mcap", MAGIC + packed(Header("ros1", "test")) + bytes(10),
+    ("run_0.mcap", MAGIC + record_bytes(Header("ros1", "test")) + bytes(10),
      "run_0.mcap: an MCAP file, but not of ROS 2: its profile is 'ros1'"),
     ("run_0.mcap", MAGIC + b"\x01\x10", "run_0.mcap: the file ends within its header, nothing was recorded"),
     ("run_0.db3", b"SQLite format 3", "run_0.db3: is of the storage sqlite3; `ros2 bag convert` makes an MCAP bag"),

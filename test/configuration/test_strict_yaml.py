@@ -6,7 +6,7 @@ import time
 import pytest
 import yaml
 
-from vibro_ros.configuration.strict_yaml import LIMITS, Limits, parsed, read_scalar, read_yaml
+from vibro_ros.configuration.strict_yaml import LIMITS, Limits, parse_yaml, read_scalar, read_yaml
 
 LONGEST = 10.0  # s, of the slowest document
 HOSTILE = {
@@ -50,9 +50,9 @@ def test_forty_thousand_keys_are_read(tmp_path):
 
 
 def test_a_limit_counts_keys_and_values():
-    assert parsed("a: [1, 2]\nb: 3", Limits(values=7)) == {"a": [1, 2], "b": 3}
+    assert parse_yaml("a: [1, 2]\nb: 3", Limits(values=7)) == {"a": [1, 2], "b": 3}
     with pytest.raises(ValueError, match="more than 6 keys and values"):
-        parsed("a: [1, 2]\nb: 3", Limits(values=6))
+        parse_yaml("a: [1, 2]\nb: 3", Limits(values=6))
 
 
 def test_what_is_no_regular_file_is_never_opened(tmp_path):
@@ -70,10 +70,10 @@ def test_tags_are_ignored_and_never_make_an_object():
     given = {"a": (1.0, 2.0), "b": ("x", "y"), "c": {"d": (True,)}}
     text = yaml.dump(given, default_flow_style=False)
     assert "!!python/tuple" in text
-    assert parsed(text) == {"a": [1.0, 2.0], "b": ["x", "y"], "c": {"d": [True]}}
+    assert parse_yaml(text) == {"a": [1.0, 2.0], "b": ["x", "y"], "c": {"d": [True]}}
     for tagged, plain in (('!!python/object/apply:os.abort ["x"]', ["x"]), ("!!python/name:os.abort ''", ""),
                           ("!!python/object:os.stat_result {a: 1}", {"a": 1}), ("!!float 1", 1), ("!!str 1", "1")):
-        value = parsed(tagged)
+        value = parse_yaml(tagged)
         assert value == plain and type(value) is type(plain)
 
 

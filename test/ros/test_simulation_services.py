@@ -137,7 +137,7 @@ def test_a_callback_that_fails_is_answered_all_the_same(types):
 
     caught: list[str] = []
     node = SimpleNamespace(refusals=SimpleNamespace(catch=lambda name, error: caught.append(name)),
-                           _counted=lambda name, response: response)
+                           _count_refusal=lambda name, response: response)
     kind = types.srv.StepSimulation
     answering = GuardedNode._answer_later(node, "/step", fail, kind.Request(), kind.Response())
     with pytest.raises(StopIteration) as end:

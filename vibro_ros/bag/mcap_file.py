@@ -119,9 +119,9 @@ class McapFile:
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
         self._counts: Counter[int] = Counter()  # messages by channel
-        self._first, self._last, self._before = LAST_STAMP, 0, 0
+        self._first, self._last, self._previous_stamp = LAST_STAMP, 0, 0
         self._blocks = array("Q")  # offsets of the readable chunks, and of the readable messages outside of chunks
-        self._loose = 0  # messages outside of chunks
+        self._unchunked = 0  # messages outside of chunks
         self._damaged: dict[int, int] = {}  # offsets of damaged records, and their bytes
         self._damage = ""  # description of the first damage
         with open_to_read(path, follow=False) as file:
@@ -130,7 +130,7 @@ class McapFile:
             self.sealed, summary = self._footer(file)
             self._look_through(file, summary)
         self.damaged = sum(self._damaged.values())
-        self.topics, self._read_channels, self.flaws = self._described()
+        self.topics, self._read_channels, self.flaws = self._topics_and_flaws()
         counts = dict.fromkeys((topic.name for topic in self.topics), 0)
         for number, topic_name in self._read_channels.items():
             counts[topic_name] += self._counts[number]
@@ -159,7 +159,7 @@ class McapFile:
         """
         indexes, noted = bytearray(), []
         chunk: ChunkIndex | None = None
-        chunks, is_indexed = 0, not self._loose
+        chunks, is_indexed = 0, not self._unchunked
         with open_to_read(self.path, follow=False) as file:
             for opcode, at, following, content in records(file, self._begin, self.end):
                 if opcode == Opcode.MESSAGE_INDEX and chunk:
@@ -167,19 +167,19 @@ class McapFile:
                     chunk.message_index_length = following - chunk.chunk_start_offset - chunk.chunk_length
                 elif opcode == Opcode.CHUNK:
                     if chunk:
-                        indexes += packed(chunk)
+                        indexes += record_bytes(chunk)
                         is_indexed &= bool(chunk.message_index_offsets)
-                    chunk = None if at in self._damaged else _chunk_index(at, following, parsed(Chunk, content))
+                    chunk = None if at in self._damaged else _chunk_index(at, following, parse_record(Chunk, content))
                     chunks += chunk is not None
                 elif opcode == Opcode.METADATA and at not in self._damaged:
-                    noted.append(MetadataIndex(at, following - at, parsed(Metadata, content).name))
+                    noted.append(MetadataIndex(at, following - at, parse_record(Metadata, content).name))
             torn = _missing_indexes(file, chunk, self.end) if chunk else b""
         at = self.end + len(torn)
-        record = packed(Metadata(METADATA_NAME, {METADATA_KEY: metadata}))
+        record = record_bytes(Metadata(METADATA_NAME, {METADATA_KEY: metadata}))
         noted.append(MetadataIndex(at, len(record), METADATA_NAME))
         if chunk:
-            indexes += packed(chunk)
-        data_end = packed(DataEnd(data_section_crc=0))
+            indexes += record_bytes(chunk)
+        data_end = record_bytes(DataEnd(data_section_crc=0))
         counts = {channel: self._counts[channel] for channel in self._channels}
         first, last = (self._first, self._last) if self._counts else (0, 0)
         statistics = Statistics(
@@ -187,10 +187,10 @@ class McapFile:
             message_count=sum(counts.values()), message_start_time=first, message_end_time=last,
             metadata_count=len(noted), schema_count=len(self._schemas))
         # Without an index of chunks, readers scan the file from its beginning.
-        summary = [packed(*self._schemas.values(), *self._channels.values(), statistics),
-                   bytes(indexes) if is_indexed else b"", packed(*noted)]
+        summary = [record_bytes(*self._schemas.values(), *self._channels.values(), statistics),
+                   bytes(indexes) if is_indexed else b"", record_bytes(*noted)]
         footer = Footer(summary_start=at + len(record) + len(data_end), summary_offset_start=0, summary_crc=0)
-        return b"".join([torn, record, data_end, *summary, packed(footer), MAGIC])
+        return b"".join([torn, record, data_end, *summary, record_bytes(footer), MAGIC])
 
     def _header(self, file: BinaryIO) -> int:
         """Check magic and header, and return the offset of the first record after them."""
@@ -202,7 +202,7 @@ class McapFile:
         if opcode != Opcode.HEADER:
             raise ForeignFileError("the file ends within its header, nothing was recorded")
         try:
-            profile = parsed(Header, content).profile
+            profile = parse_record(Header, content).profile
         except DamagedError as error:
             raise ForeignFileError(f"its header cannot be read: {error}") from error
         if profile != "ros2":
@@ -215,7 +215,7 @@ class McapFile:
         opcode, _, following, content = next(records(file, at, self.size), (0, 0, 0, b""))
         if opcode != Opcode.FOOTER or following != self.size - len(MAGIC) or file.read(len(MAGIC)) != MAGIC:
             return False, self.size
-        summary = parsed(Footer, content).summary_start
+        summary = parse_record(Footer, content).summary_start
         return True, summary if summary else self.size
 
     def _look_through(self, file: BinaryIO, summary: int) -> None:
@@ -231,7 +231,7 @@ class McapFile:
             self.end = following
             try:
                 if opcode == Opcode.CHUNK:
-                    size = parsed(Chunk, content).uncompressed_size
+                    size = parse_record(Chunk, content).uncompressed_size
                     if unfolded + size > FREE_UNFOLDING + UNFOLDING * self.size:
                         raise DamagedError(f"its chunks unfold to more than {UNFOLDING} times the file's size")
                     unfolded += size
@@ -243,7 +243,7 @@ class McapFile:
                         self._define(kind, inner)
                 if opcode in (Opcode.CHUNK, Opcode.MESSAGE):
                     self._count(at, heads)
-                    self._loose += opcode == Opcode.MESSAGE
+                    self._unchunked += opcode == Opcode.MESSAGE
             except DamagedError as error:
                 self._damaged[at] = following - at
                 self._damage = self._damage or f"{error} at byte {at}"
@@ -259,11 +259,11 @@ class McapFile:
     def _define(self, opcode: int, content: bytes) -> None:
         """Take a schema, a channel or the bag's metadata (DamagedError if it is malformed or contradicts another)."""
         if opcode == Opcode.METADATA:
-            about = parsed(Metadata, content)
+            about = parse_record(Metadata, content)
             if about.name == METADATA_NAME:
                 self.custom = custom_data(about.metadata.get(METADATA_KEY, ""))
         elif opcode in _DEFINITIONS:
-            found: Any = parsed(_DEFINITIONS[opcode], content)
+            found: Any = parse_record(_DEFINITIONS[opcode], content)
             known: dict = self._schemas if opcode == Opcode.SCHEMA else self._channels
             if known.setdefault(found.id, found) != found:
                 raise DamagedError(f"{type(found).__name__.lower()} {found.id} is announced twice, and differs")
@@ -273,12 +273,12 @@ class McapFile:
         self._blocks.append(at)
         if heads:
             stamps = [stamp for _, stamp in heads]
-            self.ordered &= self._before <= stamps[0] and stamps == sorted(stamps)
-            self._before = stamps[-1]
+            self.ordered &= self._previous_stamp <= stamps[0] and stamps == sorted(stamps)
+            self._previous_stamp = stamps[-1]
             self._first, self._last = min(self._first, *stamps), max(self._last, *stamps)
             self._counts.update(channel for channel, _ in heads)
 
-    def _described(self) -> tuple[list[TopicInformation], dict[int, str], list[str]]:
+    def _topics_and_flaws(self) -> tuple[list[TopicInformation], dict[int, str], list[str]]:
         """Return each topic once, the topic of each channel that is read, and sentences on what is not read."""
         name, flaws = self.path.name, []
         if self.damaged:
@@ -309,7 +309,7 @@ class McapFile:
 _DEFINITIONS: dict[int, type] = {Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel}
 
 
-def packed(*given: McapRecord) -> bytes:
+def record_bytes(*given: McapRecord) -> bytes:
     """Return the bytes of records, one after the other."""
     builder = RecordBuilder()
     for one in given:
@@ -317,7 +317,7 @@ def packed(*given: McapRecord) -> bytes:
     return builder.end()
 
 
-def parsed(kind: type[_Record], content: bytes) -> _Record:
+def parse_record(kind: type[_Record], content: bytes) -> _Record:
     """Return the record of this kind with this content (DamagedError if it is malformed).
 
     A chunk that is shorter than its content is refused, because its damaged length covers the records after it.
@@ -365,7 +365,7 @@ def records_in(opcode: int, content: bytes) -> Iterator[tuple[int, int, bytes]]:
     if opcode != Opcode.CHUNK:
         yield opcode, 0, content
         return
-    raw, end = chunk_content(parsed(Chunk, content)), 0
+    raw, end = chunk_content(parse_record(Chunk, content)), 0
     for kind, at, following, inner in records(BytesIO(raw), 0, len(raw)):
         yield kind, at, inner
         end = following
@@ -407,7 +407,7 @@ def _missing_indexes(file: BinaryIO, chunk: ChunkIndex, end: int) -> bytes:
     pieces: list[bytes] = []
     for channel, found in entries.items():
         chunk.message_index_offsets[channel] = end + sum(map(len, pieces))
-        pieces.append(packed(MessageIndex(channel, found)))
+        pieces.append(record_bytes(MessageIndex(channel, found)))
     missing = b"".join(pieces)
     chunk.message_index_length = end + len(missing) - chunk.chunk_start_offset - chunk.chunk_length
     return missing

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import yaml
 
-from vibro_ros.configuration.strict_yaml import Limits, parsed, read_yaml
+from vibro_ros.configuration.strict_yaml import Limits, parse_yaml, read_yaml
 from vibro_ros.messages.codec import jazzy_types
 from vibro_ros.process.files import replace_file
 
@@ -111,7 +111,7 @@ def definition_text(type_name: str) -> str:
     return jazzy_types().generate_msgdef(type_name, ros_version=2)[0]
 
 
-def label(topic: TopicInformation) -> dict[str, str]:
+def channel_metadata(topic: TopicInformation) -> dict[str, str]:
     """Return the metadata that rosbag2 writes to a topic's channel."""
     return {"offered_qos_profiles": as_text(topic.qos).strip(), "topic_type_hash": topic.type_hash}
 
@@ -168,7 +168,7 @@ def read_metadata(folder: Path) -> dict:
 def custom_data(text: str) -> dict[str, str]:
     """Return the custom data in the text of a bag's metadata; empty when there are none."""
     try:
-        found = parsed(text, LIMITS)
+        found = parse_yaml(text, LIMITS)
     except ValueError:
         return {}
     return custom_of(found) if isinstance(found, dict) else {}
@@ -183,7 +183,7 @@ def custom_of(information: Mapping[str, object]) -> dict[str, str]:
 def qos_profiles(text: str) -> list[dict]:
     """Return the QoS profiles in the text of a channel's metadata; empty when it cannot be read."""
     try:
-        found = parsed(text, LABEL_LIMITS) if len(text) <= LABEL_LIMITS.size else None
+        found = parse_yaml(text, LABEL_LIMITS) if len(text) <= LABEL_LIMITS.size else None
     except ValueError:
         return []
     return [one for one in found if isinstance(one, dict)] if isinstance(found, list) else []

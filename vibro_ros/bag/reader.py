@@ -329,13 +329,13 @@ class Column(NamedTuple):
     is_text: bool = False
 
 
-def at(*paths: str) -> Column:
+def numbers_at(*paths: str) -> Column:
     """Return a column of the numbers at some paths in a message, such as ``twist.twist.linear.x``."""
     return Column(attrgetter(*paths), len(paths))
 
 
 def _axes(path: str, axes: str = "xyz") -> Column:
-    return at(*(f"{path}.{axis}" for axis in axes))
+    return numbers_at(*(f"{path}.{axis}" for axis in axes))
 
 
 def _variances(path: str, of_diagonal: slice = slice(None, None, 4)) -> Column:
@@ -364,7 +364,7 @@ STAMP = Column(_stamp)
 _FIRST_OF_SIX = slice(0, 15, 7)  # of the diagonal of a matrix with six rows
 JOINT_QUANTITIES = ("position", "velocity", "effort")
 COLUMNS: Mapping[str, Mapping[str, Column]] = {
-    "std_msgs/msg/Float64": {"value": at("data")},
+    "std_msgs/msg/Float64": {"value": numbers_at("data")},
     "std_msgs/msg/String": {"text": Column(attrgetter("data"), is_text=True)},
     "nav_msgs/msg/Odometry": {
         "stamp": STAMP, "position": _axes("pose.pose.position"), "orientation": _axes("pose.pose.orientation", "xyzw"),
@@ -378,7 +378,8 @@ COLUMNS: Mapping[str, Mapping[str, Column]] = {
         "stamp": STAMP, "acceleration": _axes("linear_acceleration"), "angular_velocity": _axes("angular_velocity"),
         "acceleration_variance": _variances("linear_acceleration_covariance"),
         "angular_velocity_variance": _variances("angular_velocity_covariance")},
-    "sensor_msgs/msg/BatteryState": {"stamp": STAMP, "voltage": at("voltage"), "current": at("current")},
+    "sensor_msgs/msg/BatteryState": {"stamp": STAMP, "voltage": numbers_at("voltage"),
+                                      "current": numbers_at("current")},
     "geometry_msgs/msg/PoseWithCovarianceStamped": {
         "stamp": STAMP, "position": _axes("pose.pose.position"), "variance": _variances("pose.covariance",
                                                                                         _FIRST_OF_SIX)},

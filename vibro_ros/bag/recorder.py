@@ -27,7 +27,7 @@ from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
 
 from vibro_ros.bag.folders import SUFFIX, lock
-from vibro_ros.bag.mcap_file import METADATA_KEY, METADATA_NAME, packed
+from vibro_ros.bag.mcap_file import METADATA_KEY, METADATA_NAME, record_bytes
 from vibro_ros.bag.metadata import (
     FILE_NAME,
     LAST_STAMP,
@@ -36,9 +36,9 @@ from vibro_ros.bag.metadata import (
     TopicInformation,
     as_text,
     bag_information,
+    channel_metadata,
     defined,
     definition_text,
-    label,
     write_metadata,
 )
 
@@ -145,12 +145,12 @@ class Recorder:
         self._taken = 0
         self._due = time.monotonic() + FLUSH_PERIOD
         self._accepting = True
-        self._over = False  # no more messages are written
+        self._has_ended = False  # no more messages are written
         self._closing = False
-        self._known: Mapping[str, str] = {}
-        self._waking = self._due  # time from which a message wakes the thread; infinite while it is awake
-        self._bell: SimpleQueue[None] = SimpleQueue()
-        self._room = {topic.name: 2 * backlog if topic.is_input else backlog for topic in topics}
+        self._new_custom: Mapping[str, str] = {}
+        self._wake_from = self._due  # time from which a message wakes the thread; infinite while it is awake
+        self._wake_up: SimpleQueue[None] = SimpleQueue()
+        self._capacities = {topic.name: 2 * backlog if topic.is_input else backlog for topic in topics}
         self._queue: deque[tuple[str, int, bytes]] = deque()
         try:
             self._writer = BagWriter(self.folder, defined(topics), metadata, storage)
@@ -169,12 +169,12 @@ class Recorder:
         Returns False when the message was dropped (and counted): unknown topic, stamp out of range, data that is not
         bytes, queue full, recording stopped.
         """
-        if (len(self._queue) < self._room.get(topic_name, 0) and type(stamp_ns) is int and 0 <= stamp_ns <= LAST_STAMP
-                and type(data) is bytes and self._accepting):
+        if (len(self._queue) < self._capacities.get(topic_name, 0) and type(stamp_ns) is int
+                and 0 <= stamp_ns <= LAST_STAMP and type(data) is bytes and self._accepting):
             self._queue.append((topic_name, stamp_ns, data))
-            if time.monotonic() >= self._waking or len(self._queue) == WAKING:
-                self._waking = math.inf
-                self._bell.put(None)
+            if time.monotonic() >= self._wake_from or len(self._queue) == WAKING:
+                self._wake_from = math.inf
+                self._wake_up.put(None)
             return True
         with self._refusing:
             self._refused += 1
@@ -189,8 +189,8 @@ class Recorder:
 
     def describe(self, custom: Mapping[str, str]) -> None:
         """Add to the bag's custom data, before the messages that are written from now on."""
-        self._known = custom
-        self._bell.put(None)
+        self._new_custom = custom
+        self._wake_up.put(None)
 
     @property
     def accepting(self) -> bool:
@@ -210,7 +210,7 @@ class Recorder:
     @property
     def lost(self) -> int:
         """Number of messages that `write` took and that did not reach the bag, because the recording stopped."""
-        return self._taken + self._writer.added - self.written if self._over else 0
+        return self._taken + self._writer.added - self.written if self._has_ended else 0
 
     @property
     def backlog(self) -> int:
@@ -235,7 +235,7 @@ class Recorder:
         """
         self._accepting = False
         self._closing = True
-        self._bell.put(None)
+        self._wake_up.put(None)
         self._thread.join(patience)
         if self.ended:
             self._discard_queue()
@@ -251,7 +251,7 @@ class Recorder:
         try:
             self._write_queue()
             self._writer.flush()
-            self._over = True
+            self._has_ended = True
             self._writer.close({"written": str(self.written), "dropped": str(self.dropped), "lost": str(self.lost)})
         except Exception as error:  # whatever the disk does, the robot goes on
             self._stop(error)
@@ -260,10 +260,10 @@ class Recorder:
         """Write queued messages until `close` asks to end, and flush every `FLUSH_PERIOD`."""
         closing = False
         while not closing:
-            self._waking = self._due
+            self._wake_from = self._due
             with contextlib.suppress(Empty):
-                self._bell.get(timeout=max(0.0, self._due + WAKE_DELAY - time.monotonic()))
-            self._waking = math.inf
+                self._wake_up.get(timeout=max(0.0, self._due + WAKE_DELAY - time.monotonic()))
+            self._wake_from = math.inf
             closing = self._closing  # read before the queue is emptied for the last time
             self._write_batch()
             while self._queue:
@@ -271,8 +271,8 @@ class Recorder:
 
     def _write_batch(self) -> None:
         """Write new custom data and up to `BATCH` messages, and flush when that is due."""
-        if self._known:
-            known, self._known = self._known, {}
+        if self._new_custom:
+            known, self._new_custom = self._new_custom, {}
             self._writer.describe(known)
         until = self._taken + BATCH
         while self._queue and self._taken < until:
@@ -287,7 +287,7 @@ class Recorder:
     def _stop(self, error: Exception) -> None:
         """End the recording; stored messages stay as they are, for the readers of this package and for `recover`."""
         self._accepting = False
-        self._over = True
+        self._has_ended = True
         reason = " ".join((getattr(error, "strerror", None) or str(error) or type(error).__name__).split())
         self._discard_queue()
         self._writer.abandon()
@@ -319,8 +319,8 @@ class BagWriter:
         types = list(dict.fromkeys(topic.type_name for topic in topics))
         self._schemas = [Schema(id=number, data=definition_text(name).encode(), encoding="ros2msg", name=name)
                          for number, name in enumerate(types, start=1)]
-        self._channels = [Channel(id=number, topic=topic.name, message_encoding=topic.encoding, metadata=label(topic),
-                                  schema_id=1 + types.index(topic.type_name))
+        self._channels = [Channel(id=number, topic=topic.name, message_encoding=topic.encoding,
+                                  metadata=channel_metadata(topic), schema_id=1 + types.index(topic.type_name))
                           for number, topic in enumerate(topics, start=1)]
         self._numbers = {channel.topic: channel.id for channel in self._channels}
         self._latched: tuple[tuple[str, bytes], ...] = ()
@@ -422,7 +422,7 @@ class BagWriter:
         for one in self._channels:
             self._file.register_channel(one.topic, one.message_encoding, one.schema_id, one.metadata)
         # The Writer puts topics into the first chunk. Here they are written before it, in case it is damaged.
-        self._sink.write(packed(*self._schemas, *self._channels))
+        self._sink.write(record_bytes(*self._schemas, *self._channels))
         self._file.add_metadata(METADATA_NAME, about)
         try:
             self._file.flush()

@@ -182,7 +182,7 @@ class BagContents:
         except ValueError as error:
             reason = str(error).removeprefix(f"{folder}/").removesuffix("; give the path of a YAML file")
             self.flaws.insert(0, reason)
-        for path in paths if all_files else self._named(paths):
+        for path in paths if all_files else self._named_files(paths):
             try:
                 self.files.append(McapFile(path))
             except ForeignFileError as error:
@@ -197,7 +197,7 @@ class BagContents:
         self.custom = custom_of(self.information) or {
             key: value for file in self.files for key, value in file.custom.items()}
 
-    def _named(self, paths: list[Path]) -> list[Path]:
+    def _named_files(self, paths: list[Path]) -> list[Path]:
         """Return the folder's files that metadata.yaml names; all files if it names none of them."""
         if str(self.information.get("compression_mode", "")).lower() == "message":
             self.flaws.append(f"{FILE_NAME}: each message is compressed; `ros2 bag convert` unfolds them")
@@ -234,7 +234,7 @@ class Unreadable:
                 for topic, count in self._counts.items()]
 
 
-def not_read(flaws: Sequence[str]) -> list[str]:
+def flaw_lines(flaws: Sequence[str]) -> list[str]:
     """Return lines for people: the first `MOST_FLAWS` of the flaws, and how many more there are."""
     more = [f"not read: {len(flaws) - MOST_FLAWS} more"] if len(flaws) > MOST_FLAWS else []
     return [*(f"not read: {one_line(flaw)}" for flaw in flaws[:MOST_FLAWS]), *more]

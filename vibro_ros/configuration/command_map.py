@@ -16,7 +16,7 @@ import numpy as np
 
 from vibro_ros.model.parameters import BY_NAME, Value, checked_parameters, quoted
 from vibro_ros.model.scene import Scene
-from vibro_ros.process.files import content
+from vibro_ros.process.files import read_file
 
 PATCHWORK = -1
 """Motion number of cells that form no motion, because what was found changes from cell to cell."""
@@ -187,7 +187,7 @@ def read_map(path: Path) -> CommandMap:
         When the file is no command map of this version; one line that names the file and the place in it.
     """
     try:
-        return _command_map(json.loads(content(path, LARGEST), parse_constant=_refuse))
+        return _command_map(json.loads(read_file(path, LARGEST), parse_constant=_refuse))
     except OSError as error:
         raise ValueError(f"{path}: {error.strerror}; give the path of a command map") from error
     except RecursionError:
@@ -237,7 +237,7 @@ def _command_map(document: Any) -> CommandMap:
     speeds, gaps = (_axis(given[name], name) for name in ("motor_speed", "gap"))
     if speeds.low <= 0.0:
         raise ValueError(f"motor_speed: from {speeds.low:g} rad/s; give speeds above 0")
-    return CommandMap(scene, parameters, tuple(sides), speeds, gaps, _found(given["found"], speeds, gaps),
+    return CommandMap(scene, parameters, tuple(sides), speeds, gaps, _read_found(given["found"], speeds, gaps),
                       tuple(_curve(curve, f"curves[{number}]") for number, curve in enumerate(curves)))
 
 
@@ -248,7 +248,7 @@ def _axis(given: Any, name: str) -> Axis:
     return Axis(low, high, int(count))
 
 
-def _found(given: Any, speeds: Axis, gaps: Axis) -> Found:
+def _read_found(given: Any, speeds: Axis, gaps: Axis) -> Found:
     limits = {"speed_index": (0, speeds.count - 1), "gap_index": (0, gaps.count - 1), "motion": (PATCHWORK, 10**6),
               "turns": (0, 10**6), "landings": (0, 10**9), "sure": (0, 1)}
     columns = {name: _numbers(values, f"found.{name}", limits.get(name), may_lack=name == "cost_of_transport")

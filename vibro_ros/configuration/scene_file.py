@@ -10,7 +10,7 @@ from vibro_ros.model.scene import Scene
 NODE_NAME = "vibro_robot"
 MOST_SCENES = 16  # longest chain of scenes, each based on the next
 
-NOBODY = ("none",)  # default of `clock.lock_step`: ROS has no empty list of texts
+NO_NODES = ("none",)  # default of `clock.lock_step`: ROS has no empty list of texts
 
 ZEROS = (0.0,) * 6
 
@@ -32,7 +32,7 @@ DEVICE_PARAMETERS: tuple[Parameter, ...] = (
               minimum=0.0, maximum=1e3),
     Parameter("rate.start_paused", False, "", "robot time stands still until `~/pause` is called with false"),
     Parameter("clock.publish", False, "", "publish robot time on /clock after each sample; stamps then count from 0"),
-    Parameter("clock.lock_step", NOBODY, "", "nodes for which each sample waits until they have done what the one "
+    Parameter("clock.lock_step", NO_NODES, "", "nodes for which each sample waits until they have done what the one "
               "before set off, such as [/vibro_controller]; [none] waits for nobody; needs clock.publish"),
     Parameter("command.timeout", 0.0, "s", "the motor stops when no motor_speed has come for so long a robot time; "
               "0 = never", minimum=0.0, maximum=1e6),

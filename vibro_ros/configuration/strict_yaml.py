@@ -12,7 +12,7 @@ from pathlib import Path
 
 import yaml
 
-from vibro_ros.process.files import content
+from vibro_ros.process.files import read_file
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ _Loader.add_implicit_resolver(
 )
 
 
-def parsed(text: str, limits: Limits = LIMITS) -> object:
+def parse_yaml(text: str, limits: Limits = LIMITS) -> object:
     """Parse a YAML document; None when it is empty.
 
     ValueError, with the line, when it is not YAML or exceeds the limits.
@@ -103,7 +103,7 @@ def parsed(text: str, limits: Limits = LIMITS) -> object:
 def read_scalar(text: str) -> object:
     """Return `text` read as a YAML scalar: a number, a boolean or a text; the text itself if it is anything else."""
     try:
-        value = parsed(text)
+        value = parse_yaml(text)
     except ValueError:
         return text
     return value if isinstance(value, (bool, int, float, str)) else text
@@ -134,7 +134,7 @@ def read_yaml(path: Path, limits: Limits = LIMITS, follow: bool = True) -> objec
     ValueError, naming the file, when it cannot be read, is not YAML, or exceeds the limits.
     """
     try:
-        return parsed(content(path, limits.size, follow).decode(), limits)
+        return parse_yaml(read_file(path, limits.size, follow).decode(), limits)
     except OSError as error:
         raise ValueError(f"{path}: {error.strerror}; give the path of a YAML file") from error
     except UnicodeDecodeError as error:

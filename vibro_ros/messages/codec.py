@@ -54,7 +54,7 @@ def deserialised(data: bytes, type_name: str) -> Any:
         raise ValueError(f"{len(data)} bytes are no {type_name}") from error
 
 
-def check(data: bytes, type_name: str) -> None:
+def check_message(data: bytes, type_name: str) -> None:
     """Raise a ValueError if the type is known and `data` is no message of it."""
     if type_name in jazzy_types().fielddefs:
         deserialised(data, type_name)

@@ -113,11 +113,11 @@ class StopRequest:
 
     def __init__(self):
         self.signal: int | None = None
-        self._held = False
+        self._ignores_second = False
 
     def hold(self) -> None:
         """Ignore a second signal from now on, because something is open that must be closed, such as a bag."""
-        self._held = True
+        self._ignores_second = True
 
     def __enter__(self) -> "StopRequest":
         self._before = {number: signal.getsignal(number) for number in STOP_SIGNALS}
@@ -137,7 +137,7 @@ class StopRequest:
         return self.signal is not None
 
     def _receive(self, number: int, frame: FrameType | None) -> None:
-        if self.signal is not None and not self._held:
+        if self.signal is not None and not self._ignores_second:
             _end_at_once(number, frame)
         self.signal = self.signal or number
 

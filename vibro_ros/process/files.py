@@ -36,7 +36,7 @@ def kind_of(mode: int) -> str:
     return _KINDS.get(stat.S_IFMT(mode), "")
 
 
-def opened(path: Path, flags: int = os.O_RDONLY, follow: bool = True) -> int:
+def open_regular_file(path: Path, flags: int = os.O_RDONLY, follow: bool = True) -> int:
     """Open the regular file at `path` and return its descriptor, which the caller closes; `flags` are for `os.open`.
 
     `follow` says whether `path` itself may be a symbolic link; the folders above it always may. OSError when it cannot
@@ -53,12 +53,12 @@ def opened(path: Path, flags: int = os.O_RDONLY, follow: bool = True) -> int:
 
 
 def open_to_read(path: Path, follow: bool = True) -> BinaryIO:
-    """Open the regular file at `path` for reading (OSError as `opened`)."""
-    return os.fdopen(opened(path, follow=follow), "rb")
+    """Open the regular file at `path` for reading (OSError as `open_regular_file`)."""
+    return os.fdopen(open_regular_file(path, follow=follow), "rb")
 
 
-def content(path: Path, limit: int, follow: bool = True) -> bytes:
-    """Read a regular file of at most `limit` bytes (OSError as `opened`, and when it is larger)."""
+def read_file(path: Path, limit: int, follow: bool = True) -> bytes:
+    """Read a regular file of at most `limit` bytes (OSError as `open_regular_file`, and when it is larger)."""
     with open_to_read(path, follow) as file:
         data = file.read(limit + 1)
     if len(data) > limit:

@@ -105,23 +105,23 @@ class _Comparing:
         self._facts, self._rerun = facts, rerun
         self.found = Comparison(facts, notes=notes(stream, facts))
         self._recorded = {name for name, topic in facts.topics.items() if topic in stream.topics}
-        self._may_lack = stream.metadata.get("dropped") != "0" or bool(stream.flaws)
+        self._may_be_missing = stream.metadata.get("dropped") != "0" or bool(stream.flaws)
         self._begun = begins_at_checkpoint(stream, facts)  # samples after a checkpoint are complete
         self._matched: Counter = Counter()  # messages of the present sample that are equal, by topic
-        self._lacking: list[tuple[str, int]] = []  # missing messages after others that are there: topic, sample
+        self._missing: list[tuple[str, int]] = []  # missing messages after others that are there: topic, sample
 
     def sample(self, recorded: Recorded) -> Difference | None:
         """Compare the messages recorded at the present sample with those that the robot publishes there."""
         published = self._rerun.published()
         self._matched.clear()
         if not recorded:
-            self._lack([name for name, _ in published], self._begun)
+            self._note_missing([name for name, _ in published], self._begun)
             return None
-        if self._lacking and not self._may_lack:
-            name, tick = self._lacking[0]
+        if self._missing and not self._may_be_missing:
+            name, tick = self._missing[0]
             return self.difference("message", ABSENT, "a message", name, self._facts.stamp(tick))
-        self.found.missing += len(self._lacking)
-        self._lacking.clear()
+        self.found.missing += len(self._missing)
+        self._missing.clear()
         return self._match(recorded, published)
 
     def _match(self, recorded: Recorded, published: Recorded) -> Difference | None:
@@ -138,17 +138,17 @@ class _Comparing:
                 where, was, is_now = (found and found[0]) or ("message", "a message", ABSENT)
                 return self.difference(where, was, is_now, name)
             skipped = found.index(None)
-            self._lack([name] * skipped, begun)
+            self._note_missing([name] * skipped, begun)
             del waiting[:skipped + 1]
             self._matched[name] += 1
             self.found.compared[self._facts.topics[name]] += 1
         # A bag may end amid a sample, so missing messages count only when later ones follow.
-        self._lack([name for name, waiting in expected.items() for _ in waiting], begun)
+        self._note_missing([name for name, waiting in expected.items() for _ in waiting], begun)
         return None
 
-    def _lack(self, names: list[str], begun: bool) -> None:
+    def _note_missing(self, names: list[str], begun: bool) -> None:
         if begun:
-            self._lacking += [(name, self._rerun.tick) for name in names if name in self._recorded]
+            self._missing += [(name, self._rerun.tick) for name in names if name in self._recorded]
 
     def difference(self, where: str, recorded: object, replayed: object, name: str = "",
                    stamp: int | None = None) -> Difference:

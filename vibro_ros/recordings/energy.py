@@ -80,7 +80,7 @@ def _energy(bag: Bag, stream: BagStream, facts: RecordedRun) -> dict[str, Any]:
     x = body["position"][:, 0]
     if rerun.device.state.body_position != x[-1]:
         raise BagError("simulated again, the run is not the recorded one; `replay` tells where they part")
-    moved = changes(body["time"], x, reset_times(bag["joint_states"])).sum()
+    moved = differences_between_resets(body["time"], x, reset_times(bag["joint_states"])).sum()
     accounts = {name: amount - before[name] for name, amount in held.items()}
     net, duration = accounts["motor_delivered"] - accounts["motor_taken_back"], facts.time(last - first)
     net = accounts.get("supply", net)
@@ -100,7 +100,7 @@ def reset_times(joints: Arrays) -> np.ndarray:
     return joints["time"][1:][resets(joints["time"], joints["crank.position"], joints["crank.velocity"])]
 
 
-def changes(time: np.ndarray, values: np.ndarray, resets: np.ndarray) -> np.ndarray:
+def differences_between_resets(time: np.ndarray, values: np.ndarray, resets: np.ndarray) -> np.ndarray:
     """Return the differences of neighbouring `values`, shape (n - 1,); 0 across each of the `resets` (times [s])."""
     found = np.diff(values)
     after = np.searchsorted(time, resets)

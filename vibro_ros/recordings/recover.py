@@ -24,10 +24,10 @@ from pathlib import Path
 from vibro_ros.bag.folders import SUFFIX, locked, writing_processes
 from vibro_ros.bag.mcap_file import McapFile
 from vibro_ros.bag.metadata import FILE_NAME, as_text, bag_information, write_metadata
-from vibro_ros.bag.stream import BagContents, BagError, BagStream, check_is_bag, not_read
+from vibro_ros.bag.stream import BagContents, BagError, BagStream, check_is_bag, flaw_lines
 from vibro_ros.process.entry_point import BAD_INPUT, Parser, exit_code, say
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.files import one_line, opened, write_all
+from vibro_ros.process.files import one_line, open_regular_file, write_all
 
 _BLOCK = 2**20  # bytes that are copied at a time
 
@@ -82,7 +82,7 @@ def recover(path: str | Path, keep_torn: bool = True) -> Recovery:
         raise BagError(f"{path}: cannot be sealed: not enough memory; nothing readable was lost") from None
 
 
-def described(recovery: Recovery, stamp: Callable[[int], str]) -> Iterable[str]:
+def recovery_lines(recovery: Recovery, stamp: Callable[[int], str]) -> Iterable[str]:
     """Yield lines for people on the result of sealing; `stamp` formats a time [ns]."""
     if recovery.was_sealed:
         yield one_line(f"{recovery.folder}: sealed already, {recovery.messages} messages; nothing to do")
@@ -91,7 +91,7 @@ def described(recovery: Recovery, stamp: Callable[[int], str]) -> Iterable[str]:
         kept = f", kept in {', '.join(path.name for path in recovery.kept)}" if recovery.kept else ""
         last = f", the last of {stamp(recovery.last)}" if recovery.messages else ""
         yield one_line(f"{recovery.folder}: sealed, {recovery.messages} messages{last}; {lost}{kept}")
-    yield from not_read(recovery.flaws)
+    yield from flaw_lines(recovery.flaws)
 
 
 def _recovered(folder: Path, keep_torn: bool) -> Recovery:
@@ -130,7 +130,7 @@ def _seal(file: McapFile, metadata: str, keep_torn: bool) -> list[Path]:
     The torn end is saved to another file before it is overwritten; the paths of such files are returned.
     """
     ending = file.ending(metadata)
-    descriptor = opened(file.path, os.O_RDWR, follow=False)
+    descriptor = open_regular_file(file.path, os.O_RDWR, follow=False)
     try:
         status = os.fstat(descriptor)
         if status.st_size != file.size:
@@ -188,7 +188,7 @@ def _run(words: Sequence[str]) -> int:
     options = _parser().parse_args(words)
     for bag in options.bags:
         try:
-            print("\n".join(described(recover(bag, keep_torn=not options.discard_torn), _clock)))
+            print("\n".join(recovery_lines(recover(bag, keep_torn=not options.discard_torn), _clock)))
         except BagError as error:
             say("recover", str(error))
             code = BAD_INPUT

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from vibro_ros.bag.metadata import Topic, defined
 from vibro_ros.bag.recorder import BagWriter, Storage
-from vibro_ros.bag.stream import QOS_DEPTH, BagError, BagStream, bag_errors, not_read
+from vibro_ros.bag.stream import QOS_DEPTH, BagError, BagStream, bag_errors, flaw_lines
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.configuration.strict_yaml import read_settings
 from vibro_ros.messages.topics import CHECKPOINT, COMMAND_UNITS, INPUTS, OF_DC_MOTOR, SENSOR_TOPICS, TOPICS
@@ -58,11 +58,11 @@ def _compare(bag: Path) -> int:
                            "beginning, or one with ~/checkpoint")
     if not found.compared and not found.difference:
         raise BagError(f"{bag}: holds no state to compare with; give a bag with odom or joint_states")
-    print("\n".join([*map(one_line, described(found)), *not_read(flaws)]))
+    print("\n".join([*map(one_line, comparison_lines(found)), *flaw_lines(flaws)]))
     return DIFFERENT if found.difference else IDENTICAL
 
 
-def described(found: Comparison) -> list[str]:
+def comparison_lines(found: Comparison) -> list[str]:
     """Return the lines for people on a comparison."""
     lines = [f"{'different' if found.difference else 'identical'}: {sum(found.compared.values())} messages to "
              f"{found.last:.3f} s of robot time, {found.commands} commands"]

@@ -209,7 +209,7 @@ class Rerun:
                 self.go_to(tick)
                 yield tick, recorded
             try:
-                self._give(stream, given)
+                self._pass_inputs(stream, given)
             except SimulationError as error:  # raised only if more follows: the robot may have ended here as well
                 failure = error
         if failure and self.tick < until:
@@ -324,7 +324,7 @@ class Rerun:
                 return number
         return len(self.recorded)
 
-    def _give(self, stream: BagStream, given: int) -> None:
+    def _pass_inputs(self, stream: BagStream, given: int) -> None:
         """Pass the inputs in `recorded` to the device, without the first `given` messages."""
         for number, (name, data) in enumerate(self.recorded):
             if name in INPUTS and number >= given:

@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibro_ros.bag.reader import Arrays, Bag, BagError, load_bag
-from vibro_ros.bag.stream import not_read
+from vibro_ros.bag.stream import flaw_lines
 from vibro_ros.messages.topics import OPERATIONS
 from vibro_ros.model.parameters import SCENE_PARAMETERS
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.files import one_line
-from vibro_ros.recordings.energy import LOST, RECEIVED, RECEIVED_BY_DC, changes, reset_times
+from vibro_ros.recordings.energy import LOST, RECEIVED, RECEIVED_BY_DC, differences_between_resets, reset_times
 from vibro_ros.recordings.rerun import SAMPLED
 from vibro_ros.simulation.validity import GAP, Validity, validity_of
 
@@ -76,7 +76,7 @@ def summarise(bag: Bag) -> dict[str, Any]:
         masses, and ``unloaded``, the share of samples with N not above 0; ``validity``, the fields of `Validity`, None
         also if the bag does not state the robot's parameters; ``recorder``, the bag's custom data; ``topics``: type and
         ``messages`` of each, and for sampled topics ``period`` [s] (median), ``largest_gap`` [s] and ``gaps`` (number
-        of pauses above `GAP` periods); ``not_read``, sentences on the parts of the recording that cannot be read.
+        of pauses above `GAP` periods); ``flaw_lines``, sentences on the parts of the recording that cannot be read.
 
     Raises
     ------
@@ -88,8 +88,8 @@ def summarise(bag: Bag) -> dict[str, Any]:
         raise BagError(f"{bag.path}: {bag.full_name('joint_states')} lacks {', '.join(lacking)}; "
                        "report on a recording of this package's robot")
     scene, resets, normal = _scene(bag.metadata), reset_times(joints), bag["ground_contact"]["force"][:, 2]
-    steps = changes(body["time"], body["position"][:, 0], resets)
-    turns = float(changes(joints["time"], joints["crank.position"], resets).sum()) / math.tau
+    steps = differences_between_resets(body["time"], body["position"][:, 0], resets)
+    turns = float(differences_between_resets(joints["time"], joints["crank.position"], resets).sum()) / math.tau
     impacts = {guide: int(np.count_nonzero(impacts_of(bag, guide))) for guide in GUIDES}
     return {
         "bag": str(bag.path),
@@ -205,7 +205,7 @@ def as_text(summary: dict[str, Any]) -> str:
     done = [f"{time:>10.3f} s  {one_line(text)}" for time, text in summary["operations"]]
     return "\n".join([*(f"{label:<{width}}{value}" for label, value in lines), *energy,
                       *(["", "what was done to the run", *done] if done else []), "", *_table(summary["topics"]),
-                      *not_read(summary["not_read"])]) + "\n"
+                      *flaw_lines(summary["not_read"])]) + "\n"
 
 
 def pair_as_text(first: dict[str, Any], second: dict[str, Any]) -> str:
@@ -224,7 +224,7 @@ def pair_as_text(first: dict[str, Any], second: dict[str, Any]) -> str:
     for title, summary in (("first", first), ("second", second)):
         lines += [f"{title}: {line}" for line in (
             *(energy_as_lines(summary["energy"]) if "unknown" in summary["energy"] else ()),
-            *not_read(summary["not_read"]))]
+            *flaw_lines(summary["not_read"]))]
     return "\n".join([f"first   {one_line(first['bag'])}", f"second  {one_line(second['bag'])}", "", *lines]) + "\n"
 
 

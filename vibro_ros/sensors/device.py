@@ -58,7 +58,7 @@ class Sensor:
 
     def __init__(self, scene: Scene, delay: float, history: int = 0):
         self.rate, self.count, self.history = scene[f"sensors.{self.name}.rate"], 0, np.zeros(history)
-        self._delay, self._given = delay, 0  # number of measurements that came out or dropped out
+        self._delay, self._released = delay, 0  # number of measurements that came out or dropped out
         self._recent: deque[np.ndarray | None] = deque([None] * (math.ceil(delay * self.rate) + 2))
         self.failing, self._offset = dict.fromkeys(FAULTS, 0.0), 0.0
         self._last: np.ndarray | None = None  # the last measurement that came out
@@ -78,11 +78,11 @@ class Sensor:
         """Return the values of sample `count`, shape (numbers,); None if the sample drops out."""
         raise NotImplementedError
 
-    def come_out(self, time: float) -> Iterator[Measurement]:
+    def release(self, time: float) -> Iterator[Measurement]:
         """Yield the measurements that come out up to `time` [s] and have not come out before."""
-        while self._given < self.count and self._given / self.rate + self._delay <= time:
-            values, at = self._recent[self._given - self.count], self._given / self.rate
-            self._given += 1
+        while self._released < self.count and self._released / self.rate + self._delay <= time:
+            values, at = self._recent[self._released - self.count], self._released / self.rate
+            self._released += 1
             failing = {fault for fault, until in self.failing.items() if at + self._delay < until}
             if values is None or DROPOUT in failing:
                 continue
@@ -118,7 +118,7 @@ class Sensor:
                 and (whole | np.isnan(rows).all(axis=1)).all()):
             raise ValueError(f"the checkpoint is of no state that the sensor {self.name} can be in; give one that a "
                              "device of the same scene has made")
-        self.count, self._given = int(count), self._measured_by(time, self._delay)
+        self.count, self._released = int(count), self._measured_by(time, self._delay)
         self.failing = dict(zip(self.failing, numbers, strict=False))
         self._offset, *self.history[:] = numbers[len(self.failing):]
         self._last, *recent = (row if known else None for row, known in zip(rows.copy(), whole, strict=True))
@@ -141,14 +141,14 @@ class Imu(Sensor):
         super().__init__(scene, scene["sensors.imu.delay"])
         slope, gravity = scene["ground.slope"], scene["gravity"]
         self._weight = gravity * math.sin(slope), gravity * math.cos(slope)
-        self._force, self._turning = (InertialErrors(scene, part) for part in ("accelerometer", "gyroscope"))
+        self._accelerometer, self._gyroscope = (InertialErrors(scene, part) for part in ("accelerometer", "gyroscope"))
 
     def read(self, device: Simulator) -> np.ndarray:
         """See `Sensor`."""
         along, up = device.filtered_acceleration()
         true, index = (along + self._weight[0], 0.0, up + self._weight[1]), self.count
-        return np.array([*self._force.read(true, index), *self._turning.read((0.0, 0.0, 0.0), index),
-                         self._force.variance(index), self._turning.variance(index)])
+        return np.array([*self._accelerometer.read(true, index), *self._gyroscope.read((0.0, 0.0, 0.0), index),
+                         self._accelerometer.variance(index), self._gyroscope.variance(index)])
 
 
 class Encoder(Sensor):
@@ -258,7 +258,7 @@ class SensedSimulator(Simulator):
     def _begin(self) -> None:
         """Create the sensors, and take the measurements that are due now."""
         self._sensors = {name: KINDS[name](self.scene) for name in self._names}
-        self._untaken: list[Measurement] = []
+        self._pending: list[Measurement] = []
         self._measure_up_to(self.time)
 
     def take_measurements(self) -> list[Measurement]:
@@ -272,7 +272,7 @@ class SensedSimulator(Simulator):
         >>> len(device.take_measurements()), len(device.take_measurements())
         (101, 0)
         """
-        taken, self._untaken = self._untaken, []
+        taken, self._pending = self._pending, []
         return taken
 
     def fail(self, fault: str, duration: float, of: str = "", value: float = 0.0, from_x: float = 0.0,
@@ -335,7 +335,7 @@ class SensedSimulator(Simulator):
         if time != self.time:
             super().advance_to(time)
         for sensor in self._sensors.values():
-            self._untaken += sensor.come_out(self.time)
+            self._pending += sensor.release(self.time)
 
     def _measure_up_to(self, time: float) -> None:
         """Let every sensor measure at its instants up to `time` [s], the earliest first."""
@@ -347,7 +347,7 @@ class SensedSimulator(Simulator):
             for sensor in self._sensors.values():
                 if sensor.due == due:
                     sensor.measure(self)
-                self._untaken += sensor.come_out(due)
+                self._pending += sensor.release(due)
 
     def sample(self, times: np.ndarray) -> Samples:
         """Advance and sample as `Simulator.sample`; sensors measure at their instants."""
@@ -383,7 +383,7 @@ class SensedSimulator(Simulator):
             for sensor, memory in zip(self._sensors.values(), memories, strict=True):
                 sensor.restore(memory, self.time)
             raise
-        self._untaken.clear()
+        self._pending.clear()
 
 
 def new_device(scene: Scene) -> Simulator:

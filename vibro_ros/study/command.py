@@ -241,7 +241,7 @@ class Progress:
     def __init__(self, what: str, unit: str, total: int, done: int = 0):
         self._bar = tqdm(desc=what, total=total, initial=done, unit=unit, disable=None, delay=_DELAY, smoothing=0.1)
         self._what, self._unit, self._total, self._first, self._done = what, unit, total, done, done
-        self._begun = self._said = time.monotonic()
+        self._begun_at = self._last_report = time.monotonic()
 
     def __enter__(self) -> "Progress":
         return self
@@ -254,8 +254,8 @@ class Progress:
         self._done += count
         self._bar.update(count)
         now = time.monotonic()
-        if self._bar.disable and now - self._said > _LINES:
-            left = (now - self._begun) / (self._done - self._first) * (self._total - self._done)
+        if self._bar.disable and now - self._last_report > _LINES:
+            left = (now - self._begun_at) / (self._done - self._first) * (self._total - self._done)
             say("study", f"{self._what}: {self._done} of {self._total} {self._unit}s, "
                          f"{tqdm.format_interval(left)} left")
-            self._said = now
+            self._last_report = now

@@ -27,7 +27,7 @@ import pyarrow.parquet as pq
 
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.process.entry_point import say
-from vibro_ros.process.files import content, is_temporary, replace_file
+from vibro_ros.process.files import is_temporary, read_file, replace_file
 from vibro_ros.study.command import Progress
 from vibro_ros.study.execution import Execution, Rows, fingerprint
 
@@ -170,7 +170,7 @@ def read(study: Study, folder: Path, block: int, numbers: Sequence[int]) -> pa.T
     path = path_of(folder, block)
     if not path.exists():
         return None
-    data = content(path, _LARGEST, follow=False)
+    data = read_file(path, _LARGEST, follow=False)
     try:
         file = pq.ParquetFile(io.BytesIO(data), page_checksum_verification=True)
         if file.metadata.num_rows > _MOST_ROWS:

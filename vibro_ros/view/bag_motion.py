@@ -23,8 +23,8 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.recordings.comparison import notes
 from vibro_ros.recordings.rerun import RecordedRun, Rerun, recorded_run
 from vibro_ros.simulation.preparation import prepare_kernels
-from vibro_ros.view.drawing import drawing, shown
-from vibro_ros.view.exact import ExactMotion, between, common_samples, regular, spans, state_of
+from vibro_ros.view.drawing import drawing, shown_quantities
+from vibro_ros.view.exact import ExactMotion, common_samples, evenly_spaced, inexact_spans, spans, state_of
 from vibro_ros.view.motion import (
     ExactInterval,
     Impact,
@@ -32,11 +32,11 @@ from vibro_ros.view.motion import (
     Span,
     fitted_motion,
     impacts_as_json,
-    is_place,
-    quiet,
+    is_position,
     quiet_device,
+    without_tolerance_warning,
 )
-from vibro_ros.view.recorded import Input, Recorded, Signal, interpolated, reset_instants
+from vibro_ros.view.recorded import Input, Recorded, Signal, interpolate, reset_instants
 
 LARGEST = 96 * 2**20
 """Largest payload of a motion [bytes]: ten minutes of the busiest shipped scene, which take half a gigabyte in a
@@ -92,7 +92,7 @@ class _BagMotion:
         if self._facts and not self._has_sample_stamps(self._facts):
             self._scene, self._facts = self._facts.scene, None
         self._signals = self._recorded.signals(self._times)
-        if not any(len(signal.times) for name, signal in self._signals.items() if is_place(name)):
+        if not any(len(signal.times) for name, signal in self._signals.items() if is_position(name)):
             raise BagError(f"{stream.folder}: holds no state to draw; give a bag with odom or joint_states")
 
     def result(self) -> tuple[dict[str, Any], dict[str, Any], bytes]:
@@ -103,8 +103,8 @@ class _BagMotion:
             self._signals = self._recorded.signals(self._times)
         scene = self._scene or load_scene(UNKNOWN_ROBOT)
         self._add_voltage(scene)
-        names = [name for name in shown(scene) if self._scene or name in self._signals]
-        rest = [interpolated(self._signals, names, span, self._resets()) for span in inexact]
+        names = [name for name in shown_quantities(scene) if self._scene or name in self._signals]
+        rest = [interpolate(self._signals, names, span, self._resets()) for span in inexact]
         instants = [times for one in self._exact for times in one.instants]
         made = fitted_motion(names, self._intervals, instants, rest, LARGEST, self._part(_WALKED, 1.0))
         if made.end < math.inf:
@@ -156,7 +156,7 @@ class _BagMotion:
             motion = self._run_again(self._facts)
         elif self._scene and set(state_of(self._scene)) <= set(self._signals):
             samples, times = common_samples(self._signals, state_of(self._scene))
-            motion = ExactMotion(quiet_device(self._scene), samples, regular(times))
+            motion = ExactMotion(quiet_device(self._scene), samples, evenly_spaced(times))
         else:
             if not self._scene:
                 self._notes.append("the bag does not say which robot moved; name the robot's scene with --scene")
@@ -176,7 +176,8 @@ class _BagMotion:
         Its samples are all those that any topic has, and those after which the robot received an input.
         """
         is_known = self._stream.start <= facts.start
-        signals = {name: one for name, one in self._signals.items() if name in state_of(facts.scene) or is_place(name)}
+        signals = {name: one for name, one in self._signals.items()
+                   if name in state_of(facts.scene) or is_position(name)}
         numbers = {name: np.rint(one.times * facts.rate).astype(np.int64) for name, one in signals.items()}
         last = max(int(one[-1]) for one in numbers.values() if len(one))
         numbered: list[tuple[int, Input]] = []
@@ -193,7 +194,7 @@ class _BagMotion:
         inputs: dict[int, list[Input]] = {}
         for tick, received in numbered:
             inputs.setdefault(int(np.searchsorted(ticks, tick)), []).append(received)
-        with quiet():
+        with without_tolerance_warning():
             rerun = Rerun(facts, facts.scene)
         self._scene = rerun.device.scene
         return ExactMotion(rerun.device, samples, ticks / facts.rate, rerun, ticks, inputs, is_known)
@@ -219,8 +220,8 @@ class _BagMotion:
     def _inexact_spans(self) -> list[Span]:
         """Return begin and end [s] of each span that is not exact, if there are samples to interpolate it from."""
         resets = self._resets()
-        return [span for span in between(self._intervals, *self._ends)
-                if len(interpolated(self._signals, [], span, resets)[0])]
+        return [span for span in inexact_spans(self._intervals, *self._ends)
+                if len(interpolate(self._signals, [], span, resets)[0])]
 
     def _why(self, is_open: bool, resolved: bool) -> str:
         """Return why not everything is exact; empty if it is. Simulation from sample to sample gives only a note."""

@@ -75,7 +75,7 @@ def quantities(scene: Scene) -> tuple[str, ...]:
                  and not (name.partition("_")[0] in without_plate and "_plate_" in name))
 
 
-def shown(scene: Scene) -> tuple[str, ...]:
+def shown_quantities(scene: Scene) -> tuple[str, ...]:
     """Return the `quantities` of a scene whose motion is shown.
 
     Left out are the torque, which is power over speed and only rounding error where the crank hardly turns, and the

@@ -24,7 +24,7 @@ from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.samples import resets
 from vibro_ros.simulation.simulator import Simulator
 from vibro_ros.view.drawing import quantities
-from vibro_ros.view.motion import ExactInterval, Impact, Progress, Span, impacts_of, is_place
+from vibro_ros.view.motion import ExactInterval, Impact, Progress, Span, impacts_of, is_position
 from vibro_ros.view.recorded import Input, Signal
 
 AGREEMENT = 1e-9
@@ -66,9 +66,9 @@ class ExactMotion:
         self._device, self._samples, self._times = device, samples, times
         self._rerun, self._ticks, self._inputs = rerun, ticks, inputs or {}
         self._state = state_of(device.scene)
-        self._places = [name for name in samples if is_place(name)]
+        self._position_names = [name for name in samples if is_position(name)]
         self._is_placed = self._follows_run = is_known  # has a known state; has it by following the run
-        self._put_at = 0  # number of the sample at which the device was put
+        self._last_set = 0  # number of the sample at which the device was put
         self._plates: dict[str, float] = {}  # commanded positions of the plates since then [m]
         self._failed, self._first_fault = 0, ""
         if is_known:
@@ -108,7 +108,7 @@ class ExactMotion:
                 return
             self._end(k, fault)
         try:
-            self._put(k)
+            self._set_state(k)
             fault = self._step(k)
         except (ValueError, SimulationError) as error:
             fault = str(error)
@@ -140,19 +140,19 @@ class ExactMotion:
         """Return the greatest distance of the device from a position in the sample k [m, rad], and its name."""
         state = self._device.state
         worst, where = 0.0, ""
-        for name in self._places:
+        for name in self._position_names:
             recorded = float(self._samples[name][k])
             distance = abs(getattr(state, name) - recorded) - (1e-12 * abs(recorded) if self._follows_run else 0.0)
             if distance > worst:  # NaN is no distance
                 worst, where = distance, name
         return worst, where
 
-    def _put(self, k: int) -> None:
+    def _set_state(self, k: int) -> None:
         """Put the device into the state of the sample k (ValueError if that is not recorded, or not possible)."""
         state = {name: float(self._samples[name][k]) for name in self._state if name in self._samples}
         if len(state) < len(self._state) or not np.isfinite([*state.values()]).all():
             raise ValueError("where the robot is was not published")
-        self._follows_run, self._put_at, self._is_placed = False, k, True
+        self._follows_run, self._last_set, self._is_placed = False, k, True
         self._device.reset()
         self._device.set_state(**state)
         scene = self._device.scene
@@ -206,7 +206,7 @@ class ExactMotion:
             return
         self._end(k)
         self._rerun.restore(int(self._ticks[k]), data)
-        self._go_as_run(k)
+        self._advance_as_run(k)
 
     def _operate(self, k: int, data: bytes) -> bool:
         """Perform an operation, which begins a new interval; return whether it was a reset.
@@ -228,10 +228,10 @@ class ExactMotion:
         if operation.name == RESET:
             self.resets.append((int(self._ticks[k]) + 1) / self._rerun.rate)
         if was_run or operation.name == RESET:
-            self._go_as_run(k)
+            self._advance_as_run(k)
         return operation.name == RESET
 
-    def _go_as_run(self, k: int) -> None:
+    def _advance_as_run(self, k: int) -> None:
         self._is_placed = self._follows_run = True
         if self.run_since is None:
             self.run_since = float(self._times[k])
@@ -282,7 +282,7 @@ class ExactMotion:
     def _offset(self) -> float:
         """Robot time at which the device's own time is 0 [s]."""
         return self._rerun.origin / self._rerun.rate if self._rerun and self._follows_run else float(
-            self._times[self._put_at])
+            self._times[self._last_set])
 
     def _own_time(self, k: int) -> float:
         """Return the device's own time [s] at a sample; 0 if the device was reset after that sample."""
@@ -301,7 +301,7 @@ def spans(intervals: Sequence[ExactInterval]) -> list[Span]:
     return found
 
 
-def between(intervals: Sequence[ExactInterval], begin: float, end: float) -> list[Span]:
+def inexact_spans(intervals: Sequence[ExactInterval], begin: float, end: float) -> list[Span]:
     """Return begin and end [s] of the spans from `begin` to `end` that are not exact, empty spans included."""
     borders = [begin, *np.ravel(spans(intervals)).tolist(), end]
     return list(zip(borders[::2], borders[1::2], strict=True))
@@ -320,7 +320,7 @@ def common_samples(signals: Mapping[str, Signal], names: Sequence[str]) -> tuple
     return {name: signals[name].values[np.searchsorted(signals[name].times, times)] for name in names}, times
 
 
-def regular(times: np.ndarray) -> np.ndarray:
+def evenly_spaced(times: np.ndarray) -> np.ndarray:
     """Return the exact instants [s] of evenly spaced samples, or `times` if they are not evenly spaced.
 
     The stamps in `times` are rounded to nanoseconds, in which a mass moves by more than `AGREEMENT`.

@@ -82,14 +82,14 @@ _PART = 2e-8
 _LEAST_PART = 1e-13
 
 
-def is_place(name: str) -> bool:
+def is_position(name: str) -> bool:
     """Return whether a field of `Samples` is a position [m], or the crank's angle [rad]."""
     return name.endswith(("position", "height", "angle"))
 
 
 def precisions(names: Sequence[str], largest: np.ndarray) -> np.ndarray:
     """Return the precision of each quantity's coefficients (SI) from its largest magnitude; shape (quantities,)."""
-    places = np.array([is_place(name) for name in names])
+    places = np.array([is_position(name) for name in names])
     found = np.where(places, np.maximum(_PLACE, _LEAST_PART * largest), _PART * largest)
     return np.where(found > 0.0, found, 1.0)  # where a quantity is always 0
 
@@ -189,14 +189,14 @@ class ExactInterval(NamedTuple):
 
 
 
-def quiet() -> warnings.catch_warnings:
+def without_tolerance_warning() -> warnings.catch_warnings:
     """Return a context without the ToleranceWarning, which the robot of the scene has given already."""
     return warnings.catch_warnings(action="ignore", category=ToleranceWarning)
 
 
 def quiet_device(scene: Scene) -> Simulator:
     """Return the device of a scene, without a ToleranceWarning."""
-    with quiet():
+    with without_tolerance_warning():
         return new_device(scene)
 
 
@@ -220,7 +220,7 @@ def fitted_motion(names: Sequence[str], intervals: Sequence[ExactInterval], inst
     interpolated parts.
     """
     events = np.sort(np.concatenate([np.empty(0), *instants]))
-    places = [q for q, name in enumerate(names) if is_place(name)]
+    places = [q for q, name in enumerate(names) if is_position(name)]
     device: Simulator | None = None
 
     def sampler(interval: ExactInterval) -> Sampler:
@@ -246,7 +246,7 @@ def fitted_motion(names: Sequence[str], intervals: Sequence[ExactInterval], inst
             borders = _borders(part, events)
             a_second = MOST_A_SECOND if part.scene["solver.method"] == "exact" else MOST_OF_STEPS
             most = len(borders) + int(a_second * (part.end - part.begin))
-            borders, coefficients, resolved = fitted(sampler(part), borders, 0.5 * writer.precision, most)
+            borders, coefficients, resolved = fit_pieces(sampler(part), borders, 0.5 * writer.precision, most)
             if resolved[places].all():
                 exact.append(part)
             part = borders + part.offset, coefficients
@@ -257,12 +257,12 @@ def fitted_motion(names: Sequence[str], intervals: Sequence[ExactInterval], inst
 def _borders(interval: ExactInterval, events: np.ndarray) -> np.ndarray:
     """Return the borders of an interval's pieces [s], shape (p, 2): cut at events, commands and controller samples."""
     inside = events[slice(*np.searchsorted(events, interval.span))] - interval.offset
-    return cut(interval.begin, interval.end, np.concatenate([
+    return piece_borders(interval.begin, interval.end, np.concatenate([
         inside, [time for time, _ in interval.commands],
-        controlled(interval.scene, interval.begin, interval.end)]))
+        controller_instants(interval.scene, interval.begin, interval.end)]))
 
 
-def controlled(scene: Scene, begin: float, end: float) -> np.ndarray:
+def controller_instants(scene: Scene, begin: float, end: float) -> np.ndarray:
     """Return the instants [s] of the device's own time at which the controller of a dc motor takes a sample.
 
     Its output jumps there without an event. Empty for a controller that takes more samples than a page can show.
@@ -273,7 +273,7 @@ def controlled(scene: Scene, begin: float, end: float) -> np.ndarray:
     return np.arange(math.floor(begin * rate), math.ceil(end * rate) + 1) / rate
 
 
-def cut(begin: float, end: float, instants: np.ndarray) -> np.ndarray:
+def piece_borders(begin: float, end: float, instants: np.ndarray) -> np.ndarray:
     """Cut the time from `begin` to `end` [s] at `instants` into pieces of at most `LONGEST`; borders, shape (p, 2).
 
     Instants closer than `MERGE_DISTANCE` to the previous border or to the end are left out.
@@ -289,13 +289,13 @@ def cut(begin: float, end: float, instants: np.ndarray) -> np.ndarray:
     return np.column_stack([edges[:-1], edges[1:]])
 
 
-def fitted(sample: Sampler, borders: np.ndarray, allowed: np.ndarray,
+def fit_pieces(sample: Sampler, borders: np.ndarray, allowed: np.ndarray,
            most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Fit polynomials of every quantity in pieces, which are halved until the last coefficients are negligible.
 
-    `borders` [s] are ascending, shape (p, 2), from `cut`. `sample` samples the motion anywhere within the borders, and
-    may be called repeatedly. `allowed` are the largest coefficients that may be neglected (SI); once there would be
-    more than `most` pieces, none is halved any more.
+    `borders` [s] are ascending, shape (p, 2), from `piece_borders`. `sample` samples the motion anywhere within the
+    borders, and may be called repeatedly. `allowed` are the largest coefficients that may be neglected (SI); once there
+    would be more than `most` pieces, none is halved any more.
 
     Returns
     -------

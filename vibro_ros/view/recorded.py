@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibro_ros.bag.reader import COLUMNS, JOINT_QUANTITIES, STAMP, Arrays, Column, Series, at
+from vibro_ros.bag.reader import COLUMNS, JOINT_QUANTITIES, STAMP, Arrays, Column, Series, numbers_at
 from vibro_ros.bag.stream import BagStream, robot_topics
 from vibro_ros.messages.frames import JOINTS
 from vibro_ros.messages.robot_messages import PLATES
@@ -126,7 +126,7 @@ class Recorded:
 
 def columns_of(topic: str) -> dict[str, Column]:
     """Return the columns to read of a topic: the fields of a sample in its messages, with signs as in the message."""
-    numbers = {field.lstrip("-"): at(path) for path, field in TOPICS[topic].numbers.items()}
+    numbers = {field.lstrip("-"): numbers_at(path) for path, field in TOPICS[topic].numbers.items()}
     if not numbers:
         return dict(COLUMNS[TOPICS[topic].type])
     return {**numbers, "stamp": STAMP} if TOPICS[topic].frame else numbers
@@ -137,7 +137,7 @@ RATES = {"body_position": "body_velocity", "body_height": "body_vertical_velocit
 """Rate of change of each position, as a quantity."""
 
 
-def interpolated(signals: Mapping[str, Signal], names: Sequence[str], span: Span,
+def interpolate(signals: Mapping[str, Signal], names: Sequence[str], span: Span,
                  resets: Sequence[float]) -> Interpolated:
     """Interpolate between the samples in a `span` [s]: borders [s], shape (p, 2), and Chebyshev coefficients (SI).
 

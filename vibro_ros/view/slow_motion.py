@@ -16,11 +16,11 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.given_state import UNITS
 from vibro_ros.simulation.kernels import compile_kernels
 from vibro_ros.simulation.preparation import Preparation
-from vibro_ros.view.drawing import shown
-from vibro_ros.view.exact import ExactMotion, between, regular, spans, state_of
+from vibro_ros.view.drawing import shown_quantities
+from vibro_ros.view.exact import ExactMotion, evenly_spaced, inexact_spans, spans, state_of
 from vibro_ros.view.motion import Document, fitted_motion, impacts_as_json, quiet_device
 from vibro_ros.view.protocol import COLUMNS, MOST_SECONDS
-from vibro_ros.view.recorded import RATES, Signal, interpolated
+from vibro_ros.view.recorded import RATES, Signal, interpolate
 
 MOST_WAITING = 8
 """Most motions that wait to be computed: one for each page."""
@@ -116,15 +116,15 @@ def motion_between(scene: Scene, samples: Mapping[str, np.ndarray]) -> Document:
     order = np.flatnonzero(np.logical_and.reduce(  # only samples with the whole state
         [np.isfinite(column) for column in (stamps, *(columns[name] for name in UNITS if name in columns))]))
     order = order[np.unique(stamps[order], return_index=True)[1]]
-    samples, names = {name: column[order] for name, column in columns.items()}, shown(scene)
-    times = regular(stamps[order])
+    samples, names = {name: column[order] for name, column in columns.items()}, shown_quantities(scene)
+    times = evenly_spaced(stamps[order])
     motion = ExactMotion(quiet_device(scene), samples, times)
     missing = [name for name in state_of(scene) if name not in samples]
     if not missing:
         motion.walk()
     signals = {name: Signal(times, values, samples.get(RATES.get(name, ""))) for name, values in samples.items()}
-    rest = [interpolated(signals, names, span, motion.resets)
-            for span in (between(motion.intervals, float(times[0]), float(times[-1])) if len(times) else ())]
+    rest = [interpolate(signals, names, span, motion.resets)
+            for span in (inexact_spans(motion.intervals, float(times[0]), float(times[-1])) if len(times) else ())]
     made = fitted_motion(names, motion.intervals, motion.instants, rest)
     why = ""
     if len(made.exact) < len(motion.intervals) or any(len(one) for one, _ in rest):

@@ -62,9 +62,9 @@ class CommandedRobot:
         self.sent_speed: float | None = None
         self._node, self._publisher = node, publisher
         self._readers: dict[str, SceneReader] = {}
-        self._hearers, self._robots = Counter[str](), set[str]()
-        self._asked, self._last_look = time.monotonic(), 0.0
-        node.create_subscription(ParameterEvent, "/parameter_events", self._hear, qos_profile_parameter_events)
+        self._subscribers, self._robots = Counter[str](), set[str]()
+        self._asked_at, self._last_look = time.monotonic(), 0.0
+        node.create_subscription(ParameterEvent, "/parameter_events", self._follow_limit, qos_profile_parameter_events)
 
     def tick(self) -> None:
         """Search for subscribers and ask them for their parameters, if that is due; to be called often.
@@ -80,14 +80,14 @@ class CommandedRobot:
         if now < self._last_look + LOOK_PERIOD:
             return
         self._last_look = now
-        self._hearers = Counter(f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+        self._subscribers = Counter(f"{info.node_namespace.rstrip('/')}/{info.node_name}"
                                 for info in self._node.get_subscriptions_info_by_topic(self._publisher.topic_name))
-        robots = [name for name, count in self._hearers.items() if name in self._robots for _ in range(count)]
+        robots = [name for name, count in self._subscribers.items() if name in self._robots for _ in range(count)]
         if len(robots) > 1:
             raise RuntimeError(f"{len(robots)} robots hear {self._publisher.topic_name}: {', '.join(sorted(robots))}; "
                                "leave one of them, or give each a namespace (-r __ns:=/r1), and the controller that of "
                                "its robot; a killed robot counts for another 20 s")
-        for name in self._hearers:
+        for name in self._subscribers:
             if name not in self._readers and len(self._readers) < MOST_ASKED and _can_be_asked(name):
                 self._readers[name] = SceneReader(self._node, name, partial(self._take, name))
         for reader in self._readers.values():
@@ -107,7 +107,7 @@ class CommandedRobot:
 
     def ask_again(self) -> None:
         """Forget the robot's parameters and read them again, because another robot may have taken its place."""
-        self.name, self.settings, self._refused, self._asked = "", None, "", time.monotonic()
+        self.name, self.settings, self._refused, self._asked_at = "", None, "", time.monotonic()
         self._robots.clear()
         self._last_look = 0.0
         for reader in self._readers.values():
@@ -116,9 +116,9 @@ class CommandedRobot:
     @property
     def answered(self) -> bool:
         """Whether the robot is known, or the wait for it is over."""
-        waited = time.monotonic() - self._asked
+        waited = time.monotonic() - self._asked_at
         reading = not self._readers or any(reader.reading for name, reader in self._readers.items()
-                                           if name in self._hearers)
+                                           if name in self._subscribers)
         if self.settings:
             return waited > ANSWERS_TIMEOUT or not reading
         return waited > (PARAMETERS_TIMEOUT if reading else ANSWERS_TIMEOUT)
@@ -163,7 +163,7 @@ class CommandedRobot:
             if not self.settings:
                 self.name, self.settings = name, found
 
-    def _hear(self, event: ParameterEvent) -> None:
+    def _follow_limit(self, event: ParameterEvent) -> None:
         """Follow changes of `LIVE_LIMIT`, the one limit that may change while the robot runs."""
         if not self.settings or event.node != self.name:
             return
@@ -219,7 +219,7 @@ class FaultService:
             raise ValueError(f"fault: {OWN_TYPES} is not installed, or old; `make setup` builds it where there is a "
                              "C++ compiler, and colcon from the folder interfaces")
         self._node, self._robot = node, robot
-        self._asked: list[tuple[str, Future]] = []
+        self._requests: list[tuple[str, Future]] = []
 
     def wait(self, stop: StopRequest) -> None:
         """Return when the robot offers the service, or on `stop` (RuntimeError if it does not offer it in time)."""
@@ -232,12 +232,12 @@ class FaultService:
 
     def begin(self, entry: str, incident: Incident) -> None:
         """Request the fault of a script's entry."""
-        self._asked.append((entry, self._client.call_async(self._kind.Request(**incident._asdict()))))
+        self._requests.append((entry, self._client.call_async(self._kind.Request(**incident._asdict()))))
 
     def check(self) -> None:
         """Raise a RuntimeError if the robot has refused a fault."""
-        for entry, future in [one for one in self._asked if one[1].done()]:
-            self._asked.remove((entry, future))
+        for entry, future in [one for one in self._requests if one[1].done()]:
+            self._requests.remove((entry, future))
             if not future.result().success:
                 raise RuntimeError(f"entry {entry}: {self._robot} refuses the fault: {future.result().message}")
 

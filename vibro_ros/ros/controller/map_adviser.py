@@ -84,7 +84,7 @@ class MotionWatch:
 
     def __init__(self, command_map: CommandMap, initial: Mapping[str, float]):
         self._map, self._initial = command_map, initial
-        self._motions = self._possible(initial)
+        self._motions = self._motions_at(initial)
         self._passing = False
 
     def remark(self, commands: Mapping[str, float], later: Mapping[str, float]) -> tuple[str, bool]:
@@ -94,7 +94,7 @@ class MotionWatch:
         in force `STAY` later. A change into the only motion at the commands is what they ask for. Where several motions
         are possible, the earlier motion decides which of them follows.
         """
-        here, then = self._possible(commands), self._possible(later)
+        here, then = self._motions_at(commands), self._motions_at(later)
         lasting = {motion: words for motion, words in here.items() if motion in then}
         if here and not lasting:
             self._passing = True
@@ -107,12 +107,12 @@ class MotionWatch:
         self._motions = lasting
         place = self._place(commands)
         if len(lasting) > 1:
-            return f"allows more than one motion at {place}, and the motion before decides: {_joined(lasting)}", True
+            return f"allows more than one motion at {place}, and the motion before decides: {_phrase_of(lasting)}", True
         if before and lasting:
-            return f"leads at {place} from the motion of {_joined(before)} to that of {_joined(lasting)}", False
+            return f"leads at {place} from the motion of {_phrase_of(before)} to that of {_phrase_of(lasting)}", False
         return "", False
 
-    def _possible(self, commands: Mapping[str, float]) -> dict[int, str]:
+    def _motions_at(self, commands: Mapping[str, float]) -> dict[int, str]:
         """Return the motions that the map has at commands: their numbers, and their descriptions."""
         found = self._map.found
         return {int(found.motion[row]): found.describe(row)
@@ -123,7 +123,7 @@ class MotionWatch:
         return f"motor_speed {motor:.6g} rad/s and gap {gap * 1e3:.3g} mm"
 
 
-def _joined(motions: Mapping[int, str]) -> str:
+def _phrase_of(motions: Mapping[int, str]) -> str:
     """Join descriptions of motions to a phrase: the speed of each, and the rest in parentheses."""
     first, *others = [f"{words.replace(', ', ' (', 1)})" for words in motions.values()]
     return " or ".join([", ".join([first, *others[:-1]]), *others[-1:]])

@@ -63,12 +63,12 @@ class RosTime:
         self._node = node
         self._first: int | None = None
         self._latest = 0
-        self._progress, self._said = time.monotonic(), False
+        self._progress, self._standstill_logged = time.monotonic(), False
 
     def begin(self) -> None:
         """Make the present ROS time time 0, or the first one received if there is none yet."""
         self._first, self._latest = None, 0
-        self._progress, self._said = time.monotonic(), False
+        self._progress, self._standstill_logged = time.monotonic(), False
         self.elapsed()
 
     def elapsed(self) -> float:
@@ -93,7 +93,7 @@ class RosTime:
                 f"{self._topic()} jumped back from {self._latest / 1e9:.9g} to {now / 1e9:.9g} s: a reset simulation, "
                 "or two clocks at once; leave one publisher there, and play the script again")
         if now > self._latest:
-            self._latest, self._progress, self._said = now, time.monotonic(), False
+            self._latest, self._progress, self._standstill_logged = now, time.monotonic(), False
         else:
             self._say_standstill()
         return (now - self._first) / 1e9
@@ -103,9 +103,9 @@ class RosTime:
         return period
 
     def _say_standstill(self) -> None:
-        if self._said or time.monotonic() - self._progress < STANDSTILL_PERIOD:
+        if self._standstill_logged or time.monotonic() - self._progress < STANDSTILL_PERIOD:
             return
-        self._said = True
+        self._standstill_logged = True
         if self._node.clock_heard:
             text = f"ROS time stands still at {self._latest / 1e9:.9g} s: the simulation is paused, or gone"
         elif self._node.count_publishers(self._topic()):
@@ -142,7 +142,7 @@ class Player:
                  meanwhile: Callable[[float], None] = lambda elapsed: None,
                  prepare: Callable[[], None] = lambda: None, period: float = process.POLL):
         self._node, self._publishers = node, publishers
-        self._moved, self._meanwhile, self._prepare, self._period = False, meanwhile, prepare, period
+        self._motor_commanded, self._meanwhile, self._prepare, self._period = False, meanwhile, prepare, period
         self._timeline = timeline(node)
 
     def run(self, schedule: Schedule, patience: float, stop: StopRequest) -> int:
@@ -174,7 +174,7 @@ class Player:
                 act()
             done = True
         finally:
-            if self._moved and (stop or not done):  # an operator who aborts wants the motor to stop
+            if self._motor_commanded and (stop or not done):  # an operator who aborts wants the motor to stop
                 self.send(MOTOR, 0.0)
                 self._node.get_logger().info(f"aborted: {self._publishers[MOTOR].topic_name} 0 rad/s")
             deadline = time.monotonic() + ACKNOWLEDGE_TIMEOUT  # messages not yet received are lost with their publisher
@@ -185,7 +185,7 @@ class Player:
     def send(self, name: str, value: float) -> None:
         """Publish the value of a command."""
         self._publishers[name].publish(Float64(data=value))
-        self._moved |= name == MOTOR
+        self._motor_commanded |= name == MOTOR
 
     def _wait_until(self, instant: float, stop: StopRequest) -> None:
         """Return at `instant` or on `stop`; `meanwhile` gets no later time, so that its time never goes back."""
@@ -251,7 +251,7 @@ class ScriptSchedule:
         self._send, self._say, self._advise, self._robot = send, say, advise, robot
         self._faults, self._sent = faults, dict[str, float]()
         self._segment: Segment | None = None
-        self._saved = 0.0
+        self._time_saved = 0.0
 
     def instants(self, rate: float) -> Schedule:
         """Yield each instant at which to send, with its action: `rate` [Hz] times a second along ramps, and at the end.
@@ -260,11 +260,11 @@ class ScriptSchedule:
         """
         for segment in self._script.segments:
             for instant in merge(segment.instants(rate), self._repetitions(segment)):
-                yield instant - self._saved, partial(self._send_changes, instant)
+                yield instant - self._time_saved, partial(self._send_changes, instant)
             if segment.goal:
                 yield from self._goal_instants(segment)
         end = self._script.duration
-        yield end - self._saved, partial(self._send_changes, end)
+        yield end - self._time_saved, partial(self._send_changes, end)
 
     def _repetitions(self, segment: Segment) -> Iterator[float]:
         """Yield the instants [s] at which to repeat the motor's command, for a robot with a `command.timeout`."""
@@ -302,13 +302,13 @@ class ScriptSchedule:
         """Yield the steps of feedback until the segment's goal is reached, and add up the time that is saved."""
         odometer = self._odometer
         assert segment.goal and odometer
-        began = segment.start - self._saved
+        began = segment.start - self._time_saved
         tracking = GoalTracking(segment.goal, began, segment.duration, self._reach, odometer.mean)
         for step in count():
             instant = began + step / RATE
             yield instant, partial(self._step, odometer, tracking, segment, instant)
             if tracking.over:
-                self._saved += max(0.0, segment.duration - step / RATE)
+                self._time_saved += max(0.0, segment.duration - step / RATE)
                 return
 
     def _step(self, odometer: OdometrySubscription, tracking: GoalTracking, segment: Segment, instant: float) -> None:

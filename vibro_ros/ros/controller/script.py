@@ -264,14 +264,14 @@ class _Unfolding:
         allowed = (*COMMAND_UNITS, *GOAL_KEYS) if speed is None else ()
         _refuse_unknown(entry, ("at", "for", "note", *_FAULT_KEYS, _OVER_GROUND, *allowed))
         duration = _duration(entry, later, start - block_start)
-        given = self._chosen(speed) if speed is not None else {
+        given = self._commands_for_speed(speed) if speed is not None else {
             name: self._ramp(name, entry[name]) for name in COMMAND_UNITS if name in entry}
         ramps = {name: Ramp(value, value) for name, value in self._last.items()} | given
         self._last = {name: ramp.end for name, ramp in ramps.items()}
         return Segment(number, start, duration, ramps, tuple(given), str(entry.get("note", "")),
                        speed_over_ground=speed, incident=_incident(entry, duration))
 
-    def _chosen(self, speed: float) -> dict[str, Ramp]:
+    def _commands_for_speed(self, speed: float) -> dict[str, Ramp]:
         try:
             if self._map is None:
                 raise ValueError("there is no command map here; give motor_speed and gaps")

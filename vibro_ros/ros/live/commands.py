@@ -44,7 +44,7 @@ class Commands:
         self._publishers = {name: node.create_publisher(Float64, name, qos.profile(name)) for name in COMMAND_UNITS}
         self._sent = deque[float](maxlen=MOST)  # speeds sent by pages, not yet received back
         self._now = now
-        self._seen = self._repeated = now()
+        self._page_seen_at = self._repeated_at = now()
 
     def send(self, name: str, value: float, answer: Callable[[bool, str], object]) -> None:
         """Publish a command unchecked: the robot knows its limits and reports a refusal."""
@@ -84,15 +84,15 @@ class Commands:
         """
         now = self._now()
         if pages:
-            self._seen = now
+            self._page_seen_at = now
         if not self.of_page:
             return False
-        if now > self._seen + RETURN_TIMEOUT:
+        if now > self._page_seen_at + RETURN_TIMEOUT:
             self._publish(SPEED, 0.0)
             self.of_page = False
             return True
-        if timeout and now > self._repeated + timeout / REPEATS:
-            self._repeated = now
+        if timeout and now > self._repeated_at + timeout / REPEATS:
+            self._repeated_at = now
             self._publish(SPEED, self.in_force[SPEED])
         return False
 

@@ -74,7 +74,7 @@ class LivePage:
         self._presence = Presence("the view is starting", None, None, {})
         self._in_force = text_frame("commands", values={})
         self._run: tuple[int | None, int] = None, 0
-        self._looked = float("-inf")
+        self._last_look = float("-inf")
         self._absence, self._since = "", monotonic()
         self._server: Server | None = None
 
@@ -106,8 +106,8 @@ class LivePage:
         if self._robot_status.diagnostics():
             self._robot.hear()
             server.send("status", self._status())
-        if (now := monotonic()) > self._looked + LOOK_PERIOD:
-            self._looked = now
+        if (now := monotonic()) > self._last_look + LOOK_PERIOD:
+            self._last_look = now
             self._robot.look()
             self._warn_of_absence(now)
         self._update_presence(server)

@@ -40,7 +40,7 @@ RIVALRY_PERIOD = 2.0
 MOST_NAMED = 5
 """Most other robots that are named in a message."""
 _LABEL = ",".join(SAMPLE_LABELS)
-_NONE = np.empty((0, len(FIELDS)))
+_NO_ROWS = np.empty((0, len(FIELDS)))
 
 
 class LiveRobot:
@@ -59,7 +59,7 @@ class LiveRobot:
         self._samples = PollingSubscription(node, Float64MultiArray, f"{robot}/{SAMPLES}", qos.profile(SAMPLES))
         self._fault, self._publishers = "", frozenset[bytes]()
         self._others: list[str] = []
-        self._heard = self._read_at = float("-inf")
+        self._last_received = self._read_at = float("-inf")
         self.reader = SceneReader(node, robot, self._take_settings)  # last: the robot then knows the other clients
 
     def poll(self) -> np.ndarray:
@@ -69,7 +69,7 @@ class LiveRobot:
         self.reader.tick()
         messages = self._samples.take(MOST)
         if self.settings is None:
-            return _NONE
+            return _NO_ROWS
         found = [read for data, _ in messages if (read := read_sample(data))]
         if refused := len(messages) - len(found):
             self._node.refusals.refuse(self._samples.topic, f"{refused} messages that are no samples of a robot of "
@@ -82,11 +82,11 @@ class LiveRobot:
         After a silence it may be another robot, so that its parameters are read again before it is shown.
         """
         now = time.monotonic()
-        if float("-inf") < self._heard < now - SILENCE_TIMEOUT:
+        if float("-inf") < self._last_received < now - SILENCE_TIMEOUT:
             self.silences += 1
             self.settings = self.origin = None
             self.reader.read()
-        self._heard = now
+        self._last_received = now
 
     def look(self) -> None:
         """Look up who publishes samples, and read the parameters again after a change or a fault; called often."""
@@ -111,8 +111,8 @@ class LiveRobot:
             return f"{self._robot} cannot be shown: {self._fault}"
         is_missing = self.settings is None and not self.reader.sees_robot
         if not self._publishers and (is_missing or self.settings) or (is_missing and self._others):
-            return self._nobody()
-        silent = now > self._heard + SILENCE_TIMEOUT
+            return self._why_absent()
+        silent = now > self._last_received + SILENCE_TIMEOUT
         if self.settings is None:
             return f"{self._robot} is there; waiting for its parameters"
         if self.origin is None and silent:
@@ -130,7 +130,7 @@ class LiveRobot:
                  if topic.endswith(last) and TOPICS[OPERATIONS].type in types and self._node.count_publishers(topic)]
         return sorted(peer_text(name) for name in names if name != self._robot)
 
-    def _nobody(self) -> str:
+    def _why_absent(self) -> str:
         """Return in words that the robot is not there, which other robots are, and the remedy."""
         domain = f"in ROS domain {self._node.context.get_domain_id()}"
         if not self._others:
@@ -154,7 +154,7 @@ class LiveRobot:
             if self.settings is not None:
                 self.origin = starts[-1]
                 return rows
-        return _NONE
+        return _NO_ROWS
 
     def _take_settings(self, found: Settings | str) -> None:
         """Take the settings, or the reason why there are none, from the reader."""

@@ -58,7 +58,7 @@ class GuardedNode(Node):
         self.clock_heard = False
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
         for own, meaning in FIXED_OF_RCLPY.items():
-            _fix(self, own, meaning)
+            _make_read_only(self, own, meaning)
         for service in self.services:
             if service.srv_type is GetTypeDescription:  # made by rclpy without `create_service`
                 service.callback = partial(self._answer, service.service_name, service.callback)
@@ -71,7 +71,7 @@ class GuardedNode(Node):
 
     def create_publisher(self, msg_type: type, topic: str, qos_profile: QoSProfile | int, **options: Any) -> Publisher:
         """As in `Node`, with the user's `qos_overrides`."""
-        qos_profile, options = self._overridden(topic, "publisher", qos_profile, options)
+        qos_profile, options = self._apply_overrides(topic, "publisher", qos_profile, options)
         return super().create_publisher(msg_type, topic, qos_profile, **options)
 
     def create_subscription(self, msg_type: type, topic: str, callback: Callable, qos_profile: QoSProfile | int,
@@ -79,10 +79,10 @@ class GuardedNode(Node):
         """As in `Node`, with the user's `qos_overrides`; an invalid time on `/clock` does not reach `callback`."""
         if msg_type is Clock:
             callback = partial(self._take_clock, self.resolve_topic_name(topic), callback)
-        qos_profile, options = self._overridden(topic, "subscription", qos_profile, options)
+        qos_profile, options = self._apply_overrides(topic, "subscription", qos_profile, options)
         return super().create_subscription(msg_type, topic, callback, qos_profile, **options)
 
-    def _overridden(self, topic: str, kind: str, profile: QoSProfile | int, options: dict[str, Any]
+    def _apply_overrides(self, topic: str, kind: str, profile: QoSProfile | int, options: dict[str, Any]
                     ) -> tuple[QoSProfile | int, dict[str, Any]]:
         """Return the profile and the options with which rclpy applies the user's overrides of a topic.
 
@@ -98,22 +98,22 @@ class GuardedNode(Node):
         try:
             if reason := _fault(request):
                 self.refusals.refuse(name, reason)
-                return _refused(request, response, reason)
+                return _fill_refusal(request, response, reason)
             if isinstance(request, SetParameters.Request | SetParametersAtomically.Request):
                 return _bounded(self._set_parameters(name, request, response))
-            return _bounded(self._counted(name, callback(request, response)))
+            return _bounded(self._count_refusal(name, callback(request, response)))
         except Exception as error:  # whatever it is, the caller waits for an answer
             self.refusals.catch(name, error)
-            return _refused(request, response, f"{type(error).__name__}; the node's log says more")
+            return _fill_refusal(request, response, f"{type(error).__name__}; the node's log says more")
 
     async def _answer_later(self, name: str, callback: Callable, request: Any, response: Any) -> Any:
         try:
-            return _bounded(self._counted(name, await callback(request, response)))
+            return _bounded(self._count_refusal(name, await callback(request, response)))
         except Exception as error:  # whatever it is, the caller waits for an answer
             self.refusals.catch(name, error)
-            return _refused(request, response, f"{type(error).__name__}; the node's log says more")
+            return _fill_refusal(request, response, f"{type(error).__name__}; the node's log says more")
 
-    def _counted(self, name: str, response: Any) -> Any:
+    def _count_refusal(self, name: str, response: Any) -> Any:
         if reason := _reason_of(response):
             self.refusals.refuse(name, reason)
         return response
@@ -204,7 +204,7 @@ class NextTurn:
         yield
 
 
-def _fix(node: Node, name: str, meaning: str) -> None:
+def _make_read_only(node: Node, name: str, meaning: str) -> None:
     """Make a parameter that rclpy has declared a read-only boolean (ValueError if its value is no boolean)."""
     if node.describe_parameter(name).read_only:
         return
@@ -251,7 +251,7 @@ def _bounded(response: Any) -> Any:
     return response
 
 
-def _refused(request: Any, response: Any, reason: str) -> Any:
+def _fill_refusal(request: Any, response: Any, reason: str) -> Any:
     """Make `response` the refusal of `request`, with the reason where its type has a field for it."""
     if isinstance(request, SetParameters.Request):
         response.results = [_answer_to_set(reason)] * len(request.parameters)

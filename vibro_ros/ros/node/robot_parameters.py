@@ -80,7 +80,7 @@ class SceneReader:
         self._found = found
         self._list = node.create_client(ListParameters, f"{robot}/list_parameters")
         self._get = node.create_client(GetParameters, f"{robot}/get_parameters")
-        self._asked: Future | None = None
+        self._request: Future | None = None
         self._due, self._listed = 0.0, False
         self.reading = True
 
@@ -101,14 +101,14 @@ class SceneReader:
             return
         self._forget()
         self._due = time.monotonic() + ASK_PERIOD
-        self._asked = client.call_async(
+        self._request = client.call_async(
             GetParameters.Request(names=list(_NAMES)) if self._listed else ListParameters.Request())
-        self._asked.add_done_callback(self._take)
+        self._request.add_done_callback(self._take)
 
     def _take(self, future: Future) -> None:
-        if future.cancelled() or future != self._asked:
+        if future.cancelled() or future != self._request:
             return
-        self._asked, self._due = None, 0.0
+        self._request, self._due = None, 0.0
         try:
             if not self._listed:
                 check_names(future.result().result.names)
@@ -122,6 +122,6 @@ class SceneReader:
 
     def _forget(self) -> None:
         """Drop the pending request, here and in the client."""
-        asked, self._asked = self._asked, None
+        asked, self._request = self._request, None
         if asked:
             asked.cancel()

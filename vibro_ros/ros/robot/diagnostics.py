@@ -37,7 +37,7 @@ class Diagnostics:
         self._node, self._run, self._now = node, run, now
         self._publisher = node.create_publisher(DiagnosticArray, full_name("diagnostics"), qos.profile("diagnostics"))
         self._namesakes = 0
-        self._before = self._counters()
+        self._previous_counters = self._counters()
         # a steady clock, because ROS time may stand still
         node.create_timer(PERIOD, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -45,9 +45,9 @@ class Diagnostics:
         """Publish once."""
         now = self._counters()
         # a reset restarts the counts of events
-        change = {name: value - self._before[name] if value >= self._before[name] else value
+        change = {name: value - self._previous_counters[name] if value >= self._previous_counters[name] else value
                   for name, value in now.items()}
-        self._before = now
+        self._previous_counters = now
         message = DiagnosticArray(status=[self._simulation(change), self._recorder()])
         message.header.stamp.sec, message.header.stamp.nanosec = divmod(self._now(), SECOND)
         self._publisher.publish(message)
@@ -59,7 +59,7 @@ class Diagnostics:
 
     def _counters(self) -> dict[str, float]:
         """Return all counters; the stepping thread may increase them meanwhile, but each value is consistent."""
-        statistics, self._lasts = self._run.device_facts()
+        statistics, self._disturbances = self._run.device_facts()
         self._statistics = statistics
         return {"wall": time.monotonic(), "simulated": self._run.robot_time.time, "ticks": self._run.robot_time.ticks,
                 "busy": self._run.busy, "unloaded": self._run.ticks_without_normal_force,
@@ -80,7 +80,7 @@ class Diagnostics:
             complaints.append(f"stamps are {behind:.2f} s behind the wall clock after pauses or stalls; start the "
                               "robot with clock.publish and its peers with use_sim_time, so that all have one time")
         if self._other_robots():
-            complaints.append(self._doubled)
+            complaints.append(self._same_name_warning)
         validity = validity_of(device.scene, dict(zip(FIELDS, self._run.take_samples().T, strict=True)))
         complaints += validity.warnings()
         level, text = (DiagnosticStatus.WARN, ", ".join(complaints)) if complaints else (
@@ -103,7 +103,8 @@ class Diagnostics:
             "events per second": f"{change['events'] / wall:.1f}",
             "share of time with N<0": f"{min(1.0, change['unloaded'] / max(change['ticks'], 1)):.4f}",
             "stops by command.timeout": f"{self._run.timeout.count if self._run.timeout else 0}",
-            "lasting": ", ".join(f"{name} until {until:.6g} s" for name, until in sorted(self._lasting().items())),
+            "lasting": ", ".join(f"{name} until {until:.6g} s"
+                                 for name, until in sorted(self._active_disturbances().items())),
             "lost commands": f"{self._run.commands.lost}",
             "rejected commands": f"{self._run.commands.refused}",
             "refused requests": f"{self._node.refusals.count}",
@@ -121,10 +122,10 @@ class Diagnostics:
             values["energy residual [J]"] = f"{self._statistics['energy_accounts']['residual']:.3e}"
         return self._status("simulation", level, text, values)
 
-    def _lasting(self) -> dict[str, float]:
+    def _active_disturbances(self) -> dict[str, float]:
         """Return the disturbances that are active now, a push and faults, with the robot time [s] of their end."""
         run, time = self._run, self._run.robot_time
-        stamps = {name: time.stamp_of(until) for name, until in self._lasts.items()}
+        stamps = {name: time.stamp_of(until) for name, until in self._disturbances.items()}
         stamps |= run.commands.disturbances
         return {name: (stamp - time.start) / SECOND for name, stamp in stamps.items() if stamp > time.stamp}
 
@@ -137,11 +138,11 @@ class Diagnostics:
         before, own = self._namesakes, (self._node.get_name(), self._node.get_namespace())
         self._namesakes = max(0, self._node.get_node_names_and_namespaces().count(own) - 1)
         if self._namesakes > before:
-            self._node.get_logger().warning(self._doubled)
+            self._node.get_logger().warning(self._same_name_warning)
         return self._namesakes
 
     @property
-    def _doubled(self) -> str:
+    def _same_name_warning(self) -> str:
         return (f"{self._namesakes + 1} nodes are named {self._node.get_fully_qualified_name()}: all of them take each "
                 "command, and their topics are mixed; give each robot a namespace, such as --ros-args -r __ns:=/r1 "
                 "(a robot that was killed counts for 20 s)")

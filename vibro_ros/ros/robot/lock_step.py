@@ -19,7 +19,7 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.task import Future
 
-from vibro_ros.configuration.scene_file import NOBODY
+from vibro_ros.configuration.scene_file import NO_NODES
 from vibro_ros.ros.node.refusals import peer_text
 
 ROUNDS = 3
@@ -43,12 +43,12 @@ class LockStep:
         self._clients = {name: node.create_client(GetParameters, f"{name}/get_parameters") for name in names}
         self._awaited: set[str] = set()
         self._tokens = dict.fromkeys(names, 0)  # number of each node's last call: answers to earlier calls are ignored
-        self._asked = self._reminded = time.monotonic()
+        self._asked_at = self._reminded_at = time.monotonic()
         node.create_timer(ANSWER_TIMEOUT / 4.0, self._remind, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def ask(self) -> None:
         """Call all nodes, for whose answers the next sample waits; used in the stepping thread."""
-        self._asked = self._reminded = time.monotonic()
+        self._asked_at = self._reminded_at = time.monotonic()
         self._awaited, self.all_answered = set(self._clients), False
         for name in self._clients:
             self._call(name, ROUNDS)
@@ -59,9 +59,9 @@ class LockStep:
         client = self._clients[name]
         if client.service_is_ready():
             future = client.call_async(GetParameters.Request())
-            future.add_done_callback(partial(self._answered, name, self._tokens[name], rounds))
+            future.add_done_callback(partial(self._take_answer, name, self._tokens[name], rounds))
 
-    def _answered(self, name: str, token: int, rounds: int, _: Future) -> None:
+    def _take_answer(self, name: str, token: int, rounds: int, _: Future) -> None:
         if token != self._tokens[name]:
             return
         if rounds > 1:
@@ -75,12 +75,12 @@ class LockStep:
     def _remind(self) -> None:
         """Log which nodes the robot waits for, and call them again, because a restarted node may lose an answer."""
         now = time.monotonic()
-        if self.all_answered or now - self._reminded < ANSWER_TIMEOUT:
+        if self.all_answered or now - self._reminded_at < ANSWER_TIMEOUT:
             return
-        self._reminded = now
+        self._reminded_at = now
         for name in sorted(self._awaited):
             lack = "does not answer" if self._clients[name].service_is_ready() else "is not there"
-            self._log.warning(f"clock.lock_step: waiting for {name} for {now - self._asked:.0f} s: it {lack}; robot "
+            self._log.warning(f"clock.lock_step: waiting for {name} for {now - self._asked_at:.0f} s: it {lack}; robot "
                               "time stands still. Start the node, or start the robot without its name")
             self._call(name, ROUNDS)
 
@@ -93,7 +93,7 @@ def checked_nodes(node: Node, names: Sequence[str]) -> tuple[str, ...]:
     ValueError
         For an invalid name, for the robot's own name, and for more than `MOST_NODES` names.
     """
-    if tuple(names) == NOBODY:
+    if tuple(names) == NO_NODES:
         return ()
     full = tuple(name if name.startswith("/") else f"{node.get_namespace().rstrip('/')}/{name}" for name in names)
     if len(full) > MOST_NODES:

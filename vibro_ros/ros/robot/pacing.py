@@ -179,7 +179,7 @@ class StallReport:
 
     def __init__(self, warn: Callable[[str], object], now: Callable[[], float] = time.monotonic):
         self._warn, self._now = warn, now
-        self._said, self._began, self._busy, self._spins = -math.inf, now(), 0.0, False
+        self._last_report, self._began, self._busy, self._spins = -math.inf, now(), 0.0, False
         self._count, self._dropped = 0, 0.0
 
     def add(self, dropped: float, total: float, busy: float, ticks: int, speed: float) -> None:
@@ -191,7 +191,7 @@ class StallReport:
         now = self._now()
         self._count, self._dropped = self._count + 1, self._dropped + dropped
         spins = abs(speed) > FASTEST
-        if now < self._said + SUMMARY_PERIOD and spins <= self._spins:
+        if now < self._last_report + SUMMARY_PERIOD and spins <= self._spins:
             return
         if spins:
             why = (f"because the crank spins at {speed:.3g} rad/s, and each of its turns costs as much as a slow one; "
@@ -202,13 +202,13 @@ class StallReport:
         else:
             why = ("because the computer did not let the robot run in time; leave it a core, or raise "
                    "rate.max_catch_up")
-        if math.isinf(self._said):
+        if math.isinf(self._last_report):
             self._warn(f"stalled: {dropped:.3f} s of simulated time dropped, {why}. Stamps stay behind the wall clock "
                        "by what is dropped")
         else:
-            self._warn(f"stalled {self._count} times in {now - self._said:.0f} s: {self._dropped:.3f} s of simulated "
-                       f"time dropped, {total:.3f} s since the start, {why}")
-        self._said, self._began, self._busy, self._spins = now, now, busy, spins
+            self._warn(f"stalled {self._count} times in {now - self._last_report:.0f} s: {self._dropped:.3f} s of "
+                       f"simulated time dropped, {total:.3f} s since the start, {why}")
+        self._last_report, self._began, self._busy, self._spins = now, now, busy, spins
         self._count, self._dropped = 0, 0.0
 
 

@@ -17,7 +17,7 @@ from vibro_ros.bag.stream import BagError
 from vibro_ros.messages.topics import CHECKPOINT, INPUTS, TOPICS
 from vibro_ros.model.parameters import Value
 from vibro_ros.process.files import one_line
-from vibro_ros.recordings.recover import InUseError, described, recover
+from vibro_ros.recordings.recover import InUseError, recover, recovery_lines
 from vibro_ros.ros.node.refusals import Throttle
 from vibro_ros.ros.robot.publishers import RobotPublishers
 
@@ -109,7 +109,7 @@ class Recording:
         self._log = log
         self._latched: list[tuple[str, bytes]] = []
         self._names = {topic.name for topic in (*plan.topics, *filter(None, [plan.checkpoint]))}
-        self._whole: Recorder | None = None  # the bag that has the run's beginning and keeps it
+        self._complete_bag: Recorder | None = None  # the bag that has the run's beginning and keeps it
         self._checkpointed: Recorder | None = None  # the bag with the last checkpoint
         self._checkpoint_due = 0
         self._since_checkpoint = 0  # bytes of messages since then
@@ -143,7 +143,7 @@ class Recording:
     def begin(self) -> None:
         """Record from now on (ValueError, OSError: see `Recorder`)."""
         self._recorder = self._new_bag(whole=not self._plan.storage.max_bytes)
-        self._whole = None if self._plan.storage.max_bytes else self._recorder
+        self._complete_bag = None if self._plan.storage.max_bytes else self._recorder
 
     def latch(self, latched: Sequence[tuple[str, bytes]]) -> None:
         """Begin each file of every bag with these messages, pairs of resolved topic name and bytes.
@@ -174,7 +174,7 @@ class Recording:
         or whose beginning was deleted, can be replayed.
         """
         target = self._recorder
-        if self._plan.checkpoint is None or target is None or target is self._whole:
+        if self._plan.checkpoint is None or target is None or target is self._complete_bag:
             return
         if (target is not self._checkpointed or stamp >= self._checkpoint_due
                 or self._since_checkpoint >= self._checkpoint_bytes):
@@ -285,7 +285,7 @@ def offer_recovery(directory: Path, do_it: bool, log: RcutilsLogger) -> None:
         return
     for folder in unsealed:
         try:
-            log.warning("; ".join(described(recover(folder), str)))
+            log.warning("; ".join(recovery_lines(recover(folder), str)))
         except InUseError:  # of two robots that start at once, the other seals it
             continue
         except BagError as error:

@@ -148,8 +148,8 @@ class Run:
         self._thread = threading.Thread(target=self._step_until_stopped, name="stepping")
         if lock_step:
             lock_step.when_answered = self._notify
-        self._does = {RESET: self._reset, PAUSE: self._pause, RESUME: self._resume, SET: self._set, STATE: self._let,
-                      PUSH: self._let, FAULT: self._fail}
+        self._handlers = {RESET: self._reset, PAUSE: self._pause, RESUME: self._resume, SET: self._set,
+                          STATE: self._disturb, PUSH: self._disturb, FAULT: self._fail}
 
     def start(self, begin: float) -> "Run":
         """Set the instant `begin` [s] of the pacing's clock that is robot time 0; returns this run, to be entered."""
@@ -177,8 +177,8 @@ class Run:
         RuntimeError
             When the run has ended, or the operation ends it, or the lock is not free within `LOCK_TIMEOUT`.
         """
-        with self._held():
-            words = self._does[operation.name](operation)
+        with self._locked():
+            words = self._handlers[operation.name](operation)
             self.lock.notify()
             return words
 
@@ -187,13 +187,13 @@ class Run:
 
         ValueError when the robot is not paused, or takes steps already; RuntimeError as `perform`.
         """
-        with self._held():
+        with self._locked():
             if not self.paused:
                 raise ValueError("the robot is not paused; call ~/pause with true first")
             if self._steps:
                 raise ValueError(f"{self._steps.asked} steps are being taken, {self._steps.completed} so far; wait "
                                  "for their end, or cancel them")
-            self._done(Operation(STEP, steps=steps))
+            self._perform_and_record(Operation(STEP, steps=steps))
             self._steps = Steps(steps, counted)
             self.lock.notify()
             return self._steps
@@ -212,7 +212,7 @@ class Run:
 
     def look(self) -> tuple[Samples, int]:
         """Return the device's state and its stamp [ns] (RuntimeError as `perform`)."""
-        with self._held():
+        with self._locked():
             return self.device.state, self.robot_time.stamp
 
     def device_facts(self) -> tuple[dict[str, Any], dict[str, float]]:
@@ -228,7 +228,7 @@ class Run:
         return np.array(list(taken)).reshape(-1, len(FIELDS))
 
     @contextmanager
-    def _held(self) -> Iterator[None]:
+    def _locked(self) -> Iterator[None]:
         """Context that holds the lock, after all arrived commands; any error other than ValueError ends the run."""
         if not self.lock.acquire(timeout=LOCK_TIMEOUT):
             raise RuntimeError(BUSY)
@@ -256,7 +256,7 @@ class Run:
             while self._wait():
                 with self.lock:
                     self._take_commands()
-                    if not self._is_held():
+                    if not self._must_wait():
                         self._tick()
         except Exception as error:  # the main thread reports it, after it has sealed the bag
             self._fail_with(error)
@@ -281,8 +281,8 @@ class Run:
             with self.lock:
                 if self._resumes and self._lock_step and self._lock_step.all_answered:
                     self._take_commands()
-                    self._go_on()
-                if self._is_held():
+                    self._resume_time()
+                if self._must_wait():
                     self._take_commands()
                     if not self.lock.wait(LONGEST_SLEEP) and self._publish_clock:
                         self._publish_clock()  # again, for new subscribers
@@ -301,9 +301,9 @@ class Run:
         """Pass arrived commands to the device; return whether the wait for the next sample is over."""
         with self.lock:
             self._take_commands()
-            return self._stopped.is_set() or self._is_held()
+            return self._stopped.is_set() or self._must_wait()
 
-    def _is_held(self) -> bool:
+    def _must_wait(self) -> bool:
         """Return whether no sample may be taken now, because of a pause or the lock-step."""
         return (self.paused and not self._steps) or bool(self._lock_step and not self._lock_step.all_answered)
 
@@ -363,12 +363,12 @@ class Run:
         """Pass arrived commands to the device, and stop the motor if its command has timed out."""
         self.commands.apply(self.device, self.robot_time.stamp, self.recording.record)
         if self.timeout and self.timeout.is_over(self.robot_time.time, self.commands.accepted, self.device):
-            self._done(Operation(TIMEOUT))
+            self._perform_and_record(Operation(TIMEOUT))
             self._node.get_logger().warning(self.timeout.words)
 
     # Operations, with the lock held.
 
-    def _done(self, operation: Operation) -> None:
+    def _perform_and_record(self, operation: Operation) -> None:
         """Perform an operation (ValueError if refused), then publish and record it."""
         perform(operation, self.device)
         data = _operation_message(operation)
@@ -376,7 +376,7 @@ class Run:
         self.recording.record(self.topic, self.robot_time.stamp, data)
 
     def _reset(self, operation: Operation) -> str:
-        self._done(operation)
+        self._perform_and_record(operation)
         self.commands.recover()
         self.robot_time.restart()
         words = f"reset: the sample at {self.robot_time.due:.9g} s of robot time is the start"
@@ -387,7 +387,7 @@ class Run:
     def _pause(self, operation: Operation) -> str:
         self._resumes = False
         if not self.paused:
-            self._done(operation)
+            self._perform_and_record(operation)
             self.paused = True
             set_real_time_priority(self.pacing.factor, self.paused)
         return (f"paused at {self.robot_time.time:.9g} s of robot time; meanwhile stamps fall behind the wall clock, "
@@ -399,34 +399,34 @@ class Run:
             self._resumes = True
             return "running, as soon as the nodes of clock.lock_step are ready"
         if self.paused:
-            self._go_on()
+            self._resume_time()
         return "running"
 
-    def _go_on(self) -> None:
+    def _resume_time(self) -> None:
         """Resume robot time."""
         self._resumes = False
         self.end_steps()
-        self._done(Operation(RESUME))
+        self._perform_and_record(Operation(RESUME))
         self.paused = False
         set_real_time_priority(self.pacing.factor, self.paused)
         self.pacing.follow(self.robot_time.time)
 
     def _set(self, operation: Operation) -> str:
-        self._done(operation)
+        self._perform_and_record(operation)
         self.changed |= operation.parameters
         if FACTOR in operation.parameters:
             self.pacing.change_factor(operation.parameters[FACTOR], self.robot_time.time)
             set_real_time_priority(self.pacing.factor, self.paused)
         return "set"
 
-    def _let(self, operation: Operation) -> str:
-        self._done(operation)
+    def _disturb(self, operation: Operation) -> str:
+        self._perform_and_record(operation)
         if operation.parameters.get("duration") == 0.0:
             return f"duration 0: no {operation.name} begins, and one that lasted has ended"
         return "done"
 
     def _fail(self, operation: Operation) -> str:
-        words, incident = self._let(operation), checked_incident(**operation.parameters)
+        words, incident = self._disturb(operation), checked_incident(**operation.parameters)
         if FAULTS[incident.fault].befalls == COMMANDS:
             self.commands.fail(incident, self.robot_time.stamp)
         return words

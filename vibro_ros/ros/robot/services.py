@@ -50,7 +50,7 @@ def offer_disturbances(node: GuardedNode, run: Run) -> None:
         node.get_logger().info(f"{OWN_PACKAGE} is not installed, or old: without "
                                f"{', '.join(path for name, path in DISTURBANCES.items() if name not in types)}")
     for name, kind in types.items():
-        _offer(node, run, kind, DISTURBANCES[name], _MEANT[name])
+        _offer(node, run, kind, DISTURBANCES[name], _OPERATIONS[name])
 
 
 def _offer(node: GuardedNode, run: Run, kind: type, name: str, meant: Callable[[Any], Operation]) -> None:
@@ -74,7 +74,7 @@ def _state_asked(request: Any) -> Operation:
     return Operation(STATE, parameters=dict(zip(names, map(float, request.values), strict=True)))
 
 
-_MEANT: dict[str, Callable[[Any], Operation]] = {
+_OPERATIONS: dict[str, Callable[[Any], Operation]] = {
     "SetState": _state_asked,
     "Push": lambda request: Operation(PUSH, parameters={
         name: getattr(request, name) for name in ("duration", "force_x", "force_z")}),

@@ -97,14 +97,14 @@ def transition(current: int, wanted: int) -> tuple[str, ...]:
     """
     if wanted in (SimulationState.STATE_NO_WORLD, SimulationState.STATE_LOADING_WORLD):
         raise RefusalError(Result.RESULT_FEATURE_UNSUPPORTED, f"{wanted}: a robot is always in its scene; give one of "
-                                                              f"{_listed(TRANSITIONS)}")
+                                                              f"{_state_list(TRANSITIONS)}")
     if wanted not in STATES:
-        raise RefusalError(Result.RESULT_NOT_FOUND, f"{wanted} is no state; give one of {_listed(TRANSITIONS)}")
+        raise RefusalError(Result.RESULT_NOT_FOUND, f"{wanted} is no state; give one of {_state_list(TRANSITIONS)}")
     if wanted == current:
         raise RefusalError(SetSimulationState.Response.ALREADY_IN_TARGET_STATE,
                            f"the robot is {STATES[current]} already")
     if wanted not in TRANSITIONS[current]:
-        reachable = _listed(TRANSITIONS[current]) or "none, because the robot is about to end"
+        reachable = _state_list(TRANSITIONS[current]) or "none, because the robot is about to end"
         raise RefusalError(SetSimulationState.Response.INCORRECT_TRANSITION,
                            f"nothing leads from {STATES[current]} to {STATES[wanted]}; from {STATES[current]} these "
                            f"can be reached: {reachable}")
@@ -132,7 +132,7 @@ def check_steps(steps: int) -> None:
         raise ValueError(f"{steps} steps; give 1 to {MOST_STEPS}, and ask again for more")
 
 
-def _listed(states: Iterable[int]) -> str:
+def _state_list(states: Iterable[int]) -> str:
     return ", ".join(f"{state} ({STATES[state]})" for state in states)
 
 
@@ -202,18 +202,19 @@ class SimulationServices:
             elif name in answers:
                 node.create_service(kind, path, _answering(answers[name]), callback_group=group)
             else:
-                node.create_service(kind, path, self._tell_features if name == "GetSimulatorFeatures" else self._tell)
+                handler = self._get_features if name == "GetSimulatorFeatures" else self._get_state
+                node.create_service(kind, path, handler)
 
     @property
     def state(self) -> int:
         """State of the simulation; a robot that takes steps is paused."""
         return current_state(self._run.paused, self._run.robot_time.at_start, self._run.quitting)
 
-    def _tell_features(self, request: Any, response: Any) -> Any:
+    def _get_features(self, request: Any, response: Any) -> Any:
         response.features.features, response.features.custom_info = self._features, ABOUT
         return response
 
-    def _tell(self, request: Any, response: Any) -> Any:
+    def _get_state(self, request: Any, response: Any) -> Any:
         response.state.state, response.result.result = self.state, Result.RESULT_OK
         return response
 
