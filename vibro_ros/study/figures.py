@@ -7,6 +7,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from vibro_ros.model.parameters import BY_NAME
+from vibro_ros.study.variation import parameter_names
 
 GRID, BLACK = "#e8e8e8", "#000000"
 BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, YELLOW = (
@@ -34,8 +35,8 @@ def with_unit(name: str, unit: str) -> str:
 
 
 def of_parameter(name: str) -> str:
-    """Label of an axis over a parameter."""
-    return with_unit(name, BY_NAME[name].unit)
+    """Label of an axis over a parameter, or over linked ones, which have the same unit."""
+    return with_unit(name, BY_NAME[parameter_names(name)[0]].unit)
 
 
 def tidy(axes: Axes) -> None:

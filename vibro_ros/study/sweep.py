@@ -44,6 +44,7 @@ from vibro_ros.study.figures import (
     PURPLE,
     VERMILION,
     new_figure,
+    of_parameter,
     png,
     tidy,
     with_unit,
@@ -638,15 +639,11 @@ def _draw_map(figure: Figure, axes: Axes, found: Summary, measure: str) -> None:
     cells = values.reshape(len(first.values), -1)[order]
     mesh = axes.pcolormesh(np.sort(second.values), np.sort(first.values), cells, shading="nearest", cmap="viridis")
     figure.colorbar(mesh, ax=axes, label=with_unit(measure, MEASURES[measure].unit))
-    axes.set(xlabel=_with_unit(second), ylabel=_with_unit(first))
-
-
-def _with_unit(one: Axis | Range) -> str:
-    return with_unit(one.name, BY_NAME[one.names[0]].unit)
+    axes.set(xlabel=of_parameter(second.name), ylabel=of_parameter(first.name))
 
 
 def _label(axes: Axes, over: Axis | Range, measure: str) -> None:
-    axes.set(xlabel=_with_unit(over), ylabel=with_unit(measure, MEASURES[measure].unit))
+    axes.set(xlabel=of_parameter(over.name), ylabel=with_unit(measure, MEASURES[measure].unit))
     if isinstance(BY_NAME[over.names[0]].default, float):
         axes.locator_params(axis="x", nbins=6)  # more would touch each other, of small numbers such as gaps
     tidy(axes)
