@@ -338,13 +338,14 @@ def _verified(words: str, scene: Scene, attractor: Attractor, values: np.ndarray
         return Mean(float(column.mean()), float(half_interval(column)) if settled else math.nan)
 
     speed, power = values[:, 0], values[:, POWERS[reading.power]]
+    net, delivered, supply = (mean(values[:, column]) for column in POWERS.values())
     weight = scene.total_mass * scene["gravity"]
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = mean(np.abs(speed) / power)
     pays = scene["effects.reaction"] and power.mean() > 0.0 and speed.mean() != 0.0 and weight > 0.0
     return Verified(
         words, attractor.turns, attractor.starts, attractor.share, attractor.low, attractor.high, mean(speed),
-        attractor.least, attractor.largest, *(mean(values[:, column]) for column in POWERS.values()), ratio,
+        attractor.least, attractor.largest, net, delivered, supply, ratio,
         float(power.mean() / (weight * abs(speed.mean()))) if pays else math.nan,
         0.0 if attractor.turns else drift_in(values[:, -1], float(speed.mean())),
         *map(float, values[:, [len(MEASURED), len(MEASURED) + 1, AIR]].mean(axis=0)))
