@@ -14,6 +14,7 @@ TYPE_CHECKING = False  # type checkers know the name; to import `typing` would d
 if TYPE_CHECKING:
     from vibro_ros.bag.reader import read_bag
     from vibro_ros.configuration.scene_file import load_scene
+    from vibro_ros.identification.identify import identify
     from vibro_ros.model.scene import Scene
     from vibro_ros.orbits.attractors import attractors
     from vibro_ros.orbits.branch import follow_bifurcation, follow_orbit
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
     from vibro_ros.simulation.simulator import Simulator
 
 __all__ = ["Scene", "SensedSimulator", "SimulationError", "Simulator", "attractors", "find_orbit",
-           "follow_bifurcation", "follow_orbit", "load_scene", "lyapunov_spectrum", "read_bag", "settled_motion",
-           "simulate", "simulate_many", "zero_one_test"]
+           "follow_bifurcation", "follow_orbit", "identify", "load_scene", "lyapunov_spectrum", "read_bag",
+           "settled_motion", "simulate", "simulate_many", "zero_one_test"]
 
 _HOMES = {
     "Scene": "model.scene",
@@ -38,6 +39,7 @@ _HOMES = {
     "find_orbit": "orbits.orbit",
     "follow_bifurcation": "orbits.branch",
     "follow_orbit": "orbits.branch",
+    "identify": "identification.identify",
     "load_scene": "configuration.scene_file",
     "lyapunov_spectrum": "orbits.chaos",
     "read_bag": "bag.reader",

@@ -20,21 +20,22 @@ from vibro_ros.identification.windowing import (
     unmeasured,
 )
 from vibro_ros.identification.windows import Windows, state_names
-from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.runs import simulate
 
 #: Stages of the fit: turns of the crank in a window, loosenesses in turn, and the most steps at each.
-_ARC, _HALF, _CHAIN = 0.16, 0.5, 3.0
+_ARC, _HALF, _CHAIN = 0.16, 0.5, 2.0
 _FIRST_LOOSENESSES, _CHAIN_LOOSENESSES = (1.0, 0.3, 0.1), (0.1, 0.01, TIGHT)
 _FIRST_STEPS, _STEPS = 4, 10
 _MOST_WINDOWS = 60
 _SLOWEST = 20.0  # rad/s: a slower crank makes windows no longer
-_ROUNDS = 3
+_REPAIRS = 4
+_MOST_LOST = 0.3  # share of lost windows beyond which they are not left out
 _MISFIT = 1.5  # mean square of a window's residuals beyond which it counts as lost
 #: Weights of the first stages' prior, in coordinates: a plate's stiffness shows only within a blow.
 _WEIGHT, _STIFF_WEIGHT = 1.0, 100.0
 _RATE = 1000.0  # Hz, of simulated speeds where none are measured
-_RESTING = 0.05  # s without motion at a recording's start after which the robot rests
+#: Time [s] at a recording's start in which a crank that turns less than the angle [rad] rests.
+_RESTING, _STILL = 0.05, 0.01
 _SETTLED = 3.0  # standard deviations beyond which a correlation or a noise is taken from the residuals
 
 _ANGLE_UNIT, _SPEED_UNIT = 0.1, 10.0  # rad, rad/s: of the coordinates of the motor's start
@@ -56,6 +57,8 @@ class Fit:
         The derivatives there.
     passes : int
         Passes through the recording, of all stages.
+    colours : tuple of (ndarray, ndarray)
+        Standard deviations of the noise, and correlations of its neighbours, by channel.
     """
 
     unknowns: Unknowns
@@ -63,6 +66,7 @@ class Fit:
     at: Point
     jacobian: Jacobian
     passes: int
+    colours: tuple[np.ndarray, np.ndarray]
 
     @property
     def coordinates(self) -> np.ndarray:
@@ -82,9 +86,7 @@ class Fit:
     @property
     def mean_squares(self) -> np.ndarray:
         """Mean of the squared residuals of each window."""
-        windows, squares = self.shooting.windows, self.at.found.residuals**2
-        return np.bincount(windows.window, squares, len(windows.spans)) / np.bincount(
-            windows.window, minlength=len(windows.spans))
+        return mean_squares(self.shooting, self.at)
 
     def information(self) -> np.ndarray:
         """Return Fisher's information of all parameters, the states unknown."""
@@ -130,22 +132,29 @@ class Fitting:
         shooting = self._shooting(self._chain(_CHAIN))
         candidates = self._candidates(shooting, parameters)
         at = self._begun(shooting, parameters, candidates)
-        for attempt in range(_ROUNDS):
-            for looseness in _CHAIN_LOOSENESSES[min(attempt, 1):]:
-                self._say(f"windows of {_CHAIN:g} turns, looseness {looseness:g}: "
-                          f"{np.median(self._fit(shooting, at).mean_squares):.3g} of the noise's squares")
-                candidates = self._candidates(shooting, at.parameters)
-                at = shooting.repaired(at, looseness, candidates)
-                at = shooting.minimise(at, looseness, looseness, _STEPS)
-            if not (self._fit(shooting, at).mean_squares > _MISFIT).any():
-                break
-        self._recoloured(shooting, at)
+        for looseness in _CHAIN_LOOSENESSES:
+            self._say(f"{len(at.states)} windows of {_CHAIN:g} turns, looseness {looseness:g}")
+            shooting.left_out[:] = False
+            at = self._repaired(shooting, at, looseness)
+            at = shooting.minimise(at, looseness, looseness, _STEPS)
+        at = self._repaired(shooting, at, 0.0)
+        shooting.left_out = mean_squares(shooting, at) > _MISFIT
+        if shooting.left_out.mean() > _MOST_LOST:  # then it is the model that does not fit
+            shooting.left_out[:] = False
+        colours = self._recoloured(shooting, at)
         at = shooting.point(at.parameters, at.states) or at
+        self._say("all windows as one motion")
         at = shooting.minimise(at, 0.0, TIGHT, _STEPS, enough=1e-6)
-        return self._fit(shooting, at, shooting.jacobian(at))
+        return Fit(self.unknowns, shooting, at, shooting.jacobian(at), self._passes + shooting.passes, colours)
 
-    def _fit(self, shooting: Shooting, at: Point, jacobian: Jacobian | None = None) -> Fit:
-        return Fit(self.unknowns, shooting, at, jacobian, self._passes + shooting.passes)
+    def _repaired(self, shooting: Shooting, at: Point, looseness: float) -> Point:
+        candidates = self._candidates(shooting, at.parameters)
+        for _ in range(_REPAIRS):  # each may mend the window after one that was mended
+            at, before = shooting.repaired(at, looseness, candidates), at
+            if at is before:
+                break
+            candidates = []
+        return at
 
     def _loosely(self, spans: np.ndarray, parameters: np.ndarray, what: str) -> np.ndarray:
         """Return the coordinates that fit windows loosely, from a state for each that the measurements tell."""
@@ -196,7 +205,7 @@ class Fitting:
 
     def _chain(self, turns: float) -> np.ndarray:
         resting = np.searchsorted(self.times, self.times[0] + _RESTING)
-        return chain(self.times, self._rough, self._angle, turns, float(np.ptp(self._angle[:resting])) < 1e-3)
+        return chain(self.times, self._rough, self._angle, turns, float(np.ptp(self._angle[:resting])) < _STILL)
 
     def _course(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return instants, the crank's angle there, and the roughness of the masses' and the body's speeds."""
@@ -225,8 +234,10 @@ class Fitting:
         angle, speed = 0.0, scene["motor.speed"]
         if crank is not None:
             first = crank.times <= crank.times[0] + 0.02
-            line = np.polyfit(crank.times[first], crank.values[first], 1) if first.sum() > 2 else (speed, crank.values[0])
-            speed, angle = float(line[0]), float(line[1])
+            if first.sum() > 2:
+                speed, angle = np.polyfit(crank.times[first], crank.values[first], 1).tolist()
+            else:
+                angle = float(crank.values[0])
             if np.ptp(crank.values[first]) <= 2.0 * crank.sigma:
                 speed = 0.0
         if scene.has_rotor:
@@ -248,7 +259,7 @@ class Fitting:
             found["motor_speed"] = own[1] * _SPEED_UNIT
         return found
 
-    def _recoloured(self, shooting: Shooting, at: Point) -> None:
+    def _recoloured(self, shooting: Shooting, at: Point) -> tuple[np.ndarray, np.ndarray]:
         """Take correlations and standard deviations of the noise from the residuals, where they differ clearly.
 
         Noise below that which the recording states stays, so that intervals never become narrower by it.
@@ -258,17 +269,27 @@ class Fitting:
             excess = _SETTLED * math.sqrt(2.0 / count)
             sigmas.append(sigma * math.sqrt(mean_square) if mean_square > 1.0 + excess else sigma)
             correlations.append(correlation if abs(correlation) > _SETTLED / math.sqrt(count) else 0.0)
-        shooting.windows.recolour(np.array(sigmas), np.array(correlations))
+        colours = np.array(sigmas), np.array(correlations)
+        shooting.windows.recolour(*colours)
+        return colours
+
+
+def mean_squares(shooting: Shooting, at: Point) -> np.ndarray:
+    """Return the mean of the squared residuals of each window; 0 for a window without measurements."""
+    windows, count = shooting.windows, len(at.states)
+    squares = np.bincount(windows.window, at.found.residuals**2, count)
+    return squares / np.maximum(np.bincount(windows.window, minlength=count), 1)
 
 
 def noise_in(shooting: Shooting, at: Point) -> list[tuple[float, float, int, float]]:
     """Return standard deviation, correlation of neighbouring residuals, their number and mean square, by channel."""
     windows, found = shooting.windows, []
     for number, channel in enumerate(windows.recording.channels):
-        mine = windows.channel == number
+        mine = (windows.channel == number) & ~shooting.left_out[windows.window]
         residuals, window = at.found.residuals[mine], windows.window[mine]
         together = window[1:] == window[:-1]
         square = float(residuals @ residuals)
         correlation = float((residuals[1:] * residuals[:-1])[together].sum()) / square if square else 0.0
-        found.append((channel.sigma, min(max(correlation, -0.99), 0.99), len(residuals), square / max(len(residuals), 1)))
+        correlation = min(max(correlation, -0.99), 0.99)
+        found.append((channel.sigma, correlation, len(residuals), square / max(len(residuals), 1)))
     return found

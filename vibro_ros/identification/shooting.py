@@ -16,7 +16,7 @@ problemmethoden zur Parameteridentifizierung, 1987, has the method; it is restar
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, solveh_banded
@@ -34,6 +34,8 @@ OUTLIER = 3.0
 _STEP, _STATE_STEP = 1e-5, 1e-4
 _LONGEST = 0.7  # longest change of a coordinate in a step: a positive parameter at most doubles
 _TRIES, _LEAST_DAMPING, _GROWTH = 8, 1e-9, 10.0
+#: A window jumps if it spoils a step by this share of what the step should have won; largest share of such windows.
+_JUMP, _MOST_LEFT_OUT = 0.3, 0.3
 
 
 def width_of(name: str) -> float:
@@ -92,6 +94,9 @@ class Shooting:
         Number of passes so far.
     prior : tuple of (ndarray, ndarray), or None
         Expected coordinates, and the weights of the squared distances from them.
+    left_out : ndarray of bool, shape (windows,)
+        Windows that do not count, because their motion jumps: it depends on its start by more than differences tell,
+        as where a mass grazes a plate or rattles to rest.
     """
 
     def __init__(self, windows: Windows, simulate: Callable[[np.ndarray, np.ndarray], Pass | None], workers: int = 1):
@@ -99,12 +104,13 @@ class Shooting:
         self.widths = np.array([width_of(name) for name in windows.names])
         self._blurs = np.array([width_of(one.field) for one in windows.recording.channels])[windows.channel]
         self.prior: tuple[np.ndarray, np.ndarray] | None = None
+        self.left_out = np.zeros(len(windows.spans), bool)
 
     def point(self, parameters: np.ndarray, states: np.ndarray) -> Point | None:
         """Return the point with these parameters and states; None where there is no motion."""
         self.passes += 1
         found = self._simulate(parameters, states)
-        return found and Point(parameters, states, found)
+        return None if found is None else Point(parameters, states, found)
 
     def jacobian(self, at: Point) -> Jacobian:
         """Return the derivatives at a point."""
@@ -135,10 +141,19 @@ class Shooting:
         ratio = shrunk * squares / OUTLIER**2
         return OUTLIER**2 * np.log1p(ratio), shrunk / (1.0 + ratio)
 
+    @property
+    def _joined(self) -> np.ndarray:
+        return self.windows.joined & ~self.left_out[:-1] & ~self.left_out[1:]
+
+    def by_window(self, at: Point, looseness: float, width: float) -> np.ndarray:
+        """Return the misfit of each window and of its defect, shape (windows,); 0 for those that are left out."""
+        found = np.bincount(self.windows.window, self.losses(at, looseness)[0], len(at.states))
+        found[:-1] += np.where(self._joined, np.sum((at.defects / (width * self.widths))**2, axis=1), 0.0)
+        return np.where(self.left_out, 0.0, found)
+
     def misfit(self, at: Point, looseness: float, width: float) -> float:
         """Return what is minimised; `width` is the looseness of the defects."""
-        defects = (at.defects / (width * self.widths))[self.windows.joined]
-        total = float(self.losses(at, looseness)[0].sum() + np.sum(defects**2))
+        total = float(self.by_window(at, looseness, width).sum())
         if self.prior is not None:
             total += float(self.prior[1] @ (at.parameters - self.prior[0])**2)
         return total
@@ -147,6 +162,7 @@ class Shooting:
         """Return the normal equations at a point."""
         (count, states), parameters = at.states.shape, len(at.parameters)
         weights, tight = self.losses(at, looseness)[1], 1.0 / (width * self.widths)
+        weights = np.where(self.left_out[self.windows.window], 0.0, weights)
         diagonal, beside = np.zeros((count, states, states)), np.zeros((count, states, states))
         border, gradient = np.zeros((count, states, parameters)), np.zeros((count, states))
         corner, corner_gradient = np.zeros((parameters, parameters)), np.zeros(parameters)
@@ -165,7 +181,7 @@ class Shooting:
         for k, part in enumerate(self.windows.slices):
             add(k, jacobian.residuals_by_state[part], jacobian.residuals[part], weights[part],
                 at.found.residuals[part])
-        for k in np.flatnonzero(self.windows.joined).tolist():
+        for k in np.flatnonzero(self._joined).tolist():
             defect, by_own = at.defects[k], jacobian.ends[k]
             add(k, jacobian.ends_by_state[k], by_own, tight**2, defect)
             beside[k] = -jacobian.ends_by_state[k].T * tight**2
@@ -176,45 +192,67 @@ class Shooting:
 
     def minimise(self, at: Point, looseness: float, width: float, most: int, enough: float = 1e-3) -> Point:
         """Return the point after Levenberg-Marquardt steps: at most so many, or until one lowers the misfit by less
-        than its share `enough` and 0.01."""
-        misfit, damping = self.misfit(at, looseness, width), 1e-3
+        than its share `enough` and 0.01. Windows that jump are left out from then on."""
+        damping = 1e-3
         for _ in range(most):
-            before, equations = misfit, self.equations(at, self.jacobian(at), looseness, width)
+            jacobian = self.jacobian(at)
+            before = self.misfit(at, looseness, width)
             for _ in range(_TRIES):
-                there = self._stepped(at, equations, damping)
-                tried = np.inf if there is None else self.misfit(there, looseness, width)
-                if there is not None and tried < misfit:
-                    at, misfit, damping = there, tried, max(damping / _GROWTH, _LEAST_DAMPING)
+                step = self._step(at, self.equations(at, jacobian, looseness, width), damping)
+                there = step and self.point(at.parameters + step[0], at.states + step[1])
+                if there and self.misfit(there, looseness, width) < self.misfit(at, looseness, width):
+                    at, damping = there, max(damping / _GROWTH, _LEAST_DAMPING)
                     break
-                damping *= _GROWTH
-            if before - misfit < max(0.01, enough * misfit):
+                if not (there and self._left_out_more(at, there, jacobian, looseness, width)):
+                    damping *= _GROWTH
+            if before - self.misfit(at, looseness, width) < max(0.01, enough * before):
                 break
         return at
 
-    def _stepped(self, at: Point, equations: "NormalEquations", damping: float) -> Point | None:
+    @staticmethod
+    def _step(at: Point, equations: "NormalEquations", damping: float) -> tuple[np.ndarray, np.ndarray] | None:
         try:
             own, states = equations.step(damping)
         except LinAlgError:
             return None
         shrink = min(1.0, _LONGEST / max(np.abs(own).max(), 1e-300))
-        return self.point(at.parameters + shrink * own, at.states + shrink * states)
+        return shrink * own, shrink * states
+
+    def _left_out_more(self, at: Point, there: Point, jacobian: Jacobian, looseness: float, width: float) -> bool:
+        """Leave out windows whose misfit has risen although their derivatives said that it would fall, if they alone
+        spoil the step; return whether there are any."""
+        own, states = there.parameters - at.parameters, there.states - at.states
+        weights = self.losses(at, looseness)[1]
+        linear = (at.found.residuals + jacobian.residuals @ own
+                  + np.sum(jacobian.residuals_by_state * states[self.windows.window], axis=1))
+        expected = np.bincount(self.windows.window, weights * (linear**2 - at.found.residuals**2), len(states))
+        defects = (at.defects + jacobian.ends[:-1] @ own
+                   + np.einsum("kij,kj->ki", jacobian.ends_by_state[:-1], states[:-1]) - states[1:])
+        expected[:-1] += np.where(self._joined, np.sum((defects**2 - at.defects**2) / (width * self.widths)**2, axis=1),
+                                  0.0)
+        risen = self.by_window(there, looseness, width) - self.by_window(at, looseness, width)
+        jumped = ~self.left_out & (risen > 1.0) & (risen - expected > _JUMP * max(-expected.sum(), 1.0))
+        if not jumped.any() or (self.left_out | jumped).mean() > _MOST_LEFT_OUT:
+            return False
+        self.left_out |= jumped
+        return True
 
     def repaired(self, at: Point, looseness: float, others: Sequence[np.ndarray]) -> Point:
         """Return the point in which each window starts from the state with which it fits best: its own, the end of the
         window before, or that of `others`, each of shape (windows, states)."""
+        def by_window(at: Point) -> np.ndarray:
+            return np.bincount(self.windows.window, self.losses(at, looseness)[0], len(at.states))
+
         follow = at.states.copy()
         follow[1:] = np.where(self.windows.joined[:, None], at.found.ends[:-1], follow[1:])
         for states in (follow, *others):
             there = self.point(at.parameters, states)
             if there is None:
                 continue
-            better = self._by_window(there, looseness) < 0.9 * self._by_window(at, looseness)
+            better = by_window(there) < 0.9 * by_window(at)
             if better.any():
                 at = self.point(at.parameters, np.where(better[:, None], states, at.states)) or at
         return at
-
-    def _by_window(self, at: Point, looseness: float) -> np.ndarray:
-        return np.bincount(self.windows.window, self.losses(at, looseness)[0], len(at.states))
 
 
 @dataclass(frozen=True)
@@ -246,6 +284,15 @@ class NormalEquations:
         schur, gradient, by_own, offset = self._eliminated(damping)
         own = -cho_solve(cho_factor(schur), gradient)
         return own, (-offset - by_own @ own).reshape(self.gradient.shape)
+
+    def states_for(self, own: np.ndarray) -> np.ndarray:
+        """Return the change of the states that follows a change of the parameters, shape (n, s)."""
+        return -(self._eliminated(0.0)[2] @ own).reshape(self.gradient.shape)
+
+    def held(self, direction: np.ndarray, weight: float, distance: float) -> "NormalEquations":
+        """Return the equations with the parameters held along a direction, from which they are `distance` away."""
+        return replace(self, corner=self.corner + weight * np.outer(direction, direction),
+                       corner_gradient=self.corner_gradient + weight * distance * direction)
 
     def information(self) -> np.ndarray:
         """Return Fisher's information of the parameters, shape (p, p), when the states are unknown as well."""

@@ -7,7 +7,7 @@ motor feels its load, and its angle and speed are part of the state.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -64,6 +64,8 @@ class Windows:
         Whether a window and the next are joined.
     channel, window : ndarray of int, shape (measurements,)
         Channel and window of each measurement.
+    times : ndarray, shape (measurements,)
+        Instant of each [s].
     slices : list of slice
         The measurements of each window.
     """
@@ -81,9 +83,10 @@ class Windows:
             used = window >= 0
             parts.append((np.full(used.sum(), number), window[used],
                           np.searchsorted(self._times, channel.times[used]), channel.values[used]))
-        channel, window, rows, values = (np.concatenate(part) for part in zip(*parts, strict=True))
-        order = np.lexsort((channel, window))  # stable: the measurements of a channel stay in their order
-        self.channel, self.window, self._rows, self._values = (part[order] for part in (channel, window, rows, values))
+        of, window, rows, values = (np.concatenate(part) for part in zip(*parts, strict=True))
+        order = np.lexsort((of, window))  # stable: the measurements of a channel stay in their order
+        self.channel, self.window, self._rows, self._values = (part[order] for part in (of, window, rows, values))
+        self.times = self._times[self._rows]
         self._fields = np.array([FIELDS.index(one.field) for one in channels])[self.channel]
         self.slices = [slice(*np.searchsorted(self.window, (k, k + 1))) for k in range(len(spans))]
         self._states = [FIELDS.index(name) for name in names]
@@ -125,7 +128,7 @@ class Windows:
                 device.set_state(**_possible(dict(zip(self.names, states[k].tolist(), strict=True))))
                 done = self._first[k]
                 while (instant := commands.next_instant) < end:
-                    upto = np.searchsorted(self._times, instant)
+                    upto = int(np.searchsorted(self._times, instant))
                     self._sample(device, predicted, done, upto)
                     done = upto
                     commands.advance_to(instant, with_those_at_it=True)
@@ -178,8 +181,3 @@ class Commands:
 def _possible(state: dict[str, float]) -> dict[str, float]:
     """Return the state with the body not below the ground."""
     return state | {"body_height": max(state["body_height"], 0.0)} if "body_height" in state else state
-
-
-def without(recording: Recording, fields: tuple[str, ...]) -> Recording:
-    """Return the recording without the channels of some fields."""
-    return replace(recording, channels=tuple(one for one in recording.channels if one.field not in fields))

@@ -1,0 +1,135 @@
+"""What a fit is worth: intervals by profile likelihood, what the recording cannot tell, and whether the model fits."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2, norm
+
+from vibro_ros.identification.fit import Fit
+from vibro_ros.identification.shooting import TIGHT, Point
+from vibro_ros.identification.unknowns import plates_in
+
+LEVEL = 0.95
+"""Coverage of the intervals."""
+REJECTED = 1e-3
+"""p-value below which a model does not fit."""
+#: Standard deviation of a coordinate beyond which the recording does not tell it: a third of a positive parameter.
+_UNTOLD = 0.3
+_SHARE = 0.25  # of a combination's largest part, below which another part is not named
+#: Variance of an estimate of noise from neighbours, in units of that of as many squares of white noise.
+_ESTIMATED = 5.0
+_STRONG = 1e9  # times the information in a direction: the weight that holds a parameter
+_CHORDS, _TRIES = 2, 2  # Newton steps with the Jacobian of the best point, and lengths, of each side of an interval
+_LEAST, _MOST = 0.3, 3.0  # factors between two lengths
+
+
+def intervals(fit: Fit, say: Callable[[str], None]) -> dict[str, tuple[float, float]]:
+    """Return the 95 % interval of each parameter: values at which the misfit of the best point with that value is
+    higher by the quantile of a chi square with one degree of freedom."""
+    found, count = {}, len(fit.at.parameters)
+    covariance = np.linalg.pinv(fit.information(), hermitian=True)
+    for k, unknown in enumerate(fit.unknowns.each):
+        say(f"interval {k + 1} of {len(fit.unknowns.each)}: {unknown.name}")
+        direction = np.zeros(count)
+        direction[:len(fit.unknowns.each)] = fit.unknowns.directions[k]
+        best = float(direction @ fit.at.parameters)
+        low, high = (unknown.value(best + sign * _reach(fit, direction, covariance, sign)) for sign in (-1.0, 1.0))
+        found[unknown.name] = (low, high)
+    return found
+
+
+def _reach(fit: Fit, direction: np.ndarray, covariance: np.ndarray, sign: float) -> float:
+    """Return how far the direction's coordinate may go until the misfit has grown by the quantile."""
+    quantile, best = float(chi2.ppf(LEVEL, 1)), fit.misfit
+    length = math.sqrt(quantile * max(float(direction @ covariance @ direction), 1e-30))
+    for _ in range(_TRIES):
+        there = held(fit, direction, covariance, sign * length)
+        growth = np.inf if there is None else fit.shooting.misfit(there, 0.0, TIGHT) - best
+        length *= min(max(math.sqrt(quantile / max(growth, 1e-9)), _LEAST), _MOST)
+    return length
+
+
+def held(fit: Fit, direction: np.ndarray, covariance: np.ndarray, shift: float) -> Point | None:
+    """Return the best point whose coordinate along `direction` is held at `shift` from that of the fit."""
+    shooting, target = fit.shooting, float(direction @ fit.at.parameters) + shift
+    along = covariance @ direction
+    own = along * (shift / float(direction @ along))
+    equations = shooting.equations(fit.at, fit.jacobian, 0.0, TIGHT)
+    at = shooting.point(fit.at.parameters + own, fit.at.states + equations.states_for(own))
+    weight = _STRONG * float(direction @ direction) / float(direction @ along)
+    for _ in range(_CHORDS):
+        if at is None:
+            return None
+        own, states = shooting.equations(at, fit.jacobian, 0.0, TIGHT).held(
+            direction, weight, float(direction @ at.parameters) - target).step()
+        better = shooting.point(at.parameters + own, at.states + states)
+        if better is None or shooting.misfit(better, 0.0, TIGHT) > shooting.misfit(at, 0.0, TIGHT):
+            break
+        at = better
+    return at
+
+
+def rank_in_words(fit: Fit) -> tuple[str, ...]:
+    """Return sentences on the combinations of parameters that the recording cannot tell."""
+    names, count = fit.unknowns.names, len(fit.unknowns.each)
+    information = fit.information()
+    spreads, parts = np.linalg.eigh(_parameters_alone(information, count))
+    words = []
+    for spread, part in zip(spreads, parts.T, strict=True):
+        if spread <= 0.0 or spread**-0.5 > _UNTOLD:
+            largest = np.abs(part).max()
+            named = [name for name, share in zip(names, part, strict=True) if abs(share) > _SHARE * largest]
+            words.append(f"the recording does not tell {' and '.join(named)}{' apart' * (len(named) > 1)}")
+    deviations = np.sqrt(np.diag(np.linalg.pinv(information, hermitian=True)))
+    for stiffness, damping in plates_in(names):
+        alone, together = deviations[names.index(stiffness)], deviations[names.index(damping)]
+        if alone > 3.0 * together:
+            words.append(f"{stiffness} and .damping are told as c/√k, that is the restitution, to {100.0 * together:.2g}"
+                         f" %; the stiffness alone to {100.0 * alone:.2g} %")
+    return tuple(words)
+
+
+def _parameters_alone(information: np.ndarray, count: int) -> np.ndarray:
+    """Return the information of the first `count` parameters, the others unknown."""
+    rest = information[count:, count:]
+    beside = information[:count, count:]
+    return information[:count, :count] - beside @ np.linalg.pinv(rest, hermitian=True) @ beside.T
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What is left of a channel when the simulated motion is taken off.
+
+    Attributes
+    ----------
+    sensor, field : str
+        The channel.
+    count : int
+        Number of measurements.
+    mean_square : float
+        Of the residuals in standard deviations; 1 if the model fits and the noise is as stated.
+    correlation : float
+        Of neighbouring residuals; 0 for white noise.
+    known : bool
+        Whether the standard deviation is known, not estimated from neighbours.
+    """
+
+    sensor: str
+    field: str
+    count: int
+    mean_square: float
+    correlation: float
+    known: bool
+
+    @property
+    def excess(self) -> float:
+        """Mean square above 1 in standard deviations, with the uncertainty of an estimated noise and of correlation."""
+        white = (1.0 + self.correlation**2) / (1.0 - self.correlation**2) if self.known else _ESTIMATED
+        return (self.mean_square - 1.0) / math.sqrt(2.0 * white / self.count)
+
+
+def p_value(noises: list[Noise]) -> float:
+    """Return the probability of a channel with so large an excess if the model were right (Bonferroni's bound)."""
+    return min(1.0, len(noises) * float(norm.sf(max(noise.excess for noise in noises))))
