@@ -86,8 +86,8 @@ def rank_in_words(fit: Fit) -> tuple[str, ...]:
     for stiffness, damping in plates_in(names):
         alone, together = deviations[names.index(stiffness)], deviations[names.index(damping)]
         if alone > 3.0 * together:
-            words.append(f"{stiffness} and .damping are told as c/√k, that is the restitution, to {100.0 * together:.2g}"
-                         f" %; the stiffness alone to {100.0 * alone:.2g} %")
+            words.append(f"{stiffness} and .damping are told as c/√k, that is the restitution, to "
+                         f"{100.0 * together:.2g} %; the stiffness alone to {100.0 * alone:.2g} %")
     return tuple(words)
 
 
