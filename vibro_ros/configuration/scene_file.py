@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import yaml
+
 from vibro_ros.configuration.parameter_file import absolute, check_addressed, merged, own_parameters, sections
 from vibro_ros.configuration.shipped import find_file, shipped
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Parameter, checked_parameters
@@ -85,6 +87,12 @@ def load_scene(name_or_path: str | Path, node: str | None = None) -> Scene:
     'restitution'
     """
     return _load(find_file("scene", str(name_or_path), Path()), node, ())
+
+
+def scene_as_file(scene: Scene, comment: str) -> bytes:
+    """Return a scene file with the value of every parameter of `scene`; `comment` is its first line."""
+    text = yaml.safe_dump({"/**": {"ros__parameters": {"scene": "paper", **scene.parameters}}}, sort_keys=False)
+    return f"# {comment}\n{text}".encode()
 
 
 def scene_origin(name: str, folder: Path) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from vibro_ros.configuration.scene_file import scene_as_file
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.identification.identify import EFFECTS, WINDOW, Identification, identify
 from vibro_ros.identification.unknowns import Unknowns
@@ -13,7 +14,6 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.process.entry_point import Parser, say
 from vibro_ros.study.command import Results, StudyCommand, machine_of
 from vibro_ros.study.execution import Execution
-from vibro_ros.study.optimise import scene_file
 
 SCENE, NUMBERS = "scene.yaml", "identification.json"
 #: What a laboratory recording tells of any scene, in this order; those that the scene does not have are left out.
@@ -85,7 +85,7 @@ def _results(design: Design, folder: Path, execution: Execution) -> Iterator[Res
     found = identify(design.bag, design.scene, design.free, design.ranges, design.noise, design.effects,
                      execution.workers, lambda words: say("study", words))
     comment = f"found by study identify in {design.bag.name}: {found.verdict}"
-    yield Results({SCENE: scene_file(found.scene, comment), NUMBERS: numbers_of(found)}, found.words())
+    yield Results({SCENE: scene_as_file(found.scene, comment), NUMBERS: numbers_of(found)}, found.words())
 
 
 def numbers_of(found: Identification) -> bytes:

@@ -19,10 +19,10 @@ from typing import Any, NamedTuple
 import cma
 import numpy as np
 import pyarrow as pa
-import yaml
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from vibro_ros.configuration.scene_file import scene_as_file
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.starts import running
@@ -481,12 +481,6 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def scene_file(scene: Scene, comment: str) -> bytes:
-    """Return a scene file with the value of every parameter of `scene`; `comment` is its first line."""
-    text = yaml.safe_dump({"/**": {"ros__parameters": {"scene": "paper", **scene.parameters}}}, sort_keys=False)
-    return f"# {comment}\n{text}".encode()
-
-
 POWER = {"net": "the work of the motor less what the springs return to it, over time",
          "delivered": "the work that the motor delivers, over time; what the springs return to it is lost",
          "supply": "the energy that the supply gives to the dc motor, with the heat of its winding, over time"}
@@ -716,7 +710,7 @@ def files_of(result: Result, candidates: Candidates) -> dict[str, bytes]:
     pictures = {"convergence.png": draw_convergence(result.plan, candidates, head)}
     if result.front:
         pictures["front.png"] = draw_front(result, candidates, head)
-    return {TEXT: document(result).encode(), SCENE: scene_file(result.robot, f"{head}; found by `study optimise`."),
+    return {TEXT: document(result).encode(), SCENE: scene_as_file(result.robot, f"{head}; found by `study optimise`."),
             NUMBERS: result_file(result), **{name: png(figure) for name, figure in pictures.items()}}
 
 
