@@ -1,7 +1,8 @@
 """List the public names in docs/public_names.md: `python -m tools.public_names`.
 
 The page is a promise, and this program writes only what keeps the promise: a name that the code has and the page lacks
-is added, a name that the code has lost is an error until package.xml has a new major version.
+is added, a name that the code has lost is an error until package.xml has a new major version. It needs the packages of
+`make study`.
 """
 
 import contextlib
@@ -17,7 +18,10 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import gymnasium
+
 import vibro_ros
+import vibro_ros.gym  # registers its environment
 from tools.generated_text import replaced
 from vibro_ros.bag.reader import Bag
 from vibro_ros.configuration.shipped import shipped
@@ -105,6 +109,9 @@ def _python() -> Iterator[tuple[str, tuple[str, ...]]]:
             yield from _members(found, [one for one in CHOSEN[name] if hasattr(example[name], one)])
         else:
             yield f"`{name}`", ()
+    for name in gymnasium.registry:
+        if name.startswith("vibro_ros/"):
+            yield f"`gymnasium.make`: `{name}`", _arguments(import_module("vibro_ros.gym.crawl").Crawl)
     for found in RETURNED:
         chosen = CHOSEN.get(found.__name__) or sorted({*_fields(found), *dir(found)})
         yield from _members(found, [one for one in chosen if not one.startswith("_")
