@@ -104,7 +104,7 @@ def test_page_and_table_hold_every_row(tmp_path):
     page = (tmp_path / report.PAGE).read_text(encoding="utf-8")
     assert "| exact | as documented | as it comes | 1.0e-13 | 0.1 |  |" in page
     assert "| drake | tuned | RK3 |  |  | **out of time**; more than 60 s |" in page
-    assert "`exact` is within 1e-13 of the reference for 0.25 of the cost of Runge-Kutta 4 of 1e-05 s written" in page
+    assert "`exact` has an error of 1e-13 at 0.25 of the cost of Runge-Kutta 4 of 1e-05 s written" in page
     rows, machine, _ = report.read(tmp_path / report.RESULTS)
     assert (len(rows), machine) == (3, "a machine") and math.isnan(rows[2].cost)
     assert (tmp_path / "6_device.png").stat().st_size > 10_000
@@ -132,6 +132,6 @@ def test_the_page_says_first_where_another_program_wins():
             row(problem="2_grazing", program="heyoka", cost=0.25, share_error=5e-13)]
     assert report.winners(rows, ["1_impact", "2_grazing"]).endswith(
         "cheaper: heyoka on `1_impact`, for 0.8 of its cost; heyoka on `2_grazing`, for 0.5 of its cost.")
-    assert report.winners(rows[:1], ["1_impact"]).endswith("cheaper: no program on any problem.")
+    assert report.winners(rows[:1], ["1_impact"]).endswith("cheaper: none on any problem.")
     first, second = report.page(rows, "here", "the unit").split("\n\n")[1:3]
     assert first == report.winners(rows, ["1_impact", "2_grazing"]) and second.startswith("`exact` was not measured")
