@@ -7,9 +7,11 @@ import pytest
 
 import vibro_ros
 from vibro_ros.identification import excitation
-from vibro_ros.identification.excitation import LABORATORY, candidates, excite
+from vibro_ros.identification.excitation import LABORATORY, candidates, excite, sensors_of
+from vibro_ros.identification.recording import Channel, Recording
 from vibro_ros.identification.windows import state_names
 from vibro_ros.ros.controller.script import read_script
+from vibro_ros.study import identify
 
 DAMPED = vibro_ros.load_scene("damped")
 FREE = ("ground.friction", "upper.spring.stiffness", "inclined.spring.damping")
@@ -124,3 +126,22 @@ def test_commands_keep_to_the_limits_of_the_motor(changes, limit):
 def test_what_cannot_be_excited_is_refused(arguments, why):
     with pytest.raises(ValueError, match=why):
         excite(DAMPED, *arguments)
+
+
+def test_the_command_writes_the_best_script_for_the_controller(tmp_path, capsys):
+    words = ["--excite", "1", "--scene", "damped", "--free", "ground.friction", "--output", str(tmp_path)]
+    assert identify.main(words) == 0
+    assert read_script(tmp_path / "script.yaml").duration == pytest.approx(1.0)
+    printed = capsys.readouterr().out
+    assert "Expected standard deviations of a fit" in printed
+    assert "starts and stops, 0.5 s each: the worst of 1 to" in printed
+    assert identify.main(["--scene", "damped", "--output", str(tmp_path)]) == 2
+    assert "give a BAG, or --excite SECONDS" in capsys.readouterr().err
+
+
+def test_sensors_of_a_recording_are_those_that_will_measure_again():
+    times = np.arange(11) / 10.0
+    channels = tuple(Channel(*name, times, times, sigma, "given") for name, sigma in (
+        (("odom", "body_position"), 1e-4), (("imu/data_raw", "acceleration_x"), 0.3)))
+    recording = Recording(0.0, 1.0, channels, (), ())
+    assert sensors_of(recording) == {"odom.body_position": (pytest.approx(10.0), 1e-4)}

@@ -2,20 +2,22 @@
 
 import argparse
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from vibro_ros.configuration.scene_file import scene_as_file
 from vibro_ros.configuration.strict_yaml import read_scalar
+from vibro_ros.identification.excitation import Excitation, excite, sensors_of
 from vibro_ros.identification.identify import EFFECTS, WINDOW, Identification, identify
+from vibro_ros.identification.recording import read_recording
 from vibro_ros.identification.unknowns import Unknowns
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.entry_point import Parser, say
 from vibro_ros.study.command import Results, StudyCommand, machine_of
 from vibro_ros.study.execution import Execution
 
-SCENE, NUMBERS = "scene.yaml", "identification.json"
+SCENE, NUMBERS, SCRIPT = "scene.yaml", "identification.json", "script.yaml"
 #: What a laboratory recording tells of any scene, in this order; those that the scene does not have are left out.
 DEFAULT = ("ground.friction", "mass.body", "guide.angle",
            *(f"{side}.{name}" for side in ("upper", "inclined") for name in (
@@ -24,18 +26,24 @@ DEFAULT = ("ground.friction", "mass.body", "guide.angle",
 
 @dataclass(frozen=True)
 class Design:
-    """What is identified: arguments of `identify`."""
+    """Arguments of `identify`, the bag None for a script alone; and the duration of a script [s], 0 for none."""
 
-    bag: Path
+    bag: Path | None
     scene: Scene
     free: tuple[str, ...]
     ranges: dict[str, tuple[float, float]]
     noise: dict[str, float]
     effects: tuple[str, ...]
+    excite: float
 
 
 def _add_options(parser: Parser) -> None:
-    parser.add_argument("bag", type=Path, metavar="BAG", help="the recording: a folder with a bag of a robot's topics")
+    parser.add_argument("bag", type=Path, nargs="?", metavar="BAG", help="the recording: a folder with a bag of a "
+                        "robot's topics; may be left out with --excite")
+    parser.add_argument("--excite", type=float, default=0.0, metavar="SECONDS", help="write the script of so many "
+                        "seconds that tells most of the free parameters, for the controller to play, with the standard "
+                        f"deviations to expect ({SCRIPT}); of the scene, or with a BAG of the robot that was found and "
+                        "with its sensors")
     parser.add_argument("--free", metavar="NAMES", help="parameters to find, separated by commas (default: friction, "
                         "mass, angle, and springs, dampers, plates and gaps that the scene has and that are not 0)")
     parser.add_argument("--range", action="append", default=[], metavar="NAME=LOW:HIGH", help="range in which a "
@@ -50,6 +58,8 @@ def _add_options(parser: Parser) -> None:
 def _design_of(options: argparse.Namespace) -> Design:
     if options.scheduler:
         raise ValueError("--scheduler: a recording is fitted on this machine; leave it out")
+    if options.bag is None and not options.excite:
+        raise ValueError("no recording: give a BAG, or --excite SECONDS for a script to record one")
     scene = machine_of(options)
     free = _names(options.free) if options.free else tuple(
         name for name in DEFAULT if scene[name] or name.endswith(".gap"))
@@ -67,7 +77,7 @@ def _design_of(options: argparse.Namespace) -> Design:
             raise ValueError(f"--noise {word}: give SENSOR=SIGMA, such as tracking=0.001")
         noise[name] = float("inf") if sigma == "inf" else _number(word, sigma)
     Unknowns.of(scene, free, ranges)  # refuses what cannot be free before the bag is read
-    return Design(options.bag, scene, free, ranges, noise, _names(options.effects))
+    return Design(options.bag, scene, free, ranges, noise, _names(options.effects), options.excite)
 
 
 def _names(words: str) -> tuple[str, ...]:
@@ -82,10 +92,25 @@ def _number(option: str, word: str) -> float:
 
 
 def _results(design: Design, folder: Path, execution: Execution) -> Iterator[Results]:
-    found = identify(design.bag, design.scene, design.free, design.ranges, design.noise, design.effects,
-                     execution.workers, lambda words: say("study", words))
-    comment = f"found by study identify in {design.bag.name}: {found.verdict}"
-    yield Results({SCENE: scene_as_file(found.scene, comment), NUMBERS: numbers_of(found)}, found.words())
+    scene, sensors = design.scene, None
+    if design.bag:
+        found = identify(design.bag, design.scene, design.free, design.ranges, design.noise, design.effects,
+                         execution.workers, lambda words: say("study", words))
+        comment = f"found by study identify in {design.bag.name}: {found.verdict}"
+        yield Results({SCENE: scene_as_file(found.scene, comment), NUMBERS: numbers_of(found)}, found.words())
+        scene, sensors = found.scene, sensors_of(read_recording(design.bag, found.scene, design.noise))
+    if design.excite:
+        best, *others = excite(scene, design.free, design.excite, sensors, design.ranges, execution.workers)
+        yield Results({SCRIPT: best.script.encode()}, _words_of(best, others))
+
+
+def _words_of(best: Excitation, others: Sequence[Excitation]) -> Iterator[str]:
+    """Yield the lines on a script and on the candidates that tell less."""
+    yield from best.script.partition("entries:")[0].replace("# ", "").splitlines()
+    for one in others:
+        untold, worst = one.worst
+        yield f"{one.name}: the worst of {len(one.relative)} to {100.0 * worst:.2g} %" + (
+            f", {untold} cannot be told" if untold else "")
 
 
 def numbers_of(found: Identification) -> bytes:
@@ -103,4 +128,5 @@ def numbers_of(found: Identification) -> bytes:
 
 main = StudyCommand(
     "identify", "Find the parameters of the robot that made a recording, by a fit of the exact motion through every "
-    "blow, with 95 % intervals. Writes the scene that was found and all numbers.", _add_options, _design_of, _results)
+    "blow, with 95 % intervals. Writes the scene that was found and all numbers, or the script to record next.",
+    _add_options, _design_of, _results)
