@@ -99,7 +99,8 @@ class Unknowns:
     @classmethod
     def of(cls, scene: Scene, free: Sequence[str], ranges: Mapping[str, tuple[float, float]]) -> "Unknowns":
         """Return the unknowns with the names `free` and the `ranges` of some of them (ValueError)."""
-        if isinstance(free, str) or not free or len(set(free)) != len(free):
+        if (isinstance(free, str) or not free or not all(isinstance(name, str) for name in free)
+                or len(set(free)) != len(free)):
             raise ValueError(f"free: {quoted(free)}; give a list of names of parameters, each once")
         for name in ranges:
             if name not in free:

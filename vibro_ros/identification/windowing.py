@@ -63,8 +63,8 @@ def local_states(recording: Recording, names: Sequence[str], starts: np.ndarray,
                 rows.append(powers / channel.sigma)
                 values.append(channel.values[first:end] / channel.sigma)
             if position in known and sum(map(len, values)) > _FEWEST:
-                scale = np.array([1.0, 1e3, 1e6, 1e9])  # of seconds to milliseconds, for the rank
-                cubic = np.linalg.lstsq(np.concatenate(rows) / scale, np.concatenate(values), rcond=1e-9)[0] / scale
+                scale = np.array([1.0, 1e3, 1e6, 1e9])  # powers of milliseconds, else the rank would be 1 or 2
+                cubic = np.linalg.lstsq(np.concatenate(rows) * scale, np.concatenate(values), rcond=1e-9)[0] * scale
                 states[k, j] = cubic[0] if name == position else cubic[1]
     return states
 
