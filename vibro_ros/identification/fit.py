@@ -3,9 +3,11 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from vibro_ros.identification.noise import clipped
 from vibro_ros.identification.recording import Recording
 from vibro_ros.identification.shooting import TIGHT, Jacobian, Point, Shooting
 from vibro_ros.identification.unknowns import Unknowns
@@ -262,13 +264,14 @@ class Fitting:
     def _recoloured(self, shooting: Shooting, at: Point) -> tuple[np.ndarray, np.ndarray]:
         """Take correlations and standard deviations of the noise from the residuals, where they differ clearly.
 
-        Noise below that which the recording states stays, so that intervals never become narrower by it.
+        Noise that the recording states is never taken as less, nor a negative correlation, as an encoder's steps have
+        at a constant speed: intervals become wider by what is found here, and not narrower.
         """
         sigmas, correlations = [], []
-        for sigma, correlation, count, mean_square in noise_in(shooting, at):
-            excess = _SETTLED * math.sqrt(2.0 / count)
+        for sigma, correlation, number, mean_square in residuals_in(shooting, at):
+            excess = _SETTLED * math.sqrt(2.0 / number)
             sigmas.append(sigma * math.sqrt(mean_square) if mean_square > 1.0 + excess else sigma)
-            correlations.append(correlation if abs(correlation) > _SETTLED / math.sqrt(count) else 0.0)
+            correlations.append(correlation if correlation > _SETTLED / math.sqrt(number) else 0.0)
         colours = np.array(sigmas), np.array(correlations)
         shooting.windows.recolour(*colours)
         return colours
@@ -281,8 +284,22 @@ def mean_squares(shooting: Shooting, at: Point) -> np.ndarray:
     return squares / np.maximum(np.bincount(windows.window, minlength=count), 1)
 
 
-def noise_in(shooting: Shooting, at: Point) -> list[tuple[float, float, int, float]]:
-    """Return standard deviation, correlation of neighbouring residuals, their number and mean square, by channel."""
+class Residual(NamedTuple):
+    """Noise of a channel after the fit: standard deviation of the noise in the channel's unit, correlation of
+    neighbouring residuals, their number, and their mean square in standard deviations."""
+
+    sigma: float
+    correlation: float
+    number: int
+    mean_square: float
+
+
+def residuals_in(shooting: Shooting, at: Point) -> list[Residual]:
+    """Return the noise of each channel at a point that was computed with white noise as the recording states it.
+
+    Noise that was estimated from neighbouring values, with the motion in them, is estimated again from neighbouring
+    residuals. These do not show a model that fits badly, because its residuals change slowly; the mean square does.
+    """
     windows, found = shooting.windows, []
     for number, channel in enumerate(windows.recording.channels):
         mine = (windows.channel == number) & ~shooting.left_out[windows.window]
@@ -290,6 +307,9 @@ def noise_in(shooting: Shooting, at: Point) -> list[tuple[float, float, int, flo
         together = window[1:] == window[:-1]
         square = float(residuals @ residuals)
         correlation = float((residuals[1:] * residuals[:-1])[together].sum()) / square if square else 0.0
-        correlation = min(max(correlation, -0.99), 0.99)
-        found.append((channel.sigma, correlation, len(residuals), square / max(len(residuals), 1)))
+        scale = 1.0
+        if channel.sigma_from == "neighbours" and together.any():
+            scale = clipped(np.abs(np.diff(residuals)[together]) / math.sqrt(2.0)) or 1.0
+        found.append(Residual(scale * channel.sigma, min(max(correlation, -0.99), 0.99), len(residuals),
+                              square / max(len(residuals), 1) / scale**2))
     return found

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from vibro_ros.bag.stream import BagError
-from vibro_ros.identification.fit import Fit, Fitting, noise_in
+from vibro_ros.identification.fit import Fit, Fitting, residuals_in
 from vibro_ros.identification.inference import REJECTED, Noise, intervals, p_value, rank_in_words
 from vibro_ros.identification.recording import IMU, Recording, read_recording
 from vibro_ros.identification.shooting import TIGHT
@@ -233,7 +233,7 @@ def _noises(fit: Fit) -> list[Noise]:
     shooting.windows.recolour(np.array([one.sigma for one in channels]), np.zeros(len(channels)))
     at = shooting.point(fit.at.parameters, fit.at.states) or fit.at
     found = [Noise(channel.sensor, channel.field, count, square, correlation, channel.sigma_from != "neighbours")
-             for channel, (_, correlation, count, square) in zip(channels, noise_in(shooting, at), strict=True)]
+             for channel, (_, correlation, count, square) in zip(channels, residuals_in(shooting, at), strict=True)]
     shooting.windows.recolour(*fit.colours)
     return found
 

@@ -30,7 +30,7 @@ def noise_of(times: np.ndarray, values: np.ndarray) -> tuple[float, float]:
         The smallest estimate of four orders, and their spread: the largest estimate over the smallest. Where the
         spread is large, the motion is larger than the noise, and the estimate only a bound.
     """
-    found = [_clipped(_differences(times, values, order)) for order in _ORDERS]
+    found = [clipped(_differences(times, values, order)) for order in _ORDERS]
     return min(found), max(found) / min(found) if min(found) else math.inf
 
 
@@ -45,8 +45,8 @@ def _differences(times: np.ndarray, values: np.ndarray, order: int) -> np.ndarra
     return np.abs((weights * values[rows]).sum(axis=1)) / np.sqrt((weights**2).sum(axis=1))
 
 
-def _clipped(magnitudes: np.ndarray) -> float:
-    """Return the standard deviation of normal numbers with these magnitudes, of which some are too large."""
+def clipped(magnitudes: np.ndarray) -> float:
+    """Return the standard deviation of normal numbers with these magnitudes, of which some may be too large."""
     sigma = float(np.median(magnitudes)) / _MEDIAN
     for _ in range(100):
         kept = magnitudes[magnitudes < _CLIP * sigma]
