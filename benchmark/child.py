@@ -12,7 +12,7 @@ from collections.abc import Callable
 from importlib import import_module
 
 from benchmark.problems import load
-from vibro_ros.accuracy.harness import Effort, measured, print_row
+from vibro_ros.accuracy.harness import Effort, measure_setting, print_row
 from vibro_ros.accuracy.programs import Answer, Program
 
 #: Of a run: the machine's noise matters less than that ten programs come to an end.
@@ -45,7 +45,7 @@ def main(name: str, *asked: str) -> None:
         return
     problem, setting, limit = asked
     program = Program(name, module.SETTINGS, limited(module.prepare, float(limit)), module.version)
-    print_row(measured(load(problem), program, program.settings[int(setting)], EFFORT))
+    print_row(measure_setting(load(problem), program, program.settings[int(setting)], EFFORT))
 
 
 if __name__ == "__main__":

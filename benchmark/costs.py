@@ -13,7 +13,7 @@ from importlib import metadata
 import numpy as np
 
 from benchmark import rk4_by_hand
-from vibro_ros.accuracy.harness import LEAST_TIME, SceneProblem, seconds, typical
+from vibro_ros.accuracy.harness import LEAST_TIME, SceneProblem, median_time, seconds
 from vibro_ros.accuracy.programs import DEVICE, DRIVE_SPEED, UNIT_STEP, Program, Setting, UnableError
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.scene import Scene
@@ -77,7 +77,7 @@ def measure(name: str, duration: float, repeats: int) -> dict[str, str | float]:
     scene = load_scene(name)
     problem = SceneProblem(scene, np.arange(round(duration * RATE) + 1) / RATE)
     runs = [_run(problem, DEVICE["exact"], DEVICE["exact"].settings[0]), _unit(problem), *_heyoka(problem)]
-    rounds = np.array([[typical(run) for run in runs] for _ in range(repeats)])
+    rounds = np.array([[median_time(run) for run in runs] for _ in range(repeats)])
     exact, unit, *_ = np.median(rounds, axis=0)
     ratio, _, *heyoka = np.median(rounds / rounds[:, 1:2], axis=0)
     device = moving(scene)
@@ -157,7 +157,7 @@ def compiling_seconds(name: str) -> float:
     scene = load_scene(name)
     angles = (0.3 + k * _GOLDEN % 1.0 for k in itertools.count(1))
     compile_scene(scene)
-    return typical(lambda: compile_scene(scene.with_parameters({"guide.angle": next(angles)})))
+    return median_time(lambda: compile_scene(scene.with_parameters({"guide.angle": next(angles)})))
 
 
 def measure_many(count: int, duration: float, repeats: int) -> tuple[float, float]:

@@ -13,7 +13,7 @@ from benchmark import problems
 from vibro_ros.accuracy.chart import style
 from vibro_ros.accuracy.harness import ABSENT, OK, Row
 from vibro_ros.accuracy.programs import PLAIN, TUNED, UNIT_IN_WORDS, UNIT_STEP
-from vibro_ros.accuracy.report import BY_HAND, BY_HAND_IN_WORDS, Slope, fitted, line, two_digits
+from vibro_ros.accuracy.report import BY_HAND, BY_HAND_IN_WORDS, Slope, fit_slope, line, two_digits
 
 PAGE, RESULTS = "benchmark.md", "results.json"
 #: Errors below this are rounding errors, and are drawn at this value.
@@ -145,7 +145,7 @@ def slope(rows: Sequence[Row]) -> Slope | None:
     points = [(max(row.share_error, FLOOR), row.cost) for row in rows if row.outcome == OK and 0 < row.share_error < 1]
     if len(points) < 2 or math.log10(points[0][0] / points[-1][0]) < _LEAST_DIGITS:
         return None
-    return fitted([points])
+    return fit_slope([points])
 
 
 def digit_table(rows: Sequence[Row], names: Sequence[str]) -> str:

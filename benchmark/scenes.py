@@ -43,7 +43,7 @@ from vibro_ros.accuracy.scene_rows import OWN_CHECK, lyapunov_time_in
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.starts import STARTING, started_at_share
-from vibro_ros.study.figures import new_figure, tidy
+from vibro_ros.study.figures import new_figure, style_axes
 
 FOLDER, PATHS = "accuracy", "ways.png"
 COSTS = "## What a run costs"
@@ -181,7 +181,7 @@ def draw_paths(scene: Scene, steps: Sequence[float]) -> Figure:
         axes.axhline(0.0, color="#777777", lw=0.8, ls=":")
         axes.set_title(title, fontsize=10, loc="left")
         axes.set_xlabel("time [s]")
-        tidy(axes)
+        style_axes(axes)
     panels[0].set_ylabel("position of the body since 1 s [m]")
     figure.suptitle(f"{scene.name}: the same eight starts", fontsize=11)
     return figure

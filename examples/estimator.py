@@ -20,9 +20,9 @@ def features(measurements):
     """Return features of a window's measurements: numbers of magnitude 1, their squares and products; shape (36,)."""
     force = np.array([one.values[:3:2] for one in measurements if one.sensor == "imu"])  # along x and z
     crank = np.mean([one.values[1] for one in measurements if one.sensor == "encoder"])
-    told = np.array([1.0, *np.concatenate([[crank], force.mean(axis=0), force.std(axis=0),
+    values = np.array([1.0, *np.concatenate([[crank], force.mean(axis=0), force.std(axis=0),
                                            (abs(force) > LIMIT).mean(axis=0)]) / _UNITS])
-    return np.outer(told, told)[np.triu_indices(len(told))]
+    return np.outer(values, values)[np.triu_indices(len(values))]
 
 
 def windows(seed, count=16):
@@ -44,15 +44,15 @@ def windows(seed, count=16):
 
 def learned(seeds):
     """Weights of the features, by least squares with a little ridge, over the windows of several runs."""
-    told, _, speeds = map(np.concatenate, zip(*(windows(seed) for seed in seeds), strict=True))
-    return np.linalg.solve(told.T @ told + 1e-2 * np.eye(told.shape[1]), told.T @ speeds)
+    values, _, speeds = map(np.concatenate, zip(*(windows(seed) for seed in seeds), strict=True))
+    return np.linalg.solve(values.T @ values + 1e-2 * np.eye(values.shape[1]), values.T @ speeds)
 
 
 def main():
     """Learn, and print estimates beside the truth."""
     weights = learned(range(8))
-    told, integral, speeds = map(np.concatenate, zip(*(windows(seed) for seed in range(100, 103)), strict=True))
-    estimates = told @ weights
+    values, integral, speeds = map(np.concatenate, zip(*(windows(seed) for seed in range(100, 103)), strict=True))
+    estimates = values @ weights
     for estimate, speed in list(zip(estimates, speeds, strict=True))[:5]:
         print(f"estimated {estimate * 1e3:6.1f} mm/s, truth {speed * 1e3:6.1f} mm/s")
     for name, found in (("mean speed", speeds.mean()), ("integral", integral), ("estimator", estimates)):

@@ -15,7 +15,7 @@ from tools.generated_text import write_between
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.configuration.shipped import shipped
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.attractors import Attractor, grouped, steady_start
+from vibro_ros.orbits.attractors import Attractor, group_starts, steady_start
 from vibro_ros.orbits.recurrence import NotSettledError, SettledMotion, number_among, settle
 from vibro_ros.orbits.starts import motor_command, running
 from vibro_ros.orbits.turn_map import Stroboscope, free_cut
@@ -85,7 +85,7 @@ def led_to(scene: Scene, found: Sequence[Attractor]) -> tuple[list[str], dict[st
             words[places[0]] = words[places[0]] or start
         elif motion.turns and number_among(motion, met) is None:
             met.append(motion)
-            others[start] = grouped([motion], [motion.mean_speed])[0][0]
+            others[start] = group_starts([motion], [motion.mean_speed])[0][0]
     return words, others
 
 
@@ -130,7 +130,7 @@ def measured_motions(scene: Scene, names: Collection[str], starts: int = COSTED_
     """Return the motions that random starts have settled to, those of most starts first, each with its own measures."""
     runs = in_processes(partial(_measured, scene, names), range(starts), core_count())
     values, motions = zip(*(future.result() for _, future in runs), strict=True)
-    found, places = grouped(motions, [one["mean_speed"] if motion is None else motion.mean_speed
+    found, places = group_starts(motions, [one["mean_speed"] if motion is None else motion.mean_speed
                                       for one, motion in zip(values, motions, strict=True)])
     first = [int(np.argmax(places == place)) for place in range(len(found))]
     return [MeasuredMotion(one, values[number], _sampled(scene, number))

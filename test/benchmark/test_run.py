@@ -35,11 +35,11 @@ def test_what_goes_wrong_is_a_result(name, tmp_path):
     (tmp_path / "visitor.py").write_text(
         "import sys\nsys.path.insert(0, sys.argv.pop(1))\nimport numpy as np\nfrom benchmark.child import limited\n"
         "from benchmark.problems import load\n"
-        "from vibro_ros.accuracy.harness import Effort, measured, print_row\n"
+        "from vibro_ros.accuracy.harness import Effort, measure_setting, print_row\n"
         "from vibro_ros.accuracy.programs import Answer, Program, Setting, UnableError\n"
         f"def prepare(problem, setting):\n    {body}\n"
         "program = Program('visitor', (Setting(1.0, ''),), limited(prepare, float(sys.argv[3])))\n"
-        "print_row(measured(load(sys.argv[1]), program, program.settings[0], Effort(repeats=1)))\n")
+        "print_row(measure_setting(load(sys.argv[1]), program, program.settings[0], Effort(repeats=1)))\n")
     command = (sys.executable, str(tmp_path / "visitor.py"), str(run.ROOT))
     visitor = Program("visitor", (Setting(1.0, ""),), run._not_here, command=command)
     [row] = rows(PROBLEM, visitor, Effort(limit=1.0 if name.startswith(("hangs", "compiles")) else 120.0))

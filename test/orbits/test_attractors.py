@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import vibro_ros
-from vibro_ros.orbits.attractors import Attractors, grouped
+from vibro_ros.orbits.attractors import Attractors, group_starts
 from vibro_ros.orbits.recurrence import SettledMotion
 from vibro_ros.orbits.turn_map import TurnMap
 
@@ -62,19 +62,19 @@ def test_grouping_has_one_rule():
     """
     one, shifted = motion(2, [0.0, 1.0], [2.0, 3.0]), motion(2, [2.0, 3.0], [1e-6, 1.0])
     other, longer = motion(2, [0.0, 1.0001], [2.0, 3.0001]), motion(1, [0.0, 1.0])
-    found, places = grouped([None, other, one, longer, shifted, None], [0.3, -0.1, -0.1, -0.1, -0.1, 0.5])
+    found, places = group_starts([None, other, one, longer, shifted, None], [0.3, -0.1, -0.1, -0.1, -0.1, 0.5])
     assert [attractor.turns for attractor in found] == [2, 2, 1, None] and places.tolist() == [3, 1, 0, 2, 0, 3]
     assert [attractor.starts for attractor in found] == [2, 1, 1, 2]
     assert sum(attractor.share for attractor in found) == pytest.approx(1.0)
     assert math.isnan(found[-1].spread) and (found[-1].least, found[-1].largest) == (0.3, 0.5)
     assert "300.00 to 500.00 mm/s, not settled (2 of 6 starts, 10 to 70 %)" in found.in_words()
-    alone, _ = grouped([None], [-0.1])
+    alone, _ = group_starts([None], [-0.1])
     assert alone.in_words() == "-100.00 mm/s, not settled"
     assert math.isnan(found[0].exponent)
 
 
 def test_a_single_attractor_is_said_without_shares():
-    found, places = grouped([motion(1, [0.0, 1.0])] * 4, [-0.1] * 4)
+    found, places = group_starts([motion(1, [0.0, 1.0])] * 4, [-0.1] * 4)
     assert found.single is found[0] and found.in_words() == "-100.00 mm/s, again after 1 turn"
     assert places.tolist() == [0, 0, 0, 0] and isinstance(found, Attractors)
 

@@ -8,8 +8,8 @@ from closed_form import ImpactOscillator
 
 import vibro_ros
 from vibro_ros.orbits.continuation import CORNER, DOUBLING, FOLD, GRAZING, TORUS, follow, special_points
-from vibro_ros.orbits.family import Family, corrected
-from vibro_ros.orbits.orbit import close
+from vibro_ros.orbits.family import Family, corrected_orbit
+from vibro_ros.orbits.orbit import fixed_point
 from vibro_ros.orbits.turn_map import TurnMap
 
 LOW, HIGH = -0.03, 0.06  # m, of the gap
@@ -75,7 +75,7 @@ def test_a_branch_is_the_same_from_either_end(scene, name, low, high, direction,
     part = (start.value - before.value) / (after.value - before.value)
     guess = before.unknowns + part * (after.unknowns - before.unknowns)
     across = np.eye(len(start.unknowns))[-1]
-    found, _ = corrected(before.family, guess, across)
+    found, _ = corrected_orbit(before.family, guess, across)
     _, (there,) = before.family.recut(start.family.phase, [found])
     assert there == pytest.approx(start.unknowns, abs=1e-9)
 
@@ -130,7 +130,7 @@ def test_a_machine_has_a_neimark_sacker_point_beyond_which_a_circle_appears():
     def settled(beside):
         """Return the states once a turn, minus the orbit, of a run that begins 1e-4 beside the orbit."""
         turn_map = TurnMap(scene.with_parameters({"motor.speed": special.point.value + beside}), phase)
-        orbit = close(turn_map, state, 1).state
+        orbit = fixed_point(turn_map, state, 1).state
         turn_map.put(turn_map.device, orbit + 1e-4 * (np.arange(len(orbit)) == 0))
         return turn_map.cuts(turn_map.device, 4000).states[2000:] - orbit
 

@@ -9,7 +9,7 @@ from scipy.linalg import expm
 
 import vibro_ros
 from vibro_ros.model.slider import Slider
-from vibro_ros.orbits.orbit import OrbitNotFoundError, close, derivative, differences, orbit_at
+from vibro_ros.orbits.orbit import OrbitNotFoundError, derivative, differences, fixed_point, orbit_at
 from vibro_ros.orbits.turn_map import TurnMap
 
 SPEED = 100.0  # rad/s
@@ -131,7 +131,7 @@ def test_multipliers_do_not_depend_on_the_cut_nor_on_the_step_of_the_differences
         here = TurnMap(of, found.state.crank_angle)
         here.put(device, here.read(found.state))
         device.advance_to((ahead / SPEED) % PERIOD)
-        closed = close(there, there.read(device.state), turns)
+        closed = fixed_point(there, there.read(device.state), turns)
         other = orbit_at(there, closed, turns)
         assert other.mean_speed == pytest.approx(found.mean_speed, abs=1e-12)
         large = np.abs(found.multipliers) > 1e-3
@@ -192,7 +192,7 @@ def test_an_orbit_can_be_taken_up():
 def test_a_guess_far_off_leads_nowhere_and_says_so():
     of = scene("device")
     turn_map = TurnMap(of, 1.0)
-    assert close(turn_map, turn_map.read(vibro_ros.Simulator(of).state) + 50.0, 1) is None
+    assert fixed_point(turn_map, turn_map.read(vibro_ros.Simulator(of).state) + 50.0, 1) is None
 
 
 def test_what_cannot_be_moved_one_way_has_a_one_sided_difference_and_what_is_held_has_none():

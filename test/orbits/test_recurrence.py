@@ -9,7 +9,7 @@ import pytest
 from closed_form import ImpactOscillator
 
 import vibro_ros
-from vibro_ros.orbits.orbit import close
+from vibro_ros.orbits.orbit import fixed_point
 from vibro_ros.orbits.recurrence import (
     CLOSE,
     Cloud,
@@ -58,7 +58,7 @@ def test_what_a_start_settles_to_is_the_orbit_that_newton_finds(name, speed, tur
     stroboscope.begin_as()
     motion = settle(stroboscope)
     assert motion.turns == turns == len(motion.states)
-    orbit = close(stroboscope.turn_map, motion.states[-1], turns)
+    orbit = fixed_point(stroboscope.turn_map, motion.states[-1], turns)
     assert np.abs(motion.states[-1] - orbit.state).max() <= CLOSE
     assert motion.mean_speed == pytest.approx(vibro_ros.find_orbit(of, turns).mean_speed, abs=1e-6)
     assert vibro_ros.settled_motion(of).is_same(motion)

@@ -143,7 +143,7 @@ def test_a_damaged_file_is_computed_again_or_has_its_values(study, tmp_path):
     data, table, damaged = path.read_bytes(), pq.read_table(path), 0
     for place in [0, len(data) - 1, *(draw.randrange(len(data)) for _ in range(600))]:
         path.write_bytes(data[:place] + bytes([data[place] ^ 1 << draw.randrange(8)]) + data[place + 1:])
-        found = tables.read(own, tmp_path, 0, own.points(0))
+        found = tables.read_block(own, tmp_path, 0, own.points(0))
         damaged += found is None
         assert found is None or found.equals(table, check_metadata=True)
     assert damaged > 300  # at least half of them; all others are equal

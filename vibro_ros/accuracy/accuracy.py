@@ -132,7 +132,7 @@ def draw(rows: Mapping[str, Sequence[Row]], effort: Effort, folder: Path) -> dic
     return pictures
 
 
-def chosen(names: Sequence[str] | None, programs: Mapping[str, Program]) -> dict[str, Program]:
+def chosen_programs(names: Sequence[str] | None, programs: Mapping[str, Program]) -> dict[str, Program]:
     """Return the programs with the given names, in the order of `programs`; all for None.
 
     Raises
@@ -155,7 +155,7 @@ def main(words: Sequence[str]) -> int:
 
 def _measure(options: argparse.Namespace) -> int:
     try:
-        programs = chosen(options.methods, DEVICE)
+        programs = chosen_programs(options.methods, DEVICE)
         effort = _asked_effort(options)
         scenes = shipped_scenes() if options.all else [options.scene]
         for scene in scenes:

@@ -8,15 +8,15 @@ from matplotlib.figure import Figure
 
 from vibro_ros.accuracy.harness import AVERAGE, RATE, REFERENCE, TRAJECTORY, Row
 from vibro_ros.accuracy.report import WITHIN
-from vibro_ros.study.figures import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, new_figure, tidy
+from vibro_ros.study.figures import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, new_figure, style_axes
 
 # Colours, and markers for readers who cannot distinguish them.
 _STYLES = {"exact": (BLACK, "*"), "rk4": (BLUE, "o"), "rk4_located": ("#882255", "P"),
            "rk4_by_hand": ("#777777", "X"), "heyoka": (SKY, "D"), "scipy": (PURPLE, "v"),
            "cvode": (ORANGE, "<"), "diffrax": (GREEN, "s"), "drake": (VERMILION, "^"),
            "mujoco": ("#8c564b", "h"), "siconos": ("#5b2c83", ">")}
-_OTHER = ("#999999", ".")
-_BAND, _NEAR = "#dddddd", "#f6e58d"
+_OTHER_STYLE = ("#999999", ".")
+_BAND_COLOUR, _NEAR_COLOUR = "#dddddd", "#f6e58d"
 # m or s, more than the robot's length or the horizon: a method with a larger error has diverged, and is not shown.
 _LARGEST_ERROR = 1.0
 _PANELS = (("body_error", "error of the body's position [m]"), ("mass_error", "error of the masses' positions [m]"),
@@ -68,13 +68,13 @@ def _draw_errors(axes: Axes, rows: Sequence[Row], column: str, label: str) -> No
         axes.set(xticks=[], yticks=[])
         axes.minorticks_off()
     else:
-        axes.axhspan(floor / 10.0, floor, color=_BAND, lw=0)
+        axes.axhspan(floor / 10.0, floor, color=_BAND_COLOUR, lw=0)
         axes.text(0.99, 0.02, "below the reference's own error", transform=axes.transAxes, fontsize=8, ha="right")
     axes.set_title(f"trajectories, within {trajectories[0].horizon:g} s" if trajectories else "no trajectories",
                    fontsize=10, loc="left")
     axes.set_xlabel(f"cost, the device's own rk4 at 1e-5 s = 1, sampled at {RATE:g} Hz")
     axes.set_ylabel(label)
-    tidy(axes)
+    style_axes(axes)
 
 
 def _draw_speeds(axes: Axes, rows: Sequence[Row]) -> None:
@@ -92,7 +92,7 @@ def _draw_speeds(axes: Axes, rows: Sequence[Row]) -> None:
         margin = 0.12 * (max(shown) - min(shown)) or 1.0
         axes.set_ylim(min(shown) - margin, max(shown) + margin)
         near = WITHIN * abs(exact.mean)
-        axes.axhspan(exact.mean - near, exact.mean + near, color=_NEAR, lw=0, zorder=0)
+        axes.axhspan(exact.mean - near, exact.mean + near, color=_NEAR_COLOUR, lw=0, zorder=0)
     for name in dict.fromkeys(row.program for row in averages if row.program != "exact"):
         own = [row for row in averages if row.program == name]
         joined = {} if all(row.motions == 1 for row in own) else {"linestyle": "none"}
@@ -106,10 +106,10 @@ def _draw_speeds(axes: Axes, rows: Sequence[Row]) -> None:
                        "95 % intervals; black: exact, coloured band: ± 5 %", fontsize=10, loc="left")
     axes.set_xlabel("step [s]")
     axes.set_ylabel("mean speed [m/s]")
-    tidy(axes)
+    style_axes(axes)
 
 
 def style(name: str) -> dict[str, object]:
     """Colour and marker of a program in every diagram."""
-    colour, marker = _STYLES.get(name, _OTHER)
+    colour, marker = _STYLES.get(name, _OTHER_STYLE)
     return {"color": colour, "marker": marker, "ms": 14 if marker == "*" else 5}

@@ -49,11 +49,11 @@ INSTANTS = 50_000
 TRAJECTORY, REQUIRED, AVERAGE, REFERENCE, EXPONENT = "trajectory", "requirement", "mean speed", "reference", "exponent"
 #: Outcomes of a row.
 OK, CANNOT, DIVERGES, FAILS, TIMEOUT, ABSENT = "ok", "cannot", "diverges", "fails", "out of time", "absent"
-_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)  # the fractional parts of its multiples fill an interval evenly
+_GOLDEN_RATIO = 0.5 * (math.sqrt(5.0) - 1.0)  # the fractional parts of its multiples fill an interval evenly
 COMPILING = 120.0  # s, time for compilation in addition to the limit of a process
-_OF_UNIT = 1001  # largest number of samples of a run of the unit
-_FINEST = 1e-12  # tolerance of exact as the reference
-_BEGINNING = 1e-3  # s, from the start, in which contacts are ignored, because programs may count them differently
+_UNIT_SAMPLES = 1001  # largest number of samples of a run of the unit
+_REFERENCE_TOLERANCE = 1e-12  # tolerance of exact as the reference
+_IGNORED_START = 1e-3  # s, from the start, in which contacts are ignored, because programs may count them differently
 _BODY, _HEIGHT = COLUMNS.index("body_position"), COLUMNS.index("body_height")
 _MASSES = COLUMNS.index("upper_position"), COLUMNS.index("inclined_position")
 
@@ -159,7 +159,7 @@ def _contacts(answer: Answer) -> dict[str, np.ndarray]:
     """Instants [s] of contacts by kind, ascending; kinds without contacts are left out."""
     if answer.events is None:
         return {}
-    events = answer.events[answer.events["time"] > _BEGINNING]
+    events = answer.events[answer.events["time"] > _IGNORED_START]
     kinds = (kind for kind in np.unique(events["kind"]) if kind.endswith("_contact"))
     return {str(kind): np.sort(events["time"][events["kind"] == kind]) for kind in kinds}
 
@@ -253,7 +253,7 @@ def off_every_grid(horizon: float, count: int) -> np.ndarray:
     grid, errors between its instants or between a method's steps would remain undetected.
     """
     k = np.arange(count)
-    instants = (k + np.mod(_GOLDEN * k, 1.0)) * (horizon / count)
+    instants = (k + np.mod(_GOLDEN_RATIO * k, 1.0)) * (horizon / count)
     return np.append(instants, horizon)
 
 
@@ -312,7 +312,7 @@ class SceneProblem:
 
     def reference(self, times: np.ndarray) -> Answer:
         """Return the reference answer at instants [s]."""
-        return by_device("exact", self.scene, times, _FINEST)
+        return by_device("exact", self.scene, times, _REFERENCE_TOLERANCE)
 
     def judge(self, row: Row, answer: Answer, times: np.ndarray) -> Row:
         """Return the row with the errors of an answer at instants [s], or its outcome if positions are not finite."""
@@ -330,7 +330,7 @@ def rows(problem: Problem, program: Program, effort: Effort, compared: str = TRA
             return
         begun = time.perf_counter()
         row = (_in_child(problem, program, setting, number, effort) if program.command
-               else measured(problem, program, setting, effort))
+               else measure_setting(problem, program, setting, effort))
         yield replace(row, compared=compared)
         done = math.isfinite(row.wall_time)
         seconds = row.wall_time if done else time.perf_counter() - begun
@@ -345,7 +345,7 @@ def row_of(problem: Problem, program: Program, setting: Setting, compared: str =
                float(problem.times[-1]))
 
 
-def measured(problem: Problem, program: Program, setting: Setting, effort: Effort) -> Row:
+def measure_setting(problem: Problem, program: Program, setting: Setting, effort: Effort) -> Row:
     """Measure one setting in this process, and return its row."""
     row = replace(row_of(problem, program, setting), version=program.version())
     walls: list[float] = []
@@ -355,7 +355,7 @@ def measured(problem: Problem, program: Program, setting: Setting, effort: Effor
         answer = program.prepare(problem.at(instants), setting)()  # first, so that compilation is not part of the cost
         run = program.prepare(problem, setting)
         while len(walls) < effort.repeats and sum(walls) <= effort.patience / 4.0:
-            walls.append(typical(run))
+            walls.append(median_time(run))
             ratios.append(walls[-1] / unit_seconds(problem))
     except UnableError as error:
         return replace(row, outcome=CANNOT, note=str(error))
@@ -365,7 +365,7 @@ def measured(problem: Problem, program: Program, setting: Setting, effort: Effor
 
 def unit_seconds(problem: Problem) -> float:
     """Measure the wall time [s] of the unit of cost on a problem; NaN in a Python without numba."""
-    times = problem.times[:_OF_UNIT]
+    times = problem.times[:_UNIT_SAMPLES]
     try:
         run = DEVICE[UNIT].prepare(problem.at(times), Setting(UNIT_STEP, ""))
     except ModuleNotFoundError:
@@ -380,7 +380,7 @@ def seconds(function: Callable[[], object]) -> float:
     return time.perf_counter() - began
 
 
-def typical(function: Callable[[], object]) -> float:
+def median_time(function: Callable[[], object]) -> float:
     """Median wall time [s] of as many calls as fit into `LEAST_TIME`.
 
     The time of a single run of milliseconds would depend on cold caches and on other load of the machine.

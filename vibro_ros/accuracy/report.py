@@ -238,7 +238,7 @@ class Slope:
                 f"{self.coarse:.0e} and {self.fine:.0e} m")
 
 
-def fitted(groups: Sequence[Sequence[tuple[float, float]]]) -> Slope | None:
+def fit_slope(groups: Sequence[Sequence[tuple[float, float]]]) -> Slope | None:
     """Fit one slope to groups of (error, cost), each with its own offset; None if there is too little data."""
     logs = [np.log10(np.array(points)) for points in groups if len(points) > 1]
     count = sum(map(len, logs))
@@ -259,7 +259,7 @@ def fitted(groups: Sequence[Sequence[tuple[float, float]]]) -> Slope | None:
 def slope_of_scene(rows: Sequence[Row], program: str) -> Slope | None:
     """Slope of a program in one scene; None if there is too little data."""
     groups = [points for kind in (TRAJECTORY, REQUIRED) if len(points := _points(rows, program, kind)) > 1]
-    return fitted(groups) if sum(map(len, groups)) >= max(_LEAST_POINTS, len(groups) + 2) else None
+    return fit_slope(groups) if sum(map(len, groups)) >= max(_LEAST_POINTS, len(groups) + 2) else None
 
 
 def slope_over_scenes(rows: Mapping[str, Sequence[Row]], program: str) -> Slope | None:
@@ -303,11 +303,11 @@ def slopes_in_words(rows: Mapping[str, Sequence[Row]]) -> list[str]:
 def headline(rows: Mapping[str, Sequence[Row]], program: str, horizon: float) -> str:
     """Return `quotients` as text."""
     by_hand, by_unit = quotients(rows, program, horizon)
-    said = [f"{cost_range(list(by_hand.values()))} of {BY_HAND_IN_WORDS}"] if by_hand else []
+    phrases = [f"{cost_range(list(by_hand.values()))} of {BY_HAND_IN_WORDS}"] if by_hand else []
     if by_unit:
         where = f" (`{'`, `'.join(by_unit)}`)" if by_hand else ""
-        said.append(f"{cost_range(list(by_unit.values()))} of {UNIT_IN_WORDS}{where}")
-    return " and ".join(said)
+        phrases.append(f"{cost_range(list(by_unit.values()))} of {UNIT_IN_WORDS}{where}")
+    return " and ".join(phrases)
 
 
 def quotients(rows: Mapping[str, Sequence[Row]], program: str, horizon: float) -> tuple[dict[str, float],

@@ -32,7 +32,7 @@ from vibro_ros.accuracy.harness import (
 )
 from vibro_ros.accuracy.programs import DEVICE, PLAIN, Program, Setting, UnableError
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.attractors import grouped
+from vibro_ros.orbits.attractors import group_starts
 from vibro_ros.orbits.chaos import exponent_of_pairs, half_interval
 from vibro_ros.orbits.recurrence import SettledMotion
 from vibro_ros.orbits.starts import SETTLING, STARTING, motor_command, running, started_at_share
@@ -48,7 +48,7 @@ SHORT, LONG = 0.2, 10.0
 LONGEST_HORIZON, LYAPUNOV_TIMES = 1.0, 5.0
 #: The device's methods of fixed step whose mean speeds are measured, and the steps [s].
 AVERAGED, AVERAGE_STEPS = ("rk4", "rk4_located"), (1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5, 1e-5, 5e-6, 2e-6, 1e-6)
-_WATCHED, _PAIRS = 15.0, 24  # duration [s] and number of the pairs of nearby motions
+_PAIR_DURATION, _PAIRS = 15.0, 24  # duration [s] and number of the pairs of nearby motions
 # Factor on the starts of `exact`, because its mean is cheap and the other methods are compared with it.
 _MORE_STARTS = 4
 # m/s, about the speed of sound: the method of a faster body has diverged.
@@ -105,7 +105,7 @@ def lyapunov_time_in(own: Sequence[Row]) -> LyapunovTime:
     return LyapunovTime(row.mean, row.spread, bool(row.starts_forwards), row.horizon)
 
 
-def lyapunov_time(scene: Scene, duration: float = _WATCHED, starts: int = _PAIRS) -> LyapunovTime:
+def lyapunov_time(scene: Scene, duration: float = _PAIR_DURATION, starts: int = _PAIRS) -> LyapunovTime:
     """Estimate the largest Lyapunov exponent of the masses' motion from pairs of exact runs; the motor turns."""
     scene = scene.with_parameters({"solver.method": "exact", "solver.accounts": False})
     rates = np.array([
@@ -127,13 +127,13 @@ def rows_of_scene(scene: Scene, programs: Mapping[str, Program], effort: Effort,
         if compared == REQUIRED and length > found.comparable:
             continue
         problem = SceneProblem.within(scene, length)
-        yield checked(problem, checks)
+        yield check_reference(problem, checks)
         for program in programs.values():
             yield from rows(problem, program, effort, compared)
     yield from _averages(scene, effort)
 
 
-def checked(problem: SceneProblem, checks: Sequence[tuple[Program, Setting]]) -> Row:
+def check_reference(problem: SceneProblem, checks: Sequence[tuple[Program, Setting]]) -> Row:
     """Return the row of the reference's errors against the first of `checks` that can simulate the problem."""
     horizon, reasons = float(problem.times[-1]), list[str]()
     instants = off_every_grid(horizon, INSTANTS)
@@ -180,7 +180,7 @@ def averages(scene: Scene, method: str, step: float, effort: Effort) -> list[Row
     row = replace(row, wall_time=time.perf_counter() - began)
     if not np.abs(speeds).max() < _DIVERGED:
         return [replace(row, outcome=DIVERGES, note=f"diverged: faster than {_DIVERGED:g} m/s")]
-    attractors, places = grouped(motions, speeds)
+    attractors, places = group_starts(motions, speeds)
     found = []
     for place, attractor in enumerate(attractors):
         own, drift = np.array(speeds)[places == place], 0.0

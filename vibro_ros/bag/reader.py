@@ -300,16 +300,16 @@ class Series:
 
         In shorter arrays the numbers may belong to any of the joints (`messages.commands`).
         """
-        told = [quantity for quantity in JOINT_QUANTITIES if len(getattr(message, quantity)) == len(message.name)]
-        if (message.name, told) != self._joints:
-            names = [f"{joint}.{quantity}" for quantity in told for joint in message.name]
+        quantities = [quantity for quantity in JOINT_QUANTITIES if len(getattr(message, quantity)) == len(message.name)]
+        if (message.name, quantities) != self._joints:
+            names = [f"{joint}.{quantity}" for quantity in quantities for joint in message.name]
             if len(set(names)) < len(names):
                 raise ValueError("it names a joint twice")
             if self._times and set(names) != set(self._of_joints):
                 raise ValueError("its joints are others than those of the first message")
-            self._joints, self._of_joints = (message.name, told), names
+            self._joints, self._of_joints = (message.name, quantities), names
             self._found |= {name: array("d") for name in names if self._wants(name) and name not in self._found}
-        values = chain(*(getattr(message, quantity).tolist() for quantity in told))
+        values = chain(*(getattr(message, quantity).tolist() for quantity in quantities))
         return {name: value for name, value in zip(self._of_joints, values, strict=True) if name in self._found}
 
     def _wants(self, name: str) -> bool:

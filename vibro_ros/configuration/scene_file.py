@@ -18,8 +18,8 @@ ZEROS = (0.0,) * 6
 
 #: Parameters of the node around the physics; a scene does not contain them.
 DEVICE_PARAMETERS: tuple[Parameter, ...] = (
-    Parameter("scene", "device", "", "a shipped scene's name, or the path of a parameter file, whose own `scene` it "
-              "changes"),
+    Parameter("scene", "device", "", "name of a shipped scene, or path of a parameter file, which changes the scene "
+              "that its own `scene` names"),
     Parameter("frame_prefix", "", "", "put before the name of every frame as it is, such as r1/ for one of two robots"),
     Parameter("tf.publish", "all", "", "frames on /tf: none; base_link in odom, beside a robot_state_publisher; or all "
               "of the robot", choices=("none", "base", "all")),
@@ -34,9 +34,9 @@ DEVICE_PARAMETERS: tuple[Parameter, ...] = (
               minimum=0.0, maximum=1e3),
     Parameter("rate.start_paused", False, "", "robot time stands still until `~/pause` is called with false"),
     Parameter("clock.publish", False, "", "publish robot time on /clock after each sample; stamps then count from 0"),
-    Parameter("clock.lock_step", NO_NODES, "", "nodes for which each sample waits until they have done what the one "
-              "before set off, such as [/vibro_controller]; [none] waits for nobody; needs clock.publish"),
-    Parameter("command.timeout", 0.0, "s", "the motor stops when no motor_speed has come for so long a robot time; "
+    Parameter("clock.lock_step", NO_NODES, "", "nodes that must have run all callbacks of a sample before the "
+              "robot takes the next one, such as [/vibro_controller]; [none]: no node; needs clock.publish"),
+    Parameter("command.timeout", 0.0, "s", "robot time without a motor_speed after which the motor stops; "
               "0 = never", minimum=0.0, maximum=1e6),
     Parameter("ros2_control", False, "", "put a block into robot_description by which ros2_control commands the robot"),
     Parameter("record.enabled", True, "", "record a bag from the start"),
@@ -45,11 +45,13 @@ DEVICE_PARAMETERS: tuple[Parameter, ...] = (
     Parameter("record.compression", "none", "", "compression of the bag's chunks", choices=("none", "zstd")),
     Parameter("record.max_size", 0.0, "B", "a file of the bag larger than this is followed by another; 0 = never",
               minimum=0.0, maximum=1e18),
-    Parameter("record.max_duration", 3600.0, "s", "the same by robot time; 0 = never, at 63 MB of memory an hour",
+    Parameter("record.max_duration", 3600.0, "s", "a file of the bag with a longer robot time is followed by "
+              "another; 0 = never, at 63 MB of memory an hour",
               minimum=0.0, maximum=1e9),
     Parameter("record.max_bytes", 0.0, "B", "the bag's oldest file is deleted before the bag exceeds this; 0 = never",
               minimum=0.0, maximum=1e18),
-    Parameter("record.recover", False, "", "seal bags that a killed robot left in record.directory; false: say how"),
+    Parameter("record.recover", False, "", "seal bags that a killed robot left in record.directory; false: "
+              "only say how to"),
 )
 
 

@@ -98,7 +98,8 @@ TOPICS: Mapping[str, Topic] = {
                               "± `motor.supply_voltage`", of_dc_motor=True),
     "joint_commands": Topic("sensor_msgs/msg/JointState", COMMAND, "the same commands for joints, as "
                             "[ros2_control](ros2_control.md) sends them: `crank` by velocity, plates by "
-                            "position; best effort, which hears reliable publishers, too", Quality(reliable=False)),
+                            "position; best effort, so that messages of reliable publishers arrive, too",
+                            Quality(reliable=False)),
     "odom": Topic("nav_msgs/msg/Odometry", SAMPLE, "position and velocity of `base_link` in `odom`, x and z of each "
                   "[m, m/s]", frame=ODOM, constants=_UPRIGHT,
                   numbers={"pose.pose.position.x": "body_position", "pose.pose.position.z": "body_height",
@@ -124,7 +125,7 @@ TOPICS: Mapping[str, Topic] = {
     "encoder": _sensor("encoder", "sensor_msgs/msg/JointState", "angle [rad] and speed [rad/s] of the crank", BASE),
     "battery": _sensor("current", "sensor_msgs/msg/BatteryState", "voltage [V] and current [A] of a dc motor's supply",
                        BASE),
-    "tracking": _sensor("tracking", "geometry_msgs/msg/PoseWithCovarianceStamped", "place of the body [m] in `odom`",
+    "tracking": _sensor("tracking", "geometry_msgs/msg/PoseWithCovarianceStamped", "position of the body [m] in `odom`",
                         ODOM, constants=_UPRIGHT),
     "robot_description": Topic("std_msgs/msg/String", ONCE, "the robot as URDF, sent once and to late subscribers "
                                "(transient local); [below](#the-robot-as-urdf)", Quality(1, transient_local=True)),
@@ -134,10 +135,11 @@ TOPICS: Mapping[str, Topic] = {
     "operations": Topic("std_msgs/msg/String", NODE, "each operation on the run: `reset`, `pause`, `resume`, `step 1`, "
                         '`set {"ground.friction": 0.1}`, `timeout`, `state {"body_velocity": 0.0}`, `push …`, '
                         "`fault …`", Quality(100), name="~/operations"),
-    "samples": Topic(NUMBERS, NODE, "every quantity of each sample, while somebody listens; never recorded. "
+    "samples": Topic(NUMBERS, NODE, "every quantity of each sample, while a node subscribes; never recorded. "
                      "`layout.dim[0].label` names the numbers: `start_seconds` and `start_nanoseconds`, the ROS time "
-                     "of robot time 0, then the fields of a [run](python.md) from `time` on, which is robot time: no "
-                     "reset turns it back. Another start is another run, two in turn are two robots", Quality(1000),
+                     "of robot time 0, then the fields of a [run](python.md) from `time` on, which is robot time, so "
+                     "that a reset does not turn it back. Another start time means another run, two alternating start "
+                     "times mean two robots", Quality(1000),
                      name="~/samples"),
     "diagnostics": Topic("diagnostic_msgs/msg/DiagnosticArray", NODE, "the robot's health, once a second of wall time; "
                          "[below](#diagnostics)", name="/diagnostics"),

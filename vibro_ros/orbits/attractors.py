@@ -4,11 +4,11 @@ A mean speed over several motions is a speed that no robot has. So all code that
 them here, and prints an `Attractors`, which has no mean:
 
 1. each start gives a `SettledMotion`, or None if it has not settled, and a mean speed [m/s];
-2. `grouped` distinguishes motions by one rule, `SettledMotion.is_same`: the same period and states within the
+2. `group_starts` distinguishes motions by one rule, `SettledMotion.is_same`: the same period and states within the
    tolerance, or without a period the same cloud of states. Starts that have not settled form one group, which also
    takes the starts of motions beyond the first `MOST_ATTRACTORS`;
 3. `Attractors.in_words` is the text for a user, `Attractors.single` the attractor if there is only one;
-4. `measured` adds multipliers and Lyapunov exponents, which cost as much as some starts.
+4. `with_exponents` adds multipliers and Lyapunov exponents, which cost as much as some starts.
 
 `attractors` does all of this for random starts of a scene.
 """
@@ -24,7 +24,7 @@ from scipy.stats import binomtest
 
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.chaos import exponent_of_pairs, half_interval
-from vibro_ros.orbits.orbit import close, orbit_at
+from vibro_ros.orbits.orbit import fixed_point, orbit_at
 from vibro_ros.orbits.recurrence import SettledMotion, number_among, settle
 from vibro_ros.orbits.starts import SETTLING, drawn_start
 from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, at_cut, free_cut, free_phase, has_sampled_controller
@@ -134,7 +134,8 @@ def share_of(starts: int, total: int) -> tuple[float, float, float]:
     return starts / total, float(interval.low), float(interval.high)
 
 
-def grouped(motions: Sequence[SettledMotion | None], mean_speeds: Sequence[float]) -> tuple[Attractors, np.ndarray]:
+def group_starts(motions: Sequence[SettledMotion | None],
+                 mean_speeds: Sequence[float]) -> tuple[Attractors, np.ndarray]:
     """Group starts by the motions that they lead to.
 
     Parameters
@@ -147,16 +148,16 @@ def grouped(motions: Sequence[SettledMotion | None], mean_speeds: Sequence[float
     Returns
     -------
     Attractors
-        Without multipliers and exponents, which `measured` adds.
+        Without multipliers and exponents, which `with_exponents` adds.
     ndarray of int, shape (starts,)
         Index of each start's attractor.
     """
-    known, met = [], list[SettledMotion]()
+    known, distinct = [], list[SettledMotion]()
     for motion in motions:
-        number = None if motion is None else number_among(motion, met)
-        if motion is not None and number is None and len(met) < MOST_ATTRACTORS:
-            number = len(met)
-            met.append(motion)
+        number = None if motion is None else number_among(motion, distinct)
+        if motion is not None and number is None and len(distinct) < MOST_ATTRACTORS:
+            number = len(distinct)
+            distinct.append(motion)
         known.append(len(motions) if number is None else number)
     of_start = np.array(known, dtype=int)
     groups, count = np.unique(of_start, return_counts=True)
@@ -165,7 +166,7 @@ def grouped(motions: Sequence[SettledMotion | None], mean_speeds: Sequence[float
     for place, old in enumerate(order):
         chosen = of_start == groups[old]
         places[chosen] = place
-        motion = None if groups[old] == len(motions) else met[groups[old]]
+        motion = None if groups[old] == len(motions) else distinct[groups[old]]
         found.append(_attractor(motion, np.asarray(mean_speeds)[chosen], len(motions)))
     return Attractors(found), places
 
@@ -179,7 +180,7 @@ def _attractor(motion: SettledMotion | None, speeds: np.ndarray, total: int) -> 
     return Attractor(0, float(np.mean(speeds)), float(half_interval(speeds)), *group, states=motion.states)
 
 
-def measured(attractor: Attractor, turn_map: TurnMap) -> Attractor:
+def with_exponents(attractor: Attractor, turn_map: TurnMap) -> Attractor:
     """Return the attractor with its multipliers and exponent; unchanged if it has not settled.
 
     Raises
@@ -214,7 +215,7 @@ def _multipliers(attractor: Attractor, turn_map: TurnMap) -> np.ndarray:
     own = TurnMap(turn_map.scene, phase)
     state = at_cut(turn_map, attractor.states[-1], own)
     try:
-        closed = close(own, state, attractor.turns or 1)
+        closed = fixed_point(own, state, attractor.turns or 1)
         orbit = closed and orbit_at(own, closed, attractor.turns or 1)
     except (SimulationError, ValueError):
         orbit = None
@@ -265,9 +266,9 @@ def attractors(scene: Scene, starts: int = 16) -> Attractors:
     jobs = in_processes(partial(_settled, scene, turn_map.phase), range(starts), min(core_count(), int(starts)))
     with closing(jobs):  # else an error's traceback would keep the workers alive until it is collected
         motions, speeds = zip(*(future.result() for _, future in jobs), strict=True)
-    found, places = grouped(motions, speeds)
+    found, places = group_starts(motions, speeds)
     return Attractors(_measured_unsettled(one, scene, turn_map, int(np.argmax(places == place))) if one.turns is None
-                      else measured(one, turn_map) for place, one in enumerate(found))
+                      else with_exponents(one, turn_map) for place, one in enumerate(found))
 
 
 def _settled(scene: Scene, phase: float, number: int) -> tuple[SettledMotion | None, float]:

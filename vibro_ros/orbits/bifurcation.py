@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibro_ros.orbits.continuation import DOUBLING, FIRST_STEP, FOLD, GRAZING, NEAREST_EVENT, stepped
+from vibro_ros.orbits.continuation import DOUBLING, FIRST_STEP, FOLD, GRAZING, NEAREST_EVENT, take_step
 from vibro_ros.orbits.family import LONGEST_STEP, BranchPoint, Family, LostError, multipliers_of
 from vibro_ros.orbits.orbit import CLOSED
 from vibro_ros.orbits.passage import Miss, Passage, change_in_words, least_gap, same_order
@@ -33,11 +33,11 @@ from vibro_ros.simulation.motion import SimulationError
 FOLLOWED = (FOLD, DOUBLING, GRAZING)
 """Kinds of special points whose curves can be followed."""
 _CRITICAL = {FOLD: 1.0, DOUBLING: -1.0}  # critical multipliers
-_MISS = 1e-6  # crank radii: distance from the plate at which grazing orbits are computed
-_MET = 1e-7  # largest defect of the second equation; rounding of the derivative makes 1e-10 to 1e-8
-_STEP = 1e-4  # of differences, in units of the machine: with `fine`, rounding / step is the larger error, 1e-10
-_MOST_ITERATIONS, _SLOW = 16, 0.1
-_APART = 0.3  # rad: largest change of a grazing's crank angle in one step
+_GRAZING_DISTANCE = 1e-6  # crank radii: distance from the plate at which grazing orbits are computed
+_LARGEST_DEFECT = 1e-7  # largest defect of the second equation; rounding of the derivative makes 1e-10 to 1e-8
+_DIFFERENCE_STEP = 1e-4  # units of the machine: with `fine`, rounding / step is the larger error, 1e-10
+_MOST_ITERATIONS, _SLOW_CONVERGENCE = 16, 0.1
+_LARGEST_ANGLE_CHANGE = 0.3  # rad: largest change of a grazing's crank angle in one step
 _DEPTHS = (1e-5, 1e-4, 1e-3, 1e-2)  # crank radii: distances to start from where the mass touches in the prediction
 
 
@@ -67,7 +67,7 @@ class Bifurcation(BranchPoint):
     kind : str
         One of `FOLLOWED`.
     near : ndarray, shape (n + 2,)
-        Computed solution: the same as `unknowns`, but for a grazing at the distance `_MISS` from the plate.
+        Computed solution: the same as `unknowns`, but for a grazing at the distance `_GRAZING_DISTANCE` from the plate.
     matrix : ndarray, shape (n + 1, n + 2)
         Jacobian of the equations at `near`.
     frame : Frame
@@ -85,7 +85,8 @@ def _second(family: Family, kind: str, unknowns: np.ndarray, matrix: np.ndarray,
     if kind == GRAZING:
         miss = _miss(family, unknowns, frame)
         angle = _angle(family, unknowns, miss) % (TURN * family.turns)
-        return _Second(_distance(family, unknowns, miss) - _MISS, lambda: _distance_slope(family, unknowns, miss),
+        return _Second(_distance(family, unknowns, miss) - _GRAZING_DISTANCE,
+                       lambda: _distance_slope(family, unknowns, miss),
                        Frame(np.zeros(0), np.zeros(0), miss.side, angle))
     n = len(unknowns) - 2
     turn = matrix[:, :n] + np.eye(n)
@@ -110,7 +111,7 @@ def _derivative_slope(family: Family, unknowns: np.ndarray, left: np.ndarray, ri
 
     A is the map's derivative, l is `left` and r is `right`.
     """
-    step, n = _reach(family.passage(unknowns), _STEP), len(unknowns) - 2
+    step, n = _reach(family.passage(unknowns), _DIFFERENCE_STEP), len(unknowns) - 2
     free, size, row = family.free(unknowns), float(np.linalg.norm(right)), np.zeros(n + 2)
     along = np.append(right / size, [0.0, 0.0]) * free
     for i in np.flatnonzero(free):
@@ -130,7 +131,7 @@ def _miss(family: Family, unknowns: np.ndarray, frame: Frame | None) -> Miss:
         return abs((_angle(family, unknowns, miss) - frame.angle + 0.5 * around) % around - 0.5 * around)
 
     near = min((miss for miss in found if frame is None or miss.side == frame.side), key=apart, default=None)
-    if near is None or apart(near) > _APART:
+    if near is None or apart(near) > _LARGEST_ANGLE_CHANGE:
         raise LostError("the mass touches its plate, or does not turn back before it")
     return near
 
@@ -151,7 +152,7 @@ def _distance(family: Family, unknowns: np.ndarray, miss: Miss) -> float:
 def _distance_slope(family: Family, unknowns: np.ndarray, miss: Miss) -> np.ndarray:
     """Derivative of `_distance` with respect to the unknowns, shape (n + 2,)."""
     free = family.free(unknowns)
-    step, row = max(1e-9, 0.1 * min(_STEP, _distance(family, unknowns, miss))), np.zeros(len(unknowns))
+    step, row = max(1e-9, 0.1 * min(_DIFFERENCE_STEP, _distance(family, unknowns, miss))), np.zeros(len(unknowns))
     for i in np.flatnonzero(free):
         moved = np.zeros(len(unknowns))
         moved[i] = step
@@ -188,7 +189,7 @@ def found_near(family: Family, kind: str, guess: np.ndarray, normal: np.ndarray,
     try:
         for iteration in range(_MOST_ITERATIONS):  # noqa: B007  (its last value is returned)
             try:
-                matrix = family.jacobian(at, fine=True, longest=_STEP)
+                matrix = family.jacobian(at, fine=True, longest=_DIFFERENCE_STEP)
                 second = _second(family, kind, at, matrix, frame)
             except LostError:
                 if last is not None:
@@ -201,10 +202,10 @@ def found_near(family: Family, kind: str, guess: np.ndarray, normal: np.ndarray,
                 at = guess + depth * sideways
                 continue
             defects = np.where(family.free(at)[:-2], family.residual(at), 0.0)
-            size = max(float(np.abs(defects).max()) / CLOSED, abs(second.defect) / _MET)
+            size = max(float(np.abs(defects).max()) / CLOSED, abs(second.defect) / _LARGEST_DEFECT)
             if best <= 1.0 and size >= 0.25 * best:  # rounding allows no smaller defect
                 break
-            if row is None or size > _SLOW * best:
+            if row is None or size > _SLOW_CONVERGENCE * best:
                 row = second.slope()
             if size < best:
                 best, found = size, (at, np.vstack([matrix, row]), second)
@@ -228,7 +229,8 @@ def _point(family: Family, kind: str, near: np.ndarray, matrix: np.ndarray, seco
     # Rounding must not move what is held: a body at a height of -6e-27 m is refused.
     tangent, unknowns = free * (rows[-1] if rows[-1] @ along >= 0.0 else -rows[-1]), near
     if kind == GRAZING:
-        unknowns = near - (_MISS + second.defect) * free * np.linalg.solve(np.vstack([matrix, along]), np.eye(n + 2)[n])
+        change = np.linalg.solve(np.vstack([matrix, along]), np.eye(n + 2)[n])
+        unknowns = near - (_GRAZING_DISTANCE + second.defect) * free * change
     speed = 2.0 * family.mean_speed(near) - family.mean_speed(2.0 * near - unknowns)  # extrapolated from `near`
     return Bifurcation(family, unknowns, tangent, multipliers_of(matrix[:n, :n]), speed, family.passage(near),
                        kind=kind, near=near, matrix=matrix, frame=second.frame)
@@ -240,11 +242,12 @@ def away(point: Bifurcation, normal: np.ndarray) -> np.ndarray:
     return np.where(point.family.free(point.near), found, 0.0)
 
 
-_FEW = 6  # most Newton iterations of a step after which the next step is longer
-_SHORTEST, _SHORT = 1e-8, 1e-5  # steps along a curve: the least, and that below which a change of events is crossed
-_ARCS = (1e-5, 1e-4, 1e-3)  # arcs to the first point beyond a change of events
-_ASIDE = 3.0  # largest distance, in arcs, of that point from the prediction
-_AHEAD = 1e-6  # arc to a second point, which gives the curve's direction when the cut changes
+_EASY_ITERATIONS = 6  # most Newton iterations of a step after which the next step is longer
+# Steps along a curve: the least, and that below which a change of events is crossed.
+_SHORTEST_STEP, _CROSSING_STEP = 1e-8, 1e-5
+_FIRST_POINT_ARCS = (1e-5, 1e-4, 1e-3)  # arcs to the first point beyond a change of events
+_LARGEST_DEVIATION = 3.0  # largest distance, in arcs, of that point from the prediction
+_DIRECTION_ARC = 1e-6  # arc to a second point, which gives the curve's direction when the cut changes
 
 
 def follow_bifurcations(start: Bifurcation) -> Iterator[tuple[Bifurcation, Bifurcation]]:
@@ -274,18 +277,18 @@ def _next(point: Bifurcation, step: float) -> tuple[list[Bifurcation], float]:
 
     def solved(guess: np.ndarray, _: float) -> tuple[Bifurcation, bool]:
         after, iterations = found_near(point.family, point.kind, guess, point.tangent, point.frame, apart)
-        return after, iterations <= _FEW
+        return after, iterations <= _EASY_ITERATIONS
 
     def across(step: float, crosses: bool) -> list[Bifurcation]:
-        return [_beyond(point)] if crosses and step < _SHORT else []
+        return [_beyond(point)] if crosses and step < _CROSSING_STEP else []
 
-    return stepped(point, point.near, step, _SHORTEST, solved, across, "curve")
+    return take_step(point, point.near, step, _SHORTEST_STEP, solved, across, "curve")
 
 
 def _beyond(point: Bifurcation) -> Bifurcation:
     """Return the first point of the curve on the other side of a change of events (LostError if none is found)."""
     change = ""
-    for arc in _ARCS:
+    for arc in _FIRST_POINT_ARCS:
         guess = point.near + arc * point.tangent
         try:
             order = point.family.order(guess)
@@ -294,7 +297,7 @@ def _beyond(point: Bifurcation) -> Bifurcation:
         except (LostError, SimulationError, ValueError):
             continue
         same = same_order(after.passage.order, point.passage.order)
-        if not same and np.linalg.norm(after.near - guess) < _ASIDE * arc:
+        if not same and np.linalg.norm(after.near - guess) < _LARGEST_DEVIATION * arc:
             return after
     raise LostError(f"the curve ends at {point.family.where(point.unknowns)}, where its events change ({change}); no "
                     f"{point.kind} was found beyond")
@@ -312,7 +315,7 @@ def _well_cut(point: Bifurcation) -> Bifurcation:
     phase = (seen.best + 0.5 if point.frame.side and not seen.order else seen.best) % TURN
     if from_grazing(phase) < NEAREST_EVENT:
         phase = (phase + 2.0 * NEAREST_EVENT * TURN) % TURN
-    family, (here, ahead) = family.recut(phase, [point.near, point.near + _AHEAD * point.tangent])
+    family, (here, ahead) = family.recut(phase, [point.near, point.near + _DIRECTION_ARC * point.tangent])
     along = (ahead - here) / np.linalg.norm(ahead - here)
     try:
         return found_near(family, point.kind, here, along, None)[0]

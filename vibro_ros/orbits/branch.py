@@ -14,7 +14,7 @@ from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.bifurcation import FOLLOWED, Bifurcation, away, follow_bifurcations, found_near
 from vibro_ros.orbits.continuation import GRAZING, EdgeError, SpecialPoint, follow_on, special_points
-from vibro_ros.orbits.family import BranchPoint, Family, LostError, corrected, point_at
+from vibro_ros.orbits.family import BranchPoint, Family, LostError, corrected_orbit, point_at
 from vibro_ros.orbits.orbit import Orbit, Seed, is_same
 from vibro_ros.orbits.passage import change_in_words, same_order
 from vibro_ros.orbits.turn_map import TurnMap, state_names
@@ -23,8 +23,8 @@ from vibro_ros.simulation.simulator import Simulator
 
 MOST_POINTS = 100_000
 _AMPLITUDES = (1e-2, 3e-3, 1e-3)  # units of the machine: distances from a doubling at which the doubled orbit is tried
-_JOINED = 1e-6  # units of the machine: change in half a period below which an orbit has half the period
-_CLOSES = 0.75  # steps: distance from its first orbit at which a branch is closed
+_HALF_PERIOD_CHANGE = 1e-6  # units of the machine: change in half a period below which an orbit has half the period
+_CLOSING_DISTANCE = 0.75  # steps: distance from its first orbit at which a branch is closed
 
 
 @dataclass(frozen=True)
@@ -185,10 +185,10 @@ def branch_from(family: Family, unknowns: np.ndarray, direction: float, points: 
     """Return the branch through a known orbit; `direction` is 1.0 towards larger values of the parameter, else -1.0."""
     along = direction * np.eye(len(unknowns))[-1]
     try:
-        unknowns, _ = corrected(family, unknowns, along)
+        unknowns, _ = corrected_orbit(family, unknowns, along)
         start = point_at(family, unknowns, along)
     except (LostError, SimulationError, ValueError) as error:
-        return gathered(family, [], [], str(error))
+        return make_branch(family, [], [], str(error))
     return whole_branch(start, points)
 
 
@@ -204,12 +204,12 @@ def doubled_branch_from(family: Family, begin: np.ndarray, points: int) -> Branc
     away /= np.linalg.norm(away)
     for amplitude in _AMPLITUDES:
         try:
-            unknowns, _ = corrected(twice, begin + amplitude * away, away, amplitude)
+            unknowns, _ = corrected_orbit(twice, begin + amplitude * away, away, amplitude)
             start = point_at(twice, unknowns, unknowns - begin, amplitude)
         except (LostError, SimulationError, ValueError):
             continue
         return whole_branch(start, points)
-    return gathered(twice, [], [], "no orbit of doubled period was found beside the period doubling")
+    return make_branch(twice, [], [], "no orbit of doubled period was found beside the period doubling")
 
 
 def lies_on(family: Family, seed: Seed, value: float, branch: Branch) -> bool:
@@ -224,7 +224,7 @@ def lies_on(family: Family, seed: Seed, value: float, branch: Branch) -> bool:
         guess = branch.states[k] + part * (branch.states[k + 1] - branch.states[k])
         own = family.with_turns(branch.turns).with_phase(float(branch.phases[k]))
         try:
-            unknowns, _ = corrected(own, np.append(guess, own.scaled(value)), np.eye(len(guess) + 1)[-1])
+            unknowns, _ = corrected_orbit(own, np.append(guess, own.scaled(value)), np.eye(len(guess) + 1)[-1])
             there, (unknowns,) = own.recut(seed.phase, [unknowns])
         except (LostError, SimulationError, ValueError):
             continue
@@ -235,7 +235,7 @@ def lies_on(family: Family, seed: Seed, value: float, branch: Branch) -> bool:
 
 def whole_branch(start: BranchPoint, points: int) -> Branch:
     """Return the branch from `start` along its tangent, with at most `points` orbits."""
-    return gathered(start.family, *_along(follow_on(start), start, points, _at_end, special_points))
+    return make_branch(start.family, *_along(follow_on(start), start, points, _at_end, special_points))
 
 
 Between = Callable[[BranchPoint, BranchPoint], Iterable[SpecialPoint]]
@@ -295,7 +295,7 @@ def _at_end(before: BranchPoint, after: BranchPoint, normal: np.ndarray) -> Bran
     part = (share - before.unknowns[-1]) / (after.unknowns[-1] - before.unknowns[-1])
     guess = before.unknowns + part * (after.unknowns - before.unknowns)
     guess[-1] = share
-    unknowns, _ = corrected(before.family, guess, abs(normal))
+    unknowns, _ = corrected_orbit(before.family, guess, abs(normal))
     unknowns[-1] = share
     return point_at(before.family, unknowns, before.tangent)
 
@@ -313,7 +313,8 @@ class Closing:
         if joins and self._apart(before, half) @ self._apart(after, half) < 0.0:
             return f"joins the branch of {half} turn{'s' if half > 1 else ''} at a period doubling"
         step = float(np.linalg.norm(after.unknowns - before.unknowns))
-        near = any(np.linalg.norm(after.unknowns - begin) < _CLOSES * step for begin in self._begins_at(after.family))
+        near = any(np.linalg.norm(after.unknowns - begin) < _CLOSING_DISTANCE * step
+                   for begin in self._begins_at(after.family))
         self._left = self._left or not near
         closes = near and self._left and same_order(after.passage.order, self._start.passage.order)
         return "closes on itself" if closes else ""
@@ -322,7 +323,7 @@ class Closing:
         """Reason why the branch ends at its last point, where continuation failed; empty if unknown."""
         half = last.family.turns // 2
         joins = 2 * half == last.family.turns and len(last.family.names) == 1
-        if joins and np.abs(self._apart(last, half)).max() < _JOINED:
+        if joins and np.abs(self._apart(last, half)).max() < _HALF_PERIOD_CHANGE:
             return f"joins the branch of {half} turn{'s' if half > 1 else ''} at a corner"
         return ""
 
@@ -337,7 +338,7 @@ class Closing:
         return self._begins
 
 
-def gathered(family: Family, points: Sequence[BranchPoint], special: Sequence[tuple[int, SpecialPoint]], end: str,
+def make_branch(family: Family, points: Sequence[BranchPoint], special: Sequence[tuple[int, SpecialPoint]], end: str,
              kind: str = "") -> Branch:
     """Make a `Branch` from its points, and from special points with the number of points before each.
 
@@ -369,8 +370,9 @@ def _strobe(point: BranchPoint) -> np.ndarray:
 
 
 EDGE = "change of events"
-_NUDGES = (1e-6, -1e-6, 1e-5, -1e-5, 1e-4, -1e-4, 1e-3, -1e-3)  # shares of a range: to a grazing's side without contact
-_FOUND = 1e-5  # units of the machine, shares and m/s: largest difference between two computations of a special point
+# Shares of a range: shifts to a grazing's side without contact.
+_GRAZING_SHIFTS = (1e-6, -1e-6, 1e-5, -1e-5, 1e-4, -1e-4, 1e-3, -1e-3)
+_SAME_POINT = 1e-5  # units of the machine, shares and m/s: largest difference of two computations of a special point
 
 
 def follow_bifurcation(branch: Branch, special: Special, ranges: Mapping[str, tuple[float, float]],
@@ -443,13 +445,13 @@ def _start(family: Family, branch: Branch, special: Special, upwards: bool) -> B
     across, nudge = np.zeros((2, len(guess)))
     across[-1], nudge[-2] = 1.0 if upwards else -1.0, 1.0
     reason = ""
-    for size in _NUDGES if special.kind == GRAZING else (0.0,):
+    for size in _GRAZING_SHIFTS if special.kind == GRAZING else (0.0,):
         try:
             start, _ = found_near(family, special.kind, guess + size * nudge, across, None)
         except LostError as error:
             reason = reason or str(error)
             continue
-        if np.abs(start.unknowns - guess).max() < _FOUND:
+        if np.abs(start.unknowns - guess).max() < _SAME_POINT:
             return start
         reason = f"another {special.kind} was found in its place"
     raise LostError(f"the special point was not found again: {reason}")
@@ -467,8 +469,8 @@ def whole_curve(branch: Branch, special: Special, ranges: Mapping[str, tuple[flo
     try:
         start = _start(family, branch, special, upwards)
     except (LostError, SimulationError) as error:
-        return gathered(family, [], [], str(error), special.kind)
-    return gathered(family, *_along(follow_bifurcations(start), start, points, _at_bound, _changes), special.kind)
+        return make_branch(family, [], [], str(error), special.kind)
+    return make_branch(family, *_along(follow_bifurcations(start), start, points, _at_bound, _changes), special.kind)
 
 
 def _changes(before: BranchPoint, after: BranchPoint) -> Iterator[SpecialPoint]:
@@ -487,7 +489,7 @@ def _at_bound(before: Bifurcation, after: Bifurcation, normal: np.ndarray) -> Bi
     return found_near(before.family, before.kind, guess, normal, before.frame, away(before, normal))[0]
 
 
-def passes(curve: Branch, branch: Branch, special: Special, ranges: Mapping[str, tuple[float, float]]) -> bool:
+def passes_through(curve: Branch, branch: Branch, special: Special, ranges: Mapping[str, tuple[float, float]]) -> bool:
     """Whether a curve, found from another special point, also passes through the special point of `branch`."""
     if not len(curve) or (curve.kind, curve.turns) != (special.kind, branch.turns):
         return False
@@ -503,6 +505,6 @@ def passes(curve: Branch, branch: Branch, special: Special, ranges: Mapping[str,
         except LostError:
             continue
         apart = abs(found.unknowns[-2] - family.scaled(special.value, second)[0])
-        if apart < _FOUND and abs(found.mean_speed - special.mean_speed) < _FOUND:
+        if apart < _SAME_POINT and abs(found.mean_speed - special.mean_speed) < _SAME_POINT:
             return True
     return False

@@ -47,9 +47,9 @@ LEAST_VALUES = 200
 """Least length of a series: the walk's displacement is correlated over a tenth of it."""
 _FREQUENCIES = 100
 _LOWEST, _HIGHEST = np.pi / 5.0, 4.0 * np.pi / 5.0  # range of the frequencies, away from resonances with every series
-_WATCHED = 10  # the displacement is correlated with time over one part in so many of the series
+_DISPLACEMENT_PARTS = 10  # the displacement is correlated with time over one part in so many of the series
 _PARTS = 10  # parts of a run whose means give the confidence interval
-_ALIGNING = 10  # one part in so many of the turns is added before, in which the axes align with the growing directions
+_ALIGNMENT_PARTS = 10  # one part in so many of the turns precedes, in which the axes align with the growing directions
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,7 @@ def spectrum_from(turn_map: TurnMap, state: np.ndarray, turns: int, doublings: i
 
     `turns` is doubled, at most `doublings` times, until the sign of the largest exponent is known.
     """
-    aligning = turns // _ALIGNING
+    aligning = turns // _ALIGNMENT_PARTS
     axes, logarithms, durations = _first_axes(len(state)), [], []
     while True:
         matrix, end = derivative(turn_map, state)
@@ -242,12 +242,12 @@ def _stretched(matrix: np.ndarray, axes: np.ndarray) -> tuple[np.ndarray, np.nda
     return axes, np.where(gone, -np.inf, np.log(np.where(gone, 1.0, stretch)))
 
 
-_APART = 1e-10  # relative difference of the commanded motor speeds, or voltages, that separates a pair
+_PAIR_SEPARATION = 1e-10  # relative difference of the commanded motor speeds, or voltages, that separates a pair
 # The distance of a pair is the maximum over samples of a stretch, of so many turns, or seconds if the motor stands.
 _TURNS, _STANDING, _SAMPLES = 2.0, 0.1, 64
-_SATURATED = 1e-4  # m, above which the size of the motion limits the distance
+_LARGEST_DISTANCE = 1e-4  # m, above which the size of the motion limits the distance
 _ROUNDING = 1e-13  # m, below which a distance is rounding
-_GROWN = 1e3  # growth factor of a pair that has separated; linear growth, from a drift of phases, stays below
+_SEPARATED_GROWTH = 1e3  # growth factor of a separated pair; linear growth, from a drift of phases, stays below
 
 
 def exponent_of_pairs(device: Simulator, begin: float, duration: float) -> tuple[float, float]:
@@ -280,9 +280,9 @@ def exponent_of_pairs(device: Simulator, begin: float, duration: float) -> tuple
         if len(distances) > 1:
             growth.append(math.log(distances[-1] / distances[0]))
             watched.append(len(distances) - 1)
-            parted = parted or distances[-1] > _GROWN * distances[0]
+            parted = parted or distances[-1] > _SEPARATED_GROWTH * distances[0]
     if not parted:
-        return 0.0, math.log(_GROWN) / (sum(watched) * stretch) if watched else math.nan
+        return 0.0, math.log(_SEPARATED_GROWTH) / (sum(watched) * stretch) if watched else math.nan
     rates = [grown.sum() / (lasted.sum() * stretch) for grown, lasted in zip(
         *(np.array_split(of_pairs, min(_PARTS, len(growth))) for of_pairs in (growth, watched)), strict=True)]
     return sum(growth) / (sum(watched) * stretch), float(half_interval(np.array(rates)))
@@ -296,7 +296,7 @@ def _distances(device: Simulator, twin: Simulator, begun: float, ends: Iterator[
     command = device.scene.motor_command
     value = device.scene[command.replace("_", ".")]
     twin.restore(device.checkpoint())
-    twin.command(**{command: (1.0 - _APART) * value})
+    twin.command(**{command: (1.0 - _PAIR_SEPARATION) * value})
     for one in (device, twin):
         one.advance_to(begun)
     twin.command(**{command: value})
@@ -306,7 +306,7 @@ def _distances(device: Simulator, twin: Simulator, begun: float, ends: Iterator[
         apart = max(np.abs(first.upper_position - second.upper_position).max(),
                     np.abs(first.inclined_position - second.inclined_position).max())
         distances.append(max(_ROUNDING, float(apart)))
-        if distances[-1] > _SATURATED:
+        if distances[-1] > _LARGEST_DISTANCE:
             break
     for one in (device, twin):
         one.take_events()  # so that they do not accumulate
@@ -358,7 +358,7 @@ def zero_one_test(series: Sequence[float] | np.ndarray, noise: float = 1e-9) -> 
 
 def _growth(values: np.ndarray, frequency: float) -> float:
     """K for one frequency c [rad per value]; see the module's docstring."""
-    count, lags = len(values), np.arange(1, len(values) // _WATCHED + 1)
+    count, lags = len(values), np.arange(1, len(values) // _DISPLACEMENT_PARTS + 1)
     walk = np.cumsum(values * np.exp(1j * frequency * np.arange(1, count + 1)))
     oscillating = values.mean()**2 * (1.0 - np.cos(frequency * lags)) / (1.0 - np.cos(frequency))
     displacement = _mean_square(walk, lags) - oscillating

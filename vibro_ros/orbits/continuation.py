@@ -34,7 +34,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_ros.orbits.family import LONGEST_STEP, BranchPoint, Family, LostError, corrected, point_at
+from vibro_ros.orbits.family import LONGEST_STEP, BranchPoint, Family, LostError, corrected_orbit, point_at
 from vibro_ros.orbits.orbit import CLOSED
 from vibro_ros.orbits.passage import change_in_words, contacts_of, same_order
 from vibro_ros.simulation.motion import SimulationError
@@ -43,28 +43,29 @@ FIRST_STEP, SHORTEST_STEP = 0.01, 1e-10
 """First and shortest step along the branch, in units of the machine and shares of the parameter's range."""
 NEAREST_EVENT = 0.01
 """Least distance of the cut from all events, as a share of a turn; nearer, the cut is moved."""
-_ARC = 1e-6  # below this arc, the width of a special point's interval is that of the parameter alone, as at a fold
-_AHEAD = 1e-6  # arc to a second point, which gives the branch's direction when the cut changes
-_FEW = 2  # most derivatives of a step's Newton iteration after which the next step is longer
-_CREEP, _WILD = 1e-4, 1e3  # shorter steps, with a larger multiplier, end the branch as too unstable to be followed
-_SHORT = 1e-5  # a step that fails and is shorter is searched for an edge
+_LEAST_ARC = 1e-6  # below it, the width of a special point's interval is that of the parameter alone, as at a fold
+_DIRECTION_ARC = 1e-6  # arc to a second point, which gives the branch's direction when the cut changes
+_EASY_ITERATIONS = 2  # most derivatives of a step's Newton iteration after which the next step is longer
+# Shorter steps, with a larger multiplier, end the branch as too unstable to be followed.
+_STIFF_STEP, _STIFF_MULTIPLIER = 1e-4, 1e3
+_EDGE_SEARCH_STEP = 1e-5  # a step that fails and is shorter is searched for an edge
 STRAIGHT = 0.9
 """Least cosine between the tangents of neighbours; below, the step is halved."""
-_SHARP = 1e-12  # arc to which the edge is located
-_CLEAR = 1e-9  # arc beyond the edge at which the order of events must differ
+_EDGE_ARC = 1e-12  # arc to which the edge is located
+_BEYOND_ARC = 1e-9  # arc beyond the edge at which the order of events must differ
 _MOST_ROUNDS = 8
-_BACK = 1e-6  # arc before the edge at which its multipliers are computed
-_PROBES = (1e-6, 1e-5, 1e-4, 1e-3)  # arcs beyond the edge at which the other side's derivative is computed
-_ENTRIES = (1e-4, 1e-5, 1e-3, 1e-6)  # arcs from the edge to the first point of the other side
+_BEFORE_ARC = 1e-6  # arc before the edge at which its multipliers are computed
+_DERIVATIVE_ARCS = (1e-6, 1e-5, 1e-4, 1e-3)  # arcs beyond the edge at which the other side's derivative is computed
+_FIRST_POINT_ARCS = (1e-4, 1e-5, 1e-3, 1e-6)  # arcs from the edge to the first point of the other side
 _DEPTHS = (0.0, 1.0, 10.0, 0.1)  # see `_entered`
 _MOST_CHORDS = 40  # iterations of Newton's method with a constant derivative
 FOLD, DOUBLING, TORUS, GRAZING, CORNER = "fold", "period doubling", "Neimark-Sacker", "grazing", "corner"
 KINDS = (FOLD, DOUBLING, TORUS, GRAZING, CORNER)
 TOLERANCE = 1e-10
 """Tolerance of a special point's parameter value, as a share of the parameter's range."""
-_UNIT = 1e-3  # largest distance from 1 of the magnitude of a Neimark-Sacker point's multipliers
-_BEHIND = 1e-5  # arc beyond an edge at which the other side is compared with this one
-_SMOOTH = 5e-3  # largest changes there of the tangent (1 - cosine) and, relative, of the multipliers without a corner
+_CIRCLE_TOLERANCE = 1e-3  # largest distance from 1 of the magnitude of a Neimark-Sacker point's multipliers
+_COMPARED_ARC = 1e-5  # arc beyond an edge at which the other side is compared with this one
+_SMOOTH_CHANGE = 5e-3  # largest changes there of the tangent (1 - cosine) and, relative, of multipliers, if smooth
 
 
 class EdgeError(LostError):
@@ -98,7 +99,7 @@ def follow(family: Family, unknowns: np.ndarray, direction: float) -> Iterator[t
         Where the branch cannot be followed.
     """
     along = direction * np.eye(len(unknowns))[-1]
-    unknowns, _ = corrected(family, unknowns, along)
+    unknowns, _ = corrected_orbit(family, unknowns, along)
     yield from follow_on(point_at(family, unknowns, along))
 
 
@@ -114,7 +115,7 @@ def follow_on(point: BranchPoint) -> Iterator[tuple[BranchPoint, BranchPoint]]:
         point = _well_cut(point)
 
 
-def stepped(point: BranchPoint, begin: np.ndarray, step: float, shortest: float,
+def take_step(point: BranchPoint, begin: np.ndarray, step: float, shortest: float,
             solved: Callable[[np.ndarray, float], tuple[Any, bool]], across: Callable[[float, bool], list[Any]],
             what: str) -> tuple[list[Any], float]:
     """Step to the next point of a branch or curve, or to the points at and beyond a change of events.
@@ -169,18 +170,18 @@ def _next(point: BranchPoint, step: float) -> tuple[list[BranchPoint], float]:
     family = point.family
 
     def solved(guess: np.ndarray, step: float) -> tuple[BranchPoint, bool]:
-        unknowns, derivatives = corrected(family, guess, point.tangent, step)
-        return point_at(family, unknowns, point.tangent, step), derivatives <= _FEW
+        unknowns, derivatives = corrected_orbit(family, guess, point.tangent, step)
+        return point_at(family, unknowns, point.tangent, step), derivatives <= _EASY_ITERATIONS
 
     def across(step: float, crosses: bool) -> list[BranchPoint]:
-        if (crosses or step < _SHORT) and (last := edge(point, step)):
-            return [last, beyond(last)]
-        if step < 2.0 * _CREEP and abs(point.multipliers[0]) > _WILD:
+        if (crosses or step < _EDGE_SEARCH_STEP) and (last := point_before_edge(point, step)):
+            return [last, point_beyond_edge(last)]
+        if step < 2.0 * _STIFF_STEP and abs(point.multipliers[0]) > _STIFF_MULTIPLIER:
             raise LostError(f"too unstable to be followed beyond {family.where(point.unknowns)}: a disturbance grows "
                             f"{abs(point.multipliers[0]):.4g}-fold until the motion repeats itself")
         return []
 
-    return stepped(point, point.unknowns, step, SHORTEST_STEP, solved, across, "branch")
+    return take_step(point, point.unknowns, step, SHORTEST_STEP, solved, across, "branch")
 
 
 def _well_cut(point: BranchPoint) -> BranchPoint:
@@ -188,16 +189,16 @@ def _well_cut(point: BranchPoint) -> BranchPoint:
     if point.passage.clear >= NEAREST_EVENT:
         return point
     family, (here, ahead) = point.family.recut(point.passage.best, [
-        point.unknowns, point.unknowns + _AHEAD * point.tangent])
+        point.unknowns, point.unknowns + _DIRECTION_ARC * point.tangent])
     along = (ahead - here) / np.linalg.norm(ahead - here)
     try:
-        unknowns, _ = corrected(family, here, along)
+        unknowns, _ = corrected_orbit(family, here, along)
     except LostError:
         return point
     return point_at(family, unknowns, along)
 
 
-def located(before: BranchPoint, after: BranchPoint, test: Callable[[BranchPoint], float],
+def locate_zero(before: BranchPoint, after: BranchPoint, test: Callable[[BranchPoint], float],
             tolerance: float) -> tuple[BranchPoint, float]:
     """Locate the zero of a test function between two neighbours by the Illinois method (secant and bisection).
 
@@ -224,7 +225,7 @@ def located(before: BranchPoint, after: BranchPoint, test: Callable[[BranchPoint
     while (high - low) * length > 0.1 * tolerance and _width(low_point, high_point, (high - low) * length) > tolerance:
         secant = low + (high - low) * at_low / (at_low - at_high)
         middle = min(max(secant, low + 1e-3 * (high - low)), high - 1e-3 * (high - low))
-        unknowns, _ = corrected(family, start + middle * span, normal, length)
+        unknowns, _ = corrected_orbit(family, start + middle * span, normal, length)
         point = point_at(family, unknowns, before.tangent, length, fine=True)
         at = test(point)
         if (at > 0.0) == (at_low > 0.0):
@@ -242,10 +243,10 @@ def _width(low: BranchPoint, high: BranchPoint, arc: float) -> float:
     """Share of the parameter's range between two points; at a fold from the tangents, because the difference is small.
     """
     within = max(abs(low.tangent[-1]), abs(high.tangent[-1])) * arc
-    return float(max(within, abs(low.unknowns[-1] - high.unknowns[-1]), 0.0 if arc < _ARC else arc))
+    return float(max(within, abs(low.unknowns[-1] - high.unknowns[-1]), 0.0 if arc < _LEAST_ARC else arc))
 
 
-def edge(point: BranchPoint, step: float) -> BranchPoint | None:
+def point_before_edge(point: BranchPoint, step: float) -> BranchPoint | None:
     """Return the farthest point of the branch, within an arc of `step`, with the same order of events as `point`.
 
     Returns
@@ -257,10 +258,11 @@ def edge(point: BranchPoint, step: float) -> BranchPoint | None:
     try:
         for _ in range(_MOST_ROUNDS):
             unknowns, width = _last_of_side(low, far)
-            ahead = unknowns + max(_CLEAR, 10.0 * width) * low.tangent
+            ahead = unknowns + max(_BEYOND_ARC, 10.0 * width) * low.tangent
             apart = float(np.linalg.norm(unknowns - low.unknowns))
             if not same_order(family.order(ahead), low.passage.order):
-                side = point_at(family, unknowns - min(_BACK, 0.5 * apart) * low.tangent, low.tangent, _BACK)
+                before = unknowns - min(_BEFORE_ARC, 0.5 * apart) * low.tangent
+                side = point_at(family, before, low.tangent, _BEFORE_ARC)
                 return replace(side, unknowns=unknowns, passage=family.passage(unknowns),
                                mean_speed=family.mean_speed(unknowns), width=family.span(abs(width * low.tangent[-1])))
             if apart == 0.0:
@@ -294,7 +296,7 @@ def _last_of_side(low: BranchPoint, far: float) -> tuple[np.ndarray, float]:
         return at if closes else None
 
     near, last = 0.0, low.unknowns
-    while far - near > _SHARP:
+    while far - near > _EDGE_ARC:
         middle = 0.5 * (near + far)
         try:
             found = ahead(last + (middle - near) * low.tangent)
@@ -307,7 +309,7 @@ def _last_of_side(low: BranchPoint, far: float) -> tuple[np.ndarray, float]:
     return last, far - near
 
 
-def beyond(before: BranchPoint) -> BranchPoint:
+def point_beyond_edge(before: BranchPoint) -> BranchPoint:
     """Return the first point of the branch on the other side of an edge.
 
     The derivative of the residual is computed on the extrapolation of this side's branch, which lies on the other side;
@@ -319,17 +321,17 @@ def beyond(before: BranchPoint) -> BranchPoint:
         If no orbit is found there.
     """
     family = before.family
-    for probe in _PROBES:
+    for probe in _DERIVATIVE_ARCS:
         try:
             direction = _direction(family, before, probe)
         except (SimulationError, ValueError, np.linalg.LinAlgError):
             continue
         if direction is not None:
-            for arc, sign, depth in itertools.product(_ENTRIES, (1.0, -1.0), _DEPTHS):
+            for arc, sign, depth in itertools.product(_FIRST_POINT_ARCS, (1.0, -1.0), _DEPTHS):
                 if found := _entered(before, sign * direction, arc, depth):
                     return found
     change, grazes = "which ones was not found", False
-    for probe in (_CLEAR, *_PROBES):
+    for probe in (_BEYOND_ARC, *_DERIVATIVE_ARCS):
         order = family.order(before.unknowns + probe * before.tangent)
         if not same_order(order, before.passage.order):
             change = change_in_words(before.passage.order, order)
@@ -363,7 +365,7 @@ def _entered(before: BranchPoint, direction: np.ndarray, arc: float, depth: floa
     try:
         if same_order(family.order(guess), before.passage.order):
             return None
-        unknowns, _ = corrected(family, guess, direction, arc)
+        unknowns, _ = corrected_orbit(family, guess, direction, arc)
         if np.linalg.norm(unknowns - guess) > arc:
             return None
         found = point_at(family, unknowns, direction, arc)
@@ -422,10 +424,10 @@ def special_points(before: BranchPoint, after: BranchPoint) -> Iterator[SpecialP
         return
     for kind, test in _TESTS.items():
         if (test(before) > 0.0) != (test(after) > 0.0):
-            point, width = located(before, after, test, TOLERANCE)
+            point, width = locate_zero(before, after, test, TOLERANCE)
             pair = np.abs(point.multipliers[point.multipliers.imag != 0.0])
             # Real multipliers whose product is 1 are a neutral saddle, not a Neimark-Sacker point.
-            if kind != TORUS or (len(pair) and np.abs(pair - 1.0).min() < _UNIT):
+            if kind != TORUS or (len(pair) and np.abs(pair - 1.0).min() < _CIRCLE_TOLERANCE):
                 yield SpecialPoint(kind, point, width)
 
 
@@ -434,10 +436,10 @@ def _is_smooth(before: BranchPoint, after: BranchPoint) -> bool:
     family, start = before.family, before.unknowns
     direction = (after.unknowns - start) / np.linalg.norm(after.unknowns - start)
     try:
-        unknowns, _ = corrected(family, start + _BEHIND * direction, direction, _BEHIND)
-        near = point_at(family, unknowns, direction, _BEHIND)
+        unknowns, _ = corrected_orbit(family, start + _COMPARED_ARC * direction, direction, _COMPARED_ARC)
+        near = point_at(family, unknowns, direction, _COMPARED_ARC)
     except LostError:
         return False
     here, there = np.poly(before.multipliers), np.poly(near.multipliers)
-    return bool(1.0 - before.tangent @ near.tangent < _SMOOTH
-                and np.abs(here - there).max() < _SMOOTH * np.abs(here).max())
+    return bool(1.0 - before.tangent @ near.tangent < _SMOOTH_CHANGE
+                and np.abs(here - there).max() < _SMOOTH_CHANGE * np.abs(here).max())

@@ -13,18 +13,18 @@ import numpy as np
 from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.orbit import CLOSED, STEP, differences
-from vibro_ros.orbits.passage import EventOrder, Passage, ordered, passage
+from vibro_ros.orbits.passage import EventOrder, Passage, end_and_order, passage
 from vibro_ros.orbits.turn_map import TurnEnd, TurnMap, at_cut, check_closes, units_of
 from vibro_ros.simulation.motion import SimulationError
 
 LONGEST_STEP = 0.05
 """Longest step along a branch: in units of the machine and shares of the parameters' ranges."""
 _MOST_ITERATIONS = 24
-_SLOW = 0.1  # the derivative is computed again after a step that leaves a larger part of the residual
-_MAPS = 16  # turn maps in the cache: enough for a derivative with respect to two parameters and for a step
+_SLOW_CONVERGENCE = 0.1  # the derivative is computed again after a step that leaves a larger part of the residual
+_CACHED_MAPS = 16  # turn maps in the cache: enough for a derivative with respect to two parameters and for a step
 _LEAST_STEP = 1e-9  # of the differences, of which rounding then leaves five digits
-_PART = 0.1  # longest step of differences as a part of the reach, and of the nearest miss
-_SHARE = 0.005  # the same as a part of the square of the softest contact's speed
+_STEP_PER_REACH = 0.1  # longest step of differences as a part of the reach, and of the nearest miss
+_STEP_PER_SPEED = 0.005  # the same as a part of the square of the softest contact's speed
 
 
 class Family:
@@ -64,7 +64,7 @@ class Family:
         check_closes(scene)
         self.units = units_of(scene)
         self._low, self._high = np.array(list(ranges.values()), dtype=float).T
-        self._map_of = lru_cache(_MAPS)(self._made)
+        self._map_of = lru_cache(_CACHED_MAPS)(self._make_map)
 
     def values(self, unknowns: np.ndarray) -> np.ndarray:
         """Values of the parameters at some unknowns, in their units, shape (1,) or (2,)."""
@@ -87,7 +87,7 @@ class Family:
         """Return the turn map at the parameters of some unknowns (ValueError if the scene refuses the values)."""
         return self._map_of(*unknowns[len(self.units):].tolist())
 
-    def _made(self, *shares: float) -> TurnMap:
+    def _make_map(self, *shares: float) -> TurnMap:
         values = (self._low + np.array(shares) * (self._high - self._low)).tolist()
         turn_map = TurnMap(self.scene.with_parameters(dict(zip(self.names, values, strict=True))), self.phase)
         turn_map.units = self.units
@@ -116,7 +116,7 @@ class Family:
 
     def order(self, unknowns: np.ndarray) -> EventOrder:
         """Order of the events between the cut and `turns` turns later."""
-        return ordered(self.map_at(unknowns), self.state(unknowns), self.turns)[1]
+        return end_and_order(self.map_at(unknowns), self.state(unknowns), self.turns)[1]
 
     def passage(self, unknowns: np.ndarray) -> Passage:
         """Events from the cut over `turns` turns."""
@@ -138,7 +138,8 @@ class Family:
         With `fine`, differences over half the step cancel the leading error (L. F. Richardson's extrapolation).
         """
         free, seen = self.free(unknowns), self.passage(unknowns)
-        step = max(_LEAST_STEP, min(longest, _SHARE * seen.softest**2, _PART * seen.miss, _PART * reach))
+        step = max(_LEAST_STEP, min(longest, _STEP_PER_SPEED * seen.softest**2, _STEP_PER_REACH * seen.miss,
+                                    _STEP_PER_REACH * reach))
         while True:
             matrix, same = self._differences(unknowns, free, seen.order, step)
             if same or step <= _LEAST_STEP:
@@ -153,7 +154,7 @@ class Family:
         orders = list[EventOrder]()
 
         def end_of(moved: np.ndarray) -> np.ndarray:
-            end, along = ordered(self.map_at(moved), self.state(moved), self.turns)
+            end, along = end_and_order(self.map_at(moved), self.state(moved), self.turns)
             orders.append(along)
             return end.state
 
@@ -255,7 +256,7 @@ class LostError(RuntimeError):
     """A branch cannot be followed further; the message says why."""
 
 
-def corrected(family: Family, guess: np.ndarray, normal: np.ndarray,
+def corrected_orbit(family: Family, guess: np.ndarray, normal: np.ndarray,
               reach: float = LONGEST_STEP) -> tuple[np.ndarray, int]:
     """Return the orbit in the plane through `guess` perpendicular to `normal`, and the number of Jacobians computed.
 
@@ -280,7 +281,7 @@ def corrected(family: Family, guess: np.ndarray, normal: np.ndarray,
             size = float(np.abs(residual).max())
             if size <= CLOSED and size >= 0.25 * best:  # rounding allows no smaller residual
                 return closest if best < size else at, derivatives
-            if matrix is None or size > _SLOW * best:
+            if matrix is None or size > _SLOW_CONVERGENCE * best:
                 matrix, derivatives = np.vstack([family.jacobian(at, reach), normal]), derivatives + 1
             if size < best:
                 best, closest = size, at

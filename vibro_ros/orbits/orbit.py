@@ -36,25 +36,26 @@ SETTLING = (200, 1000, 5000)
 STEP = 1e-5
 """Step of the central differences, in units of the machine: the errors of the step (its square) and of rounding
 (rounding / step) are both about 1e-9."""
-_STEPS = (STEP, 1e-6, 1e-7, 1e-8)
+_DIFFERENCE_STEPS = (STEP, 1e-6, 1e-7, 1e-8)
 """Steps that are tried for multipliers: contacts that are soft or close to each other need smaller ones than `STEP`."""
-_AGREEING = 1e-8  # difference of the multipliers of two steps below which no third step is tried
+_AGREEMENT = 1e-8  # difference of the multipliers of two steps below which no third step is tried
 CLOSED = 1e-11
 """Largest residual of an orbit, in units of the machine; rounding along a turn makes 1e-14 to 1e-12."""
 _MOST_STEPS = 40
-_SHORTEST = 2.0**-10  # smallest part of a Newton step that is tried
+_LEAST_STEP_PART = 2.0**-10  # smallest part of a Newton step that is tried
 SAME = 1e-6
 """Largest difference between states that count as the same orbit, in units of the machine."""
-_UNSTABLE = 4  # longest period [turns] of the unstable orbits that `seeds_of` searches for
+_LONGEST_UNSTABLE = 4  # longest period [turns] of the unstable orbits that `seeds_of` searches for
 _GUESSES = 4  # states of the settled motion that Newton's method begins with, those of the smallest residual first
-_CLOSE = 1e-6  # units of the machine: largest difference after a period; a settled motion repeats itself much better
+# Largest difference after a period, in units of the machine; a settled motion repeats itself much better.
+_LARGEST_RETURN = 1e-6
 
 
 class OrbitNotFoundError(RuntimeError):
     """No motion repeats itself after the given number of turns; the message says which motion was found."""
 
 
-class Closed(NamedTuple):
+class FixedPoint(NamedTuple):
     """A fixed point of the turn map over one or more turns.
 
     Attributes
@@ -161,17 +162,17 @@ def find_orbit(scene: Scene, turns: int = 1) -> Orbit:
         seen = turn_map.cuts(device, 2 * MOST_TURNS).states
         returns = np.abs(seen[turns:] - seen[:-turns]).max(axis=1)
         for best in np.argsort(returns, kind="stable")[:_GUESSES]:
-            if closed := close(turn_map, seen[best], turns):
+            if closed := fixed_point(turn_map, seen[best], turns):
                 return orbit_at(turn_map, closed, turns)
         repeats = repeats or next((count for count in range(1, MOST_TURNS + 1)
-                                   if np.abs(seen[count:] - seen[:-count]).max() < _CLOSE), 0)
+                                   if np.abs(seen[count:] - seen[:-count]).max() < _LARGEST_RETURN), 0)
     found = f"; it repeats itself after {repeats} turns: give turns={repeats}" if repeats else (
         f", nor one that repeats itself within {MOST_TURNS} turns")
     raise OrbitNotFoundError(f"{scene.name}: at {command_in_words(scene)} no motion was found that repeats itself "
                              f"after {turns} turns{found}")
 
 
-def orbit_at(turn_map: TurnMap, closed: Closed, turns: int) -> Orbit:
+def orbit_at(turn_map: TurnMap, closed: FixedPoint, turns: int) -> Orbit:
     """Return the orbit through a fixed point of the map, with multipliers and mean speed."""
     multipliers, error = _multipliers(turn_map, closed.state, turns)
     end = turn_map(closed.state, turns)
@@ -187,7 +188,7 @@ def _multipliers(turn_map: TurnMap, state: np.ndarray, turns: int) -> tuple[np.n
     """
     free = np.flatnonzero(~turn_map.held(state))
     best, error, last = np.zeros(len(free), complex), np.inf, None
-    for step in _STEPS:
+    for step in _DIFFERENCE_STEPS:
         found = np.linalg.eigvals(derivative(turn_map, state, turns, step)[0][np.ix_(free, free)])
         if last is not None:
             apart = np.abs(found[:, None] - last)
@@ -195,7 +196,7 @@ def _multipliers(turn_map: TurnMap, state: np.ndarray, turns: int) -> tuple[np.n
             if change >= error:
                 break
             best, error = found, change
-            if change <= _AGREEING:
+            if change <= _AGREEMENT:
                 break
         last = found
     multipliers = np.zeros(len(state), dtype=complex)
@@ -242,7 +243,7 @@ def differences(end_of: Callable[[np.ndarray], np.ndarray], at: np.ndarray, free
     return np.column_stack([columns.get(i, zero) for i in range(len(at))])
 
 
-def close(turn_map: TurnMap, guess: np.ndarray, turns: int) -> Closed | None:
+def fixed_point(turn_map: TurnMap, guess: np.ndarray, turns: int) -> FixedPoint | None:
     """Fixed point of the map over `turns` turns by Newton's method from `guess`; None if it does not converge.
 
     A step that does not reduce the residual is halved. Coordinates that a plate, the ground or friction holds at the
@@ -258,7 +259,7 @@ def close(turn_map: TurnMap, guess: np.ndarray, turns: int) -> Closed | None:
         except (np.linalg.LinAlgError, SimulationError, ValueError):
             return None
         part = 1.0
-        while part >= _SHORTEST:
+        while part >= _LEAST_STEP_PART:
             moved = state - part * difference
             try:
                 after = turn_map(moved, turns).state - moved
@@ -271,7 +272,7 @@ def close(turn_map: TurnMap, guess: np.ndarray, turns: int) -> Closed | None:
         else:
             break
     size = float(np.abs(residual).max(initial=0.0))
-    return Closed(state, size) if size <= CLOSED else None
+    return FixedPoint(state, size) if size <= CLOSED else None
 
 
 @dataclass(frozen=True)
@@ -314,11 +315,12 @@ def seeds_of(scene: Scene, starts: int, most_turns: int) -> list[Seed]:
     turn_map = free_cut(scene)
     stroboscope, found = Stroboscope(turn_map), list[Seed]()
     for start in range(starts):
-        stroboscope.begin_as(**_drawn(turn_map, start))
+        stroboscope.begin_as(**_random_start(turn_map, start))
         motion = settle(stroboscope)
-        if motion and 1 <= motion.turns <= most_turns and (closed := close(turn_map, motion.states[-1], motion.turns)):
+        if motion and 1 <= motion.turns <= most_turns and (
+                closed := fixed_point(turn_map, motion.states[-1], motion.turns)):
             found.append(Seed(motion.turns, turn_map.phase, closed.state))
-    for turns in range(1, min(_UNSTABLE, most_turns) + 1):
+    for turns in range(1, min(_LONGEST_UNSTABLE, most_turns) + 1):
         try:
             orbit = find_orbit(scene, turns)
         except OrbitNotFoundError:
@@ -338,7 +340,7 @@ def seeds_of(scene: Scene, starts: int, most_turns: int) -> list[Seed]:
     return different
 
 
-def _drawn(turn_map: TurnMap, start: int) -> dict[str, float]:
+def _random_start(turn_map: TurnMap, start: int) -> dict[str, float]:
     """Random crank angle and velocities of start number `start`, as arguments of `Simulator.set_state`.
 
     Empty for start 0, the scene's own.

@@ -20,12 +20,13 @@ from vibro_ros.simulation.simulator import Simulator
 EventOrder = tuple[str, ...]
 LANDING = "landing"
 _CONTACT, _ENDS = "_contact", "_ends"
-_BESIDE = np.array([-2.0, 2.0])  # spacings of floats before and after a landing, whose instant is rounded
-_SAME = 1e-11  # share of the whole time within which events count as simultaneous, as when an impact unloads the ground
-_STOPPED = 1e-12  # m/s along the ground: rounding of a body that a landing has stopped
+_FLOAT_OFFSETS = np.array([-2.0, 2.0])  # spacings of floats before and after a landing, whose instant is rounded
+# Share of the whole time within which events count as simultaneous, as when an impact unloads the ground.
+_SIMULTANEOUS = 1e-11
+_STOPPED_SPEED = 1e-12  # m/s along the ground: rounding of a body that a landing has stopped
 SAMPLES = 1024
 """Samples of a turn in which misses are searched for."""
-_NEAR = 1e-3  # crank radii: a miss nearer than this is computed exactly
+_EXACT_MISS = 1e-3  # crank radii: a miss nearer than this is computed exactly
 
 
 class Miss(NamedTuple):
@@ -103,10 +104,10 @@ def passage(turn_map: TurnMap, state: np.ndarray, turns: int) -> Passage:
     misses = _misses(turn_map, state, np.linspace(0.0, end, turns * SAMPLES + 1), contacts)
     return Passage(tuple(zip(kinds.tolist(), counts.tolist(), strict=True)), float(clear),
                    float((turn_map.phase + direction(turn_map.scene) * best) % TURN), float(speeds.min(initial=np.inf)),
-                   _nearest(turn_map, state, misses), ordered(turn_map, state, turns)[1], misses)
+                   _nearest(turn_map, state, misses), end_and_order(turn_map, state, turns)[1], misses)
 
 
-def ordered(turn_map: TurnMap, state: np.ndarray, turns: int = 1) -> tuple[TurnEnd, EventOrder]:
+def end_and_order(turn_map: TurnMap, state: np.ndarray, turns: int = 1) -> tuple[TurnEnd, EventOrder]:
     """Return the end of `turns` turns from `state`, as a call of the map does, and the order of the events until then.
     """
     device = turn_map.device
@@ -119,7 +120,7 @@ def ordered(turn_map: TurnMap, state: np.ndarray, turns: int = 1) -> tuple[TurnE
     speeds = np.zeros((len(landings), 2))
     if len(landings):  # an event of a landing does not contain the body's speeds before and after it
         device.restore(start)
-        beside = landings[:, None] + _BESIDE * np.spacing(landings)[:, None]
+        beside = landings[:, None] + _FLOAT_OFFSETS * np.spacing(landings)[:, None]
         speeds = device.sample(beside.ravel()).body_velocity.reshape(-1, 2)
     return TurnEnd(turn_map.read(now), now.body_position, end), event_order(events, end, speeds)
 
@@ -146,14 +147,14 @@ def event_order(events: np.ndarray, until: float, speeds: np.ndarray) -> EventOr
     for time, kind in sorted(happened + ends):
         if time >= until:
             break
-        if time - at_once[-1][-1][0] > _SAME * until:
+        if time - at_once[-1][-1][0] > _SIMULTANEOUS * until:
             at_once.append([])
         at_once[-1].append((time, kind))
     return tuple(kind for group in at_once[1:] for kind in sorted(kind for _, kind in group))
 
 
 def _landing(before: float, after: float) -> str:
-    if abs(after) < _STOPPED:
+    if abs(after) < _STOPPED_SPEED:
         return f"{LANDING}_stops"
     return f"{LANDING}_{'turns' if before * after < 0.0 else 'slips'}_{'forward' if after > 0.0 else 'backward'}"
 
@@ -203,7 +204,7 @@ def _misses(turn_map: TurnMap, state: np.ndarray, times: np.ndarray, contacts: n
 
 def _nearest(turn_map: TurnMap, state: np.ndarray, misses: tuple[Miss, ...]) -> float:
     """`Passage.miss`: the least distance of all misses [crank radii], computed exactly where a sample is near."""
-    near = _NEAR * turn_map.length
+    near = _EXACT_MISS * turn_map.length
     least = min((least_gap(turn_map, state, miss) if miss.gap < near else miss.gap for miss in misses), default=np.inf)
     return least / turn_map.length
 

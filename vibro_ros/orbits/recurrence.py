@@ -48,11 +48,11 @@ CLOUD = 256
 """Number of states that identify a motion without a period, and least number of turns in each of its clouds."""
 _ROUNDING = 1e-9  # in units of the machine: fifty times the rounding error after a motion's period of many turns
 _DRIFT = 0.25  # of the jitter, between the means of two quarters: what is left of an approach is a few times as much
-_STANDS = 0.8  # a motion whose returns shrink from quarter to quarter to less than this share is still settling
+_STATIONARY_SHARE = 0.8  # a motion whose returns shrink from quarter to quarter to less than this is still settling
 # Largest median distance of a motion's states from a cloud of the same motion: in distances between neighbours of the
 # cloud, or in extents of the cloud. The first fails where the cloud lingers near a point, the second where it is thin.
 _NEIGHBOURS, _EXTENT = 3.0, 0.05
-_NO_EXTENT = 1e-3  # least extent of a coordinate, in units of the machine, because it may be held
+_LEAST_EXTENT = 1e-3  # least extent of a coordinate, in units of the machine, because it may be held
 
 
 class NotSettledError(RuntimeError):
@@ -272,7 +272,7 @@ def _period_within_jitter(states: np.ndarray) -> int:
         drifts = [np.abs(np.subtract(*(part.mean(axis=0) for part in np.array_split(one, 2)))).max()
                   for one in turn_by_turn]
         shrinking = (_returns(states, part) for part in range(1, turns) if turns % part == 0)
-        settled = max(drifts) <= _DRIFT * JITTER and all(now >= _STANDS * before for now, before in shrinking)
+        settled = max(drifts) <= _DRIFT * JITTER and all(now >= _STATIONARY_SHARE * before for now, before in shrinking)
         return turns if settled else 0
     return 0
 
@@ -287,7 +287,7 @@ class Cloud:
     """
 
     def __init__(self, states: np.ndarray):
-        self._extent = np.maximum(np.ptp(states, axis=0), _NO_EXTENT)
+        self._extent = np.maximum(np.ptp(states, axis=0), _LEAST_EXTENT)
         self._tree = KDTree(states / self._extent)
         neighbours = float(np.median(self._tree.query(states / self._extent, k=2)[0][:, 1]))
         self._reach = max(_EXTENT, _NEIGHBOURS * neighbours)
@@ -310,4 +310,4 @@ def _is_stationary(states: np.ndarray) -> bool:
     """Whether a motion without a period has settled: its smallest returns do not shrink, and its cloud stays."""
     now, before = min((_returns(states, turns) for turns in range(1, LONGEST_PERIOD + 1)), key=lambda pair: pair[0])
     quarter = len(states) // 4
-    return now > _STANDS * before and bool(Cloud(states[-2 * quarter:-quarter]).holds(states[-quarter:]))
+    return now > _STATIONARY_SHARE * before and bool(Cloud(states[-2 * quarter:-quarter]).holds(states[-quarter:]))

@@ -26,10 +26,10 @@ def drawn_start(scene: Scene, number: int, batch: int = 0) -> Simulator:
 
     Start `number` of two scenes uses the same random numbers, so that differences do not come from the draw.
     """
-    return started(scene, np.random.default_rng((batch, number)))
+    return start_device(scene, np.random.default_rng((batch, number)))
 
 
-def started(scene: Scene, draw: np.random.Generator) -> Simulator:
+def start_device(scene: Scene, draw: np.random.Generator) -> Simulator:
     """Return a device after a random start, at the motor speed or voltage of `scene`, its plates moving to its gaps."""
     device, reach = Simulator(scene), _GAPS * scene["crank.radius"]
     name, command = motor_command(scene)

@@ -47,7 +47,7 @@ CELLS = 4096
 """Equal parts of a turn that are marked as free of events or not."""
 _CONTACT = "_contact"
 _LONGEST_TURN = 64.0  # turns without load: a crank that needs longer for one turn is taken to stand
-_SEEN_IN_TURN = 256  # instants of a turn, between which the angle of an event is interpolated
+_SAMPLES_PER_TURN = 256  # instants of a turn, between which the angle of an event is interpolated
 
 
 class TurnEnd(NamedTuple):
@@ -453,8 +453,8 @@ def _events_by_angle(device: Simulator) -> tuple[np.ndarray, np.ndarray]:
     begin = device.time
     advance_to_cut(device, turn + 1, 0.0)
     device.take_events()
-    step = (device.time - begin) / _SEEN_IN_TURN
-    samples = device.sample(device.time + np.arange(SEEN * _SEEN_IN_TURN + 1) * step)
+    step = (device.time - begin) / _SAMPLES_PER_TURN
+    samples = device.sample(device.time + np.arange(SEEN * _SAMPLES_PER_TURN + 1) * step)
     events = device.take_events()
     first = np.interp(events["time"], samples.time, samples.crank_angle / TURN)
     last = np.interp(events["time"] + events["duration"], samples.time, samples.crank_angle / TURN)

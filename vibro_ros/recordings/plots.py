@@ -158,21 +158,21 @@ def _draw_mass(guide: str, axes: Axes, bag: Bag, span: Span) -> None:
     At a contact the mass is at the plate; these points are added, because samples alone would miss part of its travel.
     """
     joints, impacts, colour = bag["joint_states"], _impacts(bag), _GUIDE_COLOURS[guide]
-    contacts = met = np.array([])
+    contacts = contact_positions = np.array([])
     if f"{guide}_plate.position" in joints:
         plate = joints[f"{guide}_plate.position"]
         line(axes, joints["time"], plate * MM, span, color=_BODY, lw=1.0, ls=(0, (4, 2)), label="its plate")
         if len(impacts["stamp"]):
             contacts = impacts["stamp"][impacts_of(bag, guide)]
-            met = np.interp(contacts, joints["time"], plate)
+            contact_positions = np.interp(contacts, joints["time"], plate)
     time = np.concatenate([joints["time"], contacts])
     order = np.argsort(time, kind="stable")
-    position = np.concatenate([joints[f"{guide}_mass.position"], met])[order] * MM
+    position = np.concatenate([joints[f"{guide}_mass.position"], contact_positions])[order] * MM
     _swings(axes, time[order], position, span, colour, f"{guide} mass")
     if _is_moment(span) and len(contacts):
         shown = (contacts >= span[0]) & (contacts <= span[1])
-        axes.plot(contacts[shown], met[shown] * MM, _GUIDE_MARKS[guide], color=colour, ms=7, mec="white", mew=0.7,
-                  label="impact, at the plate", zorder=4)
+        axes.plot(contacts[shown], contact_positions[shown] * MM, _GUIDE_MARKS[guide], color=colour, ms=7, mec="white",
+                  mew=0.7, label="impact, at the plate", zorder=4)
     axes.margins(y=0.12)
     axes.set_ylabel(f"{guide} mass [mm]")
 

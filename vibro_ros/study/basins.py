@@ -17,7 +17,7 @@ from matplotlib.patches import Patch
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.parameters import Value
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.attractors import MOST_ATTRACTORS, Attractors, grouped, measured
+from vibro_ros.orbits.attractors import MOST_ATTRACTORS, Attractors, group_starts, with_exponents
 from vibro_ros.orbits.chaos import sign_of
 from vibro_ros.orbits.recurrence import SettledMotion, command_in_words, settle, tolerance_of
 from vibro_ros.orbits.starts import running
@@ -35,7 +35,19 @@ from vibro_ros.simulation.given_state import STATE_UNITS
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.study.command import Progress, Results, StudyCommand, machine_of
 from vibro_ros.study.execution import Execution
-from vibro_ros.study.figures import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, YELLOW, new_figure, png, tidy
+from vibro_ros.study.figures import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    YELLOW,
+    new_figure,
+    png,
+    style_axes,
+)
 from vibro_ros.study.table import NUMBERS, Field, Study, are, computed, file_of, table_of
 from vibro_ros.study.variation import whole_number
 
@@ -44,7 +56,7 @@ TURNS, MOST_TURNS, STARTS_DRAWN, QUICK_STARTS = 64, 4096, 1000, 300
 MOST_STARTS = 1_000_000
 """Largest number of starts of a study."""
 _MOST_VALUES = 10_000  # of a coordinate of a grid
-_FIRST, _MOST = 8, 1_000_000  # limits of --turns and --most-turns
+_FEWEST_TURNS, _LARGEST_TURNS = 8, 1_000_000  # limits of --turns and --most-turns
 _BLOCK_ROWS = 1024  # starts of a block, some seconds of work: the most that an interruption loses
 _KEPT_STATES = 32  # states of a motion without a period that a row keeps
 ANGLE = "crank_angle"
@@ -153,9 +165,9 @@ class Design:
     most_turns: int
 
     def __post_init__(self) -> None:
-        if not _FIRST <= self.turns <= self.most_turns <= _MOST:
-            raise ValueError(f"--turns {self.turns} and --most-turns {self.most_turns}: give numbers from {_FIRST} to "
-                             f"{_MOST}, the smaller one first")
+        if not _FEWEST_TURNS <= self.turns <= self.most_turns <= _LARGEST_TURNS:
+            raise ValueError(f"--turns {self.turns} and --most-turns {self.most_turns}: give numbers from "
+                             f"{_FEWEST_TURNS} to {_LARGEST_TURNS}, the smaller one first")
 
     def document(self) -> dict:
         """Everything that determines the results, for JSON."""
@@ -325,15 +337,15 @@ def basins_in(design: Design, table: pa.Table) -> Basins:
         for one, states, speed, after in zip(turns, *(
             table[name].to_pylist() for name in ("states", "mean_speed", "after")), strict=True)]
     own, speeds = [motion for motion, is_able in zip(motions, able, strict=True) if is_able], table["mean_speed"]
-    found, places = grouped(own, speeds.to_numpy()[able].tolist())
-    told = Attractors(one for one in found if one.turns is not None)
+    found, places = group_starts(own, speeds.to_numpy()[able].tolist())
+    settled = Attractors(one for one in found if one.turns is not None)
     numbers = np.full(len(turns), IMPOSSIBLE)
-    numbers[able] = [place + 1 if place < len(told) else UNSETTLED if motion is None else OTHER
+    numbers[able] = [place + 1 if place < len(settled) else UNSETTLED if motion is None else OTHER
                      for place, motion in zip(places.tolist(), own, strict=True)]
-    with Progress("motions measured", "motion", len(told)) as progress:
+    with Progress("motions measured", "motion", len(settled)) as progress:
         exact = []
-        for one in told:
-            exact.append(measured(one, turn_map))
+        for one in settled:
+            exact.append(with_exponents(one, turn_map))
             progress.add(1)
     return Basins(Attractors(exact), numbers)
 
@@ -512,7 +524,7 @@ def _draw_dots(axes: Axes, table: pa.Table, over: tuple[Over, ...], numbers: np.
         axes.plot(table[second.name].to_numpy()[chosen], table[first.name].to_numpy()[chosen], ".", ms=3.0,
                   color=_colour(number), alpha=0.8)
     axes.set(xlabel=f"{second.name} [{second.unit}]", ylabel=f"{first.name} [{first.unit}]")
-    tidy(axes)
+    style_axes(axes)
 
 
 def _draw_shares(axes: Axes, found: Basins) -> None:
@@ -521,7 +533,7 @@ def _draw_shares(axes: Axes, found: Basins) -> None:
     spread = [[100.0 * (one.share - one.low) for one in shown], [100.0 * (one.high - one.share) for one in shown]]
     axes.bar(places, [100.0 * one.share for one in shown], yerr=spread, capsize=4, color=_COLOURS[:len(shown)])
     axes.set(xlabel="motion", ylabel="share of the starts, with 95 % interval [%]", xticks=places)
-    tidy(axes)
+    style_axes(axes)
 
 
 def _legend(found: Basins) -> list[Patch]:

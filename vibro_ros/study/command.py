@@ -222,8 +222,8 @@ def locked(folder: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
-_LINES = 10.0  # s between progress lines where no bar can be drawn
-_DELAY = 2.0  # s before a bar is drawn
+_LINE_PERIOD = 10.0  # s between progress lines where no bar can be drawn
+_BAR_DELAY = 2.0  # s before a bar is drawn
 
 
 class Progress:
@@ -240,7 +240,7 @@ class Progress:
     """
 
     def __init__(self, what: str, unit: str, total: int, done: int = 0):
-        self._bar = tqdm(desc=what, total=total, initial=done, unit=unit, disable=None, delay=_DELAY, smoothing=0.1)
+        self._bar = tqdm(desc=what, total=total, initial=done, unit=unit, disable=None, delay=_BAR_DELAY, smoothing=0.1)
         self._what, self._unit, self._total, self._first, self._done = what, unit, total, done, done
         self._begun_at = self._last_report = time.monotonic()
 
@@ -255,7 +255,7 @@ class Progress:
         self._done += count
         self._bar.update(count)
         now = time.monotonic()
-        if self._bar.disable and now - self._last_report > _LINES:
+        if self._bar.disable and now - self._last_report > _LINE_PERIOD:
             left = (now - self._begun_at) / (self._done - self._first) * (self._total - self._done)
             say("study", f"{self._what}: {self._done} of {self._total} {self._unit}s, "
                          f"{tqdm.format_interval(left)} left")

@@ -1,9 +1,9 @@
 """``study diagram``: the states once a turn over a parameter, swept up and down, with periods and Lyapunov exponents.
 
-A *visit* is the motion at one value in one direction. It begins with the last state of the visit before (`visited`). So
-a motion is followed as long as it is stable, and its end depends on the direction: this is hysteresis. Visits depend on
-each other and are computed in one process; a visit takes some hundredths of a second, unless nothing settles. Their
-exponents are independent and are computed in several processes (`measured`).
+A *visit* is the motion at one value in one direction. It begins with the last state of the visit before
+(`visit_table`). So a motion is followed as long as it is stable, and its end depends on the direction: this is
+hysteresis. Visits depend on each other and are computed in one process; a visit takes some hundredths of a second,
+unless nothing settles. Their exponents are independent and are computed in several processes (`period_table`).
 """
 
 import argparse
@@ -40,8 +40,8 @@ from vibro_ros.simulation.given_state import STATE_UNITS
 from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.study.command import Results, StudyCommand, machine_of
 from vibro_ros.study.execution import Execution, Rows, fingerprint
-from vibro_ros.study.figures import BLUE, VERMILION, new_figure, of_parameter, png, tidy
-from vibro_ros.study.table import KEY, Field, Study, are, computed, file_of, parameter_field, read, stored
+from vibro_ros.study.figures import BLUE, VERMILION, new_figure, of_parameter, png, style_axes
+from vibro_ros.study.table import KEY, Field, Study, are, computed, file_of, parameter_field, read_block, stored
 from vibro_ros.study.variation import Axis, at_the_edge, ends_at, varied_in_words, whole_number
 
 UP, DOWN = "up", "down"
@@ -163,7 +163,7 @@ class Visit:
     states: np.ndarray
 
 
-def visited(design: Design, folder: Path) -> tuple[pa.Table, tuple[Visit, ...]]:
+def visit_table(design: Design, folder: Path) -> tuple[pa.Table, tuple[Visit, ...]]:
     """Return the table of all states, and all visits; blocks that are missing in the folder are computed.
 
     Raises
@@ -198,7 +198,7 @@ def visited(design: Design, folder: Path) -> tuple[pa.Table, tuple[Visit, ...]]:
         for number in numbers:
             if number and last != number - 1:
                 block = number // _BLOCK - 1
-                before = cast(pa.Table, read(study, folder, block, study.points(block)))
+                before = cast(pa.Table, read_block(study, folder, block, study.points(block)))
                 left = _visits_in(design, before)[-1].states[-1]
             one = _visit(design, number, left if number else None)
             left, last = one.states[-1], number
@@ -284,7 +284,7 @@ def exponents_of(design: Design, settled: tuple[tuple[int, np.ndarray], ...], nu
              **{f"spread_{k + 1}": one for k, one in enumerate(spectrum.spread.tolist())}}]
 
 
-def measured(design: Design, seen: Sequence[Visit], folder: Path, execution: Execution) -> pa.Table:
+def period_table(design: Design, seen: Sequence[Visit], folder: Path, execution: Execution) -> pa.Table:
     """Table of the periods and exponents, one row for each visit; blocks that are missing in the folder are computed.
     """
     numbers = range(1, len(design.names) + 1)
@@ -314,7 +314,7 @@ class Diagram:
     visits : tuple of Visit
         All visits, in the order of their numbers.
     exponents : Table or None
-        Table of `measured`; None if no exponents were measured.
+        Table of `period_table`; None if no exponents were measured.
     """
 
     design: Design
@@ -478,7 +478,7 @@ def draw_diagram(found: Diagram) -> bytes:
     for axes, draw in zip(rows, panels, strict=True):
         draw(axes, found)
         _shade(axes, found)
-        tidy(axes)
+        style_axes(axes)
     rows[-1].set_xlabel(of_parameter(design.axis.name))
     figure.suptitle(f"{design.scene.name}: once a turn, at the crank angle {design.phase:.3f} rad; "
                     f"{len(design.axis.values)} values up and down", fontsize=11)
@@ -548,8 +548,9 @@ _MOST_TURNS, _EXPONENTS = 4096, 100
 
 
 def _results(design: Design, folder: Path, execution: Execution) -> Iterator[Results]:
-    states, seen = visited(design, folder / VISITS)
-    found = Diagram(design, seen, measured(design, seen, folder / EXPONENTS, execution) if design.exponents else None)
+    states, seen = visit_table(design, folder / VISITS)
+    periods = period_table(design, seen, folder / EXPONENTS, execution) if design.exponents else None
+    found = Diagram(design, seen, periods)
     yield Results({STATES: states_table(design, states), VALUES: values_table(found), PICTURE: draw_diagram(found)},
                   in_words(found))
 

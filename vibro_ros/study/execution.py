@@ -31,7 +31,7 @@ AHEAD = 16
 """Tasks per process that may be submitted beyond the next one whose result is awaited."""
 # Simulated time [s] of a task, and its largest number of points: some hundredths of a second of work on this machine,
 # and half a second on a cluster, whose scheduler distributes some thousand tasks a second.
-_HERE, _THERE = (64.0, 64), (512.0, 256)
+_LOCAL_GROUP, _CLUSTER_GROUP = (64.0, 64), (512.0, 256)
 _PATIENCE = "10s"  # to connect to the scheduler
 _one_at_a_time = threading.Lock()
 
@@ -113,7 +113,7 @@ class Execution:
         """
         for method in () if self.address else methods:
             prepare_kernels("study", method)  # compile once, before the processes are forked
-        task, (time, most) = Task(rows, methods), _THERE if self.address else _HERE
+        task, (time, most) = Task(rows, methods), _CLUSTER_GROUP if self.address else _LOCAL_GROUP
         given = _groups(iter(numbers), max(1, min(most, int(time / run_time))))
         due: deque[tuple[int, ...]] = deque()
         deaths = 0
@@ -122,9 +122,9 @@ class Execution:
             due.clear()
             try:
                 with self._executor(task) as (executor, ahead), closing(
-                        in_order(executor, task, _noted(waiting, due), ahead)) as answers:
+                        in_order(executor, task, _note_due(waiting, due), ahead)) as answers:
                     for _, future in answers:
-                        found = _checked(*future.result())
+                        found = _check_worker(*future.result())
                         due.popleft()
                         deaths = 0
                         yield from found
@@ -136,8 +136,8 @@ class Execution:
                                        " for want of memory; finished work is kept. Give fewer --workers and the same "
                                        "command again") from error
 
-    def _executor(self, task: Task) -> "_Here | _Cluster":
-        return _Cluster(self.address) if self.address else _Here(self.workers, task)
+    def _executor(self, task: Task) -> "_LocalPool | _Cluster":
+        return _Cluster(self.address) if self.address else _LocalPool(self.workers, task)
 
 
 def _groups(numbers: Iterator[int], size: int) -> Iterator[tuple[int, ...]]:
@@ -145,13 +145,13 @@ def _groups(numbers: Iterator[int], size: int) -> Iterator[tuple[int, ...]]:
         yield group
 
 
-def _noted(groups: Iterable[tuple[int, ...]], due: deque[tuple[int, ...]]) -> Iterator[tuple[int, ...]]:
+def _note_due(groups: Iterable[tuple[int, ...]], due: deque[tuple[int, ...]]) -> Iterator[tuple[int, ...]]:
     for group in groups:
         due.append(group)  # before it is submitted, so that it is never lost: it is done or in `due`
         yield group
 
 
-def _checked(theirs: dict[str, str], found: list) -> list:
+def _check_worker(theirs: dict[str, str], found: list) -> list:
     for key, ours in computes_with().items():
         if theirs.get(key) != ours:
             raise RuntimeError(f"a worker of the cluster has another {key} ({theirs.get(key)}) than this machine "
@@ -160,7 +160,7 @@ def _checked(theirs: dict[str, str], found: list) -> list:
     return found
 
 
-class _Here:
+class _LocalPool:
     """Context manager that gives an executor of processes of this machine, and the number of tasks ahead."""
 
     def __init__(self, workers: int, task: Task):

@@ -39,7 +39,7 @@ def of_parameter(name: str) -> str:
     return with_unit(name, BY_NAME[parameter_names(name)[0]].unit)
 
 
-def tidy(axes: Axes) -> None:
+def style_axes(axes: Axes) -> None:
     """Set the grid and hide the upper and right spines."""
     axes.grid(color=GRID, lw=0.8)
     axes.set_axisbelow(True)

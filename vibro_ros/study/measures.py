@@ -103,8 +103,8 @@ def checked_times(settling: float, duration: float, drawn_start: bool) -> None:
                          f"{LATEST - settling:g} s")
 
 
-_STANDS, _MOVES = ("stick",), ("slip_forward", "slip_backward", "unloaded", "lift_off")
-_TELLS_NOT = ("loaded", "landing")
+_STICK_EVENTS, _MOVING_EVENTS = ("stick",), ("slip_forward", "slip_backward", "unloaded", "lift_off")
+_NEUTRAL_EVENTS = ("loaded", "landing")
 
 
 def standing_and_airborne(device: Simulator, checkpoint: np.ndarray | None, before: Samples[float], events: np.ndarray,
@@ -123,7 +123,7 @@ def standing_and_airborne(device: Simulator, checkpoint: np.ndarray | None, befo
     events : structured ndarray, shape (n,)
         Events from `Simulator.take_events` between the first instant and `end` [s].
     """
-    events = events[np.isin(events["kind"], (*_STANDS, *_MOVES, *_TELLS_NOT))]
+    events = events[np.isin(events["kind"], (*_STICK_EVENTS, *_MOVING_EVENTS, *_NEUTRAL_EVENTS))]
     events = events[np.argsort(events["time"], kind="stable")]
     # Begin with an artificial event that gives the body's state, in the air or on the ground, at the first instant.
     in_air = events["kind"][0] == "landing" if len(events) else before.body_height > 0.0
@@ -133,8 +133,8 @@ def standing_and_airborne(device: Simulator, checkpoint: np.ndarray | None, befo
     airborne = float(lengths[kinds == "lift_off"].sum())
     if checkpoint is None:
         return math.nan, airborne
-    stands = np.isin(kinds, _STANDS)
-    open_ones = np.flatnonzero(np.isin(kinds, _TELLS_NOT) & (lengths > 0.0))
+    stands = np.isin(kinds, _STICK_EVENTS)
+    open_ones = np.flatnonzero(np.isin(kinds, _NEUTRAL_EVENTS) & (lengths > 0.0))
     if len(open_ones):
         device.restore(checkpoint)
         middles = times[open_ones] + lengths[open_ones] / 2.0
@@ -148,7 +148,7 @@ WORK, REST, LOAD, MOTION = "work", "rest", "load", "motion"
 #: sliders are far from the plates.
 LEAST_CUTS, MOST_CUTS, PHASE = 4, LEAST_WATCHED, math.pi
 # Samples per turn of the motor's power, and of N; and turns whose samples are in memory at a time.
-_PER_TURN, _LOADS_PER_TURN, _TURNS_AT_ONCE = 256, 1024, 64
+_SAMPLES_PER_TURN, _LOADS_PER_TURN, _TURNS_AT_ONCE = 256, 1024, 64
 
 
 class Loads(NamedTuple):
@@ -253,7 +253,7 @@ def observed(device: Simulator, wanted: Collection[str], measured: Window) -> Ob
     scene, before = device.scene, device.state
     checkpoint = device.checkpoint() if {REST, LOAD, MOTION} & set(wanted) else None
     accounts = WORK in wanted and scene["solver.accounts"] and scene["solver.method"] == "exact"
-    booked, supplied, heated = _booked(device) if accounts else None, math.nan, math.nan
+    booked, supplied, heated = _account_energies(device) if accounts else None, math.nan, math.nan
     steady = bool(measured.ends) or before.motor_speed == scene["motor.speed"] != 0.0
     sampled = WORK in wanted and not accounts
     cuts, drift = _cuts(device, measured) if MOTION in wanted and steady and not sampled else (None, math.nan)
@@ -261,7 +261,7 @@ def observed(device: Simulator, wanted: Collection[str], measured: Window) -> Ob
     device.advance_to(measured.end)
     after, events = device.state, device.take_events()
     if booked is not None:
-        delivered, taken_back, supplied, heated = _booked(device) - booked
+        delivered, taken_back, supplied, heated = _account_energies(device) - booked
     if MOTION in wanted and steady and sampled and checkpoint is not None:
         device.restore(checkpoint)
         cuts, drift = _cuts(device, measured)
@@ -308,7 +308,7 @@ def _turn_map(name: str, parameters: tuple[tuple[str, Value], ...]) -> TurnMap:
     return TurnMap(Scene(name, dict(parameters)), PHASE)
 
 
-def _booked(device: Simulator) -> np.ndarray:
+def _account_energies(device: Simulator) -> np.ndarray:
     """Energies since t = 0 [J], shape (4,): motor work delivered and taken back; a dc motor's supply and heat, or NaN.
     """
     accounts = device.statistics["energy_accounts"]
@@ -321,8 +321,8 @@ def _sampled_work(device: Simulator, measured: Window) -> tuple[float, float]:
     count, length = max(measured.turns, 1), measured.turn if measured.turns else measured.duration
     delivered = taken_back = 0.0
     for begin in range(0, count, _TURNS_AT_ONCE):
-        numbers = np.arange(begin * _PER_TURN, min(begin + _TURNS_AT_ONCE, count) * _PER_TURN + 1)
-        samples = device.sample(np.minimum(measured.begin + length / _PER_TURN * numbers, measured.end))
+        numbers = np.arange(begin * _SAMPLES_PER_TURN, min(begin + _TURNS_AT_ONCE, count) * _SAMPLES_PER_TURN + 1)
+        samples = device.sample(np.minimum(measured.begin + length / _SAMPLES_PER_TURN * numbers, measured.end))
         delivered += trapezoid(np.maximum(samples.motor_power, 0.0), samples.time)
         taken_back += trapezoid(np.maximum(-samples.motor_power, 0.0), samples.time)
     return delivered, taken_back
@@ -444,8 +444,8 @@ MEASURES: dict[str, Measure] = {
                                (WORK,), _delivered_power),
     "supply_power": Measure("W", f"mean of what the supply gives to a dc motor; {_NO_WINDING}", (WORK,),
                             lambda seen: seen.supplied / seen.window.duration),
-    "current_share": Measure("1", "rms current of a dc motor over motor.continuous_current, above 1 of which its "
-                             f"winding overheats in the long run; {_NO_WINDING}", (WORK,), _current_share),
+    "current_share": Measure("1", "rms current of a dc motor over motor.continuous_current; above 1 its winding "
+                             f"overheats in the long run; {_NO_WINDING}", (WORK,), _current_share),
     "speed_per_power": Measure("m/J", f"mean_speed / mean_power, V/P; {_NO_POWER}", (WORK,),
                                lambda seen: _ratio(_speed(seen), _power(seen))),
     "speed_per_delivered_power": Measure("m/J", f"mean_speed / delivered_power; {_NO_POWER}", (WORK,),
@@ -464,20 +464,21 @@ MEASURES: dict[str, Measure] = {
                            lambda seen: seen.standing / seen.window.duration),
     "air_share": Measure("1", "share of the time in which the body is in the air (rule hop)", (),
                          lambda seen: seen.airborne / seen.window.duration),
-    "mean_load": Measure("1", "mean N over the weight: 1 in every steady motion on a real ground, more where the rule "
+    "mean_load": Measure("1", "mean N over the weight: 1 in every steady motion on a real ground, more if the rule "
                          "unilateral holds the body down; NaN without gravity", (LOAD,),
                          lambda seen: seen.loads.mean),
     "unloaded_share": Measure("1", f"share of {_LOADS_PER_TURN} instants a turn at which N is not above 0; NaN without "
                               "gravity", (LOAD,), lambda seen: seen.loads.unloaded),
-    "period": Measure("1", "turns of the crank after which the motion repeats itself, by the end of the time, as "
-                      f"settled_motion tells it; 0 if no number up to {LONGEST_PERIOD}, nor up to a quarter of the "
-                      f"turns measured, is one, or it still settles; NaN if the motor stands or changes its commanded "
-                      f"speed, or for less than {LEAST_CUTS + 1} turns", (MOTION,), _period),
-    EXPONENT: Measure("1/s", "largest Lyapunov exponent, from runs that begin 1e-10 apart and are watched until they "
-                      "are 1e-4 m apart; 0 if none part, NaN for less than six turns", (), lambda seen: math.nan),
-    SPREAD: Measure("1/s", "half of the 95 % interval of lyapunov_exponent, which always comes with it, from up to ten "
-                    "parts of the time; where none part, the largest exponent that would not show; where 0 lies within "
-                    "it, the sign is not known", (),
+    "period": Measure("1", "turns of the crank after which the motion repeats itself at the end of the time, by the "
+                      f"criterion of settled_motion; 0 without a period of up to {LONGEST_PERIOD} turns and up to a "
+                      f"quarter of the measured turns, or if the motion has not settled; NaN if the motor stands or "
+                      f"changes its commanded speed, or for less than {LEAST_CUTS + 1} turns", (MOTION,), _period),
+    EXPONENT: Measure("1/s", "largest Lyapunov exponent, from pairs of runs that begin 1e-10 apart and are followed "
+                      "until they are 1e-4 m apart; 0 if no pair separates, NaN for less than six turns", (),
+                      lambda seen: math.nan),
+    SPREAD: Measure("1/s", "half of the 95 % interval of lyapunov_exponent, with which it always comes, from up to ten "
+                    "parts of the time; if no pair separates, the largest exponent that could not be detected; if 0 "
+                    "lies within the interval, the sign is not known", (),
                     lambda seen: math.nan),
 }
 """Every measure by its name."""

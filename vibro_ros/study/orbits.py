@@ -31,7 +31,7 @@ from vibro_ros.orbits.branch import (
     doubled_branch_from,
     has_curve,
     lies_on,
-    passes,
+    passes_through,
     whole_curve,
 )
 from vibro_ros.orbits.continuation import CORNER, DOUBLING, FOLD, GRAZING, KINDS, TORUS
@@ -43,8 +43,19 @@ from vibro_ros.process.entry_point import Parser, say
 from vibro_ros.simulation.given_state import STATE_UNITS
 from vibro_ros.study.command import Progress, Results, StudyCommand, machine_of
 from vibro_ros.study.execution import Execution, Rows
-from vibro_ros.study.figures import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, new_figure, of_parameter, png, tidy
-from vibro_ros.study.table import NUMBERS, Field, Study, file_of, parameter_field, read, stored, table_of
+from vibro_ros.study.figures import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    VERMILION,
+    new_figure,
+    of_parameter,
+    png,
+    style_axes,
+)
+from vibro_ros.study.table import NUMBERS, Field, Study, file_of, parameter_field, read_block, stored, table_of
 from vibro_ros.study.variation import Range, varied_in_words, whole_number
 
 BRANCHES, SPECIAL, PICTURE, TEXT = "branches.parquet", "special_points.parquet", "orbits.png", "orbits.md"
@@ -292,11 +303,11 @@ def _rows_of_task(asked: Any, follow: Callable[[Any, Any], Branch], tasks: Mappi
     return rows_of(follow(asked, tasks[number]))
 
 
-def _followed(study: Study, scene: Scene, names: tuple[str, ...], tasks: Mapping[int, Any], folder: Path,
-              execution: Execution, said: Callable[[int], str]) -> list[tuple[Any, Branch]]:
+def _follow_tasks(study: Study, scene: Scene, names: tuple[str, ...], tasks: Mapping[int, Any], folder: Path,
+              execution: Execution, line_before: Callable[[int], str]) -> list[tuple[Any, Branch]]:
     """Return tasks with their branches, read from their blocks or computed.
 
-    `said` returns the line that is printed before a number is computed.
+    `line_before` returns the line that is printed before a number is computed.
     """
     if tasks and max(tasks) >= MOST_BRANCHES:
         raise RuntimeError(f"there are more than {MOST_BRANCHES} branches or curves; give fewer --turns or smaller "
@@ -304,15 +315,16 @@ def _followed(study: Study, scene: Scene, names: tuple[str, ...], tasks: Mapping
 
     def follow(numbers: Iterable[int]) -> Rows:
         for number in numbers:
-            say("study", said(number))
+            say("study", line_before(number))
         return execution.rows(study.rows, numbers, study.run_time, study.methods)
 
     tables = stored(study, folder, {number: [number] for number in tasks}, follow)
     return [(task, branch_in(tables[number], scene, names)) for number, task in tasks.items()]
 
 
-_SAME = 1e-6  # share of the range within which period doublings of two branches are the same
-_JOINS = 0.05  # share of the range within which a branch that joins another one ends at a period doubling of that one
+_SAME_DOUBLING = 1e-6  # share of the range within which period doublings of two branches are the same
+# Share of the range within which a branch that joins another one ends at a period doubling of that one.
+_JOINING_SHARE = 0.05
 
 
 def followed_branches(plan: Plan, folder: Path, execution: Execution) -> list[tuple[Task, Branch]]:
@@ -335,10 +347,10 @@ def followed_branches(plan: Plan, folder: Path, execution: Execution) -> list[tu
             return (f"branch {number}: {_turns(task.turns)}, {task.direction} from {plan.name} = {task.value:.9g}, at "
                     f"most {plan.points} orbits")
 
-        done.extend(_followed(study_of(plan, branch_of_task, numbered), plan.scene, (plan.name,), numbered, folder,
+        done.extend(_follow_tasks(study_of(plan, branch_of_task, numbered), plan.scene, (plan.name,), numbered, folder,
                               execution, said))
 
-    read(study_of(plan, branch_of_task, {}), folder, 0, [0])  # refuses files of another study before the long search
+    read_block(study_of(plan, branch_of_task, {}), folder, 0, [0])  # refuses files of another study before the search
     found = list[list[Seed]]()
     with contextlib.closing(execution.rows(partial(seeds_at, plan), range(len(plan.begin)), _RUN_TIME, (
             plan.scene["solver.method"],))) as results, Progress("orbits looked for", "value", len(plan.begin)) as bar:
@@ -370,10 +382,10 @@ def _doublings(plan: Plan, done: Sequence[tuple[Task, Branch]], begun: set[tuple
                 continue
             begun.add((parent, number))
             is_known = any(task.direction == DOUBLED and task.turns == branch.turns
-                           and abs(task.value - special.value) < _SAME * span
+                           and abs(task.value - special.value) < _SAME_DOUBLING * span
                            for task in (*tasks, *(task for task, _ in done)))
             ends_there = any(other.turns == 2 * branch.turns and other.end.startswith("joins")
-                             and abs(other.values[-1] - special.value) < _JOINS * span for _, other in done)
+                             and abs(other.values[-1] - special.value) < _JOINING_SHARE * span for _, other in done)
             if not (is_known or ends_there):
                 tasks.append(Task(DOUBLED, branch.turns, special.phase, special.state, special.value, parent))
                 break
@@ -388,7 +400,7 @@ def followed_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]], folde
     """
     found: list[tuple[CurveTask, Branch]] = []
     for _, branch, name, special in special_points_of(done):
-        if has_curve(special) and not any(passes(curve, branch, special, asked.ranges) for _, curve in found):
+        if has_curve(special) and not any(passes_through(curve, branch, special, asked.ranges) for _, curve in found):
             tasks = dict(enumerate([CurveTask(name, branch, special, direction) for direction in (UP, DOWN)],
                                    len(found)))
 
@@ -397,7 +409,7 @@ def followed_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]], folde
                 return (f"curve of {task.name}, {task.special.kind} at {asked.plan.name} = {task.special.value:.9g}, "
                         f"{task.direction} in {asked.name}, at most {asked.plan.points} orbits")
 
-            found += _followed(study_of(asked, curve_of_task, tasks), asked.plan.scene, tuple(asked.ranges), tasks,
+            found += _follow_tasks(study_of(asked, curve_of_task, tasks), asked.plan.scene, tuple(asked.ranges), tasks,
                                folder, execution, said)
     return found
 
@@ -536,7 +548,7 @@ def draw_orbits(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> bytes:
     upper.set(ylabel="mean speed [mm/s]")
     lower.set(xlabel=of_parameter(plan.name), ylabel=f"{(coordinate or '').replace('_', ' ')} at crank angle 0 [mm]")
     for axes in (upper, lower):
-        tidy(axes)
+        style_axes(axes)
     figure.legend(handles=_legend(branches), loc="outside lower center", ncols=5, frameon=False, fontsize=9)
     figure.suptitle(f"{plan.scene.name}: periodic orbits over {plan.name}, unstable ones dashed", fontsize=11)
     return png(figure)
@@ -589,7 +601,7 @@ def draw_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]],
         mark, size = MARKS[one.kind]
         axes.plot(one.value, base, mark, ms=size, color=_CURVE_COLOURS[one.kind], mfc="white", zorder=4)
     _write_names(axes, [(name, one.value, base) for name, one in begins])
-    tidy(axes)
+    style_axes(axes)
     kinds = [kind for kind in _CURVE_COLOURS if any(curve.kind == kind for _, curve in found)]
     if kinds:
         axes.legend(handles=[Line2D([], [], ls=_STYLES[kind], color=_CURVE_COLOURS[kind], marker=MARKS[kind][0],
@@ -598,19 +610,19 @@ def draw_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]],
     return png(figure)
 
 
-class Asked(NamedTuple):
+class Request(NamedTuple):
     """Design of the study: branches, and optionally the curves of their special points."""
 
     plan: Plan
     curves: CurvePlan | None
 
 
-def _asked(options: argparse.Namespace) -> Asked:
+def _request(options: argparse.Namespace) -> Request:
     plan = plan_of(options)
-    return Asked(plan, curves_of(options, plan) if options.curves else None)
+    return Request(plan, curves_of(options, plan) if options.curves else None)
 
 
-def _results(asked: Asked, folder: Path, execution: Execution) -> Iterator[Results]:
+def _results(asked: Request, folder: Path, execution: Execution) -> Iterator[Results]:
     plan, curves = asked
     done = followed_branches(plan, folder / FOLDER, execution)
     yield Results(_files(plan, done), list(in_words(done)) or [
@@ -711,5 +723,5 @@ def _add_options(own: Parser) -> None:
 
 main = StudyCommand(
     "orbits", "Look for periodic orbits, stable and unstable, follow their branches over a parameter, through folds, "
-    "grazings and corners, and from period doublings on; locate and name special points.", _add_options, _asked,
+    "grazings and corners, and from period doublings on; locate and name special points.", _add_options, _request,
     _results)

@@ -28,7 +28,7 @@ from vibro_ros.configuration.shipped import find_file, shipped
 from vibro_ros.configuration.strict_yaml import read_yaml
 from vibro_ros.model.parameters import BY_NAME, Value, parameter_named
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.attractors import Attractor, Attractors, grouped
+from vibro_ros.orbits.attractors import Attractor, Attractors, group_starts
 from vibro_ros.orbits.chaos import half_interval, sign_of
 from vibro_ros.orbits.recurrence import SettledMotion, tolerance_of
 from vibro_ros.orbits.starts import SETTLING
@@ -46,7 +46,7 @@ from vibro_ros.study.figures import (
     new_figure,
     of_parameter,
     png,
-    tidy,
+    style_axes,
     with_unit,
 )
 from vibro_ros.study.measures import (
@@ -237,12 +237,12 @@ def read_sweep(path: Path) -> dict[str, Any]:
                 near = difflib.get_close_matches(str(key), KEYS, n=1)
                 raise ValueError(f"{key!r} is unknown; "
                                  f"{f'did you mean {near[0]}?' if near else 'give ' + ', '.join(KEYS)}")
-        return {key: _checked(key, value, path.parent) for key, value in document.items()}
+        return {key: _checked_entry(key, value, path.parent) for key, value in document.items()}
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
 
-def _checked(key: str, value: object, folder: Path) -> Any:
+def _checked_entry(key: str, value: object, folder: Path) -> Any:
     if key in ("set", "vary"):
         if not isinstance(value, dict):
             raise ValueError(f"{key}: {value!r} is no mapping; give parameters by name")
@@ -272,12 +272,12 @@ def given_in_words(options: argparse.Namespace) -> dict[str, Any]:
     given = {key: getattr(options, key) for key in ("scene", "measure", "settling", "duration")}
     given["starts"] = None if options.starts is None else whole_number("--starts", options.starts, 0, MOST_STARTS)
     given["sample"] = sampling_in_words(options.sample) if options.sample else None
-    said = {key: value for key, value in given.items() if value is not None}
-    said["set"] = settings_of(options.set)
-    said["vary"] = dict(varied_in_words(text, linked=True) for text in options.vary)
-    if len(said["vary"]) < len(options.vary):
+    chosen = {key: value for key, value in given.items() if value is not None}
+    chosen["set"] = settings_of(options.set)
+    chosen["vary"] = dict(varied_in_words(text, linked=True) for text in options.vary)
+    if len(chosen["vary"]) < len(options.vary):
         raise ValueError("--vary: a parameter is given twice; keep one")
-    return said
+    return chosen
 
 
 def design_of(file: Mapping[str, Any], words: Mapping[str, Any]) -> Design:
@@ -295,21 +295,21 @@ def design_of(file: Mapping[str, Any], words: Mapping[str, Any]) -> Design:
     ValueError
         For entries that are missing, invalid or contradict each other.
     """
-    said = {**DEFAULTS, **file, **words}
+    entries = {**DEFAULTS, **file, **words}
     given = {name for key in ("set", "vary") for linked in words.get(key, {}) for name in parameter_names(linked)}
     for key in ("set", "vary"):
         own = words.get(key, {})
-        said[key] = {name: value for name, value in file.get(key, {}).items()
+        entries[key] = {name: value for name, value in file.get(key, {}).items()
                      if name in own or not given.issuperset(parameter_names(name))} | own
-    varied_names = {name for linked in said["vary"] for name in parameter_names(linked)}
-    for name in said["set"]:
+    varied_names = {name for linked in entries["vary"] for name in parameter_names(linked)}
+    for name in entries["set"]:
         if name in varied_names:
             raise ValueError(f"{name}: is set and varied; keep one")
-    if "scene" not in said:
+    if "scene" not in entries:
         raise ValueError("scene: none given; give --scene NAME, or a sweep's file that names one")
-    scene = load_scene(said["scene"]).with_parameters(said["set"])
-    return Design(scene, tuple(said["vary"].values()), said["sample"], tuple(checked_names(said["measure"])),
-                  said["starts"], said["settling"], said["duration"])
+    scene = load_scene(entries["scene"]).with_parameters(entries["set"])
+    return Design(scene, tuple(entries["vary"].values()), entries["sample"], tuple(checked_names(entries["measure"])),
+                  entries["starts"], entries["settling"], entries["duration"])
 
 
 FOLDER = "blocks"
@@ -325,11 +325,11 @@ def study_of(design: Design) -> Study:
     starts = min(max(design.starts, 1), PART)
     run_time = (design.settling + design.duration) * starts
     block = max(1, min(_BLOCK_ROWS // starts, int(_BLOCK_TIME / run_time)))
-    return Study("sweep", design.document(), fields_of(design), partial(rows_of, design), partial(_are_own, design),
+    return Study("sweep", design.document(), fields_of(design), partial(rows_of, design), partial(_rows_belong, design),
                  run_time, cast(tuple[str, ...], methods), design.points * design.parts, block)
 
 
-def _are_own(design: Design, numbers: Sequence[int], rows: list[dict]) -> bool:
+def _rows_belong(design: Design, numbers: Sequence[int], rows: list[dict]) -> bool:
     own = [{"point": point, "start": start, **design.changes(point)}
            for point, starts in map(design.runs, numbers) for start in starts]
     return are(rows, own) and all(not row["states"] if row["turns"] is None else row["turns"] >= 0 and row["states"] and
@@ -452,7 +452,7 @@ def summary(design: Design, table: pa.Table) -> Summary:
         motions = [None if turns[row] is None else SettledMotion(
             turns[row], np.array(states[row]).reshape(turns[row] or KEPT_STATES, -1), float(speed), 0,
             tolerance_of(scene)) for row, speed in zip(rows, speeds, strict=True)]
-        own, places = grouped(motions, speeds.tolist())
+        own, places = group_starts(motions, speeds.tolist())
         found.append(own)
         groups += [(point, place, rows[places == place]) for place in range(len(own))]
     mean, spread, count = {}, {}, {}
@@ -516,12 +516,12 @@ def in_words(found: Summary) -> list[str]:
                      f"m/s from one half of the time to the other at point {found.point[row]}: give more --settling")
     if several := sum(len(own) > 1 for own in found.attractors):
         lines.append(f"{several} of {design.points} points have several motions, a row each in the summary")
-    for name in _shown(design):
+    for name in _shown_measures(design):
         if np.isnan(found.mean[name]).all():
             lines.append(f"{name}: no run has a value")
             continue
         least, most = int(np.nanargmin(found.mean[name])), int(np.nanargmax(found.mean[name]))
-        lines.append(f"{name}: from {_at(found, name, least)} to {_at(found, name, most)}")
+        lines.append(f"{name}: from {_extreme_in_words(found, name, least)} to {_extreme_in_words(found, name, most)}")
         for what, row, direction in (("least", least, "fall"), ("largest", most, "rise")):
             lines.append(at_the_edge(f"the {what} {name}", ends_at(found.parameters, int(found.point[row])), direction))
         if name == EXPONENT and (unknown := _of_unknown_sign(found)):
@@ -537,7 +537,7 @@ def in_words(found: Summary) -> list[str]:
     return list(filter(None, lines))
 
 
-def _shown(design: Design) -> list[str]:
+def _shown_measures(design: Design) -> list[str]:
     """The measures without the exponent's interval, which is shown together with the exponent."""
     return [name for name in design.measures if name != SPREAD]
 
@@ -548,7 +548,7 @@ def _of_unknown_sign(found: Summary) -> int:
         found.mean[EXPONENT].tolist(), found.spread[EXPONENT].tolist(), strict=True))
 
 
-def _at(found: Summary, name: str, row: int) -> str:
+def _extreme_in_words(found: Summary, name: str, row: int) -> str:
     point, own = int(found.point[row]), found.of_row(row)
     where = ", ".join(f"{parameter} = {value:.6g}" if isinstance(value, float) else f"{parameter} = {value}"
                       for parameter, value in ((one, found.parameters[one][point]) for one in found.design.names))
@@ -583,7 +583,7 @@ def draw_sweep(found: Summary) -> bytes:
     is_map = is_pair and len(found.design.axes[1].values) > MOST_LINES
     is_lines = on_grid and (len(over) == 1 or is_pair) and not is_map
     columns = over if not is_pair else over[:1]
-    measures = _shown(found.design)
+    measures = _shown_measures(found.design)
     figure = new_figure(_WIDTH * len(columns), _HEIGHT * len(measures), 100)
     axes = figure.subplots(len(measures), len(columns), squeeze=False)
     for row, measure in zip(axes, measures, strict=True):
@@ -646,7 +646,7 @@ def _label(axes: Axes, over: Axis | Range, measure: str) -> None:
     axes.set(xlabel=of_parameter(over.name), ylabel=with_unit(measure, MEASURES[measure].unit))
     if isinstance(BY_NAME[over.names[0]].default, float):
         axes.locator_params(axis="x", nbins=6)  # more would touch each other, of small numbers such as gaps
-    tidy(axes)
+    style_axes(axes)
 
 
 TABLE, PICTURE = "summary.csv", "sweep.png"

@@ -36,7 +36,7 @@ NUMBERS = pa.list_(pa.field("element", pa.float64(), nullable=False))
 """Type of a list of numbers; the items are named as in a file that is read back."""
 _LARGEST, _MOST_ROWS = 2**28, 2**20  # largest file of a block [bytes], and its rows, because few bytes can encode many
 # Errors that reading a damaged or foreign file may raise.
-_UNSOUND = (pa.ArrowException, ArithmeticError, LookupError, TypeError, ValueError)
+_DAMAGE_ERRORS = (pa.ArrowException, ArithmeticError, LookupError, TypeError, ValueError)
 
 
 class ForeignBlockError(ValueError):
@@ -135,7 +135,7 @@ def stored(study: Study, folder: Path, blocks: Mapping[int, Sequence[int]],
     tables: dict[int, pa.Table] = {}
     with Progress("blocks checked", "block", len(blocks)) as progress:
         for block, numbers in blocks.items():
-            if (table := read(study, folder, block, numbers)) is not None:
+            if (table := read_block(study, folder, block, numbers)) is not None:
                 tables[block] = table
             progress.add(1)
     missing = {block: numbers for block, numbers in blocks.items() if block not in tables}
@@ -157,7 +157,7 @@ def path_of(folder: Path, block: int) -> Path:
     return folder / f"block_{block:06d}.parquet"
 
 
-def read(study: Study, folder: Path, block: int, numbers: Sequence[int]) -> pa.Table | None:
+def read_block(study: Study, folder: Path, block: int, numbers: Sequence[int]) -> pa.Table | None:
     """Read the table of a block; None if there is no file, or if it is damaged or has rows of other points.
 
     Raises
@@ -180,7 +180,7 @@ def read(study: Study, folder: Path, block: int, numbers: Sequence[int]) -> pa.T
         if _digest(document, table) != digest:
             raise ValueError
         theirs = json.loads(document)
-    except (*_UNSOUND, OSError, RecursionError):
+    except (*_DAMAGE_ERRORS, OSError, RecursionError):
         _say_damaged(path)
         return None
     if document != _document(study, block):
@@ -188,7 +188,7 @@ def read(study: Study, folder: Path, block: int, numbers: Sequence[int]) -> pa.T
                                 "--output, or delete that folder")
     try:
         own = table.schema.equals(schema_of(study.fields)) and study.are_own(numbers, table.to_pylist())
-    except _UNSOUND:
+    except _DAMAGE_ERRORS:
         own = False
     if not own:
         _say_damaged(path)

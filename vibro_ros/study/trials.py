@@ -15,7 +15,7 @@ import numpy as np
 
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.attractors import Attractor, grouped
+from vibro_ros.orbits.attractors import Attractor, group_starts
 from vibro_ros.orbits.chaos import half_interval
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.study.command import Progress
@@ -307,7 +307,7 @@ def verified(space: Space, optimum: Mapping[str, float], reading: Reading, trial
         for (words, scene), found in zip(scenes.items(), runs, strict=True):
             values, motions, drifts = map(list, zip(*found, strict=True))
             table = np.column_stack([values, drifts])
-            attractors, places = grouped(motions, table[:, 0].tolist())
+            attractors, places = group_starts(motions, table[:, 0].tolist())
             rows += [_verified(words, scene, one, table[places == place], reading)
                      for place, one in enumerate(attractors)]
             progress.add(1)

@@ -73,7 +73,7 @@ class Range:
 
     def at(self, shares: np.ndarray) -> np.ndarray:
         """Values at `shares` of the range, from 0 to 1."""
-        return spread(self.low, self.high, self.log, shares)
+        return values_at_shares(self.low, self.high, self.log, shares)
 
     def document(self) -> dict[str, Value]:
         """Its entry in a sweep's file."""
@@ -108,7 +108,7 @@ def parameter_names(name: str) -> tuple[str, ...]:
     return tuple(name.split(LINK))
 
 
-def spread(low: float, high: float, log: bool, shares: np.ndarray) -> np.ndarray:
+def values_at_shares(low: float, high: float, log: bool, shares: np.ndarray) -> np.ndarray:
     """Values from `low` at share 0 to `high` at share 1, linear or logarithmic; both ends are exact."""
     values = low * (high / low) ** shares if log else low + (high - low) * shares
     return np.where(shares == 1.0, high, np.clip(values, min(low, high), max(low, high)))
@@ -257,7 +257,7 @@ def _grid_or_range(name: str, parameters: Sequence[Parameter], low: object, high
     if count is None:
         return Range(name, first, last, scale == LOG)
     values = whole_number(f"{name}: count", count, 2, MOST_VALUES)
-    return _axis(name, parameters, spread(first, last, scale == LOG, np.linspace(0.0, 1.0, values)).tolist())
+    return _axis(name, parameters, values_at_shares(first, last, scale == LOG, np.linspace(0.0, 1.0, values)).tolist())
 
 
 def _checked(parameters: Sequence[Parameter], value: object) -> Any:

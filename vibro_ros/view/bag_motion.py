@@ -49,7 +49,7 @@ UNKNOWN_ROBOT = "device"
 """Scene whose dimensions are drawn when a bag does not state the robot's scene."""
 
 #: Shares of the work that are done when the samples are read, and when they are simulated again.
-_READ, _WALKED = 0.5, 0.7
+_READ_SHARE, _SIMULATED_SHARE = 0.5, 0.7
 
 
 def bag_motion(folder: Path, progress: Progress = lambda share: None,
@@ -84,11 +84,11 @@ class _BagMotion:
         try:
             self._facts = recorded_run(stream)
         except BagError as error:
-            said = str(error).removeprefix(f"{stream.folder}: ").partition(";")[0]
-            self._faults.append(f"the bag {said}" if said.startswith(("says", "cannot")) else said)
+            reason = str(error).removeprefix(f"{stream.folder}: ").partition(";")[0]
+            self._faults.append(f"the bag {reason}" if reason.startswith(("says", "cannot")) else reason)
         if self._facts and scene:
             raise BagError(f"{stream.folder}: says which scene its robot simulated; leave --scene out")
-        self._recorded = Recorded(stream, self._part(0.0, _READ))
+        self._recorded = Recorded(stream, self._part(0.0, _READ_SHARE))
         if self._facts and not self._has_sample_stamps(self._facts):
             self._scene, self._facts = self._facts.scene, None
         self._signals = self._recorded.signals(self._times)
@@ -106,7 +106,7 @@ class _BagMotion:
         names = [name for name in shown_quantities(scene) if self._scene or name in self._signals]
         rest = [interpolate(self._signals, names, span, self._resets()) for span in inexact]
         instants = [times for one in self._exact for times in one.instants]
-        made = fitted_motion(names, self._intervals, instants, rest, LARGEST, self._part(_WALKED, 1.0))
+        made = fitted_motion(names, self._intervals, instants, rest, LARGEST, self._part(_SIMULATED_SHARE, 1.0))
         if made.end < math.inf:
             self._notes.append(f"the motion after {made.end:.6g} s is left out: it would not fit into a page")
         if self._recorded.cut_short:
@@ -161,7 +161,7 @@ class _BagMotion:
             if not self._scene:
                 self._notes.append("the bag does not say which robot moved; name the robot's scene with --scene")
             return
-        motion.walk(self._part(_READ, _WALKED))
+        motion.walk(self._part(_READ_SHARE, _SIMULATED_SHARE))
         self._exact.append(motion)
         if self._facts and self._stream.start > self._facts.start and not (
                 motion.run_since is not None and motion.run_since <= self._ends[0]):

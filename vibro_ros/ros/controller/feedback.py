@@ -102,12 +102,13 @@ class MeanPosition:
     """Moving average of the body's position over the last `WINDOW`, from samples of odometry in ascending time.
 
     `position` and `stamp` are the means over the window of the position [m] and of its time [s], counted from the first
-    sample; None before it. `heard` is the caller's time [s] at which the last sample was added. The window starts over
-    at each leap of the position; `leaps` counts them. `refused` counts refused samples, `reason` says why the last was.
+    sample; None before it. `last_received` is the caller's time [s] at which the last sample was added. The window
+    starts over at each leap of the position; `leaps` counts them. `refused` counts refused samples, `reason` says why
+    the last was.
     """
 
     def __init__(self):
-        self.heard: float | None = None
+        self.last_received: float | None = None
         self.leaps = self.refused = 0
         self.reason = ""
         self._first: int | None = None
@@ -136,7 +137,7 @@ class MeanPosition:
         if self._samples and abs(position - self._samples[-1][1]) > LEAP + FASTEST * (stamp - self._samples[-1][0]):
             self.leaps += 1
             self._samples.clear()
-        self.heard = time
+        self.last_received = time
         self._samples.append((stamp, position))
         while self._samples[0][0] < stamp - WINDOW:
             self._samples.popleft()
@@ -240,7 +241,7 @@ class SpeedLaw:
                             "know the mean speed")
         mean = self._distance / self._span
         low, high = self._strays
-        said = (f"mean speed {mean:.4f} m/s over the last {self._span:.1f} s, {low:.4f} to {high:.4f} m/s over "
+        summary = (f"mean speed {mean:.4f} m/s over the last {self._span:.1f} s, {low:.4f} to {high:.4f} m/s over "
                 f"{SHORT:g} s each")
         if abs(mean - self._goal.speed) > self._goal.within:
             advice = "give more time or a wider tolerance"
@@ -251,8 +252,8 @@ class SpeedLaw:
                 advice = (f"the motor was at {self._low:g} rad/s for {self._at_low:.1f} s: the robot goes no slower; "
                           "give a larger speed or a wider motor_speed")
             wanted = f"{self._goal.speed:g} m/s not held within {self._goal.within:g} m/s"
-            raise GoalError(f"{wanted}: {said}; {advice}")
-        self.words.append(f"held: {said}")
+            raise GoalError(f"{wanted}: {summary}; {advice}")
+        self.words.append(f"held: {summary}")
 
 
 APPROACH = 0.7
@@ -401,7 +402,7 @@ class GoalTracking:
             When the goal is missed; the caller must then stop the motor.
         """
         mean = self._mean
-        silence = time - max(self._began, self._began if mean.heard is None else mean.heard)
+        silence = time - max(self._began, self._began if mean.last_received is None else mean.last_received)
         if silence > ODOMETRY_TIMEOUT:
             refused = f", and {mean.refused} samples refused, the last for {mean.reason}" if mean.refused else ""
             raise GoalError(f"no odometry for {silence:.1f} s{refused}; is there a robot that publishes odom?")

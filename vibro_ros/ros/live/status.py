@@ -90,13 +90,13 @@ class RobotStatus:
 
     def diagnostics(self) -> bool:
         """Update `status` from the diagnostics since the last call; return whether there were any."""
-        heard = False
+        received = False
         for message in _read(self._diagnostics, "diagnostic_msgs/msg/DiagnosticArray"):
             for one in message.status:
                 if one.hardware_id == self._robot:
                     self._take(one)
-                    heard = True
-        return heard
+                    received = True
+        return received
 
     def log(self) -> list[tuple[str, str]]:
         """Return level and text of the robot's warnings and errors since the last call."""

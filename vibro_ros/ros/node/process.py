@@ -61,8 +61,8 @@ def node_running(name: str, words: Sequence[str]) -> Iterator[GuardedNode]:
             raise
         text = str(error).removeprefix("failed to initialize rcl: ")
         sentence = text.split(", at /")[0].split(". Error: ")[0].splitlines()[0]  # without the places in rcl's source
-        said = "; ".join([sentence, *(remedy for about, remedy in REMEDIES.items() if about in sentence)])
-        raise ValueError(f"ROS refuses the arguments: {said}") from error
+        message = "; ".join([sentence, *(remedy for about, remedy in REMEDIES.items() if about in sentence)])
+        raise ValueError(f"ROS refuses the arguments: {message}") from error
     finally:
         set_logger_level("rcl", LoggingSeverity.UNSET)
     if fault:

@@ -130,11 +130,11 @@ class CommandSubscriptions:
             self._log.warning(text)
 
 
-def _warn_of_unheard(node: Node, heard: Mapping[str, tuple[str, QoSProfile]]) -> None:
+def _warn_of_unheard(node: Node, subscribed: Mapping[str, tuple[str, QoSProfile]]) -> None:
     """Let `node` warn of publishers that DDS silently does not match with its subscriptions.
 
-    These are publishers of another type, and best-effort ones where the subscription is reliable; `heard` has type and
-    quality of service of the subscriptions, by full name.
+    These are publishers of another type, and best-effort ones where the subscription is reliable; `subscribed` has type
+    and quality of service of the subscriptions, by full name.
     """
     known: set[str] = set()
     throttle = Throttle()
@@ -145,7 +145,7 @@ def _warn_of_unheard(node: Node, heard: Mapping[str, tuple[str, QoSProfile]]) ->
         return peer_text(f"{one.node_namespace.rstrip('/')}/{one.node_name}")
 
     def faults() -> Iterator[str]:
-        for topic, (kind, profile) in heard.items():
+        for topic, (kind, profile) in subscribed.items():
             for one in node.get_publishers_info_by_topic(topic):
                 if "_UNKNOWN_" in one.node_name:
                     continue  # DDS learns the node's name later
