@@ -8,13 +8,15 @@ from xml.etree import ElementTree
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
-ENTRIES = re.findall(r"^## (\S+)\n(.*?)(?=^## |\Z)", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE | re.DOTALL)
+CHANGELOG = (ROOT / "CHANGELOG.md").read_text()
+ENTRIES = re.findall(r"^## (\S+)(?: \([\d-]+\))?\n(.*?)(?=^## |\Z)", CHANGELOG, re.MULTILINE | re.DOTALL)
 PACKAGE = ElementTree.parse(ROOT / "package.xml").getroot()
 
 
 def test_the_top_entry_is_the_packages_version():
     cited = yaml.safe_load((ROOT / "CITATION.cff").read_text())
     assert ENTRIES[0][0] == PACKAGE.findtext("version") == version("vibro_ros") == cited["version"]
+    assert f"## {cited['version']} ({cited['date-released']})\n" in CHANGELOG
     assert cited["license"] == PACKAGE.findtext("license")
     interfaces = ElementTree.parse(ROOT / "interfaces" / "vibro_ros_interfaces" / "package.xml").getroot()
     assert interfaces.findtext("version") == PACKAGE.findtext("version")
