@@ -9,7 +9,7 @@ import numpy as np
 
 from vibro_ros.identification.noise import clipped
 from vibro_ros.identification.recording import Recording
-from vibro_ros.identification.shooting import TIGHT, Jacobian, Point, Shooting
+from vibro_ros.identification.shooting import TIGHT, Jacobian, Point, Shooting, width_of
 from vibro_ros.identification.unknowns import Unknowns
 from vibro_ros.identification.windowing import (
     REACHES,
@@ -309,7 +309,8 @@ def residuals_in(shooting: Shooting, at: Point) -> list[Residual]:
         correlation = float((residuals[1:] * residuals[:-1])[together].sum()) / square if square else 0.0
         scale = 1.0
         if channel.sigma_from == "neighbours" and together.any():
-            scale = clipped(np.abs(np.diff(residuals)[together]) / math.sqrt(2.0)) or 1.0
+            scale = max(clipped(np.abs(np.diff(residuals)[together]) / math.sqrt(2.0)),
+                        TIGHT * width_of(channel.field) / channel.sigma)  # less than this, no fit resolves
         found.append(Residual(scale * channel.sigma, min(max(correlation, -0.99), 0.99), len(residuals),
                               square / max(len(residuals), 1) / scale**2))
     return found

@@ -288,9 +288,9 @@ def _channel(sensor: str, field: str, times: np.ndarray, values: np.ndarray, var
         sigma, source = resolution / math.sqrt(12.0), "resolution"
     else:
         (sigma, spread), source = noise_of(times, values), "neighbours"
-        floor = 1e-7 if field.endswith(("velocity", "speed")) else 1e-9
+        floor = 1e-4 if field.endswith(("velocity", "speed")) else 1e-6
         if sigma < floor:
-            sigma, more = floor, ": it has no noise, and the rounding of a computed motion is taken"
+            sigma, more = floor, ": it has hardly any noise, and what a fit resolves is taken"
         elif spread > LARGEST_SPREAD:
             more = ": at most, because the motion between two samples is larger; give noise"
     rate = (len(times) - 1) / (times[-1] - times[0])
