@@ -72,12 +72,12 @@ def rewritten(bag: Path, folder: Path, change: Callable[[list[Message]], Iterabl
         return _written(folder, topics, change(list(stream.messages())), custom, storage)
 
 
-def each(changed: Callable[[Message], Message | None]) -> Callable[[list[Message]], list[Message]]:
+def edit_each(changed: Callable[[Message], Message | None]) -> Callable[[list[Message]], list[Message]]:
     """Return a change of each message, or its removal."""
     return lambda messages: list(filter(None, map(changed, messages)))
 
 
-def changed(topic: str, change: Callable[[object], None],
+def edit_topic(topic: str, change: Callable[[object], None],
             when: Callable[[int], bool] = lambda stamp: True) -> Callable[[list[Message]], list[Message]]:
     """Return a change of the messages of a topic that were recorded at given stamps [ns]."""
     def of(message: Message) -> Message:
@@ -87,12 +87,12 @@ def changed(topic: str, change: Callable[[object], None],
             change(content)
             data = serialised(content, ROBOT_TOPICS[topic])
         return name, stamp, data
-    return each(of)
+    return edit_each(of)
 
 
-def since(time: float) -> Callable[[list[Message]], list[Message]]:
+def without_earlier(time: float) -> Callable[[list[Message]], list[Message]]:
     """Return a change that removes all messages before a time [s]."""
-    return each(lambda one: one if one[1] >= START + round(time * 1e9) else None)
+    return edit_each(lambda one: one if one[1] >= START + round(time * 1e9) else None)
 
 
 def _written(folder: Path, topics: Sequence[Topic], messages: Iterable[Message], custom: dict[str, str],

@@ -23,7 +23,7 @@ MEMORY = 6 * 2**30  # bytes of address space; libraries take 3 of them
 DEADLINE = 120  # s, for one reader of one bag on a busy machine
 
 
-def said(main, *arguments: str) -> dict:
+def run_main(main, *arguments: str) -> dict:
     """Run an executable's `main`, and return its exit code, its lines and its processor time [s]."""
     out, err = io.StringIO(), io.StringIO()
     began = time.process_time()
@@ -39,7 +39,7 @@ def said(main, *arguments: str) -> dict:
     return {"code": code, "out": out.getvalue(), "err": err.getvalue(), "time": time.process_time() - began}
 
 
-def read(arguments) -> int:
+def read_folder(arguments) -> int:
     """Run `read_bag` as if it were an executable; its line has the number of messages and of flaws."""
     try:
         bag = load_bag(arguments[0])
@@ -58,13 +58,13 @@ def main() -> None:
     for line in sys.stdin:
         folder = Path(line.rstrip("\n"))
         output = folder.parent / "report"
-        found = {"replay": said(replay.main, str(folder)), "read": said(read, str(folder)),
-                 "report": said(report.main, str(folder), "--output", str(output))}
+        found = {"replay": run_main(replay.main, str(folder)), "read": run_main(read_folder, str(folder)),
+                 "report": run_main(report.main, str(folder), "--output", str(output))}
         shutil.rmtree(output, ignore_errors=True)
         print(json.dumps(found), flush=True)
         sys.stdin.readline()  # the bag is looked at meanwhile
-        found = {"recover": said(recover.main, str(folder)), "again": said(recover.main, str(folder)),
-                 "read": said(read, str(folder)), "replay": said(replay.main, str(folder))}
+        found = {"recover": run_main(recover.main, str(folder)), "again": run_main(recover.main, str(folder)),
+                 "read": run_main(read_folder, str(folder)), "replay": run_main(replay.main, str(folder))}
         print(json.dumps(found), flush=True)
 
 

@@ -50,7 +50,7 @@ while True:
 """
 
 
-def killed(folder: Path, storage: Storage, rate: float, after: float) -> list[int]:
+def kill_recorder(folder: Path, storage: Storage, rate: float, after: float) -> list[int]:
     """Record in a child process and kill it after so many seconds; returns the stamps that it has written."""
     words = [storage.compression, str(storage.max_size), str(rate)]
     child = subprocess.Popen([sys.executable, "-c", ENDLESS, str(folder), *words], stdout=subprocess.PIPE, text=True)
@@ -71,7 +71,7 @@ def test_a_killed_recorder_loses_the_last_moments_only(tmp_path, attempt):
     storage = list(STORAGES.values())[attempt % len(STORAGES)]
     rate = (1000.0, 50.0)[attempt // len(STORAGES) % 2]
     folder = tmp_path / "run"
-    written = killed(folder, storage, rate, after)
+    written = kill_recorder(folder, storage, rate, after)
     with contextlib.suppress(BagError):
         recover(folder)
     assert (folder / "metadata.yaml").exists(), (after, sorted(folder.iterdir()))

@@ -15,7 +15,7 @@ from vibro_ros.gym.crawl import PERIOD, Crawl
 NAME = "vibro_ros/Crawl-v1"
 
 
-def made(**arguments) -> gymnasium.Env:
+def environment_of(**arguments) -> gymnasium.Env:
     return gymnasium.make(NAME, **arguments)
 
 
@@ -33,11 +33,11 @@ def returns(env: gymnasium.Env, policy, seeds) -> float:
 def test_gymnasiums_checker_has_nothing_to_say():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        check_env(made().unwrapped)
+        check_env(environment_of().unwrapped)
 
 
 def test_the_seed_decides_all():
-    env, random = made(), np.random.default_rng(1)
+    env, random = environment_of(), np.random.default_rng(1)
     actions = random.uniform(-1.0, 1.0, (20, 3)).astype(np.float32)
 
     def episode(seed):
@@ -55,14 +55,14 @@ def test_several_at_once_are_what_each_is_alone():
     vector = gymnasium.make_vec(NAME, num_envs=count, vectorization_mode="sync")
     together = [vector.reset(seed=7)[0], *(vector.step(action)[0] for action in actions)]
     for k in range(count):
-        env = made()
+        env = environment_of()
         alone = [env.reset(seed=7 + k)[0], *(env.step(action)[0] for action in actions[:, k])]
         assert np.array_equal(np.array(together)[:, k], np.array(alone))
     vector.close()
 
 
 def test_the_truth_is_in_info_and_the_reward_is_of_it():
-    env = made(scene="damped")
+    env = environment_of(scene="damped")
     env.reset(seed=3, options={"target_speed": -0.04})
     for k in range(1, 30):
         observation, reward, *_, info = env.step(np.array([0.4, -1.0, -1.0], np.float32))
@@ -74,7 +74,7 @@ def test_the_truth_is_in_info_and_the_reward_is_of_it():
 
 
 def test_a_hostile_action_is_one_of_the_space():
-    env = made().unwrapped
+    env = environment_of().unwrapped
     env.reset(seed=0)
     assert np.array_equal(env.step(np.array([1e30, -np.inf, 5.0]))[0][3:], [1.0, -1.0, 1.0])
     for wrong in ([np.nan, 0.0, 0.0], [0.0, 0.0], 0.0, np.zeros((1, 3))):
@@ -84,11 +84,11 @@ def test_a_hostile_action_is_one_of_the_space():
 
 def test_a_step_before_the_first_reset_is_refused():
     with pytest.raises(ResetNeeded, match="step: no episode has begun; call reset"):
-        made().unwrapped.step(np.zeros(3))
+        environment_of().unwrapped.step(np.zeros(3))
 
 
 def test_another_reward_and_a_picture():
-    env = made(reward=lambda info: -info["motor_power"], render_mode="rgb_array")
+    env = environment_of(reward=lambda info: -info["motor_power"], render_mode="rgb_array")
     env.reset(seed=0, options={"target_speed": -0.05})
     action = np.array([0.4, -1.0, -1.0], np.float32)
     steps = [env.step(action) for _ in range(10)]
@@ -114,7 +114,7 @@ def test_another_observation_has_the_measurements_of_every_sensor():
 
     scene = load_scene("device").with_parameters({"sensors.imu.rate": 100.0})
     space = Box(-1e3, 1e3, (3,), np.float32)
-    env = made(scene=scene, observation=acceleration, observation_space=space)
+    env = environment_of(scene=scene, observation=acceleration, observation_space=space)
     env.reset(seed=0, options={"target_speed": -0.05})
     for _ in range(5):
         observation, *_, info = env.step(np.array([0.4, -1.0, -1.0], np.float32))
@@ -145,7 +145,7 @@ def test_a_policy_learns_what_no_constant_command_does():
     """A policy whose motor speed follows the distance is compared with the best constant commands after the same
     training.
     """
-    env, unseen = made(), range(1000, 1010)
+    env, unseen = environment_of(), range(1000, 1010)
 
     def constant(numbers):
         return lambda _: np.clip(numbers, -1.0, 1.0).astype(np.float32)

@@ -13,7 +13,7 @@ SINE, COSINE = math.sin(PAPER["guide.angle"]), math.cos(PAPER["guide.angle"])
 POSITIONS = ("body_position", "upper_position", "inclined_position")
 
 
-def agree(runs, tolerance):
+def assert_runs_agree(runs, tolerance):
     """All runs have the same events and the same end."""
     for run in runs[1:]:
         assert sorted(run.events["kind"]) == sorted(runs[0].events["kind"])
@@ -58,7 +58,7 @@ def test_two_impacts_in_the_same_instant_in_either_order(kind, rule, reaction):
         first = [run.events["time"][run.events["kind"] == f"{side}_contact"][0] for side in ("upper", "inclined")]
         assert first[0] - first[1] == pytest.approx(lead, abs=1e-17 + 1e-2 * abs(lead))
         # The plate is 7 m/s x lead off, which further impacts make more of: 90 m/s x lead, and roundings of 0.1 m.
-        agree([together, run], 150.0 * abs(lead) + 1e-14)
+        assert_runs_agree([together, run], 150.0 * abs(lead) + 1e-14)
 
 
 def thrown(speeds, order):
@@ -112,7 +112,7 @@ def test_contact_and_stick_in_the_same_instant(reaction, rule, friction, kind):
     for run in runs:
         found = run.events["time"][run.events["kind"] == "upper_contact"]
         assert found[0] == pytest.approx(stop, abs=2e-13)
-    agree(runs, 1e-12)  # 1e-13 s at up to 10 m/s
+    assert_runs_agree(runs, 1e-12)  # 1e-13 s at up to 10 m/s
 
 
 def test_stick_is_released_where_the_pull_reaches_the_bound():

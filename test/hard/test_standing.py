@@ -10,7 +10,7 @@ import vibro_ros
 from vibro_ros.model.slider import Slider
 
 
-def settled(scene, seconds=12.0):
+def settled_device(scene, seconds=12.0):
     """A device whose motor has run and stopped, and whose masses have had time to settle."""
     device = vibro_ros.Simulator(scene)
     device.command(motor_speed=50.0)
@@ -29,7 +29,7 @@ def settled(scene, seconds=12.0):
 @pytest.mark.parametrize("name", ["damped", "device"])
 def test_masses_pressed_on_compliant_plates_take_few_segments(name, changes):
     pressed = {"upper.gap": -0.02, "inclined.gap": -0.02}  # wherever the crank stops
-    device = settled(vibro_ros.load_scene(name).with_parameters(pressed | changes))
+    device = settled_device(vibro_ros.load_scene(name).with_parameters(pressed | changes))
     before, state = device.statistics["steps"], device.state
     device.advance_to(22.0)
     assert device.statistics["steps"] - before <= 10 * 50  # in 10 s; those that move take thousands a second
@@ -70,7 +70,7 @@ def test_held_masses_answer_a_command_as_those_that_have_just_settled(command):
     """
     ways = []
     for stood in (8.0, 60.0):
-        device = settled(vibro_ros.load_scene("device"), stood)
+        device = settled_device(vibro_ros.load_scene("device"), stood)
         before = device.state
         device.command(**command)
         device.advance_to(stood + 0.25)

@@ -13,7 +13,7 @@ ALL = ("crank", "upper_plate", "inclined_plate")
 NAN = math.nan
 
 
-def said(name=ALL, position=(), velocity=(), effort=()):
+def commands_of_message(name=ALL, position=(), velocity=(), effort=()):
     return joint_commands(SimpleNamespace(name=list(name), position=position, velocity=velocity, effort=effort), SCENE)
 
 
@@ -24,15 +24,15 @@ def said(name=ALL, position=(), velocity=(), effort=()):
     {"name": ("upper_mass", *ALL), "position": (0.0605, 0.059), "velocity": (100.0,)},  # a joint that has states alone
     {"name": (*ALL[::-1],), "position": (0.059, 0.0605), "velocity": (100.0,)}])
 def test_each_joint_gets_its_number_whatever_is_left_out(message: dict):
-    commands, faults = said(**message)
+    commands, faults = commands_of_message(**message)
     assert commands == pytest.approx({"motor_speed": 100.0, "upper_gap": 0.0005, "inclined_gap": -0.001})
     assert not faults
 
 
 def test_what_is_not_finite_is_no_command_and_no_fault():
-    assert said(position=(NAN, math.inf), velocity=(NAN,)) == ({}, [])
-    assert said(position=(NAN, NAN), velocity=(50.0,)) == ({"motor_speed": 50.0}, [])
-    assert said(name=()) == ({}, [])
+    assert commands_of_message(position=(NAN, math.inf), velocity=(NAN,)) == ({}, [])
+    assert commands_of_message(position=(NAN, NAN), velocity=(50.0,)) == ({"motor_speed": 50.0}, [])
+    assert commands_of_message(name=()) == ({}, [])
 
 
 @pytest.mark.parametrize(("message", "commands", "words"), [
@@ -43,5 +43,5 @@ def test_what_is_not_finite_is_no_command_and_no_fault():
     ({"name": ("crank", "elbow"), "velocity": (1.0,) * 3}, {}, "velocity: 3 numbers for 2 names"),
     ({"name": ("crank", "upper_plate", "crank"), "velocity": (1.0, 2.0)}, {}, "'crank' is named 2 times; name each")])
 def test_what_means_nothing_is_said_and_leaves_the_rest(message: dict, commands: dict, words: str):
-    found, faults = said(**message)
+    found, faults = commands_of_message(**message)
     assert found == commands and words in faults[0]

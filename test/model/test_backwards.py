@@ -13,7 +13,7 @@ FREE = {"effects.upper_contact": "none", "effects.inclined_contact": "none", "ef
 COURSE = ((0.1, -80.0), (0.3, 70.0), (0.7, -40.0))
 
 
-def ran(scene, times, course, sign=1.0):
+def sampled_run(scene, times, course, sign=1.0):
     """A device's samples at `times` under the commands of `course`, or of its mirror image."""
     return vibro_ros.simulate(scene, times=times, commands=[(at, {"motor_speed": sign * to}) for at, to in course])
 
@@ -29,7 +29,7 @@ def test_a_mirrored_crank_drives_a_mass_alike(name, motor, side):
     scene = vibro_ros.load_scene(name).with_parameters({
         f"effects.{other}_mass": False, "effects.motor": motor, "guide.angle": 1.3, "motor.speed": 0.0,
         "start.state": "given", "start.crank_angle": tilt, f"start.{side}_position": 0.05})
-    here, there = (ran(scene, np.linspace(0.0, 1.2, 1001), COURSE, sign) for sign in (1.0, -1.0))
+    here, there = (sampled_run(scene, np.linspace(0.0, 1.2, 1001), COURSE, sign) for sign in (1.0, -1.0))
     for field in (f"{side}_position", "body_position"):
         np.testing.assert_allclose(getattr(there, field), getattr(here, field), rtol=0, atol=1e-13)
     np.testing.assert_allclose(there.crank_angle - tilt, tilt - here.crank_angle, rtol=0, atol=1e-13)
@@ -79,10 +79,10 @@ def test_steps_of_fixed_length_pass_0_with_their_order(motor, method, order):
     scene = vibro_ros.load_scene("no_impact").with_parameters({
         "effects.motor": motor, "motor.acceleration": 3000.0, "motor.time_constant": 0.03, "motor.speed": -30.0})
     times = np.array([0.0512, 0.4096])
-    exact = ran(scene, times, ((0.0512, 90.0), (0.1024, -40.0)))
+    exact = sampled_run(scene, times, ((0.0512, 90.0), (0.1024, -40.0)))
     off = []
     for step in (1.6e-3, 0.8e-3, 0.4e-3):
-        run = ran(scene.with_parameters({"solver.method": method, "solver.step": step}), times,
+        run = sampled_run(scene.with_parameters({"solver.method": method, "solver.step": step}), times,
                   ((0.0512, 90.0), (0.1024, -40.0)))
         assert run.crank_angle[-1] == pytest.approx(exact.crank_angle[-1], abs=1e-12)
         off.append(abs(run.upper_position[-1] - exact.upper_position[-1]))

@@ -27,7 +27,7 @@ def simulated(duration, *changes, rate=1000.0):
     return vibro_ros.simulate(paper(*changes), duration=duration, rate=rate)
 
 
-def when(run, kind):
+def instants_of(run, kind):
     """Instants [s] of the events of one kind."""
     return run.events["time"][run.events["kind"] == kind]
 
@@ -37,7 +37,7 @@ def test_a_block_runs_up_a_slope_and_stays():
     slope, friction, speed = 0.1, 0.2, 1.0
     rate = GRAVITY * (math.sin(slope) + friction * math.cos(slope))
     run = simulated(1.0, BLOCK, {"ground.slope": slope, "start.body_velocity": speed})
-    assert when(run, "stick") == pytest.approx([speed / rate], abs=1e-15)
+    assert instants_of(run, "stick") == pytest.approx([speed / rate], abs=1e-15)
     assert run.body_position[-1] == pytest.approx(speed**2 / 2.0 / rate, abs=1e-15)
     assert run.body_velocity[-1] == 0.0
     assert run.normal_force == pytest.approx(GRAVITY * math.cos(slope), rel=1e-15)
@@ -51,7 +51,7 @@ def test_a_block_runs_up_a_slope_through_oil(viscous):
     run = simulated(0.5, BLOCK, {"ground.slope": slope, "ground.viscous_friction": viscous,
                                  "start.body_velocity": speed})
     share = viscous * speed / rate  # of the oil in the first deceleration
-    assert when(run, "stick") == pytest.approx([math.log1p(share) / viscous], abs=1e-15)
+    assert instants_of(run, "stick") == pytest.approx([math.log1p(share) / viscous], abs=1e-15)
     way = (speed / viscous) * ((share - math.log1p(share)) / share)
     assert run.body_position[-1] == pytest.approx(way, abs=1e-12 if viscous < 1.0 else 1e-15)
 
@@ -68,7 +68,7 @@ def test_a_load_stops_a_block_and_may_pull_it_back(drag, goes_back):
     """A53. v' = −(μ g + F_0/M) until the stop, and then, where F_0 > μ M g, −(F_0/M − μ g)."""
     stop = 1.0 / (drag + 0.2 * GRAVITY)
     run = simulated(1.0, BLOCK, {"ground.drag": drag, "start.body_velocity": 1.0})
-    assert when(run, "slip_backward" if goes_back else "stick") == pytest.approx([stop], abs=1e-15)
+    assert instants_of(run, "slip_backward" if goes_back else "stick") == pytest.approx([stop], abs=1e-15)
     back = (drag - 0.2 * GRAVITY) * (1.0 - stop) if goes_back else 0.0
     assert run.body_velocity[-1] == pytest.approx(-back, abs=1e-14)
     assert run.friction_force[-1] == pytest.approx(-0.2 * GRAVITY if goes_back else -drag, abs=1e-14)
@@ -79,7 +79,7 @@ def test_forwards_and_backwards_each_have_their_friction():
     for speed, friction in ((1.0, 0.2), (-1.0, 0.5)):
         run = simulated(1.0, BLOCK | {"ground.drag": 1e-20}, {  # a drag, so that x is a coordinate
             "ground.friction_backward": 0.5, "start.body_velocity": speed})
-        assert when(run, "stick") == pytest.approx([1.0 / (friction * GRAVITY)], abs=1e-15)
+        assert instants_of(run, "stick") == pytest.approx([1.0 / (friction * GRAVITY)], abs=1e-15)
 
 
 def test_a_one_way_wheel_never_rolls_back():

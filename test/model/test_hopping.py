@@ -25,7 +25,7 @@ def times_of(events, kind):
     return events["time"][events["kind"] == kind]
 
 
-def around(instants, machine):
+def samples_around(instants, machine):
     """Samples just before and after each of `instants`, shape (2 n,): 1e-9 s change no speed by more than 1e-5 m/s."""
     return vibro_ros.simulate(machine, times=np.ravel(np.column_stack((instants - 1e-9, instants + 1e-9))))
 
@@ -63,7 +63,7 @@ def test_a_landing_takes_the_energy_of_the_fall(changes):
         inertia[:2, 2:] = 0.0
     felt = 1.0 / np.linalg.inv(inertia)[1, 1]
     landings = times_of(vibro_ros.simulate(machine, times=[1.0]).events, "landing")
-    run = around(landings, machine)
+    run = samples_around(landings, machine)
     v = np.array([run.body_velocity, run.body_vertical_velocity, run.upper_velocity, run.inclined_velocity])
     energy = np.einsum("ik,ij,jk->k", v, inertia, v) / 2
     fall = v[1, ::2]

@@ -24,7 +24,7 @@ def dc(name, *changes):
     return changed(name, DC, *changes)
 
 
-def numbers(scene):
+def motor_numbers(scene):
     """K, J, R, L, b and T_c."""
     ratio = scene["motor.gear_ratio"]
     return (ratio * scene["motor.torque_constant"], ratio**2 * scene["motor.rotor_inertia"]
@@ -35,7 +35,7 @@ def numbers(scene):
 def test_a_motor_without_load_and_a_motor_that_is_stalled():
     """A64. θ' = (K V/R - T_c)/(b + K²/R), and i = V/R while the bearing is seized."""
     scene = dc("paper", ALONE, CONSTANT, {"motor.speed": 0.0})
-    constant, _, resistance, _, b, friction = numbers(scene)
+    constant, _, resistance, _, b, friction = motor_numbers(scene)
     run = vibro_ros.simulate(scene, times=[0.0, 2.0])
     assert run.motor_speed[1] == pytest.approx(
         (constant * 12.0 / resistance - friction) / (b + constant**2 / resistance), rel=1e-14)
@@ -86,7 +86,7 @@ def test_no_supply_gives_more_than_it_has_to_a_crank_that_turns_too_fast(sign):
     scene = vibro_ros.load_scene("machine").with_parameters({
         "motor.control": "speed_by_voltage", "motor.supply_voltage": 12.0, "motor.current_limit": 1.0,
         "motor.speed": sign * 100.0})
-    constant, _, resistance, *_ = numbers(scene)
+    constant, _, resistance, *_ = motor_numbers(scene)
     device = vibro_ros.Simulator(scene)
     assert device.state.motor_voltage == sign * 12.0
     assert (device.state.motor_voltage - constant * sign * 100.0) / resistance * sign < -1.0  # more than the limit
@@ -122,7 +122,7 @@ def test_a_run_up_is_a_sum_of_exponentials(inductance):
     L J p² + (R J + L b) p + R b + K² = 0, real for a small L, complex for a large one."""
     scene = dc("paper", ALONE, CONSTANT, {"motor.speed": 0.0, "motor.winding_inductance": inductance,
                                           "motor.friction": 0.0, "motor.static_friction": 0.0})
-    constant, inertia, resistance, _, b, _ = numbers(scene)
+    constant, inertia, resistance, _, b, _ = motor_numbers(scene)
     times, damping = np.linspace(0.0, 0.05, 60), resistance * b + constant**2
     last = constant * 12.0 / damping
     if inductance:
@@ -155,7 +155,7 @@ def test_a_small_ripple_is_linear():
     """A68. ω_n = -τ_n / (jΩ_n J + b + K²/(R + jΩ_n L)), with τ_n the torque's harmonics of the ideal motor."""
     scene = dc("damped", WITHOUT_PLATES, CONSTANT, WINDING, {"motor.crank_inertia": 1e-1, "motor.friction": 0.0,
                                                              "motor.static_friction": 0.0})
-    constant, inertia, resistance, inductance, b, _ = numbers(scene)
+    constant, inertia, resistance, inductance, b, _ = motor_numbers(scene)
     turn, count = 2.0 * math.pi / 100.0, 256
     parts = np.arange(count) / count * turn
     ideal = vibro_ros.simulate(vibro_ros.load_scene("damped").with_parameters(WITHOUT_PLATES),

@@ -35,7 +35,7 @@ def machine(**changes):
     return scene("machine", {"motor.speed": 100.0} | changes)
 
 
-def numbers(of):
+def motor_numbers(of):
     """K, J, R, L and b."""
     ratio = of["motor.gear_ratio"]
     return (ratio * of["motor.torque_constant"], ratio**2 * of["motor.rotor_inertia"] + of["motor.crank_inertia"],
@@ -51,7 +51,7 @@ def test_a_motor_without_load_has_the_multipliers_of_its_run_up(winding):
     """A64. θ' = K V/(R b + K²); exp(-T/τ) with τ = J/(b + K²/R), or the exponentials of the two roots of
     L J p² + (R J + L b) p + R b + K²."""
     of = scene("paper", VOLTS, ALONE, winding)
-    constant, inertia, resistance, inductance, b = numbers(of)
+    constant, inertia, resistance, inductance, b = motor_numbers(of)
     speed = constant * 15.0 / (resistance * b + constant**2)
     roots = (np.roots([inductance * inertia, resistance * inertia + inductance * b, resistance * b + constant**2])
              if inductance else np.array([-(b + constant**2 / resistance) / inertia]))
@@ -68,7 +68,7 @@ def section_map(of, phase, state):
     """Return the state after a turn from [u, u', θ', i], with the upper mass alone and no plates, by DOP853 with an
     event of its own.
     """
-    constant, inertia, resistance, inductance, b = numbers(of)
+    constant, inertia, resistance, inductance, b = motor_numbers(of)
     slider, mass = Slider(of["crank.radius"], of["crank.upper_rod"], 0.0), of["mass.upper"]
 
     def rate(time, y):
@@ -121,7 +121,7 @@ def test_a_heavy_flywheel_has_the_orbit_and_the_multipliers_of_the_ideal_motor()
         apart.append([abs(found.mean_speed / closes.mean_speed - 1.0),
                       np.abs(found.multipliers[1:3] - closes.multipliers[:2]).max(),
                       np.abs(there(state).state - state).max()])
-        constant, whole, resistance, _, b = numbers(of)
+        constant, whole, resistance, _, b = motor_numbers(of)
         rate = -math.log(found.multipliers[0].real) / found.period
         assert rate * whole == pytest.approx(b + constant**2 / resistance, rel=0.5)
     assert np.array(apart[0]) / apart[1] == pytest.approx(2.0, rel=0.05)

@@ -20,7 +20,7 @@ def scene(name: str, **changes) -> vibro_ros.Scene:
     return vibro_ros.load_scene(name).with_parameters({"motor.speed": SPEED} | changes)
 
 
-def alone(**changes) -> vibro_ros.Scene:
+def lone_mass(**changes) -> vibro_ros.Scene:
     """Return a scene with the upper mass alone on its damped drive."""
     return scene("unilateral", **{"effects.inclined_mass": False, "upper.spring.damping": 3.0} | changes)
 
@@ -54,7 +54,7 @@ def test_a_mirrored_crank_has_the_same_orbits():
 @pytest.mark.parametrize("damping", [3.0, 20.0])
 def test_a_linear_machine_has_the_multipliers_of_its_eigenvalues(damping):
     """Of e^(lambda T); 20 N s/m is the critical damping, whose two multipliers are equal."""
-    of = alone(**{"effects.upper_contact": "none", "upper.spring.damping": damping})
+    of = lone_mass(**{"effects.upper_contact": "none", "upper.spring.damping": damping})
     found = vibro_ros.find_orbit(of)
     expected = in_order(np.exp(np.linalg.eigvals(matrix(of)) * PERIOD))
     # Two equal eigenvalues part with the root of the derivative's error.
@@ -80,7 +80,7 @@ def flight(of: vibro_ros.Scene):
 def test_an_impact_oscillator_has_the_multipliers_of_its_closed_form(restitution, gap, damping):
     """One blow a turn, at speed v: the turn's derivative is e^(A (T - t)) S e^(A t), with the jump S of a blow on a
     plate at rest, S = [[-e, 0], [(a' + e a) / v, -e]], from the accelerations a before and a' after it."""
-    of = alone(**{"effects.upper_contact": "restitution", "upper.plate.restitution": restitution, "upper.gap": gap,
+    of = lone_mass(**{"effects.upper_contact": "restitution", "upper.plate.restitution": restitution, "upper.gap": gap,
                   "upper.spring.damping": damping})
     found = vibro_ros.find_orbit(of)
     plate, state = of["crank.upper_rod"] + gap, found.state

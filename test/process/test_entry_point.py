@@ -106,7 +106,7 @@ sys.exit(code)
 READY = "__import__('os').write(1, b'ready\\n')"  # not by Python's own buffer, in which a signal may meet it
 
 
-def planted(start: Start, *lines: str, **options: object) -> subprocess.Popen:
+def planted_executable(start: Start, *lines: str, **options: object) -> subprocess.Popen:
     """Return an executable whose `main` consists of these lines, once it is ready."""
     process = start("-c", DOOR.format(main="\n    ".join([*lines, "return 0"])), **options)
     assert process.stdout.readline() == "ready\n"
@@ -123,7 +123,7 @@ def test_an_interrupt_in_a_text_that_is_executed_gives_the_same_exit_code(start,
 
 
 def test_a_second_signal_ends_a_program_that_swallows_the_first(start):
-    process = planted(start, "try:", f"    {READY}", "    time.sleep(600)", "except KeyboardInterrupt:",
+    process = planted_executable(start, "try:", f"    {READY}", "    time.sleep(600)", "except KeyboardInterrupt:",
                       "    __import__('os').write(1, b'no\\n')", "time.sleep(600)")
     process.send_signal(signal.SIGTERM)
     assert process.stdout.readline() == "no\n"
@@ -136,7 +136,7 @@ REQUEST = ("with entry_point.StopRequest() as stop:", "    {before}", f"    {REA
 
 
 def requested(start: Start, before: str = "pass", condition: str = "not stop", rest: float = 0.0) -> subprocess.Popen:
-    return planted(start, *(line.format(before=before, condition=condition, rest=rest) for line in REQUEST))
+    return planted_executable(start, *(line.format(before=before, condition=condition, rest=rest) for line in REQUEST))
 
 
 def test_a_request_is_polled(start):
@@ -167,7 +167,7 @@ def test_nohup_is_heeded_and_an_ignored_ctrl_c_is_not(start):
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
         signal.signal(signal.SIGINT, signal.SIG_IGN)
 
-    process = planted(start, READY, "time.sleep(600)", preexec_fn=as_nohup_in_a_script)
+    process = planted_executable(start, READY, "time.sleep(600)", preexec_fn=as_nohup_in_a_script)
     process.send_signal(signal.SIGHUP)
     time.sleep(0.2)  # it must not end, however long one waits
     assert process.poll() is None
@@ -176,7 +176,7 @@ def test_nohup_is_heeded_and_an_ignored_ctrl_c_is_not(start):
 
 
 def test_a_thread_that_works_on_does_not_delay_the_end(start):
-    process = planted(start, "threading.Thread(target=time.sleep, args=(600,), daemon=True).start()", READY,
+    process = planted_executable(start, "threading.Thread(target=time.sleep, args=(600,), daemon=True).start()", READY,
                       "sys.stdin.read()", "print('last word', end='')", "return 5", stdin=subprocess.PIPE)
     assert said_after(process, PROMPT) == (5, "last word", "")
 

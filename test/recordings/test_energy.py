@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 import pytest
-from robot_bag import START, changed, each, holding, rewritten, robot_bag, since
+from robot_bag import START, edit_each, edit_topic, holding, rewritten, robot_bag, without_earlier
 
 import vibro_ros
 from vibro_ros.bag.reader import load_bag
@@ -36,7 +36,7 @@ def device():
 def late_with(recorded, folder, tick, state):
     """Return the recording from a sample on, with a checkpoint there."""
     checkpoint = f"/{CHECKPOINT}", START + round(tick / RATE * 1e9), holding(TOPICS[CHECKPOINT].type, state)
-    return rewritten(recorded, folder, lambda all_of_it: sorted([*since(tick / RATE)(all_of_it), checkpoint],
+    return rewritten(recorded, folder, lambda all_of_it: sorted([*without_earlier(tick / RATE)(all_of_it), checkpoint],
                                                                 key=lambda one: one[1]))
 
 
@@ -81,7 +81,7 @@ def test_a_checkpoint_that_no_robot_made_is_unknown(recorded, tmp_path):
 
 
 def test_a_late_recording_without_a_checkpoint_is_unknown(recorded, tmp_path, capsys):
-    late = rewritten(recorded, tmp_path / "late", since(1.0))
+    late = rewritten(recorded, tmp_path / "late", without_earlier(1.0))
     assert "without a checkpoint" in energy_of(load_bag(late))["unknown"]
     assert replay.main([str(late)]) == 2  # and not 1, different: that cannot be known
     assert "cannot be replayed: it begins 1.000 s after the robot's start and holds no checkpoint" in (
@@ -94,7 +94,7 @@ def test_another_run_than_the_commands_give_is_unknown(recorded, tmp_path):
         odometry.pose.pose.position.x = np.nextafter(odometry.pose.pose.position.x, 1.0)
 
     last = START + round((TICKS - 1) / RATE * 1e9)
-    other = rewritten(recorded, tmp_path / "other", changed("odom", move, lambda stamp: stamp == last))
+    other = rewritten(recorded, tmp_path / "other", edit_topic("odom", move, lambda stamp: stamp == last))
     assert "is not the recorded one" in energy_of(load_bag(other))["unknown"]
 
 
@@ -140,7 +140,7 @@ def stretched(message):
 
 
 def test_a_bag_with_stretched_stamps_is_not_simulated_for_years(recorded, tmp_path, capsys):
-    folder = rewritten(recorded, tmp_path / "stretched", each(stretched))
+    folder = rewritten(recorded, tmp_path / "stretched", edit_each(stretched))
     began = time.process_time()
     assert "only 120 of 119000001 samples" in energy_of(load_bag(folder))["unknown"]
     assert replay.main([str(folder)]) == 1

@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from robot_bag import each, rewritten
+from robot_bag import edit_each, rewritten
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -170,7 +170,7 @@ def test_numbers_that_no_robot_sends_are_left_out_and_named(record_run, tmp_path
             data[at:at + 8 or None] = np.float64(value).tobytes()
         return name, stamp, bytes(data)
 
-    rewritten(record_run(count=200), tmp_path / "spoilt", each(spoilt))
+    rewritten(record_run(count=200), tmp_path / "spoilt", edit_each(spoilt))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert report.main([str(tmp_path / "spoilt")]) == 0

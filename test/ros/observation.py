@@ -60,7 +60,7 @@ def stamps_of(folder: Path, topic: str = "/odom") -> list[int]:
         return [stamp for _, stamp, _ in reader.messages(chosen)]
 
 
-def ended(program, code: int = 0) -> None:
+def check_end(program, code: int = 0) -> None:
     """Check that the process ends with this exit code and without an unexpected line of output."""
     assert program.end() == code, program.text
     assert "Traceback" not in program.text and "please report" not in program.text, program.text
@@ -69,12 +69,12 @@ def ended(program, code: int = 0) -> None:
 def stop(program, code: int = 0, number: signal.Signals = signal.SIGINT) -> None:
     """End a program as a user does."""
     program.send(number)
-    ended(program, code)
+    check_end(program, code)
 
 
 def whole_bag(robot) -> Path:
     """Return the bag of a robot that has ended normally, and check that it has every message."""
-    ended(robot)
+    check_end(robot)
     line = robot.wait_for("]: bag ")
     assert " 0 dropped;" in line
     return Path(line.split("]: bag ")[1].split(": ")[0])

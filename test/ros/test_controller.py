@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from asking import set_parameter
-from observation import ended, stop, write
+from observation import check_end, stop, write
 from std_msgs.msg import Float64
 
 from vibro_ros.bag.reader import read_bag
@@ -105,7 +105,7 @@ def test_bad_input_is_one_line(refusal, tmp_path, words, reason):
 def test_the_first_node_and_goals_are_reached_with_a_real_robot(start, tmp_path):
     robot = start("robot")
     first = start(str(FIRST_NODE), "--ros-args", "-p", "distance:=0.1")
-    ended(first)
+    check_end(first)
     assert 0.1 <= -float(first.text.partition("stopped after ")[2].partition(" m")[0]) < 0.2, first.text
     controller = start("controller", write(tmp_path, """
 entries:

@@ -85,7 +85,7 @@ def test_a_bad_map_is_one_line_and_nothing_is_sent(refusal, tmp_path, words, rea
 STANDING = {"motor_speed": 0.0, "upper_gap": 0.0, "inclined_gap": 0.0}
 
 
-def said(*courses, initial=None):
+def remarks(*courses, initial=None):
     """Return the adviser's messages for a sequence of motor speeds; a pair is a speed and the one that follows later.
     """
     watch, words = MotionWatch(known_map(), initial or STANDING), []
@@ -96,36 +96,36 @@ def said(*courses, initial=None):
 
 
 def test_a_crossing_is_said_once_with_both_motions():
-    assert said(50.0, 60.0, 70.0, 80.0) == ["", "", (
+    assert remarks(50.0, 60.0, 70.0, 80.0) == ["", "", (
         "leads at motor_speed 70 rad/s and gap 0 mm from the motion of -60 mm/s (period 1 turn, 1 landing) to that of "
         "-90 mm/s (period 2 turns, 2 landings)"), ""]
 
 
 def test_a_motion_goes_on_where_it_still_exists():
-    assert said(70.0, 60.0, 50.0)[:2] == ["", ""]
-    assert "leads" in said(70.0, 60.0, 50.0)[2]
-    assert said(50.0, 60.0, 50.0, 60.0) == [""] * 4
+    assert remarks(70.0, 60.0, 50.0)[:2] == ["", ""]
+    assert "leads" in remarks(70.0, 60.0, 50.0)[2]
+    assert remarks(50.0, 60.0, 50.0, 60.0) == [""] * 4
 
 
 def test_a_start_from_standing_crosses_nothing_but_where_two_motions_exist_it_says_so():
-    assert said(50.0) == said(70.0) == said(100.0) == [""]
-    assert said(60.0) == ["allows more than one motion at motor_speed 60 rad/s and gap 0 mm, and the motion before "
+    assert remarks(50.0) == remarks(70.0) == remarks(100.0) == [""]
+    assert remarks(60.0) == ["allows more than one motion at motor_speed 60 rad/s and gap 0 mm, and the motion before "
                           "decides: -60 mm/s (period 1 turn, 1 landing) or -80 mm/s (period 2 turns, 2 landings)"]
     assert MotionWatch(known_map(), STANDING).remark({"motor_speed": 60.0}, {"motor_speed": 60.0})[1]
-    assert said(50.0, 0.0, 70.0) == [""] * 3  # it stood meanwhile
+    assert remarks(50.0, 0.0, 70.0) == [""] * 3  # it stood meanwhile
 
 
 def test_what_is_only_passed_through_is_no_crossing():
-    assert said(50.0, (70.0, 100.0), 100.0)[:2] == ["", ""]
-    words = said(50.0, (70.0, 100.0), 100.0)[2]
+    assert remarks(50.0, (70.0, 100.0), 100.0)[:2] == ["", ""]
+    words = remarks(50.0, (70.0, 100.0), 100.0)[2]
     assert "of -50 mm/s (period 1 turn, 1 landing) to that of -100 mm/s (without a period)" in words
-    assert said(50.0, (70.0, 50.0), 50.0) == [""] * 3
-    assert "more than one" in said(50.0, (100.0, 60.0), 60.0)[2]  # after another motion it may come back in either
+    assert remarks(50.0, (70.0, 50.0), 50.0) == [""] * 3
+    assert "more than one" in remarks(50.0, (100.0, 60.0), 60.0)[2]  # after another motion it may come back in either
 
 
 def test_nothing_is_said_of_what_is_not_known():
-    assert said(50.0, float("nan"), 70.0) == [""] * 3
-    assert said(50.0, 1e6, 70.0) == [""] * 3
+    assert remarks(50.0, float("nan"), 70.0) == [""] * 3
+    assert remarks(50.0, 1e6, 70.0) == [""] * 3
     watch = MotionWatch(known_map(), STANDING)
     apart = {"motor_speed": 50.0, "upper_gap": 0.0, "inclined_gap": 0.004}
     assert watch.remark(apart, apart)[0] == ""
@@ -133,5 +133,5 @@ def test_nothing_is_said_of_what_is_not_known():
 
 def test_a_robot_that_turned_before_is_in_its_motion():
     turning = {"motor_speed": 50.0, "upper_gap": 0.001, "inclined_gap": 0.001}
-    assert said(50.0, initial=turning) == [""]
-    assert said(70.0, initial=turning)[0].startswith("leads at motor_speed 70 rad/s and gap 1 mm from")
+    assert remarks(50.0, initial=turning) == [""]
+    assert remarks(70.0, initial=turning)[0].startswith("leads at motor_speed 70 rad/s and gap 1 mm from")

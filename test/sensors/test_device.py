@@ -22,7 +22,7 @@ def device_with(changes: dict, scene: str = "device") -> SensedSimulator:
     return SensedSimulator(load_scene(scene).with_parameters(changes))
 
 
-def heard(device: SensedSimulator, until: float, step: float) -> dict[str, list]:
+def released_by(device: SensedSimulator, until: float, step: float) -> dict[str, list]:
     """Return the measurements up to `until` when the device is advanced in steps of about `step` [s]."""
     begin, found = device.time, {}
     for time in np.linspace(begin, until, 1 + math.ceil((until - begin) / step))[1:]:
@@ -33,29 +33,29 @@ def heard(device: SensedSimulator, until: float, step: float) -> dict[str, list]
 
 
 def test_bits_depend_on_the_seed_and_neither_on_cuts_nor_on_other_sensors():
-    coarse = heard(device_with(ALL), 1.0, 0.1)
+    coarse = released_by(device_with(ALL), 1.0, 0.1)
     assert {name: len(rows) > 50 for name, rows in coarse.items()} == dict.fromkeys(
         ("imu", "encoder", "current", "tracking"), True)
-    assert heard(device_with(ALL), 1.0, 0.00037) == coarse
+    assert released_by(device_with(ALL), 1.0, 0.00037) == coarse
     other, plain = device_with({**ALL, "sensors.seed": 1.0}), new_device(load_scene("device").with_parameters(
         {"motor.speed": 100.0, "effects.motor": "dc"}))
-    noisy = heard(other, 1.0, 0.1)
+    noisy = released_by(other, 1.0, 0.1)
     plain.advance_to(1.0)
     assert type(plain) is Simulator and other.state == plain.state  # noise is none of the motion's
     assert noisy["encoder"] == coarse["encoder"] and noisy["imu"] != coarse["imu"]
     for name, rows in coarse.items():
         others = {f"sensors.{other}.rate": 0.0 for other in coarse if other != name}
-        assert heard(device_with({**ALL, **others}), 1.0, 0.013) == {name: rows}
+        assert released_by(device_with({**ALL, **others}), 1.0, 0.013) == {name: rows}
 
 
 def test_a_device_goes_on_from_a_checkpoint_with_the_same_bits():
     one, other = device_with(ALL), device_with(ALL)
-    heard(one, 0.3, 0.1)
+    released_by(one, 0.3, 0.1)
     one.fail("sensor_freeze", 0.05, "encoder")
     one.fail("sensor_offset", 0.2, "tracking", 0.5)
     checkpoint = one.checkpoint()
     other.restore(checkpoint)
-    assert heard(one, 0.6, 0.01) == heard(other, 0.6, 0.1)
+    assert released_by(one, 0.6, 0.01) == released_by(other, 0.6, 0.1)
     one.reset()
     other.restore(device_with(ALL).checkpoint())
     assert np.array_equal(one.checkpoint(), other.checkpoint(), equal_nan=True)
@@ -63,7 +63,7 @@ def test_a_device_goes_on_from_a_checkpoint_with_the_same_bits():
 
 def test_a_forged_memory_is_refused_and_changes_nothing():
     device = device_with(ALL)
-    heard(device, 0.2, 0.1)
+    released_by(device, 0.2, 0.1)
     good = device.checkpoint()
     motion = len(Simulator.checkpoint(device))
     for place in range(motion, motion + 5):  # count, ends of faults, offset of the imu
@@ -103,7 +103,7 @@ def test_measurements_have_their_instants_and_come_out_after_the_delay():
 
 def test_an_encoder_counts_ticks():
     ticks, window = 1000.0, 0.02
-    rows = np.array(heard(device_with({"motor.speed": 90.0, "sensors.encoder.rate": 200.0,
+    rows = np.array(released_by(device_with({"motor.speed": 90.0, "sensors.encoder.rate": 200.0,
                                        "sensors.encoder.ticks": ticks, "sensors.encoder.velocity_window": window},
                                       "damped"), 2.0, 1.0)["encoder"])
     tick = 2.0 * math.pi / ticks
@@ -129,7 +129,7 @@ def test_the_supply_s_current_is_what_its_power_says_clipped_noisy_and_in_steps(
         assert one.values == pytest.approx([true, supply - resistance * true], rel=1e-13)
     noisy = device_with({**stalled, "sensors.current.noise": 0.1, "sensors.current.resolution": 0.01,
                          "sensors.current.range": 2.0})
-    rows = np.array(heard(noisy, 10.0, 1.0)["current"])
+    rows = np.array(released_by(noisy, 10.0, 1.0)["current"])
     assert np.abs(rows[:, 1] / 0.01 - np.rint(rows[:, 1] / 0.01)).max() < 1e-9
     spread = math.sqrt(0.1**2 + 0.01**2 / 12.0)
     assert rows[:, 1].mean() == pytest.approx(2.0, abs=4.0 * spread / 100.0)  # of 1e4 samples, clipped at 2 A
@@ -139,7 +139,7 @@ def test_the_supply_s_current_is_what_its_power_says_clipped_noisy_and_in_steps(
 
 def test_dropouts_take_the_share_that_renewal_theory_gives():
     probability, duration, rate = 0.02, 0.1, 100.0
-    rows = heard(device_with({"sensors.tracking.rate": rate, "sensors.tracking.dropout_duration": duration,
+    rows = released_by(device_with({"sensors.tracking.rate": rate, "sensors.tracking.dropout_duration": duration,
                               "sensors.tracking.dropout_probability": probability}, "no_impact"), 100.0, 10.0)
     # A sample comes out if none of the ten up to it began a dropout.
     share = (1.0 - probability) ** (duration * rate)
@@ -148,18 +148,18 @@ def test_dropouts_take_the_share_that_renewal_theory_gives():
 
 def test_faults():
     changes = {"sensors.encoder.rate": 100.0, "motor.speed": 50.0}
-    healthy = heard(device_with(changes), 0.6, 0.1)["encoder"]
+    healthy = released_by(device_with(changes), 0.6, 0.1)["encoder"]
     device = device_with(changes)
-    heard(device, 0.1, 0.1)
+    released_by(device, 0.1, 0.1)
     device.fail("sensor_dropout", 0.1, "encoder")
-    assert [row[0] for row in heard(device, 0.25, 0.1)["encoder"]] == [k / 100.0 for k in range(20, 26)]
+    assert [row[0] for row in released_by(device, 0.25, 0.1)["encoder"]] == [k / 100.0 for k in range(20, 26)]
     device.fail("sensor_freeze", 0.1, "encoder")
     assert device.disturbances == {"sensor_freeze of encoder": 0.35}
-    frozen = heard(device, 0.345, 0.01)["encoder"]
+    frozen = released_by(device, 0.345, 0.01)["encoder"]
     assert {row[1:] for row in frozen} == {healthy[25][1:]} and [row[0] for row in frozen] == [
         k / 100.0 for k in range(26, 35)]
     device.fail("sensor_offset", 0.105, "encoder", 0.5)
-    offset = heard(device, 0.6, 0.01)["encoder"]
+    offset = released_by(device, 0.6, 0.01)["encoder"]
     added = [row[1] - good[1] for row, good in zip(offset[:10], healthy[35:45], strict=True)]
     assert added == pytest.approx([0.5] * 10)
     assert offset[10:] == healthy[45:]

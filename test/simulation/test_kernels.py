@@ -41,7 +41,7 @@ for name, duration in (("damped", 0.3), ("device", 0.2), ("machine", 0.02)):
 """
 
 
-def said(program: str, **environment: str) -> str:
+def output_of(program: str, **environment: str) -> str:
     """Run a program and return its output."""
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=PATIENCE,
                           env={**os.environ, **environment})
@@ -65,7 +65,7 @@ def test_every_scene_takes_the_same_kernels():
 
 def test_a_first_start_computes_the_bits_of_every_other_and_leaves_nothing_to_be_compiled(tmp_path):
     """A process that compiles for itself may call parts that were compiled separately, and round in another way."""
-    first, second = (said(RUN.format(method="rk4"), NUMBA_CACHE_DIR=str(tmp_path)).split() for _ in range(2))
+    first, second = (output_of(RUN.format(method="rk4"), NUMBA_CACHE_DIR=str(tmp_path)).split() for _ in range(2))
     assert first == ["7", "0", "kernels", first[-1]]
     assert second == ["7", "0", first[-1]]
 
@@ -90,7 +90,7 @@ def test_the_kernels_run_as_plain_python():
     """A debugger steps through the code that numba compiles otherwise; events are the same, and positions agree to
     rounding.
     """
-    assert said(WITHOUT_NUMBA, NUMBA_DISABLE_JIT="1") == said(WITHOUT_NUMBA)
+    assert output_of(WITHOUT_NUMBA, NUMBA_DISABLE_JIT="1") == output_of(WITHOUT_NUMBA)
 
 
 def test_vectors_of_numpy_do_what_vectors_in_registers_do():

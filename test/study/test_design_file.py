@@ -13,7 +13,7 @@ WORDS = {"scene": None, "set": [], "vary": [], "sample": None, "measure": None, 
          "duration": None}
 
 
-def said(**options):
+def entries_of(**options):
     """Return the output of the command line."""
     return given_in_words(argparse.Namespace(**WORDS | options))
 
@@ -27,7 +27,7 @@ def file_of(tmp_path, text):
 
 @pytest.mark.parametrize("name", shipped("sweep"))
 def test_shipped_sweeps_are_designs(name):
-    found = design_of(read_sweep(find_file("sweep", name)), said())
+    found = design_of(read_sweep(find_file("sweep", name)), entries_of())
     assert found.points > 1 and all(scene is not None for _, scene, _ in found.scenes())
 
 
@@ -36,7 +36,7 @@ def test_a_file_says_everything(tmp_path):
                    "vary:\n  guide.angle: {from: 0.7, to: 1.5, count: 3}\n  mass.inclined: {from: 1e-2, to: 0.1, "
                    "scale: log}\nsample: {method: sobol, count: 8, seed: 5}\nmeasure: [mean_speed, period]\nstarts: 4\n"
                    "settling: 2\nduration: 3.5\n")
-    found = design_of(read_sweep(path), said())
+    found = design_of(read_sweep(path), entries_of())
     assert (found.scene.name, found.scene["motor.speed"], found.scene["effects.reaction"]) == ("damped", 80.0, True)
     assert (found.points, found.starts, found.settling, found.duration) == (24, 4, 2.0, 3.5)
     assert found.measures == ("mean_speed", "period") and found.sampling.seed == 5
@@ -44,7 +44,7 @@ def test_a_file_says_everything(tmp_path):
 
 def test_the_command_line_changes_what_the_file_says(tmp_path):
     path = file_of(tmp_path, "scene: damped\nset: {motor.speed: 80.0}\nvary: {guide.angle: [0.7, 1.5]}\nstarts: 4\n")
-    found = design_of(read_sweep(path), said(vary=["motor.speed=60,70"], set=["guide.angle=1.0"], scene="rigid",
+    found = design_of(read_sweep(path), entries_of(vary=["motor.speed=60,70"], set=["guide.angle=1.0"], scene="rigid",
                                              measure=["period"], duration=2.0))
     assert found.names == ("motor.speed",) and found.scene["guide.angle"] == 1.0
     assert (found.scene.name, found.measures, found.starts, found.duration) == ("rigid", ("period",), 4, 2.0)
@@ -52,17 +52,17 @@ def test_the_command_line_changes_what_the_file_says(tmp_path):
 
 def test_linked_parameters_of_a_file_are_overridden_together_or_not_at_all(tmp_path):
     path = file_of(tmp_path, "scene: damped\nvary: {upper.gap+inclined.gap: [0.0, 0.001], mass.upper: [0.1]}\n")
-    found = design_of(read_sweep(path), said(vary=["upper.gap=0.001", "inclined.gap=0.002"]))
+    found = design_of(read_sweep(path), entries_of(vary=["upper.gap=0.001", "inclined.gap=0.002"]))
     assert [one.name for one in found.varied] == ["mass.upper", "upper.gap", "inclined.gap"]
     with pytest.raises(ValueError, match="upper.gap: is set and varied"):
-        design_of(read_sweep(path), said(set=["upper.gap=0.001"]))
+        design_of(read_sweep(path), entries_of(set=["upper.gap=0.001"]))
 
 
 def test_a_relative_path_of_the_scene_starts_at_the_file(tmp_path, monkeypatch):
     (tmp_path / "own.yaml").write_text("/**:\n  ros__parameters:\n    mass.body: 2.0\n")
     path = file_of(tmp_path, "scene: own.yaml\nvary: {guide.angle: [0.7]}\n")
     monkeypatch.chdir("/")
-    assert design_of(read_sweep(path), said()).scene["mass.body"] == 2.0
+    assert design_of(read_sweep(path), entries_of()).scene["mass.body"] == 2.0
 
 
 @pytest.mark.parametrize(("text", "words"), [
@@ -85,7 +85,7 @@ def test_a_slip_in_a_file_is_named_in_one_line(tmp_path, text, words):
     ({"scene": "paper", "vary": ["guide.angle=1"], "settling": 0.5}, "settling")])
 def test_a_slip_in_the_words_is_named(options, words):
     with pytest.raises(ValueError, match=words):
-        design_of({}, said(**options))
+        design_of({}, entries_of(**options))
 
 
 def test_no_such_file_names_the_shipped_ones(tmp_path):

@@ -46,12 +46,12 @@ def study():
     return Study("points", {"design": "roots"}, FIELDS, partial(rows_of, done), are_own, 1000.0, (), 10, 3), done
 
 
-def other(study, **changes):
+def changed_study(study, **changes):
     """Return a study with some other attributes."""
     return Study(**{**{name: getattr(study, name) for name in Study.__dataclass_fields__}, **changes})
 
 
-def whole(study, folder):
+def table_and_files(study, folder):
     """Return the table of a study, computed in this process, and its files."""
     folder.mkdir(exist_ok=True)
     return computed(study, folder, Execution(1)), {file.name: file.read_bytes() for file in folder.iterdir()}
@@ -98,16 +98,16 @@ FORGERIES = {
 
 def test_only_what_is_missing_is_computed_and_the_bytes_stay(study, tmp_path):
     own, done = study
-    table, files = whole(own, tmp_path / "whole")
+    table, files = table_and_files(own, tmp_path / "whole")
     assert table["point"].to_pylist() == sorted(2 * list(range(10))) and done == list(range(10)) and len(files) == 4
     (tmp_path / "cut").mkdir()
     (tmp_path / "cut" / "block_000001.parquet").write_bytes(files["block_000001.parquet"])
     done.clear()
-    assert whole(own, tmp_path / "cut")[1] == files and done == [0, 1, 2, 6, 7, 8, 9]
+    assert table_and_files(own, tmp_path / "cut")[1] == files and done == [0, 1, 2, 6, 7, 8, 9]
 
 
 def test_columns_say_their_units_and_files_their_origin(study, tmp_path):
-    whole(study[0], tmp_path)
+    table_and_files(study[0], tmp_path)
     schema = pq.read_schema(tmp_path / "block_000003.parquet")
     assert schema.field("root").metadata == {b"unit": b"m", b"meaning": b"of the number"}
     origin = json.loads(schema.metadata[b"vibro_ros"])
@@ -117,28 +117,28 @@ def test_columns_say_their_units_and_files_their_origin(study, tmp_path):
 @pytest.mark.parametrize("forgery", FORGERIES)
 def test_a_forged_block_is_named_and_computed_again(study, tmp_path, capsys, forgery):
     own, done = study
-    _, files = whole(own, tmp_path)
+    _, files = table_and_files(own, tmp_path)
     forged(tmp_path / "block_000002.parquet", FORGERIES[forgery])
     done.clear()
-    assert whole(own, tmp_path)[1] == files and done == [6, 7, 8]
+    assert table_and_files(own, tmp_path)[1] == files and done == [6, 7, 8]
     assert "block_000002.parquet: is damaged; it is computed again" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("document", [b"", b"no JSON", b"[" * 100_000, b"\xff"])
 def test_a_block_whose_design_cannot_be_read_is_computed_again(study, tmp_path, capsys, document):
-    _, files = whole(study[0], tmp_path)
+    _, files = table_and_files(study[0], tmp_path)
     path = tmp_path / "block_000000.parquet"
     table = pq.read_table(path)
     pq.write_table(table.replace_schema_metadata({
         b"vibro_ros": document, b"digest": tables._digest(document, table)}), path)
-    assert whole(study[0], tmp_path)[1] == files
+    assert table_and_files(study[0], tmp_path)[1] == files
     assert f"{path}: is damaged; it is computed again" in capsys.readouterr().err
 
 
 def test_a_damaged_file_is_computed_again_or_has_its_values(study, tmp_path):
     """A changed byte may go undetected if no value depends on it: a third of the bytes of the file's description."""
     own, draw = study[0], random.Random(3)
-    whole(own, tmp_path)
+    table_and_files(own, tmp_path)
     path = tmp_path / "block_000000.parquet"
     data, table, damaged = path.read_bytes(), pq.read_table(path), 0
     for place in [0, len(data) - 1, *(draw.randrange(len(data)) for _ in range(600))]:
@@ -149,30 +149,30 @@ def test_a_damaged_file_is_computed_again_or_has_its_values(study, tmp_path):
     assert damaged > 300  # at least half of them; all others are equal
     for cut in (b"", data[:100], data[:-1]):
         path.write_bytes(cut)
-        assert whole(own, tmp_path)[1][path.name] == data
+        assert table_and_files(own, tmp_path)[1][path.name] == data
 
 
 @pytest.mark.parametrize(("changes", "words"), [
     ({"design": {"design": "squares"}}, "design.design is roots there, squares here"),
     ({"block": 2}, "blocks is 4 there, 5 here")])
 def test_blocks_of_another_design_are_refused_and_stay(study, tmp_path, changes, words):
-    _, files = whole(study[0], tmp_path)
+    _, files = table_and_files(study[0], tmp_path)
     with pytest.raises(ForeignBlockError, match=words):
-        whole(other(study[0], **changes), tmp_path)
+        table_and_files(changed_study(study[0], **changes), tmp_path)
     assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == files
 
 
 def test_blocks_of_another_version_are_refused(study, tmp_path, monkeypatch):
-    whole(study[0], tmp_path)
+    table_and_files(study[0], tmp_path)
     monkeypatch.setattr(tables, "fingerprint", lambda: {"version": "0.0.1", "sources": "0"})
     with pytest.raises(ForeignBlockError, match="version is"):
-        whole(study[0], tmp_path)
+        table_and_files(study[0], tmp_path)
 
 
 def test_files_of_others_are_refused_and_stay(study, tmp_path):
     (tmp_path / "mine.parquet").write_text("mine")
     with pytest.raises(ForeignBlockError, match=r"mine.parquet: is no block of this study"):
-        whole(study[0], tmp_path)
+        table_and_files(study[0], tmp_path)
     assert (tmp_path / "mine.parquet").read_text() == "mine"
 
 
@@ -180,13 +180,13 @@ def test_files_of_others_are_refused_and_stay(study, tmp_path):
 def test_a_block_that_is_no_file_is_refused(study, tmp_path, make):
     make(tmp_path / "block_000000.parquet")
     with pytest.raises((OSError, ValueError), match=r"block_000000\.parquet"):
-        whole(study[0], tmp_path)
+        table_and_files(study[0], tmp_path)
 
 
 def test_what_an_interrupted_write_left_is_cleared(study, tmp_path):
     left = tmp_path / ".block_000000.parquet.0123456789abcdef"
     left.write_text("half")
-    assert left.name not in whole(study[0], tmp_path)[1]
+    assert left.name not in table_and_files(study[0], tmp_path)[1]
 
 
 def test_a_full_disk_keeps_what_is_done_and_says_so(study, tmp_path, monkeypatch):
@@ -199,7 +199,7 @@ def test_a_full_disk_keeps_what_is_done_and_says_so(study, tmp_path, monkeypatch
 
     monkeypatch.setattr(tables, "replace_file", full_after_two)
     with pytest.raises(RuntimeError, match="No space left on device; free some room. The blocks before it are kept"):
-        whole(study[0], tmp_path)
+        table_and_files(study[0], tmp_path)
     assert len(list(tmp_path.iterdir())) == 2
 
 

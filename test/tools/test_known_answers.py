@@ -18,14 +18,14 @@ def docstrings(path: Path) -> dict[str, str]:
             if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")}
 
 
-def cited() -> dict[tuple[str, str], set[str]]:
+def cited_numbers() -> dict[tuple[str, str], set[str]]:
     """Return the numbers in the docstring of each test of the repository, by file and test."""
     found = {(path.name, test): set(NUMBER.findall(text)) for path in (ROOT / "test").rglob("test_*.py")
              for test, text in docstrings(path).items()}
     return {test: numbers for test, numbers in found.items() if numbers}
 
 
-def told() -> dict[tuple[str, str], set[str]]:
+def numbers_on_page() -> dict[tuple[str, str], set[str]]:
     """Return the numbers of each test on the page, by file and test."""
     found: dict[tuple[str, str], set[str]] = {}
     for number, row in ROWS:
@@ -46,7 +46,7 @@ def test_every_known_answer_says_what_agrees_how_well_and_by_which_test(number, 
 
 
 def test_the_tests_on_the_page_are_those_that_cite_its_numbers():
-    assert told() == cited()
+    assert numbers_on_page() == cited_numbers()
 
 
 def test_every_number_cited_in_the_code_is_on_the_page():

@@ -76,7 +76,7 @@ def drawn_frames(page, count: int) -> list[dict]:
     })""", count)
 
 
-def said(page) -> str:
+def robot_message(page) -> str:
     """Return the robot's message that the page shows."""
     return page.inner_text("#said")
 

@@ -8,7 +8,7 @@ import zlib
 import numpy as np
 import pytest
 from motion_reader import NEAR, PART, Motion, assert_is_run
-from robot_bag import START, changed, each, offset_times, rewritten, robot_bag, since
+from robot_bag import START, edit_each, edit_topic, offset_times, rewritten, robot_bag, without_earlier
 
 import vibro_ros
 from vibro_ros.bag.stream import BagError
@@ -154,7 +154,7 @@ def test_the_voltage_of_a_dc_motor_follows_from_what_is_recorded(tmp_path):
     integral.
     """
     whole = robot_bag(tmp_path / "whole", "machine", 121, COMMANDS, RATE)
-    motion, _ = read(rewritten(whole, tmp_path / "late", since(20 / RATE)))
+    motion, _ = read(rewritten(whole, tmp_path / "late", without_earlier(20 / RATE)))
     assert motion.header["exact_spans"] == [] and "interpolated" in motion.header["why"]
     times = np.arange(20, 120) / RATE
     run = run_of(times, "machine")
@@ -165,7 +165,7 @@ def test_the_voltage_of_a_dc_motor_follows_from_what_is_recorded(tmp_path):
 
 def test_a_recording_begun_late_is_exact_from_its_checkpoint_on(tmp_path):
     whole = robot_bag(tmp_path / "whole", "device", 301, COMMANDS, RATE, checkpoints=(110, 200))
-    motion, _ = read(rewritten(whole, tmp_path / "late", since(110 / RATE)))
+    motion, _ = read(rewritten(whole, tmp_path / "late", without_earlier(110 / RATE)))
     assert motion.header["exact"] and motion.header["begin"] == 110 / RATE
     assert_is_run(motion, run_of(offset_times(110 / RATE, 300 / RATE, 5000)))
 
@@ -173,7 +173,7 @@ def test_a_recording_begun_late_is_exact_from_its_checkpoint_on(tmp_path):
 @pytest.mark.parametrize("checkpoints", [(), (200,)])
 def test_a_recording_begun_late_without_a_checkpoint_is_followed_from_sample_to_sample(checkpoints, tmp_path):
     whole = robot_bag(tmp_path / "whole", "device", 301, COMMANDS, RATE, checkpoints)
-    motion, setting = read(rewritten(whole, tmp_path / "late", since(110 / RATE)))
+    motion, setting = read(rewritten(whole, tmp_path / "late", without_earlier(110 / RATE)))
     assert motion.header["exact"] and motion.header["exact_spans"] == [[110 / RATE, 300 / RATE]]
     assert "begins 0.55 s after the robot's start" in setting["notes"][0] and "sample to sample" in setting["notes"][0]
     assert_places_are_those_of_the_run(motion, offset_times(110 / RATE, 300 / RATE, 5000))
@@ -181,7 +181,7 @@ def test_a_recording_begun_late_without_a_checkpoint_is_followed_from_sample_to_
 
 def test_a_lost_command_is_told_by_the_samples(tmp_path):
     whole = robot_bag(tmp_path / "whole", "device", 301, COMMANDS, RATE)
-    lost = rewritten(whole, tmp_path / "lost", each(lambda one: None if one[1] == START + round(150 / RATE * 1e9)
+    lost = rewritten(whole, tmp_path / "lost", edit_each(lambda one: None if one[1] == START + round(150 / RATE * 1e9)
                                                     and one[0] == "/motor_speed" else one))
     motion, setting = read(lost)
     assert (motion.header["exact"], motion.header["why"]) == (True, "")
@@ -194,7 +194,7 @@ def moved(stamps, distance):
     def move(odometry):
         odometry.pose.pose.position.x += distance
 
-    return changed("odom", move, lambda stamp: round((stamp - START) * 1e-9, 6) in stamps)
+    return edit_topic("odom", move, lambda stamp: round((stamp - START) * 1e-9, 6) in stamps)
 
 
 def test_one_recorded_position_that_differs_costs_the_intervals_beside_it(tmp_path):
@@ -207,7 +207,7 @@ def test_one_recorded_position_that_differs_costs_the_intervals_beside_it(tmp_pa
 @pytest.mark.parametrize("without", ["/odom", "/joint_states"])
 def test_one_of_the_two_topics_of_state_is_enough(without, tmp_path):
     whole = robot_bag(tmp_path / "bag", "device", 121, COMMANDS, RATE)
-    motion, _ = read(rewritten(whole, tmp_path / "other", each(lambda one: None if one[0] == without else one)))
+    motion, _ = read(rewritten(whole, tmp_path / "other", edit_each(lambda one: None if one[0] == without else one)))
     assert motion.header["exact"]
     assert_is_run(motion, run_of(offset_times(0.0, 120 / RATE, 3000)))
 
@@ -250,14 +250,14 @@ def test_the_robot_of_another_recorder_may_be_unknown_and_its_motion_interpolate
 
 def test_a_gap_in_what_is_interpolated_stays_one(unknown):
     _, bag = unknown
-    motion, _ = read(bag(each(lambda one: None if 0.3 < (one[1] - START) * 1e-9 < 0.5 else one)))
+    motion, _ = read(bag(edit_each(lambda one: None if 0.3 < (one[1] - START) * 1e-9 < 0.5 else one)))
     x = motion.at(np.array([0.2, 0.29, 0.4, 0.49, 0.51]))["upper_position"]
     assert np.isnan(x).tolist() == [False, False, True, True, False]
 
 
 def test_a_bag_without_state_is_refused_in_one_line(tmp_path):
     whole = robot_bag(tmp_path / "bag", "device", 11, {}, RATE)
-    other = rewritten(whole, tmp_path / "other", each(lambda one: one if one[0] == "/motor_power" else None))
+    other = rewritten(whole, tmp_path / "other", edit_each(lambda one: one if one[0] == "/motor_power" else None))
     with pytest.raises(BagError, match="holds no state to draw; give a bag with odom or joint_states"):
         bag_motion(other)
 

@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 from motion_reader import Motion
-from robot_bag import START, changed, each, rewritten, robot_bag
+from robot_bag import START, edit_each, edit_topic, rewritten, robot_bag
 
 import vibro_ros
 from vibro_ros.bag.stream import BagError
@@ -39,7 +39,7 @@ def read(folder):
 @pytest.mark.parametrize("known", [True, False])
 @pytest.mark.parametrize("from_stamp", [END, START + 5 * 10**8])
 def test_stamps_of_another_time(recorded, tmp_path, from_stamp, known):
-    motion, _ = read(rewritten(recorded, tmp_path / "other", each(lambda one: (
+    motion, _ = read(rewritten(recorded, tmp_path / "other", edit_each(lambda one: (
         one[0], one[1] + (DAYS if one[1] >= from_stamp else 0), one[2])), known=known))
     assert not np.isnan(motion.at(np.array([0.1]))["upper_position"]).any()
 
@@ -51,7 +51,7 @@ def test_a_position_that_is_none(recorded, tmp_path, value, known):
         odometry.pose.pose.position.x = value
 
     motion, _ = read(rewritten(recorded, tmp_path / "other",
-                               changed("odom", spoil, lambda stamp: stamp == START + 5 * 10**8), known=known))
+                               edit_topic("odom", spoil, lambda stamp: stamp == START + 5 * 10**8), known=known))
     x = motion.at(np.array([0.3, 0.9]))["body_position"]
     assert np.isfinite(x).all() and (np.abs(x) < 1.0).all()
 
@@ -61,16 +61,17 @@ def test_joints_of_another_machine(recorded, tmp_path, known):
     def rename(joints):
         joints.name = [f"joint{number}" for number in range(len(joints.name))]
 
-    other = rewritten(recorded, tmp_path / "other", changed("joint_states", rename), known=known)
+    other = rewritten(recorded, tmp_path / "other", edit_topic("joint_states", rename), known=known)
     motion, _ = read(other)
     assert not np.isnan(motion.at(np.array([0.5]))["body_position"]).any()
-    without = rewritten(other, tmp_path / "without", each(lambda one: None if one[0] == "/odom" else one), known=known)
+    without = rewritten(other, tmp_path / "without", edit_each(lambda one: None if one[0] == "/odom" else one),
+                        known=known)
     with pytest.raises(BagError, match="holds no state to draw"):
         bag_motion(without)
 
 
 def test_messages_that_cannot_be_read(recorded, tmp_path):
-    motion, setting = read(rewritten(recorded, tmp_path / "other", each(lambda one: (
+    motion, setting = read(rewritten(recorded, tmp_path / "other", edit_each(lambda one: (
         one[0], one[1], one[2][:20] if one[0] in ("/odom", "/motor_speed") else one[2]))))
     assert any("/odom: 201 unreadable messages" in note for note in setting["notes"])
     assert not np.isnan(motion.at(np.array([0.5]))["upper_position"]).any()
@@ -123,5 +124,5 @@ def test_extreme_robots(tmp_path, changes):
 
 def test_stamps_between_the_samples(recorded, tmp_path):
     """Another recorder stores the robot's messages under its own stamps; the headers still identify the samples."""
-    motion, setting = read(rewritten(recorded, tmp_path / "other", each(lambda one: (one[0], one[1] + 3, one[2]))))
+    motion, setting = read(rewritten(recorded, tmp_path / "other", edit_each(lambda one: (one[0], one[1] + 3, one[2]))))
     assert motion.header["exact"] and setting["robot"] == "device"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from nav_msgs.msg import Odometry
 from observation import stop
-from page_reading import drawn, drawn_frames, said, shows_robot, until
+from page_reading import drawn, drawn_frames, robot_message, shows_robot, until
 from rcl_interfaces.msg import Log
 from rclpy.qos import QoSProfile
 from real_processes import CRAWL
@@ -115,7 +115,7 @@ def shows_words_of_strangers_as_text(page, bench) -> None:
     bench.spin_until(lambda: publisher.get_subscription_count() > 0, "the view listens to /rosout")
     evil = "<img src=x onerror=\"document.title='owned'\"><script>document.title='owned'</script>\u2028"
     deadline = time.monotonic() + 30.0
-    while "<img src=x" not in said(page):
+    while "<img src=x" not in robot_message(page):
         publisher.publish(Log(level=40, name="vibro_robot", msg=evil))
         assert time.monotonic() < deadline
         page.wait_for_timeout(50)
@@ -152,7 +152,7 @@ def test_what_a_page_asks_for_is_what_the_robot_does_and_what_it_shows_is_in_for
     page.fill("#motor_speed", "1e6")
     page.press("#motor_speed", "Enter")
     refusal = robot.wait_for("1e+06").split("]: ", 1)[1]
-    until(page, lambda page: refusal in said(page), refusal)
+    until(page, lambda page: refusal in robot_message(page), refusal)
     bench.spin_until(lambda: heard[-1] == 1e6, "what was refused")
     assert drawn(page)["quantities"]["motor_speed"] == speed
     assert "1000000 is refused; the robot takes -500 to 500" in page.inner_text("#motor_speed_words")
@@ -201,7 +201,7 @@ def sets_another_floor(page, view) -> None:
             pass
     page.fill("#ground_friction", "-1")
     page.press("#ground_friction", "Enter")
-    until(page, lambda page: "ground.friction: -1" in said(page), "the robot's refusal")
+    until(page, lambda page: "ground.friction: -1" in robot_message(page), "the robot's refusal")
     until(page, lambda page: page.input_value("#ground_friction") == "0.35", "what is in force")
 
 
