@@ -47,12 +47,12 @@ MOST_WAITING = 10_000
 ROUNDING = 1e-9  # s
 LONGEST_GAP = 5.0
 """Time [s] that is not filtered if the filter is farther behind; it starts again."""
-IN_USE, CHANGED, SHRINKAGE = 0.5, 8, 0.98
-"""Share of effective particles that tempering leaves; most copies that get new parameters in one resampling, because
-each compiles a scene; and factor that draws their logarithms to the mean, while noise keeps their variance."""
-RESAMPLED, LEAST_SPREAD = 0.9, 0.5
-"""Share of effective particles below which they are resampled; least deviation of the parameters for that, over what is
-believed at the start, so that the filter goes on learning."""
+IN_USE, RESAMPLED = 0.5, 0.9
+"""Share of effective particles that tempering leaves, and share below which they are resampled."""
+CHANGED, SHRINKAGE, PULL = 12, 0.98, 0.05
+"""Most copies that get new parameters in one resampling, because each compiles a scene; factor that draws their
+logarithms to the mean; and share by which the mean is drawn to what was believed at the start. Noise as large as that
+belief replaces what the first factor takes, so that the filter goes on learning."""
 SCATTER = {"body_velocity": 3e-3, "upper_position": 3e-5, "upper_velocity": 3e-3, "inclined_position": 3e-5,
            "inclined_velocity": 3e-3}
 """Standard deviations of the noise in the state of each copy [m, m/s]; a tenth of that of the particles is added."""
@@ -62,10 +62,10 @@ angle [rad] from which the encoder's are adopted at a start; and time [s] over w
 """
 FLOOR = {"body_position": 1e-4, "body_velocity": 1e-3, "body_height": 1e-4, "body_vertical_velocity": 1e-3}
 """Standard deviations [m, m/s] below which no estimate is published, whatever the particles agree on."""
-BACK, REPLAYED, CHECK_PERIOD = (2, 4, 8, 14), 2, 0.2
+BACK, REPLAYED, CHECK_PERIOD = (2, 5, 10, 20), 2, 0.2
 """Numbers of steps before now at which a fault may have begun; particles whose states are kept for that; and least time
 [s] between two comparisons of faults, each of which costs some tenths of a second."""
-UNUSUAL, MEMORY, MOST_USUAL = 6.0, 3.0, 25.0
+UNUSUAL, MEMORY, MOST_USUAL = 4.0, 3.0, 25.0
 """Mean normalised square of innovations that is unusual when four times the usual one is added; time [s] over which the
 usual one is found, and the largest square that counts for it."""
 NAMED, MARGIN, FITS = 15.0, 5.0, 0.8
@@ -148,6 +148,7 @@ class Estimator:
             if not isinstance(value, float) or value <= 0.0 or name.startswith(("sensors.", "solver.", "start.")):
                 raise ValueError(f"{name}: is no parameter above 0 of this scene's machine; leave it out")
         self._scene, self._free, self._spread, self._count = scene, tuple(free), spread, particles
+        self._believed = np.log([scene[name] for name in free])
         self._bandwidth, self._random = bandwidth, np.random.default_rng(seed)
         self._fields = tuple(name for name in UNITS if _exists(scene, name))
         self._faults = possible_faults(scene)
@@ -172,7 +173,7 @@ class Estimator:
         self._history: deque[_Step] = deque(maxlen=max(BACK))
         believed, deviation = np.log([self._scene[name] for name in self._free]), self._spread
         if self.restarts:
-            believed, deviation = self._weights @ self._logs, LEAST_SPREAD * self._spread
+            believed, deviation = self._weights @ self._logs, self._spread
         self._logs = believed + deviation * self._random.standard_normal((self._count, len(self._free)))
         self._particles = []
         for k, logs in enumerate(self._logs):
@@ -184,7 +185,7 @@ class Estimator:
             self._particles[-1].device.command(**self._given)
         self._weights = np.full(self._count, 1.0 / self._count)
         self._offsets = Offsets(np.zeros(self._count), np.full(self._count, 1e6), np.full(self._count, 1e-6))
-        self._has_turned, self._anchor = False, None
+        self._has_turned, self._adopts, self._anchor = False, True, None
 
     def _with(self, logs: np.ndarray) -> Scene:
         return self._scene.with_parameters(dict(zip(self._free, np.exp(logs).tolist(), strict=True)))
@@ -201,15 +202,21 @@ class Estimator:
         self._commands.append((max(time + LATENCY, self.time), given))
         self._commands.sort(key=lambda one: one[0])
 
-    def advance_to(self, time: float) -> int:
-        """Use what was measured up to `time` [s], in whole steps; return the number of steps."""
+    def advance_to(self, time: float) -> None:
+        """Use what was measured up to `time` [s], in whole steps."""
+        while self.advance_by_step(time):
+            pass
+
+    def advance_by_step(self, time: float) -> bool:
+        """Take one step if it ends by `time` [s]; return whether it did."""
         if time - self.time > LONGEST_GAP:
             self._start(STEP * math.floor(time / STEP))
-        steps = 0
-        while (end := STEP * (round(self.time / STEP) + 1)) <= time + ROUNDING:
-            self._advance(end)
-            steps += 1
-        return steps
+            return True
+        end = STEP * (round(self.time / STEP) + 1)
+        if end > time + ROUNDING:
+            return False
+        self._advance(end)
+        return True
 
     def estimate(self) -> Estimate:
         """Return the estimate at `time`."""
@@ -248,7 +255,7 @@ class Estimator:
             self._start(end)
             return
         self.time = end
-        self._offsets.grow(self._values()[:, INDEX["motor_speed"]] - before, self._scene.has_rotor, bool(commands))
+        self._offsets.grow(self._values()[:, INDEX["motor_speed"]] - before, self._scene.has_rotor)
         gains, turns, self.innovations = self._offsets.weigh(measured, predicted, self._weights)
         self._reweigh(np.where(alive, gains, -np.inf))
         for particle, turn in zip(self._particles, turns.tolist(), strict=True):
@@ -266,23 +273,25 @@ class Estimator:
         angles = [one for one in measured if one.field == "crank_angle"]
         if len(angles) < 2 or angles[0].time == angles[-1].time:
             return
-        last, first, is_first = angles[-1], self._anchor or angles[0], not self._has_turned
+        is_first, self._has_turned = not self._has_turned, True
+        first, last = self._anchor or angles[0], angles[-1]
         speed = (last.value - first.value) / (last.time - first.time)
-        self._has_turned = True
-        if self._anchor and last.time - first.time > FIRST_SPEED:
-            self._anchor = None
-        elif not is_first:
+        is_again = self._anchor is not None and last.time - first.time > FIRST_SPEED
+        if not (is_first or is_again):
             return
+        is_unknown = (self._adopts and "motor_speed" not in self._given
+                      and self._scene.motor_command == "motor_speed")
+        self._anchor = None if is_again else self._anchor
         angle = last.value - speed * (last.time - self.time)
         for particle in self._particles:
-            values, commanded = particle.device.values, {}
-            if abs(values.item(INDEX["motor_speed"]) - speed) > SLOW or not is_first:
-                commanded = {"motor_speed": speed}
-            if commanded and "motor_speed" not in self._given and self._scene.motor_command == "motor_speed":
+            values = particle.device.values
+            is_faster = abs(values.item(INDEX["motor_speed"]) - speed) > SLOW
+            if is_unknown and (is_faster or is_again):
                 particle.device.command(motor_speed=speed)
-                self._anchor = first if is_first else None
-            if is_first and (commanded or abs(values.item(INDEX["crank_angle"]) - angle) > OFF):
-                particle.device.set_state(crank_angle=angle, **commanded)
+                self._anchor = None if is_again else first
+            if is_first and (is_faster or abs(values.item(INDEX["crank_angle"]) - angle) > OFF):
+                particle.device.set_state(crank_angle=angle, **({"motor_speed": speed} if is_faster else {}))
+        self._adopts = self._anchor is not None
 
     def _reweigh(self, gains: np.ndarray) -> None:
         """Multiply the weights by likelihoods with the logarithms `gains`, tempered so that enough stay in use."""
@@ -300,7 +309,8 @@ class Estimator:
         """Replace unlikely particles by varied copies of likely ones, all with equal weights."""
         count, self._resampled = self._count, self.time
         mean = self._weights @ self._logs
-        deviation = np.maximum(np.sqrt(self._weights @ (self._logs - mean)**2), LEAST_SPREAD * self._spread)
+        mean += PULL * (self._believed - mean)
+        deviation = np.maximum(np.sqrt(self._weights @ (self._logs - mean)**2), self._spread)
         values = self._values()
         scatter = 0.1 * np.sqrt(self._weights @ (values - self._weights @ values)**2)
         scatter = min(1.0 / max(self._temper, 0.1), 10.0) * np.hypot(scatter, self._least_scatter)
@@ -422,7 +432,7 @@ class Estimator:
         self.departure = Departure(self.time, best.begin, fault, best.gain, words_of(fault)) if self._active else None
         chosen = np.arange(self._count) % len(best.particles)
         self._copy(best.particles, chosen, best.logs, best.logs.mean(axis=0),
-                   np.full(len(self._free), LEAST_SPREAD * self._spread), self._least_scatter)
+                   np.full(len(self._free), self._spread), self._least_scatter)
         self._offsets = best.offsets.part(chosen)
         self._history.clear()
         self._latest.clear()

@@ -6,6 +6,7 @@ encoder is finer than particles could ever lie, so each has a Kalman filter of i
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +22,9 @@ INDEX = {name: k for k, name in enumerate(FIELDS)}
 ACCELERATIONS = ("acceleration_x", "acceleration_z")
 """Names of an IMU's specific force; all other measured quantities are fields of `Samples`."""
 LATENCY = 0.0025
-"""Mean time [s] from a command's arrival to its effect, half a tick of a robot at 200 Hz; it may be 0 to twice that."""
+"""Mean time [s] from a command's arrival to its effect: half a tick of a robot at 200 Hz."""
+LATE = 0.05
+"""Standard deviation of that time [s], because a busy machine delivers a message late now and then."""
 MOST = 5
 """Most measurements of a quantity that are used in a step, because each instant costs all particles some microseconds.
 """
@@ -95,7 +98,8 @@ class Particle:
                     force, axis = force or self.device.filtered_acceleration(), ACCELERATIONS.index(one.field)
                     predicted[k] = min(max(force[axis] + weight[axis], -one.limit), one.limit)
             for given in commands:
-                self.device.command(**given)
+                with suppress(ValueError):  # the robot refuses it, too
+                    self.device.command(**given)
 
 
 class Kept(NamedTuple):
@@ -130,16 +134,15 @@ class Offsets:
         """Return the filters of the particles `chosen`, by number."""
         return Offsets(self.place[chosen], self.place_variance[chosen], self.phase_variance[chosen])
 
-    def grow(self, faster: np.ndarray, is_loaded: bool, is_commanded: bool) -> None:
+    def grow(self, faster: np.ndarray, is_loaded: bool) -> None:
         """Increase the variances by what a step may add; the cranks have become `faster` by so much [rad/s].
 
-        A crank's angle is uncertain after a change of speed: the command's instant by `LATENCY`, the rate by a
-        twentieth. A dc motor is loaded, so that its crank does not turn evenly.
+        A change of speed begins at an instant that is known to `LATE` only. A dc motor is loaded, so that its crank
+        does not turn evenly.
         """
         self.place_variance = self.place_variance + DRIFT**2 * STEP
-        late = LATENCY if is_commanded else 0.0
-        self.phase_variance = (self.phase_variance + ((0.05 * STEP + late) * faster)**2
-                               + (1e-2 if is_loaded else 1e-4)**2 * STEP)
+        uneven = 1e-2 if is_loaded else 1e-4
+        self.phase_variance = self.phase_variance + (LATE * faster)**2 + uneven**2 * STEP
 
     def weigh(self, measured: Sequence[Measurement], predicted: np.ndarray, weights: np.ndarray
               ) -> tuple[np.ndarray, np.ndarray, list[Innovation]]:
@@ -185,10 +188,11 @@ class Offsets:
                 noise = of_sensor
         turns = np.zeros(len(weights))
         if angles:
-            share = self.phase_variance / (self.phase_variance + noise / len(angles))
-            wanted = share * np.mean(angles, axis=0)
-            if np.abs(wanted).max() > LEAST_TURN:  # to turn a crank begins a segment, and costs
-                turns, self.phase_variance = wanted, (1.0 - share) * self.phase_variance
+            error, noise = np.mean(angles, axis=0), noise / len(angles)
+            own = np.maximum(self.phase_variance, np.where(error**2 > 9.0 * noise, error**2, 0.0))  # believe a surprise
+            share = own / (own + noise)
+            if np.abs(share * error).max() > LEAST_TURN:  # to turn a crank begins a segment, and costs
+                turns, self.phase_variance = share * error, (1.0 - share) * own
         return gains, turns, innovations
 
 

@@ -35,7 +35,7 @@ ADDRESS_SPACE = 2_000_000_000
 """Address space [bytes] that suffices for every executable on two cores; with less, scipy's libraries wait for memory
 for ever, deaf to signals, or end the process without a helpful message."""
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-ENDLESS = ("robot", "live_view")
+ENDLESS = ("robot", "twin", "live_view")
 """Executables whose normal end is a signal, with exit code 0, like a `view` of a live robot; the others then exit with
 128 + the signal's number."""
 

@@ -25,6 +25,9 @@ EXECUTABLES = {
     "controller": Executable(
         "vibro_ros.ros.controller.controller", True,
         "Play a script of commands to the robot."),
+    "twin": Executable(
+        "vibro_ros.ros.twin.twin", True,
+        "Follow a robot by its sensors: estimate its motion and parameters, and name its fault."),
     "report": Executable(
         "vibro_ros.recordings.report", True,
         "Sum up a recording of the robot as text and JSON, and draw its motion."),
