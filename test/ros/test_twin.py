@@ -24,7 +24,8 @@ SCENE = {"effects.motor": "ramp", "motor.speed": FROM, "sensors.preset": "bmi270
 BELIEVED = load_scene("damped").with_parameters(SCENE)
 WRONG = {"ground.friction": 1.02, "mass.body": 0.98, "mass.upper": 0.98, "mass.inclined": 1.02,
          "upper.spring.stiffness": 1.02, "inclined.spring.stiffness": 0.98}
-FACTOR = 0.5  # robot time runs at half speed, because tests share the machine
+FACTOR = 0.3  # robot time runs slowly, because tests share the machine
+LEARNING = 2.5  # [s] after the change of speed, in which the parameters are learnt
 SECOND = 1_000_000_000
 
 
@@ -91,10 +92,10 @@ def test_twin_follows_the_robot_and_names_its_fault(start, bench, call):
         "rate.max_catch_up": 10.0, "tf.publish": "none"}))
     motor = bench.node.create_publisher(Float64, "motor_speed", 10)
     bench.spin_until(lambda: len(observer.estimates) > 20 and motor.get_subscription_count() == 2, "the twin")
-    begun = observer.now
+    begun = observer.now + round(LEARNING * SECOND)
     since = stamp_of(observer.joints) - round(SECOND * observer.joints.position[0] / FROM)  # its crank turns evenly
     motor.publish(Float64(data=TO))
-    observer.spin_for(4.0)
+    observer.spin_for(LEARNING + 2.5)
     last = (stamp_of(observer.joints) - since) / SECOND
     commanded = last - (FROM * last + 0.5 * (TO - FROM)**2 / RAMP - observer.joints.position[0]) / (FROM - TO)
     found = observer.errors(begun)
@@ -113,7 +114,7 @@ def test_twin_follows_the_robot_and_names_its_fault(start, bench, call):
     without_sensors = np.quantile(np.abs(of_open_loop), 0.9)
     print(f"90 %: place {1e3 * place:.2f} mm, speed {1e3 * speed:.1f} mm/s, open loop {1e3 * without_sensors:.1f}; "
           f"normalised squares {np.median(normalised, axis=0)}, below 9: {np.mean(normalised < 9.0, axis=0)}")
-    assert len(errors) > 60
+    assert len(errors) > 40
     assert speed < 0.6 * without_sensors
     assert place < 1e-3
     assert (np.median(normalised, axis=0) < 2.0).all()  # 0.45 for a normal error
@@ -129,7 +130,7 @@ def test_twin_follows_the_robot_and_names_its_fault(start, bench, call):
     assert status.level == DiagnosticStatus.WARN
     assert status.message.startswith("the robot has left the model: friction_patch of about 0.02")
     print(f"named after {(at - begun) / SECOND:.2f} s of robot time")
-    assert (at - begun) / SECOND < 1.0
+    assert (at - begun) / SECOND < 1.0, status.values
     stop(follower)
     stop(robot)
 

@@ -151,7 +151,8 @@ class Twin:
             self._node.get_logger().warning("the clock has jumped back; the estimate starts again")
             self._estimator, self._start = _new_estimator(self._settings, self._scene), now
         for arrived, given in self._hearing.commands():
-            self._estimator.command((now - self._start - max(0, wall - arrived)) * 1e-9, **given)
+            waited = 0 if self._node.get_clock().ros_time_is_active else max(0, wall - arrived)
+            self._estimator.command((now - self._start - waited) * 1e-9, **given)
         for stamp, measurement in self._hearing.measurements(now):
             self._estimator.measure(measurement._replace(time=(stamp - self._start) * 1e-9))
         target = (now - self._start) * 1e-9 - self._settings["twin.delay"]
