@@ -125,7 +125,7 @@ class Windows:
             commands = Commands(self.recording, device)
             for k, (begin, end) in enumerate(self.spans.tolist()):
                 commands.advance_to(begin, with_those_at_it=True)
-                device.set_state(**_possible(dict(zip(self.names, states[k].tolist(), strict=True))))
+                device.set_state(**_possible(device, dict(zip(self.names, states[k].tolist(), strict=True))))
                 done = self._first[k]
                 while (instant := commands.next_instant) < end:
                     upto = int(np.searchsorted(self._times, instant))
@@ -178,6 +178,12 @@ class Commands:
         self._device.advance_to(time)
 
 
-def _possible(state: dict[str, float]) -> dict[str, float]:
-    """Return the state with the body not below the ground."""
-    return state | {"body_height": max(state["body_height"], 0.0)} if "body_height" in state else state
+def _possible(device: Simulator, state: dict[str, float]) -> dict[str, float]:
+    """Return the state with the body not below the ground and no mass beyond a rigid plate, where noise puts them."""
+    if "body_height" in state:
+        state["body_height"] = max(state["body_height"], 0.0)
+    for side in device.scene.plates:
+        if device.scene[f"effects.{side}_contact"] == "restitution":
+            plate = float(device.values[FIELDS.index(f"{side}_plate_position")])
+            state[f"{side}_position"] = min(state[f"{side}_position"], plate)
+    return state
