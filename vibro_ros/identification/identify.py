@@ -101,7 +101,12 @@ class Identification:
     recording : Recording
         The measurements.
     residuals : dict of str to ndarray, shape (n, 2)
-        Instants [s] and residuals in standard deviations by channel.
+        Instants [s] and residuals in standard deviations by channel, made white.
+    simulated : dict of str to ndarray, shape (n, 2)
+        Instants [s] and simulated values by channel.
+    profiles : dict of str to ndarray, shape (n, 2)
+        Values of each parameter, and how much twice the negative logarithm of the likelihood grows there, the other
+        parameters fitted again.
     """
 
     values: dict[str, float]
@@ -118,6 +123,8 @@ class Identification:
     said: tuple[str, ...]
     recording: Recording
     residuals: dict[str, np.ndarray]
+    simulated: dict[str, np.ndarray]
+    profiles: dict[str, np.ndarray]
 
     @property
     def verdict(self) -> str:
@@ -193,17 +200,19 @@ def identify(bag: str | Path, scene: Scene, free: Sequence[str],
     workers = core_count() if workers is None else workers
     fit = Fitting(recording, unknowns, workers, say).fitted()
     alternatives = [_alternative(name, recording, fit, workers, say) for name in wanted]
-    noises, covariance = _noises(fit), np.linalg.pinv(fit.information(), hermitian=True)
+    (noises, simulated), covariance = _noises(fit), np.linalg.pinv(fit.information(), hermitian=True)
     slopes = unknowns.slopes(fit.coordinates)
     own = covariance[:len(unknowns.each), :len(unknowns.each)]
     windows = fit.shooting.windows
     table = np.array([(*span, square, not left_out) for span, square, left_out in zip(
         windows.spans, fit.mean_squares, fit.shooting.left_out, strict=True)], dtype=WINDOW)
+    found, profiles = intervals(fit, say)
     return Identification(
-        fit.values, intervals(fit, say), slopes @ own @ slopes.T, rank_in_words(fit), _by_sensor(noises),
+        fit.values, found, slopes @ own @ slopes.T, rank_in_words(fit), _by_sensor(noises),
         p_value(noises), {f"{one.sensor}.{one.field}": one.correlation for one in noises},
         tuple(sorted(alternatives, key=lambda one: one.p_value)), unknowns.scene_of(fit.coordinates), table,
-        fit.passes, recording.said, recording, _residuals(fit))
+        fit.passes, recording.said, recording,
+        _by_channel(fit, fit.at.found.residuals), _by_channel(fit, simulated), profiles)
 
 
 def _checked(effects: Sequence[str], scene: Scene, free: Sequence[str]) -> tuple[str, ...]:
@@ -226,16 +235,18 @@ def _usable(recording: Recording) -> Recording:
     return replace(recording, channels=channels, said=said)
 
 
-def _noises(fit: Fit) -> list[Noise]:
-    """Return what is left of each channel, in the noise that the recording states."""
+def _noises(fit: Fit) -> tuple[list[Noise], np.ndarray]:
+    """Return what is left of each channel, in the noise that the recording states, and the simulated value of each
+    measurement."""
     shooting = fit.shooting
     channels = shooting.windows.recording.channels
     shooting.windows.recolour(np.array([one.sigma for one in channels]), np.zeros(len(channels)))
     at = shooting.point(fit.at.parameters, fit.at.states) or fit.at
     found = [Noise(channel.sensor, channel.field, count, square, correlation, channel.sigma_from != "neighbours")
              for channel, (_, correlation, count, square) in zip(channels, residuals_in(shooting, at), strict=True)]
+    simulated = shooting.windows.values - at.found.residuals * shooting.windows.sigmas
     shooting.windows.recolour(*fit.colours)
-    return found
+    return found, simulated
 
 
 def _by_sensor(noises: Sequence[Noise]) -> dict[str, float]:
@@ -246,10 +257,11 @@ def _by_sensor(noises: Sequence[Noise]) -> dict[str, float]:
             for sensor in sensors}
 
 
-def _residuals(fit: Fit) -> dict[str, np.ndarray]:
+def _by_channel(fit: Fit, numbers: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the instants and a number for each measurement, by channel."""
     windows = fit.shooting.windows
     mine = [windows.channel == number for number in range(len(windows.recording.channels))]
-    return {f"{channel.sensor}.{channel.field}": np.column_stack([windows.times[one], fit.at.found.residuals[one]])
+    return {f"{channel.sensor}.{channel.field}": np.column_stack([windows.times[one], numbers[one]])
             for channel, one in zip(windows.recording.channels, mine, strict=True)}
 
 

@@ -25,28 +25,36 @@ _CHORDS, _TRIES = 2, 2  # Newton steps with the Jacobian of the best point, and 
 _LEAST, _MOST = 0.3, 3.0  # factors between two lengths
 
 
-def intervals(fit: Fit, say: Callable[[str], None]) -> dict[str, tuple[float, float]]:
+def intervals(fit: Fit, say: Callable[[str], None]) -> tuple[dict[str, tuple[float, float]], dict[str, np.ndarray]]:
     """Return the 95 % interval of each parameter: values at which the misfit of the best point with that value is
-    higher by the quantile of a chi square with one degree of freedom."""
-    found, count = {}, len(fit.at.parameters)
+    higher by the quantile of a chi square with one degree of freedom. And the profiles by which they were found:
+    values in ascending order and the growth of the misfit there, shape (n, 2)."""
+    found, profiles, count = {}, {}, len(fit.at.parameters)
     covariance = np.linalg.pinv(fit.information(), hermitian=True)
     for k, unknown in enumerate(fit.unknowns.each):
         say(f"interval {k + 1} of {len(fit.unknowns.each)}: {unknown.name}")
         direction = np.zeros(count)
         direction[:len(fit.unknowns.each)] = fit.unknowns.directions[k]
         best = float(direction @ fit.at.parameters)
-        low, high = (unknown.value(best + sign * _reach(fit, direction, covariance, sign)) for sign in (-1.0, 1.0))
+        tried = [(0.0, 0.0)]
+        low, high = (unknown.value(best + sign * _reach(fit, direction, covariance, sign, tried))
+                     for sign in (-1.0, 1.0))
         found[unknown.name] = (low, high)
-    return found
+        profiles[unknown.name] = np.array([(unknown.value(best + shift), growth) for shift, growth in sorted(tried)])
+    return found, profiles
 
 
-def _reach(fit: Fit, direction: np.ndarray, covariance: np.ndarray, sign: float) -> float:
-    """Return how far the direction's coordinate may go until the misfit has grown by the quantile."""
+def _reach(fit: Fit, direction: np.ndarray, covariance: np.ndarray, sign: float,
+           tried: list[tuple[float, float]]) -> float:
+    """Return how far the direction's coordinate may go until the misfit has grown by the quantile; shifts and growths
+    on the way are added to `tried`."""
     quantile, best = float(chi2.ppf(LEVEL, 1)), fit.misfit
     length = math.sqrt(quantile * max(float(direction @ covariance @ direction), 1e-30))
     for _ in range(_TRIES):
         there = held(fit, direction, covariance, sign * length)
         growth = np.inf if there is None else fit.shooting.misfit(there, 0.0, TIGHT) - best
+        if there is not None:
+            tried.append((sign * length, growth))
         length *= min(max(math.sqrt(quantile / max(growth, 1e-9)), _LEAST), _MOST)
     return length
 

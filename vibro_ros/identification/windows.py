@@ -64,8 +64,8 @@ class Windows:
         Whether a window and the next are joined.
     channel, window : ndarray of int, shape (measurements,)
         Channel and window of each measurement.
-    times : ndarray, shape (measurements,)
-        Instant of each [s].
+    times, values : ndarray, shape (measurements,)
+        Instant [s] and measured value of each.
     slices : list of slice
         The measurements of each window.
     """
@@ -85,7 +85,7 @@ class Windows:
                           np.searchsorted(self._times, channel.times[used]), channel.values[used]))
         of, window, rows, values = (np.concatenate(part) for part in zip(*parts, strict=True))
         order = np.lexsort((of, window))  # stable: the measurements of a channel stay in their order
-        self.channel, self.window, self._rows, self._values = (part[order] for part in (of, window, rows, values))
+        self.channel, self.window, self._rows, self.values = (part[order] for part in (of, window, rows, values))
         self.times = self._times[self._rows]
         self._fields = np.array([FIELDS.index(one.field) for one in channels])[self.channel]
         self.slices = [slice(*np.searchsorted(self.window, (k, k + 1))) for k in range(len(spans))]
@@ -137,7 +137,7 @@ class Windows:
                 ends[k] = device.values[self._states]
         except (SimulationError, ValueError):
             return None
-        residuals = (self._values - predicted[self._fields, self._rows]) / self.sigmas
+        residuals = (self.values - predicted[self._fields, self._rows]) / self.sigmas
         before = np.concatenate([[0.0], residuals[:-1]])
         return Pass((residuals - self._correlation * before) * self._whitening, ends)
 

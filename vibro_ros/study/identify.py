@@ -16,8 +16,9 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.process.entry_point import Parser, say
 from vibro_ros.study.command import Results, StudyCommand, machine_of
 from vibro_ros.study.execution import Execution
+from vibro_ros.study.identification_page import identification_page
 
-SCENE, NUMBERS, SCRIPT = "scene.yaml", "identification.json", "script.yaml"
+SCENE, NUMBERS, PAGE, SCRIPT = "scene.yaml", "identification.json", "identification.html", "script.yaml"
 #: What a laboratory recording tells of any scene, in this order; those that the scene does not have are left out.
 DEFAULT = ("ground.friction", "mass.body", "guide.angle",
            *(f"{side}.{name}" for side in ("upper", "inclined") for name in (
@@ -97,7 +98,9 @@ def _results(design: Design, folder: Path, execution: Execution) -> Iterator[Res
         found = identify(design.bag, design.scene, design.free, design.ranges, design.noise, design.effects,
                          execution.workers, lambda words: say("study", words))
         comment = f"found by study identify in {design.bag.name}: {found.verdict}"
-        yield Results({SCENE: scene_as_file(found.scene, comment), NUMBERS: numbers_of(found)}, found.words())
+        page = identification_page(found, design.bag.resolve().name).encode()
+        yield Results({SCENE: scene_as_file(found.scene, comment), NUMBERS: numbers_of(found), PAGE: page},
+                      found.words())
         scene, sensors = found.scene, sensors_of(read_recording(design.bag, found.scene, design.noise))
     if design.excite:
         best, *others = excite(scene, design.free, design.excite, sensors, design.ranges, execution.workers)
@@ -119,7 +122,7 @@ def numbers_of(found: Identification) -> bytes:
         "values": found.values, "intervals": found.intervals, "covariance": found.covariance.tolist(),
         "rank": found.rank, "chi_square": found.chi_square, "p_value": found.p_value,
         "autocorrelation": found.autocorrelation, "verdict": found.verdict, "said": found.said,
-        "passes": found.passes,
+        "passes": found.passes, "profiles": {name: points.tolist() for name, points in found.profiles.items()},
         "windows": [dict(zip(WINDOW.names or (), row.tolist(), strict=True)) for row in found.windows],
         "alternatives": [{"effect": one.effect, "gain": one.gain, "p_value": one.p_value, "values": one.values}
                          for one in found.alternatives]}
@@ -128,5 +131,5 @@ def numbers_of(found: Identification) -> bytes:
 
 main = StudyCommand(
     "identify", "Find the parameters of the robot that made a recording, by a fit of the exact motion through every "
-    "blow, with 95 % intervals. Writes the scene that was found and all numbers, or the script to record next.",
+    "blow, with 95 % intervals. Writes the scene that was found, all numbers and a page, or the script to record next.",
     _add_options, _design_of, _results)
