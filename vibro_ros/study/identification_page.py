@@ -14,7 +14,7 @@ from vibro_ros.identification.identify import Identification
 from vibro_ros.identification.inference import LEVEL, REJECTED
 from vibro_ros.identification.recording import Channel
 from vibro_ros.model.parameters import BY_NAME
-from vibro_ros.study.figures import BLACK, BLUE, VERMILION, new_figure, png, tidy, with_unit
+from vibro_ros.study.figures import BLACK, BLUE, VERMILION, new_figure, png, style_axes, with_unit
 
 _UNITS = {"position": "m", "height": "m", "velocity": "m/s", "angle": "rad", "speed": "rad/s", "current": "A"}
 _STRETCH = 1.5  # windows on either side of the middle of the one that fits worst
@@ -22,10 +22,12 @@ _SHADE = "#d55e0022"
 _STYLE = """
 :root { color-scheme: light; }
 * { box-sizing: border-box; }
-body { margin: 0 auto; max-width: 1400px; padding: 12px 16px; background: #f4f5f7; color: #1f2630; overflow-wrap: anywhere;
+body { margin: 0 auto; max-width: 1400px; padding: 12px 16px; background: #f4f5f7; color: #1f2630;
+  overflow-wrap: anywhere;
   font: 14px/1.4 system-ui, -apple-system, "Segoe UI", Roboto, "Noto Sans", "Liberation Sans", sans-serif;
   font-variant-numeric: tabular-nums; }
-h1 { font-size: 20px; } h2 { font-size: 16px; margin: 24px 0 8px; } p, ul { max-width: 50em; } ul { padding-left: 18px; }
+h1 { font-size: 20px; } h2 { font-size: 16px; margin: 24px 0 8px; }
+p, ul { max-width: 50em; } ul { padding-left: 18px; }
 .pictures { display: grid; gap: 10px; grid-template-columns: repeat(auto-fit, minmax(min(100%, 520px), 1fr)); }
 .small { grid-template-columns: repeat(auto-fill, minmax(min(100%, 260px), 1fr)); }
 figure { margin: 0; padding: 8px; background: #fff; border: 1px solid #d8dde3; border-radius: 10px; }
@@ -116,7 +118,7 @@ def _overlay(found: Identification, channel: Channel) -> Figure:
     below.plot(*residuals.T, ".", color=BLUE, ms=2.0)
     below.set(xlabel="time [s]", ylabel="residual [σ]", xlim=whole.get_xlim())
     for axes in (whole, part, below):
-        tidy(axes)
+        style_axes(axes)
         _shade(axes, found)
     return figure
 
@@ -142,7 +144,7 @@ def _by_window(found: Identification) -> Figure:
         axes.set_yscale("log")
     axes.set(xlabel="time [s]", ylabel="mean square")
     axes.legend(loc="lower right", fontsize="small")
-    tidy(axes)
+    style_axes(axes)
     return figure
 
 
@@ -162,7 +164,7 @@ def _profile(found: Identification, name: str, quantile: float) -> Figure:
              ylim=(-0.05 * quantile, 2.5 * quantile))
     axes.locator_params(axis="x", nbins=4)
     axes.ticklabel_format(axis="x", scilimits=(-2, 3))
-    tidy(axes)
+    style_axes(axes)
     return figure
 
 
