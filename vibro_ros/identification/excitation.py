@@ -18,7 +18,7 @@ import numpy as np
 import yaml
 
 from vibro_ros.identification.recording import Channel, Recording
-from vibro_ros.identification.shooting import TIGHT, Jacobian, Point, Shooting
+from vibro_ros.identification.shooting import RESOLVED, TIGHT, Jacobian, Point, Shooting
 from vibro_ros.identification.unknowns import Unknowns
 from vibro_ros.identification.windows import Windows, state_names
 from vibro_ros.model.scene import Scene, check_scene
@@ -234,7 +234,7 @@ def _secants(shooting: Shooting, at: Point) -> Jacobian:
         change, end = up.residuals - down.residuals, up.ends - down.ends
         linear &= np.abs(up.residuals + down.residuals - 2.0 * at.found.residuals) <= _BENT * np.abs(change) + 0.5
         joined &= (np.abs(up.ends + down.ends - 2.0 * at.found.ends)
-                   <= _BENT * np.abs(end) + TIGHT * shooting.widths).all(axis=1)
+                   <= _BENT * np.abs(end) + RESOLVED * shooting.widths).all(axis=1)
         residuals.append(change / (2.0 * row.sum()))
         ends.append(end / (2.0 * row.sum()))
     windows.joined = windows.joined & joined[:-1]

@@ -9,7 +9,7 @@ import numpy as np
 
 from vibro_ros.identification.noise import clipped
 from vibro_ros.identification.recording import Recording
-from vibro_ros.identification.shooting import TIGHT, Jacobian, Point, Shooting, width_of
+from vibro_ros.identification.shooting import RESOLVED, TIGHT, Jacobian, Point, Shooting, width_of
 from vibro_ros.identification.unknowns import Unknowns
 from vibro_ros.identification.windowing import (
     REACHES,
@@ -26,7 +26,7 @@ from vibro_ros.simulation.runs import simulate
 
 #: Stages of the fit: turns of the crank in a window, loosenesses in turn, and the most steps at each.
 _ARC, _HALF, _CHAIN = 0.16, 0.5, 2.0
-_FIRST_LOOSENESSES, _CHAIN_LOOSENESSES = (1.0, 0.3, 0.1), (0.1, 0.01, TIGHT)
+_FIRST_LOOSENESSES, _CHAIN_LOOSENESSES = (1.0, 0.3, 0.1), (0.1, 0.01, 1e-3)
 _FIRST_STEPS, _STEPS = 4, 10
 _MOST_WINDOWS = 60
 _SLOWEST = 20.0  # rad/s: a slower crank makes windows no longer
@@ -310,7 +310,7 @@ def residuals_in(shooting: Shooting, at: Point) -> list[Residual]:
         scale = 1.0
         if channel.sigma_from == "neighbours" and together.any():
             scale = max(clipped(np.abs(np.diff(residuals)[together]) / math.sqrt(2.0)),
-                        TIGHT * width_of(channel.field) / channel.sigma)  # less than this, no fit resolves
+                        RESOLVED * width_of(channel.field) / channel.sigma)  # less than this, no fit resolves
         found.append(Residual(scale * channel.sigma, min(max(correlation, -0.99), 0.99), len(residuals),
                               square / max(len(residuals), 1) / scale**2))
     return found

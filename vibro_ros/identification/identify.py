@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from vibro_ros.bag.stream import BagError
 from vibro_ros.identification.fit import Fit, Fitting, residuals_in
-from vibro_ros.identification.inference import REJECTED, Noise, intervals, p_value, rank_in_words
+from vibro_ros.identification.inference import REJECTED, Noise, covariance_of, intervals, p_value, rank_in_words
 from vibro_ros.identification.recording import IMU, Recording, read_recording
 from vibro_ros.identification.shooting import TIGHT
 from vibro_ros.identification.unknowns import Unknowns
@@ -195,12 +195,12 @@ def identify(bag: str | Path, scene: Scene, free: Sequence[str],
     >>> found.values["ground.friction"], found.intervals["ground.friction"], found.verdict
     """
     check_scene(scene)
-    unknowns, wanted = Unknowns.of(scene, tuple(free), dict(ranges or {})), _checked(effects, scene, free)
+    unknowns, wanted = Unknowns.of(scene, free, dict(ranges or {})), _checked(effects, scene, free)
     recording = _usable(read_recording(bag, scene, noise))
     workers = core_count() if workers is None else workers
     fit = Fitting(recording, unknowns, workers, say).fitted()
     alternatives = [_alternative(name, recording, fit, workers, say) for name in wanted]
-    (noises, simulated), covariance = _noises(fit), np.linalg.pinv(fit.information(), hermitian=True)
+    (noises, simulated), covariance = _noises(fit), covariance_of(fit)
     slopes = unknowns.slopes(fit.coordinates)
     own = covariance[:len(unknowns.each), :len(unknowns.each)]
     windows = fit.shooting.windows

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import LinAlgError
 from scipy.stats import chi2, norm
 
 from vibro_ros.identification.fit import Fit
@@ -17,6 +18,9 @@ REJECTED = 1e-3
 """p-value below which a model does not fit."""
 #: Standard deviation of a coordinate beyond which the recording does not tell it: a third of a positive parameter.
 _UNTOLD = 0.3
+_LEAST_INFORMATION, _ROUNDING = 1e-6, 1e-15  # in a direction; below them a recording tells nothing of it
+_WIDEST = 10.0  # standard deviation of a coordinate beyond which an interval is the parameter's range
+_ALONE = 0.9  # squared share of a parameter in what is not told, above which it is not told alone
 _SHARE = 0.25  # of a combination's largest part, below which another part is not named
 #: Variance of an estimate of noise from neighbours, in units of that of as many squares of white noise.
 _ESTIMATED = 5.0
@@ -25,12 +29,19 @@ _CHORDS, _TRIES = 2, 2  # Newton steps with the Jacobian of the best point, and 
 _LEAST, _MOST = 0.3, 3.0  # factors between two lengths
 
 
+def covariance_of(fit: Fit) -> np.ndarray:
+    """Return the covariance of all parameters' coordinates; 1e6 at most in a direction that the recording does not
+    tell, so that it never counts as known."""
+    spreads, parts = np.linalg.eigh(fit.information())
+    return (parts / np.maximum(spreads, max(_LEAST_INFORMATION, _ROUNDING * spreads.max()))) @ parts.T
+
+
 def intervals(fit: Fit, say: Callable[[str], None]) -> tuple[dict[str, tuple[float, float]], dict[str, np.ndarray]]:
     """Return the 95 % interval of each parameter: values at which the misfit of the best point with that value is
     higher by the quantile of a chi square with one degree of freedom. And the profiles by which they were found:
     values in ascending order and the growth of the misfit there, shape (n, 2)."""
     found, profiles, count = {}, {}, len(fit.at.parameters)
-    covariance = np.linalg.pinv(fit.information(), hermitian=True)
+    covariance = covariance_of(fit)
     for k, unknown in enumerate(fit.unknowns.each):
         say(f"interval {k + 1} of {len(fit.unknowns.each)}: {unknown.name}")
         direction = np.zeros(count)
@@ -49,7 +60,10 @@ def _reach(fit: Fit, direction: np.ndarray, covariance: np.ndarray, sign: float,
     """Return how far the direction's coordinate may go until the misfit has grown by the quantile; shifts and growths
     on the way are added to `tried`."""
     quantile, best = float(chi2.ppf(LEVEL, 1)), fit.misfit
-    length = math.sqrt(quantile * max(float(direction @ covariance @ direction), 1e-30))
+    deviation = math.sqrt(float(direction @ covariance @ direction))
+    if deviation > _WIDEST:
+        return math.inf
+    length = math.sqrt(quantile) * deviation
     for _ in range(_TRIES):
         there = held(fit, direction, covariance, sign * length)
         growth = np.inf if there is None else fit.shooting.misfit(there, 0.0, TIGHT) - best
@@ -70,8 +84,11 @@ def held(fit: Fit, direction: np.ndarray, covariance: np.ndarray, shift: float) 
     for _ in range(_CHORDS):
         if at is None:
             return None
-        own, states = shooting.equations(at, fit.jacobian, 0.0, TIGHT).held(
-            direction, weight, float(direction @ at.parameters) - target).step()
+        try:
+            own, states = shooting.equations(at, fit.jacobian, 0.0, TIGHT).held(
+                direction, weight, float(direction @ at.parameters) - target).step()
+        except LinAlgError:
+            break
         better = shooting.point(at.parameters + own, at.states + states)
         if better is None or shooting.misfit(better, 0.0, TIGHT) > shooting.misfit(at, 0.0, TIGHT):
             break
@@ -84,13 +101,15 @@ def rank_in_words(fit: Fit) -> tuple[str, ...]:
     names, count = fit.unknowns.names, len(fit.unknowns.each)
     information = fit.information()
     spreads, parts = np.linalg.eigh(_parameters_alone(information, count))
-    words = []
-    for spread, part in zip(spreads, parts.T, strict=True):
-        if spread <= 0.0 or spread**-0.5 > _UNTOLD:
-            largest = np.abs(part).max()
-            named = [name for name, share in zip(names, part, strict=True) if abs(share) > _SHARE * largest]
-            words.append(f"the recording does not tell {' and '.join(named)}{' apart' * (len(named) > 1)}")
-    deviations = np.sqrt(np.diag(np.linalg.pinv(information, hermitian=True)))
+    untold = parts[:, spreads < _UNTOLD**-2]
+    alone = [name for name, row in zip(names, untold, strict=True) if row @ row > _ALONE]
+    words = [f"the recording does not tell {name}" for name in alone]
+    for part in untold.T if len(alone) < untold.shape[1] else ():
+        named = [name for name, share in zip(names, part, strict=True)
+                 if abs(share) > _SHARE * np.abs(part).max() and name not in alone]
+        if len(named) > 1:
+            words.append(f"the recording does not tell {' and '.join(named)} apart")
+    deviations = np.sqrt(np.diag(covariance_of(fit)))
     for stiffness, damping in plates_in(names):
         alone, together = deviations[names.index(stiffness)], deviations[names.index(damping)]
         if alone > 3.0 * together:
