@@ -6,8 +6,8 @@ What is minimised is the misfit
 
 where a defect is the state at a window's end less that at the start of the next. A looseness of 1 permits defects of
 1 mm and 0.1 m/s, blurs measurements by as much, and makes rho Cauchy's function, which gives an outlier little weight:
-so a blow at a wrong instant does not hide what the rest of a motion says. The fit tightens the looseness to a
-ten-thousandth, where all windows are one motion, and looseness 0 of the measurements has their own noise and rho(r) = r².
+so a blow at a wrong instant does not hide what the rest of a motion says. The fit tightens the looseness to
+1e-4, where all windows are one motion, and looseness 0 of the measurements has their own noise and rho(r) = r².
 
 Derivatives are differences of passes, one for each parameter and each number of a state, in all windows at once. The
 state of a window meets only its own measurements and the next window. So the normal equations are block-tridiagonal
