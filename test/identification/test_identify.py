@@ -140,7 +140,7 @@ def test_intervals_cover(correlation):
             for (sensor, field), sigma in sigmas.items()), (), ())
         fitting = Fitting(recording, unknowns, 1, lambda words: None)
         begin = np.append(unknowns.coordinates(DAMPED.parameters), fitting._start_coordinates())
-        found = intervals(fitting.followed(begin), lambda words: None)
+        found, _ = intervals(fitting.followed(begin), lambda words: None)
         covered[seed] = [low <= DAMPED[name] <= high for name, (low, high) in found.items()]
     assert 182 <= covered.sum() <= 196, dict(zip(free, covered.sum(axis=0).tolist(), strict=True))
     assert covered.sum(axis=0).min() >= 33  # of 40, where 38 are expected: 3.6 standard deviations of each

@@ -22,8 +22,8 @@ def test_help_has_each_option_and_the_exit_codes(capsys):
         study.main(["--help"])
     said = " ".join(capsys.readouterr().out.split())
     assert end.value.code == 0
-    for word in ("BAG", "--free", "--range NAME=LOW:HIGH", "--noise SENSOR=SIGMA", "--effects", "stribeck, slope",
-                 "Exit code 0: done", "130"):
+    for word in ("BAG", "--free", "--excite", "--range NAME=LOW:HIGH", "--noise SENSOR=SIGMA", "--effects",
+                 "stribeck, slope", "Exit code 0: done", "130"):
         assert word in said
     assert "identify" in STUDIES
 
@@ -62,10 +62,13 @@ def test_the_scene_and_the_numbers_are_written_and_can_be_loaded(tmp_path, capsy
             values={"ground.friction": 0.21}, intervals={"ground.friction": (0.2, 0.22)},
             covariance=np.array([[1e-4]]), rank=("a sentence",), chi_square={"odom": 1.0}, p_value=0.5,
             autocorrelation={"odom.body_position": 0.0}, verdict="the model fits, p = 0.5", said=("read",), passes=7,
-            windows=np.zeros(1, study.WINDOW), alternatives=(), words=lambda: ["words of the result"],
+            profiles={"ground.friction": np.array([[0.21, 0.0]])},
+            windows=np.zeros(1, study.WINDOW), alternatives=(),
+            recording=SimpleNamespace(channels=()), words=lambda: ["words of the result"],
             scene=scene.with_parameters({"ground.friction": 0.21}))
 
     monkeypatch.setattr(study, "identify", found)
+    monkeypatch.setattr(study, "identification_page", lambda found, name: f"<p>{name}: {found.verdict}")
     assert study.main(["bag", "--scene", "damped", "--set", "mass.body=1.1", "--output", str(tmp_path), "--free",
                        "ground.friction, upper.gap", "--range", "ground.friction=0.1:0.4", "--noise", "odom=inf",
                        "--noise", "encoder=1e-3", "--effects", "stribeck,slope"]) == 0
@@ -76,6 +79,7 @@ def test_the_scene_and_the_numbers_are_written_and_can_be_loaded(tmp_path, capsy
     assert (scene["ground.friction"], scene["mass.body"]) == (0.21, 1.1)
     numbers = json.loads((tmp_path / study.NUMBERS).read_text())
     assert numbers["intervals"] == {"ground.friction": [0.2, 0.22]} and numbers["verdict"] == "the model fits, p = 0.5"
+    assert (tmp_path / study.PAGE).read_text() == "<p>bag: the model fits, p = 0.5"
     said = capsys.readouterr().out
     assert "words of the result" in said and str(tmp_path / study.SCENE) in said
 

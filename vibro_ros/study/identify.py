@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from vibro_ros.bag.stream import bag_errors
 from vibro_ros.configuration.scene_file import scene_as_file
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.identification.excitation import Excitation, excite, sensors_of
 from vibro_ros.identification.identify import EFFECTS, WINDOW, Identification, identify
-from vibro_ros.identification.recording import read_recording
 from vibro_ros.identification.unknowns import Unknowns
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.entry_point import Parser, say
@@ -95,13 +95,14 @@ def _number(option: str, word: str) -> float:
 def _results(design: Design, folder: Path, execution: Execution) -> Iterator[Results]:
     scene, sensors = design.scene, None
     if design.bag:
-        found = identify(design.bag, design.scene, design.free, design.ranges, design.noise, design.effects,
-                         execution.workers, lambda words: say("study", words))
+        with bag_errors(design.bag):
+            found = identify(design.bag, design.scene, design.free, design.ranges, design.noise, design.effects,
+                             execution.workers, lambda words: say("study", words))
         comment = f"found by study identify in {design.bag.name}: {found.verdict}"
         page = identification_page(found, design.bag.resolve().name).encode()
         yield Results({SCENE: scene_as_file(found.scene, comment), NUMBERS: numbers_of(found), PAGE: page},
                       found.words())
-        scene, sensors = found.scene, sensors_of(read_recording(design.bag, found.scene, design.noise))
+        scene, sensors = found.scene, sensors_of(found.recording)
     if design.excite:
         best, *others = excite(scene, design.free, design.excite, sensors, design.ranges, execution.workers)
         yield Results({SCRIPT: best.script.encode()}, _words_of(best, others))
