@@ -8,9 +8,10 @@ import pytest
 
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.identification.estimator import Estimator
-from vibro_ros.identification.particles import INDEX, Measurement
+from vibro_ros.identification.particles import INDEX, Measurement, Particle
 from vibro_ros.model.faults import Incident
 from vibro_ros.sensors.device import new_device
+from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import Simulator
 
 FREE = ("ground.friction", "mass.body", "mass.upper", "mass.inclined", "upper.spring.stiffness",
@@ -185,6 +186,25 @@ def test_prediction_is_clipped_as_the_sensor_clips():
         estimator.measure(Measurement(0.005 * k, "acceleration_x", 0.5, 1e-4, 0.5))
     estimator.advance_to(0.05)
     assert max(abs(0.5 - one.value) for one in estimator.innovations) <= 0.5
+
+
+def test_particle_that_cannot_go_on_is_replaced(monkeypatch):
+    estimator, robot, predict = new_estimator(particles=6), new_device(TRUE), Particle.predict
+    robot.advance_to(0.5)
+    for message in measured(robot):
+        estimator.measure(message)
+    estimator.advance_to(0.25)
+    broken = estimator._particles[2]  # no robot is known whose motion ends
+
+    def fail(particle, *arguments) -> None:
+        if particle is broken:
+            raise SimulationError("at 0.3 s")
+        predict(particle, *arguments)
+
+    monkeypatch.setattr(Particle, "predict", fail)
+    estimator.advance_to(0.5)
+    assert estimator.restarts == 0 and broken not in estimator._particles
+    assert np.isfinite(estimator.estimate().mean).all()
 
 
 def test_gap_starts_again():

@@ -255,15 +255,30 @@ class Estimator:
             self._start(end)
             return
         self.time = end
+        self._replace(np.flatnonzero(~alive), np.flatnonzero(alive))
         self._offsets.grow(self._values()[:, INDEX["motor_speed"]] - before, self._scene.has_rotor)
         gains, turns, self.innovations = self._offsets.weigh(measured, predicted, self._weights)
         self._reweigh(np.where(alive, gains, -np.inf))
         for particle, turn in zip(self._particles, turns.tolist(), strict=True):
-            if turn and particle.is_alive:
+            if turn:
                 particle.device.set_state(crank_angle=particle.device.values.item(INDEX["crank_angle"]) + turn)
         self._watch()
         if 1.0 / (self._weights**2).sum() < RESAMPLED * self._count and self.time - self._resampled > 1.5 * STEP:
             self._resample()
+
+    def _replace(self, dead: np.ndarray, alive: np.ndarray) -> None:
+        """Replace the `dead` particles, which could not go on, by copies of those `alive`, both by number."""
+        if dead.size:
+            chosen = np.arange(self._count)
+            chosen[dead] = np.resize(alive, dead.size)
+            for k in dead:
+                one = self._particles[chosen[k]]
+                self._particles[k] = self._varied(one, one.scene, self._least_scatter)
+            self._offsets, self._logs = self._offsets.part(chosen), self._logs[chosen]
+
+    def start_again(self, time: float) -> None:
+        """Forget the state, not the parameters, and begin at `time` [s]."""
+        self._start(time)
 
     def _adopt_speed(self, measured: Sequence[Measurement]) -> None:
         """Let the cranks turn as the encoder says, if they do not when the filter begins: it may have missed commands.

@@ -33,6 +33,7 @@ from vibro_ros.ros.twin.hearing import SENSORS, Hearing
 from vibro_ros.ros.twin.telling import PUBLISHED, Telling
 from vibro_ros.sensors.noise import of_imu
 from vibro_ros.simulation.kernels import compile_kernels
+from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.preparation import Preparation
 from vibro_ros.simulation.simulator import ToleranceWarning
 
@@ -157,7 +158,11 @@ class Twin:
             self._estimator.measure(measurement._replace(time=(stamp - self._start) * 1e-9))
         target = (now - self._start) * 1e-9 - self._settings["twin.delay"]
         while not stop and self._estimator.time + STEP <= target:
-            self._estimator.advance_by_step(target)
+            try:
+                self._estimator.advance_by_step(target)
+            except (SimulationError, ValueError) as error:  # no message may end the node
+                self._node.refusals.catch("the estimate", error)
+                self._estimator.start_again(target)
             stamp = self._start + round(1e9 * self._estimator.time)
             self._telling.tell(stamp, self._estimator.estimate(), self._estimator.innovations)
             if self._estimator.departure != self._reported:
