@@ -25,6 +25,7 @@ import vibro_ros.gym  # registers its environment
 from tools.generated_text import replaced
 from vibro_ros.bag.reader import Bag
 from vibro_ros.configuration.shipped import shipped
+from vibro_ros.identification.identify import Identification
 from vibro_ros.messages.topics import BAG, COMMAND, NODE, TOPICS, full_name
 from vibro_ros.orbits.attractors import Attractor
 from vibro_ros.orbits.branch import Branch, Special
@@ -36,6 +37,9 @@ from vibro_ros.ros.controller.controller import PARAMETERS as OF_CONTROLLER
 from vibro_ros.ros.controller.goals import NAMES as ACTIONS
 from vibro_ros.ros.live.view import PARAMETERS as OF_VIEW
 from vibro_ros.ros.node.parameters import TABLE as OF_ROBOT
+from vibro_ros.ros.twin.telling import ESTIMATE, INNOVATIONS
+from vibro_ros.ros.twin.telling import PARAMETERS as ESTIMATED_PARAMETERS
+from vibro_ros.ros.twin.twin import PARAMETERS as OF_TWIN
 from vibro_ros.simulation.samples import Run
 from vibro_ros.study.command import STUDIES
 
@@ -47,7 +51,7 @@ END = "<!-- end of names -->"
 
 PYTHON, ATTRIBUTES = "function, method or class | parameters, or attributes", ": attributes"
 
-RETURNED = (Attractor, Bag, Branch, LyapunovSpectrum, Orbit, Run, SettledMotion, Special)
+RETURNED = (Attractor, Bag, Branch, Identification, LyapunovSpectrum, Orbit, Run, SettledMotion, Special)
 """Classes that users meet as what a public function returns."""
 
 CHOSEN = {
@@ -55,6 +59,8 @@ CHOSEN = {
     "SensedSimulator": ("take_measurements",),
     "Simulator": ("advance_to", "checkpoint", "command", "disturbances", "fail", "push", "reset", "restore", "sample",
                   "set_parameters", "set_state", "state", "statistics", "take_events", "time"),
+    "Identification": ("alternatives", "chi_square", "covariance", "intervals", "p_value", "rank", "residuals", "scene",
+                       "simulated", "values"),
     "Bag": ("arrays", "duration", "flaws", "metadata", "path", "start_ns", "to_pandas", "topics"),
 }
 """Public attributes of the classes that have others for the package's own use, or from their base; of each other class
@@ -76,7 +82,8 @@ def names_of_the_code() -> Names:
         "executable | options": dict(_executables()),
         "direction | topics": {
             "in": tuple(full_name(name) for name, one in TOPICS.items() if one.when == COMMAND),
-            "out": tuple(full_name(name) for name, one in TOPICS.items() if one.when not in (COMMAND, BAG))},
+            "out": tuple(full_name(name) for name, one in TOPICS.items() if one.when not in (COMMAND, BAG)),
+            "out, of `vibro_twin`": (ESTIMATE, INNOVATIONS, ESTIMATED_PARAMETERS)},
         "node | services and actions": {
             "`vibro_robot`": _of_guide("node.md", "service | type | does", "name | type | does"),
             "`vibro_controller`": tuple(ACTIONS.values())},
@@ -160,6 +167,7 @@ def _parameters() -> Iterator[tuple[str, tuple[str, ...]]]:
         groups.setdefault(f"`{group}.`" if group else "`vibro_robot`", []).append(parameter.name)
     yield from ((group, tuple(names)) for group, names in groups.items())
     yield "`vibro_controller`", tuple(one.name for one in OF_CONTROLLER)
+    yield "`vibro_twin`", tuple(one.name for one in OF_TWIN)
     yield "`vibro_view`", tuple(one.name for one in OF_VIEW)
 
 
