@@ -143,7 +143,7 @@ def excite(scene: Scene, free: Sequence[str], duration: float = 5.0, sensors: Se
         raise ValueError(f"sensors: {wrong[0]} measures no field of a sample; give sensor.field, such as "
                          "tracking.body_position")
     Simulator(scene)  # compiles the kernels, which the processes share
-    told = in_processes(partial(_told, unknowns, duration, chosen), candidates(scene, free, duration),
+    told = in_processes(partial(_excited, unknowns, duration, chosen), candidates(scene, free, duration),
                         workers or core_count())
     found = [one for _, future in told if (one := future.result())]
     if not found:
@@ -184,8 +184,8 @@ def candidates(scene: Scene, free: Sequence[str], duration: float) -> Iterator[t
             yield name + held + (", with moving plates" if moving else ""), tuple(commands)
 
 
-def _told(unknowns: Unknowns, duration: float, sensors: Sensors, script: tuple[str, Commands]) -> Excitation | None:
-    """Return what a script tells; None if its motion cannot be simulated."""
+def _excited(unknowns: Unknowns, duration: float, sensors: Sensors, script: tuple[str, Commands]) -> Excitation | None:
+    """Return the excitation by a script; None if its motion cannot be simulated."""
     name, commands = script
     count = math.floor(duration / WINDOW)
     edges = duration * np.arange(count + 1) / count
