@@ -210,7 +210,8 @@ def identify(bag: str | Path, scene: Scene, free: Sequence[str],
     return Identification(
         fit.values, found, slopes @ own @ slopes.T, rank_in_words(fit), _by_sensor(noises),
         p_value(noises), {f"{one.sensor}.{one.field}": one.correlation for one in noises},
-        tuple(sorted(alternatives, key=lambda one: one.p_value)), unknowns.scene_of(fit.coordinates), table,
+        tuple(sorted(alternatives, key=lambda one: (one.p_value, -one.gain))), unknowns.scene_of(fit.coordinates),
+        table,
         fit.passes, recording.said, recording,
         _by_channel(fit, fit.at.found.residuals), _by_channel(fit, simulated), profiles)
 
