@@ -226,3 +226,16 @@ def test_what_a_recording_does_not_tell_is_said(tmp_path, sensors, still, untold
     assert all(low <= high for low, high in found.intervals.values())
     assert np.isfinite(found.covariance).all()
     assert not still or not found.verdict.startswith("the model fits")
+
+
+def test_a_parameter_at_the_end_of_its_range_stays_there_and_the_others_still_fit(moving):
+    """The recorded robot has no viscous friction, which is where the parameter's range begins."""
+    scene = DAMPED.with_parameters({"ground.friction": 0.22})
+    found = identify(moving, scene, ("ground.friction", "ground.viscous_friction"), workers=1)
+    assert 0.0 <= found.values["ground.viscous_friction"] < 0.1
+    assert found.values["ground.friction"] == pytest.approx(0.2, rel=0.02)
+    assert all(0.85 < square < 1.15 for square in found.chi_square.values()), found.chi_square
+    found = identify(moving, DAMPED.with_parameters({"upper.gap": 5e-4}), ("upper.gap",),
+                     ranges={"upper.gap": (1e-4, 1e-3)}, workers=1)
+    assert found.values["upper.gap"] == pytest.approx(1e-4, rel=1e-3)
+    assert "does not fit" in found.verdict or "left out" in found.verdict

@@ -183,7 +183,9 @@ class Fitting:
                 return None
             return windows.simulate(scene, self._start(parameters), states)
 
-        return Shooting(windows, simulated, self._workers)
+        shooting = Shooting(windows, simulated, self._workers)
+        shooting.limits = self.unknowns.limits(len(self.unknowns.each) + len(self._start_coordinates()))
+        return shooting
 
     def _begun(self, shooting: Shooting, parameters: np.ndarray, candidates: list[np.ndarray]) -> Point:
         for states in candidates:

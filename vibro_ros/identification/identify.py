@@ -23,6 +23,10 @@ WINDOW = np.dtype([("start", float), ("end", float), ("mean_square", float), ("u
 motion jumps with its start, as where a mass rattles to rest, tells nothing."""
 
 
+DOUBTFUL = 0.1
+"""Share of windows left out beyond which a fit is not called one."""
+
+
 @dataclass(frozen=True)
 class Effect:
     """An effect that a scene may have in addition: the parameters that switch it on, and those that it frees."""
@@ -136,6 +140,9 @@ class Identification:
         if self.p_value < REJECTED:
             return (f"the model does not fit, p = {self.p_value:.1g}: values and intervals are of the nearest robot "
                     "that the scene can be, not of the one recorded; try effects")
+        if (lost := float((~self.windows["used"]).mean())) > DOUBTFUL:
+            return (f"the model fits the windows that count, p = {self.p_value:.2g}, but {100.0 * lost:.0f} % of them "
+                    "are left out, and what they would say is not known: measure masses and body, or begin nearer")
         return f"the model fits, p = {self.p_value:.2g}"
 
     def words(self) -> list[str]:

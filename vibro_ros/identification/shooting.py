@@ -39,6 +39,7 @@ _LONGEST = 0.7  # longest change of a coordinate in a step: a positive parameter
 _TRIES, _LEAST_DAMPING, _GROWTH = 8, 1e-9, 10.0
 #: A window jumps if it spoils a step by this share of what the step should have won; largest share of such windows.
 _JUMP, _MOST_LEFT_OUT = 0.3, 0.3
+_HELD = 1e6  # times the largest curvature: the weight that holds a parameter at its limit
 
 
 def width_of(name: str) -> float:
@@ -97,6 +98,8 @@ class Shooting:
         Number of passes so far.
     prior : tuple of (ndarray, ndarray), or None
         Expected coordinates, and the weights of the squared distances from them.
+    limits : sequence of (ndarray, float, float)
+        Directions in the space of the parameters, with the least and the largest coordinate along each.
     left_out : ndarray of bool, shape (windows,)
         Windows that do not count, because their motion jumps: it depends on its start by more than differences tell,
         as where a mass grazes a plate or rattles to rest.
@@ -108,6 +111,7 @@ class Shooting:
         self._blurs = np.array([width_of(one.field) for one in windows.recording.channels])[windows.channel]
         self.prior: tuple[np.ndarray, np.ndarray] | None = None
         self.left_out = np.zeros(len(windows.spans), bool)
+        self.limits: Sequence[tuple[np.ndarray, float, float]] = ()
 
     def point(self, parameters: np.ndarray, states: np.ndarray) -> Point | None:
         """Return the point with these parameters and states; None where there is no motion."""
@@ -212,10 +216,16 @@ class Shooting:
                 break
         return at
 
-    @staticmethod
-    def _step(at: Point, equations: "NormalEquations", damping: float) -> tuple[np.ndarray, np.ndarray] | None:
+    def _step(self, at: Point, equations: "NormalEquations", damping: float) -> tuple[np.ndarray, np.ndarray] | None:
+        """Return the step of parameters and states that stays within the limits; None if there is none."""
         try:
             own, states = equations.step(damping)
+            for direction, low, high in self.limits:
+                now, there = float(direction @ at.parameters), float(direction @ (at.parameters + own))
+                if not low <= there <= high:  # the others must not move as if this one went beyond
+                    weight = _HELD * max(float(np.diag(equations.corner).max()), 1.0)
+                    equations = equations.held(direction, weight, now - min(max(there, low), high))
+                    own, states = equations.step(damping)
         except LinAlgError:
             return None
         shrink = min(1.0, _LONGEST / max(np.abs(own).max(), 1e-300))

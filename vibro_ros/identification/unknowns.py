@@ -130,6 +130,12 @@ class Unknowns:
         values = self.values(coordinates)
         return np.array([unknown.slope(values[unknown.name]) for unknown in self.each])[:, None] * self.directions
 
+    def limits(self, count: int) -> list[tuple[np.ndarray, float, float]]:
+        """Return the limits of the parameters, for `Shooting.limits`, among `count` coordinates."""
+        return [(np.concatenate([direction, np.zeros(count - len(self.each))]), unknown.coordinate(unknown.low),
+                 unknown.coordinate(unknown.high))
+                for direction, unknown in zip(self.directions, self.each, strict=True)]
+
     def scene_of(self, coordinates: np.ndarray) -> Scene:
         """Return the scene with the values of coordinates (ValueError: if they contradict each other)."""
         return self.scene.with_parameters(self.values(coordinates))
