@@ -73,7 +73,7 @@ def when_begun(blocks: Path) -> int:
 def test_a_cluster_of_which_a_worker_is_killed_writes_the_bytes_of_one_machine(
         started, address, bytes_of, tmp_path, monkeypatch):
     monkeypatch.setattr("vibro_ros.study.sweep._BLOCK_TIME", 220.0)
-    monkeypatch.setattr(execution, "_THERE", (60.0, 256))
+    monkeypatch.setattr(execution, "_CLUSTER_GROUP", (60.0, 256))
     workers = [add_worker(started, address) for _ in range(2)]
     blocks, killed = tmp_path / "there" / "blocks", []
 
@@ -103,7 +103,7 @@ def test_workers_that_compute_otherwise_are_refused(started, address, tmp_path, 
 def test_a_scheduler_that_goes_is_told(started, scheduler, address, tmp_path, monkeypatch, capfd):
     """If the scheduler disappears, the study reports it, nothing hangs, and finished blocks are kept."""
     monkeypatch.setattr("vibro_ros.study.sweep._BLOCK_TIME", 220.0)
-    monkeypatch.setattr(execution, "_THERE", (60.0, 256))
+    monkeypatch.setattr(execution, "_CLUSTER_GROUP", (60.0, 256))
     add_worker(started, address)
     blocks = tmp_path / "blocks"
     killer = threading.Thread(target=lambda: (when_begun(blocks), scheduler.kill()))

@@ -33,7 +33,7 @@ def file(made, found, tmp_path_factory):
     """The page that the command writes of this fit, with a window left out and another effect that fits better."""
     windows = found.windows.copy()
     windows["used"][2] = False
-    better = Alternative("slope", 41.5, 1e-9, found.values, found.scene)
+    better = Alternative("slope", 41.5, 1e-9, found.values, found.scene, 1.01)
     folder = tmp_path_factory.mktemp("output")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(study, "identify", lambda *_: replace(found, windows=windows, alternatives=(better,)))

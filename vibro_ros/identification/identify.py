@@ -27,6 +27,10 @@ DOUBTFUL = 0.1
 """Share of windows left out beyond which a fit is not called one."""
 
 
+GOOD, _BAD = 1.5, 100.0
+"""Mean squares: of residuals that a fit explains, at most; and of a window that is lost, which counts no more."""
+
+
 @dataclass(frozen=True)
 class Effect:
     """An effect that a scene may have in addition: the parameters that switch it on, and those that it frees."""
@@ -63,6 +67,8 @@ class Alternative:
         Values of its free parameters by name.
     scene : Scene
         The scene that was found with it.
+    mean_square : float
+        Of its residuals in standard deviations, with the windows that are left out; about 1 if it explains them.
     """
 
     effect: str
@@ -70,6 +76,7 @@ class Alternative:
     p_value: float
     values: dict[str, float]
     scene: Scene
+    mean_square: float
 
 
 @dataclass(frozen=True)
@@ -133,10 +140,15 @@ class Identification:
     @property
     def verdict(self) -> str:
         """Whether the model fits, in a sentence."""
-        if self.alternatives and self.alternatives[0].p_value < REJECTED:
-            best = self.alternatives[0]
+        better = [one for one in self.alternatives if one.p_value < REJECTED]
+        if explaining := [one for one in better if one.mean_square < GOOD]:
+            best = explaining[0]
             return (f"the effect {best.effect} fits better, p = {best.p_value:.1g}: the recording is of another robot "
                     f"than the scene can be; go on from the scene with {best.effect}")
+        if better:
+            return (f"the model does not fit, p = {self.p_value:.1g}, and no effect that was tried explains the "
+                    f"recording: with {better[0].effect} the mean square is {better[0].mean_square:.3g}; begin nearer, "
+                    "or try others")
         if self.p_value < REJECTED:
             return (f"the model does not fit, p = {self.p_value:.1g}: values and intervals are of the nearest robot "
                     "that the scene can be, not of the one recorded; try effects")
@@ -273,14 +285,23 @@ def _by_channel(fit: Fit, numbers: np.ndarray) -> dict[str, np.ndarray]:
             for channel, one in zip(windows.recording.channels, mine, strict=True)}
 
 
+def _lack_of(fit: Fit) -> float:
+    """Return the mean square of the windows' residuals, in which a lost window counts as much as a bad one."""
+    return float(np.minimum(fit.mean_squares, _BAD).mean())
+
+
 def _alternative(name: str, recording: Recording, fit: Fit, workers: int, say: Callable[[str], None]) -> Alternative:
-    """Fit with one effect more, from the values that were found without it."""
-    say(f"with the effect {name}")
-    effect, plain = EFFECTS[name], fit.unknowns.scene_of(fit.coordinates)
-    more = {parameter: value(plain) for parameter, value in effect.free.items()}
-    scene = plain.with_parameters({**effect.settings, **more})
-    fitting = Fitting(recording, Unknowns.of(scene, (*fit.unknowns.names, *more), {}), workers, say)
-    found = fitting.fitted()
+    """Fit with one effect more, from the values that were found without it; if that ends in no fit, from the scene's,
+    because values that a wrong model has bent may lie beyond a blow from the right ones."""
+    effect, fits = EFFECTS[name], []
+    for plain in (fit.unknowns.scene_of(fit.coordinates), fit.unknowns.scene):
+        say(f"with the effect {name}")
+        more = {parameter: value(plain) for parameter, value in effect.free.items()}
+        scene = plain.with_parameters({**effect.settings, **more})
+        fits.append(Fitting(recording, Unknowns.of(scene, (*fit.unknowns.names, *more), {}), workers, say).fitted())
+        if _lack_of(fits[-1]) < GOOD:
+            break
+    found = min(fits, key=_lack_of)
     # Both by the noise that the better model leaves: the residuals of a wrong model are no noise.
     fit.shooting.windows.recolour(*found.colours)
     at = fit.shooting.point(fit.at.parameters, fit.at.states) or fit.at
@@ -290,4 +311,5 @@ def _alternative(name: str, recording: Recording, fit: Fit, workers: int, say: C
                   - found.shooting.by_window(found.at, 0.0, TIGHT))[~either].sum())
     fit.shooting.windows.recolour(*fit.colours)
     chance = float(chi2.sf(gain, len(more))) if more else math.exp(-0.5 * max(gain, 0.0))
-    return Alternative(name, gain, min(chance, 1.0), found.values, found.unknowns.scene_of(found.coordinates))
+    return Alternative(name, gain, min(chance, 1.0), found.values, found.unknowns.scene_of(found.coordinates),
+                       _lack_of(found))

@@ -125,7 +125,8 @@ def numbers_of(found: Identification) -> bytes:
         "autocorrelation": found.autocorrelation, "verdict": found.verdict, "said": found.said,
         "passes": found.passes, "profiles": {name: points.tolist() for name, points in found.profiles.items()},
         "windows": [dict(zip(WINDOW.names or (), row.tolist(), strict=True)) for row in found.windows],
-        "alternatives": [{"effect": one.effect, "gain": one.gain, "p_value": one.p_value, "values": one.values}
+        "alternatives": [{"effect": one.effect, "gain": one.gain, "p_value": one.p_value, "values": one.values,
+                          "mean_square": one.mean_square}
                          for one in found.alternatives]}
     return (json.dumps(document, indent=1) + "\n").encode()
 
