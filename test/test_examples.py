@@ -3,6 +3,8 @@
 import doctest
 import inspect
 from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
 
 import pytest
 from known_recording import known_run, record_run  # noqa: F401 (fixtures)
@@ -38,6 +40,9 @@ def test_the_interface_is_looked_at():
 def test_every_name_has_an_example_that_is_true(name, record_run, tmp_path, monkeypatch):  # noqa: F811
     if name == "read_bag":
         record_run().rename(tmp_path / "vibro_robot_2026_11_21-10_29_21")
+    if name == "identify":
+        monkeypatch.syspath_prepend(Path(__file__).parent / "identification")
+        import_module("test_identify").bag(tmp_path / "laboratory_bag")
     monkeypatch.chdir(tmp_path)
     assert examples(name)
     test = doctest.DocTest(examples(name), {"vibro_ros": vibro_ros}, name, None, None, None)

@@ -209,9 +209,13 @@ def identify(bag: str | Path, scene: Scene, free: Sequence[str],
 
     Examples
     --------
-    >>> scene = vibro_ros.load_scene("damped")
-    >>> found = vibro_ros.identify("laboratory_bag", scene, free=["ground.friction", "upper.gap"])
-    >>> found.values["ground.friction"], found.intervals["ground.friction"], found.verdict
+    >>> scene = vibro_ros.load_scene("damped").with_parameters({"ground.friction": 0.22})
+    >>> found = vibro_ros.identify("laboratory_bag", scene, free=["ground.friction"])
+    >>> low, high = found.intervals["ground.friction"]
+    >>> f"{found.values['ground.friction']:.3f}, 95 %: {low:.3f} to {high:.3f}"
+    '0.200, 95 %: 0.200 to 0.200'
+    >>> found.verdict
+    'the model fits, p = ...'
     """
     check_scene(scene)
     unknowns, wanted = Unknowns.of(scene, free, dict(ranges or {})), _checked(effects, scene, free)
