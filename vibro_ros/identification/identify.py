@@ -21,12 +21,8 @@ from vibro_ros.simulation.processes import core_count
 WINDOW = np.dtype([("start", float), ("end", float), ("mean_square", float), ("used", bool)])
 """Start and end of a window [s], mean square of its residuals in standard deviations, and whether it counts: one whose
 motion jumps with its start, as where a mass rattles to rest, tells nothing."""
-
-
 DOUBTFUL = 0.1
 """Share of windows left out beyond which a fit is not called one."""
-
-
 GOOD, _BAD = 1.5, 100.0
 """Mean squares: of residuals that a fit explains, at most; and of a window that is lost, which counts no more."""
 
@@ -231,12 +227,13 @@ def identify(bag: str | Path, scene: Scene, free: Sequence[str],
         windows.spans, fit.mean_squares, fit.shooting.left_out, strict=True)], dtype=WINDOW)
     found, profiles = intervals(fit, say)
     return Identification(
-        fit.values, found, slopes @ own @ slopes.T, rank_in_words(fit), _by_sensor(noises),
-        p_value(noises), {f"{one.sensor}.{one.field}": one.correlation for one in noises},
-        tuple(sorted(alternatives, key=lambda one: (one.p_value, -one.gain))), unknowns.scene_of(fit.coordinates),
-        table,
-        fit.passes, recording.said, recording,
-        _by_channel(fit, fit.at.found.residuals), _by_channel(fit, simulated), profiles)
+        values=fit.values, intervals=found, covariance=slopes @ own @ slopes.T, rank=rank_in_words(fit),
+        chi_square=_by_sensor(noises), p_value=p_value(noises),
+        autocorrelation={f"{one.sensor}.{one.field}": one.correlation for one in noises},
+        alternatives=tuple(sorted(alternatives, key=lambda one: (one.p_value, -one.gain))),
+        scene=unknowns.scene_of(fit.coordinates), windows=table, passes=fit.passes, said=recording.said,
+        recording=recording, residuals=_by_channel(fit, fit.at.found.residuals),
+        simulated=_by_channel(fit, simulated), profiles=profiles)
 
 
 def _checked(effects: Sequence[str], scene: Scene, free: Sequence[str]) -> tuple[str, ...]:
