@@ -146,6 +146,22 @@ def test_intervals_cover(correlation):
     assert covered.sum(axis=0).min() >= 33  # of 40, where 38 are expected: 3.6 standard deviations of each
 
 
+def test_a_motor_that_is_switched_on_at_the_first_sample_rests_there_and_a_running_one_has_its_speed():
+    """A straight line through the first 20 ms would give the one 2 rad/s, and half a radian of error ever after."""
+    times = np.arange(251) / 500.0
+    for moving, command, speed in ((False, 100.0, 0.0), (True, 60.0, 60.0)):
+        start = {"start.state": "given", "motor.speed": speed} if moving else {}
+        scene = vibro_ros.load_scene("device").with_parameters(start)
+        commands = ((0.0, {"motor_speed": command}),)
+        run = vibro_ros.simulate(scene, times=times, commands=commands)
+        angle = TICK * np.round(run.crank_angle / TICK)
+        encoder = Channel("encoder", "crank_angle", times, angle, TICK / math.sqrt(12.0), "resolution", TICK)
+        fitting = Fitting(Recording(0.0, times[-1], (encoder,), commands, ()), Unknowns.of(scene, FREE, {}), 1, print)
+        assert fitting._first_start["motor_speed"] == pytest.approx(speed, abs=0.3)
+        assert fitting._first_start["crank_angle"] == pytest.approx(0.0, abs=TICK)
+        assert len(fitting._start_coordinates()) == 1 + moving
+
+
 def bag(folder, *, duration=0.5, sensors=("odom", "joint_states", "encoder"), still=False):
     """Write a bag of the damped robot by our own solver; `still`: all masses and the body stay where they begin."""
     times = np.arange(round(500 * duration) + 1) / 500.0

@@ -38,7 +38,8 @@ _WEIGHT, _STIFF_WEIGHT = 1.0, 100.0
 _RATE = 1000.0  # Hz, of simulated speeds where none are measured
 #: Time [s] at a recording's start in which a crank that turns less than the angle [rad] rests.
 _RESTING, _STILL = 0.05, 0.01
-_SETTLED = 3.0  # standard deviations beyond which a correlation or a noise is taken from the residuals
+_FIRST = 0.02  # s at a recording's start from which the crank's speed there is told
+_SETTLED = 3.0  # standard deviations beyond which a correlation, a noise or a speed is taken from the measurements
 
 _ANGLE_UNIT, _SPEED_UNIT = 0.1, 10.0  # rad, rad/s: of the coordinates of the motor's start
 
@@ -237,13 +238,14 @@ class Fitting:
         scene, crank = self.unknowns.scene, measured(self.recording).get("crank_angle")
         angle, speed = 0.0, scene["motor.speed"]
         if crank is not None:
-            first = crank.times <= crank.times[0] + 0.02
-            if first.sum() > 2:
-                speed, angle = np.polyfit(crank.times[first], crank.values[first], 1).tolist()
-            else:
-                angle = float(crank.values[0])
-            if np.ptp(crank.values[first]) <= 2.0 * crank.sigma:
-                speed = 0.0
+            first = crank.times <= crank.times[0] + _FIRST
+            angle = float(crank.values[0])
+            if first.sum() > 2:  # a parabola, because the motor may gain speed from the first instant on
+                found, covariance = np.polyfit(crank.times[first], crank.values[first], 2,
+                                               w=np.full(first.sum(), 1.0 / crank.sigma), cov="unscaled")
+                speed, angle = found[1:].tolist()
+                if abs(speed) < _SETTLED * math.sqrt(covariance[1, 1]):
+                    speed = 0.0
         if scene.has_rotor:
             return {}
         return {"crank_angle": angle} | ({} if scene["effects.motor"] == "ideal" else {"motor_speed": speed})
