@@ -195,12 +195,16 @@ def moving(tmp_path_factory):
     ({"free": ("mass.body", "mass.body")}, ["each once"]),
     ({"free": ("effects.friction",)}, ["effects.friction", "no number of the robot"]),
     ({"ranges": {"mass.body": (2.0, 0.5)}}, ["2 to 0.5 is no range", "LOW:HIGH"]),
+    ({"ranges": {"mass.body": 1.0}}, ["range of mass.body", "give two numbers"]),
+    ({"ranges": {"mass.body": ("low", "high")}}, ["range of mass.body", "give two numbers"]),
+    ({"ranges": {"mass.body": (math.nan, 2.0)}}, ["range of mass.body", "no range"]),
+    ({"noise": {"odom": "loud"}}, ["odom", "loud", "a number above 0"]),
     ({"effects": ("wind",)}, ["wind", "stribeck, slope, viscous, reaction, lag"]),
     ({"free": ("ground.slope",), "effects": ("slope",)}, ["slope", "leave it out"]),
-    ({"noise": {"odom": 0.0}}, ["odom", "above 0", "inf to leave it out"]),
+    ({"noise": {"odom": 0.0}}, ["odom", "number above 0", "inf to leave it out"]),
     ({"noise": {"radar": 1.0}}, ["radar", "no such channel", "encoder"]),
     ({"scene": DAMPED.with_parameters({"effects.upper_mass": False})}, ["upper_mass", "does not have", "choose"]),
-], ids=range(11))
+], ids=range(15))
 def test_what_cannot_be_identified_is_refused_in_one_line(moving, arguments, words):
     given = {"scene": DAMPED, "free": FREE, **arguments}
     with pytest.raises((ValueError, BagError)) as refusal:

@@ -36,11 +36,11 @@ def test_help_has_each_option_and_the_exit_codes(capsys):
     (["--range", "ground.slope=0:0.1"], "range of ground.slope: the parameter is not free"),
     (["--noise", "odom"], "--noise odom: give SENSOR=SIGMA"),
     (["--noise", "odom=loud"], "loud is no number; give one such as 0.1"),
-    (["--noise", "odom=-1"], "noise of odom: -1.0 is out of range; give a standard deviation above 0"),
+    (["--noise", "odom=-1"], "noise of odom: -1.0 is no standard deviation; give a number above 0"),
     (["--effects", "wind"], "'wind' is none that can be tried; give any of stribeck"),
     (["--free", "mass.bodi"], "'mass.bodi' is no number of the robot"),
     (["--free", "mass.body,mass.body"], "each once"),
-    (["--scheduler", "tcp://host:1"], "--scheduler: a recording is fitted on this machine"),
+    (["--scheduler", "tcp://host:1"], "unrecognized arguments: --scheduler"),
     ([], "no such folder; give the folder of a recording"),
 ], ids=lambda part: " ".join(part) if isinstance(part, list) else "")
 def test_bad_input_ends_with_one_line_and_code_2(tmp_path, capsys, words, said):
@@ -108,5 +108,5 @@ def test_ctrl_c_ends_a_fit_with_130_and_says_so(tmp_path):
     process.send_signal(signal.SIGINT)
     _, said = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130 and time.monotonic() - begun < PATIENCE
-    assert "interrupted" in said and "Traceback" not in said
+    assert "interrupted; the same command begins anew" in said and "Traceback" not in said
     assert not list((tmp_path / "out").iterdir())

@@ -295,11 +295,12 @@ def _alternative(name: str, recording: Recording, fit: Fit, workers: int, say: C
     """Fit with one effect more, from the values that were found without it; if that ends in no fit, from the scene's,
     because values that a wrong model has bent may lie beyond a blow from the right ones."""
     effect, fits = EFFECTS[name], []
+    ranges = {one.name: (one.low, one.high) for one in fit.unknowns.each}
     for plain in (fit.unknowns.scene_of(fit.coordinates), fit.unknowns.scene):
         say(f"with the effect {name}")
         more = {parameter: value(plain) for parameter, value in effect.free.items()}
         scene = plain.with_parameters({**effect.settings, **more})
-        fits.append(Fitting(recording, Unknowns.of(scene, (*fit.unknowns.names, *more), {}), workers, say).fitted())
+        fits.append(Fitting(recording, Unknowns.of(scene, (*fit.unknowns.names, *more), ranges), workers, say).fitted())
         if _lack_of(fits[-1]) < GOOD:
             break
     found = min(fits, key=_lack_of)

@@ -21,6 +21,7 @@ from vibro_ros.messages.codec import deserialised
 from vibro_ros.messages.frames import JOINTS, joints_of
 from vibro_ros.messages.operations import PAUSE, RESUME, STEP, TIMEOUT, read_operation
 from vibro_ros.messages.topics import COMMANDS, OPERATIONS, TOPICS, commands_in
+from vibro_ros.model.parameters import quoted
 from vibro_ros.model.scene import Scene, check_scene
 
 FEWEST = 10
@@ -123,9 +124,9 @@ def read_recording(bag: str | Path, scene: Scene, noise: Mapping[str, float] | N
     """
     check_scene(scene)
     noise, said = dict(noise or {}), list[str]()
-    if wrong := [key for key, sigma in noise.items() if not sigma > 0.0]:
-        raise ValueError(f"noise of {wrong[0]}: {noise[wrong[0]]} is out of range; give a standard deviation above 0, "
-                         "or inf to leave it out")
+    if wrong := [key for key, sigma in noise.items() if not (isinstance(sigma, int | float) and sigma > 0.0)]:
+        raise ValueError(f"noise of {wrong[0]}: {quoted(noise[wrong[0]])} is no standard deviation; give a number "
+                         "above 0, or inf to leave it out")
     with BagStream(bag) as stream:
         topics = _topics(stream)
         commands = _commands(stream, topics, scene, said)

@@ -67,7 +67,10 @@ def unknown_of(scene: Scene, name: str, limits: tuple[float, float] | None = Non
     if parameter is None or not isinstance(parameter.default, float) or name.startswith(("solver.", "sensors.")):
         raise ValueError(f"free: {quoted(name)} is no number of the robot; give names such as ground.friction, "
                          "upper.gap or mass.body (docs/parameters.md has all)")
-    low, high = limits if limits is not None else (parameter.minimum, parameter.maximum)
+    try:
+        low, high = map(float, limits if limits is not None else (parameter.minimum, parameter.maximum))
+    except (TypeError, ValueError):
+        raise ValueError(f"range of {name}: {quoted(limits)} is no range; give two numbers, low and high") from None
     if not parameter.minimum <= low < high <= parameter.maximum:
         raise ValueError(f"range of {name}: {low:g} to {high:g} is no range within {parameter.minimum:g} to "
                          f"{parameter.maximum:g} {parameter.unit}; give LOW:HIGH within it")

@@ -108,6 +108,9 @@ class StudyCommand:
         Default of `--scene`; None for a study that adds `--scene` and `--set` itself.
     failure : str
         Meaning of exit code 1, for its help.
+    goes_on : bool
+        Whether it keeps finished work and goes on from there; if not, it is one computation of this machine, without
+        `--scheduler`.
     """
 
     name: str
@@ -117,14 +120,16 @@ class StudyCommand:
     results: Callable[[Any, Path, Execution], Iterator[Results]]
     scene: str | None = "device"
     failure: str = "a run failed, or the disk is full"
+    goes_on: bool = True
 
     def parser(self) -> Parser:
         """Return the parser of all options."""
         parser = Parser(
             prog=f"study {self.name}",
-            description=f"{self.does} Ctrl-C keeps finished work; the same command goes on from there.",
+            description=self.does + (" Ctrl-C keeps finished work; the same command goes on from there." if self.goes_on
+                                     else " Ctrl-C ends it; the same command begins anew."),
             epilog=f"Exit code 0: done; 1: {self.failure}; 2: bad input, or nowhere to write; 129, 130, 143: stopped "
-            "by SIGHUP, SIGINT, SIGTERM, finished work is kept.")
+            "by SIGHUP, SIGINT, SIGTERM" + (", finished work is kept." if self.goes_on else "."))
         parser.add_argument("--output", type=Path, default=Path("out/study") / self.name, metavar="DIR", help="where "
                             "to write (default: %(default)s)")
         if self.scene:
@@ -136,12 +141,13 @@ class StudyCommand:
         where = parser.add_mutually_exclusive_group()
         where.add_argument("--workers", type=int, metavar="N", help="processes on this machine (default: one a core); "
                            "they change no number")
-        where.add_argument("--scheduler", metavar="ADDRESS", help="compute on the Dask cluster of this scheduler, such "
-                           "as tcp://host:8786; the numbers are the same to the last bit")
+        if self.goes_on:
+            where.add_argument("--scheduler", metavar="ADDRESS", help="compute on the Dask cluster of this scheduler, "
+                               "such as tcp://host:8786; the numbers are the same to the last bit")
         return parser
 
     def __call__(self, words: Sequence[str]) -> int:
-        """Run the study; finished work is kept if a signal stops it."""
+        """Run the study; finished work is kept if a signal stops it, and if the study can go on from there."""
         return exit_code("study", lambda: self._run(self.parser().parse_args(words)))
 
     def _run(self, options: argparse.Namespace) -> int:
@@ -158,7 +164,8 @@ class StudyCommand:
                         print("\n".join(found.words))
                         failed |= found.failed
         except KeyboardInterrupt:
-            say("study", "interrupted; finished work is kept, and the same command goes on from there")
+            say("study", "interrupted; finished work is kept, and the same command goes on from there" if self.goes_on
+                else "interrupted; the same command begins anew")
             return interrupted_code()
         return FAILURE if failed else 0
 
@@ -185,7 +192,7 @@ def settings_of(words: Sequence[str]) -> dict[str, Value]:
 def execution_of(options: argparse.Namespace) -> Execution:
     """Return the execution given by `--workers` or `--scheduler` (ValueError)."""
     workers = core_count() if options.workers is None else options.workers
-    return Execution(whole_number("--workers", workers, 1, MOST_WORKERS), options.scheduler)
+    return Execution(whole_number("--workers", workers, 1, MOST_WORKERS), getattr(options, "scheduler", None))
 
 
 @contextlib.contextmanager

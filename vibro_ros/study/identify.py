@@ -57,8 +57,6 @@ def _add_options(parser: Parser) -> None:
 
 
 def _design_of(options: argparse.Namespace) -> Design:
-    if options.scheduler:
-        raise ValueError("--scheduler: a recording is fitted on this machine; leave it out")
     if options.bag is None and not options.excite:
         raise ValueError("no recording: give a BAG, or --excite SECONDS for a script to record one")
     scene = machine_of(options)
@@ -134,4 +132,4 @@ def numbers_of(found: Identification) -> bytes:
 main = StudyCommand(
     "identify", "Find the parameters of the robot that made a recording, by a fit of the exact motion through every "
     "blow, with 95 % intervals. Writes the scene that was found, all numbers and a page, or the script to record next.",
-    _add_options, _design_of, _results)
+    _add_options, _design_of, _results, goes_on=False)
