@@ -111,22 +111,21 @@ def test_commands_and_operations_at_any_instant_replay_to_the_last_bit(start, be
     assert int(capsys.readouterr().out.split()[-2]) > 20  # commands
 
 
-@pytest.mark.quiet
-@pytest.mark.xfail(strict=False, reason="an open fault: in some runs the robot does not say within a minute that the "
-                   "crank spins; the cause is not known yet, and CHANGELOG names it")
 def test_a_crank_that_spins_too_fast_is_named_and_the_robot_hears_signals(start, bench):
+    """The winding keeps the current for a second, because a robot that spins for 20 ms may make good its lateness."""
     own = pytest.importorskip("vibro_ros_interfaces.srv", reason="types are not built: no compiler")
-    words = ("scene:=machine", "motor.winding_inductance:=0.001", "motor.crank_inertia:=0.00005",
+    words = ("scene:=machine", "motor.winding_inductance:=1.0", "motor.crank_inertia:=0.00005", "rate.publish:=100.0",
              "record.enabled:=false")
     robot = start("robot", "--ros-args", *(word for parameter in words for word in ("-p", parameter)))
     robot.wait_for("ready")
     client = known_client(bench, own.SetState, "set_state")
+    asked = time.monotonic()
     client.call_async(own.SetState.Request(names=["motor_current"], values=[1e6]))
     robot.wait_for("because the crank spins at ")
-    begun = time.monotonic()
+    named = time.monotonic()
     robot.send(signal.SIGINT)
     assert robot.end() == 0, robot.text
-    assert time.monotonic() - begun < 5.0  # a second on an idle machine; one tick alone would take longer
+    assert time.monotonic() - named < named - asked + 1.0  # the interrupted tick has 2.6 times the turns of the first
     bench.node.destroy_client(client)
 
 

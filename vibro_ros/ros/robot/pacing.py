@@ -195,7 +195,7 @@ class StallReport:
             return
         if spins:
             why = (f"because the crank spins at {speed:.3g} rad/s, and each of its turns costs as much as a slow one; "
-                   "call ~/reset, or set motor_speed by ~/set_state")
+                   "call ~/reset, or set motor_speed by ~/set_state, again if the simulation does not answer in time")
         elif busy - self._busy > 0.8 * (now - self._began):
             why = (f"because a step takes {1e3 * busy / max(ticks, 1):.2g} ms, longer than it lasts; lower "
                    "rate.real_time_factor, or choose solver.method exact")
