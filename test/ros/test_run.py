@@ -17,7 +17,7 @@ from std_msgs.msg import Float64
 from std_srvs.srv import SetBool, Trigger
 
 import vibro_ros
-from vibro_ros.messages.operations import RESET, Operation
+from vibro_ros.messages.operations import RESET, STATE, Operation
 from vibro_ros.recordings import replay
 from vibro_ros.ros.robot.pacing import SUMMARY_PERIOD, Pacing, RobotTime, StallReport
 from vibro_ros.ros.robot.publishers import RobotPublishers
@@ -25,11 +25,11 @@ from vibro_ros.ros.robot.run import ENDED, Run
 from vibro_ros.ros.robot.subscriptions import CommandSubscriptions
 
 
-def run_of(bench, record, **more) -> Run:
-    scene = vibro_ros.load_scene("device")
+def run_of(bench, record, scene=None, rate: float = 200.0, pacing: Pacing | None = None, **more) -> Run:
+    scene = scene or vibro_ros.load_scene("device")
     recording = SimpleNamespace(record=record, checkpoint=lambda *_: None, is_backlogged=False)
-    return Run(bench.node, vibro_ros.Simulator(scene), RobotTime(rate=200.0, start=1_000),
-               Pacing(factor=0.0, max_catch_up=0.1), CommandSubscriptions(bench.node, scene),
+    return Run(bench.node, vibro_ros.Simulator(scene), RobotTime(rate, start=1_000),
+               pacing or Pacing(factor=0.0, max_catch_up=0.1), CommandSubscriptions(bench.node, scene),
                RobotPublishers(bench.node, scene), recording, **more)
 
 
@@ -127,6 +127,17 @@ def test_a_crank_that_spins_too_fast_is_named_and_the_robot_hears_signals(start,
     assert robot.end() == 0, robot.text
     assert time.monotonic() - named < named - asked + 1.0  # the interrupted tick has 2.6 times the turns of the first
     bench.node.destroy_client(client)
+
+
+def test_a_crank_that_spins_and_is_slow_again_within_one_tick_is_named(bench):
+    scene = vibro_ros.load_scene("machine").with_parameters({"motor.winding_inductance": 0.001,
+                                                             "motor.crank_inertia": 5e-5})
+    run = run_of(bench, lambda *_: None, scene, rate=20.0, pacing=Pacing(factor=1.0, max_catch_up=0.0))
+    lines = []
+    run._stalls = StallReport(lines.append)
+    with run:
+        run.perform(Operation(STATE, parameters={"motor_current": 1e6}))
+        bench.spin_until(lambda: any("because the crank spins at " in line for line in lines), "the cause")
 
 
 def test_stalls_are_told_when_they_begin_and_then_once_a_minute_with_their_cause():

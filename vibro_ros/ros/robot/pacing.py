@@ -185,8 +185,8 @@ class StallReport:
     def add(self, dropped: float, total: float, busy: float, ticks: int, speed: float) -> None:
         """Note a stall that dropped `dropped` [s] of simulated time; all stalls of the run dropped `total` [s].
 
-        The run's `ticks` steps have taken `busy` [s] of wall time, without publishing; the crank turns at `speed`
-        [rad/s].
+        The run's `ticks` steps have taken `busy` [s] of wall time, without publishing; `speed` [rad/s] is the
+        crank's mean one over the last of them, because a crank that spins may be slow again at its end.
         """
         now = self._now()
         self._count, self._dropped = self._count + 1, self._dropped + dropped

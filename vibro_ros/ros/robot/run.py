@@ -49,7 +49,7 @@ from vibro_ros.ros.robot.publishers import RobotPublishers
 from vibro_ros.ros.robot.recording import Recording
 from vibro_ros.ros.robot.subscriptions import CommandSubscriptions
 from vibro_ros.sensors.device import SensedSimulator
-from vibro_ros.simulation.samples import FIELDS, MOTOR_SPEED, NORMAL_FORCE, Samples
+from vibro_ros.simulation.samples import CRANK_ANGLE, FIELDS, MOTOR_SPEED, NORMAL_FORCE, Samples
 from vibro_ros.simulation.simulator import Simulator
 
 FACTOR = "rate.real_time_factor"
@@ -141,7 +141,8 @@ class Run:
         self._samples: deque[np.ndarray] = deque(maxlen=MOST_KEPT)
         self._keeps_samples = device.scene.body_hops or device.scene.has_rotor  # for `validity_of`
         self._facts = device.statistics, device.disturbances
-        self._speed = 0.0  # of the crank at the last sample [rad/s]
+        self._speed = 0.0  # of the crank now [rad/s]
+        self._mean_speed = 0.0  # of the crank over the last tick [rad/s]: its turns are what a tick costs
         self._stalls = StallReport(node.get_logger().warning)
         self._stopped = threading.Event()
         self._begin: float | None = None
@@ -293,7 +294,8 @@ class Run:
                 return True
             else:
                 if dropped := self.pacing.wait_until(self.robot_time.due, self._interrupted):
-                    self._stalls.add(dropped, self.pacing.dropped, self.busy, self.robot_time.ticks, self._speed)
+                    self._stalls.add(dropped, self.pacing.dropped, self.busy, self.robot_time.ticks,
+                                     self._mean_speed)
                 return not self._stopped.is_set()
         return False
 
@@ -309,12 +311,13 @@ class Run:
 
     def _tick(self) -> None:
         """Take the next sample."""
-        begun = time.perf_counter()
+        begun, start, angle = time.perf_counter(), self.device.time, self.device.values.item(CRANK_ANGLE)
         if not self._advance(self.robot_time.due_of_device):
             return
         self.robot_time.ticks += 1
         self.busy += time.perf_counter() - begun
         values = self._publish()
+        self._mean_speed = (values.item(CRANK_ANGLE) - angle) / ((self.device.time - start) or 1.0)  # 0 s: of a reset
         self.ticks_without_normal_force += values.item(NORMAL_FORCE) <= 0.0
         if self._keeps_samples:
             self._samples.append(values.copy())
