@@ -36,8 +36,6 @@ _MISFIT = 1.5  # mean square of a window's residuals beyond which it counts as l
 #: Weights of the first stages' prior, in coordinates: a plate's stiffness shows only within a blow.
 _WEIGHT, _STIFF_WEIGHT = 1.0, 100.0
 _RATE = 1000.0  # Hz, of simulated speeds where none are measured
-#: Time [s] at a recording's start in which a crank that turns less than the angle [rad] rests.
-_RESTING, _STILL = 0.05, 0.01
 _FIRST = 0.02  # s at a recording's start from which the crank's speed there is told
 _SETTLED = 3.0  # standard deviations beyond which a correlation, a noise or a speed is taken from the measurements
 
@@ -114,7 +112,10 @@ class Fitting:
     def __init__(self, recording: Recording, unknowns: Unknowns, workers: int, say: Callable[[str], None]):
         self.recording, self.unknowns, self._workers, self._say = recording, unknowns, workers, say
         self._names, self._passes = state_names(unknowns.scene), 0
-        self._first_start = self._motor_at_start()
+        angle, speed = self._crank_at_start()
+        self._rests = speed == 0.0
+        self._first_start = {} if unknowns.scene.has_rotor else {"crank_angle": angle} | (
+            {} if unknowns.scene["effects.motor"] == "ideal" else {"motor_speed": speed})
         self.times, self._angle, self._rough = self._course()
 
     def fitted(self) -> Fit:
@@ -209,8 +210,7 @@ class Fitting:
         return [*near, first]
 
     def _chain(self, turns: float) -> np.ndarray:
-        resting = np.searchsorted(self.times, self.times[0] + _RESTING)
-        return chain(self.times, self._rough, self._angle, turns, float(np.ptp(self._angle[:resting])) < _STILL)
+        return chain(self.times, self._rough, self._angle, turns, self._rests)
 
     def _course(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return instants, the crank's angle there, and the roughness of the masses' and the body's speeds."""
@@ -233,8 +233,8 @@ class Fitting:
         angle = np.interp(times, crank.times, crank.values) if crank else run.crank_angle
         return times, angle, roughness(times, speeds)
 
-    def _motor_at_start(self) -> dict[str, float]:
-        """Return angle and speed of the crank at time 0, as far as the recording tells them."""
+    def _crank_at_start(self) -> tuple[float, float]:
+        """Return angle and speed of the crank at time 0, as far as the recording tells them; speed 0 if it rests."""
         scene, crank = self.unknowns.scene, measured(self.recording).get("crank_angle")
         angle, speed = 0.0, scene["motor.speed"]
         if crank is not None:
@@ -246,9 +246,7 @@ class Fitting:
                 speed, angle = found[1:].tolist()
                 if abs(speed) < _SETTLED * math.sqrt(covariance[1, 1]):
                     speed = 0.0
-        if scene.has_rotor:
-            return {}
-        return {"crank_angle": angle} | ({} if scene["effects.motor"] == "ideal" else {"motor_speed": speed})
+        return angle, speed
 
     def _start_coordinates(self) -> np.ndarray:
         units = {"crank_angle": _ANGLE_UNIT, "motor_speed": _SPEED_UNIT}

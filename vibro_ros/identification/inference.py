@@ -5,7 +5,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import LinAlgError
 from scipy.stats import chi2, norm
 
 from vibro_ros.identification.fit import Fit
@@ -25,7 +24,7 @@ _SHARE = 0.25  # of a combination's largest part, below which another part is no
 #: Variance of an estimate of noise from neighbours, in units of that of as many squares of white noise.
 _ESTIMATED = 5.0
 _STRONG = 1e9  # times the information in a direction: the weight that holds a parameter
-_CHORDS, _TRIES = 2, 2  # Newton steps with the Jacobian of the best point, and lengths, of each side of an interval
+_JACOBIANS, _TRIES = 3, 2  # sets of derivatives, the first of the best point, and lengths, of a side of an interval
 _LEAST, _MOST = 0.3, 3.0  # factors between two lengths
 
 
@@ -80,20 +79,13 @@ def held(fit: Fit, direction: np.ndarray, covariance: np.ndarray, shift: float) 
     own = along * (shift / float(direction @ along))
     equations = shooting.equations(fit.at, fit.jacobian, 0.0, TIGHT)
     at = shooting.point(fit.at.parameters + own, fit.at.states + equations.states_for(own))
-    weight = _STRONG * float(direction @ direction) / float(direction @ along)
-    for _ in range(_CHORDS):
-        if at is None:
-            return None
-        try:
-            own, states = shooting.equations(at, fit.jacobian, 0.0, TIGHT).held(
-                direction, weight, float(direction @ at.parameters) - target).step()
-        except LinAlgError:
-            break
-        better = shooting.point(at.parameters + own, at.states + states)
-        if better is None or shooting.misfit(better, 0.0, TIGHT) > shooting.misfit(at, 0.0, TIGHT):
-            break
-        at = better
-    return at
+    if at is None:
+        return None
+    limits, shooting.limits = shooting.limits, [*shooting.limits, (direction, target, target)]
+    try:
+        return shooting.minimise(at, 0.0, TIGHT, _JACOBIANS, 1e-6, fit.jacobian)
+    finally:
+        shooting.limits = limits
 
 
 def rank_in_words(fit: Fit) -> tuple[str, ...]:

@@ -37,6 +37,9 @@ OUTLIER = 3.0
 _STEP, _STATE_STEP = 1e-5, 1e-4
 _LONGEST = 0.7  # longest change of a coordinate in a step: a positive parameter at most doubles
 _TRIES, _LEAST_DAMPING, _GROWTH = 8, 1e-9, 10.0
+#: Most steps with the same derivatives, and the share of what they say that a step wins while they hold.
+_CHORDS, _HOLDS = 5, 0.7
+_LITTLE = 1e-3  # of the misfit, where a parameter is within a thirtieth of its standard deviation of the best
 #: A window jumps if it spoils a step by this share of what the step should have won; largest share of such windows.
 _JUMP, _MOST_LEFT_OUT = 0.3, 0.3
 _HELD = 1e6  # times the largest curvature: the weight that holds a parameter at its limit
@@ -160,10 +163,10 @@ class Shooting:
 
     def misfit(self, at: Point, looseness: float, width: float) -> float:
         """Return what is minimised; `width` is the looseness of the defects."""
-        total = float(self.by_window(at, looseness, width).sum())
-        if self.prior is not None:
-            total += float(self.prior[1] @ (at.parameters - self.prior[0])**2)
-        return total
+        return float(self.by_window(at, looseness, width).sum()) + self._prior_misfit(at)
+
+    def _prior_misfit(self, at: Point) -> float:
+        return float(self.prior[1] @ (at.parameters - self.prior[0])**2) if self.prior else 0.0
 
     def equations(self, at: Point, jacobian: Jacobian, looseness: float, width: float) -> "NormalEquations":
         """Return the normal equations at a point."""
@@ -197,24 +200,59 @@ class Shooting:
             gradient[k + 1] -= tight**2 * defect
         return NormalEquations(diagonal, beside, border, gradient, corner, corner_gradient)
 
-    def minimise(self, at: Point, looseness: float, width: float, most: int, enough: float = 1e-3) -> Point:
-        """Return the point after Levenberg-Marquardt steps: at most so many, or until one lowers the misfit by less
-        than its share `enough` and 0.01. Windows that jump are left out from then on."""
+    def minimise(self, at: Point, looseness: float, width: float, most: int, enough: float = 1e-3,
+                 jacobian: Jacobian | None = None) -> Point:
+        """Return the point after Levenberg-Marquardt steps. Windows that jump are left out from then on.
+
+        Derivatives serve for further steps as long as these win what the derivatives say. They are computed anew at
+        most so many times, or until the misfit is lowered, or would be by what they say, by less than its share
+        `enough` and 0.001. `jacobian` has derivatives of a point nearby to begin with.
+        """
         damping = 1e-3
         for _ in range(most):
-            jacobian = self.jacobian(at)
+            fresh = jacobian is None
+            jacobian = jacobian or self.jacobian(at)
             before = self.misfit(at, looseness, width)
-            for _ in range(_TRIES):
-                step = self._step(at, self.equations(at, jacobian, looseness, width), damping)
-                there = step and self.point(at.parameters + step[0], at.states + step[1])
-                if there and self.misfit(there, looseness, width) < self.misfit(at, looseness, width):
-                    at, damping = there, max(damping / _GROWTH, _LEAST_DAMPING)
+            little = max(_LITTLE, enough * before)
+            for chord in range(_CHORDS):
+                there, promised, damping = self._lower(at, jacobian, looseness, width, damping, fresh and not chord)
+                if there is None:
                     break
-                if not (there and self._left_out_more(at, there, jacobian, looseness, width)):
-                    damping *= _GROWTH
-            if before - self.misfit(at, looseness, width) < max(0.01, enough * before):
+                won = self.misfit(at, looseness, width) - self.misfit(there, looseness, width)
+                at = there
+                if won < _HOLDS * promised or promised < little:
+                    break
+            if promised < little or (fresh and before - self.misfit(at, looseness, width) < little):
                 break
+            jacobian = None
         return at
+
+    def _lower(self, at: Point, jacobian: Jacobian, looseness: float, width: float, damping: float,
+               fresh: bool) -> tuple[Point | None, float, float]:
+        """Return a point with a lower misfit, None if none is found; by how much the derivatives said that the first
+        step would lower it; and the damping to go on with. Only `fresh` derivatives, those of the point itself, tell
+        what jumps, and are worth more than one step."""
+        misfit, first = self.misfit(at, looseness, width), np.inf
+        for _ in range(_TRIES if fresh else 1):
+            step = self._step(at, self.equations(at, jacobian, looseness, width), damping)
+            excesses = []
+            for share in (1.0, 0.5)[:1 + fresh]:
+                if step is None:
+                    break
+                there = self.point(at.parameters + share * step[0], at.states + share * step[1])
+                if there is None:
+                    break
+                change = self._change(at, there, jacobian, looseness, width)
+                if first == np.inf:
+                    first = self._prior_misfit(at) - self._prior_misfit(there) - float(change.sum())
+                if self.misfit(there, looseness, width) < misfit:
+                    return there, first, max(damping / _GROWTH, _LEAST_DAMPING)
+                excesses.append(self.by_window(there, looseness, width) - self.by_window(at, looseness, width) - change)
+            # Half a step rises by a quarter as much at a bend, and by about as much at a jump.
+            if len(excesses) < 2 or not self._leave_out((excesses[0] > _JUMP * max(first, 1.0))
+                                                        & (excesses[1] > 0.5 * excesses[0])):
+                damping *= _GROWTH if fresh else 1.0
+        return None, first, damping
 
     def _step(self, at: Point, equations: "NormalEquations", damping: float) -> tuple[np.ndarray, np.ndarray] | None:
         """Return the step of parameters and states that stays within the limits; None if there is none."""
@@ -231,20 +269,22 @@ class Shooting:
         shrink = min(1.0, _LONGEST / max(np.abs(own).max(), 1e-300))
         return shrink * own, shrink * states
 
-    def _left_out_more(self, at: Point, there: Point, jacobian: Jacobian, looseness: float, width: float) -> bool:
-        """Leave out windows whose misfit has risen although their derivatives said that it would fall, if they alone
-        spoil the step; return whether there are any."""
+    def _change(self, at: Point, there: Point, jacobian: Jacobian, looseness: float, width: float) -> np.ndarray:
+        """Return the change of each window's misfit that the derivatives say, shape (windows,)."""
         own, states = there.parameters - at.parameters, there.states - at.states
-        weights = self.losses(at, looseness)[1]
+        weights = np.where(self.left_out[self.windows.window], 0.0, self.losses(at, looseness)[1])
         linear = (at.found.residuals + jacobian.residuals @ own
                   + np.sum(jacobian.residuals_by_state * states[self.windows.window], axis=1))
-        expected = np.bincount(self.windows.window, weights * (linear**2 - at.found.residuals**2), len(states))
+        change = np.bincount(self.windows.window, weights * (linear**2 - at.found.residuals**2), len(states))
         defects = (at.defects + jacobian.ends[:-1] @ own
                    + np.einsum("kij,kj->ki", jacobian.ends_by_state[:-1], states[:-1]) - states[1:])
-        expected[:-1] += np.where(self._joined, np.sum((defects**2 - at.defects**2) / (width * self.widths)**2, axis=1),
-                                  0.0)
-        risen = self.by_window(there, looseness, width) - self.by_window(at, looseness, width)
-        jumped = ~self.left_out & (risen > 1.0) & (risen - expected > _JUMP * max(-expected.sum(), 1.0))
+        change[:-1] += np.where(self._joined, np.sum((defects**2 - at.defects**2) / (width * self.widths)**2, axis=1),
+                                0.0)
+        return change
+
+    def _leave_out(self, jumped: np.ndarray) -> bool:
+        """Leave out windows that jump, unless they are too many; return whether there are any."""
+        jumped = jumped & ~self.left_out
         if not jumped.any() or (self.left_out | jumped).mean() > _MOST_LEFT_OUT:
             return False
         self.left_out |= jumped
