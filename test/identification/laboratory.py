@@ -27,7 +27,7 @@ from vibro_ros.sensors.noise import InertialErrors, of_imu  # noqa: E402
 
 Commands = Sequence[tuple[float, Mapping[str, float]]]
 RATE = 500.0  # Hz, of a laboratory's sensors and of an encoder
-FINE = 20  # samples of the speed for each sample of an IMU
+FINE = 100  # samples of the speed for each sample of an IMU; 20 would be wrong by half the noise
 
 UNKNOWN = {
     "ground.friction": 1.0, "upper.spring.stiffness": 1.0, "inclined.spring.stiffness": 1.0,

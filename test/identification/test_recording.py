@@ -99,10 +99,28 @@ def test_an_encoder_has_the_resolution_of_its_ticks_and_no_speed(tmp_path):
 
 def test_an_imu_measures_along_x_and_up_only_where_the_body_hops(tmp_path):
     bag = written(tmp_path / "bag", imu(TIMES, X + noise(0.3), 9.81 + noise(0.3), 0.09))
-    assert [one.field for one in read_recording(bag, DAMPED).channels] == ["acceleration_x"]
-    hop = DAMPED.with_parameters({"effects.normal_force": "hop"})
+    scene = DAMPED.with_parameters({"sensors.imu.bandwidth": 260.0})
+    assert [one.field for one in read_recording(bag, scene).channels] == ["acceleration_x"]
+    hop = scene.with_parameters({"effects.normal_force": "hop"})
     assert [one.field for one in read_recording(bag, hop).channels] == ["acceleration_x", "acceleration_z"]
     assert channel(read_recording(bag, hop), "imu/data_raw.acceleration_z").sigma == pytest.approx(0.3)
+
+
+def test_an_imu_clips_and_is_off_by_a_constant_as_the_scene_says(tmp_path):
+    """The variance of an IMU has that of its constant error in it, which is no noise from sample to sample."""
+    bag = written(tmp_path / "bag", imu(TIMES, X + noise(0.3), 9.81 + noise(0.3), 0.3**2 + 0.4**2))
+    scene = DAMPED.with_parameters({"sensors.imu.bandwidth": 260.0, "sensors.imu.accelerometer.range": 20.0,
+                                    "sensors.imu.accelerometer.turn_on_bias": 0.4})
+    found = channel(read_recording(bag, scene), "imu/data_raw.acceleration_x")
+    assert (found.sigma, found.bias, found.bandwidth) == (pytest.approx(0.3), 0.4, 260.0)
+    assert found.limit == pytest.approx(20.0 - 3.0 * 0.5)
+    with pytest.raises(BagError, match="sensors.imu.bandwidth: the scene does not say which low-pass .* inf to leave"):
+        read_recording(bag, DAMPED)
+    assert not {"imu/data_raw"} & {one.sensor for one in read_recording(written(
+        tmp_path / "both", imu(TIMES, X, X, 1.0), odometry(TIMES, X, V, (1e-8, 1e-6))), DAMPED,
+        noise={"imu/data_raw": math.inf}).channels}
+    with pytest.raises(BagError, match="sensors.imu.accelerometer.range: 0.1 m/s² in the scene, acceleration_x is up"):
+        read_recording(bag, scene.with_parameters({"sensors.imu.accelerometer.range": 0.1}))
 
 
 def test_commands_come_from_all_topics_and_those_before_the_first_measurement_hold_at_0(tmp_path):

@@ -72,6 +72,28 @@ def test_agrees_with_fine_steps(name, changes):
         np.abs(found - fine).max() < 0.02 * np.abs(found - coarse).max() + 1e-9)
 
 
+@pytest.mark.parametrize("name", ["damped", "device"])
+def test_an_array_has_the_bits_of_single_calls(name):
+    """Across the ends of a push, and the edges of a patch of ice, at which the solver's system changes."""
+    scene = load_scene(name).with_parameters({"motor.speed": 100.0})
+    arrays, single = (Simulator(scene, BANDWIDTH) for _ in range(2))
+    times = np.linspace(0.0, 0.6, 601)
+    for device in (arrays, single):
+        device.push(0.05, force_x=20.0)
+        device.fail("friction_patch", 1.0, value=0.02, from_x=-0.02, to_x=0.01)
+    samples, found = arrays.sample_filtered(times)
+    for k, time in enumerate(times):
+        single.advance_to(time)
+        assert tuple(found[k]) == single.filtered_acceleration()
+        assert samples.body_position[k] == single.state.body_position
+    assert np.abs(samples.body_position).max() > 0.02 and (found[:, 1] != 0.0).any() == scene.body_hops
+
+
+def test_a_device_without_a_filter_has_no_array_of_it():
+    with pytest.raises(ValueError, match="acceleration_bandwidth: .* made without a filter"):
+        Simulator(load_scene("damped")).sample_filtered([0.1])
+
+
 def test_a_forged_filter_is_refused():
     scene = load_scene("damped")
     device = Simulator(scene, BANDWIDTH)

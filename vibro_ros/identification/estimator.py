@@ -26,6 +26,7 @@ import numpy as np
 from vibro_ros.identification.particles import (
     ACCELERATIONS,
     DRIFT,
+    FORGETTING,
     INDEX,
     LATENCY,
     STEP,
@@ -375,7 +376,7 @@ class Estimator:
         if self._active:
             new.device.fail(*self._active)
         new.device.set_state(**given)
-        new.settled = self.time + (2.0 / self._bandwidth if self._bandwidth else 0.0)
+        new.settled = self.time + (FORGETTING / self._bandwidth if self._bandwidth else 0.0)
         return new
 
     def _watch(self) -> None:

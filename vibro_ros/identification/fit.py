@@ -22,11 +22,21 @@ from vibro_ros.identification.windowing import (
     unmeasured,
 )
 from vibro_ros.identification.windows import Windows, state_names
+from vibro_ros.simulation.motion import SimulationError
+from vibro_ros.simulation.processes import in_processes
 from vibro_ros.simulation.runs import simulate
 
 #: Stages of the fit: turns of the crank in a window, loosenesses in turn, and the most steps at each.
 _ARC, _HALF, _CHAIN = 0.16, 0.5, 2.0
 _FIRST_LOOSENESSES, _CHAIN_LOOSENESSES = (1.0, 0.3, 0.1), (0.1, 0.01, 1e-3)
+#: Of masses that no sensor measures: loosenesses; that of the defects over that of the measurements, because only the
+#: chain tells how such a mass moves; blur of an IMU at looseness 1 [s], and the least looseness at which it is blurred;
+#: the weight of a prior, most rounds, and share of lost windows after which there is none more; standard deviations of
+#: the first draws, of logarithms and of other coordinates, shares of them, draws with each, and largest share of the
+#: misfit of the best that a better one has.
+_UNSEEN_LOOSENESSES, _TIED, _BLUR, _LEAST_BLURRED = (0.3, 0.1, 0.03, 0.01), 0.1, 0.01, 0.03
+_UNSEEN_WEIGHT, _ROUNDS, _FEW_LOST = 30.0, 6, 0.1
+_FAR_OFF_IN_SHARES, _FAR_OFF, _SCOUTS, _DRAWN, _BETTER = 0.1, 0.2, (1.0, 0.5, 0.25), 60, 0.95
 _FIRST_STEPS, _STEPS = 4, 10
 _MOST_WINDOWS = 60
 _SLOWEST = 20.0  # rad/s: a slower crank makes windows no longer
@@ -53,7 +63,8 @@ class Fit:
     shooting : Shooting
         The chain of windows.
     at : Point
-        The best point; its parameters are the coordinates of `unknowns`, and then of the motor's start.
+        The best point; its parameters are the coordinates of `unknowns`, then those of the motor's start, and then the
+        constant errors of an IMU in their standard deviations.
     jacobian : Jacobian
         The derivatives there.
     passes : int
@@ -116,12 +127,13 @@ class Fitting:
         self._rests = speed == 0.0
         self._first_start = {} if unknowns.scene.has_rotor else {"crank_angle": angle} | (
             {} if unknowns.scene["effects.motor"] == "ideal" else {"motor_speed": speed})
+        self._biased = [one for one in recording.channels if one.bias]
         self.times, self._angle, self._rough = self._course()
 
     def fitted(self) -> Fit:
         """Fit from the scene's own parameters: arcs, half turns, then the chain."""
         parameters = np.append(self.unknowns.coordinates(self.unknowns.scene.parameters), self._start_coordinates())
-        if not unmeasured(self.recording, self._names):
+        if not self._unseen:
             speed = max(_SLOWEST, float(np.ptp(self._angle)) / (self.times[-1] - self.times[0]))
             spans = arcs(self.times, self._rough, _ARC * 2.0 * math.pi / speed, _MOST_WINDOWS)
             if len(spans):
@@ -132,15 +144,15 @@ class Fitting:
         return self.followed(parameters)
 
     def followed(self, parameters: np.ndarray) -> Fit:
-        """Fit the chain of windows from coordinates of parameters that are near."""
+        """Fit the chain of windows from coordinates of parameters that are near, or less near if masses are unseen."""
         shooting = self._shooting(self._chain(_CHAIN))
         candidates = self._candidates(shooting, parameters)
         at = self._begun(shooting, parameters, candidates)
-        for looseness in _CHAIN_LOOSENESSES:
-            self._say(f"{len(at.states)} windows of {_CHAIN:g} turns, looseness {looseness:g}")
-            shooting.left_out[:] = False
-            at = self._repaired(shooting, at, looseness)
-            at = shooting.minimise(at, looseness, looseness, _STEPS)
+        if self._unseen:
+            at = self._begun_unseen(shooting, at)
+        for looseness in _CHAIN_LOOSENESSES[-1:] if self._unseen else _CHAIN_LOOSENESSES:
+            at = self._tightened(shooting, at, looseness, looseness)
+        shooting.prior = self._prior(parameters, np.zeros(len(self.unknowns.each)), 0.0) if self._biased else None
         at = self._repaired(shooting, at, 0.0)
         shooting.left_out = mean_squares(shooting, at) > _MISFIT
         if shooting.left_out.mean() > _MOST_LOST:  # then it is the model that does not fit
@@ -150,6 +162,61 @@ class Fitting:
         self._say("all windows as one motion")
         at = shooting.minimise(at, 0.0, TIGHT, _STEPS, enough=1e-6)
         return Fit(self.unknowns, shooting, at, shooting.jacobian(at), self._passes + shooting.passes, colours)
+
+    def _begun_unseen(self, shooting: Shooting, at: Point) -> Point:
+        """Return the point that fits the chain loosely, of masses that no sensor measures: again and again from the
+        motion of the scene that was found, because windows in which a mass has lost its blows find none by themselves.
+        """
+        at = self._scouted(shooting, at)
+        for _ in range(_ROUNDS):
+            shooting.prior = self._prior(at.parameters, np.full(len(self.unknowns.each), _UNSEEN_WEIGHT), 0.0)
+            for looseness in _UNSEEN_LOOSENESSES:
+                at = self._tightened(shooting, at, looseness, _TIED * looseness)
+            if float((mean_squares(shooting, at) > _MISFIT).mean()) <= _FEW_LOST:
+                break
+            own = self._candidates(shooting, at.parameters)[-1]
+            at = shooting.point(at.parameters, own) or at
+        return at
+
+    def _scouted(self, shooting: Shooting, at: Point) -> Point:
+        """Return the best of many points whose scene moves from its own start: with parameters drawn around the best so
+        far, less and less far. A mass that strikes once a turn instead of twice is not led to the other motion by small
+        steps."""
+        unknowns, count, random = self.unknowns, len(self.unknowns.each), np.random.default_rng(0)
+        spread = np.array([_FAR_OFF if one.unit else _FAR_OFF_IN_SHARES for one in unknowns.each])
+        low, high = np.array([ends for _, *ends in unknowns.limits(count)]).T
+        shooting.windows.blur(_BLUR)
+
+        def scored(parameters: np.ndarray) -> tuple[float, Point | None]:
+            try:
+                own = shooting.windows.course(unknowns.scene_of(parameters[:count]), self._start(parameters))
+            except (SimulationError, ValueError):
+                return math.inf, None
+            there = shooting.point(parameters, own)
+            return math.inf if there is None else shooting.windows.square_of_imu(there.found), there
+
+        best, passes = scored(at.parameters)[0], shooting.passes
+        for share in _SCOUTS:
+            draws = []
+            for normal in random.standard_normal((_DRAWN, count)):
+                own = unknowns.directions @ at.parameters[:count] + share * spread * normal
+                draws.append(np.append(np.linalg.solve(unknowns.directions, np.clip(own, low, high)),
+                                       at.parameters[count:]))
+            for _, future in in_processes(scored, draws, self._workers):
+                square, there = future.result()
+                if square < _BETTER * best:  # else the recording does not tell, and rounding would choose
+                    best, at = square, there
+        shooting.passes = passes + _DRAWN * len(_SCOUTS)  # whether this process has made them or another
+        return at
+
+    def _tightened(self, shooting: Shooting, at: Point, looseness: float, width: float) -> Point:
+        """Return the point with all windows, at a looseness of the measurements and one of the defects."""
+        self._say(f"{len(at.states)} windows of {_CHAIN:g} turns, looseness {looseness:g}")
+        shooting.left_out[:] = False
+        shooting.windows.blur(_BLUR * looseness if self._unseen and looseness >= _LEAST_BLURRED else 0.0)
+        at = shooting.point(at.parameters, at.states) or at
+        at = self._repaired(shooting, at, looseness)
+        return shooting.minimise(at, looseness, width, _STEPS)
 
     def _repaired(self, shooting: Shooting, at: Point, looseness: float) -> Point:
         candidates = self._candidates(shooting, at.parameters)
@@ -163,9 +230,8 @@ class Fitting:
     def _loosely(self, spans: np.ndarray, parameters: np.ndarray, what: str) -> np.ndarray:
         """Return the coordinates that fit windows loosely, from a state for each that the measurements tell."""
         shooting = self._shooting(spans)
-        names = self.unknowns.names
-        weights = [_STIFF_WEIGHT if name.endswith("plate.stiffness") else _WEIGHT for name in names]
-        shooting.prior = parameters.copy(), np.array(weights + [_WEIGHT] * (len(parameters) - len(names)))
+        shooting.prior = self._prior(parameters, np.array([
+            _STIFF_WEIGHT if name.endswith("plate.stiffness") else _WEIGHT for name in self.unknowns.names]), _WEIGHT)
         candidates = self._candidates(shooting, parameters)
         at = self._begun(shooting, parameters, candidates)
         for looseness in _FIRST_LOOSENESSES:
@@ -183,7 +249,9 @@ class Fitting:
                 scene = self.unknowns.scene_of(parameters[:len(self.unknowns.each)])
             except ValueError:  # a combination that no robot has
                 return None
-            return windows.simulate(scene, self._start(parameters), states)
+            biases = {one.field: one.bias * own for one, own in zip(
+                self._biased, parameters[len(parameters) - len(self._biased):].tolist(), strict=True)}
+            return windows.simulate(scene, self._start(parameters), states, biases)
 
         shooting = Shooting(windows, simulated, self._workers)
         shooting.limits = self.unknowns.limits(len(self.unknowns.each) + len(self._start_coordinates()))
@@ -202,9 +270,9 @@ class Fitting:
         starts = shooting.windows.spans[:, 0]
         scene = self.unknowns.scene_of(parameters[:len(self.unknowns.each)])
         own = shooting.windows.course(scene, self._start(parameters))
-        if len(unmeasured(self.recording, self._names)) == len(self._names):
-            return [own]
         near = [local_states(self.recording, self._names, starts, reach, own) for reach in REACHES]
+        if all(np.array_equal(states, own) for states in near):
+            return [own]
         first = near[0].copy()
         first[0] = own[0]
         return [*near, first]
@@ -248,14 +316,27 @@ class Fitting:
                     speed = 0.0
         return angle, speed
 
+    @property
+    def _unseen(self) -> bool:
+        return bool(unmeasured(self.recording, self._names))
+
+    def _prior(self, parameters: np.ndarray, weights: np.ndarray, of_motor: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return a prior around coordinates, with `weights` of the unknowns; of an IMU's constant errors, it is the
+        data sheet's."""
+        motor = np.full(len(parameters) - len(weights) - len(self._biased), of_motor)
+        expected = parameters.copy()
+        expected[len(parameters) - len(self._biased):] = 0.0
+        return expected, np.concatenate([weights, motor, np.ones(len(self._biased))])
+
     def _start_coordinates(self) -> np.ndarray:
+        """Return the first coordinates of what is no unknown: the motor's start, and an IMU's constant errors."""
         units = {"crank_angle": _ANGLE_UNIT, "motor_speed": _SPEED_UNIT}
-        return np.array([value / units[name] for name, value in self._first_start.items()
-                         if name == "crank_angle" or value])
+        motor = [value / units[name] for name, value in self._first_start.items() if name == "crank_angle" or value]
+        return np.array([*motor, *(0.0 for _ in self._biased)])
 
     def _start(self, parameters: np.ndarray) -> Mapping[str, float]:
         """Return the motor's start of coordinates; a motor that rests stays at rest."""
-        own = parameters[len(self.unknowns.each):].tolist()
+        own = parameters[len(self.unknowns.each):len(parameters) - len(self._biased)].tolist()
         found = dict(self._first_start)
         if own:
             found["crank_angle"] = own[0] * _ANGLE_UNIT

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -247,13 +247,11 @@ def _checked(effects: Sequence[str], scene: Scene, free: Sequence[str]) -> tuple
 
 
 def _usable(recording: Recording) -> Recording:
-    """Return the recording without an IMU's channels, which a fit does not use yet (BagError: nothing is left)."""
-    channels = tuple(one for one in recording.channels if one.sensor != IMU)
-    if not channels:
-        raise BagError("the bag: has measurements of an IMU alone, which tell no parameters; record tracking, odom, "
-                       "encoder or joint_states with it")
-    said = recording.said + (f"{IMU}: is left out, because the fit does not use it",) * (channels != recording.channels)
-    return replace(recording, channels=channels, said=said)
+    """Return the recording (BagError: it has measurements of an IMU alone)."""
+    if all(one.sensor == IMU for one in recording.channels):
+        raise BagError("the bag: has measurements of an IMU alone, which tell no place and no angle of the crank; "
+                       "record tracking, odom, encoder or joint_states with it")
+    return recording
 
 
 def _noises(fit: Fit) -> tuple[list[Noise], np.ndarray]:

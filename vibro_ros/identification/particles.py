@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibro_ros.model.scene import Scene
+from vibro_ros.sensors.noise import force_at_rest
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.samples import FIELDS
 from vibro_ros.simulation.simulator import Simulator
@@ -21,6 +22,8 @@ STEP = 0.05
 INDEX = {name: k for k, name in enumerate(FIELDS)}
 ACCELERATIONS = ("acceleration_x", "acceleration_z")
 """Names of an IMU's specific force; all other measured quantities are fields of `Samples`."""
+FORGETTING = 2.0
+"""Times 1 / bandwidth after which an IMU's low-pass has forgotten all but 1e-4 of how it began."""
 LATENCY = 0.0025
 """Mean time [s] from a command's arrival to its effect: half a tick of a robot at 200 Hz."""
 LATE = 0.05
@@ -86,8 +89,7 @@ class Particle:
     def predict(self, instants: Mapping[float, tuple[list[tuple[int, Measurement]], list[dict[str, float]]]],
                 predicted: np.ndarray) -> None:
         """Advance to each instant [s], fill in what the sensors would measure there, and pass on the commands."""
-        slope, gravity = self.scene["ground.slope"], self.scene["gravity"]
-        weight = gravity * math.sin(slope), gravity * math.cos(slope)
+        at_rest = force_at_rest(self.scene)
         for time, (measured, commands) in instants.items():
             self.device.advance_to(max(time - self.start, self.device.time))
             values, force = self.device.values, None
@@ -96,7 +98,7 @@ class Particle:
                     predicted[k] = values.item(INDEX[one.field])
                 elif time >= self.settled:
                     force, axis = force or self.device.filtered_acceleration(), ACCELERATIONS.index(one.field)
-                    predicted[k] = min(max(force[axis] + weight[axis], -one.limit), one.limit)
+                    predicted[k] = min(max(force[axis] + at_rest[axis], -one.limit), one.limit)
             for given in commands:
                 with suppress(ValueError):  # the robot refuses it, too
                     self.device.command(**given)

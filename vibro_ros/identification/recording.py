@@ -21,8 +21,9 @@ from vibro_ros.messages.codec import deserialised
 from vibro_ros.messages.frames import JOINTS, joints_of
 from vibro_ros.messages.operations import PAUSE, RESUME, STEP, TIMEOUT, read_operation
 from vibro_ros.messages.topics import COMMANDS, OPERATIONS, TOPICS, commands_in
-from vibro_ros.model.parameters import quoted
+from vibro_ros.model.parameters import AS_PRESET, quoted
 from vibro_ros.model.scene import Scene, check_scene
+from vibro_ros.sensors.noise import of_imu
 
 FEWEST = 10
 """Fewest samples of a channel."""
@@ -32,6 +33,7 @@ LARGEST_SPREAD = 1.3
 """Largest spread of the estimates of noise, beyond which the motion is larger than the noise."""
 LATEST = 1.0
 """Longest time [s] between a message's stamp and its recording; beyond it, two clocks disagree."""
+_CLOSE, _BEYOND = 3.0, 1.1  # standard deviations before an IMU's range where it may clip; and times it, never reached
 IMU = "imu/data_raw"
 SENSORS: Mapping[str, tuple[str, ...]] = {
     "odom": ("stamp", "position", "linear_velocity", "position_variance", "linear_velocity_variance"),
@@ -61,6 +63,10 @@ class Channel:
         Where it comes from: `given`, `covariance`, `resolution` or `neighbours`.
     resolution : float
         Step of a quantised channel, such as an encoder's tick; 0 without one.
+    bandwidth, limit, bias : float
+        Of an IMU: bandwidth [Hz] of its low-pass; magnitude from which on a value only says that the force is not
+        smaller, because the sensor clips; and standard deviation of a constant error, which differs from start to
+        start. The noise does not include that error.
     """
 
     sensor: str
@@ -70,6 +76,9 @@ class Channel:
     sigma: float
     sigma_from: str
     resolution: float = 0.0
+    bandwidth: float = 0.0
+    limit: float = math.inf
+    bias: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -248,8 +257,16 @@ def _measured(sensor: str, arrays: Arrays, scene: Scene,
             for i, name in ((0, "body_velocity"), (2, "body_vertical_velocity"))[:len(axes)]:
                 yield name, arrays["linear_velocity"][:, i], arrays["linear_velocity_variance"][:, i]
     elif sensor == IMU:
+        if scene["sensors.preset"] == "ideal" and scene["sensors.imu.bandwidth"] == AS_PRESET:
+            raise ValueError("sensors.imu.bandwidth: the scene does not say which low-pass the IMU has, and so not "
+                             "what it measures of a blow; give it, or sensors.preset, or the noise inf to leave it out")
+        reach, constant = of_imu(scene, "accelerometer.range") or math.inf, of_imu(scene, "accelerometer.turn_on_bias")
         for i, _, axis in axes:
-            yield f"acceleration_{axis}", arrays["acceleration"][:, i], arrays["acceleration_variance"][:, i]
+            values, variances = arrays["acceleration"][:, i], arrays["acceleration_variance"][:, i]
+            if np.abs(values).max() > _BEYOND * reach:
+                raise ValueError(f"sensors.imu.accelerometer.range: {reach:g} m/s² in the scene, acceleration_{axis} "
+                                 f"is up to {np.abs(values).max():g}; give the IMU's")
+            yield f"acceleration_{axis}", values, np.where(variances > constant**2, variances - constant**2, variances)
     elif sensor == "motor_current":
         if not scene.has_rotor:
             raise ValueError("is of a dc motor, and the scene has none; choose effects.motor dc, or give the noise "
@@ -297,4 +314,8 @@ def _channel(sensor: str, field: str, times: np.ndarray, values: np.ndarray, var
     rate = (len(times) - 1) / (times[-1] - times[0])
     said.append(f"{name}: {len(times)} samples at {rate:.4g} Hz, noise {sigma:.3g} ({source}){more}"
                 + (f", steps of {resolution:.4g}" if resolution else ""))
-    return Channel(sensor, field, times, values, sigma, source, resolution)
+    if sensor != IMU:
+        return Channel(sensor, field, times, values, sigma, source, resolution)
+    reach, bias = of_imu(scene, "accelerometer.range") or math.inf, of_imu(scene, "accelerometer.turn_on_bias")
+    return Channel(sensor, field, times, values, sigma, source, resolution, of_imu(scene, "bandwidth"),
+                   reach - _CLOSE * math.hypot(sigma, bias), bias)

@@ -24,8 +24,10 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve, solveh_banded
 from vibro_ros.identification.windows import Pass, Windows
 from vibro_ros.simulation.processes import in_processes
 
-#: Defects and blurs at looseness 1, by the end of a field's name: lengths [m], speeds [m/s], angles [rad], rates.
-WIDTHS = {"position": 1e-3, "height": 1e-3, "velocity": 0.1, "angle": 0.01, "speed": 1.0, "current": 0.1}
+#: Defects and blurs at looseness 1, by the end of a field's name: lengths [m], speeds [m/s], angles [rad], rates, and
+#: an IMU's forces [m/s²].
+WIDTHS = {"position": 1e-3, "height": 1e-3, "velocity": 0.1, "angle": 0.01, "speed": 1.0, "current": 0.1,
+          "x": 30.0, "z": 30.0}
 TIGHT = 1e-4
 """Looseness of defects at which the windows are one motion. At 1e-3 a defect still took some of the noise of each
 window, and 95 % intervals covered 99 %; at 1e-4 they cover 97 %."""

@@ -10,12 +10,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 
+from vibro_ros.identification.particles import ACCELERATIONS, FORGETTING
 from vibro_ros.identification.recording import Recording
 from vibro_ros.model.scene import Scene
+from vibro_ros.sensors.noise import force_at_rest
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.samples import FIELDS
 from vibro_ros.simulation.simulator import Simulator
+
+_QUANTITIES = (*FIELDS, *ACCELERATIONS)
 
 
 def state_names(scene: Scene) -> tuple[str, ...]:
@@ -74,6 +79,8 @@ class Windows:
         self.recording, self.names, self.spans = recording, names, spans
         self.joined = spans[1:, 0] == spans[:-1, 1]
         channels = recording.channels
+        self._bandwidth = max((one.bandwidth for one in channels), default=0.0)
+        self._blur = 0.0
         times = np.unique(np.concatenate([channel.times for channel in channels]))
         self._times = times[self._window_of(times) >= 0]
         self._first, self._end = np.searchsorted(self._times, spans.T)
@@ -81,13 +88,18 @@ class Windows:
         for number, channel in enumerate(channels):
             window = self._window_of(channel.times)
             used = window >= 0
+            if channel.bandwidth:  # a window's start is a step of the speed for the low-pass
+                used &= channel.times >= spans[window, 0] + FORGETTING / channel.bandwidth
             parts.append((np.full(used.sum(), number), window[used],
                           np.searchsorted(self._times, channel.times[used]), channel.values[used]))
         of, window, rows, values = (np.concatenate(part) for part in zip(*parts, strict=True))
         order = np.lexsort((of, window))  # stable: the measurements of a channel stay in their order
         self.channel, self.window, self._rows, self.values = (part[order] for part in (of, window, rows, values))
         self.times = self._times[self._rows]
-        self._fields = np.array([FIELDS.index(one.field) for one in channels])[self.channel]
+        self._fields = np.array([_QUANTITIES.index(one.field) for one in channels])[self.channel]
+        self._limits = np.array([one.limit for one in channels])[self.channel]
+        self.values = np.clip(self.values, -self._limits, self._limits)
+        self._of_imu = np.array([one.bandwidth > 0.0 for one in channels])[self.channel]
         self.slices = [slice(*np.searchsorted(self.window, (k, k + 1))) for k in range(len(spans))]
         self._states = [FIELDS.index(name) for name in names]
         self.recolour(np.array([one.sigma for one in channels]), np.zeros(len(channels)))
@@ -101,12 +113,21 @@ class Windows:
         self._correlation = np.where(follows, correlations[self.channel], 0.0)
         self._whitening = 1.0 / np.sqrt(1.0 - self._correlation**2)
 
+    def blur(self, duration: float) -> None:
+        """Blur what an IMU has left unexplained by a normal distribution of this standard deviation [s], 0 for none.
+
+        A blow is a peak of a millisecond. Where it is simulated at another instant, the difference of the two peaks
+        does not depend on how far they are apart, unless both are blurred.
+        """
+        self._blur = duration
+
     def _window_of(self, times: np.ndarray) -> np.ndarray:
         """Return the number of the window of each instant; -1 for none."""
         window = np.searchsorted(self.spans[:, 0], times, side="right") - 1
         return np.where((window >= 0) & (times < self.spans[window, 1]), window, -1)
 
-    def simulate(self, scene: Scene, start: Mapping[str, float], states: np.ndarray) -> Pass | None:
+    def simulate(self, scene: Scene, start: Mapping[str, float], states: np.ndarray,
+                 biases: Mapping[str, float] | None = None) -> Pass | None:
         """Simulate all windows in one pass; None if a state is impossible or the motion cannot go on.
 
         Parameters
@@ -117,10 +138,12 @@ class Windows:
             What the commands do not tell of the motor at time 0: arguments of `Simulator.set_state`.
         states : ndarray, shape (windows, states)
             State at the start of each window.
+        biases : mapping of str to float
+            Constant errors [m/s²] of an IMU by field.
         """
-        predicted, ends = np.empty((len(FIELDS), len(self._times))), np.empty_like(states)
+        predicted, ends = np.empty((len(_QUANTITIES), len(self._times))), np.empty_like(states)
         try:
-            device = Simulator(scene)
+            device = Simulator(scene, self._bandwidth)
             device.set_state(**start)
             commands = Commands(self.recording, device)
             for k, (begin, end) in enumerate(self.spans.tolist()):
@@ -137,7 +160,10 @@ class Windows:
                 ends[k] = device.values[self._states]
         except (SimulationError, ValueError):
             return None
-        residuals = (self.values - predicted[self._fields, self._rows]) / self.sigmas
+        for field, at_rest in zip(ACCELERATIONS, force_at_rest(scene), strict=True):
+            predicted[_QUANTITIES.index(field)] += at_rest + (biases or {}).get(field, 0.0)
+        simulated = np.clip(predicted[self._fields, self._rows], -self._limits, self._limits)
+        residuals = self._blurred((self.values - simulated) / self.sigmas)
         before = np.concatenate([[0.0], residuals[:-1]])
         return Pass((residuals - self._correlation * before) * self._whitening, ends)
 
@@ -151,10 +177,27 @@ class Windows:
             states[k] = device.values[self._states]
         return states
 
+    def square_of_imu(self, found: Pass) -> float:
+        """Return the sum of the squared residuals of an IMU, or of all channels if there is none."""
+        own = found.residuals[self._of_imu] if self._bandwidth else found.residuals
+        return float(own @ own)
+
+    def _blurred(self, residuals: np.ndarray) -> np.ndarray:
+        for part in self.slices if self._blur else ():
+            for channel in np.unique(self.channel[part][self._of_imu[part]]):
+                mine = part.start + np.flatnonzero(self.channel[part] == channel)
+                step = float(np.ptp(self.times[mine])) / max(len(mine) - 1, 1)
+                residuals[mine] = gaussian_filter1d(residuals[mine], self._blur / max(step, 1e-6), mode="constant")
+        return residuals
+
     def _sample(self, device: Simulator, predicted: np.ndarray, first: int, end: int) -> None:
         if end > first:
-            samples = device.sample(self._times[first:end])
-            predicted[:, first:end] = [getattr(samples, name) for name in FIELDS]
+            times, accelerations = self._times[first:end], np.zeros((end - first, len(ACCELERATIONS)))
+            if self._bandwidth:
+                samples, accelerations = device.sample_filtered(times)
+            else:
+                samples = device.sample(times)
+            predicted[:, first:end] = [*(getattr(samples, name) for name in FIELDS), *accelerations.T]
 
 
 class Commands:

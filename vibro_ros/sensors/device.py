@@ -16,7 +16,7 @@ import numpy as np
 
 from vibro_ros.model.faults import checked_incident
 from vibro_ros.model.scene import Scene, check_scene
-from vibro_ros.sensors.noise import BlockNumbers, InertialErrors, Stream, of_imu
+from vibro_ros.sensors.noise import BlockNumbers, InertialErrors, Stream, force_at_rest, of_imu
 from vibro_ros.simulation.samples import FIELDS, LATEST, Samples, checked_times
 from vibro_ros.simulation.simulator import Simulator
 
@@ -139,14 +139,13 @@ class Imu(Sensor):
 
     def __init__(self, scene: Scene):
         super().__init__(scene, scene["sensors.imu.delay"])
-        slope, gravity = scene["ground.slope"], scene["gravity"]
-        self._weight = gravity * math.sin(slope), gravity * math.cos(slope)
+        self._at_rest = force_at_rest(scene)
         self._accelerometer, self._gyroscope = (InertialErrors(scene, part) for part in ("accelerometer", "gyroscope"))
 
     def read(self, device: Simulator) -> np.ndarray:
         """See `Sensor`."""
         along, up = device.filtered_acceleration()
-        true, index = (along + self._weight[0], 0.0, up + self._weight[1]), self.count
+        true, index = (along + self._at_rest[0], 0.0, up + self._at_rest[1]), self.count
         return np.array([*self._accelerometer.read(true, index), *self._gyroscope.read((0.0, 0.0, 0.0), index),
                          self._accelerometer.variance(index), self._gyroscope.variance(index)])
 

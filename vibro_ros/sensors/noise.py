@@ -59,6 +59,13 @@ def of_imu(scene: Scene, name: str) -> float:
     return PRESETS[scene["sensors.preset"]].get(name, 0.0) if given == AS_PRESET else given
 
 
+def force_at_rest(scene: Scene) -> tuple[float, float]:
+    """Return the specific force [m/s²] along x and upwards of a body at rest on the scene's ground, which an
+    accelerometer measures besides the acceleration."""
+    slope, gravity = scene["ground.slope"], scene["gravity"]
+    return gravity * math.sin(slope), gravity * math.cos(slope)
+
+
 class InertialErrors:
     """The errors of an inertial sensor, `part` accelerometer or gyroscope, by the parameters `sensors.imu.*`."""
 
