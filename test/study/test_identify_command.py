@@ -40,7 +40,7 @@ def test_help_has_each_option_and_the_exit_codes(capsys):
     (["--effects", "wind"], "'wind' is none that can be tried; give any of stribeck"),
     (["--free", "mass.bodi"], "'mass.bodi' is no number of the robot"),
     (["--free", "mass.body,mass.body"], "each once"),
-    (["--scheduler", "tcp://host:1"], "unrecognized arguments: --scheduler"),
+    (["--scheduler", "tcp://host:1"], "--scheduler: a recording is fitted on this machine"),
     ([], "no such folder; give the folder of a recording"),
 ], ids=lambda part: " ".join(part) if isinstance(part, list) else "")
 def test_bad_input_ends_with_one_line_and_code_2(tmp_path, capsys, words, said):

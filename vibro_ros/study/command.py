@@ -109,8 +109,7 @@ class StudyCommand:
     failure : str
         Meaning of exit code 1, for its help.
     goes_on : bool
-        Whether it keeps finished work and goes on from there; if not, it is one computation of this machine, without
-        `--scheduler`.
+        Whether it keeps finished work and goes on from there.
     """
 
     name: str
@@ -141,9 +140,8 @@ class StudyCommand:
         where = parser.add_mutually_exclusive_group()
         where.add_argument("--workers", type=int, metavar="N", help="processes on this machine (default: one a core); "
                            "they change no number")
-        if self.goes_on:
-            where.add_argument("--scheduler", metavar="ADDRESS", help="compute on the Dask cluster of this scheduler, "
-                               "such as tcp://host:8786; the numbers are the same to the last bit")
+        where.add_argument("--scheduler", metavar="ADDRESS", help="compute on the Dask cluster of this scheduler, such "
+                           "as tcp://host:8786; the numbers are the same to the last bit")
         return parser
 
     def __call__(self, words: Sequence[str]) -> int:
@@ -192,7 +190,7 @@ def settings_of(words: Sequence[str]) -> dict[str, Value]:
 def execution_of(options: argparse.Namespace) -> Execution:
     """Return the execution given by `--workers` or `--scheduler` (ValueError)."""
     workers = core_count() if options.workers is None else options.workers
-    return Execution(whole_number("--workers", workers, 1, MOST_WORKERS), getattr(options, "scheduler", None))
+    return Execution(whole_number("--workers", workers, 1, MOST_WORKERS), options.scheduler)
 
 
 @contextlib.contextmanager

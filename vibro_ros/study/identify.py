@@ -57,6 +57,8 @@ def _add_options(parser: Parser) -> None:
 
 
 def _design_of(options: argparse.Namespace) -> Design:
+    if options.scheduler:
+        raise ValueError("--scheduler: a recording is fitted on this machine; leave it out")
     if options.bag is None and not options.excite:
         raise ValueError("no recording: give a BAG, or --excite SECONDS for a script to record one")
     scene = machine_of(options)
