@@ -1,10 +1,8 @@
 """The online estimator against robots whose truth is known: a scene with parameters 2 % away, and field sensors."""
 
-import math
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
+from following import BANDWIDTH, FAULTS, FIELD, GAPS, PERIOD, TICK, begun, follow, measured
 
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.identification.estimator import Estimator
@@ -17,27 +15,14 @@ from vibro_ros.simulation.simulator import Simulator
 FREE = ("ground.friction", "mass.body", "mass.upper", "mass.inclined", "upper.spring.stiffness",
         "inclined.spring.stiffness", "upper.spring.damping", "inclined.spring.damping")
 BELIEVED = load_scene("damped").with_parameters({
-    "effects.motor": "ramp", "motor.speed": 100.0, "sensors.preset": "bmi270", "sensors.imu.rate": 400.0,
-    "sensors.encoder.rate": 200.0, "sensors.tracking.rate": 100.0})
+    "effects.motor": "ramp", "motor.speed": 100.0, **FIELD})
 SIGNS = (1, 1, -1, 1, -1, 1, 1, -1)
 TRUE = BELIEVED.with_parameters({name: (1.0 + 0.02 * sign) * BELIEVED[name]
                                  for name, sign in zip(FREE, SIGNS, strict=True)})
-TICK, PERIOD = 0.005, 0.05
-
-
-def measured(robot) -> Iterator[Measurement]:
-    """Yield what has come out of the robot's sensors, as the node hears it."""
-    for sensor, time, values in robot.take_measurements():
-        if sensor == "tracking":
-            yield Measurement(time, "body_position", values[0], values[3])
-        elif sensor == "encoder":
-            yield Measurement(time, "crank_angle", values[0], (2.0 * math.pi / 4096.0)**2 / 12.0)
-        else:
-            yield Measurement(time, "acceleration_x", values[0], values[6], 16.0 * 9.80665)
 
 
 def new_estimator(**changes) -> Estimator:
-    return Estimator(BELIEVED, **{"free": FREE, "bandwidth": 740.0, **changes})
+    return Estimator(BELIEVED, **{"free": FREE, "bandwidth": BANDWIDTH, **changes})
 
 
 def followed(estimator: Estimator, duration: float, acts: dict | None = None, begin: float = 0.0,
@@ -104,13 +89,14 @@ def test_speed_and_place_with_wrong_parameters(ordinary):
 
 
 def test_covariance_is_honest(ordinary):
-    """Normalised squared errors have the mean 1 within the factors that 40 correlated particles permit."""
+    """95 % of the errors lie within 2.5 standard deviations, and a half of them beyond 0.3; a normal error: 98.8, 76 %.
+    """
     for name in ("body_position", "body_velocity"):
         index = INDEX[name]
-        errors = np.array([(getattr(true, name) - estimate.mean[index])**2 / estimate.variance[index]
+        ratios = np.array([abs(getattr(true, name) - estimate.mean[index]) / np.sqrt(estimate.variance[index])
                            for estimate, true, _ in ordinary])
-        assert 0.2 < np.mean(errors) < 4.0, name
-        assert np.mean(errors < 9.0) > 0.9, name
+        assert np.mean(ratios < 2.5) >= 0.95, name
+        assert np.mean(ratios > 0.3) >= 0.5, name
 
 
 def test_nothing_is_said_of_a_robot_that_keeps_to_the_model(ordinary):
@@ -134,6 +120,21 @@ def test_fault_is_named_within_a_second(fault, then, words):
     assert named and 3.0 < named[0][0] <= 4.0
     assert {departure.words for _, departure in named} == {words}
     assert abs(named[0][1].since - 3.0) < 0.7
+
+
+@pytest.mark.parametrize("fault", ["plate_stuck of upper", "none, but both plates move"])
+def test_plates_of_a_chaotic_robot(fault):
+    """A plate that is commanded to move and does not is named, and one that moves is not."""
+    estimator, device = begun("device at 90 rad/s", 0)
+    for _ in follow(estimator, device, 2.5):
+        pass
+    incident, gaps = FAULTS[fault]
+    device.fail(*incident)
+    commands = {gap: GAPS[gap] for gap in gaps}
+    estimator.command(device.time, **commands)
+    device.command(**commands)
+    said = {departure.words for _, _, departure in follow(estimator, device, 1.0) if departure}
+    assert said == ({fault} if incident.duration else set())
 
 
 def test_end_of_a_fault_is_noticed():

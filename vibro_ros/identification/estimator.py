@@ -25,7 +25,6 @@ import numpy as np
 
 from vibro_ros.identification.particles import (
     ACCELERATIONS,
-    DRIFT,
     FORGETTING,
     INDEX,
     LATENCY,
@@ -48,35 +47,37 @@ MOST_WAITING = 10_000
 ROUNDING = 1e-9  # s
 LONGEST_GAP = 5.0
 """Time [s] that is not filtered if the filter is farther behind; it starts again."""
-IN_USE, RESAMPLED = 0.5, 0.9
+IN_USE, RESAMPLED = 0.4, 0.9
 """Share of effective particles that tempering leaves, and share below which they are resampled."""
-CHANGED, SHRINKAGE, PULL = 12, 0.98, 0.05
-"""Most copies that get new parameters in one resampling, because each compiles a scene; factor that draws their
-logarithms to the mean; and share by which the mean is drawn to what was believed at the start. Noise as large as that
-belief replaces what the first factor takes, so that the filter goes on learning."""
-SCATTER = {"body_velocity": 3e-3, "upper_position": 3e-5, "upper_velocity": 3e-3, "inclined_position": 3e-5,
-           "inclined_velocity": 3e-3}
-"""Standard deviations of the noise in the state of each copy [m, m/s]; a tenth of that of the particles is added."""
+SHRINKAGE, PULL = 0.95, 0.05
+"""Factor that draws the logarithms of a copy's parameters to the mean; and share by which the mean is drawn to what was
+believed at the start. Noise as large as that belief replaces what the first factor takes, so that the filter goes on
+learning. Copies that shared parameters would soon all share wrong ones."""
+SCATTER = {"body_velocity": 1.5e-4, "upper_position": 1.5e-6, "upper_velocity": 1.5e-4,
+           "inclined_position": 1.5e-6, "inclined_velocity": 1.5e-4}
+"""Standard deviations of the noise in the state of each copy [m, m/s]; a tenth of that of the particles is added. A
+chaotic robot would make of larger numbers an error that no measurement takes back."""
 REPLAYED_PHASE, SLOW, OFF, FIRST_SPEED = 0.03, 5.0, 0.1, 0.5
 """Least deviation of a crank's angle in replays, which do not correct it [rad]; differences of speed [rad/s] and of
 angle [rad] from which the encoder's are adopted at a start; and time [s] over which its speed is then measured again.
 """
-FLOOR = {"body_position": 1e-4, "body_velocity": 1e-3, "body_height": 1e-4, "body_vertical_velocity": 1e-3}
+FLOOR = {"body_position": 1e-4, "body_velocity": 3e-4, "body_height": 1e-4, "body_vertical_velocity": 3e-4}
 """Standard deviations [m, m/s] below which no estimate is published, whatever the particles agree on."""
-BACK, REPLAYED, CHECK_PERIOD = (2, 5, 10, 20), 2, 0.2
-"""Numbers of steps before now at which a fault may have begun; particles whose states are kept for that; and least time
-[s] between two comparisons of faults, each of which costs some tenths of a second."""
+BACK, LONGEST_BACK, REPLAYED, CHECK_PERIOD = (4, 10), 20, 4, 0.2
+"""Numbers of steps before now at which a fault may have begun, and largest number of them since a gap was commanded,
+which shows whether its plate is stuck; particles whose states are kept for that; and least time [s] between two
+comparisons of faults, each of which costs some tenths of a second."""
 UNUSUAL, MEMORY, MOST_USUAL = 4.0, 3.0, 25.0
 """Mean normalised square of innovations that is unusual when four times the usual one is added; time [s] over which the
 usual one is found, and the largest square that counts for it."""
-NAMED, MARGIN, FITS = 15.0, 5.0, 0.8
-"""Log ratio of likelihoods from which a fault is named, and by which it must exceed every other fault; and largest
-`Offsets.misfit` of a measurement with which a fault explains what was measured: a filter that has lost a chaotic robot
-finds many a fault more likely than what it has."""
-SETTLING = 1.0
-"""Time [s] after a start in which nothing counts as unusual."""
+NAMED, MARGIN = 15.0, 5.0
+"""Log ratio of likelihoods from which a fault is named, and by which it must exceed every other fault, if it explains
+what was measured; `_Replay.discount` says what else. A filter that has lost a chaotic robot finds many a fault more
+likely than what it has."""
 OF_MOTOR = ("motor_stall", "supply_sag")
 """Faults that an encoder shows at once, whatever the masses do."""
+SETTLING = 1.0
+"""Time [s] after a start in which nothing counts as unusual."""
 UNEXPLAINED, GIVEN_UP = 0.6, 3.0
 """Time [s] after which a departure without a name is reported, and after which the filter starts again."""
 FRICTIONS, SUPPLIES = (0.1, 0.4, 2.5), (0.5, 0.75)
@@ -151,7 +152,6 @@ class Estimator:
         self._scene, self._free, self._spread, self._count = scene, tuple(free), spread, particles
         self._believed = np.log([scene[name] for name in free])
         self._bandwidth, self._random = bandwidth, np.random.default_rng(seed)
-        self._fields = tuple(name for name in UNITS if _exists(scene, name))
         self._faults = possible_faults(scene)
         self._least_scatter = np.array([SCATTER.get(name, 0.0) for name in FIELDS])
         self.late, self.restarts = 0, -1
@@ -160,9 +160,9 @@ class Estimator:
         self._given: dict[str, float] = {}  # the last command of each kind
         self._weights, self._logs = np.full(particles, 1.0 / particles), np.zeros((particles, len(self._free)))
         self._anchor: Measurement | None = None  # the encoder's first angle, while the command is not known
-        self._start(0.0)
+        self.start_again(0.0)
 
-    def _start(self, time: float) -> None:
+    def start_again(self, time: float) -> None:
         """Begin at `time` [s] from the scene's start, with parameters as believed or found, and the last commands."""
         self.time, self._resampled, self._compared, self._began = time, time, time, time
         self.restarts += 1
@@ -171,7 +171,7 @@ class Estimator:
         self._active: Incident | None = None
         self._usual, self._latest = dict[str, float](), dict[str, float]()
         self._unusual_since, self._last_unusual = math.inf, -math.inf
-        self._history: deque[_Step] = deque(maxlen=max(BACK))
+        self._history: deque[_Step] = deque(maxlen=LONGEST_BACK)
         believed, deviation = np.log([self._scene[name] for name in self._free]), self._spread
         if self.restarts:
             believed, deviation = self._weights @ self._logs, self._spread
@@ -185,8 +185,9 @@ class Estimator:
             self._particles.append(Particle(scene, self._bandwidth, time))
             self._particles[-1].device.command(**self._given)
         self._weights = np.full(self._count, 1.0 / self._count)
-        self._offsets = Offsets(np.zeros(self._count), np.full(self._count, 1e6), np.full(self._count, 1e-6))
+        self._offsets = Offsets(self._count)
         self._has_turned, self._adopts, self._anchor = False, True, None
+        self._estimate = self._estimated()
 
     def _with(self, logs: np.ndarray) -> Scene:
         return self._scene.with_parameters(dict(zip(self._free, np.exp(logs).tolist(), strict=True)))
@@ -211,7 +212,7 @@ class Estimator:
     def advance_by_step(self, time: float) -> bool:
         """Take one step if it ends by `time` [s]; return whether it did."""
         if time - self.time > LONGEST_GAP:
-            self._start(STEP * math.floor(time / STEP))
+            self.start_again(STEP * math.floor(time / STEP))
             return True
         end = STEP * (round(self.time / STEP) + 1)
         if end > time + ROUNDING:
@@ -221,11 +222,15 @@ class Estimator:
 
     def estimate(self) -> Estimate:
         """Return the estimate at `time`."""
+        return self._estimate
+
+    def _estimated(self) -> Estimate:
+        """Return what the particles say now, before likely ones are varied for the next step."""
         values = self._values()
-        values[:, INDEX["body_position"]] += self._offsets.place
+        values[:, INDEX["body_position"]] += self._offsets.mean["body_position"]
         mean = self._weights @ values
         variance = self._weights @ (values - mean)**2
-        variance[INDEX["body_position"]] += self._weights @ self._offsets.place_variance
+        variance[INDEX["body_position"]] += self._weights @ self._offsets.variance["body_position"]
         for name, least in FLOOR.items():
             variance[INDEX[name]] += least**2
         numbers = np.exp(self._logs)
@@ -253,33 +258,22 @@ class Estimator:
             self._given |= given
         alive = np.array([particle.is_alive for particle in self._particles])
         if not alive.any():
-            self._start(end)
+            self.start_again(end)
             return
+        survivor = self._particles[int(alive.argmax())]  # dead ones lose their weight now, and are replaced below
+        self._particles = [one if one.is_alive else survivor for one in self._particles]
         self.time = end
-        self._replace(np.flatnonzero(~alive), np.flatnonzero(alive))
         self._offsets.grow(self._values()[:, INDEX["motor_speed"]] - before, self._scene.has_rotor)
         gains, turns, self.innovations = self._offsets.weigh(measured, predicted, self._weights)
         self._reweigh(np.where(alive, gains, -np.inf))
-        for particle, turn in zip(self._particles, turns.tolist(), strict=True):
+        self._estimate = self._estimated()
+        for particle, turn in zip(self._particles, np.where(alive, turns, 0.0).tolist(), strict=True):
             if turn:
                 particle.device.set_state(crank_angle=particle.device.values.item(INDEX["crank_angle"]) + turn)
         self._watch()
-        if 1.0 / (self._weights**2).sum() < RESAMPLED * self._count and self.time - self._resampled > 1.5 * STEP:
+        is_due = self.time - self._resampled > 1.5 * STEP and 1.0 / (self._weights**2).sum() < RESAMPLED * self._count
+        if is_due or not alive.all():
             self._resample()
-
-    def _replace(self, dead: np.ndarray, alive: np.ndarray) -> None:
-        """Replace the `dead` particles, which could not go on, by copies of those `alive`, both by number."""
-        if dead.size:
-            chosen = np.arange(self._count)
-            chosen[dead] = np.resize(alive, dead.size)
-            for k in dead:
-                one = self._particles[chosen[k]]
-                self._particles[k] = self._varied(one, one.scene, self._least_scatter)
-            self._offsets, self._logs = self._offsets.part(chosen), self._logs[chosen]
-
-    def start_again(self, time: float) -> None:
-        """Forget the state, not the parameters, and begin at `time` [s]."""
-        self._start(time)
 
     def _adopt_speed(self, measured: Sequence[Measurement]) -> None:
         """Let the cranks turn as the encoder says, if they do not when the filter begins: it may have missed commands.
@@ -342,12 +336,11 @@ class Estimator:
         `mean` and `deviation` are those of the logarithms of the free parameters, `scatter` the deviations of the state
         besides `SCATTER`.
         """
-        copies, seen, new = list[Particle](), set[int](), 0
+        copies, seen = list[Particle](), set[int]()
         fresh = logs[chosen]
         for k, i in enumerate(chosen.tolist()):
             scene = particles[i].scene
-            if i in seen and new < CHANGED and self._free:
-                new += 1
+            if i in seen and self._free:
                 noise = math.sqrt(1.0 - SHRINKAGE**2) * deviation * self._random.standard_normal(len(mean))
                 drawn = mean + SHRINKAGE * (logs[i] - mean) + noise
                 try:
@@ -363,10 +356,10 @@ class Estimator:
         """Return a copy of a particle with the parameters of `scene` and noise in its state."""
         new, old = Particle(scene, self._bandwidth, self.time), particle.device
         state = vars(old.state)
-        given = {name: state[name] for name in self._fields}
-        for name in SCATTER:
-            if name in given:
-                given[name] += scatter[INDEX[name]] * self._random.standard_normal()
+        given = {name: state[name] for name in UNITS}
+        parts = (*["body"] * scene.body_moves, *scene.guides)
+        for name in (one for one in SCATTER if one.partition("_")[0] in parts):
+            given[name] += scatter[INDEX[name]] * self._random.standard_normal()
         for side in scene.plates:
             if scene[f"effects.{side}_contact"] == "restitution":  # no mass may lie beyond its plate
                 given[f"{side}_position"] = min(given[f"{side}_position"], given[f"{side}_plate_position"])
@@ -392,9 +385,10 @@ class Estimator:
         slow = {field: ratio for field, ratio in ratios.items() if field not in ACCELERATIONS}
         if self.time - self._began < SETTLING or not ratios:
             return
-        if max(ratios.values()) > 1.0 and self.time - self._compared >= CHECK_PERIOD - 1e-9:
+        is_unusual, since_gap = max(ratios.values()) > 1.0, self._since_gap()
+        if (since_gap or is_unusual) and self.time - self._compared >= CHECK_PERIOD - 1e-9:
             self._compared = self.time
-            if self._compare():
+            if self._compare(is_unusual, since_gap):
                 return
         farthest = max(slow, key=lambda field: slow[field], default="")
         if not farthest or slow[farthest] <= 1.0:
@@ -406,7 +400,7 @@ class Estimator:
         self._unusual_since, self._last_unusual = min(self._unusual_since, self.time), self.time
         lasted = self.time - self._unusual_since
         if lasted >= GIVEN_UP:
-            self._start(self.time)
+            self.start_again(self.time)
         elif lasted >= UNEXPLAINED and not self.departure:
             self.departure = Departure(self.time, self._unusual_since, None, slow[farthest], farthest)
 
@@ -417,32 +411,44 @@ class Estimator:
         self._usual[field] = usual + STEP / MEMORY * (min(square, MOST_USUAL) - usual)
         return recent / (UNUSUAL + 4.0 * usual)
 
-    def _compare(self) -> bool:
-        """Compare the present system with all faults, begun at several instants; return whether one is taken over.
+    def _since_gap(self) -> int:
+        """Return the number of steps since a plate was commanded to move; 0 if that is longer ago than is kept."""
+        return next((len(self._history) - k for k, step in enumerate(self._history) for _, given in step.commands
+                     if any(name.endswith("_gap") for name in given)), 0)
+
+    def _compare(self, is_unusual: bool, since_gap: int) -> bool:
+        """Compare the present system with faults, begun at several instants; return whether one is taken over.
+
+        Plates are compared if a gap was commanded `since_gap` steps ago, all else if the measurements are unusual.
 
         The end of the present fault is preferred to others that fit nearly as well, as all do that have not begun to
         matter.
         """
         present, found = self._active, dict[Incident, _Replay]()
         end = Incident(present.fault, 0.0, present.of) if present else None
-        for back in [back for back in BACK if back <= len(self._history)]:
+        plates = [one for one in self._faults if one.fault == "plate_stuck" and one != present and since_gap]
+        others = [one for one in self._faults if one.fault != "plate_stuck" and one != present and is_unusual]
+        others += [end] if end and is_unusual else []
+        for back in sorted({*BACK, since_gap}):
+            changes = plates * (back >= since_gap) + others * (back in BACK)  # a stuck plate shows from its command on
+            if not (changes and 0 < back <= len(self._history)):
+                continue
             steps = list(self._history)[-back:]
             unchanged = _Replay(steps, self._bandwidth, ()).gain
-            for change in [*(one for one in self._faults if one != present), *([end] if end else [])]:
+            for change in changes:
                 try:
                     replay = _Replay(steps, self._bandwidth, (end, change) if end and change != end else (change,))
                 except ValueError:  # a fault that the device cannot have now
                     continue
-                replay.gain -= unchanged
-                fits = replay.misfit <= FITS or change.fault in OF_MOTOR
-                if fits and (change not in found or replay.gain > found[change].gain):
+                replay.gain = (replay.gain - unchanged) / (1.0 if change.fault in OF_MOTOR else replay.discount)
+                if change not in found or replay.gain > found[change].gain:
                     found[change] = replay
         ranked = sorted(found, key=lambda one: found[one].gain + 2.0 * MARGIN * (one == end), reverse=True)
         if not ranked or found[ranked[0]].gain < NAMED:
             return False
         fault, best = ranked[0], found[ranked[0]]
-        others = [found[one].gain for one in ranked if (one.fault, one.of) != (fault.fault, fault.of)]
-        if fault != end and best.gain - max(others, default=-math.inf) < MARGIN:
+        rivals = [found[one].gain for one in ranked if (one.fault, one.of) != (fault.fault, fault.of)]
+        if fault != end and best.gain - max(rivals, default=-math.inf) < MARGIN:
             return False
         self._active = fault if fault != end else None
         self.departure = Departure(self.time, best.begin, fault, best.gain, words_of(fault)) if self._active else None
@@ -471,8 +477,9 @@ class _Step(NamedTuple):
 class _Replay:
     """The particles that were kept before the first of `steps`, run through all of them with `changes` from there on.
 
-    `gain` is the best of their log likelihoods, `misfit` the mean one of `Offsets.misfit` for a measurement. ValueError
-    if the device cannot have a fault.
+    `gain` is the best of their log likelihoods. `discount` is the square of `Offsets.misfit` for a measurement, in
+    parts of the expected one: errors that the noise does not explain are not independent, and differences of
+    likelihoods mean less by so much. ValueError if the device cannot have a fault.
     """
 
     def __init__(self, steps: Sequence[_Step], bandwidth: float, changes: Iterable[Incident]):
@@ -486,12 +493,14 @@ class _Replay:
         gains = np.zeros(len(self.particles))
         equal = np.full(len(gains), 1.0 / len(gains))
         for step in steps:
-            self.offsets.phase_variance = np.maximum(self.offsets.phase_variance, REPLAYED_PHASE**2)
+            phase = self.offsets.variance["crank_angle"]
+            self.offsets.variance["crank_angle"] = np.maximum(phase, REPLAYED_PHASE**2)
             predicted = run(self.particles, step.measured, step.commands, step.end)
             gains += self.offsets.weigh(step.measured, predicted, equal)[0]
-            self.offsets.place_variance = self.offsets.place_variance + DRIFT**2 * STEP
+            self.offsets.grow(0.0, False)
         self.gain = float(np.max(gains, where=[one.is_alive for one in self.particles], initial=-np.inf))
-        self.misfit = float(self.offsets.misfit.min()) / max(1, self.offsets.heard)
+        misfit = float(self.offsets.misfit.min()) / max(1, self.offsets.heard)
+        self.discount = max(1.0, (2.0 * misfit)**2)
 
 
 def possible_faults(scene: Scene) -> list[Incident]:
@@ -509,12 +518,3 @@ def words_of(fault: Incident) -> str:
     """Return a fault in words, such as `plate_stuck of upper`."""
     about = f" of {fault.of}" * bool(fault.of) + f" of about {fault.value:.2g}" * bool(fault.value)
     return f"{fault.fault}{about}"
-
-
-def _exists(scene: Scene, name: str) -> bool:
-    """Return whether a scene has the part that the field `name` describes."""
-    side, _, part = name.partition("_")
-    if side in ("upper", "inclined"):
-        return side in (scene.plates if part.startswith("plate") else scene.guides)
-    return {"body_position": scene.body_moves, "body_velocity": scene.body_moves,
-            "body_height": scene.body_hops, "body_vertical_velocity": scene.body_hops}.get(name, True)

@@ -35,8 +35,11 @@ TAIL = 4.0
 """Degrees of freedom of the Student distribution of errors."""
 MODEL_ERROR = {**dict.fromkeys(ACCELERATIONS, 0.6), "crank_angle": 1e-3, "motor_speed": 0.5}
 """Standard deviations of what even the best particle lacks, besides the errors of a sensor, in the quantity's unit."""
-DRIFT = 0.003
-"""Random walk of the place [m in a second], for errors of the mean speed."""
+WALK = {"body_position": 0.003, **dict.fromkeys(ACCELERATIONS, 1e-3), "crank_angle": 1e-4}
+"""Random walks in a second of what the sensors' readings differ by from what the simulations say: of the place where a
+simulation began, because the mean speed has errors; of an IMU's bias; and of the crank's angle."""
+UNEVEN = 1e-2
+"""Random walk of the angle of a dc motor [rad in a second]."""
 LEAST_TURN = 1e-3
 """Smallest correction of a crank's angle [rad]; each one begins a segment of the solver, which costs time."""
 
@@ -98,7 +101,7 @@ class Particle:
                     predicted[k] = values.item(INDEX[one.field])
                 elif time >= self.settled:
                     force, axis = force or self.device.filtered_acceleration(), ACCELERATIONS.index(one.field)
-                    predicted[k] = min(max(force[axis] + at_rest[axis], -one.limit), one.limit)
+                    predicted[k] = force[axis] + at_rest[axis]
             for given in commands:
                 with suppress(ValueError):  # the robot refuses it, too
                     self.device.command(**given)
@@ -121,34 +124,40 @@ class Kept(NamedTuple):
 
 
 class Offsets:
-    """Kalman filters of the particles: of the place [m] where each began, and of the angle [rad] of its crank.
+    """Kalman filters of the particles: of the offset of each field in `WALK`, by which a measurement differs from what
+    the particle's simulation says of it besides noise.
 
-    All arrays have the shape (particles,). The angle's mean is the simulated one. `misfit` is the sum of what the
-    errors of `heard` measurements cost in log likelihood, half a unit each on average if model and noise are right;
-    the crank's angle is left out, because replays do not correct it.
+    The arrays in `mean` and `variance`, by field, have the shape (particles,). The crank's mean stays 0, because the
+    simulation is turned instead. `misfit` is the sum of what the errors of `heard` measurements cost in log
+    likelihood, half a unit each on average if model and noise are right; the crank's angle is left out, because
+    replays do not correct it.
     """
 
-    def __init__(self, place: np.ndarray, place_variance: np.ndarray, phase_variance: np.ndarray):
-        self.place, self.place_variance, self.phase_variance = place, place_variance, phase_variance
-        self.misfit, self.heard = np.zeros(len(place)), 0
+    def __init__(self, count: int):
+        self.mean = {"body_position": np.zeros(count)}
+        self.variance = {"body_position": np.full(count, 1e6), "crank_angle": np.full(count, 1e-6)}
+        self.misfit, self.heard = np.zeros(count), 0
 
     def part(self, chosen: np.ndarray) -> "Offsets":
         """Return the filters of the particles `chosen`, by number."""
-        return Offsets(self.place[chosen], self.place_variance[chosen], self.phase_variance[chosen])
+        part = Offsets(len(chosen))
+        part.mean, part.variance = ({field: values[chosen] for field, values in one.items()}
+                                    for one in (self.mean, self.variance))
+        return part
 
-    def grow(self, faster: np.ndarray, is_loaded: bool) -> None:
+    def grow(self, faster: np.ndarray | float, is_loaded: bool) -> None:
         """Increase the variances by what a step may add; the cranks have become `faster` by so much [rad/s].
 
         A change of speed begins at an instant that is known to `LATE` only. A dc motor is loaded, so that its crank
         does not turn evenly.
         """
-        self.place_variance = self.place_variance + DRIFT**2 * STEP
-        uneven = 1e-2 if is_loaded else 1e-4
-        self.phase_variance = self.phase_variance + (LATE * faster)**2 + uneven**2 * STEP
+        for field, variance in self.variance.items():
+            self.variance[field] = variance + WALK[field]**2 * STEP
+        self.variance["crank_angle"] += (LATE * faster)**2 + is_loaded * UNEVEN**2 * STEP
 
     def weigh(self, measured: Sequence[Measurement], predicted: np.ndarray, weights: np.ndarray
               ) -> tuple[np.ndarray, np.ndarray, list[Innovation]]:
-        """Update the places; return log likelihoods and angles [rad] to turn the cranks by, shape (particles,) each,
+        """Update the offsets; return log likelihoods and angles [rad] to turn the cranks by, shape (particles,) each,
         and the innovations of the particles with the given `weights`.
 
         Parameters
@@ -159,42 +168,45 @@ class Offsets:
             What each particle predicts; NaN where it cannot.
         weights : ndarray, shape (particles,)
         """
-        gains, innovations, angles, noise = np.zeros(len(weights)), [], [], 0.0
+        nothing, innovations = np.zeros(len(weights)), []
+        gains, angles, noise = nothing, [], 0.0
         for one, column in zip(measured, predicted.T, strict=True):
             known = np.isfinite(column)
             shares = np.where(known, weights, 0.0)
             if not shares.sum() > 0.0:
                 continue
-            own, column = np.zeros(len(weights)), np.where(known, column, 0.0)
-            if one.field == "body_position":
-                own, column = self.place_variance, column + self.place
-            elif one.field == "crank_angle":
-                own = self.phase_variance
-            error, of_sensor = one.value - column, one.variance + MODEL_ERROR.get(one.field, 0.0)**2
+            own = self.variance.get(one.field, nothing)
+            if one.field in ACCELERATIONS and one.field not in self.variance:
+                own = np.full(len(weights), one.variance)  # an IMU's variance is mostly that of its bias
+            column = np.where(known, column, 0.0) + self.mean.get(one.field, nothing)
+            column = np.clip(column, -one.limit, one.limit)
+            error = np.where(known, one.value - column, 0.0)
+            of_sensor = one.variance + MODEL_ERROR.get(one.field, 0.0)**2
             total = own + of_sensor
             surprise = error**2 / total
-            misfit = np.where(known, 0.5 * (TAIL + 1.0) * np.log1p(surprise / TAIL), 0.0)
-            gains -= misfit + np.where(known, 0.5 * np.log(total), 0.0)
-            if one.field != "crank_angle":
-                self.misfit, self.heard = self.misfit + misfit, self.heard + 1
+            misfit = 0.5 * (TAIL + 1.0) * np.log1p(surprise / TAIL)
+            gains = gains - misfit - np.where(known, 0.5 * np.log(total), 0.0)
             shares = shares / shares.sum()
             mean = shares @ column
             innovations.append(Innovation(one.time, one.field, float(one.value - mean),
                                           float(shares @ ((column - mean)**2 + own) + of_sensor)))
-            if one.field == "body_position":
-                share = own / (own + of_sensor * (TAIL + surprise) / (TAIL + 1.0))  # an outlier counts for less
-                self.place = self.place + share * error
-                self.place_variance = (1.0 - share) * own
-            elif one.field == "crank_angle":
-                angles.append(np.where(known, error, 0.0))
+            if one.field == "crank_angle":
+                angles.append(error)
                 noise = of_sensor
-        turns = np.zeros(len(weights))
+                continue
+            self.misfit, self.heard = self.misfit + misfit, self.heard + 1
+            if one.field in WALK:
+                share = own / (own + of_sensor * (TAIL + surprise) / (TAIL + 1.0))  # an outlier counts for less
+                share = np.where(known, share, 0.0)
+                self.mean[one.field] = self.mean.get(one.field, nothing) + share * error
+                self.variance[one.field] = (1.0 - share) * own
+        turns = nothing
         if angles:
-            error, noise = np.mean(angles, axis=0), noise / len(angles)
-            own = np.maximum(self.phase_variance, np.where(error**2 > 9.0 * noise, error**2, 0.0))  # believe a surprise
+            error, noise, own = np.mean(angles, axis=0), noise / len(angles), self.variance["crank_angle"]
+            own = np.maximum(own, np.where(error**2 > 9.0 * noise, error**2, 0.0))  # believe a surprise
             share = own / (own + noise)
             if np.abs(share * error).max() > LEAST_TURN:  # to turn a crank begins a segment, and costs
-                turns, self.phase_variance = share * error, (1.0 - share) * own
+                turns, self.variance["crank_angle"] = share * error, (1.0 - share) * own
         return gains, turns, innovations
 
 
