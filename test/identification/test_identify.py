@@ -18,6 +18,7 @@ from vibro_ros.identification.identify import identify
 from vibro_ros.identification.inference import intervals
 from vibro_ros.identification.recording import Channel, Recording
 from vibro_ros.identification.unknowns import Unknowns
+from vibro_ros.study.identification_page import identification_page
 
 DAMPED = vibro_ros.load_scene("damped").with_parameters({"motor.speed": 100.0})
 TICK = math.tau / 4096
@@ -115,6 +116,7 @@ def test_an_imu_tells_what_a_tracking_system_of_a_millimetre_does_not(tmp_path, 
     assert set(found.chi_square) == {"tracking", "encoder", "imu/data_raw"}
     assert all(0.8 < square < 1.2 for square in found.chi_square.values()), found.chi_square
     assert found.verdict.startswith("the model fits") and found.windows["used"].mean() > 0.9
+    assert "imu/data_raw: acceleration x; mean square" in identification_page(found, "bag")
     without = identify(made.bag, made.truth, free, noise={"imu/data_raw": math.inf}, workers=1)
     for name, (low, high) in found.intervals.items():
         assert high - low < 0.1 * np.diff(without.intervals[name])[0], name

@@ -154,7 +154,8 @@ class Fitting:
             at = self._tightened(shooting, at, looseness, looseness)
         shooting.prior = self._prior(parameters, np.zeros(len(self.unknowns.each)), 0.0) if self._biased else None
         at = self._repaired(shooting, at, 0.0)
-        shooting.left_out = mean_squares(shooting, at) > _MISFIT
+        jumped = shooting.left_out & self._unseen  # such a window holds up the last, tight steps
+        shooting.left_out = (mean_squares(shooting, at) > _MISFIT) | jumped
         if shooting.left_out.mean() > _MOST_LOST:  # then it is the model that does not fit
             shooting.left_out[:] = False
         colours = self._recoloured(shooting, at)

@@ -17,6 +17,7 @@ from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.study.figures import BLACK, BLUE, VERMILION, new_figure, png, style_axes, with_unit
 
 _UNITS = {"position": "m", "height": "m", "velocity": "m/s", "angle": "rad", "speed": "rad/s", "current": "A"}
+_SPECIFIC_FORCE = "specific force", "m/s²"
 _STRETCH = 1.5  # windows on either side of the middle of the one that fits worst
 _SHADE = "#d55e0022"
 _STYLE = """
@@ -112,7 +113,8 @@ def _overlay(found: Identification, channel: Channel) -> Figure:
             np.column_stack([channel.times, channel.values]), simulated))
         axes.plot(*measured.T, ".", color=BLACK, ms=3.0, label="recording")
         axes.plot(*twin.T, color=BLUE, lw=1.0, label="twin")
-        axes.set_ylabel(with_unit(channel.field.rpartition("_")[2], _UNITS[channel.field.rpartition("_")[2]]))
+        quantity = channel.field.rpartition("_")[2]
+        axes.set_ylabel(with_unit(*((quantity, _UNITS[quantity]) if quantity in _UNITS else _SPECIFIC_FORCE)))
         axes.set_xlim(max(low, 0.0), min(high, found.recording.duration))
     part.legend(loc="upper right", fontsize="small")
     below.plot(*residuals.T, ".", color=BLUE, ms=2.0)
