@@ -114,6 +114,9 @@ def test_an_imu_clips_and_is_off_by_a_constant_as_the_scene_says(tmp_path):
     found = channel(read_recording(bag, scene), "imu/data_raw.acceleration_x")
     assert (found.sigma, found.bias, found.bandwidth) == (pytest.approx(0.3), 0.4, 260.0)
     assert found.limit == pytest.approx(20.0 - 3.0 * 0.5)
+    faint = written(tmp_path / "faint", imu(TIMES, noise(0.05), noise(0.05), 0.05**2 + 0.4**2))
+    least = read_recording(faint, scene.with_parameters({"sensors.imu.accelerometer.range": 1.0}))
+    assert channel(least, "imu/data_raw.acceleration_x").limit == 0.0  # such an IMU says nothing
     with pytest.raises(BagError, match="sensors.imu.bandwidth: the scene does not say which low-pass .* inf to leave"):
         read_recording(bag, DAMPED)
     assert not {"imu/data_raw"} & {one.sensor for one in read_recording(written(

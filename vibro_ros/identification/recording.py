@@ -318,4 +318,4 @@ def _channel(sensor: str, field: str, times: np.ndarray, values: np.ndarray, var
         return Channel(sensor, field, times, values, sigma, source, resolution)
     reach, bias = of_imu(scene, "accelerometer.range") or math.inf, of_imu(scene, "accelerometer.turn_on_bias")
     return Channel(sensor, field, times, values, sigma, source, resolution, of_imu(scene, "bandwidth"),
-                   reach - _CLOSE * math.hypot(sigma, bias), bias)
+                   max(reach - _CLOSE * math.hypot(sigma, bias), 0.0), bias)
