@@ -55,18 +55,19 @@ class Robot(NamedTuple):
     commands: Commands
 
 
-ROBOTS: Mapping[str, Robot] = {
+ROBOTS: Mapping[str, Robot] = {  # a robot's draws depend on its place: add others at the end
     "damped": Robot("damped", {}, {}, ((0.0, {"motor_speed": 100.0}),)),
-    "starts": Robot("damped", RAMP, {}, STARTS),
     "device": Robot("device", {}, {}, MOVING_GAPS),
+    "lossless": Robot("unilateral", RAMP, {}, STARTS),
     "moving": Robot("device", {"motor.speed": 60.0, "start.state": "given", "start.body_velocity": -0.2,
                                "start.crank_angle": 1.0, "start.upper_position": 0.06,
                                "start.upper_velocity": -0.5, "start.inclined_position": 0.06,
                                "start.inclined_velocity": 0.3}, {}, MOVING_GAPS),
-    "lossless": Robot("unilateral", RAMP, {}, STARTS),
+    "starts": Robot("damped", RAMP, {}, STARTS),
     "stribeck": Robot("device", {"effects.normal_force": "unilateral"},
                       {"effects.friction": "stribeck", "ground.static_friction": 0.3, "ground.stribeck_speed": 0.05},
                       MOVING_GAPS),
+    "chaotic": Robot("device", {}, {}, ((0.0, {"motor_speed": 85.0}),)),
 }
 FIELD = {"sensors.preset": "mpu6050", "sensors.imu.rate": 1000.0, "sensors.imu.accelerometer.turn_on_bias": 0.0,
          "sensors.encoder.rate": RATE, "sensors.tracking.rate": 100.0, "sensors.tracking.noise": 1e-3}
@@ -88,7 +89,7 @@ def record(folder: Path, robot: str, sensors: str = "laboratory", seed: int = 0,
     crank by an encoder, 500 times a second. Those of the `field` are a tracking system (1 mm, 100 Hz), an IMU of the
     preset mpu6050 (1 kHz) and the encoder. The truth's parameters are drawn with `seed` up to `spread` off.
     """
-    random = np.random.default_rng([seed, sorted(ROBOTS).index(robot)])
+    random = np.random.default_rng([seed, list(ROBOTS).index(robot)])
     base = vibro_ros.load_scene(ROBOTS[robot].scene)
     commands = ROBOTS[robot].commands
     known = {"motor.speed": 100.0} if robot == "damped" else dict(ROBOTS[robot].known)
