@@ -26,9 +26,11 @@ from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.processes import in_processes
 from vibro_ros.simulation.runs import simulate
 
-#: Stages of the fit: turns of the crank in a window, loosenesses in turn, and the most steps at each.
+#: Stages of the fit: turns of the crank in a window, loosenesses in turn, the most sets of derivatives at each, and the
+#: share of the misfit that a step wins before the next looseness is tried: the looser, the less is a minimum worth.
 _ARC, _HALF, _CHAIN = 0.16, 0.5, 2.0
-_FIRST_LOOSENESSES, _CHAIN_LOOSENESSES = (1.0, 0.3, 0.1), (0.1, 0.01, 1e-3)
+_ARC_LOOSENESSES, _HALF_LOOSENESSES, _CHAIN_LOOSENESSES = (1.0, 0.3, 0.1), (0.3, 0.1), (0.1, 0.01, 1e-3)
+_STEPS, _ENOUGH_OF_PARTS, _ENOUGH_OF_CHAIN, _ENOUGH = 10, 0.05, 5e-3, 1e-5
 #: Of masses that no sensor measures: loosenesses; that of the defects over that of the measurements, because only the
 #: chain tells how such a mass moves; blur of an IMU at looseness 1 [s], and the least looseness at which it is blurred;
 #: the weight of a prior, most rounds, and share of lost windows after which there is none more; standard deviations of
@@ -37,7 +39,6 @@ _FIRST_LOOSENESSES, _CHAIN_LOOSENESSES = (1.0, 0.3, 0.1), (0.1, 0.01, 1e-3)
 _UNSEEN_LOOSENESSES, _TIED, _BLUR, _LEAST_BLURRED = (0.3, 0.1, 0.03, 0.01), 0.1, 0.01, 0.03
 _UNSEEN_WEIGHT, _ROUNDS, _FEW_LOST = 30.0, 6, 0.1
 _FAR_OFF_IN_SHARES, _FAR_OFF, _SCOUTS, _DRAWN, _BETTER = 0.1, 0.2, (1.0, 0.5, 0.25), 60, 0.95
-_FIRST_STEPS, _STEPS = 4, 10
 _MOST_WINDOWS = 60
 _SLOWEST = 20.0  # rad/s: a slower crank makes windows no longer
 _REPAIRS = 4
@@ -137,10 +138,10 @@ class Fitting:
             speed = max(_SLOWEST, float(np.ptp(self._angle)) / (self.times[-1] - self.times[0]))
             spans = arcs(self.times, self._rough, _ARC * 2.0 * math.pi / speed, _MOST_WINDOWS)
             if len(spans):
-                parameters = self._loosely(spans, parameters, "short arcs")
+                parameters = self._loosely(spans, parameters, "short arcs", _ARC_LOOSENESSES)
             spans = self._chain(_HALF)
             every = np.unique(np.linspace(0, len(spans) - 1, _MOST_WINDOWS).astype(int))
-            parameters = self._loosely(spans[every], parameters, "half turns")
+            parameters = self._loosely(spans[every], parameters, "half turns", _HALF_LOOSENESSES)
         return self.followed(parameters)
 
     def followed(self, parameters: np.ndarray) -> Fit:
@@ -161,7 +162,7 @@ class Fitting:
         colours = self._recoloured(shooting, at)
         at = shooting.point(at.parameters, at.states) or at
         self._say("all windows as one motion")
-        at = shooting.minimise(at, 0.0, TIGHT, _STEPS, enough=1e-6)
+        at = shooting.minimise(at, 0.0, TIGHT, _STEPS, _ENOUGH)
         return Fit(self.unknowns, shooting, at, shooting.jacobian(at), self._passes + shooting.passes, colours)
 
     def _begun_unseen(self, shooting: Shooting, at: Point) -> Point:
@@ -217,7 +218,7 @@ class Fitting:
         shooting.windows.blur(_BLUR * looseness if self._unseen and looseness >= _LEAST_BLURRED else 0.0)
         at = shooting.point(at.parameters, at.states) or at
         at = self._repaired(shooting, at, looseness)
-        return shooting.minimise(at, looseness, width, _STEPS)
+        return shooting.minimise(at, looseness, width, _STEPS, _ENOUGH_OF_CHAIN)
 
     def _repaired(self, shooting: Shooting, at: Point, looseness: float) -> Point:
         candidates = self._candidates(shooting, at.parameters)
@@ -228,17 +229,18 @@ class Fitting:
             candidates = []
         return at
 
-    def _loosely(self, spans: np.ndarray, parameters: np.ndarray, what: str) -> np.ndarray:
+    def _loosely(self, spans: np.ndarray, parameters: np.ndarray, what: str,
+                 loosenesses: tuple[float, ...]) -> np.ndarray:
         """Return the coordinates that fit windows loosely, from a state for each that the measurements tell."""
         shooting = self._shooting(spans)
         shooting.prior = self._prior(parameters, np.array([
             _STIFF_WEIGHT if name.endswith("plate.stiffness") else _WEIGHT for name in self.unknowns.names]), _WEIGHT)
         candidates = self._candidates(shooting, parameters)
         at = self._begun(shooting, parameters, candidates)
-        for looseness in _FIRST_LOOSENESSES:
+        for looseness in loosenesses:
             self._say(f"{len(spans)} {what}, looseness {looseness:g}")
             at = shooting.repaired(at, looseness, candidates)
-            at = shooting.minimise(at, looseness, looseness, _FIRST_STEPS, enough=1e-2)
+            at = shooting.minimise(at, looseness, looseness, _STEPS, _ENOUGH_OF_PARTS)
         self._passes += shooting.passes
         return at.parameters
 

@@ -217,7 +217,8 @@ class Shooting:
             before = self.misfit(at, looseness, width)
             little = max(_LITTLE, enough * before)
             for chord in range(_CHORDS):
-                there, promised, damping = self._lower(at, jacobian, looseness, width, damping, fresh and not chord)
+                there, promised, damping = self._lower(at, jacobian, looseness, width, damping, fresh and not chord,
+                                                     little)
                 if there is None:
                     break
                 won = self.misfit(at, looseness, width) - self.misfit(there, looseness, width)
@@ -229,31 +230,29 @@ class Shooting:
             jacobian = None
         return at
 
-    def _lower(self, at: Point, jacobian: Jacobian, looseness: float, width: float, damping: float,
-               fresh: bool) -> tuple[Point | None, float, float]:
+    def _lower(self, at: Point, jacobian: Jacobian, looseness: float, width: float, damping: float, fresh: bool,
+               little: float) -> tuple[Point | None, float, float]:
         """Return a point with a lower misfit, None if none is found; by how much the derivatives said that the first
         step would lower it; and the damping to go on with. Only `fresh` derivatives, those of the point itself, tell
-        what jumps, and are worth more than one step."""
+        what jumps, and are worth more than one step. A step that would win less than `little` tells nothing of jumps,
+        because it is spoilt by much smaller ones."""
         misfit, first = self.misfit(at, looseness, width), np.inf
         for _ in range(_TRIES if fresh else 1):
             step = self._step(at, self.equations(at, jacobian, looseness, width), damping)
-            excesses = []
-            for share in (1.0, 0.5)[:1 + fresh]:
-                if step is None:
-                    break
-                there = self.point(at.parameters + share * step[0], at.states + share * step[1])
-                if there is None:
-                    break
+            there = step and self.point(at.parameters + step[0], at.states + step[1])
+            jumped = np.zeros(len(self.left_out), bool)
+            if there:
                 change = self._change(at, there, jacobian, looseness, width)
-                if first == np.inf:
-                    first = self._prior_misfit(at) - self._prior_misfit(there) - float(change.sum())
+                promised = self._prior_misfit(at) - self._prior_misfit(there) - float(change.sum())
+                first = promised if first == np.inf else first
                 if self.misfit(there, looseness, width) < misfit:
                     return there, first, max(damping / _GROWTH, _LEAST_DAMPING)
-                excesses.append(self.by_window(there, looseness, width) - self.by_window(at, looseness, width) - change)
-            # Half a step rises by a quarter as much at a bend, and by about as much at a jump.
-            if len(excesses) < 2 or not self._leave_out((excesses[0] > _JUMP * max(first, 1.0))
-                                                        & (excesses[1] > 0.5 * excesses[0])):
-                damping *= _GROWTH if fresh else 1.0
+                if promised < little:
+                    break
+                risen = self.by_window(there, looseness, width) - self.by_window(at, looseness, width)
+                jumped = (risen > 1.0) & (risen - change > _JUMP * max(promised, 1.0))
+            if fresh and not self._leave_out(jumped):
+                damping *= _GROWTH
         return None, first, damping
 
     def _step(self, at: Point, equations: "NormalEquations", damping: float) -> tuple[np.ndarray, np.ndarray] | None:
