@@ -258,8 +258,9 @@ def _measured(sensor: str, arrays: Arrays, scene: Scene,
                 yield name, arrays["linear_velocity"][:, i], arrays["linear_velocity_variance"][:, i]
     elif sensor == IMU:
         if scene["sensors.preset"] == "ideal" and scene["sensors.imu.bandwidth"] == AS_PRESET:
-            raise ValueError("sensors.imu.bandwidth: the scene does not say which low-pass the IMU has, and so not "
-                             "what it measures of a blow; give it, or sensors.preset, or the noise inf to leave it out")
+            said.append(f"{sensor} is left out: the scene does not say which low-pass the IMU has, and so not what it "
+                        "measures of a blow; give sensors.imu.bandwidth, or sensors.preset")
+            return
         reach, constant = of_imu(scene, "accelerometer.range") or math.inf, of_imu(scene, "accelerometer.turn_on_bias")
         for i, _, axis in axes:
             values, variances = arrays["acceleration"][:, i], arrays["acceleration_variance"][:, i]
