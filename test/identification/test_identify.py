@@ -145,14 +145,18 @@ def test_a_robot_that_hops_is_found_from_thirty_percent_off(tmp_path, robot):
 
 
 @pytest.mark.slow
-def test_another_friction_law_is_named_and_without_it_the_model_rejected(tmp_path):
-    made = laboratory()(tmp_path / "bag", "stribeck")
+@pytest.mark.parametrize("seed", [0, 1])
+def test_another_friction_law_is_named_and_without_it_the_model_rejected(tmp_path, seed):
+    """With seed 1 the values that Coulomb friction has bent lead to no fit, and those of the scene do."""
+    made = laboratory()(tmp_path / "bag", "stribeck", seed=seed, duration=3.0)
     free = tuple(name for name in THIRTEEN if made.scene[name] or name.endswith("gap"))
     found = identify(made.bag, made.scene, free, effects=("slope", "stribeck"))
     assert found.alternatives[0].effect == "stribeck"
     assert found.alternatives[0].p_value < 1e-3
     assert found.p_value < 1e-3  # by the residuals alone, as without effects
     assert "stribeck" in found.verdict
+    assert found.alternatives[0].mean_square < 1.1
+    assert found.alternatives[0].values["ground.stribeck_speed"] == pytest.approx(0.05, rel=0.03)
 
 
 FIVE = (*FREE, "guide.angle", "upper.spring.damping")

@@ -9,10 +9,10 @@ import numpy as np
 from scipy.stats import chi2
 
 from vibro_ros.bag.stream import BagError
-from vibro_ros.identification.fit import Fit, Fitting, residuals_in
+from vibro_ros.identification.fit import Fit, Fitting, mean_squares, residuals_in
 from vibro_ros.identification.inference import REJECTED, Noise, covariance_of, intervals, p_value, rank_in_words
 from vibro_ros.identification.recording import IMU, Recording, read_recording
-from vibro_ros.identification.shooting import TIGHT
+from vibro_ros.identification.shooting import TIGHT, Point
 from vibro_ros.identification.unknowns import Unknowns
 from vibro_ros.model.parameters import quoted
 from vibro_ros.model.scene import Scene, check_scene
@@ -254,18 +254,25 @@ def _usable(recording: Recording) -> Recording:
     return recording
 
 
-def _noises(fit: Fit) -> tuple[list[Noise], np.ndarray]:
-    """Return what is left of each channel, in the noise that the recording states, and the simulated value of each
-    measurement."""
+def _stated(fit: Fit) -> Point:
+    """Return the best point, its residuals in the noise that the recording states, and white."""
     shooting = fit.shooting
     channels = shooting.windows.recording.channels
     shooting.windows.recolour(np.array([one.sigma for one in channels]), np.zeros(len(channels)))
     at = shooting.point(fit.at.parameters, fit.at.states) or fit.at
-    found = [Noise(channel.sensor, channel.field, count, square, correlation, channel.sigma_from != "neighbours")
-             for channel, (_, correlation, count, square) in zip(channels, residuals_in(shooting, at), strict=True)]
-    simulated = shooting.windows.values - at.found.residuals * shooting.windows.sigmas
     shooting.windows.recolour(*fit.colours)
-    return found, simulated
+    return at
+
+
+def _noises(fit: Fit) -> tuple[list[Noise], np.ndarray]:
+    """Return what is left of each channel, in the noise that the recording states, and the simulated value of each
+    measurement."""
+    windows, at = fit.shooting.windows, _stated(fit)
+    channels = windows.recording.channels
+    found = [Noise(channel.sensor, channel.field, count, square, correlation, channel.sigma_from != "neighbours")
+             for channel, (_, correlation, count, square) in zip(channels, residuals_in(fit.shooting, at), strict=True)]
+    sigmas = np.array([one.sigma for one in channels])[windows.channel]
+    return found, windows.values - at.found.residuals * sigmas
 
 
 def _by_sensor(noises: Sequence[Noise]) -> dict[str, float]:
@@ -285,8 +292,9 @@ def _by_channel(fit: Fit, numbers: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _lack_of(fit: Fit) -> float:
-    """Return the mean square of the windows' residuals, in which a lost window counts as much as a bad one."""
-    return float(np.minimum(fit.mean_squares, _BAD).mean())
+    """Return the mean square of the windows' residuals, in which a lost window counts as much as a bad one; in the
+    noise that the recording states, because noise that a fit has found is as large as its residuals."""
+    return float(np.minimum(mean_squares(fit.shooting, _stated(fit)), _BAD).mean())
 
 
 def _alternative(name: str, recording: Recording, fit: Fit, workers: int, say: Callable[[str], None]) -> Alternative:
