@@ -9,6 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
 from observation import stop
+from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Float64
@@ -173,6 +174,12 @@ def test_hostile_messages_are_refused_and_change_nothing(start, bench):
     values = {pair.key: pair.value for pair in observer.said[-1][1].values}
     assert int(values["refused"]) >= len(bad) and values["failed callbacks"] == "0"
     assert "heard on tracking" not in values and "heard on motor_speed" not in values
+
+    def is_told_late() -> bool:
+        crank.header.stamp = (now() - Duration(seconds=1)).to_msg()
+        return any("came later than twin.delay" in status.message for _, status in observer.said)
+
+    heard(publishers["encoder"], crank, is_told_late)
     stop(follower)
 
 

@@ -140,7 +140,7 @@ class Twin:
         self._telling = Telling(node, settings["frame_prefix"])
         self._start = self._now()  # ROS time [ns] of the estimator's time 0
         self._reported: Departure | None = None
-        self._due, self._refused = 0.0, 0
+        self._due, self._refused, self._late, self._measured = 0.0, 0, 0, 0
 
     def _now(self) -> int:
         return self._node.get_clock().now().nanoseconds
@@ -150,12 +150,13 @@ class Twin:
         now, wall = self._now(), time.time_ns()
         if (now - self._start) * 1e-9 < self._estimator.time - LAG:
             self._node.get_logger().warning("the clock has jumped back; the estimate starts again")
-            self._estimator, self._start = _new_estimator(self._settings, self._scene), now
+            self._estimator, self._start, self._late = _new_estimator(self._settings, self._scene), now, 0
         for arrived, given in self._hearing.commands():
             waited = 0 if self._node.get_clock().ros_time_is_active else max(0, wall - arrived)
             self._estimator.command((now - self._start - waited) * 1e-9, **given)
         for stamp, measurement in self._hearing.measurements(now):
             self._estimator.measure(measurement._replace(time=(stamp - self._start) * 1e-9))
+            self._measured += 1
         target = (now - self._start) * 1e-9 - self._settings["twin.delay"]
         while not stop and self._estimator.time + STEP <= target:
             try:
@@ -191,7 +192,10 @@ class Twin:
             troubles.append(f"{behind:.1f} s behind the clock; give fewer twin.particles")
         if not self._hearing.heard.keys() & SENSORS.keys():
             troubles.append("no sensor of a robot is heard")
-        self._refused = refusals.count
+        if (late := estimator.late - self._late) > 0.5 * self._measured:
+            troubles.append(f"{late} of {self._measured} measurements came later than twin.delay, and are not used; "
+                            "give a longer one, or use_sim_time if the robot's time is not the clock's")
+        self._refused, self._late, self._measured = refusals.count, estimator.late, 0
         departure = estimator.departure
         self._telling.report(now, departure, troubles, {
             "fault": departure.words if departure and departure.fault else "",
