@@ -40,7 +40,7 @@ FAULTS = {
     "friction_patch": (Incident("friction_patch", LASTS, "", 0.03, -100.0, 100.0), ()),
     **{f"plate_stuck of {side}": (Incident("plate_stuck", LASTS, side), (f"{side}_gap",))
        for side in ("upper", "inclined")},
-    "supply_sag": (Incident("supply_sag", LASTS, "", 18.0), ()),
+    "supply_sag": (Incident("supply_sag", LASTS, "", 12.0), ()),
     "sensor_offset of imu": (Incident("sensor_offset", LASTS, "imu", 3.0), ()),
     "sensor_offset of tracking": (Incident("sensor_offset", LASTS, "tracking", 0.05), ()),
     "sensor_freeze of encoder": (Incident("sensor_freeze", LASTS, "encoder"), ()),

@@ -80,7 +80,7 @@ SETTLING = 1.0
 """Time [s] after a start in which nothing counts as unusual."""
 UNEXPLAINED, GIVEN_UP = 0.6, 3.0
 """Time [s] after which a departure without a name is reported, and after which the filter starts again."""
-FRICTIONS, SUPPLIES = (0.1, 0.4, 2.5), (0.5, 0.75)
+FRICTIONS, SUPPLIES = (0.1, 0.4, 2.5), (0.2, 0.35, 0.5, 0.75)
 """Factors of the friction coefficient and of the supply's voltage that are tried as faults."""
 
 
