@@ -24,8 +24,6 @@ from typing import NamedTuple
 import numpy as np
 
 from vibro_ros.identification.particles import (
-    ACCELERATIONS,
-    FORGETTING,
     INDEX,
     LATENCY,
     STEP,
@@ -39,6 +37,7 @@ from vibro_ros.identification.particles import (
 )
 from vibro_ros.model.faults import LONGEST, PLACE, Incident
 from vibro_ros.model.scene import Scene
+from vibro_ros.sensors.noise import ACCELERATIONS, FORGETTING
 from vibro_ros.simulation.given_state import UNITS, motor_coordinates
 from vibro_ros.simulation.samples import FIELDS
 

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from vibro_ros.identification.fit import Fit
-from vibro_ros.identification.shooting import TIGHT, Point
+from vibro_ros.identification.shooting import TIGHT
 from vibro_ros.identification.unknowns import plates_in
 
 LEVEL = 0.95
@@ -23,7 +23,6 @@ _ALONE = 0.9  # squared share of a parameter in what is not told, above which it
 _SHARE = 0.25  # of a combination's largest part, below which another part is not named
 #: Variance of an estimate of noise from neighbours, in units of that of as many squares of white noise.
 _ESTIMATED = 5.0
-_STRONG = 1e9  # times the information in a direction: the weight that holds a parameter
 _JACOBIANS, _TRIES = 3, 2  # sets of derivatives, the first of the best point, and lengths, of a side of an interval
 _LEAST, _MOST = 0.3, 3.0  # factors between two lengths
 
@@ -58,34 +57,36 @@ def _reach(fit: Fit, direction: np.ndarray, covariance: np.ndarray, sign: float,
            tried: list[tuple[float, float]]) -> float:
     """Return how far the direction's coordinate may go until the misfit has grown by the quantile; shifts and growths
     on the way are added to `tried`."""
-    quantile, best = float(chi2.ppf(LEVEL, 1)), fit.misfit
+    quantile = float(chi2.ppf(LEVEL, 1))
     deviation = math.sqrt(float(direction @ covariance @ direction))
     if deviation > _WIDEST:
         return math.inf
     length = math.sqrt(quantile) * deviation
     for _ in range(_TRIES):
-        there = held(fit, direction, covariance, sign * length)
-        growth = np.inf if there is None else fit.shooting.misfit(there, 0.0, TIGHT) - best
-        if there is not None:
+        growth = held(fit, direction, covariance, sign * length)
+        if growth < math.inf:
             tried.append((sign * length, growth))
         length *= min(max(math.sqrt(quantile / max(growth, 1e-9)), _LEAST), _MOST)
     return length
 
 
-def held(fit: Fit, direction: np.ndarray, covariance: np.ndarray, shift: float) -> Point | None:
-    """Return the best point whose coordinate along `direction` is held at `shift` from that of the fit."""
+def held(fit: Fit, direction: np.ndarray, covariance: np.ndarray, shift: float) -> float:
+    """Return the growth of the misfit where the coordinate along `direction` is held at `shift` from that of the fit,
+    and all others are fitted again; infinity where there is no motion. Windows that jump on the way do not count."""
     shooting, target = fit.shooting, float(direction @ fit.at.parameters) + shift
     along = covariance @ direction
     own = along * (shift / float(direction @ along))
     equations = shooting.equations(fit.at, fit.jacobian, 0.0, TIGHT)
     at = shooting.point(fit.at.parameters + own, fit.at.states + equations.states_for(own))
     if at is None:
-        return None
-    limits, shooting.limits = shooting.limits, [*shooting.limits, (direction, target, target)]
+        return math.inf
+    limits, left_out = shooting.limits, shooting.left_out.copy()
+    shooting.limits = [*limits, (direction, target, target)]
     try:
-        return shooting.minimise(at, 0.0, TIGHT, _JACOBIANS, 1e-6, fit.jacobian)
+        at = shooting.minimise(at, 0.0, TIGHT, _JACOBIANS, 1e-6, fit.jacobian)
+        return shooting.misfit(at, 0.0, TIGHT) - fit.misfit
     finally:
-        shooting.limits = limits
+        shooting.limits, shooting.left_out = limits, left_out
 
 
 def rank_in_words(fit: Fit) -> tuple[str, ...]:

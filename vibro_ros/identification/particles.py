@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.sensors.noise import force_at_rest
+from vibro_ros.sensors.noise import ACCELERATIONS, force_at_rest
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.samples import FIELDS
 from vibro_ros.simulation.simulator import Simulator
@@ -20,10 +20,6 @@ from vibro_ros.simulation.simulator import Simulator
 STEP = 0.05
 """Duration of a step of the filter [s]."""
 INDEX = {name: k for k, name in enumerate(FIELDS)}
-ACCELERATIONS = ("acceleration_x", "acceleration_z")
-"""Names of an IMU's specific force; all other measured quantities are fields of `Samples`."""
-FORGETTING = 2.0
-"""Times 1 / bandwidth after which an IMU's low-pass has forgotten all but 1e-4 of how it began."""
 LATENCY = 0.0025
 """Mean time [s] from a command's arrival to its effect: half a tick of a robot at 200 Hz."""
 LATE = 0.05

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from vibro_ros.identification.particles import ACCELERATIONS, FORGETTING
 from vibro_ros.identification.recording import Recording
 from vibro_ros.model.scene import Scene
-from vibro_ros.sensors.noise import force_at_rest
+from vibro_ros.sensors.noise import ACCELERATIONS, FORGETTING, force_at_rest
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.samples import FIELDS
 from vibro_ros.simulation.simulator import Simulator

@@ -22,6 +22,10 @@ BLOCK = 128
 """Samples whose numbers are made together, because a call of numpy costs as much as some hundred of them."""
 LANES = 4
 """Random numbers per sample: as many as Philox makes of one counter."""
+ACCELERATIONS = ("acceleration_x", "acceleration_z")
+"""Names of an IMU's specific force along x and upwards, where it is measured beside fields of `Samples`."""
+FORGETTING = 2.0
+"""Times 1 / bandwidth after which an IMU's low-pass has forgotten all but 1e-4 of how it began."""
 _WHOLE = 1 << 256
 
 _G = 9.80665  # m/s², the unit of data sheets

@@ -566,7 +566,7 @@ class Motion:
     def _advance_filtered(self, times: np.ndarray, trace: Trace, filtered: np.ndarray) -> int:
         """Advance as `advance` does, and fill in the filtered acceleration at each instant.
 
-        `_advance` and `filtered_acceleration` in turn would do the same, but cost three times as much.
+        `_advance` and `filtered_acceleration` in turn would do the same, but cost more.
         """
         assert isinstance(self._stepper, Exact)
         advance, filter_rates, state, lowpass = (

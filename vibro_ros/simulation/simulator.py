@@ -527,7 +527,7 @@ class Simulator:
     def sample_filtered(self, times: np.ndarray) -> tuple[Samples, np.ndarray]:
         """Advance to each of `times` [s] in turn; return samples and `filtered_acceleration` there, shape (n, 2).
 
-        The bits are those of single calls, which cost four times as much.
+        The bits are those of single calls, which cost more.
 
         Raises
         ------

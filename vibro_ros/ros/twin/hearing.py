@@ -15,14 +15,14 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Float64
 
-from vibro_ros.identification.particles import ACCELERATIONS, Measurement
+from vibro_ros.identification.particles import Measurement
 from vibro_ros.messages.codec import deserialised
 from vibro_ros.messages.frames import JOINTS
 from vibro_ros.messages.topics import JOINT_COMMANDS, TOPICS, commands_in, commands_of
 from vibro_ros.model.scene import Scene
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.node import GuardedNode, PollingSubscription
-from vibro_ros.sensors.noise import of_imu
+from vibro_ros.sensors.noise import ACCELERATIONS, of_imu
 
 MOST_TAKEN = 2000
 """Most messages of a topic that wait, and are taken in one poll."""
