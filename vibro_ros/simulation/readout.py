@@ -13,7 +13,7 @@ from vibro_ros.model.modes import OUTPUTS
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model
 from vibro_ros.simulation.samples import FIELDS, Trace
-from vibro_ros.solver.compilation import entry, rounding_part
+from vibro_ros.solver.compilation import entry, part
 
 _TIME, _ANGLE, _SPEED, _POWER, _TORQUE, _NORMAL, _VOLTAGE, _CURRENT, _ELECTRICAL = (FIELDS.index(name) for name in (
     "time", "crank_angle", "motor_speed", "motor_power", "motor_torque", "normal_force", "motor_voltage",
@@ -123,7 +123,7 @@ def cut_to_laws(scene: Scene, pressed_only: bool, quantities: MutableMapping[str
             quantities[f"{side}_plate_force"] = np.maximum(quantities[f"{side}_plate_force"], 0.0)
 
 
-@rounding_part
+@part
 def _plus_product(sum_so_far, one, other):
     """Return sum_so_far + one * other with a rounded product, so that equal products cancel to exactly zero."""
     return sum_so_far + one * other

@@ -14,13 +14,13 @@ from numba.extending import register_jitable
 
 from vibro_ros.solver.kernel_cache import KernelStore
 
-_CONTRACT = {"contract"}  # multiply and add may be fused, but not reordered
-_OPTIONS = {"error_model": "numpy", "_nrt": False}
+# Products are never fused with sums, and sums never reordered: both change bits from processor to processor.
+_OPTIONS = {"error_model": "numpy", "_nrt": False, "fastmath": False}
 
 
 def part(function):
     """Declare a function that kernels may call; it becomes a part of them."""
-    return register_jitable(fastmath=_CONTRACT, **_OPTIONS)(function)
+    return register_jitable(**_OPTIONS)(function)
 
 
 def inlined_part(function):
@@ -31,16 +31,6 @@ def inlined_part(function):
     the first start. Inlining small parts saves nothing, because numba then works longer on the larger kernels.
     """
     return numba.njit(inline="always")(function)
-
-
-def rounding_part(function):
-    """Declare a part that rounds every product, so that equal products cancel to exactly zero."""
-    return register_jitable(fastmath=False, **_OPTIONS)(function)
-
-
-def sum_part(function):
-    """Declare a part that is a plain sum, whose terms the compiler may add in any order and several at once."""
-    return register_jitable(fastmath=_CONTRACT | {"reassoc", "nsz"}, **_OPTIONS)(function)
 
 
 class Progress:
@@ -76,7 +66,7 @@ def entry(function):
     usual = numba.config.CACHE_DIR
     try:
         numba.config.CACHE_DIR = str(_store.path) if _store else usual
-        return numba.njit(cache=True, fastmath=_CONTRACT, **_OPTIONS)(function)
+        return numba.njit(cache=True, **_OPTIONS)(function)
     finally:
         numba.config.CACHE_DIR = usual
 

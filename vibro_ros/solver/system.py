@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibro_ros.solver.compilation import part, sum_part
+from vibro_ros.solver.compilation import part
 from vibro_ros.solver.reference import reference_to
 
 
@@ -528,7 +528,7 @@ def flow_numbers(equations: np.ndarray) -> np.ndarray:
     return np.array([numbers.setdefault(rows.tobytes(), len(numbers)) for rows in equations])
 
 
-@sum_part
+@part
 def form_value(row, point):
     """Value of a linear form at a point."""
     total = 0.0
@@ -537,7 +537,7 @@ def form_value(row, point):
     return total
 
 
-@sum_part
+@part
 def form_magnitude(row, magnitude):
     """Magnitude of the terms of a form, sum of |row| magnitude, from the magnitude of each channel's terms."""
     total = 0.0
