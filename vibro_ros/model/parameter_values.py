@@ -87,7 +87,8 @@ class ParameterValues:
     @property
     def motor_inertia(self) -> float:
         """J [kg m²], inertia of the rotor and of `motor.crank_inertia`, at the crank."""
-        return self["motor.gear_ratio"]**2 * self["motor.rotor_inertia"] + self["motor.crank_inertia"]
+        ratio = self["motor.gear_ratio"]
+        return ratio * ratio * self["motor.rotor_inertia"] + self["motor.crank_inertia"]
 
     @property
     def kinetic_frictions(self) -> tuple[float, float]:
@@ -122,8 +123,10 @@ class ParameterValues:
     @functools.cached_property
     def gravity(self) -> tuple[float, float]:
         """Gravitational acceleration [m/s²], backwards along the ground and towards it: g sin(α) and g cos(α)."""
+        from vibro_ros.solver.elementary import cos, sin  # imports compiled code, which readers of bags do not need
+
         slope = self["ground.slope"]
-        return self["gravity"] * math.sin(slope), self["gravity"] * math.cos(slope)
+        return self["gravity"] * sin(slope), self["gravity"] * cos(slope)
 
     @functools.cached_property
     def guides(self) -> tuple[str, ...]:
@@ -139,8 +142,10 @@ class ParameterValues:
 
         A part that is only rounding is 0, because an angle of π/2 means level and one of π upright.
         """
+        from vibro_ros.solver.elementary import cos, sin  # as in `gravity`
+
         angle = self.guide_angle(side)
-        parts = -math.sin(angle), math.cos(angle)
+        parts = -sin(angle), cos(angle)
         along_x, upwards = (0.0 if abs(part) < _ANGLE_ROUNDING else part for part in parts)
         return along_x, upwards
 

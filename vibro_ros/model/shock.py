@@ -49,7 +49,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibro_ros.model.forms import Form, Forms, Target, cached
+from vibro_ros.model.forms import Form, Forms, Target, cached, solve
 from vibro_ros.model.scene import Scene
 from vibro_ros.solver.system import NOTHING, SHOCK
 
@@ -105,9 +105,10 @@ class Shock:
         self._forms = forms
         self._free = [side for side in forms.guides if scene["effects.reaction"] and side not in not_free]
         self._scene = scene
-        directions = np.array([scene.direction(side) for side in self._free]).reshape(-1, 2)
-        masses = np.array([scene[f"mass.{side}"] for side in self._free])
-        self.inertia = scene.total_mass * np.eye(2) - directions.T @ (masses[:, None] * directions)
+        self.inertia = scene.total_mass * np.eye(2)
+        for side in self._free:
+            direction = np.array(scene.direction(side))
+            self.inertia -= scene[f"mass.{side}"] * direction * direction[:, None]
 
     def free_mass_jumps(self, change: tuple[Form, Form]) -> Jumps:
         """Jumps of the free masses' speeds along their guides, for a `change` of the body's x' and y' [m/s]."""
@@ -183,7 +184,8 @@ class Blow:
         """Jumps of a body that nothing holds and of the free masses; the masses of `resting` move with the body."""
         forms, shock = self._forms, Shock(self._scene, self._forms, (self._side, *resting))
         impulse = self._scene[f"mass.{self._side}"] * np.array(self._scene.direction(self._side))
-        along_x, upwards = (part * self._speed_change(restitution) for part in np.linalg.solve(shock.inertia, impulse))
+        change = solve(shock.inertia[None], impulse[None, :, None]).ravel()  # of x' and y', by a unit of the speed
+        along_x, upwards = (part * self._speed_change(restitution) for part in change)
         speed, rise = forms.body_velocity()
         body: Jumps = ((forms.channels.velocity(forms.height), rise + upwards),)
         if forms.body_moves:

@@ -12,6 +12,7 @@ from vibro_ros.model.modes import MODE_EVENTS, Mode, ModeBuilder
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.shock import NonlinearShock
 from vibro_ros.model.slider import Slider, signal_table
+from vibro_ros.solver.elementary import cos, sin
 from vibro_ros.solver.reference import Laid
 from vibro_ros.solver.system import (
     BY_COMMAND,
@@ -135,7 +136,7 @@ def _rotor(builder: ModeBuilder, scene: Scene) -> Rotor:
     motor, at, modes = builder.motor, builder.forms.channels, len(builder.modes)
     if not motor:
         return no_rotor(at.count)
-    sliders = [(slider.radius, math.cos(slider.angle), math.sin(slider.angle),
+    sliders = [(slider.radius, cos(slider.angle), sin(slider.angle),
                 (slider.rod - slider.radius) * (slider.rod + slider.radius) if slider.rod else -1.0)
                for slider in _sliders(builder.forms, scene)]
     current = np.zeros((modes, at.count))

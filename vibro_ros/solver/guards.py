@@ -98,7 +98,7 @@ _VANISHING = 1e-100
 # A guard is evaluated at these nodes first; row n has the n-th powers of the nodes.
 _NODES = np.linspace(-1.0, 1.0, LENGTH)
 _SPACING = 2.0 / (LENGTH - 1)
-_POWERS_OF_NODES = _NODES ** np.arange(LENGTH)[:, None]
+_POWERS_OF_NODES = np.cumprod(np.vstack([np.ones(LENGTH), *[_NODES] * (LENGTH - 1)]), axis=0)
 # The slope between two nodes differs from the mean slope by at most 4 bends over their distance, so with a drop of this
 # many bends the slope has one sign, with a margin.
 _FALLS = 5.0

@@ -18,11 +18,11 @@ import numpy as np
 
 from vibro_ros.solver.compilation import part
 from vibro_ros.solver.elementary import cos, exp, sin
-from vibro_ros.solver.polynomial import value, values
+from vibro_ros.solver.polynomial import gauss_legendre, value, values
 from vibro_ros.solver.state import LOWPASS, UNKNOWN
 from vibro_ros.solver.vector import LENGTH, indices_above, lowered, repeated, store, total, vector
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(LENGTH)
+_NODES, _WEIGHTS = gauss_legendre(LENGTH)
 _ORDER = np.arange(LENGTH, dtype=float)
 # Longest step, in time constants: the first term that the series of exp about its middle omits is 2^24 / 24! = 3e-17.
 _LONGEST = 4.0

@@ -69,7 +69,7 @@ _OVER = 40.0
 # matters again, by more than rounding.
 _WELL_OVER, _BEFORE = 44.0, 1.0 - 1e-6
 # Row n: coefficients of ((1 + x) / 2)^n.
-_FROM_START = np.array([[math.comb(n, k) / 2.0**n for k in range(LENGTH)] for n in range(LENGTH)])
+_FROM_START = np.array([[math.ldexp(math.comb(n, k), -n) for k in range(LENGTH)] for n in range(LENGTH)])
 # Rows of the scratch's series, after those of `rotor`: e and f.
 _EXPONENTIAL, _FACTOR = SERIES_OF_ROTOR, SERIES_OF_ROTOR + 1
 # Rows of the responses of other channels to a unit of the phase's acceleration, and of d; the loads of the signals come
