@@ -135,13 +135,14 @@ class Shock:
         kinetic, static = (scene.kinetic_frictions, scene.resting_frictions) if has_friction else ((0.0, 0.0),) * 2
         mass = forms.guides.index(struck) if struck else NOTHING
         body, height = forms.body if forms.body_moves else NOTHING, forms.height if forms.body_hops else NOTHING
-        numbers = np.array([(
+        numbers = np.zeros(1, SHOCK)  # the bytes between the fields are 0 too, so that equal shocks have equal bytes
+        numbers[0] = (
             mass, forms.plates.index(struck) if struck else NOTHING,
             scene[f"mass.{struck}"] * np.array(scene.direction(struck)) if struck else (0.0, 0.0),
             lifts, restitution, body, height, self.inertia[0, 0], self.inertia[0, 1], self.inertia[1, 1],
             scene.motor_inertia if forms.has_rotor else math.inf, kinetic, static,
             scene["ground.stribeck_speed"] if forms.friction_decays else 0.0,
-            has_friction, len(forms.bearings_after_shock) > 1, states)], SHOCK)
+            has_friction, len(forms.bearings_after_shock) > 1, states)
         direction = np.zeros((forms.channels.dynamic, 2))
         for side in self._free:
             direction[forms.guides.index(side)] = scene.direction(side)

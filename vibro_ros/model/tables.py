@@ -159,8 +159,10 @@ def _shock_table(forms: Forms, shocks: list[NonlinearShock], candidate: np.ndarr
     for part in forms.linkage if forms.crank_is_struck else ():
         mass[part.signal] += part.mass
         momentum[part.signal] += part.mass * np.array(part.direction)
-    return Shock(np.concatenate([shock.numbers for shock in shocks]), np.array([shock.direction for shock in shocks]),
-                 mass, momentum, candidate)
+    numbers = np.zeros(len(shocks), shocks[0].numbers.dtype)
+    for k, shock in enumerate(shocks):
+        numbers[k] = shock.numbers[0]
+    return Shock(numbers, np.array([shock.direction for shock in shocks]), mass, momentum, candidate)
 
 
 def _sliders(forms: Forms, scene: Scene) -> list[Slider]:
