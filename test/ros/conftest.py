@@ -10,11 +10,11 @@ import pytest
 from asking import answered_once
 from observation import Listener
 from random_run import FASTER, record_run
-from real_processes import bench, compiled, start, udp_only
+from real_processes import bench, start, udp_only
 from simulator_user import Simulator
 from std_srvs.srv import SetBool
 
-__all__ = ["bench", "compiled", "start", "udp_only"]
+__all__ = ["bench", "start", "udp_only"]
 
 
 @pytest.fixture

@@ -189,5 +189,5 @@ def test_hostile_messages_are_refused_and_change_nothing(start, bench):
     ("solver.method:=rk4", "solver.method: rk4 has no filtered acceleration; choose exact"),
     ("twin.fre:=[nothing]", "twin.fre: unknown parameter"),
 ])
-def test_parameters_are_refused(refusal, compiled, given, why):
+def test_parameters_are_refused(refusal, given, why):
     assert why in refusal(twin.main, "--ros-args", "-p", given)

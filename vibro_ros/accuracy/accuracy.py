@@ -46,10 +46,9 @@ from vibro_ros.orbits.starts import RUNNING_SPEED, SETTLING
 from vibro_ros.process.entry_point import FAILURE, Parser, exit_code, interrupted_code, say
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.simulation.motion import SimulationError
-from vibro_ros.simulation.preparation import prepare_kernels
 
 TABLE, TEXT = "accuracy.csv", "accuracy.md"
-_PACKAGES = ("numpy", "numba", "scipy")
+_PACKAGES = ("numpy", "scipy")
 _LEAST_HORIZON = 1e-3  # s, one sample
 
 
@@ -161,8 +160,6 @@ def _measure(options: argparse.Namespace) -> int:
         for scene in scenes:
             load_scene(scene)  # a missing scene is refused before anything is written
         options.output.mkdir(parents=True, exist_ok=True)
-        for method in ("exact", "rk4"):
-            prepare_kernels("accuracy", method)
         return _run(scenes, programs, effort, options.output)
     except KeyboardInterrupt:
         say("accuracy", f"interrupted before the diagrams; the rows are in {options.output / TABLE}")

@@ -26,7 +26,6 @@ from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.processes import core_count, in_processes
 from vibro_ros.simulation.runs import simulate
 from vibro_ros.simulation.samples import FIELDS
-from vibro_ros.simulation.simulator import Simulator
 
 Sensors = Mapping[str, tuple[float, float]]
 """By ``sensor.field``: measurements a second, and the standard deviation of their noise."""
@@ -142,7 +141,6 @@ def excite(scene: Scene, free: Sequence[str], duration: float = 5.0, sensors: Se
     if wrong := [name for name in chosen if name.partition(".")[2] not in FIELDS]:
         raise ValueError(f"sensors: {wrong[0]} measures no field of a sample; give sensor.field, such as "
                          "tracking.body_position")
-    Simulator(scene)  # compiles the kernels, which the processes share
     told = in_processes(partial(_excited, unknowns, duration, chosen), candidates(scene, free, duration),
                         workers or core_count())
     found = [one for _, future in told if (one := future.result())]

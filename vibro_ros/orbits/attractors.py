@@ -29,7 +29,6 @@ from vibro_ros.orbits.recurrence import SettledMotion, number_among, settle
 from vibro_ros.orbits.starts import SETTLING, drawn_start
 from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, at_cut, free_cut, free_phase, has_sampled_controller
 from vibro_ros.simulation.motion import SimulationError
-from vibro_ros.simulation.preparation import provide_kernels
 from vibro_ros.simulation.processes import core_count, in_processes
 from vibro_ros.simulation.simulator import Simulator
 
@@ -262,7 +261,6 @@ def attractors(scene: Scene, starts: int = 16) -> Attractors:
     if isinstance(starts, bool) or not isinstance(starts, int | np.integer) or not 1 <= starts <= MOST_STARTS:
         raise ValueError(f"starts: {starts!r} is out of range; give a whole number from 1 to {MOST_STARTS}")
     turn_map = free_cut(scene)
-    provide_kernels(scene["solver.method"])  # compile once, before the processes are forked
     jobs = in_processes(partial(_settled, scene, turn_map.phase), range(starts), min(core_count(), int(starts)))
     with closing(jobs):  # else an error's traceback would keep the workers alive until it is collected
         motions, speeds = zip(*(future.result() for _, future in jobs), strict=True)

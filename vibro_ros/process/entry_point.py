@@ -76,7 +76,7 @@ def enter(program: str) -> int:
         code = code or FAILURE
     threading = sys.modules.get("threading")
     if threading and any(thread.daemon for thread in threading.enumerate()):
-        os._exit(code)  # a daemon thread, such as a compilation, would crash the interpreter's shutdown
+        os._exit(code)  # a daemon thread would crash the interpreter's shutdown
     return code
 
 

@@ -8,14 +8,20 @@ a phase that runs backwards passes mirrored cells. A target in the other directi
 0, where the direction changes, and rises again: two changes, each of one sign.
 """
 
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vibro_ros.solver.compilation import part
 from vibro_ros.solver.elementary import expm1, log1p
-from vibro_ros.solver.system import STRIDE, SignalTable
+from vibro_ros.solver.system import STRIDE, SignalTable, System
+from vibro_ros.solver.typed import Row, part
 from vibro_ros.solver.vector import LENGTH
+
+if TYPE_CHECKING:
+    from vibro_ros.solver.state import Drive
 
 _NEGLIGIBLE = 1e-18  # relative to 1
 # Newton's method for the end of a cell: monotone after its first step, because the speed is.
@@ -57,7 +63,7 @@ def command_drive(signals: SignalTable, drive: np.void, speed: float, target: fl
 
 
 @part
-def enter_next_cell(system, drive):
+def enter_next_cell(system: System, drive: Drive) -> None:
     """Let the segment start where the next cell starts."""
     drive.offset = 0.0
     drive.cell += drive.direction
@@ -70,7 +76,7 @@ def enter_next_cell(system, drive):
 
 
 @part
-def phase_advance(drive, elapsed):
+def phase_advance(drive: Drive, elapsed: float) -> tuple[float, float]:
     """Return the advance of the phase [rad] in `elapsed` [s] from the segment's start, and the speed [rad/s] then; also
     beyond the instant at which the direction changes, up to `settling_time`."""
     speed, target, lag = drive.speed, drive.target, drive.lag
@@ -83,13 +89,13 @@ def phase_advance(drive, elapsed):
 
 
 @part
-def _rising_time(target, acceleration, lag):
+def _rising_time(target: float, acceleration: float, lag: float) -> float:
     """Return the time [s] in which the speed rises from 0 to its target."""
     return _TIME_CONSTANTS * lag if lag > 0.0 else target / acceleration
 
 
 @part
-def settling_time(drive):
+def settling_time(drive: Drive) -> float:
     """Return the time [s] until the speed is at its target, in either direction; 0 if the speed does not change."""
     if drive.time_left == 0.0 or drive.target >= 0.0:
         return drive.time_left
@@ -97,7 +103,7 @@ def settling_time(drive):
 
 
 @part
-def advance_speed(drive, elapsed, speed):
+def advance_speed(drive: Drive, elapsed: float, speed: float) -> bool:
     """Set the speed, after `elapsed` [s] of a change, to `speed` [rad/s]; return whether it is at its target now.
 
     The rounding error of the sum is added to the next change, because a change takes thousands of segments. If the
@@ -128,7 +134,7 @@ def advance_speed(drive, elapsed, speed):
 
 
 @part
-def _ramped_time_to_advance(distance, speed, change):
+def _ramped_time_to_advance(distance: float, speed: float, change: float) -> float:
     """Return the time [s] in which the phase advances by `distance` [rad] at the rate `change` [rad/s²] of its speed;
     infinite if the phase stops before."""
     discriminant = speed * speed + 2.0 * change * distance
@@ -139,7 +145,7 @@ def _ramped_time_to_advance(distance, speed, change):
 
 
 @part
-def time_to_advance(drive, distance):
+def time_to_advance(drive: Drive, distance: float) -> float:
     """Return the time [s] in which the phase advances by `distance` [rad]; infinite if the phase stops before."""
     if drive.lag == 0.0:
         return _ramped_time_to_advance(distance, drive.speed, drive.acceleration)
@@ -158,7 +164,7 @@ def time_to_advance(drive, distance):
 
 
 @part
-def resolved_time(drive, reach):
+def resolved_time(drive: Drive, reach: float) -> float:
     """Return the longest time [s] over which a signal's series in time reaches rounding at its last term.
 
     The phase must stay within `reach` [rad] for complex times up to 1/STRIDE halves of the segment.
@@ -174,7 +180,7 @@ def resolved_time(drive, reach):
 
 
 @part
-def _fill_change(drive, speed, half, width, series):
+def _fill_change(drive: Drive, speed: float, half: float, width: float, series: Row) -> int:
     """Fill `series` with the phase that the change of the speed adds, about an instant at which the speed is `speed`.
 
     The phase is in halves of the cell's `width` [rad], the time in `half` [s]. Returns the number of terms, 2 if there
@@ -194,7 +200,7 @@ def _fill_change(drive, speed, half, width, series):
 
 
 @part
-def fill_shift(drive, half, width, shift):
+def fill_shift(drive: Drive, half: float, width: float, shift: Row) -> tuple[float, float, int]:
     """Write the phase over a segment of the duration 2 `half` [s] as middle + slope (x + shift(x)).
 
     The phase is counted from the middle of its cell in halves of the cell's `width` [rad].

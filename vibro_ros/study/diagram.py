@@ -37,7 +37,6 @@ from vibro_ros.orbits.turn_map import (
 )
 from vibro_ros.process.entry_point import Parser
 from vibro_ros.simulation.given_state import STATE_UNITS
-from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.study.command import Results, StudyCommand, machine_of
 from vibro_ros.study.execution import Execution, Rows, fingerprint
 from vibro_ros.study.figures import BLUE, VERMILION, new_figure, of_parameter, png, style_axes
@@ -574,7 +573,6 @@ def _design(options: argparse.Namespace) -> Design:
     """Make the design from the options; unless `--phase` is given, the cut is chosen at the first value."""
     scene, axis = machine_of(options), _axis(options)
     first = scene.with_parameters({axis.name: axis.values[0]})
-    prepare_kernels("study", scene["solver.method"])
     if options.phase is None:
         phase = float(free_cut(first).phase)
     elif 0.0 <= options.phase < TURN:

@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any
 
 from vibro_ros.process.entry_point import say
-from vibro_ros.simulation.preparation import prepare_kernels, provide_kernels
 from vibro_ros.simulation.processes import Forks, InThisProcess, in_order
 from vibro_ros.simulation.provenance import software
 from vibro_ros.simulation.simulator import ToleranceWarning
@@ -80,8 +79,6 @@ class Task:
         """
         with _one_at_a_time, warnings.catch_warnings():
             warnings.simplefilter("ignore", ToleranceWarning)  # the command has printed it, or a row contains it
-            for method in self.methods:
-                provide_kernels(method)
             return computes_with(), [self.rows(number) for number in numbers]
 
 
@@ -111,8 +108,6 @@ class Execution:
         RuntimeError
             If workers have other software than this machine, die repeatedly, or the scheduler disappears.
         """
-        for method in () if self.address else methods:
-            prepare_kernels("study", method)  # compile once, before the processes are forked
         task, (time, most) = Task(rows, methods), _CLUSTER_GROUP if self.address else _LOCAL_GROUP
         given = _groups(iter(numbers), max(1, min(most, int(time / run_time))))
         due: deque[tuple[int, ...]] = deque()

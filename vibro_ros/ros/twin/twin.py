@@ -15,7 +15,6 @@ import time
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 
 from vibro_ros.configuration.scene_file import load_scene, scene_origin, shipped_scenes
 from vibro_ros.identification.estimator import Departure, Estimator
@@ -32,9 +31,7 @@ from vibro_ros.ros.node.parameters import declare, parameter_lines, take_overrid
 from vibro_ros.ros.twin.hearing import SENSORS, Hearing
 from vibro_ros.ros.twin.telling import PUBLISHED, Telling
 from vibro_ros.sensors.noise import of_imu
-from vibro_ros.simulation.kernels import compile_kernels
 from vibro_ros.simulation.motion import SimulationError
-from vibro_ros.simulation.preparation import Preparation
 from vibro_ros.simulation.simulator import ToleranceWarning
 
 NODE_NAME = "vibro_twin"
@@ -84,11 +81,8 @@ def _run(words: Sequence[str]) -> int:
         settings, scene = _configure(node, words)
         qos.check_overrides(node, PUBLISHED, (*COMMANDS, *SENSORS, process.CLOCK))
         node.get_logger().info(f"scene {settings['scene']}")
-        preparation = Preparation(partial(_prepare, settings, scene), node.get_logger().info)
-        process.spin_until(node, lambda: bool(stop) or preparation.done())
-        if not stop:
-            estimator = preparation.result()
-            process.wait_for_time(node, lambda: bool(stop))
+        estimator = _new_estimator(settings, scene)
+        process.wait_for_time(node, lambda: bool(stop))
         if stop:
             say("twin", "stopped while starting")
             return 0
@@ -116,12 +110,6 @@ def _configure(node: GuardedNode, words: Sequence[str]) -> tuple[dict[str, Value
     declare(node, PARAMETERS, settings)
     declare(node, [replace(parameter, while_running=False) for parameter in SCENE_PARAMETERS], scene.parameters)
     return settings, scene
-
-
-def _prepare(settings: Mapping[str, Value], scene: Scene) -> Estimator:
-    """Compile the kernels and make the estimator, in a thread, so that a signal need not wait for it."""
-    compile_kernels(scene["solver.method"])
-    return _new_estimator(settings, scene)
 
 
 def _new_estimator(settings: Mapping[str, Value], scene: Scene) -> Estimator:
