@@ -75,14 +75,14 @@ check: lint  ## the fast loop, a minute: lint, and the device's quick tests from
 lint: $(READY) conflict-markers site  ## check style, spelling, types and links; name generated pages that are older than their code
 	@$(BIN)/ruff check
 	@$(BIN)/oxlint --config=tools/oxlint.json --format=unix vibro_ros/view/page
-	@$(BIN)/codespell *.md Makefile setup.py config docs examples lab test tools vibro_ros
+	@$(BIN)/codespell *.md .github Makefile setup.py config docs examples lab test tools vibro_ros
 	@$(BIN)/mypy --no-error-summary
 	@$(BIN)/python -m tools.documents --check
 
 # The theme would print in every build that its end of life is in May 2027, and that Zensical then takes mkdocs.yml over.
 site: export NO_MKDOCS_2_WARNING := 1
 site: $(READY) $(SITE)  ## build the documents as web pages into out/site; a link that leads nowhere is an error
-	@said=$$($(BIN)/python -m mkdocs build --strict 2>&1) || { echo "$$said" >&2; exit 1; }  # with --quiet it counts no warnings
+	@said=$$($(BIN)/python -m mkdocs build --strict --config-file tools/mkdocs.yml 2>&1) || { echo "$$said" >&2; exit 1; }  # with --quiet it counts no warnings
 
 # 1 of git's exit codes is "found nothing"; without a repository it looks at all files that .gitignore does not name.
 conflict-markers:

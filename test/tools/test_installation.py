@@ -16,7 +16,7 @@ from tools.interfaces.command import cmake_arguments, environment
 from vibro_ros.process.executables import EXECUTABLES
 
 ROOT = Path(__file__).resolve().parents[2]
-SOURCES = ("LICENSE", "MANIFEST.in", "README.md", "config", "examples", "interfaces", "package.xml", "pyproject.toml",
+SOURCES = ("LICENSE", "README.md", "config", "examples", "interfaces", "package.xml", "pyproject.toml",
            "resource", "setup.cfg", "setup.py", "vibro_ros",
            *(f"lab/{name}" for name in ("package.xml", "resource", "setup.cfg", "setup.py", "vibro_lab")))
 CONFIG = sorted(file.relative_to(ROOT) for file in (ROOT / "config").rglob("*") if file.is_file())
