@@ -8,7 +8,6 @@ With `NUMBA_DISABLE_JIT=1` nothing is compiled, and a debugger steps from `simul
 
 from collections.abc import Callable
 
-import llvmlite.binding as llvm
 import numba
 from numba.extending import register_jitable
 
@@ -117,31 +116,3 @@ def _compile(kernel, kinds: tuple) -> None:
         if kinds not in kernel.overloads:
             raise
         progress.unwritable = f"{_store.path}: {error.strerror}"  # it was compiled, and could not be stored
-
-
-# How kernels round
-
-#: Features of a processor that change how kernels round or vectorize their loops.
-_FEATURES = ("avx", "avx2", "avx512f", "avx512vl", "fma", "neon", "sve", "sve2")
-
-
-@entry
-def _sum_of_products(a, b, c):
-    return a * b + c
-
-
-def multiply_add() -> str:
-    """Return how kernels multiply and add: `fused`, with one rounding, or `apart`, with two."""
-    above_one = 1.0 + 2.0**-30  # its square is 1 + 2^-29 + 2^-60; a double cannot hold the last term
-    return "apart" if _sum_of_products(above_one, above_one, -1.0 - 2.0**-29) == 0.0 else "fused"
-
-
-def processor() -> str:
-    """Return LLVM's name of the processor for which kernels are compiled, and its features that change rounding."""
-    name = numba.config.CPU_NAME or llvm.get_host_cpu_name()
-    given = numba.config.CPU_FEATURES
-    if given is None:
-        found = {feature for feature, present in llvm.get_host_cpu_features().items() if present}
-    else:
-        found = {word[1:] for word in given.split(",") if word.startswith("+")}
-    return " ".join([name, *(feature for feature in _FEATURES if feature in found)])
