@@ -1,9 +1,12 @@
 """Results have the bits of `digests.json` on any x86-64 computer: with other libraries, processors, and uncompiled."""
 
+import ast
 import json
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
+from pathlib import Path
 
 import digests
 import pytest
@@ -73,3 +76,36 @@ def test_a_recording_replays_with_the_libraries_of_another_processor(tmp_path):
 def test_plain_python_has_the_bits_of_the_kernels():
     output = output_in_child([digests.__file__, *UNCOMPILED], {"VIBRO_ROS_PLAIN": "1"})
     assert json.loads(output) == of_reference(UNCOMPILED)
+
+
+# Functions of the C library, of loops of numpy, of BLAS and of LAPACK, whose bits differ by processor; sums of arrays
+# are among them. `np.cumsum` is not, because it adds one number after the other.
+METHODS = {"sum", "mean", "std", "var", "prod", "dot"}
+ROUNDED_BY_LIBRARIES = {
+    "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh",
+    "arcsin", "arccos", "arctan", "arctan2", "exp", "exp2", "expm1", "log", "log2", "log10", "log1p", "pow",
+    "power", "float_power", "hypot", "cbrt", "dist", "sumprod", "sum", "mean", "average", "std", "var", "prod",
+    "dot", "vdot", "inner", "matmul", "einsum", "tensordot", "linalg", "polynomial", "interp", "convolve"}
+
+
+def library_roundings(tree: ast.AST) -> Iterator[str]:
+    """Yield what a module takes from a library whose bits differ by processor."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and (node.attr in METHODS or (
+                node.attr in ROUNDED_BY_LIBRARIES and ast.unparse(node.value) in ("math", "np"))):
+            yield ast.unparse(node)
+        elif isinstance(node, ast.BinOp) and isinstance(node.op, ast.MatMult):
+            yield ast.unparse(node)
+        elif isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
+            if not (isinstance(node.left, ast.Constant) and isinstance(ast.literal_eval(node.right), int)):
+                yield ast.unparse(node)
+        elif isinstance(node, ast.Import | ast.ImportFrom) and "scipy" in ast.unparse(node):
+            yield ast.unparse(node)
+
+
+@pytest.mark.parametrize("room", ["model", "solver", "sensors", "simulation", "messages"])
+def test_no_number_of_a_run_is_rounded_by_a_library(room: str):
+    """Except the limits by which parameters are refused, which enter no result."""
+    for module in sorted((Path(vibro_ros.__file__).parent / room).glob("*.py")):
+        if module.stem != "parameter_checks":
+            assert not list(library_roundings(ast.parse(module.read_text(encoding="utf-8")))), module

@@ -249,5 +249,5 @@ def _add_inertial(link: Element, mass: float, size: Vector, middle: Vector) -> N
 
 
 def _text(numbers: Sequence[float]) -> str:
-    """Return numbers with 12 digits, so that the last bit of a sine, which differs by machine, changes no text."""
+    """Return numbers with 12 digits, so that no rounding shows, such as that of a sine."""
     return " ".join(f"{number + 0.0:.12g}" for number in numbers)

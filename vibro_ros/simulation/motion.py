@@ -368,7 +368,7 @@ class Motion:
         scene, controller, phase = self.scene, self.model.system.rotor.controller[0], self.model.forms.phase
         period, law = float(controller["period"]), controller["law"]
         most = scene["motor.current_limit" if law == BY_CURRENT else "motor.supply_voltage"] * (1.0 + _CLOSE)
-        angles = self.point[phase], self.state.mode_point[phase], np.abs(self.state.z[phase]).sum()
+        angles = self.point[phase], self.state.mode_point[phase], math.fsum(abs(self.state.z[phase]))
         spans = [*((abs(angle), 0.0, _MOST_TURNED) for angle in angles), (abs(motor["held"]), 0.0, most),
                  *((abs(motor[name]), 0.0, BY_NAME["motor.max_speed"].maximum) for name in ("target", "reference"))]
         if law != BY_COMMAND:

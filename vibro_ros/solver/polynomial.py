@@ -55,7 +55,7 @@ def economized_powers(length: int, count: int) -> np.ndarray:
             if degree < length:
                 weight = math.comb(n, k) * (2 if degree else 1)
                 total = [a + weight * b for a, b in zip(total, chebyshev[degree], strict=True)]
-        row[:] = [a / 2**n for a in total]
+        row[:] = [a / (1 << n) for a in total]
     return rows
 
 
@@ -79,7 +79,8 @@ def gauss_legendre(count: int) -> tuple[np.ndarray, np.ndarray]:
             slope = count * (x * last // _UNIT - before) * _UNIT // (x * x // _UNIT - _UNIT)
             x -= last * _UNIT // slope
         nodes[count - 1 - k], nodes[k] = x / _UNIT, -x / _UNIT
-        weights[count - 1 - k] = weights[k] = 2 * _UNIT**3 / ((_UNIT * _UNIT - x * x) * (slope * slope // _UNIT))
+        square = slope * slope // _UNIT
+        weights[count - 1 - k] = weights[k] = 2 * _UNIT * _UNIT * _UNIT / ((_UNIT * _UNIT - x * x) * square)
     return nodes, weights
 
 

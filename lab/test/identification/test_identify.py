@@ -15,7 +15,7 @@ import vibro_ros
 from vibro_lab.identification.fit import Fitting
 from vibro_lab.identification.identify import identify
 from vibro_lab.identification.inference import intervals
-from vibro_lab.identification.recording import Channel, Recording
+from vibro_lab.identification.recording import Channel, Recording, read_recording
 from vibro_lab.identification.unknowns import Unknowns
 from vibro_lab.study.identification_page import identification_page
 from vibro_ros.bag.stream import BagError
@@ -97,6 +97,54 @@ def test_a_laboratory_recording_tells_all_thirteen_from_the_defaults(tmp_path):
     assert found.passes <= 1000
     assert all(0.9 < square < 1.1 for square in found.chi_square.values()), found.chi_square
     assert found.verdict.startswith("the model fits")
+
+
+@pytest.mark.slow
+def test_noise_that_neighbours_only_bound_is_taken_from_the_residuals(tmp_path, monkeypatch):
+    """At 100 Hz a mass moves by 4 mm between two samples: neighbouring values give a hundred times its noise, and a fit
+    that weighed by it was up to 70 % off and left a quarter of the windows out."""
+    record = laboratory()
+    import laboratory as module
+    monkeypatch.setattr(module, "RATE", 100.0)
+    made = record(tmp_path / "bag", "damped", seed=1, covariances=False)
+    bounds = [one.sigma / deviation(one.field) for one in read_recording(made.bag, made.scene).channels
+              if one.field.startswith(("upper", "inclined"))]
+    assert len(bounds) == 4 and min(bounds) > 100.0
+    found = identify(made.bag, made.scene, THIRTEEN)
+    assert_found(found, made.truth)
+    assert found.windows["used"].mean() > 0.9 and found.verdict.startswith("the model fits")
+    assert all(0.9 < square < 1.1 for square in found.chi_square.values()), found.chi_square
+    for one in found.recording.channels:
+        if one.field.startswith("upper"):
+            assert one.sigma == pytest.approx(deviation(one.field), rel=0.2)  # 401 samples
+    assert sum("by the residuals of the fit" in line for line in found.said) >= 4
+
+
+@pytest.mark.process
+def test_a_recording_with_pauses_is_fitted_as_a_whole_one(tmp_path):
+    """The recorder stops for a minute while the robot stands, and again for 0.7 s while it moves."""
+    commands = [(0.0, {"motor_speed": 100.0}), (0.9, {"motor_speed": 0.0}), (61.3, {"motor_speed": 100.0})]
+    truth = vibro_ros.load_scene("damped").with_parameters({
+        "effects.motor": "ramp", "motor.speed": 0.0, "motor.acceleration": 400.0, "ground.friction": 0.205})
+    times = np.concatenate([begin + np.arange(650 if not begin else 401) / 500.0 for begin in (0.0, 61.3, 62.8)])
+    random, run = np.random.default_rng(1), vibro_ros.simulate(truth, times=times, commands=commands)
+
+    def noisy(field):
+        return getattr(run, field) + deviation(field) * random.standard_normal(len(times))
+
+    bag = written(tmp_path / "bag", numbers("motor_speed", [(at, given["motor_speed"]) for at, given in commands]),
+                  joint_states(times, {"crank": [TICK * np.round(run.crank_angle / TICK)]}, "encoder"),
+                  odometry(times, noisy("body_position"), noisy("body_velocity"), (2.5e-9, 1e-6)),
+                  joint_states(times, {f"{side}_mass": [noisy(f"{side}_position"), noisy(f"{side}_velocity")]
+                                       for side in ("upper", "inclined")}))
+    scene = truth.with_parameters({"ground.friction": 0.2, "mass.body": 1.02})
+    found = identify(bag, scene, ("ground.friction", "mass.body"), workers=1)
+    assert found.values["ground.friction"] == pytest.approx(0.205, rel=1e-3)
+    assert found.values["mass.body"] == pytest.approx(1.0, rel=1e-3)
+    assert found.verdict.startswith("the model fits") and found.windows["used"].all()
+    assert all(((times >= start) & (times < end)).any() for start, end, *_ in found.windows)
+    assert np.diff(found.windows["end"] - found.windows["start"]).max() < 1.0  # s; none lies across a pause
+    assert (found.windows["start"] > 62.5).sum() > 3 and found.passes < 500
 
 
 @pytest.mark.process

@@ -193,12 +193,116 @@ def test_noise_is_given_by_sensor_or_channel_and_infinity_leaves_out(tmp_path):
             read_recording(bag, DAMPED, wrong)
 
 
-@pytest.mark.parametrize("variance", [0.0, -1.0, math.nan, math.inf])
-def test_a_covariance_that_says_nothing_is_not_taken(tmp_path, variance):
-    bag = written(tmp_path / "bag", tracking(TIMES, X + noise(1e-3), variance))
+def test_a_variance_of_0_is_not_known_and_the_noise_is_estimated(tmp_path):
+    bag = written(tmp_path / "bag", tracking(TIMES, X + noise(1e-3), 0.0))
     (found,) = read_recording(bag, DAMPED).channels
     assert found.sigma_from == "neighbours"
     assert found.sigma == pytest.approx(1e-3, rel=0.12)
+
+
+@pytest.mark.parametrize("variance", [-1.0, math.nan, math.inf, np.finfo(float).max])
+def test_a_variance_that_says_not_measured_drops_that_number_and_no_other(tmp_path, variance):
+    """Every second position; then no speed at all."""
+    def unmeasured(message):
+        message.pose.covariance = np.where(np.arange(36) == 0, variance, message.pose.covariance)
+
+    rows = list(odometry(TIMES, np.where(np.arange(1000) % 2, X, math.nan), V, (1e-8, 1e-6)))
+    for k in range(0, 1000, 2):
+        rows[k] = changed(rows[k], "odom", unmeasured)
+    recording = read_recording(written(tmp_path / "bag", rows), DAMPED)
+    position, velocity = recording.channels
+    np.testing.assert_array_equal(position.values, X[1::2])
+    np.testing.assert_allclose(position.times, TIMES[1::2] - TIMES[0], rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(velocity.values, V)
+    assert (position.sigma, position.sigma_from) == (pytest.approx(1e-4), "covariance")
+    assert any("body_position: 500 samples" in line and "500 others not measured" in line for line in recording.said)
+    bag = written(tmp_path / "other", odometry(TIMES, X, V, (1e-8, variance)))
+    recording = read_recording(bag, DAMPED)
+    assert [one.field for one in recording.channels] == ["body_position"]
+    assert any("odom: body_velocity is left out" in line and "not measured" in line for line in recording.said)
+    with pytest.raises(BagError, match="measures nothing .* its variance, or NaN, says of 1000 of 1000 numbers"):
+        read_recording(written(tmp_path / "none", tracking(TIMES, X, variance)), DAMPED)
+
+
+def changed(row, topic, change):
+    """Return a row of a bag with its message changed in place."""
+    message = deserialised(row[2], TOPICS[topic].type)
+    change(message)
+    return row[0], row[1], serialised(message, TOPICS[topic].type)
+
+
+def test_each_joint_has_the_instants_at_which_it_was_measured(tmp_path):
+    """Three publishers, one of which is another robot's and comes first; and NaN of one joint drops that number only.
+    """
+    y, z = 0.03 + X + noise(1e-4), 0.02 + X + noise(1e-4)
+    holed = np.where(np.arange(1000) == 7, math.nan, z)
+    bag = written(tmp_path / "bag", joint_states(TIMES[:3] - 1e-6, {"wheel": [X]}),
+                  joint_states(TIMES[::2], {"upper_mass": [y[::2]]}),
+                  joint_states(TIMES[1::2], {"crank": [TIMES[1::2], TIMES[1::2]], "upper_mass": [y[1::2], V[1::2]]}),
+                  joint_states(TIMES + 3e-4, {"inclined_mass": [holed]}))
+    recording = read_recording(bag, DAMPED)
+    assert not any("unreadable" in line for line in recording.said)
+    upper = channel(recording, "joint_states.upper_position")
+    np.testing.assert_array_equal(upper.values, y)
+    np.testing.assert_allclose(upper.times, TIMES - TIMES[0], rtol=0, atol=1e-9)
+    speed = channel(recording, "joint_states.upper_velocity")
+    np.testing.assert_array_equal(speed.values, V[1::2])
+    np.testing.assert_allclose(speed.times, TIMES[1::2] - TIMES[0], rtol=0, atol=1e-9)
+    inclined = channel(recording, "joint_states.inclined_position")
+    np.testing.assert_array_equal(inclined.values, np.delete(z, 7))
+    np.testing.assert_allclose(inclined.times, np.delete(TIMES, 7) + 3e-4 - TIMES[0], rtol=0, atol=1e-9)
+
+
+def encoder(times, speed, lowest=None):
+    """Return rows of an encoder at this speed [rad/s]; `lowest` is the least angle of one that is within a turn."""
+    angle = speed * (times - times[0])
+    angle = angle if lowest is None else (angle - lowest) % math.tau + lowest
+    return joint_states(times, {"crank": [math.tau / 4096 * np.round(angle / (math.tau / 4096))]}, "encoder")
+
+
+@pytest.mark.parametrize("lowest", [-math.pi, 0.0])
+def test_an_angle_within_one_turn_is_unwrapped_where_samples_are_dense_enough(tmp_path, lowest):
+    scene, command = DAMPED.with_parameters({"motor.speed": 60.0}), numbers("motor_speed", [(1.0, 60.0)])
+    bag = written(tmp_path / "bag", encoder(TIMES, 60.0, lowest), list(command))
+    recording = read_recording(bag, scene)
+    (found,) = recording.channels
+    counted = read_recording(written(tmp_path / "counted", encoder(TIMES, 60.0)), scene).channels[0]
+    np.testing.assert_allclose(found.values - found.values[0], counted.values, rtol=0, atol=1e-9)
+    assert (found.resolution, found.sigma) == (counted.resolution, counted.sigma)
+    assert any("crank_angle: is given within one turn, and is unwrapped" in line for line in recording.said)
+    sparse = TIMES[::35]  # 14.3 Hz: 4.2 rad between two samples
+    bag = written(tmp_path / "sparse", encoder(sparse, 60.0, lowest))
+    with pytest.raises(BagError, match="/encoder: crank_angle is within one turn, and the crank turns by 4.2 rad in "
+                       "0.07 s between two samples, so that turns are not known; record at 22 Hz at least"):
+        read_recording(bag, scene)
+    paused = np.concatenate([TIMES, TIMES + 60.0])
+    with pytest.raises(BagError, match="without a pause while it turns, or count the angle on"):
+        read_recording(written(tmp_path / "paused", encoder(paused, 60.0, lowest)), scene)
+    both = joint_states(TIMES[100:], {"crank": [60.0 * (TIMES[100:] - TIMES[0]) + noise(1e-3, 900)]})
+    encoded, measured = read_recording(written(tmp_path / "both", encoder(TIMES, 60.0, lowest), both), scene).channels[
+        ::-1]
+    assert np.abs(encoded.values[100:] - measured.values).max() < 0.01  # both count from the same turn
+
+
+@pytest.mark.parametrize("recorded", [True, False], ids=["header alone", "recorded as well"])
+def test_a_stamp_that_was_never_set_and_copies_of_two_recorders_are_left_out_and_counted(tmp_path, recorded):
+    def unset(message):
+        message.header.stamp.sec = message.header.stamp.nanosec = 0
+
+    rows = list(odometry(TIMES, X, V, (1e-8, 1e-6)))
+    plain = read_recording(written(tmp_path / "plain", rows), DAMPED)
+    for k in (0, 500):
+        topic, at, data = changed(rows[k], "odom", unset)
+        rows[k] = topic, at if recorded else 0, data
+    copies = [(topic, at + 3_000_000, data) for topic, at, data in rows[100:400]]  # between later ones of the other
+    recording = read_recording(written(tmp_path / "bag", rows, copies), DAMPED)
+    kept = np.delete(np.arange(1000), [0, 500])
+    for found, whole in zip(recording.channels, plain.channels, strict=True):
+        np.testing.assert_array_equal(found.values, whole.values[kept])
+        np.testing.assert_allclose(found.times, whole.times[kept] - whole.times[1], rtol=0, atol=1e-6)
+        assert found.sigma == whole.sigma
+    assert "/odom: 2 of 1300 messages left out, because the stamp was never set" in recording.said
+    assert any(line.startswith("/odom: 300 of 1300 messages left out, because it is a copy") for line in recording.said)
 
 
 def swapped(rows):

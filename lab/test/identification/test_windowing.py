@@ -8,10 +8,12 @@ from vibro_lab.identification.recording import Channel, Recording
 from vibro_lab.identification.windowing import (
     REACHES,
     TURN,
+    Stretch,
     arcs,
     chain,
     local_states,
     measured,
+    measured_spans,
     positions_of,
     roughness,
     unmeasured,
@@ -92,24 +94,28 @@ def test_roughness_is_large_only_within_four_milliseconds_of_a_blow():
 
 def test_arcs_start_where_it_is_calm_and_never_overlap():
     rough = roughness(TIMES, [blows(TIMES)])
-    found = arcs(TIMES, rough, 0.013, 30)
+    stretch = Stretch(TIMES, TIMES, rough, False)
+    found = arcs([stretch], 0.013, 30)
     assert 20 <= len(found) <= 30
     assert_allclose(np.diff(found, axis=1), 0.013)
     assert (found[1:, 0] >= found[:-1, 1]).all()
     assert found[0, 0] > 0.0 and found[-1, 1] <= TIMES[-1]
     assert (rough[np.searchsorted(TIMES, found[:, 0])] < 0.01).all()
     assert found[-1, 0] - found[0, 0] > 1.7  # they are spread over the recording
-    assert arcs(TIMES, rough, 3.0, 30).shape == (0, 2)  # a recording that is shorter than one
+    assert arcs([stretch], 3.0, 30).shape == (0, 2)  # a recording that is shorter than one
+    later = arcs([stretch, stretch._replace(times=TIMES + 60.0)], 0.013, 30)  # after a pause
+    assert 20 <= len(later) <= 30 and 10 <= (later[:, 0] > 60.0).sum() <= 15
+    assert not ((later[:, 1] > TIMES[-1]) & (later[:, 0] < 60.0)).any()
 
 
 @pytest.mark.parametrize("turns", [0.5, 2.0])
-@pytest.mark.parametrize("from_start", [True, False])
-def test_a_chain_is_joined_covers_the_recording_and_starts_where_it_is_calm(turns, from_start):
+@pytest.mark.parametrize("rests", [True, False])
+def test_a_chain_is_joined_covers_the_recording_and_starts_where_it_is_calm(turns, rests):
     rough = roughness(TIMES, [blows(TIMES)])
-    found = chain(TIMES, rough, 100.0 * TIMES, turns, from_start)
+    found = chain([Stretch(TIMES, 100.0 * TIMES, rough, rests)], turns)
     assert (found[1:, 0] == found[:-1, 1]).all()
     assert (found[:, 1] > found[:, 0]).all()
-    assert found[0, 0] == 0.0 if from_start else 0.0 <= found[0, 0] < 0.5 * turns * TURN / 100.0
+    assert found[0, 0] == 0.0 if rests else 0.0 <= found[0, 0] < 0.5 * turns * TURN / 100.0
     assert found[-1, 1] > TIMES[-1] > found[-1, 0]  # the last sample is in the last window
     length = np.diff(found[:-1], axis=1) * 100.0 / (TURN * turns)
     assert (length > 0.69).all() and (length < 1.31).all()
@@ -118,7 +124,19 @@ def test_a_chain_is_joined_covers_the_recording_and_starts_where_it_is_calm(turn
 
 def test_no_window_starts_while_the_crank_rests():
     angle = 100.0 * np.where(TIMES < 0.5, TIMES, np.where(TIMES < 1.5, 0.5, TIMES - 1.0))
-    found = chain(TIMES, np.zeros(len(TIMES)), angle, 1.0, True)
+    stretch = Stretch(TIMES, angle, np.zeros(len(TIMES)), True)
+    found = chain([stretch], 1.0)
     assert (found[1:, 0] == found[:-1, 1]).all()
     assert not ((found[:, 0] > 0.501) & (found[:, 0] < 1.5)).any()
-    assert len(chain(TIMES, np.zeros(len(TIMES)), np.zeros(len(TIMES)), 1.0, True)) == 1
+    assert len(chain([stretch._replace(angle=np.zeros(len(TIMES)))], 1.0)) == 1
+
+
+def test_a_pause_of_the_recording_parts_stretches_and_a_lost_sample_does_not():
+    position = body(TIMES)[0]
+    times = np.concatenate([TIMES[:400], TIMES[420:] + 60.0, [100.0]])  # 20 samples are lost as well
+    made = recording(channel("body_position", np.resize(position, len(times)), 5e-5, times=times), duration=100.0)
+    assert_allclose(measured_spans(made), [[0.0, TIMES[399]], [TIMES[420] + 60.0, 62.0]])  # 1 sample is no stretch
+    slow = channel("body_position", position[::250], 5e-5, times=TIMES[::250])
+    lossy = channel("upper_position", np.delete(position, [500, 501]), 5e-5, times=np.delete(TIMES, [500, 501]))
+    assert_allclose(measured_spans(recording(slow, lossy)), [[0.0, 2.0]])
+    assert_allclose(measured_spans(recording(slow)), [[0.0, 2.0]])  # two samples a second are no pauses

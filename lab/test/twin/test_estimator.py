@@ -107,7 +107,8 @@ def test_nothing_is_said_of_a_robot_that_keeps_to_the_model(ordinary):
     (Incident("motor_stall", 10.0), {}, "motor_stall"),
     (Incident("friction_patch", 10.0, "", 0.03, -100.0, 100.0), {}, "friction_patch of about 0.02"),
     (Incident("plate_stuck", 10.0, "inclined"), {"inclined_gap": 0.002}, "plate_stuck of inclined"),
-], ids=["stall", "ice", "plate"])
+    (Incident("sensor_freeze", 10.0, "encoder"), {}, "sensor_freeze of encoder"),
+], ids=["stall", "ice", "plate", "encoder"])
 def test_fault_is_named_within_a_second(fault, then, words):
     """A stuck plate shows when it is commanded to move."""
     def fail(robot, estimator) -> None:
@@ -142,6 +143,17 @@ def test_end_of_a_fault_is_noticed():
     assert found[50][2].words == "motor_stall"  # at 2.55 s
     assert found[-1][2] is None
     assert rms(speed_errors(found[-10:])) < 30e-3  # of 220: the crank turns again as the robot's
+
+
+def test_an_encoder_that_freezes_is_not_used_and_its_end_is_noticed():
+    """The estimate goes on with the other sensors."""
+    found = followed(new_estimator(), 5.0, {2.0: lambda robot, _: robot.fail("sensor_freeze", 1.5, "encoder")})
+    said = {round(estimate.time, 2): departure.words for estimate, _, departure in found if departure}
+    assert set(said.values()) == {"sensor_freeze of encoder"}
+    assert 2.0 < min(said) < 3.0 and 3.4 < max(said) < 3.7
+    frozen = [one for one in found if 3.0 < one[0].time < 3.5]
+    assert rms(speed_errors(frozen)) < 20e-3  # of 220
+    assert rms(speed_errors(found[-10:])) < 8e-3
 
 
 def test_one_bad_message_does_not_move_the_estimate():

@@ -2,21 +2,25 @@
 
 import math
 import time
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
+import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
 from observation import stop
 from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
+from rclpy.time import Time
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Float64
 
 from vibro_lab.twin import twin
+from vibro_lab.twin.hearing import Hearing
 from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.ros.node.node import installed_type
+from vibro_ros.ros.node.node import GuardedNode, installed_type
 from vibro_ros.simulation.simulator import Simulator
 
 FROM, TO, RAMP = 120.0, 100.0, 200.0  # rad/s, and rad/s²
@@ -181,6 +185,54 @@ def test_hostile_messages_are_refused_and_change_nothing(start, bench):
 
     heard(publishers["encoder"], crank, is_told_late)
     stop(follower)
+
+
+@pytest.fixture
+def hearing(domain_id) -> Iterator[Hearing]:
+    rclpy.init()
+    node = GuardedNode("hearing")
+    yield Hearing(node, load_scene("damped").with_parameters({"effects.normal_force": "hop"}), 1e-4)
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def test_what_is_not_measured_is_dropped_and_lateness_is_no_offset(hearing, bench):
+    """An infinite variance, NaN of a joint, an encoder within one turn; and messages that wait for a busy twin.
+
+    No time passes: each poll is told its instant, and that of the poll before."""
+    start = bench.node.get_clock().now().nanoseconds
+    types = {"odom": Odometry, "joint_states": JointState, "encoder": JointState, "tracking": PoseWithCovarianceStamped}
+    publishers = {topic: bench.node.create_publisher(kind, topic, 100) for topic, kind in types.items()}
+    bench.spin_until(lambda: all(one.get_subscription_count() for one in publishers.values()), "the twin's ears")
+
+    def told(now: float, waited: float, *messages) -> list:
+        """Publish messages with the stamp 0.1 s, and return what is heard of them at the instant `now` [s], so long [s]
+        after the poll before."""
+        found, expected = [], sum(hearing.heard.values()) + hearing._node.refusals.count + len(messages)
+        for topic, message in messages:
+            message.header.stamp = Time(nanoseconds=start + SECOND // 10).to_msg()
+            publishers[topic].publish(message)
+
+        def heard() -> bool:
+            hearing._polled = start + round((now - waited) * SECOND)
+            found.extend((one.field, one.value) for _, one in hearing.measurements(start + round(now * SECOND)))
+            return sum(hearing.heard.values()) + hearing._node.refusals.count == expected
+
+        bench.spin_until(heard, "the messages")
+        return found
+
+    odom, joints = Odometry(), JointState(name=["upper_mass", "inclined_mass"], position=[math.nan, 0.06])
+    odom.pose.covariance[:15:7] = [np.finfo(float).max, 0.0, 1e-8]
+    odom.twist.covariance[:15:7] = [1e-6, 0.0, -1.0]
+    assert sorted(told(0.1, 0.02, ("odom", odom), ("joint_states", joints))) == [
+        ("body_height", 0.0), ("body_velocity", 0.0), ("inclined_position", 0.06)]
+    angles = [told(0.1, 0.02, ("encoder", JointState(name=["crank"], position=[angle])))[0][1]
+              for angle in (3.0, -3.0, -1.0, 3.1)]
+    assert angles == pytest.approx([3.0, math.tau - 3.0, math.tau - 1.0, 3.1])
+    odom.twist.covariance[0] = 1e-6
+    assert len(told(20.0, 19.8, ("odom", odom))) == 2  # this node had no time for it
+    assert hearing._node.refusals.count == 0 and hearing.longest_wait == pytest.approx(19.8)
+    assert told(20.0, 0.02, ("odom", odom)) == [] and hearing._node.refusals.count == 1  # it came with such a stamp
 
 
 @pytest.mark.parametrize("given, why", [

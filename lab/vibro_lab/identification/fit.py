@@ -2,21 +2,23 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from vibro_lab.identification.noise import clipped
-from vibro_lab.identification.recording import Recording
+from vibro_lab.identification.recording import AT_MOST, Recording
 from vibro_lab.identification.shooting import RESOLVED, TIGHT, Jacobian, Point, Shooting, width_of
 from vibro_lab.identification.unknowns import Unknowns
 from vibro_lab.identification.windowing import (
     REACHES,
+    Stretch,
     arcs,
     chain,
     local_states,
     measured,
+    measured_spans,
     positions_of,
     roughness,
     unmeasured,
@@ -37,6 +39,7 @@ _STEPS, _ENOUGH_OF_PARTS, _ENOUGH_OF_CHAIN, _ENOUGH = 10, 0.05, 5e-3, 1e-5
 _UNSEEN_LOOSENESSES, _TIED, _BLUR, _LEAST_BLURRED = (0.3, 0.1, 0.03, 0.01), 0.1, 0.01, 0.03
 _UNSEEN_WEIGHT, _ROUNDS, _FEW_LOST = 30.0, 6, 0.1
 _FAR_OFF_IN_SHARES, _FAR_OFF, _SCOUTS, _DRAWN, _BETTER = 0.1, 0.2, (1.0, 0.5, 0.25), 60, 0.95
+_PRESUMED = 0.1  # looseness as large as which a noise is presumed that neighbours do not tell: 0.1 mm, 10 mm/s
 _MOST_WINDOWS = 60
 _SLOWEST = 20.0  # rad/s: a slower crank makes windows no longer
 _REPAIRS = 4
@@ -120,37 +123,42 @@ class Fitting:
     """
 
     def __init__(self, recording: Recording, unknowns: Unknowns, workers: int, say: Callable[[str], None]):
-        self.recording, self.unknowns, self._workers, self._say = recording, unknowns, workers, say
+        self.recording = replace(recording, channels=tuple(
+            replace(one, sigma=min(one.sigma, _PRESUMED * width_of(one.field))) if one.sigma_from == AT_MOST else one
+            for one in recording.channels))
+        self.unknowns, self._workers, self._say = unknowns, workers, say
         self._names, self._passes = state_names(unknowns.scene), 0
-        angle, speed = self._crank_at_start()
-        self._rests = speed == 0.0
+        angle, speed = self._crank_at(0.0, unknowns.scene["motor.speed"])
         self._first_start = {} if unknowns.scene.has_rotor else {"crank_angle": angle} | (
             {} if unknowns.scene["effects.motor"] == "ideal" else {"motor_speed": speed})
         self._biased = [one for one in recording.channels if one.bias]
-        self.times, self._angle, self._rough = self._course()
+        self.stretches = self._course(speed == 0.0)
 
     def fitted(self) -> Fit:
         """Fit from the scene's own parameters: arcs, half turns, then the chain."""
         parameters = np.append(self.unknowns.coordinates(self.unknowns.scene.parameters), self._start_coordinates())
         if not self._unseen:
-            speed = max(_SLOWEST, float(np.ptp(self._angle)) / (self.times[-1] - self.times[0]))
-            spans = arcs(self.times, self._rough, _ARC * 2.0 * math.pi / speed, _MOST_WINDOWS)
+            turned, lasting = np.array([(np.ptp(angle), times[-1] - times[0])
+                                        for times, angle, *_ in self.stretches]).sum(axis=0).tolist()
+            speed = max(_SLOWEST, turned / lasting)
+            spans = arcs(self.stretches, _ARC * 2.0 * math.pi / speed, _MOST_WINDOWS)
             if len(spans):
                 parameters = self._loosely(spans, parameters, "short arcs", _ARC_LOOSENESSES)
-            spans = self._chain(_HALF)
+            spans = chain(self.stretches, _HALF)
             every = np.unique(np.linspace(0, len(spans) - 1, _MOST_WINDOWS).astype(int))
             parameters = self._loosely(spans[every], parameters, "half turns", _HALF_LOOSENESSES)
         return self.followed(parameters)
 
     def followed(self, parameters: np.ndarray) -> Fit:
         """Fit the chain of windows from coordinates of parameters that are near, or less near if masses are unseen."""
-        shooting = self._shooting(self._chain(_CHAIN))
+        shooting = self._shooting(chain(self.stretches, _CHAIN))
         candidates = self._candidates(shooting, parameters)
         at = self._begun(shooting, parameters, candidates)
         if self._unseen:
             at = self._begun_unseen(shooting, at)
         for looseness in _CHAIN_LOOSENESSES[-1:] if self._unseen else _CHAIN_LOOSENESSES:
             at = self._tightened(shooting, at, looseness, looseness)
+            at = self._with_noise_of_residuals(shooting, at)
         shooting.prior = self._prior(parameters, np.zeros(len(self.unknowns.each)), 0.0) if self._biased else None
         at = self._repaired(shooting, at, 0.0)
         jumped = shooting.left_out & self._unseen  # such a window holds up the last, tight steps
@@ -218,6 +226,16 @@ class Fitting:
         at = self._repaired(shooting, at, looseness)
         return shooting.minimise(at, looseness, width, _STEPS, _ENOUGH_OF_CHAIN)
 
+    def _with_noise_of_residuals(self, shooting: Shooting, at: Point) -> Point:
+        """Return the point with the noise that its residuals show, where neighbouring values told only a bound."""
+        noises = residuals_in(shooting, at)
+        self.recording = replace(self.recording, channels=tuple(
+            replace(channel, sigma=noise.sigma) if channel.sigma_from == AT_MOST else channel
+            for channel, noise in zip(self.recording.channels, noises, strict=True)))
+        shooting.windows.recording = self.recording
+        shooting.windows.recolour(np.array([one.sigma for one in self.recording.channels]), np.zeros(len(noises)))
+        return shooting.point(at.parameters, at.states) or at
+
     def _repaired(self, shooting: Shooting, at: Point, looseness: float) -> Point:
         candidates = self._candidates(shooting, at.parameters)
         for _ in range(_REPAIRS):  # each may mend the window after one that was mended
@@ -243,7 +261,9 @@ class Fitting:
         return at.parameters
 
     def _shooting(self, spans: np.ndarray) -> Shooting:
-        windows = Windows(self.recording, self._names, spans)
+        times = np.unique(np.concatenate([one.times for one in self.recording.channels]))
+        inside = np.diff(np.searchsorted(times, spans), axis=1)[:, 0] > 0  # no window is without a measurement
+        windows = Windows(self.recording, self._names, spans[inside])
 
         def simulated(parameters: np.ndarray, states: np.ndarray):
             try:
@@ -278,43 +298,53 @@ class Fitting:
         first[0] = own[0]
         return [*near, first]
 
-    def _chain(self, turns: float) -> np.ndarray:
-        return chain(self.times, self._rough, self._angle, turns, self._rests)
-
-    def _course(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return instants, the crank's angle there, and the roughness of the masses' and the body's speeds."""
+    def _course(self, rests: bool) -> list[Stretch]:
+        """Return the stretches of the recording that have measurements; `rests` is whether the crank does at time 0."""
         known, channels = measured(self.recording), {}
         for name in self._names:
             position, speed = positions_of(name)
             if name == speed and name != "motor_speed":
                 channels[speed] = known.get(speed) or known.get(position)
-        rate = min((len(one.times) / one.times[-1] for one in channels.values() if one), default=_RATE)
-        times = np.arange(0.0, self.recording.duration, 1.0 / rate)
-        run = simulate(self.unknowns.scene, times=times, commands=self.recording.commands)
-        speeds = []
-        for speed, channel in channels.items():
-            if channel is None:
-                speeds.append(getattr(run, speed))
-            else:
-                values = np.interp(times, channel.times, channel.values)
-                speeds.append(values if channel.field == speed else np.gradient(values, times))
-        crank = known.get("crank_angle")
-        angle = np.interp(times, crank.times, crank.values) if crank else run.crank_angle
-        return times, angle, roughness(times, speeds)
+        spans, crank = measured_spans(self.recording), known.get("crank_angle")
 
-    def _crank_at_start(self) -> tuple[float, float]:
-        """Return angle and speed of the crank at time 0, as far as the recording tells them; speed 0 if it rests."""
-        scene, crank = self.unknowns.scene, measured(self.recording).get("crank_angle")
-        angle, speed = 0.0, scene["motor.speed"]
-        if crank is not None:
-            first = crank.times <= crank.times[0] + _FIRST
-            angle = float(crank.values[0])
-            if first.sum() > 2:  # a parabola, because the motor may gain speed from the first instant on
-                found, covariance = np.polyfit(crank.times[first], crank.values[first], 2,
-                                               w=np.full(first.sum(), 1.0 / crank.sigma), cov="unscaled")
-                speed, angle = found[1:].tolist()
-                if abs(speed) < _SETTLED * math.sqrt(covariance[1, 1]):
-                    speed = 0.0
+        def lasting(time: float) -> float:
+            """Return how long was measured until `time`."""
+            return float((np.clip(time, *spans.T) - spans[:, 0]).sum())
+
+        rate = min((len(one.times) / max(lasting(one.times[-1]), _FIRST) for one in channels.values() if one),
+                   default=_RATE)
+        parts = [begin + np.arange(0.0, end - begin, 1.0 / rate) for begin, end in spans.tolist()]
+        run = simulate(self.unknowns.scene, times=np.concatenate(parts), commands=self.recording.commands)
+        found, first = list[Stretch](), 0
+        for times in parts:
+            part = slice(first, first := first + len(times))
+            speeds = []
+            for speed, channel in channels.items():
+                if channel is None:
+                    speeds.append(getattr(run, speed)[part])
+                else:
+                    values = np.interp(times, channel.times, channel.values)
+                    speeds.append(values if channel.field == speed else np.gradient(values, times))
+            angle = np.interp(times, crank.times, crank.values) if crank else run.crank_angle[part]
+            if found:
+                rests = self._crank_at(times[0], float(run.motor_speed[part.start]))[1] == 0.0
+            found.append(Stretch(times, angle, roughness(times, speeds), rests))
+        return found
+
+    def _crank_at(self, begin: float, speed: float) -> tuple[float, float]:
+        """Return angle and speed of the crank at `begin` [s], as far as the recording tells them from there on, speed 0
+        if it rests; `speed` is what counts otherwise."""
+        crank = measured(self.recording).get("crank_angle")
+        if crank is None or not (from_then := crank.times >= begin).any():
+            return 0.0, speed
+        times, values = crank.times[from_then], crank.values[from_then]
+        first, angle = times <= times[0] + _FIRST, float(values[0])
+        if first.sum() > 2:  # a parabola, because the motor may gain speed from the first instant on
+            found, covariance = np.polyfit(times[first] - begin, values[first], 2,
+                                           w=np.full(first.sum(), 1.0 / crank.sigma), cov="unscaled")
+            speed, angle = found[1:].tolist()
+            if abs(speed) < _SETTLED * math.sqrt(covariance[1, 1]):
+                speed = 0.0
         return angle, speed
 
     @property
@@ -392,7 +422,7 @@ def residuals_in(shooting: Shooting, at: Point) -> list[Residual]:
         square = float(residuals @ residuals)
         correlation = float((residuals[1:] * residuals[:-1])[together].sum()) / square if square else 0.0
         scale = 1.0
-        if channel.sigma_from == "neighbours" and together.any():
+        if channel.sigma_from in ("neighbours", AT_MOST) and together.any():
             scale = max(clipped(np.abs(np.diff(residuals)[together]) / math.sqrt(2.0)),
                         RESOLVED * width_of(channel.field) / channel.sigma)  # less than this, no fit resolves
         found.append(Residual(scale * channel.sigma, min(max(correlation, -0.99), 0.99), len(residuals),

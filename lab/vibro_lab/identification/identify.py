@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from vibro_lab.identification.fit import Fit, Fitting, mean_squares, residuals_in
 from vibro_lab.identification.inference import REJECTED, Noise, covariance_of, intervals, p_value, rank_in_words
-from vibro_lab.identification.recording import IMU, Recording, read_recording
+from vibro_lab.identification.recording import AT_MOST, IMU, Recording, read_recording
 from vibro_lab.identification.shooting import TIGHT, Point
 from vibro_lab.identification.unknowns import Unknowns
 from vibro_ros import BagError, Scene, check_scene, core_count, quoted
@@ -217,6 +217,9 @@ def identify(bag: str | Path, scene: Scene, free: Sequence[str],
     fit = Fitting(recording, unknowns, workers, say).fitted()
     alternatives = [_alternative(name, recording, fit, workers, say) for name in wanted]
     (noises, simulated), covariance = _noises(fit), covariance_of(fit)
+    recording = fit.shooting.windows.recording
+    said = (*recording.said, *(f"{one.sensor}: {one.field}: noise {one.sigma:.3g} by the residuals of the fit"
+                               for one in recording.channels if one.sigma_from == AT_MOST))
     slopes = unknowns.slopes(fit.coordinates)
     own = covariance[:len(unknowns.each), :len(unknowns.each)]
     windows = fit.shooting.windows
@@ -228,7 +231,7 @@ def identify(bag: str | Path, scene: Scene, free: Sequence[str],
         chi_square=_by_sensor(noises), p_value=p_value(noises),
         autocorrelation={f"{one.sensor}.{one.field}": one.correlation for one in noises},
         alternatives=tuple(sorted(alternatives, key=lambda one: (one.p_value, -one.gain))),
-        scene=unknowns.scene_of(fit.coordinates), windows=table, passes=fit.passes, said=recording.said,
+        scene=unknowns.scene_of(fit.coordinates), windows=table, passes=fit.passes, said=said,
         recording=recording, residuals=_by_channel(fit, fit.at.found.residuals),
         simulated=_by_channel(fit, simulated), profiles=profiles)
 
@@ -266,7 +269,8 @@ def _noises(fit: Fit) -> tuple[list[Noise], np.ndarray]:
     measurement."""
     windows, at = fit.shooting.windows, _stated(fit)
     channels = windows.recording.channels
-    found = [Noise(channel.sensor, channel.field, count, square, correlation, channel.sigma_from != "neighbours")
+    found = [Noise(channel.sensor, channel.field, count, square, correlation,
+                   channel.sigma_from not in ("neighbours", AT_MOST))
              for channel, (_, correlation, count, square) in zip(channels, residuals_in(fit.shooting, at), strict=True)]
     sigmas = np.array([one.sigma for one in channels])[windows.channel]
     return found, windows.values - at.found.residuals * sigmas

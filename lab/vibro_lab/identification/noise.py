@@ -1,16 +1,26 @@
 """The noise of a channel, estimated from its own values: that of neighbours, and the step of a quantised sensor."""
 
 import math
+from typing import Any
 
 import numpy as np
 
 from vibro_ros import Scene, of_imu
 
+LARGEST_VARIANCE = 1e12
+"""Largest variance of a measurement, in SI units; a larger one says that nothing was measured."""
 _ORDERS = 4, 5, 6, 7  # of differences; lower ones keep too much of the motion, a blow falls into more of higher ones
 _MOST = 50_000  # differences
 _CLIP = 2.0  # standard deviations
 _SHARE = 1.0 - 2.0 * _CLIP * math.exp(-0.5 * _CLIP**2) / math.sqrt(math.tau) / math.erf(_CLIP / math.sqrt(2.0))
 _MEDIAN = 0.6744897501960817  # of the magnitude of a standard normal number
+
+
+def is_measured(variances: float | np.ndarray) -> Any:
+    """Return whether a number with such a variance was measured, bool or ndarray of bool: drivers fill in infinity, the
+    largest double, NaN or a negative number where they have not measured. 0 says only that the variance is not known.
+    """
+    return (variances >= 0.0) & (variances <= LARGEST_VARIANCE)
 
 
 def noise_of(times: np.ndarray, values: np.ndarray) -> tuple[float, float]:

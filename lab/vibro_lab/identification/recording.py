@@ -10,12 +10,12 @@ import math
 import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from vibro_lab.identification.noise import noise_of, resolution_of
+from vibro_lab.identification.noise import is_measured, noise_of, resolution_of
 from vibro_ros import (
     COMMANDS,
     JOINTS,
@@ -33,6 +33,7 @@ from vibro_ros import (
     read_bag,
     read_operation,
     robot_topics,
+    simulate,
 )
 
 FEWEST = 10
@@ -41,9 +42,15 @@ LARGEST = 1e9
 """Largest magnitude of a measured number."""
 LARGEST_SPREAD = 1.3
 """Largest spread of the estimates of noise, beyond which the motion is larger than the noise."""
+AT_MOST = "at most"
+_MOST_OF_MOTION = 0.1  # share of a channel's standard deviation up to which neighbours may tell its noise
 LATEST = 1.0
 """Longest time [s] between a message's stamp and its recording; beyond it, two clocks disagree."""
 _CLOSE, _BEYOND = 3.0, 1.1  # standard deviations before an IMU's range where it may clip; and times it, never reached
+_NEVER_SET = 1e-6  # s from 0 in ROS time
+ONE_TURN = 1.01 * math.tau
+"""Largest range [rad] of an angle that is given within one turn, with a sensor's noise."""
+_MOST_TURNED = 0.9 * math.pi  # between two samples of such an angle: from half a turn on the direction is not known
 IMU, OPERATIONS = "imu/data_raw", "operations"
 Arrays = dict[str, np.ndarray]
 SENSORS: Mapping[str, tuple[str, ...]] = {
@@ -71,7 +78,8 @@ class Channel:
     sigma : float
         Standard deviation of the noise.
     sigma_from : str
-        Where it comes from: `given`, `covariance`, `resolution` or `neighbours`.
+        Where it comes from: `given`, `covariance`, `resolution` or `neighbours`; `AT_MOST` if neighbours tell only a
+        bound, because the motion between two samples is larger than the noise.
     resolution : float
         Step of a quantised channel, such as an encoder's tick; 0 without one.
     bandwidth, limit, bias : float
@@ -154,7 +162,7 @@ def read_recording(bag: str | Path, scene: Scene, noise: Mapping[str, float] | N
         warnings.simplefilter("ignore")  # the flaws are in `said`
         read = read_bag(bag, {topics[name].rpartition("/")[2]: SENSORS[name] for name in SENSORS if name in topics})
     said += [f"{read.path}: {flaw}" for flaw in read.flaws[:3]]
-    channels, known = [], set()
+    channels, known, within_a_turn = list[Channel](), set(), set[str]()
     for sensor in (name for name in SENSORS if name in topics and topics[name] in read.arrays):
         arrays, topic = read.arrays[topics[sensor]], f"{read.path}: {topics[sensor]}"
         known.add(sensor)
@@ -163,26 +171,41 @@ def read_recording(bag: str | Path, scene: Scene, noise: Mapping[str, float] | N
                         f"{sensor} is left out, as its noise says")
             continue
         try:
-            times = _times(sensor, arrays, said)
-            for field, values, variances in _measured(sensor, arrays, scene, said):
-                known.add(name := f"{sensor}.{field}")
-                given = noise.get(name, noise.get(sensor))
-                if given == math.inf:
-                    said.append(f"{name} is left out, as its noise says")
-                elif channel := _channel(sensor, field, times, values, variances, given, scene, said):
-                    channels.append(channel)
+            for part in read.series(topics[sensor]):
+                instants: tuple[np.ndarray, np.ndarray] | None = None
+                for field, values, variances in _measured(sensor, part, scene, said):
+                    known.add(name := f"{sensor}.{field}")
+                    given = noise.get(name, noise.get(sensor))
+                    if given == math.inf:
+                        said.append(f"{name} is left out, as its noise says")
+                        continue
+                    if len(part["time"]) < min(FEWEST, len(arrays["time"])):  # one joint of many
+                        said.append(f"{name} is left out: {len(part['time'])} messages name it; record at least "
+                                    f"{FEWEST}")
+                        continue
+                    times, rows = instants = instants or _times(topics[sensor], part, read.start_ns, said)
+                    values, variances = values[rows], variances if variances is None else variances[rows]
+                    if field == "crank_angle" and _is_within_a_turn(values[np.isfinite(values)]):
+                        within_a_turn.add(name)
+                    if channel := _channel(sensor, field, times, values, variances, given, scene, said):
+                        channels.append(channel)
         except ValueError as error:
             raise BagError(f"{topic}: {error}") from None
     if unknown := noise.keys() - known:
         raise ValueError(f"noise of {min(unknown)}: the recording has no such channel; give {', '.join(sorted(known))}")
     if not channels:
         raise BagError(f"{read.path}: measures nothing of a robot; record one of {', '.join(SENSORS)} with "
-                       f"the types of docs/guide/node.md (topics in the bag: {', '.join(read.topics) or 'none'})")
+                       f"the types of docs/guide/node.md (topics in the bag: {', '.join(read.topics) or 'none'})"
+                       + "".join(f"; {line}" for line in said if "left out" in line))
     first = min(float(channel.times[0]) for channel in channels)
     last = max(float(channel.times[-1]) for channel in channels)
     begin = read.start_ns + round(first * 1e9)
-    moved = tuple(Channel(**{**vars(channel), "times": channel.times - first}) for channel in channels)
-    return Recording(begin * 1e-9, last - first, moved, _since(begin, commands, scene, said), tuple(said))
+    since = _since(begin, commands, scene, said)
+    moved = [replace(channel, times=channel.times - first) for channel in channels]
+    for channel in moved:
+        if f"{channel.sensor}.{channel.field}" in within_a_turn:
+            _check_turns(f"{read.path}: {topics[channel.sensor]}", channel, scene, since)
+    return Recording(begin * 1e-9, last - first, tuple(_with_one_zero(moved)), since, tuple(dict.fromkeys(said)))
 
 
 def _topics(stream: BagStream) -> dict[str, str]:
@@ -240,22 +263,45 @@ def _since(begin: int, commands: list[tuple[int, dict[str, float]]], scene: Scen
     return tuple(sorted(found.items()))
 
 
-def _times(sensor: str, arrays: Arrays, said: list[str]) -> np.ndarray:
-    """Return the instants [s] of a sensor's measurements: the stamps in the headers, if there are any."""
+def _times(topic: str, arrays: Arrays, start: int, said: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the instants [s] of a topic's measurements, the stamps in the headers if there are any; and the rows of
+    the messages that count. Times in `arrays` count from the ROS time `start` [ns]."""
     recorded = arrays["time"]
     times = arrays.get("stamp", recorded)
     if times is recorded or (len(times) > 1 and np.ptp(times) == 0.0):
-        said.append(f"{sensor}: its messages have no stamps; the instants of recording are taken")
+        said.append(f"{topic}: its messages have no stamps; the instants of recording are taken")
         times = recorded
-    if len(times) < FEWEST:
-        raise ValueError(f"has {len(times)} messages; record at least {FEWEST}, or give the noise inf to leave it out")
-    if late := np.count_nonzero(np.abs(recorded - times) > LATEST):
+    was_set = np.ones((2, len(times)), bool)
+    if np.median(recorded) + start * 1e-9 > LATEST:  # else time itself began at 0, as a simulation's does
+        was_set = np.abs(np.array([times, recorded]) + start * 1e-9) > _NEVER_SET
+    counts = was_set[0] & ~(copies := _copies(times, arrays))
+    for left_out, why in ((~was_set[0], "the stamp was never set"), (was_set[0] & copies, "it is a copy of another, as "
+                                                                      "of two recorders")):
+        if number := np.count_nonzero(left_out):
+            said.append(f"{topic}: {number} of {len(times)} messages left out, because {why}")
+    if counts.sum() < FEWEST:
+        raise ValueError(f"has {counts.sum()} messages; record at least {FEWEST}, or give the noise inf to leave it "
+                         "out")
+    if late := np.count_nonzero((np.abs(recorded - times) > LATEST) & counts & was_set[1]):
         raise ValueError(f"{late} stamps are more than {LATEST:g} s away from their recording; set the clocks of both "
                          "computers, or use simulated time in both")
-    if not (steps := np.diff(times) > 0.0).all():
-        raise ValueError(f"its stamps do not increase at message {int(np.argmin(steps)) + 2}; record one sensor a "
-                         "topic")
-    return times
+    rows = np.flatnonzero(counts)
+    if not (steps := np.diff(times[rows]) > 0.0).all():
+        raise ValueError(f"its stamps do not increase at message {rows[int(np.argmin(steps)) + 1] + 1}; record one "
+                         "sensor a topic")
+    return times[rows], rows
+
+
+def _copies(times: np.ndarray, arrays: Arrays) -> np.ndarray:
+    """Return which messages have the stamp and the numbers of an earlier one, shape (n,)."""
+    _, first, of = np.unique(times, return_index=True, return_inverse=True)
+    earlier = first[of]
+    copies = earlier < np.arange(len(times))
+    for name, column in arrays.items():
+        if name != "time":
+            same = (column == column[earlier]) | (np.isnan(column) & np.isnan(column[earlier]))
+            copies &= same.reshape(len(times), -1).all(axis=1)
+    return copies
 
 
 def _measured(sensor: str, arrays: Arrays, scene: Scene,
@@ -275,13 +321,11 @@ def _measured(sensor: str, arrays: Arrays, scene: Scene,
             said.append(f"{sensor} is left out: the scene does not say which low-pass the IMU has, and so not what it "
                         "measures of a blow; give sensors.imu.bandwidth, or sensors.preset")
             return
-        reach, constant = of_imu(scene, "accelerometer.range") or math.inf, of_imu(scene, "accelerometer.turn_on_bias")
+        constant, first = of_imu(scene, "accelerometer.turn_on_bias"), arrays["acceleration_variance"][:, 0]
         for i, _, axis in axes:
-            values, variances = arrays["acceleration"][:, i], arrays["acceleration_variance"][:, i]
-            if np.abs(values).max() > _BEYOND * reach:
-                raise ValueError(f"sensors.imu.accelerometer.range: {reach:g} m/s² in the scene, acceleration_{axis} "
-                                 f"is up to {np.abs(values).max():g}; give the IMU's")
-            yield f"acceleration_{axis}", values, np.where(variances > constant**2, variances - constant**2, variances)
+            variances = np.where(first < 0.0, first, arrays["acceleration_variance"][:, i])  # the first is for all
+            yield f"acceleration_{axis}", arrays["acceleration"][:, i], np.where(
+                variances > constant**2, variances - constant**2, variances)
     elif sensor == "motor_current":
         if not scene.has_rotor:
             raise ValueError("is of a dc motor, and the scene has none; choose effects.motor dc, or give the noise "
@@ -302,8 +346,20 @@ def _measured(sensor: str, arrays: Arrays, scene: Scene,
 
 def _channel(sensor: str, field: str, times: np.ndarray, values: np.ndarray, variances: np.ndarray | None,
              given: float | None, scene: Scene, said: list[str]) -> Channel | None:
-    """Return the channel; None if its numbers were never filled."""
+    """Return the channel of the numbers that were measured; None if these are too few, or were never filled."""
     name = f"{sensor}: {field}"
+    known = np.ones(len(values), bool) if sensor in ("odom", "tracking", IMU) else ~np.isnan(values)
+    if variances is not None:
+        known &= is_measured(variances)
+        variances = variances[known]
+    times, values = times[known], values[known]
+    if len(values) < FEWEST:
+        said.append(f"{name} is left out: its variance, or NaN, says of {len(known) - len(values)} of {len(known)} "
+                    "numbers that they are not measured")
+        return None
+    if field == "crank_angle" and _is_within_a_turn(values) and (np.abs(np.diff(values)) > math.pi).any():
+        values = np.unwrap(values)
+        said.append(f"{name}: is given within one turn, and is unwrapped")
     if not (np.abs(values) <= LARGEST).all():
         raise ValueError(f"{field} is not finite, or above {LARGEST:g}, {int((~(np.abs(values) <= LARGEST)).sum())} "
                          "times; leave such messages out, or give the noise inf")
@@ -311,26 +367,61 @@ def _channel(sensor: str, field: str, times: np.ndarray, values: np.ndarray, var
         said.append(f"{name} is left out: it is always 0")
         return None
     resolution, source, more = resolution_of(field, values, scene), "given", ""
+    if len(values) < len(known):
+        more = f", {len(known) - len(values)} others not measured"
     if given is not None:
         sigma = given
-    elif variances is not None and (known := variances[np.isfinite(variances) & (variances > 0.0)]).size:
-        sigma, source = math.sqrt(float(np.median(known))), "covariance"
-        if known.max() > 4.0 * known.min():
-            more = f", the median of {math.sqrt(known.min()):.3g} to {math.sqrt(known.max()):.3g}"
+    elif variances is not None and (stated := variances[variances > 0.0]).size:
+        sigma, source = math.sqrt(float(np.median(stated))), "covariance"
+        if stated.max() > 4.0 * stated.min():
+            more += f", the median of {math.sqrt(stated.min()):.3g} to {math.sqrt(stated.max()):.3g}"
     elif resolution:
         sigma, source = resolution / math.sqrt(12.0), "resolution"
     else:
         (sigma, spread), source = noise_of(times, values), "neighbours"
         floor = 1e-4 if field.endswith(("velocity", "speed")) else 1e-6
         if sigma < floor:
-            sigma, more = floor, ": it has hardly any noise, and what a fit resolves is taken"
-        elif spread > LARGEST_SPREAD:
-            more = ": at most, because the motion between two samples is larger; give noise"
-    rate = (len(times) - 1) / (times[-1] - times[0])
-    said.append(f"{name}: {len(times)} samples at {rate:.4g} Hz, noise {sigma:.3g} ({source}){more}"
+            sigma, more = floor, f"{more}: it has hardly any noise, and what a fit resolves is taken"
+        elif spread > LARGEST_SPREAD or sigma > _MOST_OF_MOTION * float(np.std(values)):
+            source = AT_MOST
+            more += ": at most, because the motion between two samples is larger; the fit takes it from its residuals"
+    rate = 1.0 / np.median(np.diff(times))
+    said.append(f"{name}: {len(times)} samples at {rate:.4g} Hz, noise {sigma:.3g} "
+                f"({'neighbours' if source == AT_MOST else source}){more}"
                 + (f", steps of {resolution:.4g}" if resolution else ""))
     if sensor != IMU:
         return Channel(sensor, field, times, values, sigma, source, resolution)
     reach, bias = of_imu(scene, "accelerometer.range") or math.inf, of_imu(scene, "accelerometer.turn_on_bias")
+    if np.abs(values).max() > _BEYOND * reach:
+        raise ValueError(f"sensors.imu.accelerometer.range: {reach:g} m/s² in the scene, {field} is up to "
+                         f"{np.abs(values).max():g}; give the IMU's")
     return Channel(sensor, field, times, values, sigma, source, resolution, of_imu(scene, "bandwidth"),
                    max(reach - _CLOSE * math.hypot(sigma, bias), 0.0), bias)
+
+
+def _is_within_a_turn(angles: np.ndarray) -> bool:
+    """Return whether all angles [rad] lie within one turn, as those of a sensor that does not count turns."""
+    return len(angles) > 0 and float(np.ptp(angles)) <= ONE_TURN
+
+
+def _check_turns(topic: str, channel: Channel, scene: Scene,
+                 commands: tuple[tuple[float, dict[str, float]], ...]) -> None:
+    """Raise a BagError if the crank may turn by half a turn between two angles within one turn: then turns are lost."""
+    run = simulate(scene, times=channel.times, commands=commands)
+    turned = np.abs(np.diff(run.crank_angle))
+    if (most := float(turned.max())) > _MOST_TURNED:
+        at = int(turned.argmax())
+        rate = math.ceil(float(np.abs(run.motor_speed).max()) / _MOST_TURNED)
+        raise BagError(f"{topic}: crank_angle is within one turn, and the crank turns by {most:.3g} rad in "
+                       f"{channel.times[at + 1] - channel.times[at]:.3g} s between two samples, so that turns are not "
+                       f"known; record at {rate} Hz at least, without a pause while it turns, or count the angle on")
+
+
+def _with_one_zero(channels: list[Channel]) -> Iterator[Channel]:
+    """Yield the channels; angles of the crank differ from those of the first such channel by less than a turn."""
+    first = next((one for one in channels if one.field == "crank_angle"), None)
+    for channel in channels:
+        if first and channel.field == "crank_angle":
+            away = float(np.median(channel.values - np.interp(channel.times, first.times, first.values)))
+            channel = replace(channel, values=channel.values - math.tau * round(away / math.tau))
+        yield channel

@@ -6,6 +6,7 @@ wrong by half move no blow out of the window; `chain` is windows of some turns t
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -17,6 +18,10 @@ TURN = 2.0 * np.pi
 REACHES = ((0.006, 0.006), (0.003, 0.003), (0.0, 0.010), (0.010, 0.0))
 _CALM = 0.004  # s on both sides of a window's start without a blow, where possible
 _NEAR, _FAR = 0.7, 1.3  # shares of a window's turns between which its end is chosen
+#: A pause of the recording: so long [s], and so many times the spacing of the sensor that measures most often. Windows
+#: go on across shorter ones, because the motion is still known behind them.
+_PAUSE, _SPACINGS = 0.1, 10.0
+_SHORTEST = 10  # instants of a stretch in which windows begin
 _FEWEST = 3  # samples for a local cubic; a cubic of fewer is of lower degree, as least squares choose
 
 
@@ -39,6 +44,27 @@ def unmeasured(recording: Recording, names: Sequence[str]) -> list[str]:
     """Return the numbers of a state of which the recording has neither position nor speed."""
     known = measured(recording)
     return [name for name in names if positions_of(name)[0] not in known]
+
+
+class Stretch(NamedTuple):
+    """A part of the recording without pauses: evenly spaced instants [s], the crank's angle [rad] and the roughness
+    there, shape (n,) each, and whether the crank rests at its beginning."""
+
+    times: np.ndarray
+    angle: np.ndarray
+    rough: np.ndarray
+    rests: bool
+
+
+def measured_spans(recording: Recording) -> np.ndarray:
+    """Return first and last measurement [s] of each part of the recording without pauses, shape (parts, 2)."""
+    channels = recording.channels
+    times = np.unique(np.concatenate([one.times for one in channels]))
+    spacing = min(float(np.median(np.diff(one.times))) for one in channels)
+    ends = np.flatnonzero(np.diff(times) > max(_PAUSE, _SPACINGS * spacing))
+    firsts, lasts = np.append(0, ends + 1), np.append(ends, len(times) - 1)
+    is_long = lasts - firsts + 1 >= _SHORTEST
+    return np.column_stack([times[firsts], times[lasts]])[is_long if is_long.any() else slice(None)]
 
 
 def local_states(recording: Recording, names: Sequence[str], starts: np.ndarray, reach: tuple[float, float],
@@ -76,8 +102,16 @@ def roughness(times: np.ndarray, speeds: Sequence[np.ndarray]) -> np.ndarray:
     return sliding_window_view(np.pad(rough, reach, mode="edge"), 2 * reach + 1).max(axis=1)
 
 
-def arcs(times: np.ndarray, rough: np.ndarray, length: float, most: int) -> np.ndarray:
-    """Return at most so many spans of `length` [s] over the recording, which start where it is calm."""
+def arcs(stretches: Sequence[Stretch], length: float, most: int) -> np.ndarray:
+    """Return about so many spans of `length` [s] over the stretches, at most so many in each, which start where it is
+    calm."""
+    lasting = np.array([times[-1] - times[0] for times, *_ in stretches])
+    shares = np.ceil(most * lasting / lasting.sum()).astype(int).tolist()
+    return np.concatenate([_arcs(stretch.times, stretch.rough, length, share)
+                           for stretch, share in zip(stretches, shares, strict=True)])
+
+
+def _arcs(times: np.ndarray, rough: np.ndarray, length: float, most: int) -> np.ndarray:
     calm = times[(rough <= np.median(rough)) & (times > times[0] + _CALM) & (times < times[-1] - length)]
     spans: list[tuple[float, float]] = []
     for wanted in np.linspace(calm[0], calm[-1], most) if len(calm) else ():
@@ -87,22 +121,19 @@ def arcs(times: np.ndarray, rough: np.ndarray, length: float, most: int) -> np.n
     return np.array(spans).reshape(-1, 2)
 
 
-def chain(times: np.ndarray, rough: np.ndarray, angle: np.ndarray, turns: float, from_start: bool) -> np.ndarray:
-    """Return joined spans of about so many turns of the crank, which start where it is calm.
+def chain(stretches: Sequence[Stretch], turns: float) -> np.ndarray:
+    """Return spans of about so many turns of the crank, which cover the stretches and are joined within each.
 
-    Parameters
-    ----------
-    times, rough : ndarray, shape (n,)
-        Instants [s] and the roughness there.
-    angle : ndarray, shape (n,)
-        Angle of the crank [rad]. While it rests no window starts, because masses may lie on stiff plates.
-    turns : float
-        Turns of a window.
-    from_start : bool
-        Whether the first window starts at the first instant, where the robot rests; else it starts where it is calm.
+    They start where it is calm; the first of a stretch starts at its first instant if the crank rests there. While the
+    crank rests no other window starts, because masses may lie on stiff plates.
     """
+    return np.concatenate([_chain(stretch, turns) for stretch in stretches])
+
+
+def _chain(stretch: Stretch, turns: float) -> np.ndarray:
+    times, angle, rough, rests = stretch
     turned = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(angle)))]) / (TURN * turns)
-    at = 0 if from_start else int(np.argmin(rough[:max(1, np.searchsorted(turned, 0.5))]))
+    at = 0 if rests else int(np.argmin(rough[:max(1, np.searchsorted(turned, 0.5))]))
     edges = [times[at]]
     while turned[-1] - turned[at] > _FAR:
         first, end = np.searchsorted(turned, (turned[at] + _NEAR, turned[at] + _FAR))

@@ -19,6 +19,8 @@ Three things differ from the plain filter:
 import math
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import groupby
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +28,7 @@ import numpy as np
 from vibro_lab.twin.particles import (
     INDEX,
     LATENCY,
+    MODEL_ERROR,
     STEP,
     Innovation,
     Kept,
@@ -72,8 +75,15 @@ NAMED, MARGIN = 15.0, 5.0
 """Log ratio of likelihoods from which a fault is named, and by which it must exceed every other fault, if it explains
 what was measured; `_Replay.discount` says what else. A filter that has lost a chaotic robot finds many a fault more
 likely than what it has."""
+FREEZE = "sensor_freeze"
+"""The fault of a sensor that gives what it gave last."""
 OF_MOTOR = ("motor_stall", "supply_sag")
 """Faults that an encoder shows at once, whatever the masses do."""
+SENSORS: Mapping[str, tuple[str, ...]] = {"encoder": ("crank_angle",), "tracking": ("body_position", "body_height"),
+                                          "imu": ACCELERATIONS}
+"""Quantities of the sensors whose freezing is tried as a fault."""
+REPEATED = 5
+"""Least number of equal values by which a sensor may have frozen."""
 SETTLING = 1.0
 """Time [s] after a start in which nothing counts as unusual."""
 UNEXPLAINED, GIVEN_UP = 0.6, 3.0
@@ -167,6 +177,7 @@ class Estimator:
         self.innovations: list[Innovation] = []
         self.departure: Departure | None = None
         self._active: Incident | None = None
+        self._frozen: Mapping[str, _Frozen] = {}  # quantities that a sensor no longer measures
         self._usual, self._latest = dict[str, float](), dict[str, float]()
         self._unusual_since, self._last_unusual = math.inf, -math.inf
         self._history: deque[_Step] = deque(maxlen=LONGEST_BACK)
@@ -242,7 +253,7 @@ class Estimator:
 
     def _advance(self, end: float) -> None:
         """Take one step, to `end` [s]."""
-        measured = thinned(one for one in self._measured if self.time < one.time <= end)
+        measured = self._without_frozen(thinned(one for one in self._measured if self.time < one.time <= end))
         self._measured = [one for one in self._measured if one.time > end]
         commands = [one for one in self._commands if one[0] <= end]
         self._commands = self._commands[len(commands):]
@@ -272,6 +283,22 @@ class Estimator:
         is_due = self.time - self._resampled > 1.5 * STEP and 1.0 / (self._weights**2).sum() < RESAMPLED * self._count
         if is_due or not alive.all():
             self._resample()
+
+    def _without_frozen(self, measured: list[Measurement]) -> list[Measurement]:
+        """Return the measurements without those of a frozen sensor; if it gives other values, the fault is over."""
+        frozen = self._frozen
+        used = [one for one in measured if one.field not in frozen or one.value != frozen[one.field].value]
+        if any(one.field in frozen for one in used):
+            self._active, self.departure, self._frozen = None, None, {}
+            self._watch_anew()
+        return used
+
+    def _watch_anew(self) -> None:
+        """Begin to watch anew, because a fault has been named or is over."""
+        self._history.clear()
+        self._latest.clear()
+        self._unusual_since, self._began = math.inf, self.time
+        self._has_turned = False  # the fault may have begun within a step
 
     def _adopt_speed(self, measured: Sequence[Measurement]) -> None:
         """Let the cranks turn as the encoder says, if they do not when the filter begins: it may have missed commands.
@@ -364,7 +391,7 @@ class Estimator:
         for name in motor_coordinates(scene):
             given[name] = old.controller_integral if name == "controller_integral" else state[name]
         new.device.command(**{**self._given, scene.motor_command: old.commanded_motor_speed})
-        if self._active:
+        if self._active and not self._frozen:
             new.device.fail(*self._active)
         new.device.set_state(**given)
         new.settled = self.time + (IMU_FORGETTING / self._bandwidth if self._bandwidth else 0.0)
@@ -423,7 +450,7 @@ class Estimator:
         matter.
         """
         present, found = self._active, dict[Incident, _Replay]()
-        end = Incident(present.fault, 0.0, present.of) if present else None
+        end = Incident(present.fault, 0.0, present.of) if present and not self._frozen else None
         plates = [one for one in self._faults if one.fault == "plate_stuck" and one != present and since_gap]
         others = [one for one in self._faults if one.fault != "plate_stuck" and one != present and is_unusual]
         others += [end] if end and is_unusual else []
@@ -438,7 +465,8 @@ class Estimator:
                     replay = _Replay(steps, self._bandwidth, (end, change) if end and change != end else (change,))
                 except ValueError:  # a fault that the device cannot have now
                     continue
-                replay.gain = (replay.gain - unchanged) / (1.0 if change.fault in OF_MOTOR else replay.discount)
+                is_plain = change.fault in (*OF_MOTOR, FREEZE)
+                replay.gain = (replay.gain - unchanged) / (1.0 if is_plain else replay.discount)
                 if change not in found or replay.gain > found[change].gain:
                     found[change] = replay
         ranked = sorted(found, key=lambda one: found[one].gain + 2.0 * MARGIN * (one == end), reverse=True)
@@ -450,14 +478,12 @@ class Estimator:
             return False
         self._active = fault if fault != end else None
         self.departure = Departure(self.time, best.begin, fault, best.gain, words_of(fault)) if self._active else None
+        self._frozen = best.frozen
         chosen = np.arange(self._count) % len(best.particles)
         self._copy(best.particles, chosen, best.logs, best.logs.mean(axis=0),
                    np.full(len(self._free), self._spread), self._least_scatter)
         self._offsets = best.offsets.part(chosen)
-        self._history.clear()
-        self._latest.clear()
-        self._unusual_since, self._began = math.inf, self.time
-        self._has_turned = False  # the fault may have begun within a step
+        self._watch_anew()
         return True
 
 
@@ -472,9 +498,34 @@ class _Step(NamedTuple):
     logs: np.ndarray
 
 
+class _Frozen(NamedTuple):
+    """A quantity whose sensor has given the same `value` since the instant `since` [s]."""
+
+    value: float
+    since: float
+
+
+def _frozen(steps: Sequence[_Step], sensor: str) -> dict[str, _Frozen]:
+    """Return what a sensor repeats at the end of `steps` (ValueError: it has not given the same values long enough)."""
+    found = dict[str, _Frozen]()
+    for field in SENSORS[sensor]:
+        values = [(one.value, one.time) for step in reversed(steps) for one in reversed(step.measured)
+                  if one.field == field]
+        if values:
+            value, same = next(groupby(values, itemgetter(0)))
+            instants = [time for _, time in same]
+            if len(instants) < REPEATED:
+                raise ValueError(f"{field}: changes")
+            found[field] = _Frozen(value, instants[-1])
+    if not found:
+        raise ValueError(f"{sensor}: measures nothing")
+    return found
+
+
 class _Replay:
     """The particles that were kept before the first of `steps`, run through all of them with `changes` from there on.
 
+    What a sensor repeats from the instant on at which it has frozen is predicted exactly: `frozen`, by quantity.
     `gain` is the best of their log likelihoods. `discount` is the square of `Offsets.misfit` for a measurement, in
     parts of the expected one: errors that the noise does not explain are not independent, and differences of
     likelihoods mean less by so much. ValueError if the device cannot have a fault.
@@ -485,16 +536,25 @@ class _Replay:
         self.begin, self.logs = first.end - STEP, first.logs
         self.particles, self.offsets = [one.restored(bandwidth) for one in first.kept], first.offsets.part(np.arange(
             len(first.kept)))
-        for particle in self.particles:
-            for change in changes:
+        self.frozen: dict[str, _Frozen] = {}
+        for change in changes:
+            if change.fault == FREEZE:
+                self.frozen = _frozen(steps, change.of)
+                self.begin = min(one.since for one in self.frozen.values())
+                continue
+            for particle in self.particles:
                 particle.device.fail(*change)
         gains = np.zeros(len(self.particles))
         equal = np.full(len(gains), 1.0 / len(gains))
         for step in steps:
             phase = self.offsets.variance["crank_angle"]
             self.offsets.variance["crank_angle"] = np.maximum(phase, REPLAYED_PHASE**2)
-            predicted = run(self.particles, step.measured, step.commands, step.end)
-            gains += self.offsets.weigh(step.measured, predicted, equal)[0]
+            repeated = [one for one in step.measured
+                        if one.field in self.frozen and one.time >= self.frozen[one.field].since]
+            measured = [one for one in step.measured if one not in repeated]
+            predicted = run(self.particles, measured, step.commands, step.end)
+            gains += self.offsets.weigh(measured, predicted, equal)[0]
+            gains -= sum(0.5 * math.log(one.variance + MODEL_ERROR.get(one.field, 0.0)**2) for one in repeated)
             self.offsets.grow(0.0, False)
         self.gain = float(np.max(gains, where=[one.is_alive for one in self.particles], initial=-np.inf))
         misfit = float(self.offsets.misfit.min()) / max(1, self.offsets.heard)
@@ -502,14 +562,14 @@ class _Replay:
 
 
 def possible_faults(scene: Scene) -> list[Incident]:
-    """Return the faults of the device that a scene can have, each without an end."""
+    """Return the faults of the device that a scene can have, and those of its sensors, each without an end."""
     found = [Incident("motor_stall", FOREVER), *(Incident("plate_stuck", FOREVER, side) for side in scene.plates)]
     if scene.has_rotor:
         found += [Incident("supply_sag", FOREVER, value=share * scene["motor.supply_voltage"]) for share in SUPPLIES]
     if scene.body_moves and scene["effects.friction"] != "none":
         found += [Incident("friction_patch", FOREVER, "", factor * scene["ground.friction"], -FAR,
                            FAR) for factor in FRICTIONS]
-    return found
+    return [*found, *(Incident(FREEZE, FOREVER, sensor) for sensor in SENSORS)]
 
 
 def words_of(fault: Incident) -> str:

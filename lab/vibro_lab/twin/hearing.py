@@ -15,16 +15,18 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Float64
 
+from vibro_lab.identification.noise import is_measured
+from vibro_lab.identification.recording import ONE_TURN
 from vibro_lab.twin.particles import Measurement
 from vibro_ros import ACCELERATIONS, JOINTS, TOPICS, Scene, commands_in, commands_of, deserialised, of_imu
 from vibro_ros.ros import GuardedNode, PollingSubscription, qos_profile
 
 MOST_TAKEN = 2000
 """Most messages of a topic that wait, and are taken in one poll."""
-LARGEST, LARGEST_VARIANCE = 1e6, 1e12
-"""Largest magnitudes of a measured value and of its variance, in SI units."""
+LARGEST = 1e6
+"""Largest magnitude of a measured value, in SI units."""
 OLDEST, EARLIEST = 10.0, 1.0
-"""Longest times [s] by which a stamp may be behind, and ahead of, the twin's own clock."""
+"""Longest times [s] by which a stamp may be behind, and ahead of, the twin's own clock when its message arrives."""
 EXACT = 1e-8
 """Variance [m²] of a tracking system that gives none: a tenth of a millimetre."""
 
@@ -41,7 +43,8 @@ class Hearing:
     """The subscriptions of a twin.
 
     `heard` counts the messages by topic; refusals are counted by the node. An `odom` whose variances are 0, which is a
-    simulated robot's truth or no statement, is not used.
+    simulated robot's truth or no statement, is not used. `longest_wait` is the longest time [s] between two polls of
+    the measurements, in which messages wait for this node; its owner sets it back.
 
     Parameters
     ----------
@@ -54,8 +57,9 @@ class Hearing:
     """
 
     def __init__(self, node: GuardedNode, scene: Scene, joint_noise: float):
-        self.heard = Counter[str]()
+        self.heard, self.longest_wait, self._polled = Counter[str](), 0.0, 0
         self._node, self._scene, self._joint_noise = node, scene, joint_noise
+        self._angle, self._angles, self._turns = math.nan, (math.inf, -math.inf), 0
         self._tick = (2.0 * math.pi / scene["sensors.encoder.ticks"])**2 / 12.0
         self._limit = of_imu(scene, "accelerometer.range") or math.inf
         best_effort = QoSProfile(depth=MOST_TAKEN, reliability=ReliabilityPolicy.BEST_EFFORT)  # hears every publisher
@@ -66,12 +70,14 @@ class Hearing:
 
     def measurements(self, now: int) -> Iterator[tuple[int, Measurement]]:
         """Yield stamp [ns] and measurement, whose own time is 0, of all that has arrived; `now` is ROS time [ns]."""
+        waited = max(0.0, (now - (self._polled or now)) * 1e-9)
+        self._polled, self.longest_wait = now, max(self.longest_wait, waited)
         for name, subscription in self._sensors.items():
             for data, _ in subscription.take(MOST_TAKEN):
                 try:
                     message = deserialised(data, TOPICS[name].type)
-                    stamp = _checked_stamp(message.header.stamp, now)
-                    numbers = SENSORS[name].read(self, message)
+                    stamp = _checked_stamp(message.header.stamp, now, waited)
+                    numbers = [one for one in SENSORS[name].read(self, message) if is_measured(one[2])]
                     for field, value, variance in numbers:
                         _check_number(field, value, variance)
                 except ValueError as error:
@@ -115,22 +121,29 @@ class Hearing:
 
     def _of_imu(self, message: Any) -> Numbers:
         force, variance = message.linear_acceleration, message.linear_acceleration_covariance[0]
-        if variance < 0.0:
-            raise ValueError("linear_acceleration_covariance begins with a number below 0: there is no acceleration")
         axes = [(ACCELERATIONS[0], force.x, variance)] * self._scene.body_moves
         return axes + [(ACCELERATIONS[1], force.z, variance)] * self._scene.body_hops
 
     def _of_encoder(self, message: Any) -> Numbers:
         if "crank" not in message.name or len(message.position) != len(message.name):
             raise ValueError("no position of the joint crank")
-        return [("crank_angle", float(message.position[message.name.index("crank")]), self._tick)]
+        return [("crank_angle", self._counted_on(float(message.position[message.name.index("crank")])), self._tick)]
+
+    def _counted_on(self, angle: float) -> float:
+        """Return the crank's angle [rad] counted on over the turns, also where the encoder gives it within one turn."""
+        last, (low, high) = self._angle, self._angles
+        self._angle, self._angles = angle, (min(low, angle), max(high, angle))
+        if self._angles[1] - self._angles[0] <= ONE_TURN and abs(angle - last) > math.pi:
+            self._turns -= round((angle - last) / math.tau)
+        return angle + math.tau * self._turns
 
     def _of_joints(self, message: Any) -> Numbers:
         if len(message.position) != len(message.name):
             raise ValueError(f"{len(message.position)} positions for {len(message.name)} joints")
         parts = {f"{side}_mass" for side in self._scene.guides} | {f"{side}_plate" for side in self._scene.plates}
         return [(JOINTS[name][0], float(value), self._joint_noise**2)
-                for name, value in zip(message.name, message.position, strict=True) if name in parts]
+                for name, value in zip(message.name, message.position, strict=True)
+                if name in parts and not math.isnan(value)]
 
 
 SENSORS: Mapping[str, _Sensor] = {
@@ -143,16 +156,17 @@ SENSORS: Mapping[str, _Sensor] = {
 """Topics of sensors by the robot's own names."""
 
 
-def _checked_stamp(stamp: Any, now: int) -> int:
-    """Return a stamp [ns] (ValueError if it is far from the ROS time `now` [ns])."""
+def _checked_stamp(stamp: Any, now: int, waited: float) -> int:
+    """Return a stamp [ns] (ValueError if it is far from the ROS time `now` [ns]); its message may have been waiting for
+    this node for the time `waited` [s], which is no difference of clocks."""
     behind = (now - (at := 1_000_000_000 * stamp.sec + stamp.nanosec)) * 1e-9
-    if not -EARLIEST <= behind <= OLDEST:
+    if not -EARLIEST <= behind <= OLDEST + waited:
         side = "behind" if behind > 0.0 else "ahead of"
         raise ValueError(f"its stamp is {abs(behind):.6g} s {side} this node's clock; let both have one clock")
     return at
 
 
 def _check_number(field: str, value: float, variance: float) -> None:
-    if not (abs(value) <= LARGEST and 0.0 <= variance <= LARGEST_VARIANCE):
+    if not abs(value) <= LARGEST:
         raise ValueError(f"{field} {value:g} with variance {variance:g} is no measurement; give numbers within "
-                         f"±{LARGEST:g}, and variances from 0 to {LARGEST_VARIANCE:g}")
+                         f"±{LARGEST:g}")

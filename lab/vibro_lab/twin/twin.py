@@ -205,8 +205,13 @@ class Twin:
         if not self._hearing.heard.keys() & SENSORS.keys():
             troubles.append("no sensor of a robot is heard")
         if (late := estimator.late - self._late) > 0.5 * self._measured:
+            why = ("give a longer one, or use_sim_time if the robot's time is not the clock's"
+                   if self._hearing.longest_wait < self._settings["twin.delay"] else
+                   f"they waited up to {self._hearing.longest_wait:.1f} s for this node, which lacks time to compute: "
+                   "give fewer twin.particles, or a computer with less to do")
             troubles.append(f"{late} of {self._measured} measurements came later than twin.delay, and are not used; "
-                            "give a longer one, or use_sim_time if the robot's time is not the clock's")
+                            f"{why}")
+        self._hearing.longest_wait = 0.0
         self._refused, self._late, self._measured = refusals.count, estimator.late, 0
         departure = estimator.departure
         self._telling.report(now, departure, troubles, {
