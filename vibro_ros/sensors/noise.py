@@ -127,7 +127,7 @@ _TAIL = (
 
 
 def _ratio(coefficients: tuple[tuple[float, ...], tuple[float, ...]], r: np.ndarray) -> np.ndarray:
-    numerator, denominator = (functools.reduce(lambda total, number: total * r + number, numbers)
+    numerator, denominator = (functools.reduce(lambda total, number: total * r + number, numbers, np.zeros_like(r))
                               for numbers in coefficients)
     return numerator / denominator
 
