@@ -1,27 +1,37 @@
 """The drive: the phase, of which the signals are functions, and its speed.
 
 The speed is constant, on a ramp, or approaches its target exponentially, as a motor with a time constant does. `drive`
-is the record `state.DRIVE` in every function of this module.
+is a record `DRIVE` in every function of this module.
 
 The drive counts along its direction: its speed is never negative, and a cell begins where the phase enters it, so that
 a phase that runs backwards passes mirrored cells. A target in the other direction is negative. The speed then falls to
 0, where the direction changes, and rises again: two changes, each of one sign.
 """
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 
 from vibro_ros.solver.elementary import expm1, log1p
 from vibro_ros.solver.system import STRIDE, SignalTable, System
-from vibro_ros.solver.typed import Row, part
+from vibro_ros.solver.typed import Kind, Row, part, record
 from vibro_ros.solver.vector import LENGTH
 
-if TYPE_CHECKING:
-    from vibro_ros.solver.state import Drive
+#: The phase of the signals, and how its speed changes.
+DRIVE = record([
+    ("cell", np.int64),  # of `SignalTable`
+    ("turns", np.int64),  # whole periods so far, below 0 backwards
+    ("direction", np.int64),  # 1, or -1 backwards; the fields below are counted along it
+    ("offset", np.float64),  # phase [rad] from where it enters the cell to the segment's start
+    ("speed", np.float64),  # rate of the phase [rad/s] at the segment's start, not below 0 ...
+    ("residue", np.float64),  # ... the rounding error of its sum while it changes ...
+    ("acceleration", np.float64),  # ... its constant rate of change [rad/s²], if it is on a ramp ...
+    ("lag", np.float64),  # ... or the time constant [s] with which it approaches its target instead, or 0 ...
+    ("target", np.float64),  # ... its target [rad/s], below 0 if the direction has to change first ...
+    ("time_left", np.float64),  # ... and the time [s] until it is at the target, or at 0 before that; 0 if constant
+])
+Drive: TypeAlias = Annotated[Any, Kind(DRIVE, 0)]
 
 _NEGLIGIBLE = 1e-18  # relative to 1
 # Newton's method for the end of a cell: monotone after its first step, because the speed is.

@@ -18,7 +18,7 @@ from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from vibro_ros.solver.drive import command_drive
+from vibro_ros.solver.drive import DRIVE, Drive, command_drive
 from vibro_ros.solver.system import System, channels_of
 from vibro_ros.solver.typed import Kind, Row, Rows, Rows3, Rows4, record
 from vibro_ros.solver.vector import LENGTH
@@ -34,20 +34,6 @@ SEGMENT = record([
     ("mode_start", np.float64),  # local time at which the mode started
     ("next_event", np.float64),  # local time of the next event: of the first root of a guard, else 1
     ("cell_left", np.float64),  # time [s] from the segment's start to the cell's end
-])
-
-#: The phase of the signals, and how its speed changes.
-DRIVE = record([
-    ("cell", np.int64),  # of `SignalTable`
-    ("turns", np.int64),  # whole periods so far, below 0 backwards
-    ("direction", np.int64),  # 1, or -1 backwards; the fields below are counted along it
-    ("offset", np.float64),  # phase [rad] from where it enters the cell to the segment's start
-    ("speed", np.float64),  # rate of the phase [rad/s] at the segment's start, not below 0 ...
-    ("residue", np.float64),  # ... the rounding error of its sum while it changes ...
-    ("acceleration", np.float64),  # ... its constant rate of change [rad/s²], if it is on a ramp ...
-    ("lag", np.float64),  # ... or the time constant [s] with which it approaches its target instead, or 0 ...
-    ("target", np.float64),  # ... its target [rad/s], below 0 if the direction has to change first ...
-    ("time_left", np.float64),  # ... and the time [s] until it is at the target, or at 0 before that; 0 if constant
 ])
 
 #: The present mode.
@@ -113,7 +99,6 @@ LOWPASS = record([
 
 # Types of kernels' arguments: one record, and arrays of records.
 Segment: TypeAlias = Annotated[Any, Kind(SEGMENT, 0)]
-Drive: TypeAlias = Annotated[Any, Kind(DRIVE, 0)]
 Automaton: TypeAlias = Annotated[Any, Kind(AUTOMATON, 0)]
 Accounts: TypeAlias = Annotated[Any, Kind(ACCOUNTS, 0)]
 Motor: TypeAlias = Annotated[Any, Kind(MOTOR, 0)]
