@@ -12,6 +12,8 @@ from vibro_ros.process.files import replace_file
 
 BAG_VERSION = 9
 FILE_NAME = "metadata.yaml"
+METADATA_NAME, METADATA_KEY = "rosbag2", "serialized_metadata"
+"""Name and key of the record in an MCAP file that holds the bag's metadata as text."""
 LIMITS = Limits(size=8 * 2**20, values=250_000)
 """Limits of metadata.yaml, which lists each file of a bag: enough for 20 thousand files."""
 LABEL_LIMITS = Limits(size=50_000, values=2000, depth=8)

@@ -23,14 +23,16 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Lock, Thread
 
-from mcap.records import Channel, Schema
+from mcap.data_stream import RecordBuilder
+from mcap.records import Channel, McapRecord, Schema
 from mcap.writer import CompressionType, Writer
 
 from vibro_ros.bag.folders import SUFFIX, lock
-from vibro_ros.bag.mcap_file import METADATA_KEY, METADATA_NAME, record_bytes
 from vibro_ros.bag.metadata import (
     FILE_NAME,
     LAST_STAMP,
+    METADATA_KEY,
+    METADATA_NAME,
     FileInformation,
     Topic,
     TopicInformation,
@@ -474,6 +476,14 @@ class BagWriter:
     def _description(self, file: FileInformation) -> dict[str, str]:
         """Return the bag's metadata for a record in the file, as if it were the only file."""
         return {METADATA_KEY: as_text(bag_information([file], self._topics, self._custom))}
+
+
+def record_bytes(*records: McapRecord) -> bytes:
+    """Return the bytes of records, one after the other."""
+    builder = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    return builder.end()
 
 
 class _Sink:
