@@ -61,29 +61,12 @@ _COMPRESSIONS = {"none": CompressionType.NONE, "zstd": CompressionType.ZSTD}
 
 @dataclass(frozen=True)
 class Storage:
-    """How a bag is stored on the disk: compression and limits.
+    """How a bag is stored on the disk: compression and limits."""
 
-    Attributes
-    ----------
-    compression : str
-        Compression of chunks, ``none`` or ``zstd``.
-    max_size : int
-        Largest file [bytes]; 0 is no limit. A file exceeds it by up to one flush, and by its index.
-    max_duration : float
-        Longest file [s]; 0 is no limit.
-    max_bytes : int
-        Largest bag [bytes]: the oldest file is deleted before the bag would exceed it; 0 is no limit.
-
-    Raises
-    ------
-    ValueError
-        For values that are too small or do not go together; the message names the parameter of the node.
-    """
-
-    compression: str = "none"
-    max_size: int = 0
-    max_duration: float = 0.0
-    max_bytes: int = 0
+    compression: str = "none"  # compression of chunks, ``none`` or ``zstd``
+    max_size: int = 0  # largest file [bytes]; 0 is no limit. A file exceeds it by up to one flush, and by its index
+    max_duration: float = 0.0  # longest file [s]; 0 is no limit
+    max_bytes: int = 0  # largest bag [bytes]: the oldest file is deleted before the bag would exceed it; 0 is no limit
 
     def __post_init__(self) -> None:
         for name, value, least, unit in (("max_size", self.max_size, SMALLEST_FILE, "bytes"),
@@ -367,10 +350,7 @@ class BagWriter:
     def flush(self) -> None:
         """Make everything written so far survive the end of this process.
 
-        Raises
-        ------
-        OSError
-            When the disk is full, or the file was removed or replaced.
+        OSError when the disk is full, or the file was removed or replaced.
         """
         try:
             self._file.flush()

@@ -247,12 +247,8 @@ def flaw_lines(flaws: Sequence[str]) -> list[str]:
 def robot_topics(stream: BagStream) -> dict[str, str]:
     """Return the full names of the robot's topics in a bag, by their keys in `TOPICS`.
 
-    They are taken from the bag's custom data, or else found by the last part of the name and the type.
-
-    Raises
-    ------
-    BagError
-        When a topic in the custom data has another type, or when a bag without custom data has two robots.
+    They are taken from the bag's custom data, or else found by the last part of the name and the type. BagError when a
+    topic in the custom data has another type, or when a bag without custom data has two robots.
     """
     try:
         recorded_names = json.loads(stream.metadata.get("topics", "{}"))

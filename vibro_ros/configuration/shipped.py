@@ -16,10 +16,8 @@ def shipped(kind: str) -> tuple[str, ...]:
 def find_file(kind: str, name_or_path: str, folder: Path | None = None) -> Path:
     """Return the path of a shipped file or of a user's; a relative path starts from `folder` or the current folder.
 
-    Raises
-    ------
-    ValueError
-        When there is neither a shipped file of this name nor a file at this path; the message lists the shipped ones.
+    ValueError when there is neither a shipped file of this name nor a file at this path; the message lists the shipped
+    ones.
     """
     if name_or_path in shipped(kind):
         place, suffix = FOLDERS[kind]

@@ -102,10 +102,7 @@ class RecordedRun:
 def recorded_run(stream: BagStream) -> RecordedRun:
     """Return the description of the run in a bag.
 
-    Raises
-    ------
-    BagError
-        When the bag is not of the robot's own recorder, or its parameters are not valid in this version.
+    BagError when the bag is not of the robot's own recorder, or its parameters are not valid in this version.
     """
     known = stream.metadata
     if missing := [key for key in ("scene", "parameters", "start") if key not in known]:

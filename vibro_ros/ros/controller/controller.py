@@ -131,10 +131,7 @@ def _serve(settings: Mapping[str, Value], node: GuardedNode, stop: StopRequest) 
 def check_limits(script: Script, file: str, robot: CommandedRobot) -> None:
     """Refuse a script, read from `file`, with a command that the robot would refuse.
 
-    Raises
-    ------
-    ValueError
-        The message names the entry, the topic, the limit and the robot.
+    ValueError: the message names the entry, the topic, the limit and the robot.
     """
     for segment in script.segments:
         values = [(name, value) for name in segment.given

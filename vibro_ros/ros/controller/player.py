@@ -74,12 +74,7 @@ class RosTime:
         """Return the ROS time [s] since time 0; minus infinity until the first time is received on /clock.
 
         A script that began before that would begin at the first time that arrives from a running simulation, which
-        differs from run to run.
-
-        Raises
-        ------
-        RuntimeError
-            When ROS time jumped back.
+        differs from run to run. RuntimeError when ROS time jumped back.
         """
         if not self._node.clock_heard:
             self._say_standstill()

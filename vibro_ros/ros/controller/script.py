@@ -47,35 +47,18 @@ class Ramp:
 
 @dataclass(frozen=True)
 class Segment:
-    """One entry of a script, with its start and duration.
+    """One entry of a script, with its start and duration."""
 
-    Attributes
-    ----------
-    entry : str
-        Number of the entry in the file, from 1; "2.1" inside a block.
-    start, duration : float
-        Start [s] from the start of the script, and duration [s]. An entry that goes to a position lasts this long at
-        most; if the position is reached sooner, the next entry begins sooner.
-    ramps : mapping of str to Ramp
-        Every command given so far, including those held from earlier entries.
-    given : tuple of str
-        The commands that this entry itself gives.
-    note : str
-        The author's note on the entry.
-    goal : Goal or None
-        Goal that feedback pursues by the motor's speed during the entry.
-    incident : Incident or None
-        Fault of the robot for the duration of the entry.
-    """
-
-    entry: str
+    entry: str  # number of the entry in the file, from 1; "2.1" inside a block
+    # start [s] from the start of the script, and duration [s]. An entry that goes to a position lasts this long
+    # at most; if the position is reached sooner, the next entry begins sooner
     start: float
     duration: float
-    ramps: Mapping[str, Ramp]
-    given: tuple[str, ...]
-    note: str
-    goal: Goal | None = None
-    incident: Incident | None = None
+    ramps: Mapping[str, Ramp]  # every command given so far, including those held from earlier entries
+    given: tuple[str, ...]  # the commands that this entry itself gives
+    note: str  # the author's note on the entry
+    goal: Goal | None = None  # goal that feedback pursues by the motor's speed during the entry
+    incident: Incident | None = None  # fault of the robot for the duration of the entry
 
     @property
     def end(self) -> float:
