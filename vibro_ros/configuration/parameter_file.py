@@ -29,10 +29,8 @@ Sections = list[tuple[str, dict[str, object]]]
 def sections(path: Path) -> Sections:
     """Read the sections of the file at `path`.
 
-    Raises
-    ------
-    ValueError
-        If the file is missing, is not YAML, or is no parameter file; one line that names the file and the remedy.
+    ValueError if the file is missing, is not YAML, or is no parameter file; one line that names the file and the
+    remedy.
     """
     tree = read_yaml(path)
     try:
@@ -47,10 +45,7 @@ def sections(path: Path) -> Sections:
 def check_addressed(path: Path, found: Sections, node: str) -> None:
     """Refuse a file without a section that applies to `node`, a fully qualified name.
 
-    Raises
-    ------
-    ValueError
-        The message names the file, the nodes that it addresses, and the remedy.
+    ValueError: the message names the file, the nodes that it addresses, and the remedy.
     """
     patterns = [absolute(pattern) for pattern, _ in found]
     if not any(applies(pattern, node) for pattern in patterns):

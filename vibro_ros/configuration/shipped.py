@@ -1,10 +1,9 @@
-"""The files that come with the package, found by name or by path: scenes, command maps, controller scripts, sweeps."""
+"""The files that come with the package, found by name or by path: scenes, controller scripts, sweeps."""
 
 import os
 from pathlib import Path
 
-FOLDERS = {"scene": ("scenes", ".yaml"), "map": ("maps", ".json"), "script": ("controller", ".yaml"),
-           "sweep": ("studies", ".yaml")}
+FOLDERS = {"scene": ("scenes", ".yaml"), "script": ("controller", ".yaml"), "sweep": ("studies", ".yaml")}
 """Folder below `config_folder()` and file suffix of each kind of file."""
 
 
@@ -17,10 +16,8 @@ def shipped(kind: str) -> tuple[str, ...]:
 def find_file(kind: str, name_or_path: str, folder: Path | None = None) -> Path:
     """Return the path of a shipped file or of a user's; a relative path starts from `folder` or the current folder.
 
-    Raises
-    ------
-    ValueError
-        When there is neither a shipped file of this name nor a file at this path; the message lists the shipped ones.
+    ValueError when there is neither a shipped file of this name nor a file at this path; the message lists the shipped
+    ones.
     """
     if name_or_path in shipped(kind):
         place, suffix = FOLDERS[kind]
@@ -33,7 +30,7 @@ def find_file(kind: str, name_or_path: str, folder: Path | None = None) -> Path:
 
 
 def config_folder() -> Path:
-    """Return the folder of the shipped configuration: scenes, maps, scripts, sweeps and the robot's parameter file.
+    """Return the folder of the shipped configuration: scenes, scripts, sweeps and the robot's parameter file.
 
     It is found in a source checkout, a pip installation and a colcon workspace.
 

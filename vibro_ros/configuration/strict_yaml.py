@@ -112,10 +112,7 @@ def read_scalar(text: str) -> object:
 def read_settings(words: Sequence[str]) -> dict[str, object]:
     """Return the values of every `--set NAME=VALUE`, by name, as `read_scalar` reads them.
 
-    Raises
-    ------
-    ValueError
-        For a word of another form, and for a name that is given twice.
+    ValueError for a word of another form, and for a name that is given twice.
     """
     found: dict[str, object] = {}
     for word in words:

@@ -370,13 +370,6 @@ SCENE_PARAMETERS: tuple[Parameter, ...] = tuple(replace(parameter, negligible=NE
 BY_NAME: Mapping[str, Parameter] = {parameter.name: parameter for parameter in SCENE_PARAMETERS}
 """Each parameter of a scene by its name."""
 
-GONE: Mapping[str, str] = {
-    "solver.audit": "solver.accounts has the same residual, and says where the energy goes",
-    "solver.accuracy": "leave it out: solver.method exact is accurate to rounding and the cheapest as well",
-}
-"""Parameters that scenes had up to version 0.2, each with its remedy. None of them affected the motion, so that a bag
-that names them is read without them."""
-
 
 def checked_parameters(changes: Mapping[str, object], table: Iterable[Parameter]) -> dict[str, Value]:
     """Return the values of `changes`, a mapping from names to values, checked by the parameters of `table`.
@@ -394,8 +387,6 @@ def parameter_named(name: str, by_name: Mapping[str, Parameter]) -> Parameter:
     """Return the parameter called `name`, or raise a ValueError that suggests the nearest name."""
     if name in by_name:
         return by_name[name]
-    if name in GONE:
-        raise ValueError(f"{name}: is gone; {GONE[name]}")
     near = difflib.get_close_matches(name, by_name, n=1)
     remedy = f"did you mean {near[0]}?" if near else "`robot --help` lists the parameters"
     shown = name if name.isprintable() and len(name) <= LONGEST_QUOTE else quoted(name)

@@ -50,7 +50,7 @@ STUDIES = {
     "orbits": "Follow branches of periodic orbits over a parameter, and locate where they change.",
     "diagram": "Sweep a parameter up and down: states once a turn, hysteresis, exponents, chaos.",
     "basins": "Tell which start leads to which motion.",
-    "map": "Find every motion over motor speed and gap: the command map that `controller` reads.",
+    "map": "Find every motion over motor speed and gap.",
     "identify": "Find the parameters of the robot that made a recording, with intervals.",
 }
 """Summary of each study by its name, which is also the name of its module; `main` there is a `StudyCommand`."""

@@ -171,12 +171,8 @@ class Run:
     def perform(self, operation: Operation) -> str:
         """Perform an operation now, after all commands that have arrived, and return the answer in words.
 
-        Raises
-        ------
-        ValueError
-            When the device refuses it; nothing is changed then.
-        RuntimeError
-            When the run has ended, or the operation ends it, or the lock is not free within `LOCK_TIMEOUT`.
+        ValueError when the device refuses it; nothing is changed then. RuntimeError when the run has ended, or the
+        operation ends it, or the lock is not free within `LOCK_TIMEOUT`.
         """
         with self._locked():
             words = self._handlers[operation.name](operation)
