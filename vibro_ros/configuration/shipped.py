@@ -3,6 +3,8 @@
 import os
 from pathlib import Path
 
+from vibro_ros.model.parameters import nearest
+
 FOLDERS = {"scene": ("scenes", ".yaml"), "script": ("controller", ".yaml"), "sweep": ("studies", ".yaml")}
 """Folder below `config_folder()` and file suffix of each kind of file."""
 
@@ -25,8 +27,11 @@ def find_file(kind: str, name_or_path: str, folder: Path | None = None) -> Path:
     path = (folder or Path()) / name_or_path
     if os.path.isfile(path):  # false, not an error, for an impossible file name
         return path
-    raise ValueError(f"{name_or_path or repr('')}: neither a shipped {kind} nor a file; shipped {kind}s are "
-                     f"{', '.join(shipped(kind))}")
+    names = f"shipped {kind}s are {', '.join(shipped(kind))}"
+    if not name_or_path:
+        raise ValueError(f"no {kind} is given; give the path of a file, or a shipped one: {names}")
+    question = nearest(name_or_path, shipped(kind))
+    raise ValueError(f"{name_or_path}: neither a shipped {kind} nor a file; {question}{' ' * bool(question)}{names}")
 
 
 def config_folder() -> Path:

@@ -62,6 +62,10 @@ def main(words: Sequence[str]) -> int:
 
 
 def _run(words: Sequence[str]) -> int:
+    name = next((word for word in words if word in STUDIES), "NAME")
+    if words and words[0] not in ("-h", "--help", "--version") and words[0].startswith("-"):
+        raise ValueError(f"{words[0]}: options come after the study's name; write "
+                         f"{' '.join(['study', name, *(word for word in words if word != name)])}")
     options = _front_parser().parse_args(words[:1])
     try:
         study = import_module(f"vibro_lab.study.{options.study}")

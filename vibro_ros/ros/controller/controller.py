@@ -19,7 +19,7 @@ from std_msgs.msg import Float64
 from vibro_ros.configuration.shipped import find_file, shipped
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.model.parameters import Parameter, Value, checked_parameters
-from vibro_ros.process.entry_point import Parser, StopRequest, exit_code
+from vibro_ros.process.entry_point import LAUNCHED, Parser, StopRequest, exit_code
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.ros.controller.commanded_robot import ODOM, CommandedRobot, FaultService, OdometrySubscription
 from vibro_ros.ros.controller.feedback import check_reach
@@ -55,7 +55,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(argv: Sequence[str] | None) -> int:
     words = sys.argv[1:] if argv is None else argv
-    arguments = _parser().parse_args(own_arguments(words))
+    arguments = _parser().parse_args(own_arguments(words, PARAMETERS))
     if arguments.serve and arguments.script:
         raise ValueError("--serve: takes goals from other programs, not from a script; leave one of the two out")
     files = check_arguments(words)
@@ -108,7 +108,7 @@ def _play(script: Script, settings: Mapping[str, Value], node: GuardedNode, stop
     odometer = OdometrySubscription(node) if script.goals else None
     schedule = ScriptSchedule(script, settings["reach"], odometer, send, node.get_logger().info, robot, faults)
     code = player.run(schedule.instants(settings["rate"]), settings["wait"], stop)
-    if not code:
+    if not (code or stop):
         _say_what_still_runs(node, robot)
     return code
 
@@ -154,7 +154,8 @@ def _say_what_still_runs(node: Node, robot: CommandedRobot) -> None:
                  f"{timeout:g} s")
     else:
         log.warning(f"script done, and the motor goes on: {topic} stays at {speed:g} rad/s until another command "
-                    f"comes; stop it with ros2 topic pub --once {topic} std_msgs/msg/Float64 '{{data: 0.0}}'")
+                    f"comes; stop it by the page of `view{robot.name and f' --robot {robot.name}'}`, or by "
+                    "a script that ends with motor_speed: 0.0")
 
 
 def _parser() -> Parser:
@@ -172,4 +173,6 @@ def _parser() -> Parser:
     parser.add_argument("script", nargs="?", help="a shipped script's name, or the path of a YAML file")
     parser.add_argument("--serve", action="store_true", help="offer the actions go_to and hold_speed to other "
                         "programs, until a signal, instead of playing a script")
+    parser.add_argument(LAUNCHED, action="store_true", help="exit code 0 after a signal, for launch files, which "
+                        "report any other code as a process that has died")
     return parser

@@ -17,6 +17,7 @@ from pathlib import Path
 from vibro_ros.configuration.strict_yaml import read_yaml
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.model.faults import FAULTS, Incident, checked_incident
+from vibro_ros.model.parameters import nearest
 from vibro_ros.ros.controller.feedback import MOTOR_RANGE, WITHIN, Goal, PositionGoal, SpeedGoal
 
 MOTOR = "motor_speed"
@@ -347,7 +348,8 @@ def _finite_number(value: object, what: str, unit: str) -> float:
 def _refuse_unknown(given: Mapping, known: tuple[str, ...], where: str = "") -> None:
     for key in given:
         if key not in known:
-            raise ValueError(f"{where}{key}: unknown key; give {', '.join(known)}")
+            question = nearest(str(key), known)
+            raise ValueError(f"{where}{key}: unknown key; give {', '.join(known)}{question and f'; {question}'}")
 
 
 def _shown(value: object) -> str:

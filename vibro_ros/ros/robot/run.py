@@ -378,7 +378,8 @@ class Run:
         self._perform_and_record(operation)
         self.commands.recover()
         self.robot_time.restart()
-        words = f"reset: the sample at {self.robot_time.due:.9g} s of robot time is the start"
+        words = ("reset: the robot stands at its start; robot time goes on, and the sample at "
+                 f"{self.robot_time.due:.9g} s of robot time shows the start")
         if self.paused and not self._steps:  # so that peers see the start, although the robot is paused
             self._tick()
         return words
