@@ -4,6 +4,8 @@
 ROS ?= jazzy
 VENV := .venv$(patsubst %,-%,$(filter-out jazzy,$(ROS)))
 BIN := $(VENV)/bin
+NEW := $(abspath $(VENV))-new
+OLD := $(VENV)-old
 LOCKS := requirements/base.txt requirements/$(ROS).txt
 PACKAGES := $(VENV)/packages.done
 READY := $(VENV)/ready.done
@@ -128,7 +130,8 @@ for package in $(BOTH); do \
 		ln -s ../../bin/$$name $(VENV)/lib/$$package/$$name || exit; done; done
 endef
 
-# The stamps are written last, so that an interrupted setup starts anew.
+# The stamps are written last, so that an interrupted setup starts anew. A new environment is made beside the old one, which works
+# until all packages are there; the paths that pip has written into the new one's scripts then get its name.
 $(PACKAGES): export PIP_CONSTRAINT := requirements/base.txt  # empy comes as source; pip builds it with the pinned setuptools
 $(PACKAGES): $(LOCKS)
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 14))' 2>/dev/null || { \
@@ -136,10 +139,19 @@ $(PACKAGES): $(LOCKS)
 			"name another one: make setup PYTHON=python3.12" >&2; \
 		exit 2; }
 	@echo "setup: making $(VENV) with $$($(PYTHON) -V)"
-	@$(PYTHON) -m venv --clear $(VENV)
+	@test -e $(VENV) || test ! -e $(OLD) || mv $(OLD) $(VENV)  # of a setup that was killed between the two moves below
+	@$(PYTHON) -m venv --clear --prompt $(VENV) $(NEW)
 	@echo "setup: installing $$(cat $(LOCKS) | grep -c ==) pinned packages (800 MB on disk; a minute or two)"
-	@$(PIP) install --use-pep517 --no-deps $(addprefix --requirement=,$(LOCKS))
-	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
+	@$(PIP:$(BIN)/%=$(NEW)/bin/%) install --use-pep517 --no-deps $(addprefix --requirement=,$(LOCKS)) || { \
+		test ! -e $(VENV) || echo "setup: $(VENV) is as it was before" >&2; \
+		exit 1; }
+	@$(NEW)/bin/python -m pip check >/dev/null || { $(NEW)/bin/python -m pip check; exit 1; }
+	@sed --in-place 's|$(NEW)|$(abspath $(VENV))|g' $$(grep --recursive --files-with-matches --binary-files=without-match \
+		'$(NEW)' $(NEW)/bin $(NEW)/pyvenv.cfg)
+	@rm -rf $(OLD)
+	@test ! -e $(VENV) || mv $(VENV) $(OLD)
+	@mv $(NEW) $(VENV)
+	@rm -rf $(OLD)
 	@$(BIN)/python -c 'import platform; print(platform.python_version())' > $@
 
 BOTH := vibro_ros vibro_lab

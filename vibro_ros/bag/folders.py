@@ -59,12 +59,7 @@ def bag_files(folder: Path) -> tuple[list[Path], list[str]]:
 def lock(folder: Path) -> int:
     """Lock a bag folder until the returned descriptor is closed, at the latest at the process's end.
 
-    On a file system without locks the folder stays unlocked.
-
-    Raises
-    ------
-    BlockingIOError
-        When another process has locked it.
+    On a file system without locks the folder stays unlocked. BlockingIOError when another process has locked it.
     """
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:

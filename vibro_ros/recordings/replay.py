@@ -144,7 +144,7 @@ def _topics(stream: BagStream, facts: RecordedRun) -> dict[str, Topic]:
                        "recorded itself")
     depths = {topic: one.qos_depth for topic, one in stream.topics.items()}
     return {name: Topic(names[name], topic.type, depths.get(names[name], QOS_DEPTH), topic.quality.transient_local)
-            for name, topic in TOPICS.items()  # a bag of an earlier version has fewer
+            for name, topic in TOPICS.items()  # of a dc motor only where there is one
             if name in names and name != CHECKPOINT}
 
 

@@ -38,12 +38,8 @@ LARGEST = 1e100
 def load_samples(folder: Path) -> Bag:
     """Read the columns of a recording that a report needs, without messages that no robot can have sent.
 
-    Such messages, with numbers that are not finite or beyond `LARGEST`, are counted in the bag's flaws.
-
-    Raises
-    ------
-    BagError
-        When the recording cannot be read.
+    Such messages, with numbers that are not finite or beyond `LARGEST`, are counted in the bag's flaws. BagError when
+    the recording cannot be read.
     """
     bag = load_bag(folder, COLUMNS)
     arrays, flaws = {}, list(bag.flaws)

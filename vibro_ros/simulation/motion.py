@@ -234,10 +234,7 @@ class Motion:
     def set_state(self, given: Mapping[str, object]) -> None:
         """Go on from the `given` state, by fields of `Samples`; see `given_state`.
 
-        Raises
-        ------
-        ValueError
-            For an impossible state; nothing is changed then.
+        ValueError for an impossible state; nothing is changed then.
         """
         values = checked_state(self.scene, given, dict(zip(FIELDS, self.now().tolist(), strict=True)))
         ideal = self.scene["effects.motor"] == "ideal"

@@ -555,11 +555,11 @@ def _results(design: Design, folder: Path, execution: Execution) -> Iterator[Res
 def _design(options: argparse.Namespace) -> Design:
     scene = running(machine_of(options))
     count = options.starts if options.starts is not None else QUICK_STARTS if options.quick else STARTS_DRAWN
-    phase = Stroboscope(free_cut(scene)).turn_map.phase  # refuses a scene in which nothing moves
     starts = chosen_starts(scene, tuple(over_in_words(scene, text) for text in options.over), count,
                            whole_number("--seed", options.seed, 0, 2**63 - 1))
     if starts.is_grid and options.starts is not None:
         raise ValueError("--starts: a grid draws no starts; leave it out, or the counts of --over")
+    phase = Stroboscope(free_cut(scene)).turn_map.phase  # after the options: it simulates; refuses a scene at rest
     return Design(scene, phase, starts, options.turns, options.most_turns)
 
 

@@ -50,7 +50,7 @@ STUDIES = {
     "orbits": "Follow branches of periodic orbits over a parameter, and locate where they change.",
     "diagram": "Sweep a parameter up and down: states once a turn, hysteresis, exponents, chaos.",
     "basins": "Tell which start leads to which motion.",
-    "map": "Find every motion over motor speed and gap: the command map that `controller` reads.",
+    "map": "Find every motion over motor speed and gap.",
     "identify": "Find the parameters of the robot that made a recording, with intervals.",
 }
 """Summary of each study by its name, which is also the name of its module; `main` there is a `StudyCommand`."""
@@ -62,6 +62,10 @@ def main(words: Sequence[str]) -> int:
 
 
 def _run(words: Sequence[str]) -> int:
+    name = next((word for word in words if word in STUDIES), "NAME")
+    if words and words[0] not in ("-h", "--help", "--version") and words[0].startswith("-"):
+        raise ValueError(f"{words[0]}: options come after the study's name; write "
+                         f"{' '.join(['study', name, *(word for word in words if word != name)])}")
     options = _front_parser().parse_args(words[:1])
     try:
         study = import_module(f"vibro_lab.study.{options.study}")

@@ -96,7 +96,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(words: Sequence[str]) -> int:
-    _parser().parse_args(own_arguments(words))
+    _parser().parse_args(own_arguments(words, PARAMETERS))
     files = check_arguments(words)
     os.nice(NICENESS)
     with StopRequest() as stop, node_running(NODE_NAME, words) as node:

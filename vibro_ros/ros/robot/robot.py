@@ -89,7 +89,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(words: Sequence[str]) -> int:
-    _parser().parse_args(own_arguments(words))
+    _parser().parse_args(own_arguments(words, (*DEVICE_PARAMETERS, *SCENE_PARAMETERS)))
     files = check_arguments(words)
     with StopRequest() as stop, process.node_running(NODE_NAME, words) as node:
         check_addressed(files, node.get_fully_qualified_name())
@@ -170,8 +170,9 @@ def _operate(node: GuardedNode, settings: Mapping[str, Value], device: Simulator
         with run.start(begin):
             diagnostics = Diagnostics(node, run, partial(_now, node, settings, run))
             _offer_simulation(node, run, settings["frame_prefix"] + ODOM)
-            pause = (f"; paused until ros2 service call {node.get_fully_qualified_name()}/pause std_srvs/srv/SetBool "
-                     "'{data: false}'" if run.paused else "")
+            name = node.get_fully_qualified_name()
+            pause = (f"; paused until {name}/pause is called with false, by the page of `view --robot {name}` or by "
+                     f"`ros2 service call {name}/pause std_srvs/srv/SetBool '{{data: false}}'`" if run.paused else "")
             log.info(f"ready: {settings['rate.publish']:g} Hz, real-time factor "
                      f"{settings['rate.real_time_factor']:g}, {recording.destination()}{pause}")
 
