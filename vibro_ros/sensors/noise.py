@@ -9,7 +9,6 @@ another one, on the instants at which it is read, or on how time is divided into
 but not those of its normal numbers.
 """
 
-import functools
 import hashlib
 import math
 from collections.abc import Callable, Sequence
@@ -127,8 +126,9 @@ _TAIL = (
 
 
 def _ratio(coefficients: tuple[tuple[float, ...], tuple[float, ...]], r: np.ndarray) -> np.ndarray:
-    numerator, denominator = (functools.reduce(lambda total, number: total * r + number, numbers)
-                              for numbers in coefficients)
+    numerator, denominator = np.zeros_like(r), np.zeros_like(r)
+    for above, below in zip(*coefficients, strict=True):
+        numerator, denominator = numerator * r + above, denominator * r + below
     return numerator / denominator
 
 
