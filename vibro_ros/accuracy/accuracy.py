@@ -45,6 +45,7 @@ from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
 from vibro_ros.orbits.starts import RUNNING_SPEED, SETTLING
 from vibro_ros.process.entry_point import FAILURE, Parser, exit_code, interrupted_code, say
 from vibro_ros.process.executables import EXECUTABLES
+from vibro_ros.process.pictures import png
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.preparation import prepare_kernels
 
@@ -128,7 +129,7 @@ def draw(rows: Mapping[str, Sequence[Row]], effort: Effort, folder: Path) -> dic
         if any(row.compared == REFERENCE for row in own):
             pictures[name] = folder / f"{Path(name).stem}.png"
             caption = f"{lyapunov_time_in(own)}; medians of at most {effort.repeats} rounds\n{machine()}"
-            draw_scene(own, caption).savefig(pictures[name])
+            pictures[name].write_bytes(png(draw_scene(own, caption)))
     return pictures
 
 

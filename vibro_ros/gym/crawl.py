@@ -7,12 +7,10 @@ import gymnasium
 import numpy as np
 from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box, Space
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.scene import Scene
+from vibro_ros.process.pictures import Rectangle, default_settings, new_figure
 from vibro_ros.sensors.device import SensedSimulator
 from vibro_ros.simulation.samples import FIELDS
 
@@ -143,21 +141,22 @@ class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
         truth = self._truth(device)
         return self._observe(self._measured), float(self._reward(truth)), False, False, truth
 
+    @default_settings()
     def render(self) -> np.ndarray | None:  # type: ignore[override]
         """Return a picture, shape (160, 480, 3): body, ground and target over 1.2 m; None without `render_mode`."""
         if self.render_mode is None:
             return None
         truth = self._truth(self._begun("render"))
-        figure = Figure(figsize=(4.8, 1.6), dpi=100)
-        canvas, axes = FigureCanvasAgg(figure), figure.add_axes((0.02, 0.25, 0.96, 0.73))
+        figure = new_figure(4.8, 1.6, 100, layout=None)
+        axes = figure.add_axes((0.02, 0.25, 0.96, 0.73))
         place, height = truth["body_position"], truth["body_height"]
         axes.add_patch(Rectangle((place - 0.05, height), 0.1, 0.06, color="tab:blue"))
         axes.axvline(truth["target_position"], color="tab:red")
         axes.axhline(0.0, color="black")
         axes.set(xlim=(place - 0.6, place + 0.6), ylim=(-0.02, 0.3), yticks=[])
         axes.text(0.01, 0.85, "x [m]", transform=axes.transAxes)
-        canvas.draw()
-        return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+        figure.canvas.draw()
+        return np.asarray(figure.canvas.buffer_rgba())[..., :3].copy()  # type: ignore[attr-defined]
 
     def _begun(self, method: str) -> SensedSimulator:
         if self._device is None:

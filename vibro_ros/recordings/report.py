@@ -15,6 +15,7 @@ from vibro_ros.bag.stream import BagError, bag_errors
 from vibro_ros.process.entry_point import Parser, exit_code
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.files import one_line
+from vibro_ros.process.pictures import png
 from vibro_ros.recordings.energy import energy_of
 from vibro_ros.recordings.plots import plot_pair, plot_run
 from vibro_ros.recordings.summary import as_caption, as_text, load_samples, pair_as_text, summarise
@@ -45,7 +46,7 @@ def write_report(bag_folder: Path, output: Path | None = None,
     files[0].write_text(text, encoding="utf-8")
     written = json.dumps(summaries if other else summaries[0], indent=2, ensure_ascii=False)
     files[1].write_text(f"{written}\n", encoding="utf-8")
-    figure.savefig(files[2])
+    files[2].write_bytes(png(figure))
     return text, files
 
 

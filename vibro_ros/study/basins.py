@@ -10,9 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
-from matplotlib.axes import Axes
-from matplotlib.colors import BoundaryNorm, ListedColormap
-from matplotlib.patches import Patch
 
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.parameters import Value
@@ -31,23 +28,21 @@ from vibro_ros.orbits.turn_map import (
     state_names,
 )
 from vibro_ros.process.entry_point import Parser
+from vibro_ros.process.pictures import (
+    Axes,
+    BoundaryNorm,
+    ListedColormap,
+    Patch,
+    default_settings,
+    new_figure,
+    png,
+    set_heading,
+)
 from vibro_ros.simulation.given_state import STATE_UNITS
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.study.command import Progress, Results, StudyCommand, machine_of
 from vibro_ros.study.execution import Execution
-from vibro_ros.study.figures import (
-    BLACK,
-    BLUE,
-    GREEN,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-    YELLOW,
-    new_figure,
-    png,
-    style_axes,
-)
+from vibro_ros.study.figures import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, YELLOW, style_axes
 from vibro_ros.study.table import NUMBERS, Field, Study, are, computed, file_of, table_of
 from vibro_ros.study.variation import whole_number
 
@@ -484,6 +479,7 @@ _COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILION, YELLOW, BLACK)  # furth
 _GREY, _WHITE = "#a0a0a0", "#ffffff"  # for `UNSETTLED` and `OTHER`, and for `IMPOSSIBLE`
 
 
+@default_settings()
 def draw_basins(design: Design, table: pa.Table, found: Basins) -> bytes:
     """Draw the motions that the starts lead to; returns a PNG file."""
     figure, over = new_figure(9.0, 5.0), design.starts.over
@@ -495,8 +491,8 @@ def draw_basins(design: Design, table: pa.Table, found: Basins) -> bytes:
         _draw_dots(dots, table, over, found.numbers)
     else:
         _draw_shares(figure.subplots(), found)
-    figure.suptitle(f"{design.scene.name} at {command_in_words(design.scene)}: where {design.starts.count} starts lead",
-                    fontsize=11)
+    set_heading(figure, f"{design.scene.name} at {command_in_words(design.scene)}: where {design.starts.count} starts "
+                "lead")
     figure.legend(handles=_legend(found), loc="outside lower center", fontsize=8, frameon=False, ncols=2)
     return png(figure)
 

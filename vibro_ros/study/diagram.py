@@ -18,7 +18,6 @@ from typing import Any, cast
 
 import numpy as np
 import pyarrow as pa
-from matplotlib.axes import Axes
 
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import PREFIX, Scene
@@ -36,11 +35,12 @@ from vibro_ros.orbits.turn_map import (
     units_of,
 )
 from vibro_ros.process.entry_point import Parser
+from vibro_ros.process.pictures import Axes, default_settings, new_figure, png, set_heading
 from vibro_ros.simulation.given_state import STATE_UNITS
 from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.study.command import Results, StudyCommand, machine_of
 from vibro_ros.study.execution import Execution, Rows, fingerprint
-from vibro_ros.study.figures import BLUE, VERMILION, new_figure, of_parameter, png, style_axes
+from vibro_ros.study.figures import BLUE, VERMILION, of_parameter, style_axes
 from vibro_ros.study.table import KEY, Field, Study, are, computed, file_of, parameter_field, read_block, stored
 from vibro_ros.study.variation import Axis, at_the_edge, ends_at, varied_in_words, whole_number
 
@@ -468,6 +468,7 @@ _WIDTH, _STATES, _PANEL = 9.0, 3.8, 1.8  # in
 _MOST, _LEAST, _CROWD = 5.0, 2.0, 450.0  # size of a ring [pt]: `_CROWD` / number of values, within these limits
 
 
+@default_settings()
 def draw_diagram(found: Diagram) -> bytes:
     """Draw a diagram; returns a PNG file."""
     design = found.design
@@ -480,8 +481,8 @@ def draw_diagram(found: Diagram) -> bytes:
         _shade(axes, found)
         style_axes(axes)
     rows[-1].set_xlabel(of_parameter(design.axis.name))
-    figure.suptitle(f"{design.scene.name}: once a turn, at the crank angle {design.phase:.3f} rad; "
-                    f"{len(design.axis.values)} values up and down", fontsize=11)
+    set_heading(figure, f"{design.scene.name}: once a turn, at the crank angle {design.phase:.3f} rad; "
+                f"{len(design.axis.values)} values up and down")
     return png(figure)
 
 

@@ -23,10 +23,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
-from matplotlib.axes import Axes
-from matplotlib.colors import BoundaryNorm, ListedColormap
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from vibro_ros.configuration.command_choice import Choice, CommandChoice, has_choice
 from vibro_ros.configuration.command_map import (
@@ -49,12 +45,22 @@ from vibro_ros.orbits.recurrence import SAME, SettledMotion, number_among, settl
 from vibro_ros.orbits.starts import drawn_start
 from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, check_closes, has_sampled_controller, state_names
 from vibro_ros.process.entry_point import Parser
+from vibro_ros.process.pictures import (
+    Axes,
+    BoundaryNorm,
+    Figure,
+    Line2D,
+    ListedColormap,
+    default_settings,
+    new_figure,
+    png,
+)
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.provenance import software
 from vibro_ros.simulation.simulator import Simulator
 from vibro_ros.study.command import Progress, Results, StudyCommand, machine_of
 from vibro_ros.study.execution import Execution
-from vibro_ros.study.figures import BLACK, BLUE, GREEN, ORANGE, SKY, VERMILION, YELLOW, new_figure, png
+from vibro_ros.study.figures import BLACK, BLUE, GREEN, ORANGE, SKY, VERMILION, YELLOW
 from vibro_ros.study.measures import MEASURES, REST, WORK, Window, observed
 from vibro_ros.study.table import NUMBERS, Field, Study, are, computed, file_of
 from vibro_ros.study.variation import whole_number
@@ -722,6 +728,7 @@ _STYLES = {"fold": (BLACK, "-"), "period doubling": (BLACK, "--"), "Neimark-Sack
            "grazing": (VERMILION, "-")}
 
 
+@default_settings()
 def draw_map(command_map: CommandMap, share: np.ndarray) -> bytes:
     """Draw mean speed, share of the starts and period over motor speed and gap; returns a PNG file.
 
@@ -741,7 +748,7 @@ def draw_map(command_map: CommandMap, share: np.ndarray) -> bytes:
     if handles:
         figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
     sides = "both plates" if len(command_map.sides) > 1 else f"the {command_map.sides[0]} plate"
-    upper.set_title(f"{command_map.scene}: motions over motor speed and gap of {sides}")
+    upper.set_title(f"{command_map.scene}: motions over motor speed and gap of {sides}", wrap=True)
     middle.set_title("cells with more than one motion: random starts that lead to the fastest", fontsize="medium")
     lower.set_xlabel("motor speed [rad/s]")
     return png(figure)

@@ -19,17 +19,16 @@ from typing import Any, NamedTuple
 import cma
 import numpy as np
 import pyarrow as pa
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from vibro_ros.configuration.scene_file import scene_as_file
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.starts import running
 from vibro_ros.process.entry_point import Parser
+from vibro_ros.process.pictures import Axes, Figure, default_settings, new_figure, png
 from vibro_ros.study.command import Progress, Results, StudyCommand, machine_of, settings_of
 from vibro_ros.study.execution import Execution, computes_with
-from vibro_ros.study.figures import BLACK, GRID, SKY, VERMILION, new_figure, png
+from vibro_ros.study.figures import BLACK, GRID, SKY, VERMILION
 from vibro_ros.study.space import Space, chosen_variables
 from vibro_ros.study.table import NUMBERS, Field, Study, are, stored
 from vibro_ros.study.trials import (
@@ -632,6 +631,7 @@ def _figure(width: float, height: float) -> tuple[Figure, Axes]:
     return figure, axes
 
 
+@default_settings()
 def draw_convergence(plan: Plan, candidates: Candidates, title: str) -> Figure:
     """Draw the score of every candidate in turn, and the best so far."""
     figure, axes = _figure(8.0, 4.5)
@@ -644,6 +644,7 @@ def draw_convergence(plan: Plan, candidates: Candidates, title: str) -> Figure:
     return figure
 
 
+@default_settings()
 def draw_front(result: Result, candidates: Candidates, title: str) -> Figure:
     """Draw cost of transport over speed: all candidates, the front from other starts, the motions of the optimum."""
     figure, axes = _figure(8.0, 5.5)

@@ -18,8 +18,6 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
 
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.parameters import BY_NAME
@@ -40,21 +38,11 @@ from vibro_ros.orbits.orbit import Seed, seeds_of
 from vibro_ros.orbits.starts import running
 from vibro_ros.orbits.turn_map import TurnMap, state_names, units_of
 from vibro_ros.process.entry_point import Parser, say
+from vibro_ros.process.pictures import Axes, Line2D, default_settings, new_figure, png, set_heading
 from vibro_ros.simulation.given_state import STATE_UNITS
 from vibro_ros.study.command import Progress, Results, StudyCommand, machine_of
 from vibro_ros.study.execution import Execution, Rows
-from vibro_ros.study.figures import (
-    BLACK,
-    BLUE,
-    GREEN,
-    ORANGE,
-    PURPLE,
-    VERMILION,
-    new_figure,
-    of_parameter,
-    png,
-    style_axes,
-)
+from vibro_ros.study.figures import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, of_parameter, style_axes
 from vibro_ros.study.table import NUMBERS, Field, Study, file_of, parameter_field, read_block, stored, table_of
 from vibro_ros.study.variation import Range, varied_in_words, whole_number
 
@@ -527,6 +515,7 @@ _MOST_NAMES = 24  # largest number of labels in the picture
 _CELLS = 50.0  # cells along each axis of a panel; special points of one cell share a label
 
 
+@default_settings()
 def draw_orbits(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> bytes:
     """Draw all branches; returns a PNG file."""
     figure, branches = new_figure(9.0, 8.4), [branch for _, branch in done]
@@ -550,7 +539,7 @@ def draw_orbits(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> bytes:
     for axes in (upper, lower):
         style_axes(axes)
     figure.legend(handles=_legend(branches), loc="outside lower center", ncols=5, frameon=False, fontsize=9)
-    figure.suptitle(f"{plan.scene.name}: periodic orbits over {plan.name}, unstable ones dashed", fontsize=11)
+    set_heading(figure, f"{plan.scene.name}: periodic orbits over {plan.name}, unstable ones dashed")
     return png(figure)
 
 
@@ -585,6 +574,7 @@ def _legend(branches: Sequence[Branch]) -> list[Line2D]:
                     for kind, (mark, size) in MARKS.items() if kind in kinds]
 
 
+@default_settings()
 def draw_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]],
                 found: Sequence[tuple[CurveTask, Branch]]) -> bytes:
     """Draw all curves, and the special points of the branches that they begin with; returns a PNG file."""
@@ -606,7 +596,7 @@ def draw_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]],
     if kinds:
         axes.legend(handles=[Line2D([], [], ls=_STYLES[kind], color=_CURVE_COLOURS[kind], marker=MARKS[kind][0],
                                     ms=MARKS[kind][1], mfc="white", label=kind) for kind in kinds], frameon=False)
-    figure.suptitle(f"{asked.plan.scene.name}: special points over {' and '.join(asked.ranges)}", fontsize=11)
+    set_heading(figure, f"{asked.plan.scene.name}: special points over {' and '.join(asked.ranges)}")
     return png(figure)
 
 

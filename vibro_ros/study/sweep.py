@@ -20,8 +20,6 @@ from typing import Any, cast
 
 import numpy as np
 import pyarrow as pa
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from vibro_ros.configuration.scene_file import load_scene, scene_origin
 from vibro_ros.configuration.shipped import find_file, shipped
@@ -33,22 +31,11 @@ from vibro_ros.orbits.chaos import half_interval, sign_of
 from vibro_ros.orbits.recurrence import SettledMotion, tolerance_of
 from vibro_ros.orbits.starts import SETTLING
 from vibro_ros.process.entry_point import Parser, say
+from vibro_ros.process.pictures import Axes, Figure, default_settings, new_figure, png, set_heading
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.study.command import Progress, Results, StudyCommand, settings_of
 from vibro_ros.study.execution import Execution
-from vibro_ros.study.figures import (
-    BLACK,
-    BLUE,
-    GREEN,
-    ORANGE,
-    PURPLE,
-    VERMILION,
-    new_figure,
-    of_parameter,
-    png,
-    style_axes,
-    with_unit,
-)
+from vibro_ros.study.figures import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, of_parameter, style_axes, with_unit
 from vibro_ros.study.measures import (
     EXPONENT,
     LYAPUNOV,
@@ -570,6 +557,7 @@ _STYLES = ((BLUE, "o"), (VERMILION, "^"), (GREEN, "s"), (PURPLE, "v"), (BLACK, "
 _WIDTH, _HEIGHT = 5.2, 3.6  # in, of a panel
 
 
+@default_settings()
 def draw_sweep(found: Summary) -> bytes:
     """Draw every measure of a sweep in a row of panels; returns a PNG file.
 
@@ -599,8 +587,8 @@ def draw_sweep(found: Summary) -> bytes:
     intervals = ", 95 % intervals" if is_lines else ""
     several = ", of several motions the one of most starts" if is_map else ", a mark a motion"
     starts = f"{found.design.starts} starts{several}{intervals}" if found.design.starts > 1 else "one start"
-    figure.suptitle(f"{found.design.scene.name}: {starts}, {found.design.duration:g} s after "
-                    f"{found.design.settling:g} s", fontsize=11)
+    set_heading(figure, f"{found.design.scene.name}: {starts}, {found.design.duration:g} s after "
+                f"{found.design.settling:g} s")
     return png(figure)
 
 
