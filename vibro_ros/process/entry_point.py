@@ -24,11 +24,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
+from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
 
 from vibro_ros.process.executables import EXECUTABLES, shows_live_robot
-from vibro_ros.process.files import one_line
+from vibro_ros.process.files import one_line, user_path
 
 FAILURE, BAD_INPUT = 1, 2
 ADDRESS_SPACE = 2_000_000_000
@@ -41,7 +42,14 @@ ENDLESS = ("robot", "twin", "live_view")
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser that raises its errors as ValueError, which `exit_code` prints in one line."""
+    """An argument parser that raises its errors as ValueError, which `exit_code` prints in one line.
+
+    Arguments of the type `Path` are a `user_path`.
+    """
+
+    def __init__(self, **settings: Any):
+        super().__init__(**settings)
+        self.register("type", Path, user_path)
 
     def error(self, message: str) -> NoReturn:
         """Raise `message` as a ValueError, like all other bad input."""

@@ -113,7 +113,7 @@ def what_if(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str]:
                            "what another would have done until then is unknown; give a bag of the run's beginning")
         rerun = Rerun(facts, scene)
         topics = _topics(stream, facts)
-        whole = bag.resolve()
+        whole = stream.folder.resolve()
         folders = (whole.with_name(f"{whole.name}_replay{suffix}") for suffix in
                    chain([""], (f"_{number}" for number in count(2))))
         custom = {"scene": rerun.scene.name, "topics": json.dumps(facts.topics),
