@@ -68,7 +68,8 @@ class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
     Parameters
     ----------
     scene : str or Scene
-        The robot: a shipped scene's name, a file, or a scene. Encoder and tracking get the rate that a step needs.
+        The robot: a shipped scene's name, a file, or a scene; ValueError if it cannot perform the largest action.
+        Encoder and tracking get the rate that a step needs.
     reward : callable
         Returns the reward of a step from its `info`.
     observation : callable
@@ -94,6 +95,11 @@ class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
         self._device: SensedSimulator | None = None
         loaded = load_scene(scene) if isinstance(scene, str) else scene
         self._scene = loaded.with_parameters({**_SENSORS, "motor.speed": 0.0})
+        try:
+            SensedSimulator(self._scene).command(FASTEST, WIDEST, WIDEST)
+        except ValueError as error:
+            raise ValueError(f"scene {self._scene.name}: cannot perform the largest action, {FASTEST:g} rad/s and gaps "
+                             f"of {WIDEST:g} m; give another scene, because {error}") from None
         self.action_space = Box(-1.0, 1.0, (3,), np.float32)
         self.observation_space = observation_space or Box(-_MOST, _MOST, (6,), np.float32)
 
