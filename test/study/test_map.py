@@ -142,6 +142,19 @@ def test_cells_from_which_a_trial_leads_elsewhere_are_not_sure(monkeypatch):
     assert trials == [] and left.found.sure.sum() < few.sure.sum()
 
 
+def test_a_curve_is_seen_on_a_cell_of_its_own_colour(monkeypatch):
+    """Black curves cross black cells, so each curve lies on a wider white one."""
+    monkeypatch.setattr(motions_module, "png", lambda figure: figure)
+    drawn = known_map()
+    figure = motions_module.draw_map(drawn, np.ones((len(drawn.found.turns), 1)).ravel())
+    for axes in figure.axes[:3]:
+        lines = axes.get_lines()
+        assert len(lines) == 2 * len(drawn.curves) > 0
+        for below, above in zip(lines[::2], lines[1::2], strict=True):
+            assert below.get_color() == "white" and below.get_linewidth() > above.get_linewidth() + 1.0
+            np.testing.assert_array_equal(below.get_xydata(), above.get_xydata())
+
+
 def test_a_map_without_sure_commands_is_still_a_map(tmp_path, capsys):
     words = ["--motor-speed", "110:120:2", "--gap", "0.003:0.005:2", "--curves", "0", "--output", str(tmp_path)]
     assert main(words) == 0

@@ -789,7 +789,9 @@ def _draw_periods(figure: Figure, axes: Axes, command_map: CommandMap) -> None:
 def _draw_curves(axes: Axes, command_map: CommandMap) -> None:
     for curve in command_map.curves:
         colour, style = _STYLES[curve.kind]
-        axes.plot(curve.motor_speed, np.array(curve.gap) * 1e3, color=colour, linestyle=style, linewidth=1.1)
+        gaps = np.array(curve.gap) * 1e3
+        axes.plot(curve.motor_speed, gaps, color="white", linewidth=2.6)  # else black lines vanish in dark cells
+        axes.plot(curve.motor_speed, gaps, color=colour, linestyle=style, linewidth=1.1)
     axes.set_xlim(*_edges(command_map.speeds)[[0, -1]])
     axes.set_ylim(*_edges(command_map.gaps, 1e3)[[0, -1]])
 

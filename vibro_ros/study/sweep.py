@@ -37,6 +37,7 @@ from vibro_ros.study.command import Progress, Results, StudyCommand, settings_of
 from vibro_ros.study.execution import Execution
 from vibro_ros.study.figures import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, of_parameter, style_axes, with_unit
 from vibro_ros.study.measures import (
+    DIRECTED,
     EXPONENT,
     LYAPUNOV,
     MEASURES,
@@ -507,10 +508,13 @@ def in_words(found: Summary) -> list[str]:
         if np.isnan(found.mean[name]).all():
             lines.append(f"{name}: no run has a value")
             continue
-        least, most = int(np.nanargmin(found.mean[name])), int(np.nanargmax(found.mean[name]))
+        sizes = np.abs(found.mean[name]) if name in DIRECTED else found.mean[name]
+        least, most = int(np.nanargmin(sizes)), int(np.nanargmax(sizes))
         lines.append(f"{name}: from {_extreme_in_words(found, name, least)} to {_extreme_in_words(found, name, most)}")
         for what, row, direction in (("least", least, "fall"), ("largest", most, "rise")):
-            lines.append(at_the_edge(f"the {what} {name}", ends_at(found.parameters, int(found.point[row])), direction))
+            quantity = f"magnitude of {name}" if name in DIRECTED else name
+            ends = ends_at(found.parameters, int(found.point[row]))
+            lines.append(at_the_edge(f"the {what} {quantity}", ends, direction))
         if name == EXPONENT and (unknown := _of_unknown_sign(found)):
             lines.append(f"{name}: sign not known of {unknown} of {len(found.point)} motions")
     for count, what, texts in ((found.failed.sum(), "runs could not go on", [
