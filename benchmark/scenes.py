@@ -43,7 +43,8 @@ from vibro_ros.accuracy.scene_rows import OWN_CHECK, lyapunov_time_in
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.starts import STARTING, started_at_share
-from vibro_ros.study.figures import new_figure, style_axes
+from vibro_ros.process.pictures import new_figure
+from vibro_ros.study.figures import style_axes
 
 FOLDER, PATHS = "accuracy", "ways.png"
 COSTS = "## What a run costs"
