@@ -46,7 +46,7 @@ view: $(READY) $(TYPES)  ## run a robot and show it in the browser, at the addre
 	@$(BIN)/python -m tools.demo look $(VIEW)
 
 # With another ROS 2 than Jazzy only the tests of ROS run, without the packages whose absence they skip.
-TESTS := $(if $(filter jazzy,$(ROS)),test,test/ros)
+TESTS := $(if $(filter jazzy,$(ROS)),test lab/test,test/ros lab/test/twin)
 NEEDED := $(if $(filter jazzy,$(ROS)),$(HEYOKA) $(STUDY) $(BROWSER) $(SITE))
 
 # Four workers on two cores, because half of the tests wait for processes.
@@ -62,26 +62,27 @@ test-slow: $(READY) $(TYPES) $(NEEDED)  ## run the tests of installation, docume
 # The kernels once, before the workers and their robots would compile the same ones beside each other.
 COMPILED = $(BIN)/python -c "from vibro_ros.simulation.preparation import provide_kernels as provide; provide('exact'); provide('rk4')"
 
-# The rooms in which most changes are made; of them the tests without the mark `process`.
-QUICK := $(addprefix test/,test_rings.py solver model configuration simulation orbits messages bag ros)
+# The rooms in which most changes are made; of them the tests without the mark `process`. They run as on a robot without the lab:
+# the folder's sitecustomize.py refuses the lab and what only the lab needs, in every Python that they start.
+QUICK := $(addprefix test/,test_rings.py solver model configuration simulation messages bag ros)
 
-check: lint  ## the fast loop, a minute: lint, and the quick tests of the rooms from solver to ros; says what it leaves out
+check: lint  ## the fast loop, a minute: lint, and the device's quick tests from solver to ros, without the lab's packages; says what it leaves out
 	@$(COMPILED)
-	@$(BIN)/python -m pytest --numprocesses 2 --dist worksteal --quiet -m "not process and not quiet and not slow" $(QUICK)
-	@echo "check: rooms left out: $(notdir $(filter-out $(QUICK),$(patsubst %/,%,$(filter-out %__pycache__/,$(wildcard test/*/)))))"
+	@PYTHONPATH=$(CURDIR)/test/without_lab $(BIN)/python -m pytest --numprocesses 2 --dist worksteal --quiet -m "not process and not quiet and not slow" $(QUICK)
+	@echo "check: rooms left out: $(filter-out $(QUICK),$(patsubst %/,%,$(filter-out %__pycache__/ %without_lab/,$(wildcard test/*/ lab/test/*/))))"
 	@echo "check: \`make test\` runs them and all of the above but installation and documents, which \`make test-slow\` runs"
 
 lint: $(READY) conflict-markers site  ## check style, spelling, types and links; name generated pages that are older than their code
 	@$(BIN)/ruff check
 	@$(BIN)/oxlint --config=tools/oxlint.json --format=unix vibro_ros/view/page
-	@$(BIN)/codespell *.md Makefile setup.py benchmark config docs examples research test tools vibro_ros
+	@$(BIN)/codespell *.md .github Makefile setup.py config docs examples lab test tools vibro_ros
 	@$(BIN)/mypy --no-error-summary
 	@$(BIN)/python -m tools.documents --check
 
 # The theme would print in every build that its end of life is in May 2027, and that Zensical then takes mkdocs.yml over.
 site: export NO_MKDOCS_2_WARNING := 1
 site: $(READY) $(SITE)  ## build the documents as web pages into out/site; a link that leads nowhere is an error
-	@said=$$($(BIN)/python -m mkdocs build --strict 2>&1) || { echo "$$said" >&2; exit 1; }  # with --quiet it counts no warnings
+	@said=$$($(BIN)/python -m mkdocs build --strict --config-file tools/mkdocs.yml 2>&1) || { echo "$$said" >&2; exit 1; }  # with --quiet it counts no warnings
 
 # 1 of git's exit codes is "found nothing"; without a repository it looks at all files that .gitignore does not name.
 conflict-markers:
@@ -122,14 +123,16 @@ clean:  ## remove every .venv and all that is built; out/ stays
 
 # What pip leaves out of an editable installation, and `ros2 run`, `ros2 launch` and `ros2 pkg` look for: `ros2 launch` follows no
 # link to a folder.
-INSTALLED := from vibro_ros.process.executables import EXECUTABLES; print(*(name for name, one in EXECUTABLES.items() if one.installed))
-define LINK_PACKAGE
-rm -rf $(VENV)/lib/vibro_ros $(VENV)/share/vibro_ros
-mkdir -p $(VENV)/lib/vibro_ros $(VENV)/share/vibro_ros/launch $(VENV)/share/ament_index/resource_index/packages
-ln -sf $(CURDIR)/resource/vibro_ros $(VENV)/share/ament_index/resource_index/packages/
+define LINK_PACKAGES
+rm -rf $(addprefix $(VENV)/lib/,$(BOTH)) $(addprefix $(VENV)/share/,$(BOTH))
+mkdir -p $(addprefix $(VENV)/lib/,$(BOTH)) $(addprefix $(VENV)/share/,$(BOTH)) $(VENV)/share/vibro_ros/launch $(VENV)/share/ament_index/resource_index/packages
+ln -sf $(CURDIR)/resource/vibro_ros $(CURDIR)/lab/resource/vibro_lab $(VENV)/share/ament_index/resource_index/packages/
 ln -s $(CURDIR)/package.xml $(CURDIR)/config $(VENV)/share/vibro_ros/
+ln -s $(CURDIR)/lab/package.xml $(VENV)/share/vibro_lab/
 ln -s $(CURDIR)/examples/launch/*.launch.py $(VENV)/share/vibro_ros/launch/
-for name in $$($(BIN)/python -c '$(INSTALLED)'); do ln -s ../../bin/$$name $(VENV)/lib/vibro_ros/$$name || exit; done
+for package in $(BOTH); do \
+	for name in $$($(BIN)/python -c "from importlib.metadata import distribution; print(*distribution('$$package').entry_points.names)"); do \
+		ln -s ../../bin/$$name $(VENV)/lib/$$package/$$name || exit; done; done
 endef
 
 # The stamps are written last, so that an interrupted setup starts anew.
@@ -146,10 +149,11 @@ $(PACKAGES): $(LOCKS)
 	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
 	@$(BIN)/python -c 'import platform; print(platform.python_version())' > $@
 
-$(READY): $(PACKAGES) setup.py setup.cfg package.xml vibro_ros/process/executables.py examples/launch
-	@echo "setup: installing vibro_ros from this folder"
-	@$(PIP) install --use-pep517 --no-build-isolation --no-deps --editable .
-	@$(LINK_PACKAGE)
+BOTH := vibro_ros vibro_lab
+$(READY): $(PACKAGES) setup.py setup.cfg package.xml vibro_ros/process/executables.py examples/launch $(addprefix lab/,setup.py setup.cfg package.xml vibro_lab/executables.py)
+	@echo "setup: installing vibro_ros and vibro_lab from this folder"
+	@$(PIP) install --use-pep517 --no-build-isolation --no-deps --editable . --editable lab
+	@$(LINK_PACKAGES)
 	@touch $@
 
 # Only the build of types needs them; 30 MB to load.

@@ -50,8 +50,6 @@ setup(
     install_requires=["llvmlite", "lz4", "matplotlib", "mcap>=1.5", "numba", "numpy", "pillow", "PyYAML",
                       "rosbags>=0.11", "scipy", "tornado", "tqdm", "zstandard"],
     extras_require={
-        # The peer that bench and tests compare with: 104 MB.
-        "bench": ["heyoka==7.13.2"],
         # ROS 2 Jazzy as wheels; not asked for by default, so that an apt installation is never shadowed.
         "ros": [
             "ros-jazzy-diagnostic-msgs",
@@ -63,14 +61,8 @@ setup(
             "ros-jazzy-std-msgs",
             "ros-jazzy-std-srvs",
         ],
-        # What the studies need beyond the robot: tables of results, and searches for an optimum.
-        "study": ["cma", "pyarrow"],
-        # The environment of the room `gym`.
-        "gym": ["gymnasium"],
         # The documents as web pages.
         "site": ["mkdocs", "mkdocs-material", "mkdocstrings-python"],
-        # Sweeps on more than one machine.
-        "cluster": ["distributed"],
         "test": [
             "catkin-pkg",
             "cmeel-urdfdom",

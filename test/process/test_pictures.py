@@ -1,6 +1,5 @@
 """Pictures depend on nothing that a user has set for matplotlib, and are bounded."""
 
-import hashlib
 import os
 import subprocess
 import sys
@@ -24,12 +23,6 @@ axes.facecolor: black
 lines.linewidth: 9
 font.size: 30
 """
-RENDER = """
-import hashlib, gymnasium, vibro_ros.gym
-env = gymnasium.make("vibro_ros/Crawl-v1", render_mode="rgb_array")
-env.reset(seed=0)
-print(hashlib.sha256(env.render().tobytes()).hexdigest())
-"""
 
 
 def run(*words: str, folder: Path, **environment: str) -> str:
@@ -40,11 +33,10 @@ def run(*words: str, folder: Path, **environment: str) -> str:
     return ended.stdout
 
 
-def drawn(bag: Path, folder: Path, **environment: str) -> tuple[str, str]:
-    """Return the digests of a report's picture and of the environment's, both drawn in this folder."""
+def drawn(bag: Path, folder: Path, **environment: str) -> bytes:
+    """Return the picture of a report that is made in this folder."""
     run("-m", "vibro_ros.recordings.report", str(bag), "--output", ".", folder=folder, **environment)
-    picture = hashlib.sha256((folder / "report.png").read_bytes())
-    return picture.hexdigest(), run("-c", RENDER, folder=folder, **environment)
+    return (folder / "report.png").read_bytes()
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +53,6 @@ def test_settings_of_the_user_change_no_byte_and_end_nothing(known_run, plain, t
     """Before all other files, matplotlib reads `matplotlibrc` of the working directory."""
     (tmp_path / "matplotlibrc").write_bytes(settings)
     assert drawn(known_run(), tmp_path, **environment) == plain
-    assert "usage: accuracy" in run("-m", "vibro_ros.accuracy.accuracy", "--help", folder=tmp_path, **environment)
 
 
 def test_one_module_imports_matplotlib():

@@ -20,7 +20,7 @@ import os
 import resource
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
@@ -36,9 +36,6 @@ ADDRESS_SPACE = 2_000_000_000
 """Address space [bytes] that suffices for every executable on two cores; with less, scipy's libraries wait for memory
 for ever, deaf to signals, or end the process without a helpful message."""
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-ENDLESS = ("robot", "twin", "live_view")
-"""Executables whose normal end is a signal, with exit code 0, like a `view` of a live robot; the others then exit with
-128 + the signal's number."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -56,12 +53,12 @@ class Parser(argparse.ArgumentParser):
         raise ValueError(f"{message}; `{self.prog} --help` shows what there is")
 
 
-def enter(program: str) -> int:
-    """Run an executable as the whole of this process.
+def enter(program: str, executables: Mapping[str, Any] = EXECUTABLES) -> int:
+    """Run an executable as the whole of this process; another package gives its own list, of entries as `Executable`.
 
     Returns the exit code: that of `main`; 0 or 128 + the signal's number if a KeyboardInterrupt ended `main`.
     """
-    _process.program = program
+    _process.program, _process.endless = program, executables[program].endless
     _on_stop_signals(_end_at_once)
     _open_streams()
     interrupted: list[int] = []
@@ -69,7 +66,7 @@ def enter(program: str) -> int:
     # registered first, so that it runs after all others.
     atexit.register(lambda: interrupted and os._exit(interrupted[0]))
     try:
-        code = _run(program)
+        code = _run(program, executables[program].module)
     except KeyboardInterrupt:
         code = interrupted_code()
         interrupted.append(code)
@@ -151,10 +148,10 @@ class StopRequest:
 
 
 class _Process:
-    """State of this process: name of the `program`, number of the first stop `signal` that interrupted it, and whether
-    it `defers` the KeyboardInterrupt to the end of `interrupted_afterwards`."""
+    """State of this process: name of the `program`, whether it is `endless`, number of the first stop `signal` that
+    interrupted it, and whether it `defers` the KeyboardInterrupt to the end of `interrupted_afterwards`."""
 
-    program = ""
+    program, endless = "", False
     signal: int | None = None
     defers = False
 
@@ -224,17 +221,17 @@ def _end_at_once(number: int, frame: FrameType | None) -> None:
 
 def _code_after(number: int) -> int:
     live = _process.program == "view" and shows_live_robot(sys.argv[1:])
-    return 0 if live or _process.program in ENDLESS else 128 + number
+    return 0 if live or _process.endless else 128 + number
 
 
-def _run(program: str) -> int:
+def _run(program: str, module: str) -> int:
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
     if limit != resource.RLIM_INFINITY and limit < ADDRESS_SPACE:
         say(program, f"the address space is limited to {limit / 1e6:.0f} MB, and {ADDRESS_SPACE / 1e6:.0f} MB are "
             f"needed; raise it with `ulimit -v {ADDRESS_SPACE // 1000}`, or `ulimit -v unlimited`")
         return FAILURE
     try:
-        main = import_module(EXECUTABLES[program].module).main
+        main = import_module(module).main
     except ModuleNotFoundError as error:
         missing = (error.name or str(error)).partition(".")[0]
         of_ros = missing == "rclpy" or missing.endswith(("_msgs", "_srvs", "_interfaces"))

@@ -29,14 +29,11 @@ except Exception:  # settings that matplotlib refuses, such as MPLBACKEND of a n
 
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import BoundaryNorm, ListedColormap, to_rgb
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, Rectangle
 from matplotlib.text import Text
 
-__all__ = ["Axes", "BoundaryNorm", "Figure", "Line2D", "ListedColormap", "Patch", "Rectangle", "default_settings",
-           "new_figure", "png", "set_heading", "to_rgb"]
+__all__ = ["Axes", "Figure", "default_settings", "new_figure", "png", "set_heading", "to_rgb"]
 
 MOST_PIXELS = 2**24
 """Most pixels of a picture, which takes 64 MiB of memory; a picture that would have more gets fewer dots per inch."""

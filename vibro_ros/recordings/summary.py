@@ -4,14 +4,16 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
 from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibro_ros.bag.reader import Arrays, Bag, BagError, load_bag
+from vibro_ros.bag.reader import Arrays, Bag, BagError, load_bag, series_of
 from vibro_ros.bag.stream import flaw_lines
+from vibro_ros.messages.frames import JOINTS
 from vibro_ros.messages.topics import OPERATIONS
 from vibro_ros.model.parameters import BY_NAME, SCENE_PARAMETERS
 from vibro_ros.model.scene import Scene
@@ -46,6 +48,7 @@ def load_samples(folder: Path) -> Bag:
     bag = load_bag(folder, COLUMNS)
     arrays, flaws = {}, list(bag.flaws)
     for topic, columns in bag.arrays.items():
+        columns = _shared(columns)
         sound = np.ones(len(columns["time"]), dtype=bool)
         for column in columns.values():
             if column.dtype.kind == "f":
@@ -54,6 +57,20 @@ def load_samples(folder: Path) -> Bag:
         if wrong := np.count_nonzero(~sound):
             flaws.append(f"{topic}: {wrong} messages with numbers that are not finite, or beyond {LARGEST:g}")
     return replace(bag, arrays=arrays, flaws=tuple(flaws))
+
+
+def _shared(columns: Arrays) -> Arrays:
+    """Return the columns of a topic of joints at the instants that all joints of a robot share, without the joints of
+    other robots."""
+    common, *parts = series_of(columns)
+    if not parts:
+        return columns
+    parts = [part for part in (common, *parts) if any(name.rpartition(".")[0] in JOINTS for name in part)]
+    shared: Arrays = {"time": reduce(np.intersect1d, [part["time"] for part in parts] or [common["time"]])}
+    for part in parts:
+        rows = np.searchsorted(part["time"], shared["time"])
+        shared = {name: column[rows] for name, column in part.items()} | shared
+    return shared
 
 
 def summarise(bag: Bag) -> dict[str, Any]:

@@ -1,0 +1,232 @@
+"""A map: motions that are known from elsewhere, where they coexist and end, resumed to the same bytes."""
+
+import json
+import pickle
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas
+import pytest
+from known_map import known_map
+
+import vibro_lab
+import vibro_ros
+from vibro_lab.study import map as motions_module
+from vibro_lab.study.execution import Execution
+from vibro_lab.study.map import (
+    GAP,
+    LEAST_CELLS,
+    SPEED,
+    UNSETTLED,
+    Line,
+    MapDesign,
+    Visit,
+    main,
+    motions,
+    rows_of_line,
+    visits,
+)
+from vibro_lab.study.measures import measure
+from vibro_ros.configuration.command_choice import CommandChoice
+from vibro_ros.configuration.command_map import PATCHWORK, Axis, read_map
+
+SIDES = ("upper", "inclined")
+FOLD, BACK = 107.959911, 104.85265
+"""Motor speeds [rad/s] between which `damped` has two motions, by continuation (see test/orbits)."""
+#: Eleven motor speeds around these, and two gaps of which one is almost 0.
+FOLDED = ["--scene", "damped", "--motor-speed", "100:110:11", "--gap=-1e-6:0:2", "--quick"]
+TINY = ["--motor-speed", "110:120:3", "--gap", "0.003:0.005:3", "--workers", "1",
+        "--curves", "2", "--quick"]
+
+
+def visit(i=0, j=0, turns=1, landings=1, speed=-0.05, at=0.0):
+    """A visit that has found a motion with a state `at` so many crank radii, or around it without a period."""
+    states = at + np.random.default_rng(0).uniform(-1.0, 1.0, (max(turns, 0) or 32, 1)) * (not turns)
+    return Visit(i, j, turns, landings, speed, 10.0, 0.1, 0.5, states)
+
+
+@pytest.fixture(scope="module")
+def folded(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("folded")
+    assert main([*FOLDED, "--output", str(folder)]) == 0
+    return folder
+
+
+def test_two_motions_exist_exactly_between_the_folds_which_are_where_continuation_has_them(folded):
+    """105 rad/s is left out: so close to the fold a step of 1 rad/s leaves the motion."""
+    found = read_map(folded / "damped.json").found
+    for i, speed in enumerate(np.linspace(100.0, 110.0, 11).tolist()):
+        several = 2 if BACK < speed < FOLD else 1
+        for j in range(2):
+            count = np.sum((found.speed_index == i) & (found.gap_index == j))
+            assert count == several or speed == 105.0, speed
+    command_map = read_map(folded / "damped.json")
+    folds = [curve for curve in command_map.curves if curve.kind == "fold"]
+    at_zero = [speed for curve in folds for speed, gap in zip(curve.motor_speed, curve.gap, strict=True) if gap == 0.0]
+    assert min(abs(speed - FOLD) for speed in at_zero) < 1e-5  # the known value has six digits
+
+
+def test_only_cells_with_several_motions_have_shares(folded):
+    table = pandas.read_parquet(folded / "motions.parquet")
+    size = table.groupby(["motor_speed", "gap"]).motion.transform("size")
+    assert table.share_of_starts[size == 1].isna().all() and (size == 1).any()
+    assert (table[size == 2].groupby(["motor_speed", "gap"]).share_of_starts.sum() == 1.0).all() and (size == 2).any()
+
+
+def test_the_shares_are_those_of_the_same_starts_by_another_road():
+    """`device` at 100 rad/s and 2 mm, where both motions have starts; `attractors` cuts elsewhere, groups by states."""
+    axes = Axis(100.0, 101.0, 2), Axis(0.002, 0.003, 2)
+    scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0, "upper.gap": 0.002,
+                                                            "inclined.gap": 0.002})
+    led = vibro_lab.attractors(scene, motions_module.HISTORIES)
+    known = [(one.turns, one.mean_speed) for one in reversed(led)]
+    assert sorted(round(1e3 * speed, 1) for _, speed in known) == [-113.6, -84.6]
+    counts = motions_module._led(MapDesign(scene, SIDES, *axes), [((0, 0), known)], 0)
+    assert counts == [one.starts for one in reversed(led)] == [2, 6]
+
+
+@pytest.mark.parametrize(("turns", "speed", "place"), [
+    (1, -0.0501, 0), (2, -0.0501, 1), (2, -0.2, None), (4, -0.05, None), (20, -0.08, 2)])
+def test_a_start_has_led_to_the_motion_of_its_period_and_speed_or_to_none(turns, speed, place):
+    """A period of more than 8 turns counts as none, as in the table of motions."""
+    led = visit(turns=turns, speed=speed).settled(1e-5)
+    assert motions_module._place_among(replace(led, turns=turns), [(1, -0.05), (2, -0.05), (0, -0.081)]) == place
+
+
+def test_motions_on_either_side_of_a_fold_have_numbers_of_their_own(folded):
+    found = read_map(folded / "damped.json").found
+    first, last = (found.motion[found.speed_index == i] for i in (0, 10))
+    assert len(set(first.tolist())) == len(set(last.tolist())) == 1
+    assert PATCHWORK not in first and PATCHWORK not in last
+    assert first[0] != last[0]
+
+
+def test_a_motion_is_measured_as_studies_measure_it():
+    """At 116 rad/s and 4 mm the device has one motion, of period 2."""
+    scene = vibro_ros.load_scene("device")
+    design = MapDesign(scene, SIDES, Axis(114.0, 116.0, 2), Axis(0.004, 0.005, 2))
+    *_, found = visits(design, Line(SPEED, 0, True))
+    one = measure(design.scene_at(1, 0), ("mean_speed", "cost_of_transport", "stick_share", "air_share", "period"),
+                  20.0, 5.0)
+    assert found.turns == one.pop("period") == 2
+    for name, value in one.items():
+        assert getattr(found, name) == pytest.approx(value, rel=1e-5, abs=1e-6), name
+
+
+def test_a_sweep_goes_on_from_cell_to_cell():
+    """At 110 rad/s and -2 to 8 mm a gap's sweep visits each cell once, in its order, either way."""
+    design = MapDesign(vibro_ros.load_scene("device"), SIDES, Axis(110.0, 120.0, 2), Axis(0.003, 0.004, 3))
+    up, down = (visits(design, Line(GAP, 0, upwards)) for upwards in (True, False))
+    assert [(one.speed_index, one.gap_index) for one in up] == [(0, 0), (0, 1), (0, 2)]
+    assert [one.gap_index for one in down] == [2, 1, 0]
+    for one, other in zip(up, reversed(down), strict=True):  # one motion, whichever way
+        assert one.mean_speed == pytest.approx(other.mean_speed, abs=1e-6)
+
+
+def test_other_machines_get_the_work_as_it_is():
+    design = MapDesign(vibro_ros.load_scene("device"), SIDES, Axis(110.0, 120.0, 2), Axis(0.003, 0.004, 2))
+    work = pickle.loads(pickle.dumps(partial(rows_of_line, design)))
+    found = work(3)
+    assert [row["mean_speed"] for row in found] == [one.mean_speed for one in visits(design, design.lines()[3])]
+
+
+def test_cells_from_which_a_trial_leads_elsewhere_are_not_sure(monkeypatch):
+    """The known map is of no machine: all that it says of the device is refuted, cell by cell."""
+    monkeypatch.setattr(motions_module, "STARTS", 1)
+    monkeypatch.setattr(motions_module, "SETTLING", 2.0)
+    command_map = known_map()
+    few = replace(command_map.found, sure=command_map.found.sure * (command_map.found.speed_index < 2))
+    left, trials = motions_module.proved(replace(command_map, found=few), MapDesign(
+        vibro_ros.load_scene("device"), SIDES, command_map.speeds, command_map.gaps), 3, Execution(2))
+    assert trials == [] and left.found.sure.sum() < few.sure.sum()
+
+
+def test_a_curve_is_seen_on_a_cell_of_its_own_colour(monkeypatch):
+    """Black curves cross black cells, so each curve lies on a wider white one."""
+    monkeypatch.setattr(motions_module, "png", lambda figure: figure)
+    drawn = known_map()
+    figure = motions_module.draw_map(drawn, np.ones((len(drawn.found.turns), 1)).ravel())
+    for axes in figure.axes[:3]:
+        lines = axes.get_lines()
+        assert len(lines) == 2 * len(drawn.curves) > 0
+        for below, above in zip(lines[::2], lines[1::2], strict=True):
+            assert below.get_color() == "white" and below.get_linewidth() > above.get_linewidth() + 1.0
+            np.testing.assert_array_equal(below.get_xydata(), above.get_xydata())
+
+
+def test_a_map_without_sure_commands_is_still_a_map(tmp_path, capsys):
+    words = ["--motor-speed", "110:120:2", "--gap", "0.003:0.005:2", "--curves", "0", "--output", str(tmp_path)]
+    assert main(words) == 0
+    assert "no sure commands for any mean speed" in capsys.readouterr().out
+    assert len(read_map(tmp_path / "device.json").found.turns) == 4
+
+
+def test_a_cell_has_each_motion_once():
+    """Told apart by period and states, not by the mean speed: two motions may have one."""
+    found, rows = motions([visit(), visit(at=1e-7), visit(at=0.1), visit(turns=2), visit(turns=0),
+                           visit(turns=0, at=0.1), visit(turns=0, at=5.0), visit(turns=UNSETTLED)])
+    assert [(one.turns, round(float(one.states.mean()))) for one in rows] == [(1, 0), (1, 0), (2, 0), (0, 0), (0, 5)]
+    assert found.motion.tolist() == [PATCHWORK] * 5
+
+
+def test_neighbours_are_one_motion_unless_they_jump_or_are_of_another_kind():
+    count = LEAST_CELLS + 2
+    row = [visit(i, 0, speed=-0.05 - 0.002 * i) for i in range(count)]
+    jumped = [visit(i, 1, speed=-0.2) for i in range(count)]
+    other = [visit(i, 2, turns=2, speed=-0.2) for i in range(count)]
+    found, rows = motions([*row, *jumped, *other])
+    numbers = {(one.gap_index, number) for one, number in zip(rows, found.motion.tolist(), strict=True)}
+    assert len(numbers) == len({number for _, number in numbers}) == 3
+
+
+def test_two_motions_of_one_cell_are_never_one_even_around_the_end_of_a_fold():
+    """Two sheets whose difference vanishes towards one side: a cusp."""
+    sheets = [visit(i, j, speed=-0.05 - sign * 0.01 * i, at=0.1 * sign)
+              for i in range(6) for j in range(4) for sign in (0, 1) if i or not sign]
+    found, rows = motions(sheets)
+    cells = [(one.speed_index, one.gap_index, number) for one, number in zip(rows, found.motion.tolist(), strict=True)]
+    assert len(set(cells)) == len(cells) == len(sheets)
+    assert PATCHWORK not in found.motion
+
+
+def test_the_file_is_the_scenes_and_the_table_says_the_same(tmp_path):
+    assert main([*TINY, "--set", "ground.friction=0.21", "--gaps", "upper", "--output", str(tmp_path)]) == 0
+    command_map, scene = read_map(tmp_path / "device.json"), vibro_ros.load_scene("device")
+    assert command_map.commands == ("motor_speed", "upper_gap")
+    assert command_map.difference(scene) == "ground.friction is 0.21 there, 0.2 here"
+    assert not command_map.difference(scene.with_parameters({"ground.friction": 0.21, "upper.gap": 0.001}))
+    table = pandas.read_parquet(tmp_path / "motions.parquet")
+    np.testing.assert_allclose(table["mean_speed"], command_map.found.mean_speed, rtol=1e-4)
+    assert table["motor_speed"].tolist() == command_map.speeds.values[command_map.found.speed_index].tolist()
+
+
+@pytest.mark.parametrize("words, reason", [
+    (["--motor-speed", "0:100:3"], "--motor-speed: from 0 rad/s; a crank that stands has no motion"),
+    (["--motor-speed", "100:50:3"], "--motor-speed 100:50:3: is no range"),
+    (["--motor-speed", "100"], "--motor-speed 100: give LOW:HIGH:COUNT"),
+    (["--gap", "0:nan:3"], "--gap 0:nan:3: "),
+    (["--motor-speed", "1:200:1000", "--gap", "0:0.001:1000"], "--motor-speed, --gap: 1000 x 1000 cells; give at most"),
+    (["--curves", "42"], "--curves: 42 is out of range; give a number from 0 to 41, the gaps"),
+    (["--scene", "no_impact"], "--gaps both: no_impact has no upper plate"),
+    (["--set", "solver.method=rk4"], "solver.method: rk4 has no map"),
+    (["--scene", "machine", "--set", "motor.control=voltage"], "motor.control: voltage commands no motor speed"),
+    (["--scene", "machine", "--curves", "3"], "motor.control: speed_by_current takes samples 1000 times a second"),
+])
+def test_bad_input_is_one_line(refusal, words, reason):
+    assert refusal(main, *words).startswith(f"study: {reason}")
+
+
+def test_the_shipped_map_is_what_the_device_does():
+    """Some cells of the file that ships, simulated anew by another measure and from another start."""
+    path = Path(__file__).resolve().parents[3] / "config" / "maps" / "device.json"
+    command_map, scene = read_map(path), vibro_ros.load_scene("device")
+    choice = CommandChoice(command_map)
+    for asked in np.linspace(choice.slowest, choice.fastest, 12)[1:-1].tolist():
+        chosen = choice.commands_for(asked)
+        motor, gap, _ = chosen.commands.values()
+        got = measure(scene.with_parameters({"motor.speed": motor, "upper.gap": gap, "inclined.gap": gap}),
+                      ("mean_speed",), 10.0, 10.0, start=18)["mean_speed"]
+        assert got == pytest.approx(asked, rel=0.1), chosen
+    assert json.loads(path.read_text())["made_by"].startswith("vibro_ros ")
