@@ -91,8 +91,7 @@ def assert_refused(line: str, reason: str) -> None:
     assert reason in line
 
 
-def test_a_process_ends_with_the_line_and_the_code_and_compiles_nothing(start, tmp_path, monkeypatch):
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
+def test_a_process_ends_with_the_line_and_the_code(start):
     for words, reason in ((("--sceen", "paper"), "unrecognized arguments: --sceen paper; `robot --help`"),
                           (("--ros-args", "-p", "record.topics:=[odm]"), "'odm' is not a topic of the robot")):
         started = start("robot", *words)

@@ -103,7 +103,7 @@ def enter(program: str, executables: Mapping[str, Any] = EXECUTABLES) -> int:
         code = code or FAILURE
     threading = sys.modules.get("threading")
     if threading and any(thread.daemon for thread in threading.enumerate()):
-        os._exit(code)  # a daemon thread, such as a compilation, would crash the interpreter's shutdown
+        os._exit(code)  # a daemon thread would crash the interpreter's shutdown
     return code
 
 

@@ -43,7 +43,6 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.process.files import one_line
 from vibro_ros.sensors.device import SensedSimulator, new_device
 from vibro_ros.simulation.motion import SimulationError
-from vibro_ros.simulation.preparation import prepare_kernels
 
 #: Pause [s] of robot time without a message, after which a stamp is checked against a header.
 LONGEST_PAUSE = 10.0
@@ -144,7 +143,6 @@ class Rerun:
         self.recorded: Recorded = []
         self.seen: Counter[str] = Counter()
         self._facts = facts
-        prepare_kernels("replay", scene["solver.method"])
         self.device = new_device(scene)
         self.scene = self.device.scene
         settings = facts.settings

@@ -21,9 +21,9 @@ from vibro_ros.simulation.statistics import EventLog, energy_accounts
 from vibro_ros.solver import event_loop
 from vibro_ros.solver.drive import command_drive, speed_and_target
 from vibro_ros.solver.events import EVENT_COLUMNS, leave_for_ramp
+from vibro_ros.solver.layout import Laid
 from vibro_ros.solver.lowpass import filtered_rates, new_filters
 from vibro_ros.solver.methods import SCHEMES, Exact, FixedStep, Stepper
-from vibro_ros.solver.reference import Laid
 from vibro_ros.solver.rotor import command_rotor, give_integral
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.state import State, lasting, new_state

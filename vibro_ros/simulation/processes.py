@@ -25,7 +25,7 @@ from vibro_ros.process.entry_point import interrupt_again, interrupted_afterward
 
 #: Items per process that may be submitted beyond the item whose result is due; this limits the results that wait.
 AHEAD = 4
-_FORK = multiprocessing.get_context("fork")  # starts in milliseconds, with the kernels that the parent has compiled
+_FORK = multiprocessing.get_context("fork")  # starts in milliseconds, with all that the parent has imported
 _DIE_WITH_PARENT = 1  # prctl's PR_SET_PDEATHSIG
 
 

@@ -13,7 +13,6 @@ import numpy as np
 from vibro_ros.model.parameters import SCENE_PARAMETERS, checked_parameters
 from vibro_ros.model.scene import Scene, check_scene
 from vibro_ros.simulation.motion import SimulationError
-from vibro_ros.simulation.preparation import provide_kernels
 from vibro_ros.simulation.processes import WorkerError, core_count, in_processes
 from vibro_ros.simulation.samples import Run, Samples, sample_times
 from vibro_ros.simulation.simulator import Simulator
@@ -119,7 +118,7 @@ def simulate_many(scenes: Iterable[Scene], duration: float | None = None, rate: 
 
     Notes
     -----
-    Workers are forks of the calling process. As with every fork, do not start them while another thread compiles
+    Workers are forks of the calling process. As with every fork, do not start them while another thread computes
     kernels. A worker of another pool may not start processes: give ``workers=1`` there.
 
     Examples
@@ -188,8 +187,6 @@ def _results(scenes: Iterator[Scene], simulation: Callable, workers: int, method
     first = next(scenes, None)
     if first is None:
         return
-    if workers > 1:  # once, before workers are forked
-        provide_kernels(method or first["solver.method"])
     jobs = in_processes(simulation, itertools.chain([first], scenes), workers)
     try:
         for number, (own, future) in enumerate(jobs):

@@ -7,8 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from vibro_ros import compile_kernels
-
 LAB = Path(__file__).resolve().parents[2] / "vibro_lab"
 RENDER = """
 import hashlib, gymnasium, vibro_lab.gym
@@ -28,7 +26,6 @@ def run(*words: str, folder: Path, **environment: str) -> str:
 
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory) -> str:
-    compile_kernels()  # else the deadline of the first process would be spent on it
     return run("-c", RENDER, folder=tmp_path_factory.mktemp("plain"))
 
 

@@ -50,13 +50,12 @@ from vibro_ros import (
     interrupted_code,
     load_scene,
     png,
-    prepare_kernels,
     say,
     shipped,
 )
 
 TABLE, TEXT = "accuracy.csv", "accuracy.md"
-_PACKAGES = ("numpy", "numba", "scipy")
+_PACKAGES = ("numpy", "scipy")
 _LEAST_HORIZON = 1e-3  # s, one sample
 
 
@@ -168,8 +167,6 @@ def _measure(options: argparse.Namespace) -> int:
         for scene in scenes:
             load_scene(scene)  # a missing scene is refused before anything is written
         options.output.mkdir(parents=True, exist_ok=True)
-        for method in ("exact", "rk4"):
-            prepare_kernels("accuracy", method)
         return _run(scenes, programs, effort, options.output)
     except KeyboardInterrupt:
         say("accuracy", f"interrupted before the diagrams; the rows are in {options.output / TABLE}")

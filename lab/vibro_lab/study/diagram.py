@@ -47,7 +47,7 @@ from vibro_lab.study.figures import (
 )
 from vibro_lab.study.table import KEY, Field, Study, are, computed, file_of, parameter_field, read_block, stored
 from vibro_lab.study.variation import Axis, at_the_edge, ends_at, varied_in_words, whole_number
-from vibro_ros import PARAMETERS, STATE_UNITS, Parser, Scene, prepare_kernels
+from vibro_ros import PARAMETERS, STATE_UNITS, Parser, Scene
 
 UP, DOWN = "up", "down"
 #: Largest value of `--most-turns`.
@@ -580,7 +580,6 @@ def _design(options: argparse.Namespace) -> Design:
     """Make the design from the options; unless `--phase` is given, the cut is chosen at the first value."""
     scene, axis = machine_of(options), _axis(options)
     first = scene.with_parameters({axis.name: axis.values[0]})
-    prepare_kernels("study", scene["solver.method"])
     if options.phase is None:
         phase = float(free_cut(first).phase)
     elif 0.0 <= options.phase < TURN:

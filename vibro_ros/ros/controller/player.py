@@ -198,7 +198,7 @@ def topics_without_subscribers(publishers: Sequence[Publisher]) -> list[str]:
 def wait_for_listeners(node: GuardedNode, publishers: Sequence[Publisher], patience: float, stop: StopRequest) -> None:
     """Return when every one of `publishers` has a subscriber, or on `stop`.
 
-    A robot subscribes only when it is ready to obey, because commands sent while it compiles would be applied in a
+    A robot subscribes only when it is ready to obey, because commands sent while it starts would be applied in a
     burst. RuntimeError after `patience` [s]; 0 waits for ever, with a log line every `REPORT_PERIOD`.
     """
     begun, log = time.monotonic(), node.get_logger()
@@ -224,8 +224,8 @@ def _remedy(node: Node) -> str:
     robots = sorted(f"{space.rstrip('/')}/{name}" for name, space in node.get_node_names_and_namespaces()
                     if name == NODE_NAME)  # unless it is remapped
     if robots:
-        return (f"{', '.join(robots)} is there and does not: it compiles at its first start, or has another namespace "
-                "or other topics")
+        return (f"{', '.join(robots)} is there and does not: it is starting, or has another namespace or other "
+                "topics")
     return "start one (ros2 run vibro_ros robot), in the same ROS domain and namespace"
 
 

@@ -12,7 +12,10 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
 from contextlib import contextmanager, suppress
+from threading import Thread
+from typing import Generic, TypeVar
 from warnings import catch_warnings, simplefilter
 
 import rclpy
@@ -23,6 +26,8 @@ from rclpy.signals import SignalHandlerOptions
 
 from vibro_ros.ros.node.arguments import with_user_paths
 from vibro_ros.ros.node.node import GuardedNode
+
+Result = TypeVar("Result")
 
 REMEDIES = {
     "of same type": "write every number of a list with a point, such as [1.0, 2.5]",
@@ -90,6 +95,35 @@ def node_running(name: str, words: Sequence[str]) -> Iterator[GuardedNode]:
         executor.shutdown()
         node.destroy_node()
         rclpy.try_shutdown()
+
+
+class Work(Generic[Result]):
+    """A piece of work in a thread of its own, so that callbacks run and signals are heard meanwhile.
+
+    Parameters
+    ----------
+    work : callable
+        The function to call in the thread.
+    """
+
+    def __init__(self, work: Callable[[], Result]):
+        self._future: Future[Result] = Future()
+        Thread(target=self._run, args=(work,), name="work", daemon=True).start()
+
+    def _run(self, work: Callable[[], Result]) -> None:
+        try:
+            self._future.set_result(work())
+        except BaseException as error:  # the main thread raises it
+            self._future.set_exception(error)
+
+    @property
+    def done(self) -> bool:
+        """Whether the work has ended."""
+        return self._future.done()
+
+    def result(self) -> Result:
+        """Return the result of the work, or raise its error."""
+        return self._future.result()
 
 
 def spin_once(node: GuardedNode, timeout: float) -> None:

@@ -68,8 +68,6 @@ from vibro_ros.ros.robot.services import (
 )
 from vibro_ros.ros.robot.subscriptions import CommandSubscriptions
 from vibro_ros.sensors.device import new_device
-from vibro_ros.simulation.kernels import compile_kernels
-from vibro_ros.simulation.preparation import Preparation
 from vibro_ros.simulation.provenance import provenance
 from vibro_ros.simulation.simulator import Simulator, ToleranceWarning
 
@@ -103,8 +101,8 @@ def _run(words: Sequence[str]) -> int:
                                      [settings[name] for name in VARIANCES], settings["ros2_control"])
         plan = _plan(node, settings, scene, publishers)
         node.get_logger().info(f"scene {settings['scene']}")
-        preparation = Preparation(partial(_prepare, node, settings, scene, plan), node.get_logger().info)
-        process.spin_until(node, lambda: bool(stop) or preparation.done())
+        preparation = process.Work(partial(_prepare, node, settings, scene, plan))
+        process.spin_until(node, lambda: bool(stop) or preparation.done)
         device = None if stop else preparation.result()
         if not settings["clock.publish"]:  # else the robot itself publishes the time
             wait_for_time(node, lambda: bool(stop))
@@ -148,12 +146,8 @@ def _plan(node: GuardedNode, settings: Mapping[str, Value], scene: Scene, publis
 
 
 def _prepare(node: GuardedNode, settings: Mapping[str, Value], scene: Scene, plan: Plan) -> Simulator:
-    """Compile the kernels, make the device, and handle unsealed bags.
-
-    All this takes long, and runs in a thread so that a signal need not wait for it.
-    """
+    """Make the device, and handle unsealed bags, which can take long: in a thread, so that a signal need not wait."""
     warnings.simplefilter("ignore", ToleranceWarning)  # the log says it below
-    compile_kernels(scene["solver.method"])
     if fault := scene.broken_promise:
         node.get_logger().warning(fault)
     device = new_device(scene)
