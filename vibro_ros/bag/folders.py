@@ -35,7 +35,7 @@ def bag_folders(directory: Path, now: datetime, namespace: str = "/") -> Iterato
     robot may make it at the same instant. `Recorder` makes it, and raises FileExistsError.
     """
     own = namespace.rstrip("/").replace("/", "_")[:LONGEST_NAMESPACE]
-    folder = Path(directory).expanduser() / now.strftime(f"vibro_robot{own}_%Y_%m_%d-%H_%M_%S")
+    folder = directory / now.strftime(f"vibro_robot{own}_%Y_%m_%d-%H_%M_%S")
     yield folder
     yield from (folder.with_name(f"{folder.name}_{number}") for number in count(2))
 

@@ -15,7 +15,7 @@ from vibro_ros.bag.folders import bag_files
 from vibro_ros.bag.mcap_file import ForeignFileError, McapFile
 from vibro_ros.bag.metadata import FILE_NAME, custom_of, depth_of, is_transient_local, read_metadata
 from vibro_ros.messages.topics import ROBOT_TOPICS, TOPICS
-from vibro_ros.process.files import one_line
+from vibro_ros.process.files import one_line, user_path
 
 QOS_DEPTH = 10
 """History depth of a topic if the bag does not state it."""
@@ -107,7 +107,7 @@ class BagStream:
     """
 
     def __init__(self, path: str | Path):
-        self.folder = Path(path)
+        self.folder = user_path(path)
         self.unreadable = Unreadable()
         try:
             check_is_bag(self.folder)

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 from vibro_ros.model.parameters import nearest
+from vibro_ros.process.files import user_path
 
 FOLDERS = {"scene": ("scenes", ".yaml"), "script": ("controller", ".yaml"), "sweep": ("studies", ".yaml")}
 """Folder below `config_folder()` and file suffix of each kind of file."""
@@ -24,7 +25,7 @@ def find_file(kind: str, name_or_path: str, folder: Path | None = None) -> Path:
     if name_or_path in shipped(kind):
         place, suffix = FOLDERS[kind]
         return config_folder() / place / f"{name_or_path}{suffix}"
-    path = (folder or Path()) / name_or_path
+    path = (folder or Path()) / user_path(name_or_path)
     if os.path.isfile(path):  # false, not an error, for an impossible file name
         return path
     names = f"shipped {kind}s are {', '.join(shipped(kind))}"

@@ -30,7 +30,7 @@ from types import FrameType
 from typing import Any, NoReturn
 
 from vibro_ros.process.executables import EXECUTABLES, shows_live_robot
-from vibro_ros.process.files import one_line
+from vibro_ros.process.files import one_line, user_path
 
 FAILURE, BAD_INPUT = 1, 2
 ADDRESS_SPACE = 2_000_000_000
@@ -47,11 +47,12 @@ a process that has died."""
 class Parser(argparse.ArgumentParser):
     """The argument parser of an executable, with `--version`.
 
-    Its errors are ValueErrors, which `exit_code` prints in one line.
+    Its errors are ValueErrors, which `exit_code` prints in one line. Arguments of the type `Path` are a `user_path`.
     """
 
     def __init__(self, *, prog: str, **options: Any):
         super().__init__(prog=prog, **options)
+        self.register("type", Path, user_path)
         self.add_argument("--version", action=_Version)
 
     def error(self, message: str) -> NoReturn:

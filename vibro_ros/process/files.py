@@ -33,6 +33,15 @@ def one_line(text: object, longest: int = LONGEST) -> str:
     return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in shown)
 
 
+def user_path(path: str | Path) -> Path:
+    """Return a path that a user gave, with `~` and `~NAME` at its beginning as home folders.
+
+    A shell expands `~` only at the beginning of a word, neither in `--output=~/out` nor in `scene:=~/robot.yaml`, and
+    no program does in a parameter file. A home folder that is unknown stays as it is written.
+    """
+    return Path(os.path.expanduser(path))
+
+
 def kind_of(mode: int) -> str:
     """Return the kind of a file in words, from its `st_mode`; empty for a regular file."""
     return _KINDS.get(stat.S_IFMT(mode), "")

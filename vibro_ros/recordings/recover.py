@@ -26,7 +26,7 @@ from vibro_ros.bag.metadata import FILE_NAME, as_text, bag_information, write_me
 from vibro_ros.bag.stream import BagContents, BagError, BagStream, check_is_bag, flaw_lines
 from vibro_ros.process.entry_point import BAD_INPUT, Parser, exit_code, say
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.files import is_temporary, one_line, replacement
+from vibro_ros.process.files import is_temporary, one_line, replacement, user_path
 
 
 class InUseError(BagError):
@@ -61,7 +61,7 @@ def recover(path: str | Path, keep_torn: bool = True) -> Recovery:
     With `keep_torn` a file of which the sealed copy lacks anything is kept as ``<file>.torn``, ``<file>.torn.2``, …
     BagError when it is no bag, holds nothing that can be read, is being recorded (`InUseError`), or cannot be written.
     """
-    path = Path(path)
+    path = user_path(path)
     folder = path.absolute().parent if path.suffix == SUFFIX and path.is_file() else path
     try:
         check_is_bag(folder)

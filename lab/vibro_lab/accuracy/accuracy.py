@@ -49,6 +49,7 @@ from vibro_ros import (
     exit_code,
     interrupted_code,
     load_scene,
+    png,
     say,
     shipped,
 )
@@ -133,7 +134,7 @@ def draw(rows: Mapping[str, Sequence[Row]], effort: Effort, folder: Path) -> dic
         if any(row.compared == REFERENCE for row in own):
             pictures[name] = folder / f"{Path(name).stem}.png"
             caption = f"{lyapunov_time_in(own)}; medians of at most {effort.repeats} rounds\n{machine()}"
-            draw_scene(own, caption).savefig(pictures[name])
+            pictures[name].write_bytes(png(draw_scene(own, caption)))
     return pictures
 
 

@@ -253,17 +253,25 @@ class Progress:
         Name of a counted unit, such as ``run``.
     total, done : int
         Number of units, and number of them that were done before [-].
+
+    Within another one it is silent, because two remaining times would contradict each other.
     """
 
+    _running = 0
+
     def __init__(self, what: str, unit: str, total: int, done: int = 0):
-        self._bar = tqdm(desc=what, total=total, initial=done, unit=unit, disable=None, delay=_BAR_DELAY, smoothing=0.1)
+        self._silent = Progress._running > 0
+        self._bar = tqdm(desc=what, total=total, initial=done, unit=unit, disable=self._silent or None,
+                         delay=_BAR_DELAY, smoothing=0.1)
         self._what, self._unit, self._total, self._first, self._done = what, unit, total, done, done
         self._begun_at = self._last_report = time.monotonic()
 
     def __enter__(self) -> "Progress":
+        Progress._running += 1
         return self
 
     def __exit__(self, *_: object) -> None:
+        Progress._running -= 1
         self._bar.close()
 
     def add(self, count: int) -> None:
@@ -271,7 +279,7 @@ class Progress:
         self._done += count
         self._bar.update(count)
         now = time.monotonic()
-        if self._bar.disable and now - self._last_report > _LINE_PERIOD:
+        if self._bar.disable and not self._silent and now - self._last_report > _LINE_PERIOD:
             left = (now - self._begun_at) / (self._done - self._first) * (self._total - self._done)
             say("study", f"{self._what}: {self._done} of {self._total} {self._unit}s, "
                          f"{tqdm.format_interval(left)} left")

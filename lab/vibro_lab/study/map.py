@@ -22,10 +22,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
-from matplotlib.axes import Axes
-from matplotlib.colors import BoundaryNorm, ListedColormap
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from vibro_lab.orbits.attractors import steady_start
 from vibro_lab.orbits.continuation import CORNER, follow, special_points
@@ -34,7 +30,23 @@ from vibro_lab.orbits.recurrence import SAME, SettledMotion, number_among, settl
 from vibro_lab.orbits.turn_map import Stroboscope, TurnMap, check_closes, has_sampled_controller, state_names
 from vibro_lab.study.command import Progress, Results, StudyCommand, machine_of
 from vibro_lab.study.execution import Execution
-from vibro_lab.study.figures import BLACK, BLUE, GREEN, ORANGE, SKY, VERMILION, YELLOW, new_figure, png
+from vibro_lab.study.figures import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    SKY,
+    VERMILION,
+    YELLOW,
+    Axes,
+    BoundaryNorm,
+    Figure,
+    Line2D,
+    ListedColormap,
+    default_settings,
+    new_figure,
+    png,
+)
 from vibro_lab.study.measures import MEASURES, REST, WORK, Window, observed
 from vibro_lab.study.table import NUMBERS, Field, Study, are, computed, file_of
 from vibro_lab.study.variation import whole_number
@@ -654,6 +666,7 @@ _STYLES = {"fold": (BLACK, "-"), "period doubling": (BLACK, "--"), "Neimark-Sack
            "grazing": (VERMILION, "-")}
 
 
+@default_settings()
 def draw_map(motion_map: MotionMap) -> bytes:
     """Draw mean speed, share of the starts and period over motor speed and gap; returns a PNG file."""
     figure = new_figure(WIDTH, HEIGHT)
@@ -670,7 +683,7 @@ def draw_map(motion_map: MotionMap) -> bytes:
     if handles:
         figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
     sides = "both plates" if len(motion_map.design.sides) > 1 else f"the {motion_map.design.sides[0]} plate"
-    upper.set_title(f"{motion_map.design.scene.name}: motions over motor speed and gap of {sides}")
+    upper.set_title(f"{motion_map.design.scene.name}: motions over motor speed and gap of {sides}", wrap=True)
     middle.set_title("cells with more than one motion: random starts that lead to the fastest", fontsize="medium")
     lower.set_xlabel("motor speed [rad/s]")
     return png(figure)
@@ -712,7 +725,9 @@ def _draw_periods(figure: Figure, axes: Axes, motion_map: MotionMap) -> None:
 def _draw_curves(axes: Axes, motion_map: MotionMap) -> None:
     for curve in motion_map.curves:
         colour, style = _STYLES[curve.kind]
-        axes.plot(curve.motor_speed, np.array(curve.gap) * 1e3, color=colour, linestyle=style, linewidth=1.1)
+        gaps = np.array(curve.gap) * 1e3
+        axes.plot(curve.motor_speed, gaps, color="white", linewidth=2.6)  # else black lines vanish in dark cells
+        axes.plot(curve.motor_speed, gaps, color=colour, linestyle=style, linewidth=1.1)
     axes.set_xlim(*_edges(motion_map.design.speeds)[[0, -1]])
     axes.set_ylim(*_edges(motion_map.design.gaps, 1e3)[[0, -1]])
 

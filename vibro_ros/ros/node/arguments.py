@@ -12,6 +12,7 @@ from rclpy.node import Node
 
 from vibro_ros.configuration import parameter_file
 from vibro_ros.model.parameters import Parameter
+from vibro_ros.process.files import user_path
 
 OVERRIDE = ("--param", "-p")
 REMAP = ("--remap", "-r")
@@ -116,10 +117,15 @@ def check_names(node: Node, names: Iterable[str]) -> None:
 
 def _pairs(words: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Yield option and value of each parameter file and parameter override among the ROS arguments."""
-    for_ros = iter([word for word, for_ros in _marked(words) if for_ros])
+    for_ros = iter([word for word, for_ros in _marked(with_user_paths(words)) if for_ros])
     for word in for_ros:
         if word in (*OVERRIDE, FILE) and (value := next(for_ros, "")):  # rcl refuses an option without a value
             yield word, value
+
+
+def with_user_paths(words: Sequence[str]) -> list[str]:
+    """Return the words with `~` expanded in the paths of parameter files, which rcl reads as they are written."""
+    return [str(user_path(word)) if before == FILE else word for before, word in zip(("", *words), words, strict=False)]
 
 
 def _marked(words: Sequence[str]) -> Iterator[tuple[str, bool]]:

@@ -24,6 +24,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.signals import SignalHandlerOptions
 
+from vibro_ros.ros.node.arguments import with_user_paths
 from vibro_ros.ros.node.node import GuardedNode
 
 Result = TypeVar("Result")
@@ -68,7 +69,7 @@ def node_running(name: str, words: Sequence[str]) -> Iterator[GuardedNode]:
     with _held_output() as said:
         try:
             set_logger_level("rcl", LoggingSeverity.FATAL)  # else rcl logs the error that is raised here, too
-            rclpy.init(args=[*no_file, *words], signal_handler_options=SignalHandlerOptions.NO)
+            rclpy.init(args=[*no_file, *with_user_paths(words)], signal_handler_options=SignalHandlerOptions.NO)
             with catch_warnings():
                 simplefilter("ignore", RuntimeWarning)  # rclpy warns of a node that it refuses
                 node = GuardedNode(name)
