@@ -370,6 +370,9 @@ SCENE_PARAMETERS: tuple[Parameter, ...] = tuple(replace(parameter, negligible=NE
 BY_NAME: Mapping[str, Parameter] = {parameter.name: parameter for parameter in SCENE_PARAMETERS}
 """Each parameter of a scene by its name."""
 
+LIVE: tuple[str, ...] = tuple(name for name, parameter in BY_NAME.items() if parameter.while_running)
+"""Names of the scene's parameters that may change while the device runs; all of them are numbers."""
+
 GONE: Mapping[str, str] = {
     "solver.audit": "solver.accounts has the same residual, and says where the energy goes",
     "solver.accuracy": "leave it out: solver.method exact is accurate to rounding and the cheapest as well",

@@ -8,12 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from vibro_ros.model.faults import DEVICE, DURATION, FAULTS, FORCE, checked_incident
-from vibro_ros.model.parameters import BY_NAME, parameter_named
+from vibro_ros.model.parameters import BY_NAME, LIVE, parameter_named
 from vibro_ros.model.scene import Scene, check_scene
 from vibro_ros.simulation.disturbances import PATCH, PUSH, SAG, STALL, patched
 from vibro_ros.simulation.motion import Motion
 from vibro_ros.simulation.preparation import provide_kernels
 from vibro_ros.simulation.samples import LATEST, Samples, checked_times, one_sample
+
+_IMPOSSIBLE = ("the checkpoint is of no state that this device can be in; give one that a device of the same scene and "
+               "version has made")
 
 
 class ToleranceWarning(UserWarning):
@@ -380,9 +383,10 @@ class Simulator:
         self._motion = Motion(self.scene, self._bandwidth)
 
     def checkpoint(self) -> np.ndarray:
-        """Return all that the device's future depends on besides its scene and commands, for `restore`; shape (n,).
+        """Return all that the device's future depends on besides later commands, for `restore`; shape (n,).
 
-        Events that were not taken, and the counts of `statistics`, are not included.
+        The parameters that may change while the device runs are included, in the order of `SCENE_PARAMETERS`, after the
+        time. The scene's other parameters, events that were not taken, and the counts of `statistics` are not.
 
         Examples
         --------
@@ -393,10 +397,14 @@ class Simulator:
         >>> other.state == device.state
         True
         """
-        return np.concatenate([[self.time], *(part.ravel() for part in self._motion.lasting())])
+        return np.concatenate([[self.time], [self.scene[name] for name in LIVE],
+                               *(part.ravel() for part in self._motion.lasting())])
 
     def restore(self, checkpoint: np.ndarray) -> None:
         """Go on from a `checkpoint` of a device of the same scene, bit for bit as that device; time may go back.
+
+        Parameters that may change while the device runs get the values that they had at the checkpoint, also in
+        `scene`; the two scenes may differ in them.
 
         Raises
         ------
@@ -417,21 +425,27 @@ class Simulator:
         try:
             self._overwrite(checkpoint)
             if not self._motion.is_possible():
-                raise ValueError("the checkpoint is of no state that this device can be in; give one that a device of "
-                                 "the same scene has made")
+                raise ValueError(_IMPOSSIBLE)
         except ValueError:
             self._overwrite(before)
             raise
         self._motion.events.drop_untaken()
 
     def _overwrite(self, checkpoint: np.ndarray) -> None:
-        disturbances, end = self._motion.disturbances.table, 1
-        if np.ndim(checkpoint) == 1 and len(checkpoint) > disturbances.size:  # disturbances decide the length
+        disturbances, end = self._motion.disturbances.table, 1 + len(LIVE)
+        # Parameters and disturbances decide the length of the rest.
+        if np.ndim(checkpoint) == 1 and len(checkpoint) >= end + disturbances.size:
+            live = dict(zip(LIVE, np.asarray(checkpoint[1:end], float).tolist(), strict=True))
+            if any(self.scene[name] != value for name, value in live.items()):
+                try:
+                    self.scene = self.scene.with_parameters(live)
+                except ValueError as error:
+                    raise ValueError(f"{_IMPOSSIBLE} ({error})") from None
             self._motion.time = float(checkpoint[0])
             disturbances[...] = checkpoint[end:end + disturbances.size].reshape(disturbances.shape)
-            self._motion.disturbances_overwritten()
+            self._motion.laws_overwritten(self.scene)
         parts = self._motion.lasting()
-        size = 1 + sum(part.size for part in parts)
+        size = end + sum(part.size for part in parts)
         if np.shape(checkpoint) != (size,):
             raise ValueError(f"the checkpoint has shape {np.shape(checkpoint)}, this device's have ({size},); give one "
                              "of the same scene and version")
