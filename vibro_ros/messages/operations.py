@@ -32,14 +32,14 @@ class Operation:
     Attributes
     ----------
     name : str
-        `RESET`: go back to the start. `PAUSE`, `RESUME`: stop robot time, let it go on. `STEP`: take some samples while
-        paused. `SET`: change parameters. `TIMEOUT`: stop the motor, because no command came in time. `STATE`: set the
-        state (`Simulator.set_state`). `PUSH`: push the body (`Simulator.push`). `FAULT`: begin or end a fault
-        (`model.faults`).
+        `RESET`: go back to the start, or into a state at time 0. `PAUSE`, `RESUME`: stop robot time, let it go on.
+        `STEP`: take some samples while paused. `SET`: change parameters. `TIMEOUT`: stop the motor, because no command
+        came in time. `STATE`: set the state (`Simulator.set_state`). `PUSH`: push the body (`Simulator.push`).
+        `FAULT`: begin or end a fault (`model.faults`).
     steps : int
         Number of samples of a `STEP`.
     parameters : mapping of str to value
-        Arguments of an operation in `ARGUMENTS`.
+        Arguments of an operation in `ARGUMENTS`, or the state of a `RESET`.
     """
 
     name: str
@@ -47,7 +47,7 @@ class Operation:
     parameters: Mapping[str, Value] = field(default_factory=dict)
 
     def __str__(self) -> str:
-        if self.name in ARGUMENTS:
+        if self.name in ARGUMENTS or self.parameters:
             return f"{self.name} {json.dumps(dict(self.parameters))}"
         return f"{self.name} {self.steps}" if self.name == STEP else self.name
 
@@ -62,10 +62,10 @@ def read_operation(text: str) -> Operation:
     """
     name, _, rest = text.partition(" ")
     try:
-        if name not in NAMES or (name not in (STEP, *ARGUMENTS) and rest):
+        if name not in NAMES or (name not in (RESET, STEP, *ARGUMENTS) and rest):
             raise ValueError("no such operation")
         steps = int(rest) if name == STEP else 0
-        parameters = json.loads(rest) if name in ARGUMENTS else {}
+        parameters = json.loads(rest) if name in ARGUMENTS or (name == RESET and rest) else {}
         if not isinstance(parameters, dict):
             raise ValueError("no mapping of parameters")
         if (needed := ARGUMENTS.get(name)) and needed != set(parameters):
@@ -86,7 +86,7 @@ def perform(operation: Operation, device: "Simulator") -> None:
         When the run cannot go on.
     """
     if operation.name == RESET:
-        device.reset()
+        device.reset(**operation.parameters)
     elif operation.name == TIMEOUT:
         device.command(**{device.scene.motor_command: 0.0})
     elif operation.name == STATE:

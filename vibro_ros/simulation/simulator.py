@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from vibro_ros.model.faults import DEVICE, DURATION, FAULTS, FORCE, checked_incident
+from vibro_ros.model.faults import DEVICE, DURATION, FAULTS, FORCE, check_lasting, checked_incident, part_of
 from vibro_ros.model.parameters import BY_NAME, LIVE, parameter_named
 from vibro_ros.model.scene import Scene, check_scene
 from vibro_ros.simulation.disturbances import PATCH, PUSH, SAG, STALL, patched
@@ -243,8 +243,9 @@ class Simulator:
         Raises
         ------
         ValueError
-            For an unknown name, a number that is not finite or beyond its limit, a part that the scene does not have,
-            or a mass beyond a rigid plate. Nothing is changed then.
+            For no number, an unknown name, a number that is not finite or beyond its limit, a part that the scene does
+            not have, or a mass beyond a rigid plate or deeper in a compliant one than a blow of this machine could
+            drive it (`Scene.deepest_penetration`). Nothing is changed then.
         SimulationError
             If the run cannot go on.
 
@@ -270,7 +271,7 @@ class Simulator:
         Parameters
         ----------
         duration : float
-            Duration [s]; 0 ends the push.
+            Duration [s]; 0, without a force, ends the present push.
         force_x : float
             Force [N] along the ground, forwards positive; only in a scene whose body moves.
         force_z : float
@@ -279,8 +280,8 @@ class Simulator:
         Raises
         ------
         ValueError
-            For a number beyond its limit, or a force in a direction in which the body cannot move; nothing is changed
-            then.
+            For a number beyond its limit, a force in a direction in which the body cannot move, a duration without a
+            force or a force without a duration, and if there is no push to end; nothing is changed then.
 
         Examples
         --------
@@ -297,6 +298,10 @@ class Simulator:
         if upwards and not self.scene.body_hops:
             raise ValueError(f"force_z: {upwards:g} N, but the body of this scene stays on the ground; leave it out, "
                              "or choose effects.normal_force hop")
+        if bool(lasts) != bool(along_x or upwards):
+            raise ValueError(f"duration: {lasts:g} s with a force of {along_x:g} N along x and {upwards:g} N upwards "
+                             "pushes nothing; give a duration and a force, or neither to end the present push")
+        check_lasting(PUSH, "", lasts, self.disturbances)
         self._motion.disturb(PUSH, "", self.time + lasts, (along_x, upwards))
 
     def fail(self, fault: str, duration: float, of: str = "", value: float = 0.0, from_x: float = 0.0,
@@ -312,7 +317,7 @@ class Simulator:
             `friction_patch`: the ground has the friction coefficient `value`, as ice has, where the body's position
             is from `from_x` to `to_x`; by `solver.method` exact.
         duration : float
-            Duration [s]; 0 ends the fault.
+            Duration [s]; 0 ends the fault, which must last.
         of : str
             The plate that sticks, `upper` or `inclined`.
         value : float
@@ -324,7 +329,8 @@ class Simulator:
         Raises
         ------
         ValueError
-            For a fault that the scene cannot have, or a number beyond its limit; nothing is changed then.
+            For a fault that the scene cannot have, a number beyond its limit, or if there is no such fault to end;
+            nothing is changed then.
 
         Examples
         --------
@@ -351,6 +357,7 @@ class Simulator:
         if name == SAG and number > self.scene["motor.supply_voltage"]:
             raise ValueError(f"value: {number:g} V is above motor.supply_voltage, and no sag; give at most "
                              f"{self.scene['motor.supply_voltage']:g} V")
+        check_lasting(name, part, lasts, self.disturbances)
         self._motion.disturb(name, part, self.time + lasts, (number, *place) if name == PATCH else (number,))
 
     @property
@@ -364,13 +371,18 @@ class Simulator:
         >>> device.disturbances
         {'plate_stuck of upper': 0.5}
         """
-        return {f"{name} of {of}" if of else name: until
-                for (name, of), until in self._motion.disturbances.lasting().items()}
+        return {part_of(name, of): until for (name, of), until in self._motion.disturbances.lasting().items()}
 
-    def reset(self) -> None:
+    def reset(self, /, **given: float) -> None:
         """Put the device back to its start: time 0, the state and the commands of the scene's parameters, no events.
 
-        A push and faults end. From then on the device moves, bit for bit, as a new device of the present `scene`.
+        A push and faults end. From then on the device moves, bit for bit, as a new device of the present `scene`. If a
+        state is `given`, the device is in that state at time 0, as after `set_state`.
+
+        Raises
+        ------
+        ValueError
+            For a given state that `set_state` refuses; nothing is changed then.
 
         Examples
         --------
@@ -379,8 +391,14 @@ class Simulator:
         >>> device.reset()
         >>> device.time, device.state.body_position
         (0.0, 0.0)
+        >>> device.reset(body_position=1.0)
+        >>> device.time, device.state.body_position
+        (0.0, 1.0)
         """
-        self._motion = Motion(self.scene, self._bandwidth)
+        motion = Motion(self.scene, self._bandwidth)
+        if given:
+            motion.set_state(given)
+        self._motion = motion
 
     def checkpoint(self) -> np.ndarray:
         """Return all that the device's future depends on besides later commands, for `restore`; shape (n,).

@@ -33,7 +33,7 @@ from vibro_ros.messages.operations import (
     perform,
 )
 from vibro_ros.messages.topics import CHECKPOINT, OPERATIONS, TOPICS, full_name
-from vibro_ros.model.faults import COMMANDS, FAULTS, checked_incident
+from vibro_ros.model.faults import COMMANDS, FAULTS, check_lasting, checked_incident
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.robot.lock_step import LockStep
 from vibro_ros.ros.robot.pacing import (
@@ -411,14 +411,16 @@ class Run:
 
     def _disturb(self, operation: Operation) -> str:
         self._perform_and_record(operation)
-        if operation.parameters.get("duration") == 0.0:
-            return f"duration 0: no {operation.name} begins, and one that lasted has ended"
-        return "done"
+        return f"the {operation.name} has ended" if operation.parameters.get("duration") == 0.0 else "done"
 
     def _fail(self, operation: Operation) -> str:
-        words, incident = self._disturb(operation), checked_incident(**operation.parameters)
-        if FAULTS[incident.fault].befalls == COMMANDS:
-            self.commands.fail(incident, self.robot_time.stamp)
+        incident = checked_incident(**operation.parameters)
+        if FAULTS[incident.fault].befalls != COMMANDS:
+            return self._disturb(operation)
+        check_lasting(incident.fault, "", incident.duration, [
+            fault for fault, until in self.commands.disturbances.items() if until > self.robot_time.stamp])
+        words = self._disturb(operation)
+        self.commands.fail(incident, self.robot_time.stamp)
         return words
 
     def _answer(self, steps: Steps) -> None:
