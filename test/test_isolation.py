@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-CONFTEST = Path(__file__).with_name("conftest.py")
+SET_UP = Path(__file__).with_name("every_test.py")
 
 
 def test_domain_is_held_until_its_test_ends(domain_id):
@@ -37,8 +37,8 @@ def wait_until(predicate: Callable[[], bool], patience: float = 10.0) -> bool:
 
 
 def run_session(folder: Path, body: str) -> subprocess.CompletedProcess:
-    """Run a test session of one test with this conftest."""
-    shutil.copy(CONFTEST, folder)
+    """Run a test session of one test with this set-up."""
+    shutil.copy(SET_UP, folder / "conftest.py")
     (folder / "setup.cfg").touch()  # the session's root is here
     (folder / "test_planted.py").write_text(f"import subprocess\ndef test_planted():\n    {body}\n")
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", str(folder)]

@@ -5,51 +5,26 @@ import ast
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
-from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
+from reading_imports import ROOT, cycle, drawn_arrows, imported, sources_in, summaries, told_rooms
 
-from vibro_ros.study.command import STUDIES
+import vibro_ros
+import vibro_ros.ros
 
-ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = "vibro_ros"
 PURE = ("solver", "model")  # physics: no file, no clock, no screen
 OUTSIDE_WORLD = {"datetime", "io", "logging", "os", "pathlib", "shutil", "socket", "subprocess", "sys", "tempfile"}
 OUTSIDE_WORLD |= {"threading", "time", "yaml", "matplotlib", "rosbags"}  # files, clocks, logs: not for the physics
 FILE_AND_SCREEN = {"open", "print", "input"}
-# Compiled kernels are kept in files.
-EXEMPT = {("vibro_ros.solver.kernel_cache", name) for name in ("os", "pathlib.Path", "shutil", "tempfile")}
+# The builder of the kernels writes files, and a variable of the environment says whether the kernels run uncompiled.
+EXEMPT = {("vibro_ros.solver.typed", "os"),
+          *(("vibro_ros.solver.unit", name) for name in ("os", "pathlib.Path", "sys"))}
 
 
-def drawn_arrows(document: str, head: str = "imports") -> dict[str, set[str]]:
-    """Return the rooms that each room imports, from the picture with a `head`; "" is the package's own `__init__`."""
-    picture = re.search(rf"^```txt\n( {head} →.*?)^```", document, re.MULTILINE | re.DOTALL)[1]
-    head, *lines = picture.splitlines()
-    column = {number.end() - 1: int(number[0]) for number in re.finditer(r"\d+", head)}
-    rows = {int(line.split()[0]): line for line in lines}
-    room = {number: line.split()[1].replace(PACKAGE, "") for number, line in rows.items()}
-    marks = {number: [column[mark.start()] for mark in re.finditer("●", line)] for number, line in rows.items()}
-    assert list(room) == list(column.values()) == list(range(1, len(room) + 1))
-    assert all(mark < number for number, row in marks.items() for mark in row), "an arrow points outwards"
-    return {room[number]: {room[mark] for mark in row} for number, row in marks.items()}
-
-
-ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
-MAY_IMPORT = drawn_arrows(ARCHITECTURE)
-WITHIN_ROS = drawn_arrows(ARCHITECTURE, "within ros")
-
-
-def imported(module: str, source: str) -> Iterator[str]:
-    """Yield the dotted name of everything that a module's source imports, at any depth of the text."""
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.Import):
-            yield from (name.name for name in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            parents = module.split(".")[: -node.level] if node.level else []
-            origin = ".".join([*parents, *filter(None, [node.module])])
-            yield from (f"{origin}.{name.name}" for name in node.names)
+MAY_IMPORT = drawn_arrows("imports", PACKAGE)
+WITHIN_ROS = drawn_arrows("within ros", PACKAGE)
 
 
 def part_of(name: str) -> str | None:
@@ -92,7 +67,7 @@ def _may_import(part: str, name: str) -> bool:
     if other is not None:
         return other == part or other in MAY_IMPORT[part]
     top = name.split(".")[0]
-    if top in {"tools", "research"}:  # stand beside the package, and do not ship
+    if top in {"vibro_lab", "tools", "research", "benchmark"}:  # stand beside the package
         return False
     needs_ros = top in {"rclpy", "ament_index_python"} or top.endswith(("_msgs", "_interfaces", "_srvs"))
     return (part == "ros" or not needs_ros) and (part not in PURE or top not in OUTSIDE_WORLD)
@@ -103,27 +78,10 @@ def _is_call(node: ast.AST) -> bool:
     return isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
 
 
-def cycle(sources: dict[str, str]) -> list[str]:
-    """Return the modules of one import cycle among {dotted name: source}, empty if there is none."""
-    names = {module.removesuffix(".__init__"): set(imported(module, source)) for module, source in sources.items()}
-    graph = {module: {_owner(name, names) for name in wanted} - {module, None} for module, wanted in names.items()}
-    try:
-        TopologicalSorter(graph).prepare()
-    except CycleError as error:
-        return error.args[1]
-    return []
-
-
-def _owner(name: str, modules: dict[str, set[str]]) -> str | None:
-    """Return the module that an imported name is, or in which it is defined."""
-    return name if name in modules else next(iter({name.rpartition(".")[0]} & modules.keys()), None)
-
-
 @pytest.fixture(scope="module")
 def sources() -> dict[str, str]:
     """Return the source of every module of the package by its dotted name."""
-    files = sorted((ROOT / PACKAGE).rglob("*.py"))
-    return {".".join(file.relative_to(ROOT).with_suffix("").parts): file.read_text() for file in files}
+    return sources_in(ROOT / PACKAGE)
 
 
 def test_every_module_keeps_to_its_ring(sources):
@@ -148,22 +106,14 @@ def test_arrows_within_ros_are_those_that_are_drawn(sources):
     assert set(used) == {f"ros.{file.parent.name}" for file in (ROOT / PACKAGE / "ros").glob("*/__init__.py")}
 
 
-def test_no_study_imports_another_one(sources):
-    assert len(STUDIES) > 3
-    for study in STUDIES:
-        module = f"{PACKAGE}.study.{study}"
-        others = {name.split(".")[2] for name in imported(module, sources[module])
-                  if name.startswith(f"{PACKAGE}.study.")}
-        assert not others & STUDIES.keys() - {study}, module
-
-
 @pytest.mark.parametrize("page", ["architecture.md", "solver.md"])
 def test_places_in_the_code_exist(page):
     """Each path in backticks is a file, and the name after its colon is defined there."""
     tokens = re.findall(r"`([\w/]+\.(?:py|js))(?::([\w.]+))?`", (ROOT / "docs" / page).read_text(encoding="utf-8"))
     assert len(tokens) > 10
     for path, name in tokens:
-        file = next((root / path for root in (ROOT / PACKAGE, ROOT) if (root / path).is_file()), None)
+        roots = (ROOT / PACKAGE, ROOT / "lab" / "vibro_lab", ROOT)
+        file = next((root / path for root in roots if (root / path).is_file()), None)
         assert file, f"{page}: {path} does not exist"
         text = file.read_text(encoding="utf-8")
         for word in filter(None, name.split(".")):
@@ -172,12 +122,9 @@ def test_places_in_the_code_exist(page):
 
 
 def test_rooms_are_told_in_the_words_of_the_rooms():
-    section = ARCHITECTURE.partition("## Rooms")[2].partition("\n## ")[0]
-    rows = re.findall(r"^\| `(\w+)` \| (.*) \|$", section, re.MULTILINE)
-    docstrings = {file.parent.name: ast.get_docstring(ast.parse(file.read_text())).splitlines()[0]
-                  for file in (ROOT / PACKAGE).glob("*/__init__.py")}
-    assert dict(rows) == docstrings
-    assert [room for room, _ in rows] == [room for room in MAY_IMPORT if room]
+    told = told_rooms("## Rooms")
+    assert told == summaries(ROOT / PACKAGE)
+    assert list(told) == [room for room in MAY_IMPORT if room]
 
 
 def test_no_cycle_among_modules(sources):
@@ -193,6 +140,7 @@ def test_no_cycle_among_modules(sources):
         ("vibro_ros.bag.recorder", "from rclpy.node import Node"),
         ("vibro_ros.utils.text", "import math"),
         ("vibro_ros.ros.robot.robot", "import tools.effects"),
+        ("vibro_ros.view.view", "def orbit():\n    from vibro_lab import find_orbit"),
     ],
 )
 def test_a_broken_ring_is_seen(module, source):
@@ -202,3 +150,20 @@ def test_a_broken_ring_is_seen(module, source):
 def test_importing_the_package_leaves_rclpy_alone():
     program = "import sys, vibro_ros; sys.exit('rclpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", program], cwd=ROOT, timeout=60).returncode == 0
+
+
+@pytest.mark.parametrize("package", [vibro_ros, vibro_ros.ros])
+def test_the_public_names_are_written_down_alike_for_programs_and_for_type_checkers(package):
+    text = Path(package.__file__).read_text(encoding="utf-8")
+    told = {name.asname or name.name: f"{node.module}:{name.name}" for node in ast.walk(ast.parse(text))
+            if isinstance(node, ast.ImportFrom) and node.module != "importlib" for name in node.names}
+    assert sorted(package.__all__) == sorted(package._HOMES) == sorted(told)
+    for name, home in told.items():
+        module, _, inner = home.partition(":")
+        assert getattr(package, name) is getattr(sys.modules[module], inner), name
+
+
+@pytest.mark.parametrize("name", ["attractors", "find_orbit", "identify", "zero_one_test"])
+def test_a_name_of_the_lab_says_where_it_is(name):
+    with pytest.raises(AttributeError, match=rf"^vibro_ros\.{name} is vibro_lab\.{name} since version 2\.0\.0; "):
+        getattr(vibro_ros, name)

@@ -67,34 +67,32 @@ DOCUMENTS = {
         "docs/guide/motor.md", ("tools.motor_page",), 2.0, (*_PHYSICS, "tools/motor_page.py", "tools/speeds.py")),
     "speeds": Document(
         "docs/speeds.md", ("tools.speeds",), 5.0,
-        (*_PHYSICS, "vibro_ros/orbits", "vibro_ros/study/measures.py", "tools/speeds.py")),
+        (*_PHYSICS, "lab/vibro_lab/orbits", "lab/vibro_lab/study/measures.py", "tools/speeds.py")),
     "effects": Document(
-        "docs/robot.md", ("tools.effects",), 6.0, (*_PHYSICS, "vibro_ros/orbits", "tools/effects.py")),
+        "docs/robot.md", ("tools.effects",), 6.0, (*_PHYSICS, "lab/vibro_lab/orbits", "tools/effects.py")),
     "literature": Document(
         "docs/literature.md", ("research.literature",), 4.0,
-        (*_PHYSICS, "vibro_ros/orbits", "research/literature", "research/starts.py")),
+        (*_PHYSICS, "lab/vibro_lab/orbits", "lab/research/literature", "lab/research/starts.py")),
     "map": Document(
         "docs/guide/command_map.md", (
-            "vibro_ros.study.command map --output out/study/map",
-            "vibro_ros.study.command map --scene machine --motor-speed 90:165:16 --gap 0:0.006:4 "
+            "vibro_lab.study.command map --output out/study/map",
+            "vibro_lab.study.command map --scene machine --motor-speed 90:165:16 --gap 0:0.006:4 "
             "--output out/study/map_machine"), 18.0,
-        (*_PHYSICS, "vibro_ros/orbits", "vibro_ros/study/map.py"),
-        {"out/study/map/device.json": "config/maps/device.json", "out/study/map/map.png": "docs/map.png",
-         "out/study/map_machine/machine.json": "config/maps/machine.json",
-         "out/study/map_machine/map.png": "docs/map_machine.png"}),
+        (*_PHYSICS, "lab/vibro_lab/orbits", "lab/vibro_lab/study/map.py"),
+        {"out/study/map/map.png": "docs/map.png", "out/study/map_machine/map.png": "docs/map_machine.png"}),
     "accuracy": Document(
         "docs/accuracy.md", ("benchmark.scenes",), 15.0,
-        (*_PHYSICS, "vibro_ros/accuracy", "benchmark")),
+        (*_PHYSICS, "lab/vibro_lab/accuracy", "lab/benchmark")),
     "benchmark": Document(
-        "docs/benchmark/benchmark.md", ("benchmark.run --quick",), 20.0, (*_PHYSICS, "benchmark"),
+        "docs/benchmark/benchmark.md", ("benchmark.run --quick",), 20.0, (*_PHYSICS, "lab/benchmark"),
         {f"out/benchmark/{file}": f"docs/benchmark/{file}" for file in
          ("benchmark.md", "results.json", *(f"{problem}.png" for problem in problem_names()))}),
     "paper": Document(
-        "docs/paper.md", ("research.paper",), 18.0, (*_PHYSICS, "research/paper", "research/starts.py")),
+        "docs/paper.md", ("research.paper",), 18.0, (*_PHYSICS, "lab/research/paper", "lab/research/starts.py")),
     "optimum": Document(
         "docs/optimum.md", ("research.optimum",), 30.0,
-        (*_PHYSICS, "vibro_ros/orbits", "vibro_ros/study/optimise.py", "vibro_ros/study/trials.py", "research/optimum",
-         "research/starts.py")),
+        (*_PHYSICS, "lab/vibro_lab/orbits", "lab/vibro_lab/study/optimise.py", "lab/vibro_lab/study/trials.py",
+         "lab/research/optimum", "lab/research/starts.py")),
 }
 """Generated documents by name, the quick ones first."""
 

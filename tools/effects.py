@@ -14,15 +14,16 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
+import vibro_lab
 import vibro_ros
 from benchmark.costs import RATE
 from tools.generated_text import write_between
-from vibro_ros.accuracy.harness import seconds
+from vibro_lab.accuracy.harness import seconds
+from vibro_lab.orbits.attractors import Attractor
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.parameters import Value
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import compile_scene
-from vibro_ros.orbits.attractors import Attractor
 from vibro_ros.solver.system import NOTHING
 
 BEGIN = "<!-- effects: written by `make documents` -->"
@@ -128,7 +129,7 @@ def size(scene: Scene) -> Size:
 def motions(scene: Scene) -> str:
     """Text of the mean speeds [mm/s] of the motions that `STARTS` random starts lead to; if several, with their starts.
     """
-    found = vibro_ros.attractors(scene.with_parameters({"motor.speed": SPEED}), STARTS)
+    found = vibro_lab.attractors(scene.with_parameters({"motor.speed": SPEED}), STARTS)
     speeds = [one.mean_speed for one in found]
     if max(map(abs, speeds)) > _RUNS_AWAY:
         return "runs away"

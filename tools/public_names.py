@@ -1,8 +1,7 @@
 """List the public names in docs/public_names.md: `python -m tools.public_names`.
 
 The page is a promise, and this program writes only what keeps the promise: a name that the code has and the page lacks
-is added, a name that the code has lost is an error until package.xml has a new major version. It needs the packages of
-`make study`.
+is added, a name that the code has lost is an error until package.xml has a new major version. The lab promises no name.
 """
 
 import contextlib
@@ -18,30 +17,17 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-import gymnasium
-
 import vibro_ros
-import vibro_ros.gym  # registers its environment
 from tools.generated_text import replaced
 from vibro_ros.bag.reader import Bag
 from vibro_ros.configuration.shipped import shipped
-from vibro_ros.identification.identify import Identification
 from vibro_ros.messages.topics import BAG, COMMAND, NODE, TOPICS, full_name
-from vibro_ros.orbits.attractors import Attractor
-from vibro_ros.orbits.branch import Branch, Special
-from vibro_ros.orbits.chaos import LyapunovSpectrum
-from vibro_ros.orbits.orbit import Orbit
-from vibro_ros.orbits.recurrence import SettledMotion
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.ros.controller.controller import PARAMETERS as OF_CONTROLLER
 from vibro_ros.ros.controller.goals import NAMES as ACTIONS
 from vibro_ros.ros.live.view import PARAMETERS as OF_VIEW
 from vibro_ros.ros.node.parameters import TABLE as OF_ROBOT
-from vibro_ros.ros.twin.telling import ESTIMATE, INNOVATIONS
-from vibro_ros.ros.twin.telling import PARAMETERS as ESTIMATED_PARAMETERS
-from vibro_ros.ros.twin.twin import PARAMETERS as OF_TWIN
 from vibro_ros.simulation.samples import Run
-from vibro_ros.study.command import STUDIES
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "public_names.md"
@@ -51,7 +37,7 @@ END = "<!-- end of names -->"
 
 PYTHON, ATTRIBUTES = "function, method or class | parameters, or attributes", ": attributes"
 
-RETURNED = (Attractor, Bag, Branch, Identification, LyapunovSpectrum, Orbit, Run, SettledMotion, Special)
+RETURNED = (Bag, Run)
 """Classes that users meet as what a public function returns."""
 
 CHOSEN = {
@@ -59,8 +45,6 @@ CHOSEN = {
     "SensedSimulator": ("take_measurements",),
     "Simulator": ("advance_to", "checkpoint", "command", "disturbances", "fail", "push", "reset", "restore", "sample",
                   "set_parameters", "set_state", "state", "statistics", "take_events", "time"),
-    "Identification": ("alternatives", "chi_square", "covariance", "intervals", "p_value", "rank", "residuals", "scene",
-                       "simulated", "values"),
     "Bag": ("arrays", "duration", "flaws", "metadata", "path", "start_ns", "to_pandas", "topics"),
 }
 """Public attributes of the classes that have others for the package's own use, or from their base; of each other class
@@ -74,21 +58,20 @@ Names = Mapping[str, Mapping[str, tuple[str, ...]]]
 def names_of_the_code() -> Names:
     """Return the public names as the code has them.
 
-    Those of services, frames, joints, events, scripts, measures and of a bag's custom data come from tables of the
-    guide, which test/ros/test_guide.py and test/tools/test_documents.py compare with running robots and with the code.
+    Those of services, frames, joints, events, scripts and of a bag's custom data come from tables of the guide, which
+    test/ros/test_guide.py and lab/test/tools/test_documents.py compare with running robots and with the code.
     """
     return {
         PYTHON: dict(_python()),
         "executable | options": dict(_executables()),
         "direction | topics": {
             "in": tuple(full_name(name) for name, one in TOPICS.items() if one.when == COMMAND),
-            "out": tuple(full_name(name) for name, one in TOPICS.items() if one.when not in (COMMAND, BAG)),
-            "out, of `vibro_twin`": (ESTIMATE, INNOVATIONS, ESTIMATED_PARAMETERS)},
+            "out": tuple(full_name(name) for name, one in TOPICS.items() if one.when not in (COMMAND, BAG))},
         "node | services and actions": {
             "`vibro_robot`": _of_guide("node.md", "service | type | does", "name | type | does"),
             "`vibro_controller`": tuple(ACTIONS.values())},
         "node, or group of the robot's parameters | parameters": dict(_parameters()),
-        "kind | shipped names": {kind: shipped(kind) for kind in ("scene", "script", "sweep", "map")},
+        "kind | shipped names": {kind: shipped(kind) for kind in ("scene", "script", "sweep")},
         "of a bag | names": {
             "topics": tuple(full_name(name) for name, one in TOPICS.items()
                             if one.when != NODE or name == "operations"),
@@ -97,8 +80,7 @@ def names_of_the_code() -> Names:
             "frames": _of_guide("node.md", "frame | in | is"),
             "joints": _of_guide("node.md", "joint | position | velocity | effort"),
             "kinds of events": _of_guide("python.md", "kind | when"),
-            "keys of a script": _of_guide("scripts.md", "key of an entry | meaning"),
-            "measures of a study": _of_guide("studies.md", "measure | unit | meaning")},
+            "keys of a script": _of_guide("scripts.md", "key of an entry | meaning")},
     }
 
 
@@ -109,16 +91,13 @@ def _python() -> Iterator[tuple[str, tuple[str, ...]]]:
                "SensedSimulator": vibro_ros.SensedSimulator(scene)}
     for name in vibro_ros.__all__:
         found = getattr(vibro_ros, name)
-        if not inspect.isclass(found):
+        if inspect.isfunction(found):
             yield f"`{name}`", _arguments(found)
         elif name in CHOSEN:
             yield f"`{name}`", _arguments(found)
             yield from _members(found, [one for one in CHOSEN[name] if hasattr(example[name], one)])
         else:
             yield f"`{name}`", ()
-    for name in gymnasium.registry:
-        if name.startswith("vibro_ros/"):
-            yield f"`gymnasium.make`: `{name}`", _arguments(import_module("vibro_ros.gym.crawl").Crawl)
     for found in RETURNED:
         chosen = CHOSEN.get(found.__name__) or sorted({*_fields(found), *dir(found)})
         yield from _members(found, [one for one in chosen if not one.startswith("_")
@@ -144,19 +123,16 @@ def _arguments(found: Any) -> tuple[str, ...]:
 
 
 def _executables() -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Yield each installed executable, and each study, with the options of its `--help`."""
+    """Yield each installed executable with the options of its `--help`."""
     for name, executable in EXECUTABLES.items():
-        if name == "study":
-            for study in STUDIES:
-                yield f"`study {study}`", _options(executable.module, study)
-        elif executable.installed:
+        if executable.installed:
             live = _options(EXECUTABLES["live_view"].module) if name == "view" else ()
             yield f"`{name}`", tuple(sorted({*_options(executable.module), *live}))
 
 
-def _options(module: str, *words: str) -> tuple[str, ...]:
+def _options(module: str) -> tuple[str, ...]:
     with contextlib.redirect_stdout(io.StringIO()) as printed, contextlib.suppress(SystemExit):
-        import_module(module).main([*words, "--help"])
+        import_module(module).main(["--help"])
     return tuple(sorted({*re.findall(r"^ +(?:-\w, )?(--[a-z-]+)", printed.getvalue(), re.MULTILINE)} - {"--help"}))
 
 
@@ -167,7 +143,6 @@ def _parameters() -> Iterator[tuple[str, tuple[str, ...]]]:
         groups.setdefault(f"`{group}.`" if group else "`vibro_robot`", []).append(parameter.name)
     yield from ((group, tuple(names)) for group, names in groups.items())
     yield "`vibro_controller`", tuple(one.name for one in OF_CONTROLLER)
-    yield "`vibro_twin`", tuple(one.name for one in OF_TWIN)
     yield "`vibro_view`", tuple(one.name for one in OF_VIEW)
 
 

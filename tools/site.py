@@ -14,9 +14,8 @@ from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).resolve().parents[1]
 #: Pages outside docs/, by their names on the site.
-OUTSIDE = {"README.md": "index.md", "CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md",
-           "SECURITY.md": "security.md", "QUALITY_DECLARATION.md": "quality_declaration.md",
-           "CODE_OF_CONDUCT.md": "code_of_conduct.md"}
+OUTSIDE = {"README.md": "index.md", "CHANGELOG.md": "changelog.md", ".github/CONTRIBUTING.md": "contributing.md",
+           ".github/SECURITY.md": "security.md", ".github/CODE_OF_CONDUCT.md": "code_of_conduct.md"}
 _LINK = re.compile(r"(?P<shown>!?\[[^]]*\])\((?P<path>[^)#:\s]+)(?P<anchor>#[^)\s]*)?\)")
 #: Code, in which no link is changed, or a link, whose text may contain code.
 _CODE_OR_LINK = re.compile(rf"^```.*?^```|`[^`\n]+`|{_LINK.pattern}", re.MULTILINE | re.DOTALL)

@@ -10,20 +10,21 @@ from typing import NamedTuple
 import numpy as np
 from tqdm import tqdm
 
+import vibro_lab
 import vibro_ros
 from tools.generated_text import write_between
+from vibro_lab.orbits.attractors import Attractor, group_starts, steady_start
+from vibro_lab.orbits.recurrence import NotSettledError, SettledMotion, number_among, settle
+from vibro_lab.orbits.starts import motor_command, running
+from vibro_lab.orbits.turn_map import Stroboscope, free_cut
+from vibro_lab.study.measures import device_at_start, measure
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.configuration.shipped import shipped
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.attractors import Attractor, group_starts, steady_start
-from vibro_ros.orbits.recurrence import NotSettledError, SettledMotion, number_among, settle
-from vibro_ros.orbits.starts import motor_command, running
-from vibro_ros.orbits.turn_map import Stroboscope, free_cut
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.processes import core_count, in_processes
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.validity import validity_of
-from vibro_ros.study.measures import device_at_start, measure
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs/speeds.md"
@@ -56,7 +57,7 @@ def motion_rows(name: str, scene: Scene, starts: int = STARTS) -> list[str]:
     """Return a row of the first table for each motion of a robot."""
     command, value = motor_command(scene)
     name = f"{name}, {value:.4g} {'V' if command == 'motor_voltage' else 'rad/s'}"
-    found = vibro_ros.attractors(scene, starts)
+    found = vibro_lab.attractors(scene, starts)
     leads, others = led_to(scene, found)
     rows = [f"| {name} | {one.in_words()} | {one.starts} of {starts} ({100 * one.low:.0f} to {100 * one.high:.0f} %) | "
             f"{exponent_in_words(one)} | {lead} |" for one, lead in zip(found[:_MOST_NAMED], leads, strict=False)]
@@ -104,7 +105,7 @@ def simple_starts(scene: Scene) -> Iterator[tuple[str, SettledMotion]]:
         yield "a command while it stands", motion
     for speed in (0.0, *PUSHED):
         with suppress(NotSettledError, ValueError):  # it moves on, or the body of this scene stays where it is
-            motion = vibro_ros.settled_motion(scene, **({"body_velocity": speed} if speed else {}))
+            motion = vibro_lab.settled_motion(scene, **({"body_velocity": speed} if speed else {}))
             yield f"turning from the start{f', `body_velocity={speed:g}`' if speed else ''}", motion
 
 

@@ -1,11 +1,14 @@
 """A vibro-impact robot as a virtual device, with physics to be trusted to the last digit.
 
 A scene comes in, with every parameter of the machine (`load_scene`); motions go out. `simulate` computes whole runs,
-`Simulator` is a device that takes commands while it runs, `SensedSimulator` is a device with sensors, and `find_orbit`
-computes a periodic motion. `model` has the physics, as modes and guards; `solver` finds the events between two modes
-and knows nothing of robots; `simulation` makes the device from both. The other rooms use the device: `orbits`,
-`sensors`, `bag` (recordings), `recordings` (programs for recordings), `accuracy`, `study`, `view` (the page) and `ros`,
-which alone imports rclpy. Read `simulation/simulator.py` first, then `docs/architecture.md`.
+`Simulator` is a device that takes commands while it runs, and `SensedSimulator` is a device with sensors. `model` has
+the physics, as modes and guards; `solver` finds the events between two modes and knows nothing of robots; `simulation`
+makes the device from both. The other rooms use the device: `sensors`, `bag` (recordings), `recordings` (programs for
+recordings), `view` (the page) and `ros`, which alone imports rclpy. Read `simulation/simulator.py` first, then
+`docs/architecture.md`. Studies of the robot are the package `vibro_lab`.
+
+The table `_HOMES` below is the public interface, by what a program wants to do. Other packages import these names from
+`vibro_ros`, and the frame of a ROS node from `vibro_ros.ros`; all else may change with any version.
 """
 
 from importlib import import_module
@@ -13,41 +16,121 @@ from importlib import import_module
 TYPE_CHECKING = False  # type checkers know the name; to import `typing` would delay what an executable does first
 if TYPE_CHECKING:
     from vibro_ros.bag.reader import read_bag
-    from vibro_ros.configuration.scene_file import load_scene
-    from vibro_ros.identification.identify import identify
-    from vibro_ros.model.scene import Scene
-    from vibro_ros.orbits.attractors import attractors
-    from vibro_ros.orbits.branch import follow_bifurcation, follow_orbit
-    from vibro_ros.orbits.chaos import lyapunov_spectrum, zero_one_test
-    from vibro_ros.orbits.orbit import find_orbit
-    from vibro_ros.orbits.recurrence import settled_motion
+    from vibro_ros.bag.stream import BagError, BagStream, bag_errors, robot_topics
+    from vibro_ros.configuration.scene_file import load_scene, scene_as_file, scene_origin
+    from vibro_ros.configuration.shipped import find_file, shipped
+    from vibro_ros.configuration.strict_yaml import read_scalar, read_settings, read_yaml
+    from vibro_ros.messages.codec import deserialised
+    from vibro_ros.messages.frames import JOINTS, joints_of
+    from vibro_ros.messages.operations import read_operation
+    from vibro_ros.messages.topics import COMMANDS, TOPICS, commands_in, commands_of
+    from vibro_ros.model.faults import Incident
+    from vibro_ros.model.parameters import BY_NAME as PARAMETERS
+    from vibro_ros.model.parameters import Parameter, Value, checked_parameters, parameter_named, quoted
+    from vibro_ros.model.scene import Scene, check_scene
+    from vibro_ros.process.entry_point import Parser, StopRequest, enter, exit_code, interrupted_code, say
+    from vibro_ros.process.files import is_temporary, read_file, replace_file
+    from vibro_ros.process.pictures import default_settings, new_figure, png, set_heading
     from vibro_ros.sensors.device import SensedSimulator
+    from vibro_ros.sensors.noise import ACCELERATIONS, force_at_rest, of_imu
+    from vibro_ros.sensors.noise import FORGETTING as IMU_FORGETTING
+    from vibro_ros.simulation.given_state import STATE_UNITS, motor_coordinates
     from vibro_ros.simulation.motion import SimulationError
+    from vibro_ros.simulation.processes import Forks, InThisProcess, core_count, in_order, in_processes
+    from vibro_ros.simulation.provenance import software
     from vibro_ros.simulation.runs import simulate, simulate_many
-    from vibro_ros.simulation.simulator import Simulator
+    from vibro_ros.simulation.samples import FIELDS as SAMPLE_FIELDS
+    from vibro_ros.simulation.samples import LATEST as LATEST_TIME
+    from vibro_ros.simulation.samples import Samples
+    from vibro_ros.simulation.simulator import Simulator, ToleranceWarning
 
-__all__ = ["Scene", "SensedSimulator", "SimulationError", "Simulator", "attractors", "find_orbit",
-           "follow_bifurcation", "follow_orbit", "identify", "load_scene", "lyapunov_spectrum", "read_bag",
-           "settled_motion", "simulate", "simulate_many", "zero_one_test"]
+__all__ = ["ACCELERATIONS", "BagError", "BagStream", "COMMANDS", "Forks", "IMU_FORGETTING", "InThisProcess",
+           "Incident", "JOINTS", "LATEST_TIME", "PARAMETERS", "Parameter", "Parser", "SAMPLE_FIELDS",
+           "STATE_UNITS", "Samples", "Scene", "SensedSimulator", "SimulationError", "Simulator", "StopRequest",
+           "TOPICS", "ToleranceWarning", "Value", "bag_errors", "check_scene", "checked_parameters", "commands_in",
+           "commands_of", "core_count", "default_settings", "deserialised", "enter", "exit_code", "find_file",
+           "force_at_rest", "in_order", "in_processes", "interrupted_code", "is_temporary", "joints_of", "load_scene",
+           "motor_coordinates", "new_figure", "of_imu", "parameter_named", "png", "quoted", "read_bag", "read_file",
+           "read_operation", "read_scalar", "read_settings", "read_yaml", "replace_file", "robot_topics", "say",
+           "scene_as_file", "scene_origin", "set_heading", "shipped", "simulate", "simulate_many", "software"]
 
-_HOMES = {
+_HOMES = {  # of each public name its module, and after a colon its name there if that differs
+    # scenes, and where the shipped files are
     "Scene": "model.scene",
-    "SensedSimulator": "sensors.device",
+    "check_scene": "model.scene",
+    "find_file": "configuration.shipped",
+    "load_scene": "configuration.scene_file",
+    "scene_as_file": "configuration.scene_file",
+    "scene_origin": "configuration.scene_file",
+    "shipped": "configuration.shipped",
+    # parameters: their table, and checked values
+    "PARAMETERS": "model.parameters:BY_NAME",
+    "Parameter": "model.parameters",
+    "Value": "model.parameters",
+    "checked_parameters": "model.parameters",
+    "parameter_named": "model.parameters",
+    "quoted": "model.parameters",
+    # runs, and a device that takes commands while it runs
+    "LATEST_TIME": "simulation.samples:LATEST",
+    "SAMPLE_FIELDS": "simulation.samples:FIELDS",
+    "STATE_UNITS": "simulation.given_state",
+    "Incident": "model.faults",
+    "Samples": "simulation.samples",
     "SimulationError": "simulation.motion",
     "Simulator": "simulation.simulator",
-    "attractors": "orbits.attractors",
-    "find_orbit": "orbits.orbit",
-    "follow_bifurcation": "orbits.branch",
-    "follow_orbit": "orbits.branch",
-    "identify": "identification.identify",
-    "load_scene": "configuration.scene_file",
-    "lyapunov_spectrum": "orbits.chaos",
-    "read_bag": "bag.reader",
-    "settled_motion": "orbits.recurrence",
+    "ToleranceWarning": "simulation.simulator",
+    "motor_coordinates": "simulation.given_state",
     "simulate": "simulation.runs",
     "simulate_many": "simulation.runs",
-    "zero_one_test": "orbits.chaos",
+    # many runs at once, and what decides their bits
+    "Forks": "simulation.processes",
+    "InThisProcess": "simulation.processes",
+    "core_count": "simulation.processes",
+    "in_order": "simulation.processes",
+    "in_processes": "simulation.processes",
+    "software": "simulation.provenance",
+    # sensors
+    "ACCELERATIONS": "sensors.noise",
+    "IMU_FORGETTING": "sensors.noise:FORGETTING",
+    "SensedSimulator": "sensors.device",
+    "force_at_rest": "sensors.noise",
+    "of_imu": "sensors.noise",
+    # recordings
+    "BagError": "bag.stream",
+    "BagStream": "bag.stream",
+    "bag_errors": "bag.stream",
+    "read_bag": "bag.reader",
+    "robot_topics": "bag.stream",
+    # topics and messages
+    "COMMANDS": "messages.topics",
+    "JOINTS": "messages.frames",
+    "TOPICS": "messages.topics",
+    "commands_in": "messages.topics",
+    "commands_of": "messages.topics",
+    "deserialised": "messages.codec",
+    "joints_of": "messages.frames",
+    "read_operation": "messages.operations",
+    # the frame of an executable, and the files that it reads and writes
+    "Parser": "process.entry_point",
+    "StopRequest": "process.entry_point",
+    "enter": "process.entry_point",
+    "exit_code": "process.entry_point",
+    "interrupted_code": "process.entry_point",
+    "is_temporary": "process.files",
+    "read_file": "process.files",
+    "read_scalar": "configuration.strict_yaml",
+    "read_settings": "configuration.strict_yaml",
+    "read_yaml": "configuration.strict_yaml",
+    "replace_file": "process.files",
+    "say": "process.entry_point",
+    # pictures that do not depend on the user's settings of matplotlib
+    "default_settings": "process.pictures",
+    "new_figure": "process.pictures",
+    "png": "process.pictures",
+    "set_heading": "process.pictures",
 }
+_OF_THE_LAB = ("attractors", "find_orbit", "follow_bifurcation", "follow_orbit", "identify", "lyapunov_spectrum",
+               "settled_motion", "zero_one_test")
 
 
 def __getattr__(name: str) -> object:
@@ -57,7 +140,11 @@ def __getattr__(name: str) -> object:
     if name == "__version__":
         return import_module("importlib.metadata").version(__name__)
     if name in _HOMES:
-        return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+        module, _, inner = _HOMES[name].partition(":")
+        return getattr(import_module(f"{__name__}.{module}"), inner or name)
+    if name in _OF_THE_LAB:
+        raise AttributeError(f"vibro_ros.{name} is vibro_lab.{name} since version 2.0.0; install the package vibro_lab "
+                             "(`pip install ./lab` in a clone) and `import vibro_lab`")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from importlib import import_module
-from importlib.metadata import entry_points
+from importlib.metadata import entry_points, version
 from pathlib import Path
 
 import pytest
@@ -82,6 +82,14 @@ def test_its_help_begins_with_the_sentence_of_the_list(capsys, name):
     assert not ended.value.code and does in " ".join(capsys.readouterr().out.split())
 
 
+@pytest.mark.parametrize("name", EXECUTABLES)
+def test_it_says_its_version(capsys, name):
+    with pytest.raises(SystemExit) as ended:
+        import_module(EXECUTABLES[name].module).main(["--version"])
+    shown = "view" if name == "live_view" else name
+    assert not ended.value.code and capsys.readouterr().out == f"{shown} {version('vibro_ros')}\n"
+
+
 @pytest.mark.parametrize("name, number, code", [("report", signal.SIGTERM, 143), ("robot", signal.SIGHUP, 0)])
 def test_a_signal_during_imports_ends_it_with_one_line(start, name, number, code):
     process = start(*module(name), "--help")
@@ -99,8 +107,7 @@ def main(words):
     {main}
 sys.modules["planted"] = planted = ModuleType("planted")
 planted.main = main
-entry_point.EXECUTABLES["planted"] = Executable("planted", False, "")
-code = entry_point.enter("planted")
+code = entry_point.enter("planted", {{"planted": Executable("planted", False, "")}})
 sys.exit(code)
 """
 READY = "__import__('os').write(1, b'ready\\n')"  # not by Python's own buffer, in which a signal may meet it

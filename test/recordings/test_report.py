@@ -17,9 +17,10 @@ import vibro_ros.recordings.report as report
 from vibro_ros.bag.reader import BagError, load_bag, read_bag
 from vibro_ros.bag.recorder import Storage
 from vibro_ros.bag.stream import BagStream
+from vibro_ros.messages.codec import new_message, serialised
 from vibro_ros.recordings.energy import energy_of
 from vibro_ros.recordings.recover import recover
-from vibro_ros.recordings.summary import as_text, summarise
+from vibro_ros.recordings.summary import as_text, load_samples, summarise
 
 
 def contents(folder):
@@ -59,6 +60,21 @@ def test_two_recordings_are_compared_in_one_table_and_one_picture(record_run, tm
     output = tmp_path / "first_against_second"
     assert [one["duration"] for one in json.loads((output / "summary.json").read_text())] == [2.0, 4.0]
     assert min(imread(output / "report.png").shape[:2]) >= 900
+
+
+def test_joints_of_another_robot_on_the_topic_do_not_change_a_report(record_run, tmp_path):
+    """They come first, and again and again between the robot's own messages."""
+    wheel = new_message("sensor_msgs/msg/JointState")
+    wheel.name, wheel.position = ["wheel"], np.array([1.0])
+    data = serialised(wheel, "sensor_msgs/msg/JointState")
+    run = record_run()
+    mixed = rewritten(run, tmp_path / "mixed", lambda messages: sorted(
+        [*messages, *(("/joint_states", stamp - (not k), data) for k, (_, stamp, _) in enumerate(messages[::50]))],
+        key=lambda message: message[1]))
+    whole, found = (summarise(load_samples(folder)) for folder in (run, mixed))
+    for key in ("displacement", "crank_turns", "impacts", "mean_power", "validity"):
+        assert found[key] == whole[key], key
+    assert report.main([str(mixed)]) == 0
 
 
 def test_of_two_recordings_neither_is_trusted_or_written_into(record_run, tmp_path, capsys):

@@ -5,7 +5,10 @@ DDS drops a request, or its answer, if server and client know each other on one 
 """
 
 import time
+from collections.abc import Callable
+from functools import partial
 
+import pytest
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
 
@@ -62,3 +65,9 @@ def answer_of(bench, kind: type, name: str, **fields):
     bench.spin_until(answered, f"answer of {name}")
     bench.node.destroy_client(client)
     return next(future.result() for future in futures if future.done())
+
+
+@pytest.fixture
+def call(bench) -> Callable:
+    """Call a service of the robot and return its answer."""
+    return partial(answered_once, bench)

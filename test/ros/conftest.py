@@ -1,40 +1,19 @@
 """Real processes and a real rclpy node for the tests of this folder, each with an end of its own."""
 
 import shutil
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from asking import answered_once
+from asking import call
 from observation import Listener
 from random_run import FASTER, record_run
-from real_processes import bench, compiled, start, udp_only
+from real_processes import bench, refusal, start, udp_only
 from simulator_user import Simulator
 from std_srvs.srv import SetBool
 
-__all__ = ["bench", "compiled", "start", "udp_only"]
-
-
-@pytest.fixture
-def refusal(domain_id, tmp_path, monkeypatch, capfd) -> Callable[..., str]:
-    """Return the line with which an executable's `main` refuses its arguments, with exit code 2, without a process of
-    its own.
-    """
-    monkeypatch.chdir(tmp_path)
-
-    def call(main: Callable[[list[str]], int], *words: str) -> str:
-        assert main(list(words)) == 2
-        (line,) = [line for line in capfd.readouterr().err.splitlines() if not line.startswith("[")]  # of the log
-        return line
-    return call
-
-
-@pytest.fixture
-def call(bench) -> Callable:
-    """Call a service of the robot and return its answer."""
-    return partial(answered_once, bench)
+__all__ = ["bench", "call", "refusal", "start", "udp_only"]
 
 
 @pytest.fixture

@@ -16,8 +16,7 @@ from vibro_ros.solver.methods import SCHEMES
 
 
 @pytest.mark.parametrize("call", [
-    lambda scene: vibro_ros.simulate(scene, 1.0, 10.0, method="rk4"), vibro_ros.Simulator, vibro_ros.SensedSimulator,
-    vibro_ros.find_orbit, vibro_ros.settled_motion])
+    lambda scene: vibro_ros.simulate(scene, 1.0, 10.0, method="rk4"), vibro_ros.Simulator, vibro_ros.SensedSimulator])
 def test_a_name_in_place_of_a_scene_is_refused_with_the_remedy(call):
     with pytest.raises(TypeError, match=r"^scene: 'device' is no Scene; give load_scene\('device'\)$"):
         call("device")

@@ -27,7 +27,8 @@ def test_the_workflow_runs_every_supported_python_and_both_distributions():
     assert steps["kilted"][-1] == "make test ROS=kilted" and (ROOT / "requirements" / "kilted.txt").is_file()
 
 
-@pytest.mark.parametrize("template", sorted(path.relative_to(FORGE) for path in FORGE.rglob("*.md")), ids=str)
+@pytest.mark.parametrize("template", [
+    "pull_request_template.md", *sorted(f"ISSUE_TEMPLATE/{path.name}" for path in FORGE.glob("ISSUE_TEMPLATE/*.md"))])
 def test_the_command_of_a_template_prints_the_provenance_of_a_bag(template, tmp_path):
     [command] = re.findall(r"^    (sed .*)$", (FORGE / template).read_text(), re.MULTILINE)
     told = provenance(load_scene("device").parameters, 0)
@@ -41,6 +42,6 @@ def test_the_dev_container_is_that_of_the_containerfile():
     folder = ROOT / ".devcontainer"
     text = (folder / "devcontainer.json").read_text()
     build = json.loads(re.sub(r"^//.*$", "", text, flags=re.MULTILINE))
-    assert (folder / build["build"]["dockerfile"]).resolve() == ROOT / "Containerfile"
-    told = (ROOT / "Containerfile").read_text()
+    assert (folder / build["build"]["dockerfile"]).resolve() == folder / "Containerfile"
+    told = (folder / "Containerfile").read_text()
     assert f"USER {build['remoteUser']}\n" in told and f"WORKDIR {build['workspaceFolder']}\n" in told

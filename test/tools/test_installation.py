@@ -16,8 +16,9 @@ from tools.interfaces.command import cmake_arguments, environment
 from vibro_ros.process.executables import EXECUTABLES
 
 ROOT = Path(__file__).resolve().parents[2]
-SOURCES = ("LICENSE", "MANIFEST.in", "README.md", "config", "examples", "interfaces", "package.xml", "pyproject.toml",
-           "resource", "setup.cfg", "setup.py", "vibro_ros")
+SOURCES = ("LICENSE", "README.md", "config", "examples", "interfaces", "package.xml", "pyproject.toml",
+           "resource", "setup.cfg", "setup.py", "vibro_ros",
+           *(f"lab/{name}" for name in ("package.xml", "resource", "setup.cfg", "setup.py", "vibro_lab")))
 CONFIG = sorted(file.relative_to(ROOT) for file in (ROOT / "config").rglob("*") if file.is_file())
 DEADLINE = 300.0  # [s] for one build; the workspace takes a minute on an idle machine, the wheel a few seconds
 
@@ -60,17 +61,18 @@ def source(tmp_path_factory) -> Path:
         if (ROOT / name).is_dir():
             shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
         else:
+            (copy / name).parent.mkdir(exist_ok=True)
             shutil.copy(ROOT / name, copy / name)
     return copy
 
 
 @pytest.fixture(scope="module")
 def colcon(source) -> Installation:
-    """Build both packages in a colcon workspace, with the command of docs/guide/installation.md."""
+    """Build all three packages in a colcon workspace, with the command of docs/guide/installation.md."""
     workspace = source.parents[1]
     wheels = ["--cmake-args", *cmake_arguments()]  # a sourced ROS 2 needs none of these
-    run(["colcon", "build", "--base-paths", "src", "src/vibro_ros/interfaces", "--executor", "sequential", *wheels],
-        workspace, environment())
+    run(["colcon", "build", "--base-paths", "src", "src/vibro_ros/interfaces", "src/vibro_ros/lab", "--executor",
+         "sequential", *wheels], workspace, environment())
     prefix = workspace / "install" / "vibro_ros"
     return Installation(prefix, prefix / "lib" / "vibro_ros", f"source {workspace}/install/local_setup.bash")
 
@@ -109,10 +111,21 @@ def test_a_workspace_has_the_types_of_the_interfaces(colcon, tmp_path):
 
 def test_ros2_launch_finds_the_files_of_a_checkout(tmp_path):
     """`ros2 launch` searches the share folder with `os.walk`, which follows no link to a folder."""
-    recipe = ["make", "--eval", "linked: ; @$(LINK_PACKAGE)", f"VENV={tmp_path}", f"BIN={Path(sys.executable).parent}"]
+    recipe = ["make", "--eval", "linked: ; @$(LINK_PACKAGES)", f"VENV={tmp_path}", f"BIN={Path(sys.executable).parent}"]
     run([*recipe, "linked"], ROOT)
     found = {name for _, _, names in os.walk(tmp_path / "share" / "vibro_ros") for name in names}
     assert found >= {file.name for file in (ROOT / "examples" / "launch").glob("*.py")}
+
+
+def test_a_workspace_has_the_lab_beside_the_device(colcon, tmp_path):
+    """`ros2 run vibro_lab study` looks for the executable in the prefix that the index knows for the package."""
+    program = ("from ament_index_python import get_package_prefix as find; print(find('vibro_lab')); "
+               "import vibro_lab, vibro_ros; print(vibro_lab.__file__, vibro_ros.__file__)")
+    prefix, *packages = colcon.run(f'"{sys.executable}" -c "{program}"', tmp_path).split()
+    assert all(Path(package).is_relative_to(colcon.prefix.parent) for package in (prefix, *packages))
+    assert {file.name for file in Path(prefix, "lib", "vibro_lab").iterdir()} == {"accuracy", "study", "twin"}
+    said = colcon.run(f"{prefix}/lib/vibro_lab/study --help", tmp_path)
+    assert "Study the machine" in said
 
 
 def test_every_executable_is_installed(installation):

@@ -47,9 +47,10 @@ def test_a_lost_name_needs_a_new_major_version(major, tmp_path, monkeypatch, cap
     assert f"names of version {major}" in page.read_text()
 
 
-@pytest.mark.parametrize(("parameters", "lost"), [(("scene", "turns", "more"), 0), (("scene", "more", "turns"), 1)])
+@pytest.mark.parametrize(("parameters", "lost"), [
+    (("name_or_path", "node", "more"), 0), (("name_or_path", "more", "node"), 1)])
 def test_a_parameter_behind_the_others_is_new_and_one_between_them_moves_another(parameters, lost, monkeypatch):
-    changed = {**CODE, public_names.PYTHON: {**CODE[public_names.PYTHON], "`find_orbit`": parameters}}
+    changed = {**CODE, public_names.PYTHON: {**CODE[public_names.PYTHON], "`load_scene`": parameters}}
     monkeypatch.setattr(public_names, "names_of_the_code", lambda: changed)
     told = [line.partition(" ")[0] for line in complaints(OF_CODE)]
     assert told == lost * ["gone"] + (1 + lost) * ["public"]

@@ -1,4 +1,4 @@
-"""The locks pin all direct and indirect requirements of setup.py; package.xml names all imported packages."""
+"""The locks pin all direct and indirect requirements of both packages; package.xml names all imported packages."""
 
 import ast
 import re
@@ -15,13 +15,13 @@ from packaging.version import Version
 ROOT = Path(__file__).resolve().parents[2]
 ROSDEP_KEYS = {"PIL": "python3-pil", "mcap": "mcap-ros2-support", "rosbags": "python3-rosbags-pip",
                "yaml": "python3-yaml",  # not python3-<import>
-               "llvmlite": "python3-numba",  # these are brought by others
-               "lz4": "python3-rosbags-pip", "zstandard": "mcap-ros2-support"}
-ROSDEP_KEYS |= {name: f"python3-{name}" for name in ("matplotlib", "numba", "numpy", "scipy", "tornado", "tqdm")}
+               "lz4": "python3-rosbags-pip",  # these are brought by others
+               "zstandard": "mcap-ros2-support"}
+ROSDEP_KEYS |= {name: f"python3-{name}" for name in ("matplotlib", "numpy", "scipy", "tornado", "tqdm")}
 LOCKS = [f"requirements/{part}.txt" for part in ("base", "jazzy", "bench", "browser", "site", "study")]
-# Of the extras `bench`, `study`, `cluster`, `gym` and `test`; only heyoka_robot, study and gym import them, and
-# `Bag.to_pandas`.
-NO_ROSDEP_KEY = {"heyoka", "cma", "distributed", "gymnasium", "pandas", "pyarrow"}
+# Of the extra `test`, for `Bag.to_pandas`, and of the lab's extras `study`, `cluster` and `gym`.
+NO_ROSDEP_KEY = {"cma", "distributed", "gymnasium", "pandas", "pyarrow"}
+PACKAGES = {"vibro_ros": ROOT, "vibro_lab": ROOT / "lab"}
 
 
 def canonical(name: str) -> str:
@@ -41,14 +41,17 @@ def pins() -> dict[str, Version]:
 
 @pytest.fixture(scope="module")
 def asked(tmp_path_factory) -> list[Requirement]:
-    """Return the requirements of setup.py for this interpreter, extras included."""
-    folder = tmp_path_factory.mktemp("metadata")
-    command = [sys.executable, "setup.py", "--quiet", "egg_info", "--egg-base", str(folder)]
-    subprocess.run(command, cwd=ROOT, check=True, timeout=60)
-    found = Distribution.at(folder / "vibro_ros.egg-info")
-    extras = found.metadata.get_all("Provides-Extra")
-    return [wanted for wanted in map(Requirement, found.requires)
-            if wanted.marker is None or any(wanted.marker.evaluate({"extra": extra}) for extra in extras)]
+    """Return the requirements of both setup.py for this interpreter, extras included."""
+    wanted = []
+    for package, source in PACKAGES.items():
+        folder = tmp_path_factory.mktemp("metadata")
+        command = [sys.executable, "setup.py", "--quiet", "egg_info", "--egg-base", str(folder)]
+        subprocess.run(command, cwd=source, check=True, timeout=60)
+        found = Distribution.at(folder / f"{package}.egg-info")
+        extras = found.metadata.get_all("Provides-Extra")
+        wanted += [one for one in map(Requirement, found.requires) if canonical(one.name) != "vibro-ros"
+                   and (one.marker is None or any(one.marker.evaluate({"extra": extra}) for extra in extras))]
+    return wanted
 
 
 def applies(requirement: Requirement) -> bool:
@@ -68,21 +71,22 @@ def test_pins_are_complete(pins, asked):
             waiting += filter(applies, map(Requirement, requires(name) or []))
 
 
-def test_package_xml_is_valid_and_names_what_is_imported():
+@pytest.mark.parametrize("name", PACKAGES)
+def test_package_xml_is_valid_and_names_what_is_imported(name):
     warnings = []
-    package = parse_package(ROOT / "package.xml", warnings=warnings)
+    package = parse_package(PACKAGES[name] / "package.xml", warnings=warnings)
     package.validate(warnings=warnings)
     assert warnings == []
     assert package.package_format == 3
     declared = {dependency.name for dependency in package.exec_depends}
-    imported = foreign_imports() - NO_ROSDEP_KEY
+    imported = foreign_imports(PACKAGES[name] / name) - NO_ROSDEP_KEY
     assert {ROSDEP_KEYS.get(name, name) for name in imported} - declared == set()
 
 
-def foreign_imports() -> set[str]:
+def foreign_imports(folder: Path) -> set[str]:
     """Return the top-level names of all packages, neither ours nor Python's own, that our modules import."""
-    trees = [ast.parse(file.read_text()) for file in (ROOT / "vibro_ros").rglob("*.py")]
+    trees = [ast.parse(file.read_text()) for file in folder.rglob("*.py")]
     nodes = [node for tree in trees for node in ast.walk(tree)]
     names = {name.name for node in nodes if isinstance(node, ast.Import) for name in node.names}
     names |= {node.module for node in nodes if isinstance(node, ast.ImportFrom) and not node.level}
-    return {name.split(".")[0] for name in names} - sys.stdlib_module_names - {"compression", "vibro_ros"}  # 3.14
+    return {name.split(".")[0] for name in names} - sys.stdlib_module_names - {"compression", *PACKAGES}  # 3.14

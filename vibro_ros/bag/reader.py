@@ -1,5 +1,6 @@
 """Read a recording into numpy arrays, topic by topic."""
 
+import math
 import warnings
 from array import array
 from collections import Counter
@@ -16,6 +17,7 @@ import numpy as np
 from vibro_ros.bag.stream import BagError, BagStream, RecordedTopic
 from vibro_ros.messages.codec import deserialised
 from vibro_ros.messages.topics import ROBOT_TOPICS
+from vibro_ros.process.tables import AXES, as_table
 
 if TYPE_CHECKING:
     import pandas
@@ -26,6 +28,10 @@ __all__ = ["Arrays", "Bag", "BagError", "BagWarning", "MissingTopicError", "Reco
 Arrays = dict[str, np.ndarray]
 
 JOINT_STATE, TRANSFORMS = "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
+MOST_JOINTS = 10_000
+"""Most joints of a topic; each takes memory that is much larger than its name in a message."""
+_MOST_LAYOUTS = 100  # that are kept; a robot has a few
+_JOINTS = ""  # the key of a message's joints among its columns
 LONGEST_FRAME = 1000
 """Longest name of a frame [characters]; in the array of names every row takes the memory of the longest one."""
 
@@ -35,9 +41,23 @@ class BagWarning(UserWarning):
 
 
 class MissingTopicError(BagError, KeyError):
-    """A recording lacks a topic."""
+    """A recording lacks a topic, or a topic lacks an array."""
 
     __str__ = Exception.__str__  # KeyError would quote the sentence
+
+
+class TopicArrays(Arrays):
+    """The arrays of a topic by name; a column of an array of several has the name of the array and its axis:
+    ``bag["odom"]["position.x"]``, as in `Bag.to_pandas`.
+    """
+
+    def __missing__(self, name: str) -> np.ndarray:
+        whole, _, axis = name.rpartition(".")
+        columns = {key: AXES[:values.shape[1]] for key, values in self.items() if values.ndim == 2}
+        if axis and axis in columns.get(whole, ""):
+            return self[whole][:, AXES.index(axis)]
+        listed = ", ".join(f"{key}.{axes[0]} … {key}.{axes[-1]}" if (axes := columns.get(key)) else key for key in self)
+        raise MissingTopicError(f"{name}: the topic has no such array; give one of {listed}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +79,7 @@ class Bag(Mapping[str, Arrays]):
         The bag's custom data, in which the recorder describes the run.
     topics : dict of str to RecordedTopic
         Every topic, by full name, including those of types that are not read.
-    arrays : dict of str to dict of str to ndarray
+    arrays : mapping of str to dict of str to ndarray
         The arrays that `read_bag` lists, by full name of the topic.
     flaws : tuple of str
         Sentences on the parts of the recording that were not read; empty when all of it was.
@@ -70,7 +90,7 @@ class Bag(Mapping[str, Arrays]):
     duration: float
     metadata: dict[str, str]
     topics: dict[str, RecordedTopic]
-    arrays: dict[str, Arrays]
+    arrays: Mapping[str, Arrays]
     flaws: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> Arrays:
@@ -81,6 +101,10 @@ class Bag(Mapping[str, Arrays]):
 
     def __len__(self) -> int:
         return len(self.arrays)
+
+    def __repr__(self) -> str:
+        topics = ", ".join(f"{topic} ({len(arrays['time'])})" for topic, arrays in self.arrays.items())
+        return f"<Bag {self.path}: {self.duration:g} s, messages read: {topics or 'none'}>"
 
     def full_name(self, name: str) -> str:
         """Return the full name of the topic called `name`.
@@ -100,6 +124,17 @@ class Bag(Mapping[str, Arrays]):
             raise MissingTopicError(f"{self.path}: topic {name} is missing; recorded topics: {recorded}")
         return found[0]
 
+    def series(self, name: str) -> Iterator[Arrays]:
+        """Yield the columns of the topic called `name` that have the same instants, each time with their ``time``, and
+        ``stamp`` if there is any: first those with the topic's instants, then those of each joint with its own.
+
+        Raises
+        ------
+        MissingTopicError
+            When no topic, or more than one, has this name.
+        """
+        return series_of(self[name])
+
     def to_pandas(self) -> "Mapping[str, pandas.DataFrame]":
         """Return every topic as a table of pandas, with the index ``time`` [s], by the same names as in the bag.
 
@@ -107,7 +142,8 @@ class Bag(Mapping[str, Arrays]):
         -------
         mapping of str to pandas.DataFrame
             The bag's arrays as columns of the same names. An array of shape (n, 3) becomes three columns such as
-            ``position.x``, ``position.y`` and ``position.z``; a quaternion becomes four, with ``.w`` as the last.
+            ``position.x``, ``position.y`` and ``position.z``; a quaternion becomes four, with ``.w`` as the last. A
+            joint with instants of its own has rows of its own; the other joints are NaN there.
 
         Raises
         ------
@@ -120,17 +156,14 @@ class Bag(Mapping[str, Arrays]):
         >>> tables["odom"]["position.x"].diff().abs().sum()
         >>> tables["joint_states"]["upper_mass.position"].plot()
         """
-        try:
-            import pandas
-        except ModuleNotFoundError as error:
-            raise ModuleNotFoundError(f"to_pandas needs pandas ({error}): pip install pandas", name="pandas") from None
         tables = {}
         for topic, arrays in self.arrays.items():
-            columns: Arrays = {}
-            for name, values in arrays.items():
-                columns |= {name: values} if values.ndim == 1 else {
-                    f"{name}.{axis}": column for axis, column in zip("xyzw", values.T, strict=False)}
-            tables[topic] = pandas.DataFrame(columns, index=pandas.Index(columns.pop("time"), name="time"))
+            parts = [as_table(part) for part in series_of(arrays)]
+            if len(parts) > 1:  # the first may have no joint
+                import pandas
+
+                parts = [pandas.concat([part for part in parts if set(part) - {"stamp"}]).sort_index(kind="stable")]
+            (tables[topic],) = parts
         return replace(self, arrays=tables)
 
 
@@ -178,7 +211,10 @@ def read_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = Non
                                           ``torque`` [N m] shape (n, 3)
         sensor_msgs/msg/JointState        ``time``, ``stamp`` and, for each joint, ``<joint>.position``
                                           [m or rad], ``<joint>.velocity`` [m/s or rad/s],
-                                          ``<joint>.effort`` [N or N m], shape (n,)
+                                          ``<joint>.effort`` [N or N m], shape (n,). A joint that only m of
+                                          the n messages name has shape (m,), and ``<joint>.time``,
+                                          ``<joint>.stamp`` for its instants. What a message lacks of a joint
+                                          that it names is NaN
         tf2_msgs/msg/TFMessage            one row for each transform: ``time``, ``stamp``, ``frame`` and ``child``
                                           (texts, shape (n,)), ``translation`` [m] shape (n, 3), ``rotation``
                                           (quaternion x, y, z, w) shape (n, 4)
@@ -228,7 +264,7 @@ def load_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = Non
             except ValueError as error:
                 stream.unreadable.add(topic, seen[topic], stamp, error)
             seen[topic] += 1
-        arrays = {topic: one.arrays() for topic, one in series.items()}
+        arrays = {topic: TopicArrays(one.arrays()) for topic, one in series.items()}
         return Bag(stream.folder, stream.start, (stream.end - stream.start) * 1e-9, stream.metadata, stream.topics,
                    arrays, tuple(stream.flaws))
 
@@ -245,8 +281,8 @@ class Series:
         self._type, self._start_ns, self._patterns = type_name, start_ns, patterns
         known = COLUMNS[type_name] if columns is None else columns
         self._columns = {name: column for name, column in known.items() if self._wants(name)}
-        self._joints: tuple[list[str], list[str]] = [], []  # names and quantities of the previous message
-        self._of_joints: list[str] = []  # columns of the previous message
+        self._rows: dict[str, array] = {}  # by joint, the numbers of the messages that name it
+        self._layouts: dict[tuple[tuple[str, ...], ...], _Layout] = {}  # by names of joints and quantities of a message
         self._times = array("d")
         self._found: dict[str, array] = {name: array("L" if column.is_text else "d")
                                          for name, column in self._columns.items()}
@@ -263,6 +299,8 @@ class Series:
         message = deserialised(data, self._type)
         rows = message.transforms if self._type == TRANSFORMS else (message,)
         for row in [self._read(row) for row in rows]:
+            for joint in row.pop(_JOINTS, ()):
+                self._rows[joint].append(len(self._times))
             self._times.append((time_ns - self._start_ns) * 1e-9)
             for name, value in row.items():
                 if name == "stamp":
@@ -285,35 +323,78 @@ class Series:
                 arrays[name] = np.array(list(self._texts[name]), dtype=kind)[arrays[name]]
             elif name in self._columns and self._columns[name].width > 1:
                 arrays[name] = arrays[name].reshape(len(self._times), self._columns[name].width)
+        for joint, rows in self._rows.items():
+            if len(rows) < len(self._times):
+                arrays |= {f"{joint}.{name}": arrays[name][_as_array(rows)] for name in ("time", "stamp")
+                           if name in arrays}
         if (np.diff(arrays["time"]) >= 0.0).all():
             return arrays
-        order = np.argsort(arrays["time"], kind="stable")
-        return {name: column[order] for name, column in arrays.items()}
+        orders = {_joint_of(name): np.argsort(times, kind="stable") for name, times in arrays.items()
+                  if name.endswith("time")}
+        return {name: column[orders.get(_joint_of(name), orders[None])] for name, column in arrays.items()}
 
     def _read(self, row: Any) -> dict[str, Any]:
         """Return the values of a row by column (ValueError when they do not fit the columns)."""
         found = {name: column.read(row) for name, column in self._columns.items()}
         return found | self._read_joints(row) if self._type == JOINT_STATE else found
 
-    def _read_joints(self, message: Any) -> dict[str, float]:
-        """Return the quantities of the joints, from the arrays with a number for each joint of the message.
+    def _read_joints(self, message: Any) -> dict[str, Any]:
+        """Return the joints of a message, and their quantities from the arrays with a number for each joint.
 
         In shorter arrays the numbers may belong to any of the joints (`messages.commands`).
         """
         quantities = [quantity for quantity in JOINT_QUANTITIES if len(getattr(message, quantity)) == len(message.name)]
-        if (message.name, quantities) != self._joints:
-            names = [f"{joint}.{quantity}" for quantity in quantities for joint in message.name]
-            if len(set(names)) < len(names):
-                raise ValueError("it names a joint twice")
-            if self._times and set(names) != set(self._of_joints):
-                raise ValueError("its joints are others than those of the first message")
-            self._joints, self._of_joints = (message.name, quantities), names
-            self._found |= {name: array("d") for name in names if self._wants(name) and name not in self._found}
+        key = tuple(message.name), tuple(quantities)
+        layout = self._layouts.get(key) or self._layouts.setdefault(key, self._layout(message.name, quantities))
         values = chain(*(getattr(message, quantity).tolist() for quantity in quantities))
-        return {name: value for name, value in zip(self._of_joints, values, strict=True) if name in self._found}
+        return {_JOINTS: layout.joints, **layout.lacking,
+                **{name: value for name, value in zip(layout.names, values, strict=True) if name in self._found}}
+
+    def _layout(self, joints: list[str], quantities: list[str]) -> "_Layout":
+        """Return what a message with these joints and quantities fills; begin the columns that are new."""
+        names = [f"{joint}.{quantity}" for quantity in quantities for joint in joints]
+        if len(set(names)) < len(names):
+            raise ValueError("it names a joint twice")
+        if new := [name for name in names if self._wants(name) and name not in self._found]:
+            if len(self._rows.keys() | set(joints)) > MOST_JOINTS:
+                raise ValueError(f"with it the topic has more than {MOST_JOINTS} joints")
+            self._layouts.clear()  # messages of other layouts lack the new columns
+            for name in new:
+                rows = self._rows.setdefault(name.rpartition(".")[0], array("L"))
+                self._found[name] = array("d", [math.nan]) * len(rows)
+        if len(self._layouts) >= _MOST_LAYOUTS:
+            self._layouts.clear()
+        known = [joint for joint in joints if joint in self._rows]
+        return _Layout(known, names, {name: math.nan for joint in known for quantity in JOINT_QUANTITIES
+                                      if (name := f"{joint}.{quantity}") in self._found and name not in names})
 
     def _wants(self, name: str) -> bool:
         return any(fnmatchcase(name, pattern) for pattern in self._patterns)
+
+
+class _Layout(NamedTuple):
+    """What the messages with the same joints and quantities fill: the joints, the columns in the order of the numbers,
+    and NaN for the columns that such messages lack."""
+
+    joints: list[str]
+    names: list[str]
+    lacking: dict[str, float]
+
+
+def series_of(arrays: Arrays) -> Iterator[Arrays]:
+    """Yield the columns of a topic that have the same instants, each time with their ``time``, and ``stamp`` if there
+    is any: first those with the topic's instants, then those of each joint with instants of its own."""
+    parts: dict[str | None, Arrays] = {None: {}, **{_joint_of(name): {} for name in arrays if name.endswith(".time")}}
+    for name, column in arrays.items():
+        last = name.rpartition(".")[2]
+        parts.get(_joint_of(name), parts[None])[last if last in ("time", "stamp") else name] = column
+    yield from parts.values()
+
+
+def _joint_of(name: str) -> str | None:
+    """Return the joint of a column such as `crank.position`; None for those of the whole topic."""
+    joint, dot, _ = name.rpartition(".")
+    return joint if dot else None
 
 
 def _as_array(numbers: array) -> np.ndarray:

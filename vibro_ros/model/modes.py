@@ -11,8 +11,9 @@ Every effect needs places 1 to 3, 10 and 11. The others are for the effects that
    robot as it is. A number that enters no equation is listed in `_OPERATION` of `model/scene.py` as well.
 2. `model/parameter_checks.py`: a check refuses a value that contradicts another choice, by a ValueError
    "parameter: value ...; give ...". `ParameterValues` says which parts the robot has.
-3. `benchmark/support.py`: a row of `SUPPORT` says whether the peer and the baseline have the parameter. They refuse
-   a parameter without a row. Their equations: `benchmark/heyoka_robot/equations.py`, `benchmark/rk4_by_hand.py`.
+3. `lab/benchmark/support.py`: a row of `SUPPORT` says whether the peer and the baseline have the parameter. They refuse
+   a parameter without a row. Their equations: `lab/benchmark/heyoka_robot/equations.py` and
+   `lab/benchmark/rk4_by_hand.py`.
 4. `model/parameter_values.py`, for a force of the ground: a row of `GROUND_FORCES`, with its law F = F0 + c x' + k x.
    Equations, stick, energy and `Scene.describe()` follow from the row. In `model/ground.py`, a force with states of its
    own adds them to `GROUND_STATES`, and their guards to `Ground.guards`; a shock is a matter of `shock.py`.
@@ -43,7 +44,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibro_ros.model.contact import CompliantContact, RigidContact, make_contact
-from vibro_ros.model.forms import NO_EDGES, NO_PUSH, Form, Forms, Guard, LinkageMass, ModeForms, Target, cached
+from vibro_ros.model.forms import NO_EDGES, NO_PUSH, Form, Forms, Guard, LinkageMass, ModeForms, Target, cached, solve
 from vibro_ros.model.ground import GROUND_STATES, Ground
 from vibro_ros.model.motor import BEARING, LIMITS, Bearing, CurrentLoop, Motor
 from vibro_ros.model.scene import Scene
@@ -181,7 +182,8 @@ class ModeBuilder:
             first = forms.channels.acceleration(0)
             of_masses = slice(first, first + len(forms.guides))
             rows[:, forms.body, of_masses] = 0.0
-            rows[:, forms.body] += np.einsum("mi,mic->mc", along_x[:, of_masses], rows[:, masses])
+            for i in range(len(forms.guides)):
+                rows[:, forms.body] += along_x[:, first + i, None] * rows[:, i]
         if forms.body_hops:
             rows[:, forms.height] = upwards
         if motor := self.motor:
@@ -241,7 +243,7 @@ class ModeBuilder:
         # Only moving masses are solved for, because an elimination that pivots leaves rounding in a resting mass's row.
         solved = np.zeros_like(loads)
         for rows, blocks in self.mode_set.moving:
-            solved[rows] = np.linalg.solve(inertia[blocks], loads[rows])
+            solved[rows] = solve(inertia[blocks], loads[rows])
         return solved
 
     def has_compliant_plate(self, side: str) -> bool:

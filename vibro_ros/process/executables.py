@@ -5,7 +5,7 @@ setup.py runs this file before anything is installed, so the file imports nothin
 
 from collections import namedtuple
 
-Executable = namedtuple("Executable", ["module", "installed", "does"])
+Executable = namedtuple("Executable", ["module", "installed", "does", "endless"], defaults=[False])
 Executable.__doc__ = """One executable.
 
 Attributes
@@ -16,18 +16,18 @@ installed : bool
     Whether `ros2 run vibro_ros NAME` and `.venv/bin/NAME` start it; `python -m MODULE` starts every one.
 does : str
     What it does, in one sentence: the first of its `--help`.
+endless : bool
+    Whether its normal end is a signal, with exit code 0, like a `view` of a live robot; the others then exit with
+    128 + the signal's number.
 """
 
 EXECUTABLES = {
     "robot": Executable(
         "vibro_ros.ros.robot.robot", True,
-        "Run the vibro-impact robot as a ROS 2 device, until SIGINT, SIGTERM or SIGHUP."),
+        "Run the vibro-impact robot as a ROS 2 device, until SIGINT, SIGTERM or SIGHUP.", endless=True),
     "controller": Executable(
         "vibro_ros.ros.controller.controller", True,
         "Play a script of commands to the robot."),
-    "twin": Executable(
-        "vibro_ros.ros.twin.twin", True,
-        "Follow a robot by its sensors: estimate its motion and parameters, and name its fault."),
     "report": Executable(
         "vibro_ros.recordings.report", True,
         "Sum up a recording of the robot as text and JSON, and draw its motion."),
@@ -40,20 +40,14 @@ EXECUTABLES = {
     "recover": Executable(
         "vibro_ros.recordings.recover", True,
         "Seal bags whose recorder was killed or ran out of disk, or that were damaged since."),
-    "accuracy": Executable(
-        "vibro_ros.accuracy.accuracy", True,
-        "Measure error over cost for every method, as a table and a diagram for each scene."),
-    "study": Executable(
-        "vibro_ros.study.command", True,
-        "Study the machine: sweeps, the optimum, orbits, diagrams, basins, command maps."),
     "live_view": Executable(
         "vibro_ros.ros.live.view", False,
-        "Show a live robot in the browser, with its knobs and buttons, until SIGINT, SIGTERM or SIGHUP."),
+        "Show a live robot in the browser, with its knobs and buttons, until SIGINT, SIGTERM or SIGHUP.", endless=True),
 }
 """All executables by name, the installed ones first."""
 
 
 def shows_live_robot(words):
     """Return whether the arguments of `view` ask for a live robot, not for a recording."""
-    of_recording = ("--output", "--scene", "--help", "-h")
+    of_recording = ("--output", "--scene", "--help", "-h", "--version")
     return not words or words[0].startswith("-") and words[0].partition("=")[0] not in of_recording

@@ -9,13 +9,11 @@ from collections.abc import Iterator, Mapping
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 
-import numba
 import numpy as np
 
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import compile_scene
-from vibro_ros.solver.compilation import multiply_add, processor
 
 # Subpackages and modules whose text decides the numbers that a robot publishes.
 _PACKAGE = "vibro_ros"
@@ -23,7 +21,7 @@ _ROOMS = ("model", "sensors", "solver")
 _MODULES = (
     *(("messages", name) for name in ("codec", "frames", "robot_messages", "topics", "urdf")),
     *(("simulation", name) for name in (
-        "disturbances", "given_state", "kernels", "motion", "readout", "samples", "simulator", "statistics")))
+        "disturbances", "given_state", "motion", "readout", "samples", "simulator", "statistics")))
 
 
 def provenance(parameters: Mapping[str, Value], start: int) -> dict[str, str]:
@@ -45,25 +43,22 @@ def provenance(parameters: Mapping[str, Value], start: int) -> dict[str, str]:
 
 @functools.cache
 def software() -> dict[str, str]:
-    """Return the software and processor that decide rounding; with equal entries and equal `tables`, bits are equal.
+    """Return the software that decides bits; with equal entries and equal `tables`, bits are equal.
 
-    `version` of this package; `platform`; `sources`, a digest of the modules that decide the bits; `arithmetic`,
-    whether kernels round a product before they add to it; `processor`, for which they are compiled; `c_library`, whose
-    sine, cosine and exponential are used.
+    `version` of this package; `platform`; `sources`, a digest of the modules that decide the bits.
     """
     try:
         installed = version("vibro_ros")
     except PackageNotFoundError:  # run from a source folder that was never installed
         installed = "unknown"
     return {"version": installed, "platform": f"{platform.machine()}, Python {platform.python_version()}, "
-                                               f"numpy {np.__version__}, numba {numba.__version__}",
-            "sources": _digest(_sources()), "arithmetic": f"multiply and add {multiply_add()}",
-            "processor": processor(), "c_library": " ".join(platform.libc_ver()).strip() or "unknown"}
+                                               f"numpy {np.__version__}",
+            "sources": _digest(_sources())}
 
 
 def tables(parameters: Mapping[str, Value]) -> str:
-    """Return a digest of the tables to which the scene in `parameters` compiles here: sines, cosines, eigenvalues and
-    solutions of linear equations as this computer's libraries round them."""
+    """Return a digest of the tables to which the scene in `parameters` compiles here: sines, cosines, rates and
+    solutions of linear equations, whose bits are the same on every computer."""
     names = {parameter.name for parameter in SCENE_PARAMETERS}
     system = compile_scene(Scene("", {name: value for name, value in parameters.items() if name in names})).system
     return _digest(array.tobytes() for array in _arrays(system))
@@ -80,9 +75,10 @@ def _arrays(table: tuple) -> Iterator[np.ndarray]:
 def _sources() -> Iterator[bytes]:
     """Yield names and texts of the modules that decide the bits, independent of the kind of line ends."""
     of_rooms = [(room, name) for room in _ROOMS for name in sorted(
-        module.name for module in pkgutil.iter_modules(import_module(f"{_PACKAGE}.{room}").__path__))]
-    for room, name in (*of_rooms, *_MODULES):
-        text = pkgutil.get_data(f"{_PACKAGE}.{room}", f"{name}.py") or b""
+        module.name for module in pkgutil.iter_modules(import_module(f"{_PACKAGE}.{room}").__path__))
+        if not name.startswith("core")]  # the compiled kernels
+    for room, name in (*((room, f"{name}.py") for room, name in (*of_rooms, *_MODULES)), ("solver", "vectors.h")):
+        text = pkgutil.get_data(f"{_PACKAGE}.{room}", name) or b""
         yield from (name.encode(), b"\n".join(text.splitlines()))
 
 

@@ -19,18 +19,11 @@ GAP = 2.5
 
 
 class Validity(NamedTuple):
-    """Result of `validity_of` for a motion.
+    """Result of `validity_of` for a motion."""
 
-    Attributes
-    ----------
-    pitch_index : float or None
-        Lift of a wheel by the pitch that is left out, over the largest hop; None where the body does not hop.
-    current_share : float or None
-        Rms current over `motor.continuous_current`; None for a motor without a winding.
-    """
-
+    # lift of a wheel by the pitch that is left out, over the largest hop; None where the body does not hop
     pitch_index: float | None
-    current_share: float | None
+    current_share: float | None  # rms current over `motor.continuous_current`; None for a motor without a winding
 
     def warnings(self) -> list[str]:
         """Return a sentence for each number that is above its limit."""
@@ -56,7 +49,9 @@ def validity_of(scene: Scene, samples: Mapping[str, np.ndarray]) -> Validity:
         where the body can hop, and the current of a dc motor.
     """
     current = samples.get("motor_current", np.empty(0)) if scene.has_rotor else np.empty(0)
-    share = math.sqrt(np.mean(current**2)) / scene["motor.continuous_current"] if len(current) else None
+    share = None
+    if len(current):
+        share = math.sqrt(math.fsum(current * current) / len(current)) / scene["motor.continuous_current"]
     return Validity(_pitch_index(scene, samples) if scene.body_hops else None, share)
 
 

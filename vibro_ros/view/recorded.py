@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibro_ros.bag.reader import COLUMNS, JOINT_QUANTITIES, STAMP, Arrays, Column, Series, numbers_at
+from vibro_ros.bag.reader import COLUMNS, JOINT_QUANTITIES, STAMP, Arrays, Column, Series, numbers_at, series_of
 from vibro_ros.bag.stream import BagStream, robot_topics
 from vibro_ros.messages.frames import JOINTS
 from vibro_ros.messages.robot_messages import PLATES
@@ -98,7 +98,8 @@ class Recorded:
     def signals(self, times_of: Callable[[Arrays], np.ndarray]) -> dict[str, Signal]:
         """Return every recorded quantity; `times_of` returns the instants [s] of a topic's samples."""
         found: dict[str, Signal] = {}
-        for topic, arrays in self.arrays.items():
+        parts = [(topic, part) for topic, arrays in self.arrays.items() for part in series_of(arrays)]
+        for topic, arrays in parts:
             if topic == "impacts":
                 continue
             times, first = np.unique(times_of(arrays), return_index=True)

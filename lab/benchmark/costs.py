@@ -1,0 +1,189 @@
+"""`make bench`: what a run by `exact` and by heyoka costs, as ratios to Runge-Kutta 4 by hand."""
+
+import argparse
+import itertools
+import math
+import os
+import platform
+import statistics
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from importlib import metadata
+
+import numpy as np
+
+from benchmark import rk4_by_hand
+from vibro_lab.accuracy.harness import LEAST_TIME, SceneProblem, median_time, seconds
+from vibro_lab.accuracy.programs import DEVICE, DRIVE_SPEED, UNIT_STEP, Program, Setting, UnableError
+from vibro_ros import Scene, Simulator, in_processes, load_scene, simulate, simulate_many
+
+SCENES = ("unilateral", "paper", "damped", "frictionless", "no_impact", "rigid", "device", "machine")
+#: Heading of each column, and the format of its value from `measure`.
+COLUMNS = {
+    "scene": "`{scene}`",
+    "cost, RK4 = 1": "{ratio:.4f}",
+    "heyoka, RK4 = 1": "{heyoka}",
+    "times faster than real time": "{real_time:.0f}",
+    "segments a turn": "{segments:.1f}",
+    "an event": "{event:.2f} µs",
+    "1 ms of robot time": "{tick:.1f} µs",
+    "RK4, 1 s": "{unit:.1f} ms",
+}
+#: Samples of a run per second of robot time.
+RATE = 200.0
+_PACKAGES = ("numpy", "numba", "heyoka")
+_TOLERANCE = 1e-9  # heyoka's: over 10 s of each scene, its errors are below those of Runge-Kutta
+_COMPILED = ("no_impact", "unilateral", "device")
+_GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+
+
+def main(words: Sequence[str]) -> int:
+    """Print the table that docs/accuracy.md has."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--duration", type=float, default=10.0, help="robot time [s] (default 10)")
+    parser.add_argument("--repeats", type=int, default=7, help="rounds (default 7)")
+    parser.add_argument("--many", type=int, default=200, help="scenes of `simulate_many` (default 200)")
+    options = parser.parse_args(words)
+    print(f"{options.duration:g} s of robot time sampled at {RATE:g} Hz, medians of {options.repeats}, each over "
+          f"{LEAST_TIME:g} s of runs; RK4: dt = {UNIT_STEP:g} s, `rk4_by_hand`, in `machine` the device's own `rk4`, "
+          f"because the other has no dc motor; heyoka: tolerance {_TOLERANCE:g}, in the same run")
+    print(f"{machine()}\n")
+    print(f"| {' | '.join(COLUMNS)} |\n{'|---' * len(COLUMNS)}|")
+    for name in SCENES:
+        values = measure(name, options.duration, options.repeats)
+        print(f"| {' | '.join(shown.format(**values) for shown in COLUMNS.values())} |", flush=True)
+    print(f"\n{about_compiling()}\n")
+    gain, possible = measure_many(options.many, options.duration, options.repeats)
+    print(f"`simulate_many`, {options.many} scenes of {options.duration:g} s: two workers are {gain:.2f} times as fast "
+          f"as one; two processes that share nothing, {possible:.2f} times.")
+    return 0
+
+
+def measure(name: str, duration: float, repeats: int) -> dict[str, str | float]:
+    """Medians over `repeats` rounds: exact, Runge-Kutta and heyoka in turn, all compiled before, each for `LEAST_TIME`.
+
+    Returns
+    -------
+    dict
+        `scene`; `ratio` of exact to Runge-Kutta; `heyoka`, its ratio as text, `-` without it; `real_time`, simulated
+        seconds per second; `segments`, segments a turn; `event`, microseconds an event; `tick`, microseconds of a 1 ms
+        `advance_to`; `unit`, milliseconds of Runge-Kutta per simulated second.
+    """
+    scene = load_scene(name)
+    problem = SceneProblem(scene, np.arange(round(duration * RATE) + 1) / RATE)
+    runs = [_run(problem, DEVICE["exact"], DEVICE["exact"].settings[0]), _unit(problem), *_heyoka(problem)]
+    rounds = np.array([[median_time(run) for run in runs] for _ in range(repeats)])
+    exact, unit, *_ = np.median(rounds, axis=0)
+    ratio, _, *heyoka = np.median(rounds / rounds[:, 1:2], axis=0)
+    device = moving(scene)
+    device.advance_to(duration)
+    return {
+        "scene": name,
+        "ratio": ratio,
+        "heyoka": f"{heyoka[0]:.4f}" if heyoka else "-",
+        "real_time": duration / exact,
+        "segments": device.statistics["steps"] * 2.0 * math.pi / abs(device.state.crank_angle),
+        "event": exact / max(1, len(device.take_events())) * 1e6,
+        "tick": _tick(scene) * 1e6,
+        "unit": unit / duration * 1e3,
+    }
+
+
+def moving(scene: Scene) -> Simulator:
+    """Return a device of the scene at t = 0 whose motor turns, by a command if the scene's motor stands still."""
+    device = Simulator(scene)
+    if scene["motor.speed"] == 0.0:
+        device.command(motor_speed=DRIVE_SPEED)
+    return device
+
+
+def _run(problem: SceneProblem, program: Program, setting: Setting) -> Callable[[], object]:
+    """Return a run that has already been made once, so that everything is compiled."""
+    run = program.prepare(problem, setting)
+    run()
+    return run
+
+
+def _unit(problem: SceneProblem) -> Callable[[], object]:
+    try:
+        return _run(problem, rk4_by_hand.PROGRAM, Setting(UNIT_STEP, ""))
+    except UnableError:
+        return _run(problem, DEVICE["rk4"], Setting(UNIT_STEP, ""))
+
+
+def _heyoka(problem: SceneProblem) -> list[Callable[[], object]]:
+    """Return heyoka's run, or None, with the reason on stderr, if heyoka is not installed or fails."""
+    try:
+        from benchmark.programs.heyoka import ON_SCENES
+
+        return [_run(problem, ON_SCENES, Setting(_TOLERANCE, ""))]
+    except (ModuleNotFoundError, UnableError) as error:
+        print(f"bench: {problem.name} without heyoka: {error}", file=sys.stderr)
+        return []
+
+
+def _tick(scene: Scene) -> float:
+    device = Simulator(scene)
+    device.command(motor_speed=DRIVE_SPEED)
+    device.advance_to(1.0)
+    ends = iter(1.0 + 0.001 * np.arange(1, 1001))
+    return statistics.median(seconds(lambda: device.advance_to(next(ends))) for _ in range(1000))
+
+
+def machine() -> str:
+    """Return the versions and the processor cores on which the numbers depend."""
+    versions = [f"Python {platform.python_version()}"]
+    for package in _PACKAGES:
+        try:
+            versions.append(f"{package} {metadata.version(package)}")
+        except metadata.PackageNotFoundError:
+            versions.append(f"no {package}")
+    return f"{', '.join(versions)}; {platform.machine()}, {os.cpu_count()} cores"
+
+
+def about_compiling() -> str:
+    """Return a sentence with the time that a sweep needs for a device of another geometry."""
+    said = ", ".join(f"{1e3 * compiling_seconds(name):.2f} ms (`{name}`)" for name in _COMPILED)
+    return f"A device with another guide angle is made, its scene compiled, in {said}."
+
+
+def compiling_seconds(name: str) -> float:
+    """Median time [s] to make a device of a shipped scene with another guide angle; the cache has tables of others."""
+    scene = load_scene(name)
+    angles = (0.3 + k * _GOLDEN % 1.0 for k in itertools.count(1))
+    Simulator(scene)
+    return median_time(lambda: Simulator(scene.with_parameters({"guide.angle": next(angles)})))
+
+
+def measure_many(count: int, duration: float, repeats: int) -> tuple[float, float]:
+    """Return how many times faster two workers of `simulate_many` are than one, and the same for two processes that
+    simulate half of the scenes each and exchange no data, which is what the machine allows.
+
+    The runs are `count` scenes of `duration` [s] that differ in the guide's angle, so that each is compiled separately.
+    Both numbers are medians over rounds.
+    """
+    base = load_scene("unilateral")
+    scenes = [base.with_parameters({"guide.angle": 0.3 + k / count}) for k in range(count)]
+
+    def run(workers: int) -> None:
+        for _ in simulate_many(scenes, duration=duration, rate=RATE, workers=workers):
+            pass
+
+    def run_apart() -> None:
+        halves = [scenes[::2], scenes[1::2]]
+        for _, future in in_processes(lambda half: _simulate_all(half, duration), halves, 2):
+            future.result()
+
+    run(2)
+    rounds = np.array([[seconds(lambda: run(1)), seconds(lambda: run(2)), seconds(run_apart)] for _ in range(repeats)])
+    gain, possible = np.median(rounds[:, :1] / rounds[:, 1:], axis=0)
+    return gain, possible
+
+
+def _simulate_all(scenes: Iterable[Scene], duration: float) -> None:
+    for scene in scenes:
+        simulate(scene, duration=duration, rate=RATE)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

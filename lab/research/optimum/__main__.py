@@ -1,0 +1,376 @@
+"""Make docs/optimum.md: results of `study optimise`, and why V/P is unbounded by the paper's equations; `make optimum`.
+
+Each search is a command line that a reader can run; an interrupted search resumes when the report is made again.
+"""
+
+import argparse
+import json
+import math
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+
+import vibro_lab
+import vibro_ros
+from research.starts import computed, started
+
+TEXT, FOLDER, FRONTS = "optimum.md", "optimum", "fronts.png"
+LASTING, COMPARED, MOTIONS = "lasting.json", "compared.json", "motions.json"
+
+
+class Search(NamedTuple):
+    """A search of the report: its title, and the arguments of `study optimise`."""
+
+    title: str
+    words: str
+
+
+_UNDAMPED = " ".join(f"--fix {side}.{part}.damping" for side in ("upper", "inclined") for part in ("spring", "plate"))
+SEARCHES: Mapping[str, Search] = {
+    "thriftiest": Search("V/P, whatever the speed", "--objective speed_per_power --budget 2000"),
+    "thrifty": Search("V/P at 150 mm/s or more", "--objective speed_per_power --least-speed 0.15 --budget 1500"),
+    "fastest": Search("Speed alone", "--objective speed --budget 1000"),
+    "thrifty_grounded": Search("V/P at 50 mm/s or more, in the air for 2 % at most", "--objective speed_per_power "
+                               "--least-speed 0.05 --most-air 0.02 --budget 1500"),
+    "fastest_grounded": Search("Speed alone, in the air for 2 % at most", "--objective speed --most-air 0.02 --budget "
+                               "1500"),
+    "front": Search("The front itself", "--objective front --budget 1500"),
+    "printed": Search("Speed by the paper's own rule", f"--scene paper --objective speed --budget 600 {_UNDAMPED}"),
+    "printed_zero": Search("Speed by the paper's own rule, drawn starts that begin from zero", "--scene paper "
+                           f"--set start.state=zero --objective speed --budget 2000 {_UNDAMPED}"),
+    "unilateral": Search("Speed where the ground cannot pull", "--scene unilateral --objective speed --budget 600 "
+                         f"{_UNDAMPED}"),
+    "unilateral_zero": Search("Speed where the ground cannot pull, drawn starts that begin from zero", "--scene "
+                              f"unilateral --set start.state=zero --objective speed --budget 2000 {_UNDAMPED}"),
+}
+"""Searches of the report, by the name of their files."""
+#: Searches in the unchanged scene `device`, whose robots form the front.
+OF_DEVICE = ("thriftiest", "thrifty", "fastest", "thrifty_grounded", "fastest_grounded",
+             "front")
+#: The paper's robots: the one of its conclusions, and the one of its parameters. Other values are the search's scene's.
+PAPERS: Mapping[str, Mapping[str, float]] = {
+    "paper's optimum": {"guide.angle": math.radians(80.0), "mass.inclined": 0.02, "crank.radius": 0.06},
+    "paper's parameters": {}}
+#: Numbers of the starts of these robots, of which the best is reported, and the measuring time [s] of each.
+BEGINS, COMPARING = range(20_000, 20_016), 10.0
+#: Motor speed [rad/s] of a scene whose motor stands still.
+RUNNING = 100.0
+#: Number of the starts whose motions are found, of optima that lose energy and so have attractors.
+MOTION_STARTS = 64
+#: Robots with long runs: the paper's first one, and optima of scenes without reaction on the masses.
+WATCHED = ("paper", "printed", "printed_zero", "unilateral", "unilateral_zero")
+#: Time of the verification of `study optimise`, in words.
+VERIFIED = "over 10 s after 4 s"
+#: Durations [s] of these runs after `SETTLING` [s], and their number of starts.
+DURATIONS, SETTLING, STARTS = (4.0, 16.0, 64.0, 256.0), 4.0, 8
+
+Numbers = dict[str, Any]
+"""Contents of an optimum.json of `study optimise`."""
+
+
+def main(words: Sequence[str]) -> int:
+    """Run the searches and write the report; returns 0, or the exit code of the search that failed."""
+    parser = argparse.ArgumentParser(prog="python -m research.optimum", description=__doc__)
+    parser.add_argument("--output", type=Path, default=Path("docs"), help="where (default: %(default)s)")
+    parser.add_argument("--work", type=Path, default=Path("out/study/optimum"), help="records of the searches, from "
+                        "which they go on (default: %(default)s)")
+    options = parser.parse_args(words)
+    folder = options.output / FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, search in SEARCHES.items():
+        command = [sys.executable, "-m", "vibro_lab.study.command", "optimise", *search.words.split(), "--output",
+                   str(options.work / name)]
+        if code := subprocess.run(command, check=False).returncode:
+            return code
+        for ending in ("json", "yaml"):
+            shutil.copy(options.work / name / f"optimum.{ending}", folder / f"{name}.{ending}")
+    watched = {name: lasting(vibro_ros.load_scene(name if name == "paper" else folder / f"{name}.yaml"))
+               for name in WATCHED}
+    results = read_results(folder)
+    papers = {name: papers_robots(name, result, folder) for name, result in results.items()}
+    found = {name: settled_motions(vibro_ros.load_scene(folder / f"{name}.yaml")) for name in OF_DEVICE}
+    for file, numbers in ((LASTING, watched), (COMPARED, papers), (MOTIONS, found)):
+        (folder / file).write_text(json.dumps(numbers, indent=1) + "\n", encoding="utf-8")
+    fronts_picture(results, papers["front"]).savefig(folder / FRONTS)
+    (options.output / TEXT).write_text(document(results, watched, papers, found), encoding="utf-8")
+    print(options.output / TEXT)
+    return 0
+
+
+def read_results(folder: Path) -> dict[str, Numbers]:
+    """Read the results of all searches, by name."""
+    return {name: json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in SEARCHES}
+
+
+def document(results: Mapping[str, Numbers], watched: Mapping[str, Sequence[Numbers]],
+             papers: Mapping[str, Sequence[Numbers]], found: Mapping[str, Sequence[Numbers]]) -> str:
+    """Return the report in Markdown.
+
+    Parameters
+    ----------
+    results, papers : mapping
+        Results, and `papers_robots` under the same forces, by the name of the search.
+    watched : mapping
+        Results of `lasting` by the name of the robot: the scene `paper`, or a search's optimum.
+    found : mapping
+        `settled_motions` by the name of the search, of those in `device`.
+    """
+    findings = "\n".join(f"- {text}" for text in (
+        about_power(watched["paper"]), about_front(results, papers["front"]),
+        about_thriftiest(results["thriftiest"], found["thriftiest"]), about_flight(results, found),
+        about_decree(results, found), about_undamped(results, watched), about_hills(results)))
+    commands = "\n".join(f"study optimise {search.words}  # {name}" for name, search in SEARCHES.items())
+    return "\n\n".join([
+        "<!-- Generated by `make optimum`. -->\n# The optimum",
+        "*Which robot is the fastest, which one goes farthest with its energy, and do they beat the paper's?* The "
+        "paper leaves F_opt = V/P → max over seventeen parameters as its open problem. `study optimise` solves it.",
+        "## Findings", findings,
+        f"![Speed and cost of transport]({FOLDER}/{FRONTS})",
+        "## The searches",
+        f"An optimum in `device` has a speed for each motion to which {MOTION_STARTS} starts lead, with their share "
+        "and its 95 % interval; the scene file of `fastest` leads to the slower of its motions. An optimum by the "
+        f"paper's rules loses no energy and has no attractors: its row has the slowest and the fastest of {STARTS} "
+        f"starts over {DURATIONS[-1]:g} s. The slowest motion or start is compared with the paper's optimum, φ = 80°, "
+        f"m3 = 0.02 kg, l = 0.06 m, under the same forces, at the best of its {len(BEGINS)} starts. V/P, time in the "
+        f"air and N are of the most frequent motion of 16 other starts, {VERIFIED}. Parameters and the verification "
+        f"under other forces stand in `docs/{FOLDER}/NAME.json`, the scene in `NAME.yaml`; [what a speed means "
+        "here](speeds.md) has what the robots cost with a real motor.",
+        summary_table(results, watched, papers, found), f"```bash\n{commands}\n```"]) + "\n"
+
+
+def summary_table(results: Mapping[str, Numbers], watched: Mapping[str, Sequence[Numbers]],
+                  papers: Mapping[str, Sequence[Numbers]], found: Mapping[str, Sequence[Numbers]]) -> str:
+    """Return a table with a line for each search."""
+    heads = ["search", "speed, forward positive", "faster than the paper's optimum by [mm/s]", "V/P [m/J]",
+             "more than the paper's optimum [m/J]", "in the air", "N <= 0", "mean N over weight"]
+    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    for name, result in results.items():
+        best, paper = result["verified"][0], papers[name][0]
+        pays = best["cost"] is not None
+        moves = "; ".join(map(in_words, found[name])) if name in found else f"{ends(watched[name][-1])} m/s"
+        cells = [f"{SEARCHES[name].title} (`{name}`)", moves,
+                 number(1e3 * (slowest(name, watched, found) - paper["speed"])),
+                 number(best["ratio"]["mean"]) if pays else "-",
+                 number(best["ratio"]["mean"] - paper["ratio"]) if pays else "-",
+                 f"{100 * best['air']:.1f} %", f"{100 * best['unloaded']:.0f} %", number(best["load"])]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def in_words(motion: Numbers) -> str:
+    """Text of a motion of `settled_motions`: its speed, its period, and its share of the starts if it is not all."""
+    if motion["starts"] == MOTION_STARTS:
+        return motion["words"]
+    return (f"{motion['words']} ({motion['starts']} of {MOTION_STARTS} starts, {100 * motion['low']:.0f} to "
+            f"{100 * motion['high']:.0f} %)")
+
+
+def ends(row: Numbers) -> str:
+    """Text of the slowest and the fastest start of a row of `lasting` [m/s]."""
+    return f"{number(row['slowest'])} to {number(row['fastest'])}"
+
+
+def slowest(name: str, watched: Mapping[str, Sequence[Numbers]], found: Mapping[str, Sequence[Numbers]]) -> float:
+    """Speed [m/s] of the slowest motion of an optimum, or of its slowest start over the longest of `DURATIONS`."""
+    return min(abs(one["speed"]) for one in found[name]) if name in found else abs(watched[name][-1]["slowest"])
+
+
+def about_power(rows: Sequence[Numbers]) -> str:
+    """Paragraph on why V/P has no bound by the paper's equations."""
+    first, last = rows[0], rows[-1]
+    return (f"By the paper's equations V/P has no bound: from {first['duration']:g} to {last['duration']:g} s the "
+            f"largest mean power of {STARTS} starts of the scene `paper` falls from {number(first['power'])} to "
+            f"{number(last['power'])} W, at the same speed. The masses do not feel the body move (`effects.reaction` "
+            "false), do not pay for its friction, and lose nothing without dampers, so that the work of the motor is "
+            "the bounded change of their stored energy. So V/P is sought in `device`, where energy balances.")
+
+
+def about_front(results: Mapping[str, Numbers], papers: Sequence[Numbers]) -> str:
+    """Paragraph on the extent of the front of all searches, and its robots that are better than the paper's."""
+    front = front_of_all(results)
+    text = (f"The front of speed and cost of transport reaches from {number(1e3 * front[0]['speed'])} mm/s at a cost "
+            f"of {number(front[0]['cost'])} to {number(1e3 * front[-1]['speed'])} mm/s at {number(front[-1]['cost'])}.")
+    for row in papers:
+        better = [one for one in front if one["speed"] > row["speed"] and one["cost"] < row["cost"]]
+        if better:
+            text += (f" Against the best start of the {row['robot']}, {number(1e3 * row['speed'])} mm/s at "
+                     f"{number(row['cost'])}, it has {number(1e3 * better[0]['speed'])} mm/s at "
+                     f"{number(better[0]['cost'])}.")
+    return text
+
+
+def front_of_all(results: Mapping[str, Numbers]) -> list[Numbers]:
+    """Non-dominated robots (speed, cost) of all searches in `device`, the slowest first."""
+    robots = sorted((one for name in OF_DEVICE for one in results[name]["front"]), key=lambda one: -one["speed"])
+    front: list[Numbers] = []
+    for one in robots:
+        if not front or one["cost"] < front[-1]["cost"]:
+            front.append(one)
+    return front[::-1]
+
+
+def about_thriftiest(result: Numbers, found: Sequence[Numbers]) -> str:
+    """Paragraph on the slow robot that V/P alone selects."""
+    row = result["verified"][0]
+    return (f"V/P alone asks for a slow robot, {in_words(found[0])}: its cost of transport is {number(row['cost'])}, "
+            "while dragging its body costs the friction coefficient, 0.2. A front of speed and cost of transport is "
+            "the better question.")
+
+
+def about_flight(results: Mapping[str, Numbers], found: Mapping[str, Sequence[Numbers]]) -> str:
+    """Paragraph on optima that hop, and on searches that limit the time in the air."""
+    shares = ", ".join(f"{100 * results[name]['verified'][0]['air']:.0f} % (`{name}`)"
+                       for name in ("thriftiest", "thrifty", "fastest"))
+    grounded = []
+    for name in ("thrifty_grounded", "fastest_grounded"):
+        best = results[name]["verified"][0]
+        grounded.append(f"{'; '.join(map(in_words, found[name]))}, at {number(best['ratio']['mean'])} m/J (`{name}`)")
+    return (f"In `device` most optima hop: the body is in the air for {shares} of the time. The model has no pitch, so "
+            "that a body in the air cannot tumble. A robot without a guide against pitching should stay on the ground "
+            "by itself. With `hop`, and in the air for 2 % of the time at most, the searches found "
+            f"{' and '.join(grounded)}.")
+
+
+def about_decree(results: Mapping[str, Numbers], found: Mapping[str, Sequence[Numbers]]) -> str:
+    """Paragraph on why no optimum is searched for with the body held on the ground (`unilateral`)."""
+    held = []
+    for name in ("thrifty", "fastest"):
+        forced = rows_of(results[name], "by decree")
+        held.append(f"`{name}` would go at {range_of(forced, 1e3)} mm/s, not "
+                    f"{' or '.join(number(1e3 * one['speed']) for one in found[name])} mm/s, with a mean N of "
+                    f"{number(forced[0]['load'])} times the weight")
+    return ("`unilateral` in place of `hop` finds no robot that stays on the ground: the rule holds the body there by "
+            "decree, and breaks the balance of momentum, by which the mean of N in a steady motion is the weight. Held "
+            f"so, {' and '.join(held)}. The advice of an earlier version of this page, optima that were sought so, is "
+            "withdrawn.")
+
+
+def about_undamped(results: Mapping[str, Numbers], watched: Mapping[str, Sequence[Numbers]]) -> str:
+    """Paragraph on the unrealistic speeds of optima by the paper's own rules."""
+    found = []
+    for name in ("printed", "unilateral"):
+        short, long = watched[name][0], watched[name][-1]
+        found.append(f"The starts of `{name}` go at {ends(long)} m/s over {long['duration']:g} s ({ends(short)} m/s "
+                     f"over the first {short['duration']:g} s), with a mean N of "
+                     f"{number(results[name]['verified'][0]['load'])} times the weight; with every effect of `device` "
+                     f"they go at {range_of(rows_of(results[name], 'every effect of `device`'))} m/s.")
+    return ("Speed has an optimum by the paper's own rules, too, but nobody should build it: without dampers and "
+            f"reaction the masses keep what they gain near resonance, and no start settles. {' '.join(found)}")
+
+
+def about_hills(results: Mapping[str, Numbers]) -> str:
+    """Paragraph on optima that a search may miss, from searches whose starts begin from `rest` and from `zero`."""
+    pairs = []
+    for name in ("printed", "unilateral"):
+        sought = results[f"{name}_zero"]
+        pairs.append(f"{range_of(rows_of(sought, 'as sought'))} m/s with {sought['robots']} robots (`{name}_zero`), "
+                     f"where the optimum `{name}` has {range_of(rows_of(results[name], 'from `zero`'))} m/s")
+    return ("No search proves an optimum: with drawn starts that begin from `zero`, the searches for speed by the "
+            f"paper's rules reached {' and '.join(pairs)}, all of them {VERIFIED}, in which no start settles.")
+
+
+def rows_of(result: Numbers, words: str) -> list[Numbers]:
+    """Verified rows of a reading of the forces, that of most starts first."""
+    return [row for row in result["verified"] if words in row["reading"]]
+
+
+def range_of(rows: Sequence[Numbers], factor: float = 1.0) -> str:
+    """Text of the slowest and fastest mean speed of several rows, times `factor`; no mean over them."""
+    values = sorted({number(factor * row["speed"]["mean"]) for row in rows}, key=lambda text: abs(float(text)))
+    return " to ".join([values[0], values[-1]] if len(values) > 1 else values)
+
+
+def number(value: float) -> str:
+    """Format `value` with three digits."""
+    text = f"{value:.3g}"
+    return f"{float(text):.0f}" if 1e3 <= abs(float(text)) < 1e6 else text
+
+
+def settled_motions(scene: vibro_ros.Scene, starts: int = MOTION_STARTS) -> list[Numbers]:
+    """Find the motions to which drawn starts of an optimum lead, that of most starts first; speeds in m/s."""
+    return [{"words": one.in_words(), "speed": one.mean_speed, "starts": one.starts, "low": one.low, "high": one.high}
+            for one in vibro_lab.attractors(scene, starts)]
+
+
+def papers_robots(name: str, result: Numbers, folder: Path) -> list[Numbers]:
+    """Run the paper's robots under the forces of a search; returns the best speed [m/s], V/P [m/J] and cost of each.
+
+    Each value is that of one start, because several motions of a robot have no common mean.
+    """
+    sought = vibro_ros.load_scene(folder / f"{name}.yaml")
+    words = SEARCHES[name].words.split()
+    base = vibro_ros.load_scene(words[words.index("--scene") + 1] if "--scene" in words else "device")
+    usual = {one: base[one] or RUNNING if one == "motor.speed" else base[one] for one in result["optimum"]}
+    rows = []
+    for robot, changes in PAPERS.items():
+        scene = sought.with_parameters({**usual, **changes})
+        runs = np.array(computed(_watched, [(scene, start, (COMPARING,)) for start in BEGINS], f"{name}: {robot}"))
+        speed, power = np.abs(runs[:, 0, 0]), runs[:, 0, 1]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.where(power > 0.0, speed / power, 0.0)
+        weight = scene.total_mass * scene["gravity"]
+        rows.append({"robot": robot, "speed": float(speed.max()), "ratio": float(ratio.max()),
+                     "cost": float(1.0 / (weight * ratio.max()))})
+    return rows
+
+
+def lasting(scene: vibro_ros.Scene) -> list[Numbers]:
+    """Slowest and fastest speed [m/s] and largest power [W] of the same starts, over each of `DURATIONS`.
+
+    No mean is given, because several motions have no common one.
+    """
+    runs = np.array(computed(_watched, [(scene, start, DURATIONS) for start in range(STARTS)],
+                             f"{scene.name} for long"))
+    return [{"duration": duration, "slowest": float(speed[np.argmin(np.abs(speed))]),
+             "fastest": float(speed[np.argmax(np.abs(speed))]), "power": float(np.abs(power).max())}
+            for duration, (speed, power) in zip(DURATIONS, runs.transpose(1, 2, 0), strict=True)]
+
+
+def _watched(job: tuple[vibro_ros.Scene, int, Sequence[float]]) -> list[tuple[float, float]]:
+    """Mean speed [m/s] and mean power [W] of one start over each duration [s]."""
+    scene, start, durations = job
+    device = started(scene.with_parameters({"solver.accounts": True}), np.random.default_rng(start))
+    device.advance_to(SETTLING)
+    begin, before = device.state.body_position, dict(device.statistics["energy_accounts"])
+    rows = []
+    for duration in durations:
+        span = whole_turns(scene, duration)
+        device.advance_to(SETTLING + span)
+        accounts = device.statistics["energy_accounts"]
+        given, back = (accounts[name] - before[name] for name in ("motor_delivered", "motor_taken_back"))
+        rows.append(((device.state.body_position - begin) / span, (given - back) / span))
+    return rows
+
+
+def whole_turns(scene: vibro_ros.Scene, duration: float) -> float:
+    """Time of the whole turns of the crank within `duration` [s], in s; means over whole turns have no oscillation."""
+    turn = 2.0 * math.pi / scene["motor.speed"]
+    return math.floor(duration / turn) * turn
+
+
+def fronts_picture(results: Mapping[str, Numbers], papers: Sequence[Numbers]) -> Figure:
+    """Draw the fronts of the searches in `device`, their common front, and the robots of the paper."""
+    figure = Figure(figsize=(8.0, 5.5), layout="constrained")
+    axes = figure.subplots()
+    for name in OF_DEVICE:
+        _draw(axes, results[name]["front"], "o", name)
+    _draw(axes, front_of_all(results), "k-", "front of them all")
+    for row, mark in zip(papers, "sD", strict=True):
+        axes.plot(1e3 * row["speed"], row["cost"], mark, ms=8.0, label=row["robot"])
+    axes.set(xscale="log", yscale="log", xlabel="mean speed [mm/s]", ylabel="cost of transport, dimensionless")
+    axes.legend(frameon=False, fontsize=8)
+    return figure
+
+
+def _draw(axes: Any, robots: Sequence[Numbers], style: str, label: str) -> None:
+    axes.plot([1e3 * one["speed"] for one in robots], [one["cost"] for one in robots], style, ms=4.0, label=label)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

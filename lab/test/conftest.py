@@ -1,0 +1,3 @@
+"""The set-up of every test, which lab/test shares."""
+
+pytest_plugins = ["every_test"]

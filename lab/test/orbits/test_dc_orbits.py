@@ -1,0 +1,242 @@
+"""Orbits of machines with a dc motor: known multipliers, another integrator, the ideal motor, the Sommerfeld effect."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import vibro_lab
+import vibro_ros
+from vibro_lab.orbits.chaos import exponent_of_pairs
+from vibro_lab.orbits.orbit import derivative
+from vibro_lab.orbits.recurrence import JITTER
+from vibro_lab.orbits.turn_map import TurnMap, crank_speed
+from vibro_ros.model.slider import Slider
+from vibro_ros.simulation.motion import SimulationError, first_reached
+
+VOLTS = {"effects.motor": "dc", "motor.control": "voltage", "motor.voltage": 15.0, "motor.speed": 90.0,
+         "motor.friction": 0.0, "motor.static_friction": 0.0}
+WINDING = {"motor.winding_inductance": 0.05}
+ALONE = {"effects.upper_mass": False, "effects.inclined_mass": False}
+#: As the page on the motor has it: without plates and flywheel, on a winding of 3 ohm.
+SOMMERFELD = {"effects.upper_contact": "none", "effects.inclined_contact": "none", "mass.upper_slider": 0.0,
+              "mass.inclined_slider": 0.0, "motor.control": "voltage", "motor.winding_resistance": 3.0,
+              "motor.supply_voltage": 60.0, "motor.crank_inertia": 3.5e-5}
+
+
+def scene(name, *changes):
+    together = {}
+    for change in changes:
+        together |= change
+    return vibro_ros.load_scene(name).with_parameters(together)
+
+
+def machine(**changes):
+    return scene("machine", {"motor.speed": 100.0} | changes)
+
+
+def motor_numbers(of):
+    """K, J, R, L and b."""
+    ratio = of["motor.gear_ratio"]
+    return (ratio * of["motor.torque_constant"], ratio**2 * of["motor.rotor_inertia"] + of["motor.crank_inertia"],
+            of["motor.winding_resistance"], of["motor.winding_inductance"], of["motor.damping"])
+
+
+def in_order(values):
+    return np.array(sorted(np.asarray(values, dtype=complex), key=lambda z: (-round(abs(z), 9), z.imag)))
+
+
+@pytest.mark.parametrize("winding", [{}, WINDING], ids=["L = 0", "L"])
+def test_a_motor_without_load_has_the_multipliers_of_its_run_up(winding):
+    """A64. θ' = K V/(R b + K²); exp(-T/τ) with τ = J/(b + K²/R), or the exponentials of the two roots of
+    L J p² + (R J + L b) p + R b + K²."""
+    of = scene("paper", VOLTS, ALONE, winding)
+    constant, inertia, resistance, inductance, b = motor_numbers(of)
+    speed = constant * 15.0 / (resistance * b + constant**2)
+    roots = (np.roots([inductance * inertia, resistance * inertia + inductance * b, resistance * b + constant**2])
+             if inductance else np.array([-(b + constant**2 / resistance) / inertia]))
+    found = vibro_lab.find_orbit(of)
+    assert found.state.motor_speed == pytest.approx(speed, rel=1e-12)
+    assert found.period == pytest.approx(2.0 * math.pi / speed, rel=1e-12)
+    # Central differences over 1e-5: their own error is 1e-10 of the curvature, rounding 1e-16 / 1e-5.
+    assert in_order(found.multipliers) == pytest.approx(in_order(np.exp(roots * found.period)), abs=1e-9)
+    spectrum = vibro_lab.lyapunov_spectrum(of)
+    assert spectrum.exponents == pytest.approx(np.sort(roots.real)[::-1], abs=1e-4)
+
+
+def section_map(of, phase, state):
+    """Return the state after a turn from [u, u', θ', i], with the upper mass alone and no plates, by DOP853 with an
+    event of its own.
+    """
+    constant, inertia, resistance, inductance, b = motor_numbers(of)
+    slider, mass = Slider(of["crank.radius"], of["crank.upper_rod"], 0.0), of["mass.upper"]
+
+    def rate(time, y):
+        slope = slider.slope(y[2])
+        pull = (of["upper.spring.stiffness"] * (y[0] - slider.position(y[2]))
+                + of["upper.spring.damping"] * (y[1] - slope * y[3]))
+        return [y[1], -pull / mass, y[3], (constant * y[4] - b * y[3] + pull * slope) / inertia,
+                (of["motor.voltage"] - resistance * y[4] - constant * y[3]) / inductance]
+
+    def passes(time, y):
+        return y[2] - phase - 2.0 * math.pi
+    passes.terminal, passes.direction = True, 1.0
+    found = solve_ivp(rate, (0.0, 1.0), [*state[:2], phase, *state[2:]], method="DOP853", rtol=1e-13, atol=1e-14,
+                      events=passes)
+    return found.y[[0, 1, 3, 4], -1], found.t[-1]
+
+
+def test_the_map_of_a_section_is_that_of_another_integrator():
+    """An orbit with 29 % of ripple, its period, and the derivative by central differences of that integrator's map."""
+    of = scene("unilateral", VOLTS, WINDING, {"effects.inclined_mass": False, "effects.upper_contact": "none",
+                                              "upper.spring.damping": 3.0, "motor.crank_inertia": 2e-4})
+    found = vibro_lab.find_orbit(of)
+    here = TurnMap(of, found.state.crank_angle)
+    names = ("upper_position", "upper_velocity", "motor_speed", "motor_current")
+    assert here.names == names
+    state = np.array([getattr(found.state, name) for name in names])
+    after, period = section_map(of, here.phase, state)
+    assert after == pytest.approx(state, rel=1e-10)  # the integrator's own error over a turn
+    assert found.period == pytest.approx(period, rel=1e-11)
+    matrix = np.empty((4, 4))
+    for k, unit in enumerate(here.units):
+        moved = [section_map(of, here.phase, state + sign * 1e-4 * unit * np.eye(4)[k])[0] for sign in (1.0, -1.0)]
+        matrix[:, k] = (moved[0] - moved[1]) / 2e-4 / here.units
+    assert derivative(here, here.read(found.state))[0] == pytest.approx(matrix, abs=1e-6)  # 1e-4² of the curvature
+    assert in_order(found.multipliers) == pytest.approx(in_order(np.linalg.eigvals(matrix)), abs=1e-6)
+
+
+def test_a_heavy_flywheel_has_the_orbit_and_the_multipliers_of_the_ideal_motor():
+    """A67. Off by O(1/J); and one more multiplier, which nears 1 as exp(-T (b + K²/R)/J) does, but for the part of the
+    masses' torque that changes with the speed."""
+    apart = []
+    for inertia in (0.2, 0.4):
+        of = scene("damped", VOLTS, {"motor.crank_inertia": inertia, "motor.speed": 100.0, "motor.voltage": 16.35})
+        found = vibro_lab.find_orbit(of)
+        turning = 2.0 * math.pi / found.period
+        ideal = of.with_parameters({"effects.motor": "ideal", "motor.speed": turning})
+        there = TurnMap(ideal, found.state.crank_angle)
+        state = there.read(found.state)
+        closes = vibro_lab.find_orbit(ideal)
+        apart.append([abs(found.mean_speed / closes.mean_speed - 1.0),
+                      np.abs(found.multipliers[1:3] - closes.multipliers[:2]).max(),
+                      np.abs(there(state).state - state).max()])
+        constant, whole, resistance, _, b = motor_numbers(of)
+        rate = -math.log(found.multipliers[0].real) / found.period
+        assert rate * whole == pytest.approx(b + constant**2 / resistance, rel=0.5)
+    assert np.array(apart[0]) / apart[1] == pytest.approx(2.0, rel=0.05)
+    assert max(apart[1]) < 1e-2
+
+
+def test_the_fall_of_the_sommerfeld_effect_is_a_fold():
+    """A70: going down, the speed falls between 36 and 34 V. Along the branch the voltage turns back there, at some
+    140 rad/s, while the speed goes on to fall."""
+    start = vibro_lab.find_orbit(scene("machine", SOMMERFELD, {"motor.voltage": 38.4, "motor.speed": 190.0}))
+    branch = vibro_lab.follow_orbit(start, "motor.voltage", 26.0, 60.0, upwards=False, points=16)
+    fold, = (special for special in branch.special_points if special.kind == "fold")
+    assert 34.0 < fold.value < 36.0 and fold.width < 1e-8
+    assert np.abs(fold.multipliers - 1.0).min() < 1e-5
+    speeds = branch.strobe["motor_speed"][:, 0]
+    assert (np.diff(speeds) < 0.0).all()
+    assert branch.values[-1] > fold.value and branch.values.min() >= fold.value
+
+
+def test_a_pair_of_runs_parts_by_the_voltage():
+    """The 1-turn orbit at 40 V attracts: no pair parts."""
+    of = scene("machine", SOMMERFELD, {"motor.voltage": 40.0, "motor.speed": 200.0})
+    exponent, hidden = exponent_of_pairs(vibro_ros.Simulator(of), 4.0, 2.0)
+    assert exponent == 0.0 and hidden < 5.0
+
+
+@pytest.mark.parametrize("call", [vibro_lab.find_orbit, vibro_lab.lyapunov_spectrum])
+def test_a_controller_that_takes_samples_closes_no_orbit(call):
+    with pytest.raises(ValueError, match="motor.control: speed_by_current takes samples 1000 times a second.*"
+                                         "choose voltage, or effects.motor ramp; settled_motion"):
+        call(machine())
+
+
+def test_motions_of_a_controller_are_told_within_the_jitter_of_its_samples():
+    """Motions are recognised within the jitter of the controller's samples. Three starts, one of which is at another
+    instant between two samples; a device that runs on has the mean speed, and its states at the cut stay within the
+    tolerance of the found states.
+    """
+    motions = [vibro_lab.settled_motion(machine(), **start)
+               for start in ({}, {"crank_angle": 0.1234}, {"motor_speed": 80.0, "body_velocity": 0.5})]
+    assert [motion.turns for motion in motions] == [2, 2, 2]
+    assert all(one.is_same(motions[0]) for one in motions)
+    device = vibro_ros.Simulator(machine())
+    device.advance_to(20.0)
+    begun = device.state.body_position
+    device.advance_to(20.0 + 400 * math.pi / 100.0)
+    mean = (device.state.body_position - begun) / (4.0 * math.pi)
+    assert motions[0].mean_speed == pytest.approx(mean, rel=1e-3)
+    here = TurnMap(machine(), 1.0)
+    seen = here.cuts(device, 200).states
+    assert max(np.ptp(seen[half::2], axis=0).max() for half in (0, 1)) < 0.5 * JITTER
+    assert np.ptp(seen, axis=0).max() > 10.0 * JITTER  # its two turns are not one
+
+
+def test_an_angle_is_passed_by_the_device_that_runs_on():
+    """The device's bits do not change, and the angle is met to rounding, whatever the crank does before."""
+    of = scene("machine", SOMMERFELD, {"motor.voltage": 40.0})
+    device, other = vibro_ros.Simulator(of), vibro_ros.Simulator(of)
+    for turn in (0, 1, 2, 30):
+        assert device.advance_to_angle(turn, 2.0)
+        assert device.state.crank_angle == pytest.approx(2.0 * math.pi * turn + 2.0, abs=1e-13 * (1 + turn))
+        other.advance_to(device.time)
+        assert other.state == device.state
+    assert device.take_events().tolist() == other.take_events().tolist()
+    assert device.statistics == other.statistics
+    time = device.time
+    assert device.advance_to_angle(3, 1.0) and device.time == time  # gone by already
+
+
+def test_a_crank_that_does_not_come_round_is_told():
+    """2 V turn a crank without load, but not against the pressed masses; the error says so."""
+    of = machine(**{"motor.control": "voltage", "motor.voltage": 2.0, "motor.speed": 0.0})
+    device = vibro_ros.Simulator(of)
+    assert not device.advance_to_angle(1, 0.0, latest=1.0) and device.time == 1.0
+    with pytest.raises(SimulationError, match="the crank has not come round for .* give more than 2 for "
+                                              "motor.voltage"):
+        vibro_lab.settled_motion(of)
+    with pytest.raises(ValueError, match="motor.voltage: 0.2 V turns no crank forwards; give more than 0.291"):
+        vibro_lab.find_orbit(of.with_parameters({"motor.voltage": 0.2}))
+    with pytest.raises(ValueError, match="latest: 0.5 s is out of range; give a time from 1 to"):
+        device.advance_to_angle(1, 0.0, latest=0.5)
+    with pytest.raises(ValueError, match="ideal, exact have no angle to advance to; choose dc and exact"):
+        vibro_ros.Simulator(vibro_ros.load_scene("paper")).advance_to_angle(1, 0.0)
+
+
+@pytest.mark.parametrize(("value", "expected"), [(0.1, 0.10050506338833465), (-2.0, -1.0), (5.0, None)])
+def test_the_first_of_several_places_is_found(value, expected):
+    """x - x³ from -0.577 on rises to 0.385 at 0.577 and falls again, so it passes a value more than once."""
+    found = first_reached(np.array([0.0, 1.0, 0.0, -1.0]), value, -0.55 if value > 0.0 else -1.0, 1.0)
+    assert found == (expected if expected is None else pytest.approx(expected, abs=1e-2))
+    if expected and value > 0.0:
+        assert found - found**3 == pytest.approx(value, abs=1e-15) and found < 0.5
+
+
+def test_a_controller_continues_with_a_given_integral():
+    """i = I + k_p e is held from the sample at this instant on, which is taken again."""
+    device = vibro_ros.Simulator(machine())
+    device.advance_to(0.05)
+    device.set_state(motor_speed=95.0, controller_integral=1.5)
+    assert device.state.motor_current == pytest.approx(1.5 + 0.05 * 5.0, abs=1e-14)
+    assert device.controller_integral == pytest.approx(1.5 + 0.5 * 5.0 / 1000.0, abs=1e-14)
+    wound = vibro_ros.Simulator(machine(**{"motor.control": "voltage", "motor.voltage": 12.0} | WINDING))
+    wound.set_state(motor_current=0.75)
+    assert wound.state.motor_current == 0.75
+    before = device.checkpoint().tolist()
+    with pytest.raises(ValueError, match="motor_current: 1.0 is no part of this motor's state; .*winding_inductance"):
+        device.set_state(motor_current=1.0)
+    with pytest.raises(ValueError, match="controller_integral: 1.0 is no part of this motor's state; .*motor.control"):
+        wound.set_state(controller_integral=1.0)
+    with pytest.raises(ValueError, match="controller_integral: nan is not finite"):
+        device.set_state(controller_integral=math.nan)
+    assert device.checkpoint().tolist() == before
+
+
+def test_the_unit_of_speed_at_a_voltage_is_that_without_load():
+    of = scene("paper", VOLTS, ALONE)
+    assert crank_speed(of) == pytest.approx(vibro_lab.find_orbit(of).state.motor_speed, rel=1e-12)

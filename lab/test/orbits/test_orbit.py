@@ -1,0 +1,210 @@
+"""Periodic orbits, compared with closed forms and independent numerics, and checked for invariants."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+import vibro_lab
+import vibro_ros
+from vibro_lab.orbits.orbit import OrbitNotFoundError, derivative, differences, fixed_point, orbit_at
+from vibro_lab.orbits.turn_map import TurnMap
+from vibro_ros.model.slider import Slider
+
+SPEED = 100.0  # rad/s
+PERIOD = 2.0 * math.pi / SPEED
+
+
+def scene(name: str, **changes) -> vibro_ros.Scene:
+    return vibro_ros.load_scene(name).with_parameters({"motor.speed": SPEED} | changes)
+
+
+def lone_mass(**changes) -> vibro_ros.Scene:
+    """Return a scene with the upper mass alone on its damped drive."""
+    return scene("unilateral", **{"effects.inclined_mass": False, "upper.spring.damping": 3.0} | changes)
+
+
+def matrix(of: vibro_ros.Scene) -> np.ndarray:
+    """d/dt (u, u') = A (u, u') + forcing, in flight."""
+    mass = of["mass.upper"]
+    return np.array([[0.0, 1.0], [-of["upper.spring.stiffness"] / mass, -of["upper.spring.damping"] / mass]])
+
+
+def in_order(values) -> np.ndarray:
+    return np.array(sorted(np.asarray(values, dtype=complex), key=lambda z: (-round(abs(z), 9), z.imag)))
+
+
+@pytest.mark.process
+def test_a_mirrored_crank_has_the_same_orbits():
+    """The inclined mass cannot tell which way the crank turns; with the body it moves at the same mean speed."""
+    found = {speed: vibro_lab.find_orbit(scene("damped", **{"effects.upper_mass": False, "motor.speed": speed}))
+             for speed in (SPEED, -SPEED)}
+    forwards, backwards = found.values()
+    assert backwards.mean_speed == pytest.approx(forwards.mean_speed, abs=1e-13) and abs(forwards.mean_speed) > 0.01
+    assert in_order(backwards.multipliers) == pytest.approx(in_order(forwards.multipliers), abs=1e-6)
+    ends = {name: vibro_lab.follow_orbit(found[speed], "motor.speed", low, high, upwards=speed > 0.0)
+            for name, speed, low, high in (("forwards", SPEED, 99.0, 102.0), ("backwards", -SPEED, -102.0, -99.0))}
+    assert ends["backwards"].values[-1] == -ends["forwards"].values[-1] == -102.0
+    assert ends["backwards"].mean_speeds[-1] == pytest.approx(ends["forwards"].mean_speeds[-1], abs=1e-9)
+    with pytest.raises(ValueError, match="motor.speed: from -1 to 102 rad/s holds 0, which turns no crank; give a ran"):
+        vibro_lab.follow_orbit(found[SPEED], "motor.speed", -1.0, 102.0)
+
+
+@pytest.mark.parametrize("damping", [3.0, 20.0])
+def test_a_linear_machine_has_the_multipliers_of_its_eigenvalues(damping):
+    """Of e^(lambda T); 20 N s/m is the critical damping, whose two multipliers are equal."""
+    of = lone_mass(**{"effects.upper_contact": "none", "upper.spring.damping": damping})
+    found = vibro_lab.find_orbit(of)
+    expected = in_order(np.exp(np.linalg.eigvals(matrix(of)) * PERIOD))
+    # Two equal eigenvalues part with the root of the derivative's error.
+    assert in_order(found.multipliers) == pytest.approx(expected, abs=1e-4 if damping == 20.0 else 1e-9)
+    assert np.abs(in_order(found.multipliers) - expected).max() <= found.multiplier_error
+    assert found.multiplier_error < (1e-4 if damping == 20.0 else 1e-8)
+    assert found.stable and found.residual < 1e-13 and found.mean_speed == 0.0
+
+
+def flight(of: vibro_ros.Scene):
+    """Rates of (u, u'), and the force's share u'' alone, by textbook functions."""
+    slider, mass = Slider(of["crank.radius"], of["crank.upper_rod"], 0.0), of["mass.upper"]
+    stiffness, damping = of["upper.spring.stiffness"], of["upper.spring.damping"]
+
+    def rate(time: float, at: np.ndarray, start: float) -> list[float]:
+        angle = start + SPEED * time
+        push = stiffness * (at[0] - slider.position(angle)) + damping * (at[1] - SPEED * slider.slope(angle))
+        return [at[1], -push / mass]
+    return rate
+
+
+@pytest.mark.parametrize(("restitution", "gap", "damping"), [(0.8, 0.0, 3.0), (0.5, 0.005, 1.0)])
+def test_an_impact_oscillator_has_the_multipliers_of_its_closed_form(restitution, gap, damping):
+    """One blow a turn, at speed v: the turn's derivative is e^(A (T - t)) S e^(A t), with the jump S of a blow on a
+    plate at rest, S = [[-e, 0], [(a' + e a) / v, -e]], from the accelerations a before and a' after it."""
+    of = lone_mass(**{"effects.upper_contact": "restitution", "upper.plate.restitution": restitution, "upper.gap": gap,
+                  "upper.spring.damping": damping})
+    found = vibro_lab.find_orbit(of)
+    plate, state = of["crank.upper_rod"] + gap, found.state
+
+    def reached(time: float, at: np.ndarray, start: float) -> float:
+        return at[0] - plate
+    reached.terminal, reached.direction = True, 1.0
+
+    rate, exactly = flight(of), {"method": "DOP853", "rtol": 1e-13, "atol": 1e-15, "args": (state.crank_angle,)}
+    before = solve_ivp(rate, (0.0, PERIOD), [state.upper_position, state.upper_velocity], events=reached, **exactly)
+    time, (_, speed) = before.t[-1], before.y[:, -1]
+    rebound = [plate, -restitution * speed]
+    after = solve_ivp(rate, (time, PERIOD), rebound, events=reached, **exactly)
+    assert after.t[-1] == PERIOD  # one blow a turn
+    assert after.y[:, -1] == pytest.approx([state.upper_position, state.upper_velocity], abs=1e-9)
+    arriving, leaving = (rate(time, at, state.crank_angle)[1] for at in ([plate, speed], rebound))
+    jump = np.array([[-restitution, 0.0], [(leaving + restitution * arriving) / speed, -restitution]])
+    turn = expm(matrix(of) * (PERIOD - time)) @ jump @ expm(matrix(of) * time)
+    expected = in_order(np.linalg.eigvals(turn))
+    assert in_order(found.multipliers) == pytest.approx(expected, abs=1e-7)
+    assert np.abs(in_order(found.multipliers) - expected).max() <= found.multiplier_error + 1e-9  # of the integrator
+    assert np.prod(found.multipliers) == pytest.approx(restitution**2 * math.exp(-damping / of["mass.upper"] * PERIOD))
+
+
+def test_the_step_of_the_differences_suits_contacts_that_lie_close_together():
+    """`device` at 62 rad/s: four steps agree to 1.6e-6 that the pair is -1.120327 ± 1.154315 i; 1e-5 is 5e-6 off."""
+    of = scene("device", **{"motor.speed": 62.0})
+    found = vibro_lab.find_orbit(of)
+    turn_map = TurnMap(of, found.state.crank_angle)
+    state = turn_map.read(found.state)
+    pairs = [in_order(np.linalg.eigvals(derivative(turn_map, state, 1, step)[0]))[:2] for step in (
+        3e-6, 1e-6, 3e-7, 1e-7)]
+    assert np.ptp(pairs, axis=0).max() < 1.6e-6
+    pair = np.mean(pairs, axis=0)
+    assert pair[1] == pytest.approx(-1.120327 + 1.154315j, abs=1e-6)
+    assert np.abs(in_order(found.multipliers)[:2] - pair).max() < 1e-6
+    assert 1e-8 < found.multiplier_error < 2e-6
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(("name", "turns"), [("damped", 1), ("device", 2)])
+def test_multipliers_do_not_depend_on_the_cut_nor_on_the_step_of_the_differences(name, turns):
+    of = scene(name)
+    found = vibro_lab.find_orbit(of, turns)
+    for ahead in (0.1, -0.1):
+        there = TurnMap(of, (found.state.crank_angle + ahead) % (2.0 * math.pi))
+        device = vibro_ros.Simulator(of)
+        here = TurnMap(of, found.state.crank_angle)
+        here.put(device, here.read(found.state))
+        device.advance_to((ahead / SPEED) % PERIOD)
+        closed = fixed_point(there, there.read(device.state), turns)
+        other = orbit_at(there, closed, turns)
+        assert other.mean_speed == pytest.approx(found.mean_speed, abs=1e-12)
+        large = np.abs(found.multipliers) > 1e-3
+        assert in_order(other.multipliers[large]) == pytest.approx(in_order(found.multipliers[large]), abs=1e-6)
+        for step in (1e-4, 1e-6):
+            other = np.linalg.eigvals(derivative(there, closed.state, turns, step)[0])
+            other = other[np.abs(other) > 1e-3]
+            assert in_order(other) == pytest.approx(in_order(found.multipliers[large]), abs=1e-5)
+
+
+def test_a_disturbed_motion_leaves_an_unstable_orbit_as_fast_as_its_multiplier_says():
+    of = scene("device")
+    found = vibro_lab.find_orbit(of, 2)
+    assert not found.stable
+    turn_map = TurnMap(of, found.state.crank_angle)
+    state = turn_map.read(found.state)
+    free = ~turn_map.held(state)
+    values, vectors = np.linalg.eig(derivative(turn_map, state, 2)[0][np.ix_(free, free)])
+    fastest = int(np.argmax(np.abs(values)))
+    assert values[fastest] == pytest.approx(found.multipliers[0])
+    away = 1e-8 * np.real(vectors[:, fastest])
+    for passes in (1, 2, 3, 4):
+        moved = turn_map(state + away, 2 * passes).state - state
+        assert moved == pytest.approx(np.real(values[fastest])**passes * away, abs=1e-3 * np.abs(moved).max())
+
+
+@pytest.mark.process
+def test_a_motion_that_repeats_itself_later_is_named():
+    with pytest.raises(OrbitNotFoundError, match=r"device: at 100 rad/s no motion was found that repeats itself after "
+                                                 r"3 turns; it repeats itself after 4 turns: give turns=4"):
+        vibro_lab.find_orbit(scene("device"), 3)
+
+
+def test_a_resonance_without_losses_never_repeats_itself():
+    with pytest.raises(OrbitNotFoundError, match="nor one that repeats itself within 64 turns"):
+        vibro_lab.find_orbit(scene("no_impact"))
+
+
+def test_a_number_of_turns_out_of_range_and_a_crank_that_stands_are_refused():
+    for turns in (0, 65, 1.0, True):
+        with pytest.raises(ValueError, match="turns: .* is out of range; give a whole number from 1 to 64"):
+            vibro_lab.find_orbit(scene("damped"), turns)
+    with pytest.raises(ValueError, match=r"motor.speed: 0 rad/s turns no crank; give the speed"):
+        vibro_lab.find_orbit(vibro_ros.load_scene("device"))
+
+
+def test_an_orbit_can_be_taken_up():
+    found = vibro_lab.find_orbit(scene("damped"))
+    device = vibro_ros.Simulator(found.scene)
+    here = TurnMap(found.scene, found.state.crank_angle)
+    device.set_state(crank_angle=found.state.crank_angle,
+                     **{name: getattr(found.state, name) for name in here.names})
+    device.advance_to(10 * PERIOD)
+    assert here.read(device.state) == pytest.approx(here.read(found.state), abs=1e-12)
+    assert device.state.body_position == pytest.approx(found.mean_speed * 10 * PERIOD, abs=1e-12)
+
+
+def test_a_guess_far_off_leads_nowhere_and_says_so():
+    of = scene("device")
+    turn_map = TurnMap(of, 1.0)
+    assert fixed_point(turn_map, turn_map.read(vibro_ros.Simulator(of).state) + 50.0, 1) is None
+
+
+def test_what_cannot_be_moved_one_way_has_a_one_sided_difference_and_what_is_held_has_none():
+    """The derivatives of a square at a wall at 1, of three times another number, and by a coordinate that is held."""
+    def end_of(at):
+        if at[0] > 1.0:
+            raise ValueError("within the wall")
+        return np.array([at[0]**2, 3.0 * at[1], at[2]])
+
+    at, free = np.array([1.0, 2.0, 5.0]), np.array([True, True, False])
+    found = differences(end_of, at, free, 1e-6, end_of(at))
+    assert found == pytest.approx(np.diag([2.0, 3.0, 0.0]), abs=2e-6)
+    with pytest.raises(ValueError, match="within the wall"):
+        differences(end_of, at, free, 1e-6)

@@ -1,0 +1,266 @@
+"""The model contains the published machines, agrees with closed forms and scipy, and the document states its findings.
+"""
+
+import dataclasses
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from research.literature import __main__ as literature
+from research.literature import capsule, gap_speed, measured, two_phase
+from research.literature.capsule_equations import Capsule, harmonic, integrate
+from research.literature.findings import (
+    FAILS,
+    HOLDS,
+    MISSIGNED,
+    NOISE,
+    OUTSIDE,
+    VERDICTS,
+    Check,
+    Claim,
+    Finding,
+    Mapped,
+    Studied,
+)
+from research.literature.impact_oscillator import (
+    Oscillator,
+    difference,
+    doubling,
+    followed,
+    settled,
+    started,
+    verdict_of_tilt,
+)
+from tools.documents import without_marks
+
+DOCS = Path(__file__).resolve().parents[3] / "docs"
+FINDINGS = literature.read_findings(DOCS / literature.FOLDER / literature.DATA)
+QUIET = dataclasses.replace(capsule.REFERENCE, alpha=0.05)
+
+
+@pytest.mark.parametrize("machine", [
+    capsule.REFERENCE, QUIET, dataclasses.replace(capsule.REFERENCE, gamma=1.0, omega=1.1, xi=0.1),
+    dataclasses.replace(capsule.REFERENCE, beta=50.0, delta=0.5, alpha=3.0)])
+def test_exact_and_scipy_agree_on_the_published_equations(machine):
+    assert capsule.difference(machine, 3) < 20.0 * capsule.rod_harmonics(machine)
+
+
+def test_what_differs_is_the_rods_harmonic():
+    """The difference is r²/(4 L): four times as large with a rod of a quarter of the length."""
+    ratio = capsule.difference(capsule.REFERENCE, 3, rod=2.5) / capsule.difference(capsule.REFERENCE, 3, rod=10.0)
+    assert ratio == pytest.approx(4.0, rel=0.05)
+
+
+def test_a_force_from_outside_is_an_internal_one_as_long_as_there_is_no_impact():
+    assert capsule.outside_difference(capsule.REFERENCE, 3) < 1e-6
+
+
+def test_scipys_free_mass_is_the_driven_oscillator():
+    """For a capsule at rest, z = C (cos ω τ - cos τ) with C = α/(1 - ω²)."""
+    machine = Capsule(alpha=0.1, omega=0.5, beta=0.0, gamma=1.0, delta=10.0, xi=0.0)
+    times = np.linspace(0.0, 20.0, 101)
+    expected = 0.1 / (1.0 - 0.25) * (np.cos(0.5 * times) - np.cos(times))
+    np.testing.assert_allclose(integrate(machine, times, harmonic(machine, 0.0))[:, 0], expected, atol=1e-9)
+
+
+def test_a_capsule_with_wheels_that_turn_one_way_never_moves_backwards():
+    times = np.linspace(0.0, 5 * capsule.REFERENCE.period, 400)
+    both, one = (integrate(dataclasses.replace(capsule.REFERENCE, grip=grip, gamma=1.0), times,
+                           harmonic(capsule.REFERENCE, 0.0))[:, 2] for grip in (1.0, math.inf))
+    assert np.min(np.diff(both)) < -1e-3
+    assert np.min(np.diff(one)) > -1e-9
+    assert one[-1] > both[-1]
+
+
+def test_a_slide_within_a_step_ends_after_it_began():
+    """This capsule slides back for less than a step; an integration with one step would never leave the start of the
+    slide.
+    """
+    machine = dataclasses.replace(capsule.machines(16)[5], gamma=2.0)
+    times = machine.period * np.array([1.0, 2.0])
+    found = integrate(machine, times, harmonic(machine, -math.pi / 2.0, reaction=0.0), tolerance=1e-6)
+    assert np.all(np.isfinite(found))
+
+
+def test_the_closed_form_is_the_zero_of_the_mean_friction():
+    press, quadrature = 0.6, 0.7
+    speed = two_phase.closed_form(press)
+    phase = (np.arange(1_000_000) + 0.5) * 2.0 * math.pi / 1_000_000
+    friction = np.sign(speed + np.cos(phase)) * (1.0 + press * np.cos(phase) + quadrature * np.sin(phase))
+    assert abs(np.mean(friction)) < 1e-5
+
+
+@pytest.mark.parametrize(("press", "tuning"), [(0.3, two_phase.STIFF), (0.9, two_phase.STIFF), (0.5, 0.7), (0.5, 1.0)])
+def test_the_simulated_speed_is_the_closed_forms(press, tuning):
+    share = two_phase.measured_share(two_phase.block_scene(press, tuning))
+    assert share.error < 3.0 * two_phase.WEAKNESS
+    assert share.shaking.press == pytest.approx(press, rel=1e-9)
+
+
+def test_what_averaging_leaves_out_falls_with_the_friction():
+    errors = [two_phase.measured_share(two_phase.block_scene(0.5, 1.0, weakness=weakness)).error
+              for weakness in (0.04, 0.01)]
+    assert errors[1] < errors[0] / 3.0  # of order 1
+
+
+def test_an_independent_integration_of_a_block_on_a_shaken_plate_agrees():
+    assert two_phase.difference(0.5) < 1e-4  # the rods' harmonics: l/(4 L) = 1.25e-5 of the stroke
+
+
+def test_friction_at_half_the_shaking_speed_is_a_third():
+    assert two_phase.friction_at_half_speed() == pytest.approx(1.0 / 3.0, abs=3.0 * two_phase.WEAKNESS)
+
+
+def test_the_way_turns_where_the_press_is_in_quadrature():
+    scene = two_phase.block_scene(0.5, 1.0, 0.1)
+    assert two_phase.measured_switch(scene) == pytest.approx(two_phase.switch_speed(scene), rel=1e-3)
+
+
+@pytest.mark.parametrize(("gap", "motor"), [(0.0, 100.0), (0.03, 80.0), (-0.003, 120.0)])
+def test_exact_and_scipy_agree_on_the_robot(gap, motor):
+    assert gap_speed.difference(gap, motor) < 1e-9
+
+
+def test_a_gap_that_is_never_bridged_moves_as_without_the_plate():
+    [wide], [without] = (gap_speed.motions(gap, 60.0, 2) for gap in (0.058, math.inf))
+    assert wide.approach == without.approach == 0.0 < wide.speed == pytest.approx(without.speed)
+    assert wide.share == 1.0 and wide.words == "53.72 mm/s, again after 1 turn (2 of 2 starts, 34 to 100 %)"
+
+
+def test_two_motions_of_a_gap_are_two_rows_with_their_own_impacts():
+    """At 4 mm one of 16 starts, start 4, leads to a faster motion with harder impacts."""
+    slow, fast = gap_speed.motions(0.004, 100.0, 16)
+    assert (slow.share, fast.share) == (15 / 16, 1 / 16) and slow.spread == fast.spread == 0.0
+    assert (slow.speed, fast.speed) == pytest.approx((0.20245, 0.24834), abs=1e-5)
+    assert slow.approach + 1.0 < fast.approach
+    assert "- 4 mm, 100 rad/s: 202.45 mm/s, again after 1 turn (15 of 16 starts" in gap_speed._several([slow, fast], 16)
+
+
+def row(gap, speed, approach, spread=0.0, share=1.0):
+    return gap_speed.Moved(gap, 100.0, speed, spread, share, f"{1e3 * speed:g} mm/s ({share:.0%})", approach)
+
+
+@pytest.mark.parametrize(("last", "verdict"), [
+    (row(0.02, 0.05, 3.0), HOLDS), (row(0.02, 0.02, 3.0), FAILS), (row(0.02, 0.02, 3.0, 0.1), NOISE)])
+def test_the_verdict_of_a_curve(last, verdict):
+    curve = [row(0.0, 0.04, 1.0), row(0.01, 0.03, 1.5), last]
+    assert gap_speed.claim(curve).verdict == verdict
+    assert gap_speed.claim(curve).ours.endswith("an end of the scan, so that no best gap is known")
+
+
+def test_a_best_gap_within_the_scan_is_no_end_and_a_rare_motion_does_not_judge():
+    curve = [row(0.0, 0.03, 1.0), row(0.01, 0.05, 1.5, share=0.75), row(0.01, 0.09, 0.1, share=0.25),
+             row(0.02, 0.04, 1.2), row(math.inf, 0.08, 0.0)]
+    judged = gap_speed.claim(curve)
+    assert "an end" not in judged.ours and judged.verdict == HOLDS
+    assert "fastest at 10 mm, 50 mm/s (75%)" in judged.ours
+
+
+def test_an_end_of_the_scan_names_the_speed_without_the_plate():
+    curve = [row(0.0, 0.03, 1.0), row(0.01, 0.05, 0.9), row(math.inf, 0.08, 0.0)]
+    assert gap_speed.claim(curve).ours.endswith("is known; without any plate it moves at 80 mm/s (100%)")
+
+
+@pytest.mark.parametrize(("side", "slope", "orbits", "verdict"), [
+    (-1.0, -11.0, (False, True), MISSIGNED), (1.0, -11.0, (False, True), HOLDS), (-1.0, 11.0, (False, True), FAILS),
+    (1.0, -11.0, (True, True), FAILS), (1.0, 11.0, (True, False), MISSIGNED)])
+def test_a_tilt_has_a_wrong_sign_only_where_closed_form_and_orbits_agree(side, slope, orbits, verdict):
+    assert verdict_of_tilt(side, slope, dict(zip((-1.0, 1.0), orbits, strict=True))) == verdict
+
+
+@pytest.mark.parametrize(("omega", "sign"), [(1.9, 1.0), (2.1, -1.0)])
+def test_the_fold_lies_on_the_side_to_which_the_closed_form_tilts(omega, sign):
+    oscillator = Oscillator(omega, 0.0, 0.8)
+    assert np.sign(-oscillator.shape(1)[0]) == np.sign(oscillator.fold(1)) == sign
+
+
+@pytest.mark.parametrize("oscillator", [
+    Oscillator(1.9, 1.05, 0.8), Oscillator(0.6, 1.3, 0.5), Oscillator(2.4, 1.01, 0.3)])
+def test_exact_and_scipy_agree_in_the_literatures_variables(oscillator):
+    assert difference(oscillator, 10) < 1e-5
+
+
+@pytest.mark.parametrize(("omega", "turns"), [(1.9, 1), (2.0, 1), (2.1, 1), (4.2, 2), (6.0, 3)])
+def test_the_settled_orbit_has_the_closed_forms_speed(omega, turns):
+    oscillator = Oscillator(omega, 0.2 / abs(1.0 - omega**2), 0.7)
+    motion = settled(started(oscillator, 1.0), oscillator)
+    assert (motion.impacts, motion.turns) == (1, turns)
+    assert motion.speeds[0] == pytest.approx(oscillator.speeds(turns)[0], rel=1e-5)
+
+
+def test_the_closed_form_is_a_periodic_motion():
+    """x = cos ωt/(1 - ω²) + a free oscillation returns to the stop after n turns with the speed of the impact."""
+    oscillator, turns = Oscillator(1.9, 0.3, 0.8), 1
+    speed, (a, _) = oscillator.speeds(turns)[0], oscillator.shape(turns)
+    period = 2.0 * math.pi * turns / oscillator.omega
+    free = -a * speed  # σ less the driven part at the impact
+    forced = oscillator.sigma - free
+    forced_speed = (1.0 - oscillator.restitution) * speed / 2.0
+    free_speed = -oscillator.restitution * speed - forced_speed
+    assert forced**2 + (forced_speed / oscillator.omega)**2 == pytest.approx(oscillator.reach**2)
+    assert free * math.cos(period) + free_speed * math.sin(period) == pytest.approx(free)
+    assert -free * math.sin(period) + free_speed * math.cos(period) + forced_speed == pytest.approx(speed)
+
+
+def test_a_multiplier_is_one_at_the_fold():
+    oscillator = Oscillator(1.9, 0.0, 0.8)
+    at_fold = replace(oscillator, sigma=oscillator.fold(1) * (1.0 - 1e-12))
+    assert np.max(np.real(at_fold.multipliers(1, at_fold.speeds(1)[0]))) == pytest.approx(1.0, abs=1e-4)
+    beyond = replace(oscillator, sigma=oscillator.fold(1) * 1.001)
+    assert all(map(math.isnan, beyond.speeds(1)))
+
+
+def test_the_orbit_ends_at_the_fold_and_doubles_where_a_multiplier_is_minus_one():
+    folding, fold = Oscillator(1.9, 0.0, 0.8), Oscillator(1.9, 0.0, 0.8).fold(1)
+    found = [followed(replace(folding, sigma=fold * share), 0.0) for share in (0.99, 1.01)]
+    assert [motion.impacts == 1 for motion in found] == [True, False]
+    oscillator = Oscillator(2.8, 0.0, 0.8)
+    place = doubling(oscillator, 1, -0.07, 0.0)
+    motions = [followed(replace(oscillator, sigma=place + step), place - 0.01) for step in (-0.003, 0.003)]
+    assert [(motion.impacts, motion.turns) for motion in motions] == [(1, 1), (2, 2)]
+
+
+def test_the_document_is_what_the_findings_say():
+    assert without_marks((DOCS / literature.TEXT).read_text(encoding="utf-8")) == literature.document(FINDINGS)
+
+
+def test_the_document_has_every_study_a_passed_check_each_and_known_verdicts():
+    assert [finding.name for finding in FINDINGS] == list(literature.PUBLISHED)
+    for finding in FINDINGS:
+        assert finding.checks and all(check.passed for check in finding.checks)
+        assert {claim.verdict for claim in finding.claims} <= set(VERDICTS)
+        assert (DOCS / literature.picture(finding.name)).is_file()
+
+
+def test_a_measured_robot_is_cited_with_what_was_read_and_what_is_missing():
+    """A row without a reference, or with nothing missing, would promise a comparison that nobody made."""
+    for one in measured.SOURCES:
+        assert "](https://" in one.source or "IOSR J. Mech. Civ. Eng." in one.source
+        assert "abstract" in one.read and one.reports and one.missing
+        assert one.source in (DOCS / literature.TEXT).read_text(encoding="utf-8")
+
+
+def test_a_short_study_finds_what_the_document_says(tmp_path):
+    """The quick run has fewer scenes; statements and verdicts of this study must not depend on them."""
+    assert literature.main(["two_phase", "--quick", "--output", str(tmp_path)]) == 0
+    [quick] = literature.read_findings(tmp_path / literature.FOLDER / literature.DATA)
+    stored = next(finding for finding in FINDINGS if finding.name == quick.name)
+    assert [(claim.statement, claim.verdict) for claim in quick.claims] == \
+        [(claim.statement, claim.verdict) for claim in stored.claims]
+    assert quick.mapping == stored.mapping and quick.sources == stored.sources
+
+
+def test_a_study_that_fails_keeps_those_before_it(monkeypatch, tmp_path, capsys):
+    def failing(quick):
+        raise RuntimeError("the capsule at 3: no step")
+
+    one = Finding("one", "One", ("A source",), "Contained.", (Mapped("a", "b", "c"),), (Check("what", 1.0, 2.0),),
+                  (Claim("said", "found", OUTSIDE, "rule"),), "nothing.")
+    monkeypatch.setattr(literature, "PUBLISHED", {"one": lambda quick: Studied(one, Figure), "two": failing})
+    assert literature.main(["--output", str(tmp_path)]) == 1
+    assert capsys.readouterr().err == "literature: the capsule at 3: no step; 1 of 2 studies are kept\n"
+    assert literature.read_findings(tmp_path / literature.FOLDER / literature.DATA) == [one]

@@ -1,0 +1,182 @@
+"""The study of basins: known motions, the same bytes with any interruption or distribution, no foreign files accepted.
+"""
+
+import json
+import math
+
+import numpy as np
+import pandas
+import pyarrow.parquet as pq
+import pytest
+
+import vibro_ros
+from vibro_lab.orbits.attractors import share_of
+from vibro_lab.orbits.turn_map import free_cut
+from vibro_lab.study.basins import Over, Starts, basin_entropy, everywhere, main
+
+RARE = ["--scene", "damped", "--set", "effects.normal_force=printed", "--set", "mass.inclined=0.25", "--set",
+        "guide.angle=1.3962634015954636"]
+GRID = [*RARE, "--over", "body_velocity=-2:2:20", "--over", "crank_angle=0:6:15", "--workers", "1"]
+
+
+def test_the_rare_motion_is_found_among_300_starts(tmp_path, capsys):
+    """-35 mm/s and, rarely, -236 mm/s; both orbits close, and each start's motion is the one to which a plain run
+    settles.
+    """
+    assert main([*RARE, "--quick", "--output", str(tmp_path)]) == 0
+    motions, starts = (pandas.read_parquet(tmp_path / name) for name in ("attractors.parquet", "starts.parquet"))
+    assert (motions["mean_speed"] * 1e3).round(1).tolist() == [-34.8, -236.5] and motions["turns"].tolist() == [1, 1]
+    assert motions["starts"].sum() == 300 == len(starts) and motions["starts"][1] < 100
+    assert (starts["attractor"].value_counts().sort_index().tolist() == motions["starts"].tolist())
+    scene = vibro_ros.load_scene("damped").with_parameters({
+        "effects.normal_force": "printed", "mass.inclined": 0.25, "guide.angle": 1.3962634015954636})
+    for number in (1, 2):
+        start = starts[starts["attractor"] == number].iloc[0]
+        device = vibro_ros.Simulator(scene)
+        device.set_state(**{name: float(start[name]) for name in starts.columns[:6]})
+        device.advance_to(10.0)
+        begun = device.state.body_position
+        device.advance_to(10.0 + 20 * 2.0 * np.pi / 100.0)
+        speed = (device.state.body_position - begun) / (device.time - 10.0)
+        assert speed == pytest.approx(motions["mean_speed"][number - 1], abs=1e-6)
+    largest = [complex(real[0], imaginary[0]) for real, imaginary in zip(
+        motions["multipliers_real"], motions["multipliers_imaginary"], strict=True)]
+    assert all(0.0 < abs(one) < 1.0 for one in largest)
+    rate = np.log(np.abs(largest)) / (2.0 * np.pi / 100.0)
+    assert motions["lyapunov_exponent"].tolist() == pytest.approx(rate.tolist())
+    said = capsys.readouterr()
+    assert "motion 2: -236.51 mm/s, again after 1 turn" in said.out
+
+
+def test_a_grid_gives_a_map_whose_files_tell_units_and_design(tmp_path, capsys):
+    assert main([*GRID, "--output", str(tmp_path)]) == 0
+    table = pandas.read_parquet(tmp_path / "starts.parquet")
+    numbers = table["attractor"].to_numpy().reshape(20, 15)
+    assert table["body_velocity"].to_numpy().reshape(20, 15)[:, 0] == pytest.approx(np.linspace(-2.0, 2.0, 20))
+    assert set(numbers[0]) != set(numbers[-1]) and np.all(numbers[-1] == 1)  # backwards is where the rare one is
+    assert "basin entropy" in capsys.readouterr().out
+    schema = pq.read_schema(tmp_path / "blocks" / "block_000000.parquet")
+    assert schema.field("body_velocity").metadata[b"unit"] == b"m/s"
+    design = json.loads(schema.metadata[b"vibro_ros"])["design"]
+    assert design["starts"] == {"grid": [["body_velocity", -2.0, 2.0, 20], ["crank_angle", 0.0, 6.0, 15]]}
+    assert design["set"]["mass.inclined"] == 0.25 and set(design["set"]) == set(
+        vibro_ros.load_scene("damped").parameters)
+
+
+def test_starts_that_cannot_be_are_counted_and_have_no_motion(tmp_path, capsys):
+    words = ["--scene", "rigid", "--set", "motor.speed=100", "--over", "upper_position=0.05:0.07:4", "--over",
+             "body_velocity=0:1:2", "--workers", "1", "--output", str(tmp_path)]
+    assert main(words) == 0
+    table = pandas.read_parquet(tmp_path / "starts.parquet")
+    beyond = table["upper_position"] > 0.06
+    assert beyond.sum() == 4 and ((table["attractor"] == -1) == beyond).all()
+    assert "4 starts cannot be, or could not go on, such as: no such start: upper_position" in capsys.readouterr().out
+
+
+def test_a_scene_without_losses_settles_nowhere(tmp_path, capsys):
+    words = ["--scene", "no_impact", "--starts", "3", "--workers", "1", "--output", str(tmp_path)]
+    assert main(words) == 0
+    said = capsys.readouterr().out
+    assert "3 starts had not settled within 4096 turns" in said
+    assert pandas.read_parquet(tmp_path / "starts.parquet")["attractor"].tolist() == [0, 0, 0]
+    assert len(pandas.read_parquet(tmp_path / "attractors.parquet")) == 0
+
+
+def test_draws_depend_on_seed_and_number_alone():
+    over = (Over("body_velocity", -1.0, 1.0), Over("crank_angle", 0.0, 6.0))
+    few, many, others = Starts(over, 10, 0), Starts(over, 100, 0), Starts(over, 10, 1)
+    assert [few.start(k) for k in range(10)] == [many.start(k) for k in range(10)]
+    assert few.start(0) != others.start(0)
+    inside = np.array([list(many.start(k).values()) for k in range(100)])
+    assert np.all(inside.min(axis=0) >= [-1.0, 0.0]) and np.all(inside.max(axis=0) <= [1.0, 6.0])
+
+
+def test_the_last_coordinate_of_a_grid_changes_fastest():
+    plane = Starts((Over("body_velocity", 0.0, 1.0, 2), Over("crank_angle", 0.0, 2.0, 3)), 6)
+    assert plane.is_grid and [tuple(plane.start(k).values()) for k in range(4)] == [
+        (0.0, 0.0), (0.0, 1.0), (0.0, 2.0), (1.0, 0.0)]
+
+
+@pytest.mark.parametrize(("name", "gap"), [("damped", 0.0), ("rigid", -0.03), ("rigid", 0.03), ("device", 0.001)])
+def test_the_box_that_is_drawn_from_unless_said_otherwise_holds_no_impossible_start(name, gap):
+    scene = vibro_ros.load_scene(name).with_parameters({"motor.speed": 100.0, "upper.gap": gap})
+    device, draws = vibro_ros.Simulator(scene), Starts(everywhere(scene), 50)
+    for number in range(50):
+        device.reset()
+        device.set_state(**draws.start(number))
+    assert {*(one.name for one in draws.over), "body_height", "body_vertical_velocity"} >= set(free_cut(scene).names)
+
+
+def test_chaos_is_one_motion_beside_a_periodic_one(tmp_path):
+    """`device` at 120 rad/s."""
+    words = ["--scene", "device", "--set", "motor.speed=120", "--starts", "40", "--workers", "1",
+             "--output", str(tmp_path)]
+    assert main(words) == 0
+    motions = pandas.read_parquet(tmp_path / "attractors.parquet")
+    assert motions["turns"].tolist() == [0, 2] and motions["lyapunov_exponent"][0] > 0.2
+    assert motions["lyapunov_spread"][1] == 0.0 < motions["lyapunov_spread"][0] < motions["lyapunov_exponent"][0]
+    assert motions["lyapunov_exponent"][1] < 0.0 and motions["starts"].sum() == 40
+    assert [len(row) for row in motions["multipliers_real"]] == [0, 7]
+
+
+def test_a_tolerance_that_rounding_breaks_is_said_once(tmp_path, capsys):
+    words = [*RARE, "--set", "upper.plate.stiffness=1e12", "--starts", "3", "--workers", "1"]
+    assert main([*words, "--output", str(tmp_path)]) == 0
+    assert capsys.readouterr().err.count("solver.tolerance") == 1
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    (["--over", "speed=0:1"], "--over speed: is no coordinate of this scene's start; give one of upper_position"),
+    (["--over", "body_velocity"], "give NAME=LOW:HIGH:COUNT for a grid"),
+    (["--over", "body_velocity=1:0"], "from 1 to 0 is no range; give the smaller number first"),
+    (["--over", "body_velocity=0:.nan"], "is no number"),
+    (["--over", "body_velocity=0:1:1"], "count: 1 is out of range; give a whole number from 2"),
+    (["--over", "body_velocity=0:1:3"], "1 coordinates, of which 1 have a count; a grid has two"),
+    (["--over", "body_velocity=0:1", "--over", "body_velocity=0:2"], "given twice; keep one"),
+    (["--over", "body_velocity=0:1:9", "--over", "crank_angle=0:1:9", "--starts", "5"], "a grid draws no starts"),
+    (["--starts", "0"], "--starts: 0 is out of range"), (["--turns", "4"], "--turns 4 and --most-turns 4096"),
+    (["--set", "effects.upper_mass=false", "--set", "effects.inclined_mass=false"], "nothing moves in it but")])
+def test_bad_words_are_refused_in_one_line(refusal, words, said):
+    assert said in refusal(main, *RARE, *words)
+
+
+@pytest.mark.parametrize(("found", "of", "low", "high"), [
+    (81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718)])
+def test_intervals_are_those_of_a_published_table(found, of, low, high):
+    """A50. R. G. Newcombe, Stat. Med. 17 (1998) 857, table I, method 3."""
+    share, *interval = share_of(found, of)
+    assert share == found / of and interval == pytest.approx([low, high], abs=5e-5)
+
+
+def test_a_straight_boundary_has_the_entropy_of_its_boxes():
+    """A51. Columns 0 to 6 lead to motion 1, the others to 2: in the boxes over columns 5 to 9, two fifths belong to
+    motion 1.
+    """
+    numbers = np.where(np.arange(20)[None, :] < 7, 1, 2) * np.ones((10, 1), dtype=int)
+    entropy, mixed = basin_entropy(numbers, -1), -0.4 * math.log(0.4) - 0.6 * math.log(0.6)
+    assert (entropy.boxes, entropy.mixed) == (8, 2)
+    assert entropy.boundary == pytest.approx(mixed) and entropy.entropy == pytest.approx(mixed / 4.0)
+
+
+def test_three_motions_in_every_box_are_more_than_log_2():
+    numbers = np.random.default_rng(1).integers(1, 4, size=(100, 100))
+    entropy = basin_entropy(numbers, -1)
+    assert entropy.mixed == entropy.boxes == 400
+    assert math.log(2.0) < entropy.boundary < math.log(3.0)
+
+
+def test_what_is_left_over_at_the_ends_is_left_out_and_a_small_grid_has_none():
+    numbers = np.ones((12, 7), dtype=int)
+    numbers[10:], numbers[:, 5:] = 2, 3
+    entropy = basin_entropy(numbers, -1)
+    assert (entropy.entropy, entropy.boxes, entropy.mixed) == (0.0, 2, 0)
+    assert math.isnan(entropy.boundary)
+    assert basin_entropy(numbers[:4], -1) is None
+
+
+def test_a_box_in_which_something_cannot_start_is_left_out():
+    numbers = np.ones((5, 15), dtype=int)
+    numbers[:, 3:7], numbers[2, 12] = -1, 2
+    entropy = basin_entropy(numbers, -1)
+    assert (entropy.boxes, entropy.mixed) == (1, 1) and entropy.entropy == entropy.boundary > 0.0
+    assert basin_entropy(numbers[:, :10], -1) is None

@@ -1,0 +1,180 @@
+"""A map: motions that are known from elsewhere, where they coexist and end, resumed to the same bytes."""
+
+import pickle
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pandas
+import pytest
+
+import vibro_lab
+import vibro_ros
+from vibro_lab.study import map as motions_module
+from vibro_lab.study.map import (
+    GAP,
+    LEAST_CELLS,
+    PATCHWORK,
+    SPEED,
+    UNSETTLED,
+    Axis,
+    End,
+    Line,
+    MapDesign,
+    Visit,
+    end_point,
+    main,
+    motions,
+    rows_of_line,
+    visits,
+)
+from vibro_lab.study.measures import measure
+
+SIDES = ("upper", "inclined")
+FOLD, BACK = 107.959911, 104.85265
+"""Motor speeds [rad/s] between which `damped` has two motions, by continuation (see test/orbits)."""
+#: Eleven motor speeds around these, and two gaps of which one is almost 0.
+FOLDED = ["--scene", "damped", "--motor-speed", "100:110:11", "--gap=-1e-6:0:2", "--quick"]
+TINY = ["--motor-speed", "110:120:3", "--gap", "0.003:0.005:3", "--workers", "1",
+        "--curves", "2", "--quick"]
+
+
+def visit(i=0, j=0, turns=1, landings=1, speed=-0.05, at=0.0):
+    """A visit that has found a motion with a state `at` so many crank radii, or around it without a period."""
+    states = at + np.random.default_rng(0).uniform(-1.0, 1.0, (max(turns, 0) or 32, 1)) * (not turns)
+    return Visit(i, j, turns, landings, speed, 10.0, 0.1, 0.5, states)
+
+
+@pytest.fixture(scope="module")
+def folded(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("folded")
+    assert main([*FOLDED, "--output", str(folder)]) == 0
+    return folder
+
+
+def test_two_motions_exist_exactly_between_the_folds(folded):
+    """105 rad/s is left out: so close to the fold a step of 1 rad/s leaves the motion."""
+    table = pandas.read_parquet(folded / "motions.parquet")
+    assert sorted(set(table.gap)) == [-1e-6, 0.0]
+    for speed in np.linspace(100.0, 110.0, 11).tolist():
+        several = 2 if BACK < speed < FOLD else 1
+        for gap in (-1e-6, 0.0):
+            assert np.sum((table.motor_speed == speed) & (table.gap == gap)) == several or speed == 105.0, speed
+
+
+def test_a_motion_ends_at_the_fold_where_continuation_has_it():
+    """The fold is found again from 107 rad/s, the last speed of the grid that has the motion."""
+    design = MapDesign(vibro_ros.load_scene("damped"), SIDES, Axis(106.0, 107.0, 2), Axis(0.0, 1e-6, 2))
+    found, rows = motions(visits(design, Line(SPEED, 0, True)))
+    fast = int(np.argmin(found.mean_speed * (found.speed_index == 1)))
+    point = end_point(design, End(0, int(found.turns[fast]), 0, 1, 1, tuple(rows[fast].states[-1].tolist())))
+    assert point.kind == "fold"
+    assert point.motor_speed == pytest.approx(FOLD, abs=1e-5)  # the known value has six digits
+
+
+def test_only_cells_with_several_motions_have_shares(folded):
+    table = pandas.read_parquet(folded / "motions.parquet")
+    size = table.groupby(["motor_speed", "gap"]).motion.transform("size")
+    assert table.share_of_starts[size == 1].isna().all() and (size == 1).any()
+    assert (table[size == 2].groupby(["motor_speed", "gap"]).share_of_starts.sum() == 1.0).all() and (size == 2).any()
+
+
+def test_the_shares_are_those_of_the_same_starts_by_another_road():
+    """`device` at 100 rad/s and 2 mm, where both motions have starts; `attractors` cuts elsewhere, groups by states."""
+    axes = Axis(100.0, 101.0, 2), Axis(0.002, 0.003, 2)
+    scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0, "upper.gap": 0.002,
+                                                            "inclined.gap": 0.002})
+    led = vibro_lab.attractors(scene, motions_module.HISTORIES)
+    known = [(one.turns, one.mean_speed) for one in reversed(led)]
+    assert sorted(round(1e3 * speed, 1) for _, speed in known) == [-113.6, -84.6]
+    counts = motions_module._led(MapDesign(scene, SIDES, *axes), [((0, 0), known)], 0)
+    assert counts == [one.starts for one in reversed(led)] == [2, 6]
+
+
+@pytest.mark.parametrize(("turns", "speed", "place"), [
+    (1, -0.0501, 0), (2, -0.0501, 1), (2, -0.2, None), (4, -0.05, None), (20, -0.08, 2)])
+def test_a_start_has_led_to_the_motion_of_its_period_and_speed_or_to_none(turns, speed, place):
+    """A period of more than 8 turns counts as none, as in the table of motions."""
+    led = visit(turns=turns, speed=speed).settled(1e-5)
+    assert motions_module._place_among(replace(led, turns=turns), [(1, -0.05), (2, -0.05), (0, -0.081)]) == place
+
+
+def test_motions_on_either_side_of_a_fold_have_numbers_of_their_own(folded):
+    table = pandas.read_parquet(folded / "motions.parquet")
+    first, last = (table.motion[table.motor_speed == speed].tolist() for speed in (100.0, 110.0))
+    assert len(set(first)) == len(set(last)) == 1
+    assert PATCHWORK not in first and PATCHWORK not in last
+    assert first[0] != last[0]
+
+
+def test_a_motion_is_measured_as_studies_measure_it():
+    """At 116 rad/s and 4 mm the device has one motion, of period 2."""
+    scene = vibro_ros.load_scene("device")
+    design = MapDesign(scene, SIDES, Axis(114.0, 116.0, 2), Axis(0.004, 0.005, 2))
+    *_, found = visits(design, Line(SPEED, 0, True))
+    one = measure(design.scene_at(1, 0), ("mean_speed", "cost_of_transport", "stick_share", "air_share", "period"),
+                  20.0, 5.0)
+    assert found.turns == one.pop("period") == 2
+    for name, value in one.items():
+        assert getattr(found, name) == pytest.approx(value, rel=1e-5, abs=1e-6), name
+
+
+def test_a_sweep_goes_on_from_cell_to_cell():
+    """At 110 rad/s and -2 to 8 mm a gap's sweep visits each cell once, in its order, either way."""
+    design = MapDesign(vibro_ros.load_scene("device"), SIDES, Axis(110.0, 120.0, 2), Axis(0.003, 0.004, 3))
+    up, down = (visits(design, Line(GAP, 0, upwards)) for upwards in (True, False))
+    assert [(one.speed_index, one.gap_index) for one in up] == [(0, 0), (0, 1), (0, 2)]
+    assert [one.gap_index for one in down] == [2, 1, 0]
+    for one, other in zip(up, reversed(down), strict=True):  # one motion, whichever way
+        assert one.mean_speed == pytest.approx(other.mean_speed, abs=1e-6)
+
+
+def test_other_machines_get_the_work_as_it_is():
+    design = MapDesign(vibro_ros.load_scene("device"), SIDES, Axis(110.0, 120.0, 2), Axis(0.003, 0.004, 2))
+    work = pickle.loads(pickle.dumps(partial(rows_of_line, design)))
+    found = work(3)
+    assert [row["mean_speed"] for row in found] == [one.mean_speed for one in visits(design, design.lines()[3])]
+
+
+def test_a_cell_has_each_motion_once():
+    """Told apart by period and states, not by the mean speed: two motions may have one."""
+    found, rows = motions([visit(), visit(at=1e-7), visit(at=0.1), visit(turns=2), visit(turns=0),
+                           visit(turns=0, at=0.1), visit(turns=0, at=5.0), visit(turns=UNSETTLED)])
+    assert [(one.turns, round(float(one.states.mean()))) for one in rows] == [(1, 0), (1, 0), (2, 0), (0, 0), (0, 5)]
+    assert found.motion.tolist() == [PATCHWORK] * 5
+
+
+def test_neighbours_are_one_motion_unless_they_jump_or_are_of_another_kind():
+    count = LEAST_CELLS + 2
+    row = [visit(i, 0, speed=-0.05 - 0.002 * i) for i in range(count)]
+    jumped = [visit(i, 1, speed=-0.2) for i in range(count)]
+    other = [visit(i, 2, turns=2, speed=-0.2) for i in range(count)]
+    found, rows = motions([*row, *jumped, *other])
+    numbers = {(one.gap_index, number) for one, number in zip(rows, found.motion.tolist(), strict=True)}
+    assert len(numbers) == len({number for _, number in numbers}) == 3
+
+
+def test_two_motions_of_one_cell_are_never_one_even_around_the_end_of_a_fold():
+    """Two sheets whose difference vanishes towards one side: a cusp."""
+    sheets = [visit(i, j, speed=-0.05 - sign * 0.01 * i, at=0.1 * sign)
+              for i in range(6) for j in range(4) for sign in (0, 1) if i or not sign]
+    found, rows = motions(sheets)
+    cells = [(one.speed_index, one.gap_index, number) for one, number in zip(rows, found.motion.tolist(), strict=True)]
+    assert len(set(cells)) == len(cells) == len(sheets)
+    assert PATCHWORK not in found.motion
+
+
+@pytest.mark.parametrize("words, reason", [
+    (["--motor-speed", "0:100:3"], "--motor-speed: from 0 rad/s; a crank that stands has no motion"),
+    (["--motor-speed", "100:50:3"], "--motor-speed 100:50:3: is no range"),
+    (["--motor-speed", "100"], "--motor-speed 100: give LOW:HIGH:COUNT"),
+    (["--gap", "0:nan:3"], "--gap 0:nan:3: "),
+    (["--motor-speed", "1:200:1000", "--gap", "0:0.001:1000"], "--motor-speed, --gap: 1000 x 1000 cells; give at most"),
+    (["--curves", "42"], "--curves: 42 is out of range; give a number from 0 to 41, the gaps"),
+    (["--scene", "no_impact"], "--gaps both: no_impact has no upper plate"),
+    (["--set", "solver.method=rk4"], "solver.method: rk4 has no map"),
+    (["--scene", "machine", "--set", "motor.control=voltage"], "motor.control: voltage commands no motor speed"),
+    (["--scene", "machine", "--curves", "3"], "motor.control: speed_by_current takes samples 1000 times a second"),
+])
+def test_bad_input_is_one_line(refusal, words, reason):
+    assert refusal(main, *words).startswith(f"study: {reason}")

@@ -1,0 +1,152 @@
+"""`study orbits`: the same numbers however often it is interrupted, no foreign files accepted, bad input refused in one
+line.
+"""
+
+import json
+
+import numpy as np
+import pandas
+import pyarrow.parquet as pq
+import pytest
+
+import vibro_lab
+import vibro_ros
+from vibro_lab.orbits.branch import Branch, Special
+from vibro_lab.study.orbits import (
+    CurvePlan,
+    branch_in,
+    branch_of_task,
+    curve_of_task,
+    fields_of,
+    main,
+    plan_of,
+    rows_of,
+    study_of,
+)
+from vibro_lab.study.table import table_of
+
+SHORT = ["--scene", "damped", "--vary", "motor.speed=99.5:101", "--from", "100", "--starts", "1", "--turns", "2"]
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory):
+    """The folder of a short study."""
+    folder = tmp_path_factory.mktemp("orbits")
+    assert main([*SHORT, "--workers", "1", "--output", str(folder)]) == 0
+    return folder
+
+
+def test_branches_are_those_that_python_follows(short):
+    table = pandas.read_parquet(short / "branches.parquet")
+    orbit = vibro_lab.find_orbit(vibro_ros.load_scene("damped"))
+    for number, upwards in enumerate((True, False)):
+        own = table[table["branch"] == number]
+        branch = vibro_lab.follow_orbit(orbit, "motor.speed", 99.5, 101.0, upwards)
+        assert own["mean_speed"].to_numpy() == pytest.approx(branch.mean_speeds, abs=1e-9)
+        assert own["motor.speed"].to_numpy() == pytest.approx(branch.values, abs=1e-6)
+        assert np.stack(own["multipliers_real"]) == pytest.approx(branch.multipliers.real, abs=1e-5)
+        assert own["stable"].tolist() == branch.stable.tolist()
+        assert own["end"].iloc[-1] == branch.end and own["end"].iloc[:-1].isna().all()
+    assert table["motor.speed"].min() == 99.5 and table["motor.speed"].max() == 101.0
+
+
+def test_columns_say_their_units_and_the_file_its_origin(short):
+    schema = pq.read_schema(short / "branches" / "block_000000.parquet")
+    assert schema.field("mean_speed").metadata[b"unit"] == b"m/s"
+    assert schema.field("upper_position").metadata[b"unit"] == b"m"
+    origin = json.loads(schema.metadata[b"vibro_ros"])
+    assert origin["design"]["scene"] == "damped" and origin["version"] and origin["sources"]
+
+
+def test_the_same_command_goes_on_where_it_was_and_more_processes_change_no_byte(short, bytes_of, tmp_path,
+                                                                                  capsys):
+    """Missing or damaged branches are followed again; finished ones are not."""
+    (tmp_path / "branches").mkdir()
+    for name in ("block_000000.parquet", "block_000001.parquet"):
+        (tmp_path / "branches" / name).write_bytes((short / "branches" / name).read_bytes())
+    (tmp_path / "branches" / "block_000001.parquet").write_bytes(b"PAR1 nonsense")
+    assert main([*SHORT, "--workers", "2", "--output", str(tmp_path)]) == 0
+    said = capsys.readouterr().err
+    assert "block_000001.parquet: is damaged" in said
+    assert "branch 1: 1 turn" in said and "branch 0: 1 turn" not in said
+    assert bytes_of(tmp_path) == bytes_of(short)
+
+
+@pytest.mark.parametrize(("words", "message"), [
+    ([], "--vary: is missing; give NAME=LOW:HIGH"),
+    (["--vary", "motor.speed=100"], "--vary motor.speed=100: is no range"),
+    (["--vary", "motor.speed=0:100", "--from", "0"], "motor.speed: 0 rad/s turns no crank; give the speed"),
+    (["--vary", "motor.speed=60:130", "--from", "140"], "--from 140: is not from 60 to 130; give a value of the"),
+    (["--vary", "motor.speed=60:130", "--from", "fast"], "motor.speed: 'fast' is not a number"),
+    (["--vary", "motor.speed=60:130", "--curves", "upper.gap=0"], "--curves upper.gap=0: is no range"),
+    (["--vary", "motor.speed=60:130", "--curves", "motor.speed=60:70"], "motor.speed is the parameter of --vary"),
+    (["--vary", "motor.speed=60:130", "--curves", "upper.gap=0.001:0.002"], "does not hold the machine's 0"),
+    (["--vary", "motor.speed=60:130", "--turns", "33"], "--turns: 33 is out of range; give a whole number from"),
+    (["--vary", "motor.speed=60:130", "--set", "solver.method=rk4"], "solver.method: 'rk4' is not exact to rounding"),
+])
+def test_bad_input_is_refused_in_one_line(refusal, words, message):
+    assert message in refusal(main, *words)
+
+
+def test_a_branch_is_read_as_it_was_written():
+    """Special points are stored between the orbits that they lie between."""
+    plan = plan_of(main.parser().parse_args(["--quick", "--scene", "damped"]))
+    random = np.random.default_rng(7)
+    names = ("upper_position", "upper_velocity", "inclined_position", "inclined_velocity", "body_velocity")
+    multipliers = random.normal(size=(4, 5)) + 1j * random.normal(size=(4, 5))
+    special = tuple(Special(kind, 0.1 * at, multipliers[0], change, 0.5, random.normal(size=5), at,
+                            np.array([100.0 + at]), 1e-9)
+                    for kind, change, at in (("fold", "", 0), ("grazing", "landing appears", 2), ("fold", "", 2),
+                                             ("corner", "stick vanishes", 4)))
+    branch = Branch(plan.scene, ("motor.speed",), "", 2, random.normal(size=4), random.normal(size=4), multipliers,
+                    random.normal(size=4), random.normal(size=(4, 5)),
+                    {name: random.normal(size=(4, 2)) for name in names}, special, "an end")
+    table = table_of(rows_of(branch), fields_of(plan, branch.names))
+    assert study_of(plan, branch_of_task, {}).are_own([3], table.to_pylist())
+    found = branch_in(table, plan.scene, branch.names)
+    assert found.end == "an end" and found.turns == 2
+    for key in ("values", "mean_speeds", "multipliers", "phases", "states"):
+        np.testing.assert_array_equal(getattr(found, key), getattr(branch, key))
+    for name in names:
+        np.testing.assert_array_equal(found.strobe[name], branch.strobe[name])
+    assert [(one.kind, one.value, one.change, one.at) for one in found.special_points] == [
+        (one.kind, one.value, one.change, one.at) for one in special]
+
+
+@pytest.mark.process
+def test_curves_are_followed_kept_and_not_followed_twice(bytes_of, tmp_path, capsys):
+    """The fold of `damped` at 107.96 rad/s; the same command reads the stored curve and changes no byte."""
+    words = ["--scene", "damped", "--vary", "motor.speed=100:110", "--from", "107", "--starts", "1", "--turns", "1",
+             "--points", "30", "--curves", "inclined.gap=-0.0001:0.0001", "--workers", "1", "--output", str(tmp_path)]
+    assert main(words) == 0
+    before = bytes_of(tmp_path)
+    table = pandas.read_parquet(tmp_path / "curves.parquet")
+    fold = pandas.read_parquet(tmp_path / "special_points.parquet").query("kind == 'fold'").iloc[0]
+    own = table[(table["through"] == fold["name"]) & (table["kind"] == "fold")]
+    assert set(own["way"]) == {"upwards", "downwards"} and own["inclined.gap"].abs().max() == 1e-4
+    begin = own[own["inclined.gap"] == 0.0]
+    assert begin["motor.speed"].to_numpy() == pytest.approx(fold["motor.speed"], abs=1e-7)
+    capsys.readouterr()
+    assert main(words) == 0
+    assert "at most 30 orbits" not in capsys.readouterr().err and bytes_of(tmp_path) == before
+
+
+def test_a_curve_is_read_as_it_was_written():
+    plan = plan_of(main.parser().parse_args(["--quick", "--scene", "damped"]))
+    asked, random = CurvePlan(plan, "upper.gap", 0.0, 0.002), np.random.default_rng(7)
+    multipliers = random.normal(size=(4, 5)) + 1j * random.normal(size=(4, 5))
+    special = tuple(Special(kind, 0.1 * at, multipliers[0], change, 0.5, random.normal(size=5), at,
+                            random.normal(size=2))
+                    for kind, change, at in (("change of events", "stick", 0), ("change of events", "stick", 2),
+                                     ("change of events", "", 4)))
+    curve = Branch(plan.scene, ("motor.speed", "upper.gap"), "fold", 2, random.normal(size=(4, 2)),
+                   random.normal(size=4), multipliers, random.normal(size=4), random.normal(size=(4, 5)), {}, special,
+                   "an end")
+    table = table_of(rows_of(curve), fields_of(plan, curve.names))
+    assert study_of(asked, curve_of_task, {}).are_own([3], table.to_pylist())
+    found = branch_in(table, plan.scene, curve.names)
+    assert (found.kind, found.names, found.turns, found.end) == ("fold", curve.names, 2, "an end")
+    for key in ("values", "mean_speeds", "multipliers", "phases", "states"):
+        np.testing.assert_array_equal(getattr(found, key), getattr(curve, key))
+    assert [(one.kind, one.values.tolist(), one.change, one.at) for one in found.special_points] == [
+        (one.kind, one.values.tolist(), one.change, one.at) for one in special]

@@ -1,0 +1,162 @@
+"""How well a twin follows simulated robots, and which of their faults it names: the tables of docs/guide/twin.md.
+
+`python lab/test/twin/following.py errors|faults [ROBOT ...] [--seeds N]` prints a row for each of `ROBOTS`, or
+for each fault. A robot's free parameters are drawn from what the twin believes of them, 2 % around the scene's.
+"""
+
+import argparse
+import math
+import os
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+
+import numpy as np
+
+from vibro_lab.twin.estimator import Departure, Estimate, Estimator
+from vibro_lab.twin.particles import INDEX, Measurement
+from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.model.faults import Incident
+from vibro_ros.model.scene import Scene
+from vibro_ros.sensors.device import SensedSimulator, new_device
+from vibro_ros.simulation.samples import Samples
+
+TICK, PERIOD = 0.005, 0.05  # s
+BANDWIDTH, RANGE = 740.0, 16.0 * 9.80665  # of a bmi270
+FIELD = {"sensors.preset": "bmi270", "sensors.imu.rate": 400.0, "sensors.encoder.rate": 200.0,
+         "sensors.tracking.rate": 100.0}
+SPREAD = 0.02
+FREE = ("ground.friction", "mass.body", "mass.upper", "mass.inclined", "upper.spring.stiffness",
+        "inclined.spring.stiffness")
+ROBOTS = {"damped at 100 rad/s": ("damped", {"effects.motor": "ramp", "motor.speed": 100.0}),
+          **{f"device at {speed:g} rad/s": ("device", {"motor.speed": speed}) for speed in (60.0, 90.0, 120.0)},
+          "machine at 100 rad/s": ("machine", {"motor.speed": 100.0})}
+"""Scene, and what is changed in it for robot and twin alike."""
+LASTS = 10.0  # s
+GAPS = {"upper_gap": -0.002, "inclined_gap": 0.002}  # m
+FAULTS = {
+    "motor_stall": (Incident("motor_stall", LASTS), ()),
+    "friction_patch": (Incident("friction_patch", LASTS, "", 0.03, -100.0, 100.0), ()),
+    **{f"plate_stuck of {side}": (Incident("plate_stuck", LASTS, side), (f"{side}_gap",))
+       for side in ("upper", "inclined")},
+    "supply_sag": (Incident("supply_sag", LASTS, "", 12.0), ()),
+    "sensor_offset of imu": (Incident("sensor_offset", LASTS, "imu", 3.0), ()),
+    "sensor_offset of tracking": (Incident("sensor_offset", LASTS, "tracking", 0.05), ()),
+    "sensor_freeze of encoder": (Incident("sensor_freeze", LASTS, "encoder"), ()),
+    "none, but both plates move": (Incident("motor_stall", 0.0), tuple(GAPS)),
+}
+"""A fault, and the gaps that are commanded at its beginning, because a stuck plate shows only then."""
+
+
+def believed(robot: str) -> Scene:
+    """Return one of `ROBOTS` as the twin believes it to be."""
+    scene, changes = ROBOTS[robot]
+    return load_scene(scene).with_parameters({**changes, **FIELD})
+
+
+def drawn(scene: Scene, seed: int) -> Scene:
+    """Return a robot whose free parameters are drawn from what is believed of them."""
+    random = np.random.default_rng(1000 + seed)
+    return scene.with_parameters({"sensors.seed": float(seed), **{
+        name: scene[name] * math.exp(SPREAD * random.standard_normal()) for name in FREE}})
+
+
+def measured(robot: SensedSimulator) -> Iterator[Measurement]:
+    """Yield what has come out of the robot's sensors, as the node hears it."""
+    axes = 1 + robot.scene.body_hops
+    for sensor, at, values in robot.take_measurements():
+        if sensor == "tracking":
+            for field, value in zip(("body_position", "body_height")[:axes], values[:3:2], strict=False):
+                yield Measurement(at, field, value, values[3])
+        elif sensor == "encoder":
+            yield Measurement(at, "crank_angle", values[0], (2.0 * math.pi / 4096.0)**2 / 12.0)
+        else:
+            for field, value in zip(("acceleration_x", "acceleration_z")[:axes], values[:3:2], strict=False):
+                yield Measurement(at, field, value, values[6], RANGE)
+
+
+def follow(estimator: Estimator, robot: SensedSimulator, duration: float
+           ) -> Iterator[tuple[Estimate, Samples, Departure | None]]:
+    """Let the estimator follow the robot; yield estimate, true state and departure after each `PERIOD`."""
+    begin = round(robot.time / TICK)
+    for tick in range(begin + 1, begin + round(duration / TICK) + 1):
+        robot.advance_to(tick * TICK)
+        for one in measured(robot):
+            estimator.measure(one)
+        if tick % round(PERIOD / TICK) == 0:
+            estimator.advance_to(tick * TICK + 1e-9)
+            yield estimator.estimate(), robot.state, estimator.departure
+
+
+def begun(robot: str, seed: int) -> tuple[Estimator, SensedSimulator]:
+    """Return an estimator, and the robot that it is to follow."""
+    scene = believed(robot)
+    return Estimator(scene, FREE, SPREAD, seed=seed, bandwidth=BANDWIDTH), new_device(drawn(scene, seed))
+
+
+def print_errors(robot: str, seeds: int) -> None:
+    """Print how well 10 s of the robot's speed are known, how honest the variances are, and the false alarms."""
+    index, rows, of_parameters, departures, begin = INDEX["body_velocity"], [], [], Counter[str](), time.process_time()
+    for seed in range(seeds):
+        estimator, device = begun(robot, seed)
+        for one, true, departure in follow(estimator, device, LASTS):
+            rows.append((one.mean[index] - true.body_velocity, math.sqrt(one.variance[index])))
+            if departure:
+                departures[departure.words] += 1
+        of_parameters += [abs(mean - device.scene[name]) / deviation
+                          for name, (mean, deviation) in one.parameters.items()]
+    errors, deviations = np.abs(rows).T
+    ratios, cost = errors / deviations, (time.process_time() - begin) / LASTS / seeds
+    print(f"| {robot} | {1e3 * np.median(errors):.1f} | {1e3 * np.quantile(errors, 0.9):.1f} | "
+          f"{100.0 * np.mean(ratios < 2.5):.0f} % | {100.0 * np.mean(ratios > 0.3):.0f} % | "
+          f"{100.0 * np.mean(np.array(of_parameters) < 2.5):.0f} % | {dict(departures) or 'none'} | {cost:.2f} s |",
+          flush=True)
+
+
+def print_faults(robot: str, seeds: int, names: list[str]) -> None:
+    """Print of each fault, begun at other instants in other robots, what the twin has said within a second."""
+    said = {name: Counter[str]() for name in names}
+    for seed in range(seeds):
+        estimator, device = begun(robot, seed)
+        for _ in follow(estimator, device, 2.5 + 0.137 * seed):
+            pass
+        for name in names:
+            reading, writing = os.pipe()
+            if not (child := os.fork()):  # goes on from here with the fault, and ends
+                fault, gaps = FAULTS[name]
+                device.fail(*fault)
+                if commands := {gap: GAPS[gap] for gap in gaps}:
+                    estimator.command(device.time, **commands)
+                    device.command(**commands)
+                words = [departure.words for _, _, departure in follow(estimator, device, 1.0) if departure]
+                os.write(writing, (words[0] if words else "nothing").encode())
+                os._exit(0)
+            os.waitpid(child, 0)
+            said[name][os.read(reading, 1000).decode()] += 1
+            os.close(reading)
+            os.close(writing)
+    for name in names:
+        words = ", ".join(f"{words}: {count}" for words, count in said[name].most_common())
+        print(f"| {robot} | {name} | {words} |", flush=True)
+
+
+def main() -> int:
+    """Print the tables that are asked for."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("what", choices=("errors", "faults"))
+    parser.add_argument("robots", nargs="*", default=list(ROBOTS), metavar="ROBOT")
+    parser.add_argument("--seeds", type=int, default=4)
+    parser.add_argument("--faults", nargs="*", default=list(FAULTS))
+    given = parser.parse_args()
+    for robot in given.robots:
+        if given.what == "errors":
+            print_errors(robot, given.seeds)
+        else:
+            print_faults(robot, given.seeds, [name for name in given.faults
+                                              if name != "supply_sag" or robot.startswith("machine")])
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

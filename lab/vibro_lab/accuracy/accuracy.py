@@ -1,0 +1,238 @@
+"""Executable ``accuracy``: measure error and cost of every method for a scene."""
+
+if __name__ == "__main__":  # before all imports, which take a second or two, in which a signal may arrive
+    import sys
+
+    from vibro_lab.executables import accuracy
+
+    sys.exit(accuracy())
+
+import argparse
+import os
+import platform
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+
+from tqdm import tqdm
+
+from vibro_lab.accuracy.chart import draw_scene
+from vibro_lab.accuracy.harness import (
+    EXPONENT,
+    INSTANTS,
+    LEAST_TIME,
+    RATE,
+    REFERENCE,
+    Effort,
+    Row,
+    row_writer,
+)
+from vibro_lab.accuracy.programs import DEVICE, Program, Setting, UnableError
+from vibro_lab.accuracy.report import (
+    advice,
+    finding,
+    reference_in_words,
+    section,
+    slopes_in_words,
+    table,
+    unit_in_words,
+)
+from vibro_lab.accuracy.scene_rows import AVERAGED, OWN_CHECK, lyapunov_time_in, rows_of_scene
+from vibro_lab.executables import EXECUTABLES
+from vibro_lab.orbits.starts import RUNNING_SPEED, SETTLING
+from vibro_ros import (
+    Parser,
+    SimulationError,
+    exit_code,
+    interrupted_code,
+    load_scene,
+    png,
+    say,
+    shipped,
+)
+
+TABLE, TEXT = "accuracy.csv", "accuracy.md"
+_PACKAGES = ("numpy", "scipy")
+_LEAST_HORIZON = 1e-3  # s, one sample
+
+
+def machine() -> str:
+    """Text of what costs depend on: versions and machine, and the date."""
+    versions = ["vibro_ros from source", f"Python {platform.python_version()}",
+                *(f"{package} {metadata.version(package)}" for package in _PACKAGES)]
+    with suppress(metadata.PackageNotFoundError):
+        versions[0] = f"vibro_ros {metadata.version('vibro_ros')}"
+    return (f"{', '.join(versions)}; {platform.system()} {platform.machine()}, {os.cpu_count()} cores; "
+            f"{datetime.now(UTC):%Y-%m-%d}")
+
+
+def measure(scene_name: str, programs: Mapping[str, Program], effort: Effort, write: Callable[[Row], None],
+            checks: Sequence[tuple[Program, Setting]] = (OWN_CHECK,)) -> list[Row]:
+    """Measure and return the rows of a scene with a progress bar; each row is passed to `write` at once."""
+    found: list[Row] = []
+    scene = load_scene(scene_name)
+    tqdm.write(f"{scene.name}: chaos and reference ...")
+    with tqdm(desc=scene.name, unit="row", disable=None) as bar:
+        for row in rows_of_scene(scene, programs, effort, checks):
+            found.append(row)
+            write(row)
+            if row.compared == EXPONENT:
+                tqdm.write(f"{scene.name}: {lyapunov_time_in(found)}")
+            elif row.compared == REFERENCE:
+                tqdm.write(f"{scene.name}: {reference_in_words(row)}")
+            bar.set_postfix_str(f"{row.program} {row.setting}")
+            bar.update()
+    return found
+
+
+def findings(rows: Sequence[Row]) -> list[str]:
+    """Return the findings from the rows of a scene, in sentences."""
+    return [*slopes_in_words({rows[0].problem: rows}),
+            *(f"{asked[0].upper()}{asked[1:]}: {use}." for asked, use in advice(rows).items()),
+            *(finding(rows, method) for method in AVERAGED)]
+
+
+def write_report(rows: Mapping[str, Sequence[Row]], effort: Effort, folder: Path, interrupted: bool) -> list[Path]:
+    """Write the report of the rows measured so far, by scene, and the diagrams; returns the files."""
+    pictures = draw(rows, effort, folder)
+    parts = ["# What accuracy costs"]
+    if interrupted:
+        parts += ["", "**Interrupted: only a part was measured.**"]
+    for name in pictures:
+        parts += ["", f"Findings in the scene `{name}`, in brackets costs, RK4 = 1:", "",
+                  *(f"- {text}" for text in findings(rows[name]))]
+    parts += ["", how_measured(rows, effort, machine())]
+    for name, picture in pictures.items():
+        parts += ["", section(rows[name], picture.name), "", table(rows[name])]
+    text = folder / TEXT
+    text.write_text("\n".join(parts) + "\n", encoding="utf-8")
+    return [text, *pictures.values()]
+
+
+def how_measured(rows: Mapping[str, Sequence[Row]], effort: Effort, on: str) -> str:
+    """Return a description of the measurement in Markdown: machine, rounds, unit, instants and starts."""
+    return (f"Measured on: {on}.\n\n"
+            f"{unit_in_words(rows)} A cost is the ratio to that cost, measured in alternating runs: the median of at "
+            f"most {effort.repeats} rounds, each the median of as many runs as fit into {LEAST_TIME:g} s. "
+            f"Every run whose cost is measured is sampled at {RATE:g} Hz. No finer setting is measured after a run of "
+            f"more than {effort.patience:g} s.\n\n"
+            f"Errors are measured in other runs, at {INSTANTS} instants of each horizon that do not coincide with "
+            "samples or steps; `every position` means the body along the ground, its height, and both masses. A "
+            f"scene whose motor stands still at first is run at {RUNNING_SPEED:g} rad/s from the start. A mean speed "
+            f"is measured over {effort.duration:g} s, after {SETTLING:g} s of settling; its starts are independent, "
+            "because motor speed and gaps change at random in the first second. Fewer than 95 of 100 intervals contain "
+            "the true mean if a rare start goes far astray, as by `rk4` at 0.0001 s in `paper`.")
+
+
+def draw(rows: Mapping[str, Sequence[Row]], effort: Effort, folder: Path) -> dict[str, Path]:
+    """Draw the diagram of every scene whose reference was checked; returns the files by scene."""
+    pictures = {}
+    for name, own in rows.items():
+        if any(row.compared == REFERENCE for row in own):
+            pictures[name] = folder / f"{Path(name).stem}.png"
+            caption = f"{lyapunov_time_in(own)}; medians of at most {effort.repeats} rounds\n{machine()}"
+            pictures[name].write_bytes(png(draw_scene(own, caption)))
+    return pictures
+
+
+def chosen_programs(names: Sequence[str] | None, programs: Mapping[str, Program]) -> dict[str, Program]:
+    """Return the programs with the given names, in the order of `programs`; all for None.
+
+    Raises
+    ------
+    ValueError
+        For an empty sequence of names, and for an unknown name.
+    """
+    if names is not None and not names:
+        raise ValueError(f"--methods: none named; methods are {', '.join(programs)}")
+    for name in names or ():
+        if name not in programs:
+            raise ValueError(f"{name or repr(name)}: no such method; methods are {', '.join(programs)}")
+    return {name: program for name, program in programs.items() if names is None or name in names}
+
+
+def main(words: Sequence[str]) -> int:
+    """Run the executable; returns its exit code."""
+    return exit_code("accuracy", lambda: _measure(_parser().parse_args(words)))
+
+
+def _measure(options: argparse.Namespace) -> int:
+    try:
+        programs = chosen_programs(options.methods, DEVICE)
+        effort = _asked_effort(options)
+        scenes = shipped("scene") if options.all else [options.scene]
+        for scene in scenes:
+            load_scene(scene)  # a missing scene is refused before anything is written
+        options.output.mkdir(parents=True, exist_ok=True)
+        return _run(scenes, programs, effort, options.output)
+    except KeyboardInterrupt:
+        say("accuracy", f"interrupted before the diagrams; the rows are in {options.output / TABLE}")
+        return interrupted_code()
+    except OSError as error:
+        raise ValueError(f"{error.filename}: {error.strerror}; give a readable scene and a writable "
+                         "--output") from error
+
+
+def _run(scenes: Sequence[str], programs: Mapping[str, Program], effort: Effort, folder: Path) -> int:
+    code, interrupted = 0, False
+    rows: dict[str, list[Row]] = {}
+    with row_writer(folder / TABLE) as write:
+        try:
+            for scene in scenes:
+                def keep(row: Row) -> None:
+                    rows.setdefault(row.problem, []).append(row)
+                    write(row)
+
+                try:
+                    for text in findings(measure(scene, programs, effort, keep)):
+                        tqdm.write(f"{scene}: {text}")
+                except (SimulationError, UnableError) as error:
+                    say("accuracy", f"{scene}: exact cannot simulate it: {error}")
+                    code = 1
+        except KeyboardInterrupt:
+            code, interrupted = interrupted_code(), True
+            say("accuracy", "interrupted; what was measured is kept")
+    print("\n".join(map(str, (folder / TABLE, *write_report(rows, effort, folder, interrupted)))))
+    return code
+
+
+def _asked_effort(options: argparse.Namespace) -> Effort:
+    if options.repeats < 1:
+        raise ValueError(f"--repeats {options.repeats}: must be at least 1")
+    if options.horizon is not None and not _LEAST_HORIZON <= options.horizon <= 1e3:
+        raise ValueError(f"--horizon {options.horizon:g}: must be from {_LEAST_HORIZON:g} to 1000 s")
+    if options.starts < 2:
+        raise ValueError(f"--starts {options.starts}: must be at least 2, or there is no confidence interval")
+    if not options.patience > 0.0:
+        raise ValueError(f"--patience {options.patience:g}: must be positive")
+    return replace(Effort(), repeats=options.repeats, horizon=options.horizon, starts=options.starts,
+                   patience=options.patience, patience_for_averages=4.0 * options.patience)
+
+
+def _parser() -> Parser:
+    default = Effort()
+    parser = Parser(
+        prog="accuracy",
+        description=f"{EXECUTABLES['accuracy'].does} The table is Markdown and CSV. Ctrl-C keeps what is done.",
+        epilog="Exit code 0: all measured; 1: a scene cannot be simulated; 2: bad input, or nowhere to write; 129, "
+        "130, 143: interrupted by SIGHUP, SIGINT, SIGTERM, what was measured is written.")
+    which = parser.add_mutually_exclusive_group(required=True)
+    which.add_argument("--scene", metavar="NAME", help="shipped scene or scene file")
+    which.add_argument("--all", action="store_true", help="every shipped scene")
+    parser.add_argument("--methods", nargs="*", metavar="METHOD", help=f"of {', '.join(DEVICE)} "
+                        "(default: all)")
+    parser.add_argument("--horizon", type=float, metavar="S", help="compare trajectories within so many seconds "
+                        "(default: 5 Lyapunov times, 1 s at most)")
+    parser.add_argument("--repeats", type=int, default=default.repeats, metavar="N",
+                        help=f"rounds of runs of which the median cost is taken (default: {default.repeats})")
+    parser.add_argument("--starts", type=int, default=default.starts, metavar="N",
+                        help=f"starts of a mean speed (default: {default.starts})")
+    parser.add_argument("--patience", type=float, default=default.patience, metavar="S", help="run time after which a "
+                        "setting is not repeated nor a finer one tried; four times that for a mean speed's starts "
+                        f"(default: {default.patience:g})")
+    parser.add_argument("--output", type=Path, default=Path("out/accuracy"), metavar="DIR",
+                        help="where to write (default: out/accuracy)")
+    return parser

@@ -1,0 +1,196 @@
+"""All rows of one scene: its Lyapunov exponent, the check of its reference, trajectories, requirements, mean speeds.
+
+Because of chaos, trajectories can be compared for five Lyapunov times. Beyond, mean speeds over random starts are
+compared.
+"""
+
+import math
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from vibro_lab.accuracy.harness import (
+    AVERAGE,
+    CANNOT,
+    DIVERGES,
+    EXPONENT,
+    INSTANTS,
+    REFERENCE,
+    REQUIRED,
+    TRAJECTORY,
+    Effort,
+    Row,
+    SceneProblem,
+    errors,
+    off_every_grid,
+    row_of,
+    rows,
+)
+from vibro_lab.accuracy.programs import DEVICE, PLAIN, Program, Setting, UnableError
+from vibro_lab.orbits.attractors import group_starts
+from vibro_lab.orbits.chaos import exponent_of_pairs, half_interval
+from vibro_lab.orbits.recurrence import SettledMotion
+from vibro_lab.orbits.starts import SETTLING, STARTING, motor_command, running, started_at_share
+from vibro_lab.study.execution import Execution
+from vibro_lab.study.measures import drift_in, measure_with_motion
+from vibro_ros import Scene, SimulationError, core_count
+
+#: Horizons [s] of requirements: a short one, which chaos allows in all scenes, and a long one.
+SHORT, LONG = 0.2, 10.0
+#: Longest horizon [s] of trajectories, in seconds and in Lyapunov times, after which an initial error has grown
+#: e^5 = 150 times.
+LONGEST_HORIZON, LYAPUNOV_TIMES = 1.0, 5.0
+#: The device's methods of fixed step whose mean speeds are measured, and the steps [s].
+AVERAGED, AVERAGE_STEPS = ("rk4", "rk4_located"), (1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5, 1e-5, 5e-6, 2e-6, 1e-6)
+_PAIR_DURATION, _PAIRS = 15.0, 24  # duration [s] and number of the pairs of nearby motions
+# Factor on the starts of `exact`, because its mean is cheap and the other methods are compared with it.
+_MORE_STARTS = 4
+# m/s, about the speed of sound: the method of a faster body has diverged.
+_DIVERGED = 300.0
+#: Default check of the reference: another integrator with another location of events. It uses the same tables of the
+#: model.
+OWN_CHECK = (DEVICE["rk4_located"], Setting(1e-6, "step 1e-06 s", is_step=True))
+
+
+@dataclass(frozen=True)
+class LyapunovTime:
+    """Rate of separation of nearby motions.
+
+    Attributes
+    ----------
+    rate, spread : float
+        Largest Lyapunov exponent [1/s] and the half width of its 95 % confidence interval, over pairs.
+    chaotic : bool
+        Whether most pairs have separated and the exponent is positive beyond its interval.
+    duration : float
+        Longest time for which a pair was observed [s].
+    """
+
+    rate: float
+    spread: float
+    chaotic: bool
+    duration: float
+
+    @property
+    def time(self) -> float:
+        """Lyapunov time [s]; infinite if the scene is not chaotic."""
+        return 1.0 / self.rate if self.chaotic else math.inf
+
+    @property
+    def comparable(self) -> float:
+        """Time [s] for which trajectories can be compared; without chaos the time of observation."""
+        return min(self.duration, LYAPUNOV_TIMES * self.time)
+
+    def __str__(self):
+        if self.chaotic:
+            return (f"Lyapunov time {self.time:.2g} s (exponent {self.rate:.2g} ± {self.spread:.1g} 1/s): "
+                    f"chaotic")
+        return f"no chaos seen: motions that start close stay close for {self.duration:g} s"
+
+    def row(self, scene: str) -> Row:
+        """Return it as a row, whose `starts_forwards` is 1 for a chaotic scene, else 0."""
+        return Row(scene, EXPONENT, "exact", PLAIN, "as it comes", math.nan, self.duration, _PAIRS, mean=self.rate,
+                   spread=self.spread, starts_forwards=int(self.chaotic))
+
+
+def lyapunov_time_in(own: Sequence[Row]) -> LyapunovTime:
+    """Return the Lyapunov time of a scene from its rows."""
+    row = next(row for row in own if row.compared == EXPONENT)
+    return LyapunovTime(row.mean, row.spread, bool(row.starts_forwards), row.horizon)
+
+
+def lyapunov_time(scene: Scene, duration: float = _PAIR_DURATION, starts: int = _PAIRS) -> LyapunovTime:
+    """Estimate the largest Lyapunov exponent of the masses' motion from pairs of exact runs; the motor turns."""
+    scene = scene.with_parameters({"solver.method": "exact", "solver.accounts": False})
+    rates = np.array([
+        exponent_of_pairs(started_at_share(scene, k / starts, motor_command(scene)[1]), STARTING, duration)[0]
+        for k in range(starts)])
+    mean, spread = float(rates.mean()), float(half_interval(rates))
+    chaotic = bool(2 * np.count_nonzero(rates) > starts and mean > spread)
+    return LyapunovTime(mean, spread, chaotic, duration)
+
+
+def rows_of_scene(scene: Scene, programs: Mapping[str, Program], effort: Effort,
+                  checks: Sequence[tuple[Program, Setting]] = (OWN_CHECK,)) -> Iterator[Row]:
+    """Measure a scene row by row; the reference is checked by the first of `checks` that can simulate the scene."""
+    scene = running(scene)
+    found = lyapunov_time(scene)
+    yield found.row(scene.name)
+    horizon = effort.horizon or math.floor(min(LONGEST_HORIZON, found.comparable) * 20.0) / 20.0 or 0.05
+    for compared, length in ((TRAJECTORY, horizon), (REQUIRED, SHORT), (REQUIRED, LONG)):
+        if compared == REQUIRED and length > found.comparable:
+            continue
+        problem = SceneProblem.within(scene, length)
+        yield check_reference(problem, checks)
+        for program in programs.values():
+            yield from rows(problem, program, effort, compared)
+    yield from _averages(scene, effort)
+
+
+def check_reference(problem: SceneProblem, checks: Sequence[tuple[Program, Setting]]) -> Row:
+    """Return the row of the reference's errors against the first of `checks` that can simulate the problem."""
+    horizon, reasons = float(problem.times[-1]), list[str]()
+    instants = off_every_grid(horizon, INSTANTS)
+    for program, setting in checks:
+        row = replace(row_of(problem, program, setting, REFERENCE), repeats=1)
+        try:
+            answer = program.prepare(problem.at(instants), setting)()
+        except UnableError as error:
+            reasons.append(str(error))
+            continue
+        return row.with_errors(errors(answer, problem.reference(instants), horizon))
+    return Row(problem.name, REFERENCE, "none", PLAIN, "", math.nan, horizon, note="; ".join(reasons))
+
+
+def _averages(scene: Scene, effort: Effort) -> Iterator[Row]:
+    yield from averages(scene, "exact", math.nan, effort)
+    for name in AVERAGED:
+        before, seconds = math.inf, 0.0
+        for step in AVERAGE_STEPS:
+            if math.isfinite(before) and seconds * before / step > effort.patience_for_averages:
+                break
+            found = averages(scene, name, step, effort)
+            yield from found
+            wall_time = found[0].wall_time
+            before, seconds = (step, wall_time) if math.isfinite(wall_time) else (before, seconds)
+
+
+def averages(scene: Scene, method: str, step: float, effort: Effort) -> list[Row]:
+    """Measure the mean speed of each motion that random starts lead to with a method, that of most starts first."""
+    exact = method == "exact"
+    starts = effort.starts * (_MORE_STARTS if exact else 1)
+    row = Row(scene.name, AVERAGE, method, PLAIN, "as it comes" if exact else f"step {step:g} s", step, effort.duration,
+              starts)
+    steps = {} if exact else {"solver.step": step}
+    scene = scene.with_parameters({"solver.method": method, "solver.accounts": False, **steps})
+    began = time.perf_counter()
+    runs = Execution(core_count()).rows(partial(_settled, scene, effort.duration), range(starts),
+                                        SETTLING + effort.duration, (method,))
+    try:
+        with closing(runs):
+            speeds, motions, drifts = zip(*runs, strict=True)
+    except SimulationError as error:
+        return [replace(row, repeats=0, outcome=CANNOT, note=str(error))]
+    row = replace(row, wall_time=time.perf_counter() - began)
+    if not np.abs(speeds).max() < _DIVERGED:
+        return [replace(row, outcome=DIVERGES, note=f"diverged: faster than {_DIVERGED:g} m/s")]
+    attractors, places = group_starts(motions, speeds)
+    found = []
+    for place, attractor in enumerate(attractors):
+        own, drift = np.array(speeds)[places == place], 0.0
+        if not attractor.turns:
+            drift = drift_in(np.array(drifts)[places == place], float(own.mean()))
+        found.append(replace(row, repeats=len(own), mean=float(own.mean()), spread=float(half_interval(own)),
+                             motions=len(attractors), starts_forwards=int(np.sum(own > 0.0)),
+                             note=f"drifts by {1e3 * drift:.2g} mm/s" if drift else ""))
+    return found
+
+
+def _settled(scene: Scene, duration: float, number: int) -> tuple[float, SettledMotion | None, float]:
+    """Mean speed [m/s] of start `number` over `duration` [s] after `SETTLING`, its motion or None, and its drift."""
+    values, motion, drift = measure_with_motion(scene, ("mean_speed",), SETTLING, duration, number)
+    return values["mean_speed"], motion, drift

@@ -1,0 +1,155 @@
+"""What a fit is worth: intervals by profile likelihood, what the recording cannot tell, and whether the model fits."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2, norm
+
+from vibro_lab.identification.fit import Fit
+from vibro_lab.identification.shooting import TIGHT
+from vibro_lab.identification.unknowns import plates_in
+
+LEVEL = 0.95
+"""Coverage of the intervals."""
+REJECTED = 1e-3
+"""p-value below which a model does not fit."""
+#: Standard deviation of a coordinate beyond which the recording does not tell it: a third of a positive parameter.
+_UNTOLD = 0.3
+_LEAST_INFORMATION, _ROUNDING = 1e-6, 1e-15  # in a direction; below them a recording tells nothing of it
+_WIDEST = 10.0  # standard deviation of a coordinate beyond which an interval is the parameter's range
+_ALONE = 0.9  # squared share of a parameter in what is not told, above which it is not told alone
+_SHARE = 0.25  # of a combination's largest part, below which another part is not named
+#: Variance of an estimate of noise from neighbours, in units of that of as many squares of white noise.
+_ESTIMATED = 5.0
+_JACOBIANS, _TRIES = 3, 2  # sets of derivatives, the first of the best point, and lengths, of a side of an interval
+_LEAST, _MOST = 0.3, 3.0  # factors between two lengths
+
+
+def covariance_of(fit: Fit) -> np.ndarray:
+    """Return the covariance of all parameters' coordinates; 1e6 at most in a direction that the recording does not
+    tell, so that it never counts as known."""
+    spreads, parts = np.linalg.eigh(fit.information())
+    return (parts / np.maximum(spreads, max(_LEAST_INFORMATION, _ROUNDING * spreads.max()))) @ parts.T
+
+
+def intervals(fit: Fit, say: Callable[[str], None]) -> tuple[dict[str, tuple[float, float]], dict[str, np.ndarray]]:
+    """Return the 95 % interval of each parameter: values at which the misfit of the best point with that value is
+    higher by the quantile of a chi square with one degree of freedom. And the profiles by which they were found:
+    values in ascending order and the growth of the misfit there, shape (n, 2)."""
+    found, profiles, count = {}, {}, len(fit.at.parameters)
+    covariance = covariance_of(fit)
+    for k, unknown in enumerate(fit.unknowns.each):
+        say(f"interval {k + 1} of {len(fit.unknowns.each)}: {unknown.name}")
+        direction = np.zeros(count)
+        direction[:len(fit.unknowns.each)] = fit.unknowns.directions[k]
+        best = float(direction @ fit.at.parameters)
+        tried = [(0.0, 0.0)]
+        low, high = (unknown.value(best + sign * _reach(fit, direction, covariance, sign, tried))
+                     for sign in (-1.0, 1.0))
+        found[unknown.name] = (low, high)
+        profiles[unknown.name] = np.array([(unknown.value(best + shift), growth) for shift, growth in sorted(tried)])
+    return found, profiles
+
+
+def _reach(fit: Fit, direction: np.ndarray, covariance: np.ndarray, sign: float,
+           tried: list[tuple[float, float]]) -> float:
+    """Return how far the direction's coordinate may go until the misfit has grown by the quantile; shifts and growths
+    on the way are added to `tried`."""
+    quantile = float(chi2.ppf(LEVEL, 1))
+    deviation = math.sqrt(float(direction @ covariance @ direction))
+    if deviation > _WIDEST:
+        return math.inf
+    length = math.sqrt(quantile) * deviation
+    for _ in range(_TRIES):
+        growth = held(fit, direction, covariance, sign * length)
+        if growth < math.inf:
+            tried.append((sign * length, growth))
+        length *= min(max(math.sqrt(quantile / max(growth, 1e-9)), _LEAST), _MOST)
+    return length
+
+
+def held(fit: Fit, direction: np.ndarray, covariance: np.ndarray, shift: float) -> float:
+    """Return the growth of the misfit where the coordinate along `direction` is held at `shift` from that of the fit,
+    and all others are fitted again; infinity where there is no motion. Windows that jump on the way do not count."""
+    shooting, target = fit.shooting, float(direction @ fit.at.parameters) + shift
+    along = covariance @ direction
+    own = along * (shift / float(direction @ along))
+    equations = shooting.equations(fit.at, fit.jacobian, 0.0, TIGHT)
+    at = shooting.point(fit.at.parameters + own, fit.at.states + equations.states_for(own))
+    if at is None:
+        return math.inf
+    limits, left_out = shooting.limits, shooting.left_out.copy()
+    shooting.limits = [*limits, (direction, target, target)]
+    try:
+        at = shooting.minimise(at, 0.0, TIGHT, _JACOBIANS, 1e-6, fit.jacobian)
+        return shooting.misfit(at, 0.0, TIGHT) - fit.misfit
+    finally:
+        shooting.limits, shooting.left_out = limits, left_out
+
+
+def rank_in_words(fit: Fit) -> tuple[str, ...]:
+    """Return sentences on the combinations of parameters that the recording cannot tell."""
+    names, count = fit.unknowns.names, len(fit.unknowns.each)
+    information = fit.information()
+    spreads, parts = np.linalg.eigh(_parameters_alone(information, count))
+    untold = parts[:, spreads < _UNTOLD**-2]
+    alone = [name for name, row in zip(names, untold, strict=True) if row @ row > _ALONE]
+    words = [f"the recording does not tell {name}" for name in alone]
+    for part in untold.T if len(alone) < untold.shape[1] else ():
+        named = [name for name, share in zip(names, part, strict=True)
+                 if abs(share) > _SHARE * np.abs(part).max() and name not in alone]
+        if len(named) > 1:
+            words.append(f"the recording does not tell {' and '.join(named)} apart")
+    deviations = np.sqrt(np.diag(covariance_of(fit)))
+    for stiffness, damping in plates_in(names):
+        alone, together = deviations[names.index(stiffness)], deviations[names.index(damping)]
+        if alone > 3.0 * together:
+            words.append(f"{stiffness} and .damping are told as c/√k, that is the restitution, to "
+                         f"{100.0 * together:.2g} %; the stiffness alone to {100.0 * alone:.2g} %")
+    return tuple(words)
+
+
+def _parameters_alone(information: np.ndarray, count: int) -> np.ndarray:
+    """Return the information of the first `count` parameters, the others unknown."""
+    rest = information[count:, count:]
+    beside = information[:count, count:]
+    return information[:count, :count] - beside @ np.linalg.pinv(rest, hermitian=True) @ beside.T
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What is left of a channel when the simulated motion is taken off.
+
+    Attributes
+    ----------
+    sensor, field : str
+        The channel.
+    count : int
+        Number of measurements.
+    mean_square : float
+        Of the residuals in standard deviations; 1 if the model fits and the noise is as stated.
+    correlation : float
+        Of neighbouring residuals; 0 for white noise.
+    known : bool
+        Whether the standard deviation is known, not estimated from neighbours.
+    """
+
+    sensor: str
+    field: str
+    count: int
+    mean_square: float
+    correlation: float
+    known: bool
+
+    @property
+    def excess(self) -> float:
+        """Mean square above 1 in standard deviations, with the uncertainty of an estimated noise and of correlation."""
+        white = (1.0 + self.correlation**2) / (1.0 - self.correlation**2) if self.known else _ESTIMATED
+        return (self.mean_square - 1.0) / math.sqrt(2.0 * white / self.count)
+
+
+def p_value(noises: list[Noise]) -> float:
+    """Return the probability of a channel with so large an excess if the model were right (Bonferroni's bound)."""
+    return min(1.0, len(noises) * float(norm.sf(max(noise.excess for noise in noises))))

@@ -1,0 +1,445 @@
+"""Continuation of a branch of periodic orbits over one parameter, and location of its special points.
+
+The method is H. B. Keller's pseudo-arclength continuation, in P. H. Rabinowitz (ed.), Applications of Bifurcation
+Theory, 1977, pp. 359-384: a step along the branch's tangent, then Newton's method on the plane across its end. It
+passes folds.
+
+Where the order of events along an orbit changes, a branch has an *edge*. On each side of the edge the turn map is
+smooth, and so is the branch; at the edge the branch has a corner, may turn back, or goes on like the square root of the
+distance. So no step of the continuation and no difference of a derivative crosses an edge: the branch is followed up to
+the edge with the map of this side, and restarted beyond it with the map of the other side.
+
+Special points are folds, period doublings, Neimark-Sacker points, grazings and corners.
+
+The first three have a test function that changes its sign there (Yu. A. Kuznetsov, Elements of Applied Bifurcation
+Theory, section 10.2); with the multipliers lambda:
+
+- a fold, where the parameter turns back: the parameter's component of the branch's tangent;
+- a period doubling: the product of lambda_i + 1;
+- a Neimark-Sacker point, where a motion with a second frequency is born: the product of lambda_i lambda_j - 1 over all
+  pairs, at a pair of complex multipliers.
+
+The others lie where the order of the orbit's events changes (M. di Bernardo, C. J. Budd, A. R. Champneys, P. Kowalczyk,
+Piecewise-smooth Dynamical Systems, Springer 2008):
+
+- a grazing, where a contact of a plate or a landing of the body appears or vanishes;
+- a corner, where other events appear, vanish or change their order, and the branch changes its direction or its
+  multipliers jump: sliding bifurcations and boundary-intersection crossings.
+"""
+
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from vibro_lab.orbits.family import LONGEST_STEP, BranchPoint, Family, LostError, corrected_orbit, point_at
+from vibro_lab.orbits.orbit import CLOSED
+from vibro_lab.orbits.passage import change_in_words, contacts_of, same_order
+from vibro_ros import SimulationError
+
+FIRST_STEP, SHORTEST_STEP = 0.01, 1e-10
+"""First and shortest step along the branch, in units of the machine and shares of the parameter's range."""
+NEAREST_EVENT = 0.01
+"""Least distance of the cut from all events, as a share of a turn; nearer, the cut is moved."""
+_LEAST_ARC = 1e-6  # below it, the width of a special point's interval is that of the parameter alone, as at a fold
+_DIRECTION_ARC = 1e-6  # arc to a second point, which gives the branch's direction when the cut changes
+_EASY_ITERATIONS = 2  # most derivatives of a step's Newton iteration after which the next step is longer
+# Shorter steps, with a larger multiplier, end the branch as too unstable to be followed.
+_STIFF_STEP, _STIFF_MULTIPLIER = 1e-4, 1e3
+_EDGE_SEARCH_STEP = 1e-5  # a step that fails and is shorter is searched for an edge
+STRAIGHT = 0.9
+"""Least cosine between the tangents of neighbours; below, the step is halved."""
+_EDGE_ARC = 1e-12  # arc to which the edge is located
+_BEYOND_ARC = 1e-9  # arc beyond the edge at which the order of events must differ
+_MOST_ROUNDS = 8
+_BEFORE_ARC = 1e-6  # arc before the edge at which its multipliers are computed
+_DERIVATIVE_ARCS = (1e-6, 1e-5, 1e-4, 1e-3)  # arcs beyond the edge at which the other side's derivative is computed
+_FIRST_POINT_ARCS = (1e-4, 1e-5, 1e-3, 1e-6)  # arcs from the edge to the first point of the other side
+_DEPTHS = (0.0, 1.0, 10.0, 0.1)  # see `_entered`
+_MOST_CHORDS = 40  # iterations of Newton's method with a constant derivative
+FOLD, DOUBLING, TORUS, GRAZING, CORNER = "fold", "period doubling", "Neimark-Sacker", "grazing", "corner"
+KINDS = (FOLD, DOUBLING, TORUS, GRAZING, CORNER)
+TOLERANCE = 1e-10
+"""Tolerance of a special point's parameter value, as a share of the parameter's range."""
+_CIRCLE_TOLERANCE = 1e-3  # largest distance from 1 of the magnitude of a Neimark-Sacker point's multipliers
+_COMPARED_ARC = 1e-5  # arc beyond an edge at which the other side is compared with this one
+_SMOOTH_CHANGE = 5e-3  # largest changes there of the tangent (1 - cosine) and, relative, of multipliers, if smooth
+
+
+class EdgeError(LostError):
+    """A branch ends where its events change; `grazing` is the special point there, or None if it is not a grazing."""
+
+    def __init__(self, message: str, grazing: "SpecialPoint | None"):
+        super().__init__(message)
+        self.grazing = grazing
+
+
+def follow(family: Family, unknowns: np.ndarray, direction: float) -> Iterator[tuple[BranchPoint, BranchPoint]]:
+    """Follow the branch through a known orbit until it leaves the parameter's range.
+
+    Parameters
+    ----------
+    family : Family
+        The equations.
+    unknowns : ndarray, shape (n + 1,)
+        A known orbit.
+    direction : float
+        1.0 towards larger values of the parameter, -1.0 towards smaller; dimensionless.
+
+    Yields
+    ------
+    BranchPoint, BranchPoint
+        A point and the next one, with the same cut; first the known orbit twice.
+
+    Raises
+    ------
+    LostError
+        Where the branch cannot be followed.
+    """
+    along = direction * np.eye(len(unknowns))[-1]
+    unknowns, _ = corrected_orbit(family, unknowns, along)
+    yield from follow_on(point_at(family, unknowns, along))
+
+
+def follow_on(point: BranchPoint) -> Iterator[tuple[BranchPoint, BranchPoint]]:
+    """Follow the branch from a point, along its tangent; yields and raises as `follow`."""
+    point, step = _well_cut(point), FIRST_STEP
+    yield point, point
+    while 0.0 <= point.unknowns[-1] <= 1.0:
+        neighbours, step = _next(point, step)
+        for after in neighbours:
+            yield point, after
+            point = after
+        point = _well_cut(point)
+
+
+def take_step(point: BranchPoint, begin: np.ndarray, step: float, shortest: float,
+            solved: Callable[[np.ndarray, float], tuple[Any, bool]], across: Callable[[float, bool], list[Any]],
+            what: str) -> tuple[list[Any], float]:
+    """Step to the next point of a branch or curve, or to the points at and beyond a change of events.
+
+    Returns these points and the length of the following step.
+
+    Parameters
+    ----------
+    point : BranchPoint
+        Present point, with its tangent and order of events.
+    begin : ndarray
+        Unknowns from which the step leads along the tangent.
+    step, shortest : float
+        The first arc that is tried, and the shortest; an arc that fails is halved.
+    solved : callable
+        Returns, for a guess and its arc, the point near the guess and whether Newton's method converged quickly
+        (LostError if it did not converge).
+    across : callable
+        Returns, for an arc that fails and whether events change within it, the points at and beyond the change, or an
+        empty list.
+    what : str
+        Word for the branch or curve in messages.
+
+    Raises
+    ------
+    LostError
+        If no arc down to the shortest succeeds.
+    """
+    family, reason = point.family, ""
+    while step >= shortest:
+        guess, crosses = begin + step * point.tangent, False
+        try:
+            after, is_quick = solved(guess, step)
+            crosses = not same_order(after.passage.order, point.passage.order)
+            if not crosses and after.tangent @ point.tangent >= STRAIGHT:
+                return [after], min(LONGEST_STEP, step * (1.5 if is_quick else 1.0))
+            reason = f"the {what} bends too sharply near {family.where(after.unknowns)}"
+        except LostError as error:
+            reason = str(error)
+            try:
+                crosses = not same_order(family.order(guess), point.passage.order)
+            except (SimulationError, ValueError):
+                crosses = False
+        if found := across(step, crosses):
+            return found, FIRST_STEP
+        step *= 0.5
+    raise LostError(reason)
+
+
+def _next(point: BranchPoint, step: float) -> tuple[list[BranchPoint], float]:
+    """Return the next point, or an edge and the first point beyond it, and the length of the following step."""
+    family = point.family
+
+    def solved(guess: np.ndarray, step: float) -> tuple[BranchPoint, bool]:
+        unknowns, derivatives = corrected_orbit(family, guess, point.tangent, step)
+        return point_at(family, unknowns, point.tangent, step), derivatives <= _EASY_ITERATIONS
+
+    def across(step: float, crosses: bool) -> list[BranchPoint]:
+        if (crosses or step < _EDGE_SEARCH_STEP) and (last := point_before_edge(point, step)):
+            return [last, point_beyond_edge(last)]
+        if step < 2.0 * _STIFF_STEP and abs(point.multipliers[0]) > _STIFF_MULTIPLIER:
+            raise LostError(f"too unstable to be followed beyond {family.where(point.unknowns)}: a disturbance grows "
+                            f"{abs(point.multipliers[0]):.4g}-fold until the motion repeats itself")
+        return []
+
+    return take_step(point, point.unknowns, step, SHORTEST_STEP, solved, across, "branch")
+
+
+def _well_cut(point: BranchPoint) -> BranchPoint:
+    """Return the same orbit with a cut that is far from all events."""
+    if point.passage.clear >= NEAREST_EVENT:
+        return point
+    family, (here, ahead) = point.family.recut(point.passage.best, [
+        point.unknowns, point.unknowns + _DIRECTION_ARC * point.tangent])
+    along = (ahead - here) / np.linalg.norm(ahead - here)
+    try:
+        unknowns, _ = corrected_orbit(family, here, along)
+    except LostError:
+        return point
+    return point_at(family, unknowns, along)
+
+
+def locate_zero(before: BranchPoint, after: BranchPoint, test: Callable[[BranchPoint], float],
+            tolerance: float) -> tuple[BranchPoint, float]:
+    """Locate the zero of a test function between two neighbours by the Illinois method (secant and bisection).
+
+    Parameters
+    ----------
+    before, after : BranchPoint
+        Neighbours with the same cut.
+    test : callable
+        Test function, of different signs at both neighbours; with values +-1 the method bisects.
+    tolerance : float
+        Tolerance of the parameter, as a share of its range, dimensionless.
+
+    Returns
+    -------
+    BranchPoint, float
+        The point, and the width of the interval of the parameter [its unit] that contains the zero.
+    """
+    family, start, end = before.family, before.unknowns, after.unknowns
+    span = end - start
+    length = float(np.linalg.norm(span))
+    normal = span / length
+    low, high, at_low, at_high = 0.0, 1.0, test(before), test(after)
+    low_point, high_point = before, after
+    while (high - low) * length > 0.1 * tolerance and _width(low_point, high_point, (high - low) * length) > tolerance:
+        secant = low + (high - low) * at_low / (at_low - at_high)
+        middle = min(max(secant, low + 1e-3 * (high - low)), high - 1e-3 * (high - low))
+        unknowns, _ = corrected_orbit(family, start + middle * span, normal, length)
+        point = point_at(family, unknowns, before.tangent, length, fine=True)
+        at = test(point)
+        if (at > 0.0) == (at_low > 0.0):
+            low, at_low, at_high, low_point = middle, at, 0.5 * at_high, point
+        else:
+            high, at_high, at_low, high_point = middle, at, 0.5 * at_low, point
+        if at == 0.0 or abs(low_point.unknowns[-1] - high_point.unknowns[-1]) < 1e-15:
+            break
+    best = low_point if abs(test(low_point)) < abs(test(high_point)) else high_point
+    width = _width(low_point, high_point, (high - low) * length)
+    return best, family.span(width)
+
+
+def _width(low: BranchPoint, high: BranchPoint, arc: float) -> float:
+    """Share of the parameter's range between two points; at a fold from the tangents, because the difference is small.
+    """
+    within = max(abs(low.tangent[-1]), abs(high.tangent[-1])) * arc
+    return float(max(within, abs(low.unknowns[-1] - high.unknowns[-1]), 0.0 if arc < _LEAST_ARC else arc))
+
+
+def point_before_edge(point: BranchPoint, step: float) -> BranchPoint | None:
+    """Return the farthest point of the branch, within an arc of `step`, with the same order of events as `point`.
+
+    Returns
+    -------
+    BranchPoint or None
+        The edge, with tangent and multipliers of this side; None if the order of events does not change there.
+    """
+    low, far, family = point, step, point.family
+    try:
+        for _ in range(_MOST_ROUNDS):
+            unknowns, width = _last_of_side(low, far)
+            ahead = unknowns + max(_BEYOND_ARC, 10.0 * width) * low.tangent
+            apart = float(np.linalg.norm(unknowns - low.unknowns))
+            if not same_order(family.order(ahead), low.passage.order):
+                before = unknowns - min(_BEFORE_ARC, 0.5 * apart) * low.tangent
+                side = point_at(family, before, low.tangent, _BEFORE_ARC)
+                return replace(side, unknowns=unknowns, passage=family.passage(unknowns),
+                               mean_speed=family.mean_speed(unknowns), width=family.span(abs(width * low.tangent[-1])))
+            if apart == 0.0:
+                return None
+            # The order ahead is the same: the search failed because the derivative at `low` was too old.
+            low, far = point_at(family, unknowns, low.tangent, far), far - apart
+    except (LostError, SimulationError, ValueError):
+        pass
+    return None
+
+
+def _last_of_side(low: BranchPoint, far: float) -> tuple[np.ndarray, float]:
+    """Find the last point within the arc `far` that has the order of events of `low`, and the arc left uncertain.
+
+    By bisection; Newton's method uses the derivative at `low`, because differences near the edge would cross it.
+    """
+    family = low.family
+    held = ~family.free(low.unknowns)[:-1]
+    inverse = np.linalg.pinv(np.vstack([family.jacobian(low.unknowns, far), low.tangent]))
+
+    def ahead(guess: np.ndarray) -> np.ndarray | None:
+        at, before = guess.copy(), np.inf
+        for _ in range(_MOST_CHORDS):
+            residual = family.residual(at)
+            residual[held] = 0.0
+            size = float(np.abs(residual).max())
+            if size <= 0.1 * CLOSED or size >= 0.7 * before:
+                break
+            at, before = at - inverse @ np.append(residual, low.tangent @ (at - guess)), size
+        closes = size <= CLOSED and same_order(family.order(at), low.passage.order)
+        return at if closes else None
+
+    near, last = 0.0, low.unknowns
+    while far - near > _EDGE_ARC:
+        middle = 0.5 * (near + far)
+        try:
+            found = ahead(last + (middle - near) * low.tangent)
+        except (SimulationError, ValueError):
+            found = None
+        if found is None:
+            far = middle
+        else:
+            near, last = middle, found
+    return last, far - near
+
+
+def point_beyond_edge(before: BranchPoint) -> BranchPoint:
+    """Return the first point of the branch on the other side of an edge.
+
+    The derivative of the residual is computed on the extrapolation of this side's branch, which lies on the other side;
+    its null vector is the branch's direction there, forwards or backwards.
+
+    Raises
+    ------
+    EdgeError
+        If no orbit is found there.
+    """
+    family = before.family
+    for probe in _DERIVATIVE_ARCS:
+        try:
+            direction = _direction(family, before, probe)
+        except (SimulationError, ValueError, np.linalg.LinAlgError):
+            continue
+        if direction is not None:
+            for arc, sign, depth in itertools.product(_FIRST_POINT_ARCS, (1.0, -1.0), _DEPTHS):
+                if found := _entered(before, sign * direction, arc, depth):
+                    return found
+    change, grazes = "which ones was not found", False
+    for probe in (_BEYOND_ARC, *_DERIVATIVE_ARCS):
+        order = family.order(before.unknowns + probe * before.tangent)
+        if not same_order(order, before.passage.order):
+            change = change_in_words(before.passage.order, order)
+            grazes = contacts_of(order) != contacts_of(before.passage.order)
+            break
+    raise EdgeError(f"the branch ends at {family.where(before.unknowns)}, where its events change ({change}); no "
+                    "orbit was found beyond", SpecialPoint(GRAZING, before, before.width, change) if grazes else None)
+
+
+def _direction(family: Family, before: BranchPoint, probe: float) -> np.ndarray | None:
+    """Direction of the branch on the other side, pointing into that side if known; None if `probe` does not reach it.
+    """
+    there = before.unknowns + probe * before.tangent
+    if same_order(family.order(there), before.passage.order):
+        return None
+    *_, rows = np.linalg.svd(family.jacobian(there, probe))
+    along: np.ndarray = rows[-1] if rows[-1] @ before.tangent >= 0.0 else -rows[-1]
+    sides = [same_order(family.order(before.unknowns + sign * probe * along), before.passage.order)
+             for sign in (1.0, -1.0)]
+    return -along if sides == [True, False] else along
+
+
+def _entered(before: BranchPoint, direction: np.ndarray, arc: float, depth: float) -> BranchPoint | None:
+    """Orbit at about the distance `arc` from the edge along a direction; None if it is not on the other side.
+
+    Beyond a grazing where the map behaves like a square root, the branch begins along the edge, and its distance from
+    the edge grows only with the square of the arc. So Newton's method begins deeper, by `depth` times this square.
+    """
+    family = before.family
+    guess = before.unknowns + arc * direction + depth * arc**2 * before.tangent
+    try:
+        if same_order(family.order(guess), before.passage.order):
+            return None
+        unknowns, _ = corrected_orbit(family, guess, direction, arc)
+        if np.linalg.norm(unknowns - guess) > arc:
+            return None
+        found = point_at(family, unknowns, direction, arc)
+    except (LostError, SimulationError, ValueError):
+        return None
+    return None if same_order(found.passage.order, before.passage.order) else found
+
+
+@dataclass(frozen=True)
+class SpecialPoint:
+    """A special point of a branch or curve.
+
+    Attributes
+    ----------
+    kind : str
+        One of `KINDS`; on a curve over two parameters ``change of events``.
+    point : BranchPoint
+        Point of the branch there.
+    width : float
+        Width of the interval of the parameter [its unit] in which it was found.
+    change : str
+        Change of the order of events, such as ``stick vanishes``, and whether the branch turns back there; empty if the
+        order does not change.
+    """
+
+    kind: str
+    point: BranchPoint
+    width: float
+    change: str = ""
+
+
+def _torus_test(point: BranchPoint) -> float:
+    first, second = np.triu_indices(len(point.multipliers), 1)
+    return float(np.prod(point.multipliers[first] * point.multipliers[second] - 1.0).real)
+
+
+_TESTS: dict[str, Callable[[BranchPoint], float]] = {
+    FOLD: lambda point: float(point.tangent[-1]),
+    DOUBLING: lambda point: float(np.prod(point.multipliers + 1.0).real), TORUS: _torus_test}
+
+
+def special_points(before: BranchPoint, after: BranchPoint) -> Iterator[SpecialPoint]:
+    """Special points between two neighbours of a branch, in the order of their kinds.
+
+    Two special points of the same kind between two neighbours are not found. Neighbours are at most `LONGEST_STEP`
+    apart, and closer where the branch bends.
+    """
+    orders = before.passage.order, after.passage.order
+    if not same_order(*orders):
+        turns_back = before.tangent[-1] * after.tangent[-1] < 0.0
+        change = change_in_words(*orders) + ("; the branch turns back" if turns_back else "")
+        if contacts_of(orders[0]) != contacts_of(orders[1]):
+            yield SpecialPoint(GRAZING, before, before.width, change)
+        elif not _is_smooth(before, after):
+            yield SpecialPoint(CORNER, before, before.width, change)
+        return
+    for kind, test in _TESTS.items():
+        if (test(before) > 0.0) != (test(after) > 0.0):
+            point, width = locate_zero(before, after, test, TOLERANCE)
+            pair = np.abs(point.multipliers[point.multipliers.imag != 0.0])
+            # Real multipliers whose product is 1 are a neutral saddle, not a Neimark-Sacker point.
+            if kind != TORUS or (len(pair) and np.abs(pair - 1.0).min() < _CIRCLE_TOLERANCE):
+                yield SpecialPoint(kind, point, width)
+
+
+def _is_smooth(before: BranchPoint, after: BranchPoint) -> bool:
+    """Whether neither the tangent nor the multipliers of a branch jump across an edge."""
+    family, start = before.family, before.unknowns
+    direction = (after.unknowns - start) / np.linalg.norm(after.unknowns - start)
+    try:
+        unknowns, _ = corrected_orbit(family, start + _COMPARED_ARC * direction, direction, _COMPARED_ARC)
+        near = point_at(family, unknowns, direction, _COMPARED_ARC)
+    except LostError:
+        return False
+    here, there = np.poly(before.multipliers), np.poly(near.multipliers)
+    return bool(1.0 - before.tangent @ near.tangent < _SMOOTH_CHANGE
+                and np.abs(here - there).max() < _SMOOTH_CHANGE * np.abs(here).max())

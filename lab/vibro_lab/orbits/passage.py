@@ -1,0 +1,223 @@
+"""Events along one period of an orbit: their order, the contacts, near misses, and the distance of the cut from them.
+
+The turn map is analytic between two states whose events have the same order, because flows and jumps are analytic.
+Where the order changes, the map has a corner or behaves like the square root of the distance (M. di Bernardo,
+C. J. Budd, A. R. Champneys, P. Kowalczyk, Piecewise-smooth Dynamical Systems, Springer 2008, chapters 6 to 8).
+"""
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+
+from vibro_lab.orbits.turn_map import CELLS, TURN, TurnEnd, TurnMap, direction, events_in_cells, middle_of_longest
+from vibro_ros import Simulator
+
+#: Kinds of events, including the ends of contacts, in the order in which they happen.
+EventOrder = tuple[str, ...]
+LANDING = "landing"
+_CONTACT, _ENDS = "_contact", "_ends"
+_FLOAT_OFFSETS = np.array([-2.0, 2.0])  # spacings of floats before and after a landing, whose instant is rounded
+# Share of the whole time within which events count as simultaneous, as when an impact unloads the ground.
+_SIMULTANEOUS = 1e-11
+_STOPPED_SPEED = 1e-12  # m/s along the ground: rounding of a body that a landing has stopped
+SAMPLES = 1024
+"""Samples of a turn in which misses are searched for."""
+_EXACT_MISS = 1e-3  # crank radii: a miss nearer than this is computed exactly
+
+
+class Miss(NamedTuple):
+    """A mass that turns back before its plate.
+
+    Attributes
+    ----------
+    side : str
+        ``upper`` or ``inclined``.
+    first, last : float
+        Instants [s] after the cut between which it turns back.
+    gap : float
+        Approximate distance from the plate there [m].
+    """
+
+    side: str
+    first: float
+    last: float
+    gap: float
+
+
+@dataclass(frozen=True)
+class Passage:
+    """Events of an orbit over one period.
+
+    Attributes
+    ----------
+    contacts : tuple of (str, int)
+        Kinds of contacts, with the number of each.
+    clear : float
+        Distance of the cut from the nearest event, as a share of a turn, dimensionless; 0 within a contact.
+    best : float
+        Crank angle [rad] of the phase that is farthest from all events.
+    softest : float
+        Least impact speed of a contact, in units of the machine, as a measure of how close it is to a miss; infinite
+        without contacts. For each contact it is the larger of the speed at which the mass arrives at its plate and the
+        speed that its drive would reverse within half the contact.
+    miss : float
+        Least distance [crank radii] by which a mass misses its plate where it turns back, exact where it is below 1e-3;
+        infinite without a miss.
+    order : tuple of str
+        Kinds of the events in their order, beginning at the cut.
+    misses : tuple of Miss
+        All misses: where a mass turns back before its plate.
+    """
+
+    contacts: tuple[tuple[str, int], ...]
+    clear: float
+    best: float
+    softest: float
+    miss: float
+    order: EventOrder
+    misses: tuple[Miss, ...]
+
+
+def passage(turn_map: TurnMap, state: np.ndarray, turns: int) -> Passage:
+    """Return the events from `state`, at the cut, over `turns` turns."""
+    device = Simulator(turn_map.scene)
+    turn_map.put(device, state)
+    device.take_events()
+    turn_map.advance(device, turns)
+    end = device.time
+    turn_map.advance(device, turns + 1)  # an event of a contact exists only after the contact has ended
+    events = device.take_events()
+    events = events[events["time"] < end]
+    of_contact = np.char.endswith(events["kind"], _CONTACT)
+    kinds, counts = np.unique(events["kind"][of_contact], return_counts=True)
+    begins, lasting = turn_map.shares(state, events["time"], np.where(of_contact, events["duration"], 0.0))
+    busy = events_in_cells(begins % 1.0, lasting) > 0.0
+    occupied = np.flatnonzero(busy)
+    clear = min(occupied.min(), CELLS - 1 - occupied.max()) / CELLS if len(occupied) else 1.0
+    best, _ = middle_of_longest(~busy, free=True) if not busy.all() else (0.0, 0.0)
+    contacts = events[of_contact]
+    speeds = np.maximum(contacts["speed"] / turn_map.velocity, 0.5 * TURN * lasting[of_contact])
+    misses = _misses(turn_map, state, np.linspace(0.0, end, turns * SAMPLES + 1), contacts)
+    return Passage(tuple(zip(kinds.tolist(), counts.tolist(), strict=True)), float(clear),
+                   float((turn_map.phase + direction(turn_map.scene) * best) % TURN), float(speeds.min(initial=np.inf)),
+                   _nearest(turn_map, state, misses), end_and_order(turn_map, state, turns)[1], misses)
+
+
+def end_and_order(turn_map: TurnMap, state: np.ndarray, turns: int = 1) -> tuple[TurnEnd, EventOrder]:
+    """Return the end of `turns` turns from `state`, as a call of the map does, and the order of the events until then.
+    """
+    device = turn_map.device
+    turn_map.put(device, state)
+    start = device.checkpoint()
+    device.take_events()
+    turn_map.advance(device, turns)
+    end, now, events = device.time, device.state, device.take_events()
+    landings = events["time"][events["kind"] == LANDING]
+    speeds = np.zeros((len(landings), 2))
+    if len(landings):  # an event of a landing does not contain the body's speeds before and after it
+        device.restore(start)
+        beside = landings[:, None] + _FLOAT_OFFSETS * np.spacing(landings)[:, None]
+        speeds = device.sample(beside.ravel()).body_velocity.reshape(-1, 2)
+    return TurnEnd(turn_map.read(now), now.body_position, end), event_order(events, end, speeds)
+
+
+def event_order(events: np.ndarray, until: float, speeds: np.ndarray) -> EventOrder:
+    """Order of the events before the time `until` [s].
+
+    Parameters
+    ----------
+    events : ndarray, shape (events,)
+        As returned by `Simulator.take_events`.
+    until : float
+        Time [s].
+    speeds : ndarray, shape (landings, 2)
+        Speeds of the body along the ground before and after each landing [m/s]. Landings after which the body slips
+        on, stops, or slips the other way are different kinds of events.
+    """
+    happened = list(zip(events["time"].tolist(), events["kind"].tolist(), strict=True))
+    ends = [(time + duration, kind + _ENDS) for (time, kind), duration in
+            zip(happened, events["duration"].tolist(), strict=True) if kind.endswith(_CONTACT)]
+    left = iter(speeds.tolist())
+    happened = [(time, _landing(*next(left)) if kind == LANDING else kind) for time, kind in happened]
+    at_once: list[list[tuple[float, str]]] = [[(-math.inf, "")]]
+    for time, kind in sorted(happened + ends):
+        if time >= until:
+            break
+        if time - at_once[-1][-1][0] > _SIMULTANEOUS * until:
+            at_once.append([])
+        at_once[-1].append((time, kind))
+    return tuple(kind for group in at_once[1:] for kind in sorted(kind for _, kind in group))
+
+
+def _landing(before: float, after: float) -> str:
+    if abs(after) < _STOPPED_SPEED:
+        return f"{LANDING}_stops"
+    return f"{LANDING}_{'turns' if before * after < 0.0 else 'slips'}_{'forward' if after > 0.0 else 'backward'}"
+
+
+def same_order(one: EventOrder, other: EventOrder) -> bool:
+    """Whether two passages have the same events in the same cyclic order; their cuts may differ."""
+    if one == other:
+        return True
+    n = len(one)
+    return n == len(other) and any(one[k:] + one[:k] == other for k in range(1, n))
+
+
+def contacts_of(order: EventOrder) -> Counter[str]:
+    """Numbers of contacts of each plate, and of landings of the body, in a passage."""
+    return Counter(LANDING if kind.startswith(LANDING) else kind for kind in order
+                   if kind.endswith(_CONTACT) or kind.startswith(LANDING))
+
+
+def change_in_words(before: EventOrder, after: EventOrder) -> str:
+    """Change of an order as text, such as ``stick vanishes, landing appears`` or ``other order of landing, stick``."""
+    gained, lost = Counter(after) - Counter(before), Counter(before) - Counter(after)
+    words = [f"{kind} {what}" for counted, what in ((lost, "vanishes"), (gained, "appears"))
+             for kind in sorted(counted) if not kind.endswith(_ENDS) or len(lost) + len(gained) == 1]
+    if words:
+        return ", ".join(words)
+    turned = min((before[k:] + before[:k] for k in range(len(before))),
+                 key=lambda order: sum(a != b for a, b in zip(order, after, strict=True)))
+    moved = dict.fromkeys(a for a, b in zip(turned, after, strict=True) if a != b)
+    return f"other order of {', '.join(moved)}"
+
+
+def _misses(turn_map: TurnMap, state: np.ndarray, times: np.ndarray, contacts: np.ndarray) -> tuple[Miss, ...]:
+    """`Passage.misses`, found in samples at `times` [s]."""
+    device, found = Simulator(turn_map.scene), list[Miss]()
+    turn_map.put(device, state)
+    run = device.sample(times)
+    for side in turn_map.scene.plates:
+        gap = getattr(run, f"{side}_plate_position") - getattr(run, f"{side}_position")
+        of_side = contacts[contacts["kind"] == side + _CONTACT]
+        for number in np.flatnonzero((gap[1:-1] <= gap[:-2]) & (gap[1:-1] < gap[2:])):
+            first, last = times[number], times[number + 2]
+            touches = (of_side["time"] <= last) & (of_side["time"] + of_side["duration"] >= first)
+            if gap[number + 1] > 0.0 and not touches.any():
+                found.append(Miss(side, float(first), float(last), float(gap[number + 1])))
+    return tuple(found)
+
+
+def _nearest(turn_map: TurnMap, state: np.ndarray, misses: tuple[Miss, ...]) -> float:
+    """`Passage.miss`: the least distance of all misses [crank radii], computed exactly where a sample is near."""
+    near = _EXACT_MISS * turn_map.length
+    least = min((least_gap(turn_map, state, miss) if miss.gap < near else miss.gap for miss in misses), default=np.inf)
+    return least / turn_map.length
+
+
+def least_gap(turn_map: TurnMap, state: np.ndarray, miss: Miss) -> float:
+    """Distance [m] of a mass from its plate where it turns back; 0 where it touches the plate."""
+    device = Simulator(turn_map.scene)
+
+    def apart(time: float, what: str) -> float:
+        turn_map.put(device, state)
+        device.advance_to(time)
+        return getattr(device.state, f"{miss.side}_plate_{what}") - getattr(device.state, f"{miss.side}_{what}")
+
+    turns_back = apart(miss.first, "velocity") < 0.0 < apart(miss.last, "velocity")
+    turn = brentq(apart, miss.first, miss.last, args=("velocity",), xtol=1e-12) if turns_back else miss.first
+    return max(0.0, apart(turn, "position"))

@@ -1,0 +1,586 @@
+"""``study basins``: the motion that each of many starts leads to, and the share of the starts of each motion."""
+
+import argparse
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache, partial
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pyarrow as pa
+
+from vibro_lab.orbits.attractors import MOST_ATTRACTORS, Attractors, group_starts, with_exponents
+from vibro_lab.orbits.chaos import sign_of
+from vibro_lab.orbits.recurrence import SettledMotion, command_in_words, settle, tolerance_of
+from vibro_lab.orbits.starts import running
+from vibro_lab.orbits.turn_map import (
+    TURN,
+    Stroboscope,
+    TurnMap,
+    crank_speed,
+    free_cut,
+    has_sampled_controller,
+    state_names,
+)
+from vibro_lab.study.command import Progress, Results, StudyCommand, machine_of
+from vibro_lab.study.execution import Execution
+from vibro_lab.study.figures import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    YELLOW,
+    Axes,
+    BoundaryNorm,
+    ListedColormap,
+    Patch,
+    default_settings,
+    new_figure,
+    png,
+    set_heading,
+    style_axes,
+)
+from vibro_lab.study.table import NUMBERS, Field, Study, are, computed, file_of, table_of
+from vibro_lab.study.variation import whole_number
+from vibro_ros import STATE_UNITS, Parser, Scene, SimulationError, Value, read_scalar
+
+FOLDER, STARTS, ATTRACTORS, PICTURE = "blocks", "starts.parquet", "attractors.parquet", "basins.png"
+TURNS, MOST_TURNS, STARTS_DRAWN, QUICK_STARTS = 64, 4096, 1000, 300
+MOST_STARTS = 1_000_000
+"""Largest number of starts of a study."""
+_MOST_VALUES = 10_000  # of a coordinate of a grid
+_FEWEST_TURNS, _LARGEST_TURNS = 8, 1_000_000  # limits of --turns and --most-turns
+_BLOCK_ROWS = 1024  # starts of a block, some seconds of work: the most that an interruption loses
+_KEPT_STATES = 32  # states of a motion without a period that a row keeps
+ANGLE = "crank_angle"
+
+
+@dataclass(frozen=True)
+class Over:
+    """A coordinate of the start that varies.
+
+    Attributes
+    ----------
+    name : str
+        Name of an argument of `Simulator.set_state`.
+    low, high : float
+        Its range, in its SI unit.
+    count : int
+        Number of values on a grid, both ends included; 0 if starts are random.
+    """
+
+    name: str
+    low: float
+    high: float
+    count: int = 0
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the coordinate."""
+        return STATE_UNITS[self.name]
+
+    @property
+    def values(self) -> np.ndarray:
+        """Values on the grid, shape (count,)."""
+        return np.linspace(self.low, self.high, self.count)
+
+
+@dataclass(frozen=True)
+class Starts:
+    """A grid of starts over two coordinates, of which the second changes fastest, or random starts, uniform in a box.
+
+    A random start depends only on seed and number, so a larger count includes the starts of a smaller one.
+
+    Attributes
+    ----------
+    over : tuple of Over
+        The coordinates of a grid, or the sides of the box.
+    count, seed : int
+        Number of starts, and seed of the random ones.
+    """
+
+    over: tuple[Over, ...]
+    count: int
+    seed: int = 0
+
+    @property
+    def is_grid(self) -> bool:
+        """Whether the starts form a grid."""
+        return self.over[0].count > 0
+
+    def start(self, number: int) -> dict[str, float]:
+        """Arguments of `Simulator.set_state` for a start by its number."""
+        if self.is_grid:
+            places = divmod(number, self.over[1].count)
+            return {one.name: float(values[place])
+                    for one, values, place in zip(self.over, self._values, places, strict=True)}
+        shares = np.random.default_rng((self.seed, number)).uniform(size=len(self.over))
+        return {one.name: float(one.low + share * (one.high - one.low))
+                for one, share in zip(self.over, shares, strict=True)}
+
+    def document(self) -> dict:
+        """Everything that determines the starts, for JSON."""
+        over = [[one.name, one.low, one.high, one.count] for one in self.over]
+        return {"grid": over} if self.is_grid else {"box": over, "count": self.count, "seed": self.seed}
+
+    @cached_property
+    def _values(self) -> list[np.ndarray]:
+        return [one.values for one in self.over]
+
+
+@dataclass(frozen=True)
+class Design:
+    """A checked design of a study of basins.
+
+    Attributes
+    ----------
+    scene : Scene
+        Scene that is started.
+    phase : float
+        Crank angle at the cut [rad].
+    starts : Starts
+        Its starts.
+    turns : int
+        Turns of the crank after which a start is judged for the first time.
+    most_turns : int
+        Turns after which a start counts as not settled.
+
+    Raises
+    ------
+    ValueError
+        For numbers of turns that are out of range or in the wrong order.
+    """
+
+    scene: Scene
+    phase: float
+    starts: Starts
+    turns: int
+    most_turns: int
+
+    def __post_init__(self) -> None:
+        if not _FEWEST_TURNS <= self.turns <= self.most_turns <= _LARGEST_TURNS:
+            raise ValueError(f"--turns {self.turns} and --most-turns {self.most_turns}: give numbers from "
+                             f"{_FEWEST_TURNS} to {_LARGEST_TURNS}, the smaller one first")
+
+    def document(self) -> dict:
+        """Everything that determines the results, for JSON."""
+        return {"scene": self.scene.name, "set": dict(self.scene.parameters), "phase": self.phase,
+                "starts": self.starts.document(), "turns": self.turns, "most_turns": self.most_turns}
+
+
+def over_in_words(scene: Scene, text: str) -> Over:
+    """Parse a coordinate from ``NAME=LOW:HIGH`` or ``NAME=LOW:HIGH:COUNT``.
+
+    Raises
+    ------
+    ValueError
+        For text that is not of this form, with the value, the limit and the remedy.
+    """
+    name, equals, values = text.partition("=")
+    parts = [read_scalar(part) for part in values.split(":")]
+    if not equals or len(parts) not in (2, 3):
+        raise ValueError(f"--over {text}: give NAME=LOW:HIGH:COUNT for a grid, NAME=LOW:HIGH for draws")
+    known = (*state_names(scene), ANGLE)
+    if name not in known:
+        raise ValueError(f"--over {name or repr(name)}: is no coordinate of this scene's start; give one of "
+                         f"{', '.join(known)}")
+    low, high = (_number(name, part) for part in parts[:2])
+    if not low < high:
+        raise ValueError(f"--over {name}: from {low:g} to {high:g} is no range; give the smaller number first")
+    if name == "body_height" and low < 0.0:
+        raise ValueError(f"--over {name}: {low:g} {STATE_UNITS[name]} is out of range; give at least 0")
+    count = whole_number(f"--over {name}: count", parts[2], 2, _MOST_VALUES) if len(parts) == 3 else 0
+    return Over(name, low, high, count)
+
+
+def _number(name: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= 1e6:
+        raise ValueError(f"--over {name}: {value!r} is no number up to 1e6; give one in {STATE_UNITS[name]}")
+    return float(value)
+
+
+def chosen_starts(scene: Scene, over: tuple[Over, ...], count: int, seed: int) -> Starts:
+    """Return the starts of the options `--over`, `--starts` and `--seed`.
+
+    Raises
+    ------
+    ValueError
+        For options that contradict each other, or too many starts.
+    """
+    if len({one.name for one in over}) < len(over):
+        raise ValueError("--over: a coordinate is given twice; keep one")
+    if not any(one.count for one in over):
+        return Starts(over or everywhere(scene), whole_number("--starts", count, 1, MOST_STARTS), seed)
+    if len(over) != 2 or not all(one.count for one in over):
+        raise ValueError(f"--over: {len(over)} coordinates, of which {sum(one.count > 0 for one in over)} have a "
+                         "count; a grid has two, both with a count; draws have none with a count")
+    cells = math.prod(one.count for one in over)
+    if cells > MOST_STARTS:
+        raise ValueError(f"--over: {cells} starts are more than {MOST_STARTS}; give smaller counts")
+    return Starts(over, cells)
+
+
+def everywhere(scene: Scene) -> tuple[Over, ...]:
+    """All coordinates, each within one unit of the machine from rest: crank radius l, or l omega for velocities.
+
+    The body starts on the ground. If a rigid plate is nearer, the range of its mass ends at the plate. A dc motor's
+    crank turns forwards; current and integral are those of the scene's own start.
+    """
+    reach = scene["crank.radius"]
+    speed, sides = reach * crank_speed(scene), []
+    for name in state_names(scene):
+        side = name.split("_")[0]
+        if name.endswith("velocity") and name != "body_vertical_velocity":
+            sides.append(Over(name, -speed, speed))
+        elif name == "motor_speed":
+            sides.append(Over(name, 0.0, crank_speed(scene)))
+        elif side in scene.guides:
+            rigid = side in scene.plates and scene[f"effects.{side}_contact"] == "restitution"
+            high = scene[f"crank.{side}_rod"] + (min(reach, scene[f"{side}.gap"]) if rigid else reach)
+            sides.append(Over(name, high - 2.0 * reach, high))
+    return (*sides, Over(ANGLE, 0.0, TURN))
+
+
+NO_START = "no such start: "
+"""Prefix of the error of a start that is not possible, such as a mass beyond its rigid plate."""
+
+
+def study_of(design: Design) -> Study:
+    """The table of the motions that the starts lead to, with one row for each start."""
+    fields = [
+        *(Field(one.name, pa.float64(), one.unit, "of the start; other coordinates are as the scene starts")
+          for one in design.starts.over),
+        Field("turns", pa.int64(), "1", "turns of the crank after which the settled motion repeats itself; 0 where it "
+              "does not, null where nothing has settled", True),
+        Field("after", pa.int64(), "1", "turns of the crank that the start was watched for"),
+        Field("mean_speed", pa.float64(), "m/s", "mean speed of the settled body, forward positive; NaN where nothing "
+              "has settled"),
+        Field("states", NUMBERS, "1", "states of the settled motion at the cut, one after the other, in crank radii "
+              "and crank radii times motor speed; of a dc motor see `vibro_lab.orbits.turn_map`"),
+        Field("error", pa.string(), "1", "why the start leads nowhere; else null", True)]
+    dimension = len(state_names(design.scene))
+
+    def are_own(numbers: Sequence[int], rows: list[dict]) -> bool:
+        return are(rows, [design.starts.start(number) for number in numbers]) and all(
+            len(row["states"]) == (0 if row["turns"] is None else dimension * (row["turns"] or _KEPT_STATES))
+            for row in rows)
+
+    return Study("starts", design.document(), fields, partial(rows_of, design), are_own,
+                 design.turns * TURN / crank_speed(design.scene), (design.scene["solver.method"],), design.starts.count,
+                 _BLOCK_ROWS)
+
+
+def rows_of(design: Design, number: int) -> list[dict]:
+    """Let a start settle by its number, and return its row."""
+    stroboscope, start = stroboscope_of(design), design.starts.start(number)
+    motion, after, error = None, design.most_turns, None
+    try:
+        stroboscope.begin_as(**start)
+        motion = settle(stroboscope, design.turns, design.most_turns)
+    except ValueError as refused:
+        after, error = 0, f"{NO_START}{refused}"
+    except SimulationError as failed:
+        after, error = 0, str(failed)
+    return [{
+        **start, "turns": motion.turns if motion else None, "after": motion.after if motion else after,
+        "mean_speed": motion.mean_speed if motion else math.nan,
+        "states": motion.states[-(motion.turns or _KEPT_STATES):].ravel() if motion else [], "error": error}]
+
+
+def stroboscope_of(design: Design) -> Stroboscope:
+    """Return the stroboscope of a design. The last one is cached, because making it takes as long as a start."""
+    return _stroboscope(design.scene.name, tuple(design.scene.parameters.items()), design.phase)
+
+
+@lru_cache(maxsize=1)
+def _stroboscope(name: str, parameters: tuple[tuple[str, Value], ...], phase: float) -> Stroboscope:
+    return Stroboscope(TurnMap(Scene(name, dict(parameters)), phase))
+
+
+UNSETTLED, IMPOSSIBLE, OTHER = 0, -1, -2
+"""Numbers of starts without an attractor: the motion had not settled; the start is not possible, or its run failed; the
+motion is not among the first `MOST_ATTRACTORS`."""
+
+
+@dataclass(frozen=True)
+class Basins:
+    """The attractors of all starts, and the attractor of each start.
+
+    Attributes
+    ----------
+    attractors : Attractors
+        The settled motions, that of most starts first.
+    numbers : ndarray of int, shape (starts,)
+        Number of each start's attractor, counted from 1; or `UNSETTLED`, `IMPOSSIBLE`, `OTHER`.
+    """
+
+    attractors: Attractors
+    numbers: np.ndarray
+
+
+def basins_in(design: Design, table: pa.Table) -> Basins:
+    """Group all rows by attractor, and compute multipliers and exponents.
+
+    Rows are grouped in their order, so that the result does not depend on how they were computed.
+    """
+    turn_map, turns = stroboscope_of(design).turn_map, table["turns"].to_pylist()
+    able = np.array([error is None for error in table["error"].to_pylist()])
+    motions = [None if one is None else SettledMotion(
+        one, np.array(states).reshape(-1, len(turn_map.names)), speed, after, tolerance_of(design.scene))
+        for one, states, speed, after in zip(turns, *(
+            table[name].to_pylist() for name in ("states", "mean_speed", "after")), strict=True)]
+    own, speeds = [motion for motion, is_able in zip(motions, able, strict=True) if is_able], table["mean_speed"]
+    found, places = group_starts(own, speeds.to_numpy()[able].tolist())
+    settled = Attractors(one for one in found if one.turns is not None)
+    numbers = np.full(len(turns), IMPOSSIBLE)
+    numbers[able] = [place + 1 if place < len(settled) else UNSETTLED if motion is None else OTHER
+                     for place, motion in zip(places.tolist(), own, strict=True)]
+    with Progress("motions measured", "motion", len(settled)) as progress:
+        exact = []
+        for one in settled:
+            exact.append(with_exponents(one, turn_map))
+            progress.add(1)
+    return Basins(Attractors(exact), numbers)
+
+
+class BasinEntropy(NamedTuple):
+    """Basin entropy: a measure of the uncertainty of the motion that a start leads to.
+
+    Attributes
+    ----------
+    entropy : float
+        Mean over all boxes of the entropy of the motions within a box [nat]: 0 if every box has one motion.
+    boundary : float
+        Mean over the boxes with more than one motion [nat]; NaN without such boxes. In the limit of small boxes with
+        many starts, a value above log 2 proves a fractal boundary; with the boxes of a grid it is only a hint.
+    boxes, mixed : int
+        Number of boxes, and of those with more than one motion.
+    """
+
+    entropy: float
+    boundary: float
+    boxes: int
+    mixed: int
+
+
+def basin_entropy(numbers: np.ndarray, outside: int = IMPOSSIBLE, side: int = 5) -> BasinEntropy | None:
+    """Compute basin entropy and boundary basin entropy of a grid of starts; None for a grid without a whole box.
+
+    Both, and the criterion of log 2, are those of A. Daza, A. Wagemakers, B. Georgeot, D. Guery-Odelin and
+    M. A. F. Sanjuan, Sci. Rep. 6 (2016) 31416.
+
+    Parameters
+    ----------
+    numbers : ndarray of int, shape (rows, columns)
+        Number of each start's attractor.
+    outside : int
+        Number that marks impossible starts; boxes with such a start are left out.
+    side : int
+        Starts along a side of a box, dimensionless; incomplete boxes at the ends of the grid are left out.
+    """
+    rows, columns = (count // side for count in numbers.shape)
+    boxes = numbers[:rows * side, :columns * side].reshape(rows, side, columns, side).swapaxes(1, 2)
+    found = []
+    for box in boxes.reshape(rows * columns, side * side):
+        if outside not in box:
+            shares = np.unique(box, return_counts=True)[1] / len(box)
+            found.append(float(-np.sum(shares * np.log(shares))) if len(shares) > 1 else 0.0)
+    if not found:
+        return None
+    entropies = np.array(found)
+    mixed = entropies > 0.0
+    boundary = float(entropies[mixed].mean()) if mixed.any() else math.nan
+    return BasinEntropy(float(entropies.mean()), boundary, len(entropies), int(mixed.sum()))
+
+
+def starts_table(table: pa.Table, found: Basins) -> bytes:
+    """Return a Parquet file of all starts with the numbers of their attractors."""
+    meaning = ("number of the motion that the start leads to; 0: nothing had settled; -1: it cannot start, or not go "
+               "on; -2: another motion than the first ones")
+    field = pa.field("attractor", pa.int64(), metadata={"unit": "1", "meaning": meaning})
+    table = table.drop_columns(["states"])
+    return file_of(table.add_column(table.num_columns - 4, field, pa.array(found.numbers, pa.int64())))
+
+
+def attractors_table(found: Basins) -> bytes:
+    """Return a Parquet file of all attractors."""
+    fields = [
+        Field("attractor", pa.int64(), "1", "number of the motion"),
+        Field("turns", pa.int64(), "1", "turns after which it repeats itself, 0: it does not"),
+        Field("mean_speed", pa.float64(), "m/s", "of the body, forward positive"),
+        Field("starts", pa.int64(), "1", "starts that lead to it"),
+        Field("fraction", pa.float64(), "1", "of the starts that can be"),
+        Field("fraction_low", pa.float64(), "1", "lower end of its 95 % interval"),
+        Field("fraction_high", pa.float64(), "1", "upper end of its 95 % interval"),
+        Field("lyapunov_exponent", pa.float64(), "1/s", "the largest one"),
+        Field("lyapunov_spread", pa.float64(), "1/s", "half the width of its 95 % interval"),
+        Field("multipliers_real", NUMBERS, "1", "real parts of its Floquet multipliers, the largest first"),
+        Field("multipliers_imaginary", NUMBERS, "1", "imaginary parts of its Floquet multipliers, the largest first"),
+        Field("states", NUMBERS, "1", "at successive cuts, one after the other, in crank radii and crank radii times "
+              "motor speed")]
+    return file_of(table_of([
+        {"attractor": number, "turns": one.turns, "mean_speed": one.mean_speed, "starts": one.starts,
+         "fraction": one.share, "fraction_low": one.low, "fraction_high": one.high,
+         "lyapunov_exponent": one.exponent, "lyapunov_spread": one.exponent_spread,
+         "multipliers_real": one.multipliers.real, "multipliers_imaginary": one.multipliers.imag,
+         "states": one.states.ravel()} for number, one in enumerate(found.attractors, 1)], fields))
+
+
+_SHOWN = 12  # largest number of motions that are printed
+
+
+def in_words(design: Design, table: pa.Table, found: Basins) -> list[str]:
+    """Return the results as lines of text."""
+    over = ", ".join(f"{one.name} {one.low:g} to {one.high:g} {one.unit}" for one in design.starts.over)
+    watched = float(np.mean(table["after"].to_numpy()))
+    lines = [f"{design.starts.count} starts over {over}; watched for {watched:.1f} turns on average, cut at "
+             f"{design.phase:.4f} rad"]
+    for number, attractor in enumerate(found.attractors[:_SHOWN], 1):
+        if not attractor.turns:
+            stability = f"largest Lyapunov exponent {attractor.exponent:.3g} ± {attractor.exponent_spread:.2g} 1/s" + (
+                "" if sign_of(attractor.exponent, attractor.exponent_spread) else ", its sign not known")
+        elif len(attractor.multipliers):
+            stability = f"largest Floquet multiplier {abs(attractor.multipliers[0]):.4f}"
+        else:
+            stability = ("no multipliers, because the controller takes samples"
+                         if has_sampled_controller(design.scene) else "no orbit closes by Newton's method")
+        lines.append(f"motion {number}: {attractor.in_words()}; {attractor.starts} "
+                     f"start{'s' * (attractor.starts > 1)}, {100.0 * attractor.share:.2f} % (95 % interval "
+                     f"{100.0 * attractor.low:.2f} to {100.0 * attractor.high:.2f} %); {stability}")
+    if len(found.attractors) > _SHOWN:
+        lines.append(f"{len(found.attractors) - _SHOWN} more motions; without losses every start has one of its own")
+    lines += _entropy_in_words(design, found)
+    for number, what in ((UNSETTLED, f"starts had not settled within {design.most_turns} turns"),
+                         (OTHER, f"starts have other motions than the first {MOST_ATTRACTORS}"),
+                         (IMPOSSIBLE, "starts cannot be, or could not go on")):
+        if count := int(np.sum(found.numbers == number)):
+            reason = next(text for text in table["error"].to_pylist() if text) if number == IMPOSSIBLE else ""
+            lines.append(f"{count} {what}{f', such as: {reason}' if reason else ''}")
+    return lines
+
+
+def _entropy_in_words(design: Design, found: Basins) -> list[str]:
+    if not design.starts.is_grid:
+        return []
+    entropy = basin_entropy(found.numbers.reshape([one.count for one in design.starts.over]))
+    if entropy is None:
+        return []
+    if not entropy.mixed:
+        return [f"basin entropy 0: each of {entropy.boxes} boxes has one motion"]
+    says = "above log 2 = 0.693, which hints at a fractal boundary" if entropy.boundary > math.log(2.0) else (
+        "not above log 2 = 0.693, which leaves open whether the boundary is fractal")
+    return [f"basin entropy {entropy.entropy:.4f}, of the {entropy.mixed} of {entropy.boxes} boxes with more than one "
+            f"motion {entropy.boundary:.4f}, {says}"]
+
+
+_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILION, YELLOW, BLACK)  # further motions share the last one
+_GREY, _WHITE = "#a0a0a0", "#ffffff"  # for `UNSETTLED` and `OTHER`, and for `IMPOSSIBLE`
+
+
+@default_settings()
+def draw_basins(design: Design, table: pa.Table, found: Basins) -> bytes:
+    """Draw the motions that the starts lead to; returns a PNG file."""
+    figure, over = new_figure(9.0, 5.0), design.starts.over
+    if design.starts.is_grid:
+        _draw_map(figure.subplots(), over, found.numbers)
+    elif len(over) > 1:
+        shares, dots = figure.subplots(1, 2)
+        _draw_shares(shares, found)
+        _draw_dots(dots, table, over, found.numbers)
+    else:
+        _draw_shares(figure.subplots(), found)
+    set_heading(figure, f"{design.scene.name} at {command_in_words(design.scene)}: where {design.starts.count} starts "
+                "lead")
+    figure.legend(handles=_legend(found), loc="outside lower center", fontsize=8, frameon=False, ncols=2)
+    return png(figure)
+
+
+def _colour(number: int) -> str:
+    if number > 0:
+        return _COLOURS[min(number, len(_COLOURS)) - 1]
+    return _WHITE if number == IMPOSSIBLE else _GREY
+
+
+def _draw_map(axes: Axes, over: tuple[Over, ...], numbers: np.ndarray) -> None:
+    first, second = over
+    kinds = np.unique(numbers)
+    places = np.searchsorted(kinds, numbers).reshape(first.count, second.count)
+    axes.pcolormesh(second.values, first.values, places, shading="nearest", rasterized=True,
+                    cmap=ListedColormap([_colour(int(number)) for number in kinds]),
+                    norm=BoundaryNorm(np.arange(len(kinds) + 1) - 0.5, len(kinds)))
+    axes.set(xlabel=f"{second.name} [{second.unit}]", ylabel=f"{first.name} [{first.unit}]")
+
+
+def _draw_dots(axes: Axes, table: pa.Table, over: tuple[Over, ...], numbers: np.ndarray) -> None:
+    first, second = over[:2]
+    for number in sorted(set(numbers.tolist()) - {IMPOSSIBLE}):  # the motions with fewer starts lie on top
+        chosen = numbers == number
+        axes.plot(table[second.name].to_numpy()[chosen], table[first.name].to_numpy()[chosen], ".", ms=3.0,
+                  color=_colour(number), alpha=0.8)
+    axes.set(xlabel=f"{second.name} [{second.unit}]", ylabel=f"{first.name} [{first.unit}]")
+    style_axes(axes)
+
+
+def _draw_shares(axes: Axes, found: Basins) -> None:
+    shown = found.attractors[:len(_COLOURS)]
+    places = np.arange(1, len(shown) + 1)
+    spread = [[100.0 * (one.share - one.low) for one in shown], [100.0 * (one.high - one.share) for one in shown]]
+    axes.bar(places, [100.0 * one.share for one in shown], yerr=spread, capsize=4, color=_COLOURS[:len(shown)])
+    axes.set(xlabel="motion", ylabel="share of the starts, with 95 % interval [%]", xticks=places)
+    style_axes(axes)
+
+
+def _legend(found: Basins) -> list[Patch]:
+    shown = [Patch(color=_colour(number), label=f"{number}: {one.in_words()}, {100.0 * one.share:.3g} % of the starts")
+             for number, one in enumerate(found.attractors[:len(_COLOURS)], 1)]
+    if np.isin(found.numbers, (UNSETTLED, OTHER)).any():
+        shown.append(Patch(color=_GREY, label="not settled, or another motion"))
+    if np.any(found.numbers == IMPOSSIBLE):
+        shown.append(Patch(facecolor=_WHITE, edgecolor="black", label="cannot start"))
+    return shown
+
+
+def _results(design: Design, folder: Path, execution: Execution) -> Iterator[Results]:
+    table = computed(study_of(design), folder / FOLDER, execution)
+    errors = [text for text in table["error"].to_pylist() if text]
+    if len(errors) == design.starts.count:
+        raise ValueError(f"none of {len(errors)} starts can be simulated; the first one: {errors[0]}")
+    found = basins_in(design, table)
+    yield Results({STARTS: starts_table(table, found), ATTRACTORS: attractors_table(found),
+                   PICTURE: draw_basins(design, table, found)}, in_words(design, table, found),
+                  any(not text.startswith(NO_START) for text in errors))
+
+
+def _design(options: argparse.Namespace) -> Design:
+    scene = running(machine_of(options))
+    count = options.starts if options.starts is not None else QUICK_STARTS if options.quick else STARTS_DRAWN
+    starts = chosen_starts(scene, tuple(over_in_words(scene, text) for text in options.over), count,
+                           whole_number("--seed", options.seed, 0, 2**63 - 1))
+    if starts.is_grid and options.starts is not None:
+        raise ValueError("--starts: a grid draws no starts; leave it out, or the counts of --over")
+    phase = Stroboscope(free_cut(scene)).turn_map.phase  # after the options: it simulates; refuses a scene at rest
+    return Design(scene, phase, starts, options.turns, options.most_turns)
+
+
+def _add_options(parser: Parser) -> None:
+    parser.add_argument("--over", action="append", default=[], metavar="NAME=LOW:HIGH[:COUNT]", help="a coordinate of "
+                        "the start, SI units: with counts two of them, a grid; without counts, from which starts are "
+                        "drawn (default: all, within a crank radius l of rest, and l times motor speed)")
+    parser.add_argument("--starts", type=int, metavar="N", help=f"drawn starts (default: {STARTS_DRAWN})")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the draws (default: %(default)s)")
+    parser.add_argument("--turns", type=int, default=TURNS, metavar="N", help="turns of the crank after which a start "
+                        "is looked at first; then after twice as many, and so on (default: %(default)s)")
+    parser.add_argument("--most-turns", type=int, default=MOST_TURNS, metavar="N", help="turns after which a start is "
+                        "given up (default: %(default)s)")
+    parser.add_argument("--quick", action="store_true", help=f"{QUICK_STARTS} starts unless you say otherwise")
+
+
+main = StudyCommand(
+    "basins", "Let a machine begin from many states, tell the motions apart that it settles to, and say how many "
+    "starts lead to each, and how mixed they are. Writes Parquet files and a picture.", _add_options, _design, _results,
+    failure="a start could not go on, or the disk is full")

@@ -1,0 +1,614 @@
+"""``study diagram``: the states once a turn over a parameter, swept up and down, with periods and Lyapunov exponents.
+
+A *visit* is the motion at one value in one direction. It begins with the last state of the visit before
+(`visit_table`). So a motion is followed as long as it is stable, and its end depends on the direction: this is
+hysteresis. Visits depend on each other and are computed in one process; a visit takes some hundredths of a second,
+unless nothing settles. Their exponents are independent and are computed in several processes (`period_table`).
+"""
+
+import argparse
+import itertools
+import json
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pyarrow as pa
+
+from vibro_lab.orbits.chaos import LEAST_TURNS, sign_of, spectrum_of_cycle, spectrum_until_known
+from vibro_lab.orbits.chaos import MOST_TURNS as MOST_MEASURED
+from vibro_lab.orbits.recurrence import CLOUD, FIRST_TURNS, LONGEST_PERIOD, WATCHED, SettledMotion, settle, tolerance_of
+from vibro_lab.orbits.turn_map import (
+    TURN,
+    Stroboscope,
+    TurnMap,
+    crank_speed,
+    free_cut,
+    has_sampled_controller,
+    state_names,
+    units_of,
+)
+from vibro_lab.study.command import Results, StudyCommand, machine_of
+from vibro_lab.study.execution import Execution, Rows, fingerprint
+from vibro_lab.study.figures import (
+    BLUE,
+    VERMILION,
+    Axes,
+    default_settings,
+    new_figure,
+    of_parameter,
+    png,
+    set_heading,
+    style_axes,
+)
+from vibro_lab.study.table import KEY, Field, Study, are, computed, file_of, parameter_field, read_block, stored
+from vibro_lab.study.variation import Axis, at_the_edge, ends_at, varied_in_words, whole_number
+from vibro_ros import PARAMETERS, STATE_UNITS, Parser, Scene
+
+UP, DOWN = "up", "down"
+#: Largest value of `--most-turns`.
+MOST_SETTLING = 1_000_000
+_BLOCK = 8  # visits of a block: the most that an interruption loses
+
+
+@dataclass(frozen=True)
+class Design:
+    """A checked design of a diagram.
+
+    Attributes
+    ----------
+    scene : Scene
+        Scene whose parameter is varied, and whose start is used at the first value.
+    axis : Axis
+        The parameter and its values, ascending.
+    phase : float
+        Crank angle [rad] of the cut, at which states are recorded.
+    coordinate : str
+        Coordinate of the state that the picture shows.
+    most_turns : int
+        Largest number of turns of the crank in which a motion may settle.
+    exponents : int
+        Turns over which Lyapunov exponents are measured; 0 for no exponents.
+
+    Raises
+    ------
+    ValueError
+        For values that are out of range or contradict each other; one line that names the remedy.
+    """
+
+    scene: Scene
+    axis: Axis
+    phase: float
+    coordinate: str
+    most_turns: int
+    exponents: int
+
+    def __post_init__(self) -> None:
+        whole_number("--most-turns", self.most_turns, FIRST_TURNS, MOST_SETTLING)
+        if self.exponents:
+            whole_number("--exponents (0: none)", self.exponents, LEAST_TURNS, MOST_MEASURED)
+        for value in self.axis.values:
+            try:
+                scene = self.scene_at(value)
+            except ValueError as error:
+                raise ValueError(f"--vary {self.axis.name}: at {value:g} there is no scene ({error})") from error
+            crank_speed(scene)  # refuses a crank that stands
+            if self.exponents and has_sampled_controller(scene):
+                raise ValueError(f"--exponents {self.exponents}: motor.control {scene['motor.control']} takes samples, "
+                                 "with which the turns are not in step, so that the map of a turn has no derivative; "
+                                 "give --exponents 0")
+            if state_names(scene) != self.names:
+                raise ValueError(f"--vary {self.axis.name}: at {value:g} the state has other coordinates than at "
+                                 f"{self.axis.values[0]:g}; leave that value out")
+        if self.coordinate not in self.names:
+            raise ValueError(f"--coordinate {self.coordinate}: is none of the state; choose one of "
+                             f"{', '.join(self.names)}")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the state's coordinates, fields of `Samples`."""
+        return state_names(self.scene_at(self.axis.values[0]))
+
+    @property
+    def visits(self) -> int:
+        """Number of visits: each value upwards and downwards."""
+        return 2 * len(self.axis.values)
+
+    def direction(self, visit: int) -> str:
+        """Direction of a visit, `UP` or `DOWN`."""
+        return UP if visit < len(self.axis.values) else DOWN
+
+    def place(self, visit: int) -> int:
+        """Index of a visit's value among the values."""
+        return min(visit, self.visits - 1 - visit)
+
+    def value(self, visit: int) -> float:
+        """Value of a visit, in the parameter's unit."""
+        return float(self.axis.values[self.place(visit)])
+
+    def scene_at(self, value: object) -> Scene:
+        """Return the scene at a value (ValueError if the scene refuses it)."""
+        return self.scene.with_parameters({self.axis.name: value})
+
+    def map_of(self, visit: int) -> TurnMap:
+        """Return the turn map of a visit."""
+        return TurnMap(self.scene_at(self.value(visit)), self.phase)
+
+    def document(self) -> dict[str, object]:
+        """Everything that determines the results, for JSON."""
+        fixed = {name: value for name, value in self.scene.parameters.items() if name != self.axis.name}
+        return {"scene": self.scene.name, "set": fixed, "vary": {self.axis.name: self.axis.document()},
+                "phase": self.phase, "coordinate": self.coordinate, "most_turns": self.most_turns,
+                "exponents": self.exponents}
+
+
+@dataclass(frozen=True)
+class Visit:
+    """The motion at a value in one direction.
+
+    Attributes
+    ----------
+    number : int
+        Number of the visit.
+    motion : SettledMotion
+        The motion, with states in units of the machine.
+    settled : bool
+        False for a motion that still changes; its states are the last `CLOUD`.
+    states : ndarray, shape (m, n)
+        The same states in SI units.
+    """
+
+    number: int
+    motion: SettledMotion
+    settled: bool
+    states: np.ndarray
+
+
+def visit_table(design: Design, folder: Path) -> tuple[pa.Table, tuple[Visit, ...]]:
+    """Return the table of all states, and all visits; blocks that are missing in the folder are computed.
+
+    Raises
+    ------
+    SimulationError
+        If a run cannot go on.
+    """
+    fields = [
+        Field("visit", pa.int64(), "1", "number of the visit"),
+        Field("direction", pa.string(), "1", "whether the values went up or down"),
+        parameter_field(design.axis.name),
+        Field("period", pa.int64(), "1", "turns of the crank after which the motion repeats itself; 0: none up "
+              f"to {LONGEST_PERIOD}"),
+        Field("settled", pa.bool_(), "1", "false: the motion still changes"),
+        Field("after", pa.int64(), "1", "turns that the motion was watched for"),
+        Field("mean_speed", pa.float64(), "m/s", "of the body, forwards positive"),
+        Field("cut", pa.int64(), "1", "number of the turn"),
+        *(Field(name, pa.float64(), STATE_UNITS[name], f"at the crank angle {design.phase:.17g}")
+          for name in design.names)]
+
+    def are_own(numbers: Sequence[int], rows: list[dict]) -> bool:
+        own = []
+        for number in numbers:
+            of_visit = [row for row in rows if row["visit"] == number]
+            period = of_visit[0]["period"]
+            own += [{"visit": number, "direction": design.direction(number), design.axis.name: design.value(number),
+                     "period": period, "cut": cut} for cut in range(period or CLOUD)]
+        return are(rows, own)
+
+    def visits(numbers: Iterable[int]) -> Rows:
+        left, last = None, -1
+        for number in numbers:
+            if number and last != number - 1:
+                block = number // _BLOCK - 1
+                before = cast(pa.Table, read_block(study, folder, block, study.points(block)))
+                left = _visits_in(design, before)[-1].states[-1]
+            one = _visit(design, number, left if number else None)
+            left, last = one.states[-1], number
+            yield _rows_of(design, one)
+
+    study = Study("values", design.document(), fields, lambda number: [], are_own, 0.0, (), design.visits, _BLOCK)
+    blocks = {block: study.points(block) for block in range(study.blocks)}
+    tables = stored(study, folder, blocks, visits)
+    whole = pa.concat_tables([tables[block].replace_schema_metadata() for block in blocks])
+    return whole, tuple(_visits_in(design, whole))
+
+
+def _visit(design: Design, number: int, left: np.ndarray | None) -> Visit:
+    """Compute a visit that begins in `left`, the last state of the visit before, SI units, shape (n,).
+
+    Without it, the visit begins with the scene's own start.
+    """
+    turn_map = design.map_of(number)
+    stroboscope = Stroboscope(turn_map)
+    if left is None:
+        stroboscope.begin_as()
+    else:
+        stroboscope.begin(_within_plates(turn_map, left) / turn_map.units)
+    motion = settle(stroboscope, FIRST_TURNS, design.most_turns)
+    settled = motion is not None
+    if motion is None:
+        seen = stroboscope.turns(CLOUD)
+        speed = float((seen.positions[-1] - seen.positions[0]) / (seen.times[-1] - seen.times[0]))
+        motion = SettledMotion(0, seen.states, speed, design.most_turns + CLOUD, tolerance_of(turn_map.scene))
+    return Visit(number, motion, settled, motion.states * turn_map.units)
+
+
+def _within_plates(turn_map: TurnMap, state: np.ndarray) -> np.ndarray:
+    """Return the state, moving each mass that lies inside its rigid plate at the new value onto the plate."""
+    scene, moved = turn_map.scene, state.copy()
+    for side in scene.plates:
+        if scene[f"effects.{side}_contact"] == "restitution":
+            place = turn_map.names.index(f"{side}_position")
+            moved[place] = min(moved[place], scene[f"crank.{side}_rod"] + scene[f"{side}.gap"])
+    return moved
+
+
+def _rows_of(design: Design, one: Visit) -> list[dict]:
+    """Return the rows of a visit, one for each state."""
+    about = {"visit": one.number, "direction": design.direction(one.number),
+             design.axis.name: design.value(one.number), "period": one.motion.turns, "settled": one.settled,
+             "after": one.motion.after, "mean_speed": one.motion.mean_speed}
+    return [{**about, "cut": cut, **dict(zip(design.names, state, strict=True))}
+            for cut, state in enumerate(one.states.tolist())]
+
+
+def _visits_in(design: Design, table: pa.Table) -> list[Visit]:
+    """Return the visits whose states a table contains."""
+    columns = {name: table[name].to_numpy() for name in ("visit", "period", "settled", "after", "mean_speed",
+                                                         *design.names)}
+    found = []
+    for number in dict.fromkeys(columns["visit"].tolist()):
+        rows = np.flatnonzero(columns["visit"] == number)
+        states, first = np.column_stack([columns[name][rows] for name in design.names]), rows[0]
+        scene = design.scene_at(design.value(number))
+        motion = SettledMotion(int(columns["period"][first]), states / units_of(scene),
+                               float(columns["mean_speed"][first]), int(columns["after"][first]), tolerance_of(scene))
+        found.append(Visit(number, motion, bool(columns["settled"][first]), states))
+    return found
+
+
+def exponents_of(design: Design, settled: tuple[tuple[int, np.ndarray], ...], number: int) -> list[dict]:
+    """Compute all Lyapunov exponents of a visit by its number, and return its row.
+
+    `settled` has for each visit its period [turns], or 0, and its last state in SI units.
+    """
+    turn_map = design.map_of(number)
+    turns, state = settled[number][0], settled[number][1] / turn_map.units
+    if turns:
+        stroboscope = Stroboscope(turn_map)
+        stroboscope.begin(state)
+        spectrum = spectrum_of_cycle(turn_map, stroboscope.turns(turns).states)
+    else:
+        spectrum = spectrum_until_known(turn_map, state, design.exponents)
+        turns = 0 if spectrum.spread.any() else spectrum.turns
+    return [{"visit": number, "period": turns,
+             **{f"exponent_{k + 1}": one for k, one in enumerate(spectrum.exponents.tolist())},
+             **{f"spread_{k + 1}": one for k, one in enumerate(spectrum.spread.tolist())}}]
+
+
+def period_table(design: Design, seen: Sequence[Visit], folder: Path, execution: Execution) -> pa.Table:
+    """Table of the periods and exponents, one row for each visit; blocks that are missing in the folder are computed.
+    """
+    numbers = range(1, len(design.names) + 1)
+    fields = [
+        Field("visit", pa.int64(), "1", "number of the visit"),
+        Field("period", pa.int64(), "1", "turns after which the motion repeats itself, also many; 0: none found"),
+        *(Field(f"exponent_{k}", pa.float64(), "1/s", "Lyapunov exponent; -inf: the direction is gone within a turn")
+          for k in numbers),
+        *(Field(f"spread_{k}", pa.float64(), "1/s", "half the width of the exponent's 95 % interval; 0 for a periodic "
+                "motion") for k in numbers)]
+    run_time = 300.0 * design.exponents * 0.06  # s, about: a derivative takes some fifteen restarted turns
+    settled = tuple((one.motion.turns, one.states[-1]) for one in seen)
+    return computed(Study(
+        "motions measured", design.document(), fields, partial(exponents_of, design, settled),
+        lambda own, rows: are(rows, [{"visit": number} for number in own]), run_time, (design.scene["solver.method"],),
+        design.visits, _BLOCK), folder, execution)
+
+
+@dataclass(frozen=True)
+class Diagram:
+    """Results of a diagram.
+
+    Attributes
+    ----------
+    design : Design
+        The design.
+    visits : tuple of Visit
+        All visits, in the order of their numbers.
+    exponents : Table or None
+        Table of `period_table`; None if no exponents were measured.
+    """
+
+    design: Design
+    visits: tuple[Visit, ...]
+    exponents: pa.Table | None
+
+    def of(self, direction: str) -> tuple[Visit, ...]:
+        """Visits of a direction, in ascending order of the values."""
+        count = len(self.design.axis.values)
+        return self.visits[:count] if direction == UP else self.visits[:count - 1:-1]
+
+    def value_of(self, column: str, visit: int) -> float:
+        """Value in a column of `exponents` for the visit of a number; NaN if no exponents were measured."""
+        return float(self.exponents[column][visit].as_py()) if self.exponents is not None else float("nan")
+
+    def period(self, visit: Visit) -> int:
+        """Period of a motion [turns], which may be longer than `LONGEST_PERIOD`; 0 if none was found."""
+        return visit.motion.turns if self.exponents is None else int(self.value_of("period", visit.number))
+
+    def sign(self, visit: Visit) -> int | None:
+        """Sign of a visit's largest exponent, 0 if it is not known; None if no exponents were measured."""
+        exponent = self.value_of("exponent_1", visit.number)
+        return None if math.isnan(exponent) else sign_of(exponent, self.value_of("spread_1", visit.number))
+
+    def differ(self) -> list[bool]:
+        """Whether the motions found upwards and downwards are both settled and different, for each value."""
+        return [up.settled and down.settled and not up.motion.is_same(down.motion)
+                for up, down in zip(self.of(UP), self.of(DOWN), strict=True)]
+
+    def kind(self, visit: Visit) -> str:
+        """Description of a motion's period in words."""
+        turns = self.period(visit)
+        if not (visit.settled or turns):
+            return "not settled"
+        watched = LONGEST_PERIOD if self.exponents is None else WATCHED // 4
+        return f"no period to {watched}" if not turns else "every turn" if turns == 1 else f"every {turns} turns"
+
+    def hysteresis(self) -> list[list[int]]:
+        """Regions of hysteresis: runs of indices of values at which the two directions found different motions."""
+        two = self.differ()
+        return [list(places) for is_two, places in itertools.groupby(range(len(two)), two.__getitem__) if is_two]
+
+    def ranges(self) -> list[list[Visit]]:
+        """Runs of visits of neighbouring values, with equal direction, period and presence of hysteresis."""
+        two, found = self.differ(), []
+        for direction in (UP, DOWN):
+            keys = [(self.kind(one), is_two) for one, is_two in zip(self.of(direction), two, strict=True)]
+            for _, places in itertools.groupby(range(len(two)), keys.__getitem__):
+                found.append([self.of(direction)[place] for place in places])
+        return found
+
+
+def states_table(design: Design, table: pa.Table) -> bytes:
+    """Return a Parquet file of all states."""
+    return _file(table, design)
+
+
+def values_table(found: Diagram) -> bytes:
+    """Return a Parquet file with one row for each visit."""
+    design, two = found.design, found.differ()
+    first = {
+        "visit": pa.array([one.number for one in found.visits], pa.int64()),
+        "direction": pa.array([design.direction(one.number) for one in found.visits], pa.string()),
+        design.axis.name: pa.array([design.value(one.number) for one in found.visits], pa.float64()),
+        "period": pa.array([found.period(one) for one in found.visits], pa.int64()),
+        "settled": pa.array([one.settled for one in found.visits], pa.bool_()),
+        "after": pa.array([one.motion.after for one in found.visits], pa.int64()),
+        "mean_speed": pa.array([one.motion.mean_speed for one in found.visits], pa.float64()),
+        "two_motions": pa.array([two[design.place(one.number)] for one in found.visits], pa.bool_()),
+    }
+    exponents = found.exponents.drop_columns(["visit", "period"]) if found.exponents is not None else None
+    rest = dict(zip(exponents.column_names, exponents.columns, strict=True)) if exponents is not None else {}
+    return _file(pa.table({**first, **rest}), design)
+
+
+def _file(table: pa.Table, design: Design) -> bytes:
+    about = json.dumps({**fingerprint(), "design": design.document()}, ensure_ascii=False).encode()
+    return file_of(table.replace_schema_metadata({KEY: about}))
+
+
+_MOST_RANGES = 40  # rows of the printed table; the files contain all
+
+
+def in_words(found: Diagram) -> Iterator[str]:
+    """Yield the results as lines of text: a table of ranges, then the regions of hysteresis."""
+    design, name = found.design, found.design.axis.name
+    unit = PARAMETERS[name].unit
+    yield (f"{'':5} {of_parameter(name):>24}  {'repeats itself':17} {'mean speed [mm/s]':>18} "
+           f"{'largest exponent [1/s]':>30}")
+    ranges = found.ranges()
+    for visits in ranges[:_MOST_RANGES]:
+        numbers = [one.number for one in visits]
+        where = _between([design.value(number) for number in numbers], ".6g")
+        speeds = _between([1e3 * one.motion.mean_speed for one in visits], ".2f")
+        exponents = _exponents(found, numbers)
+        yield (f"{design.direction(numbers[0]):5} {where:>24}  {found.kind(visits[0]):17} {speeds:>18} "
+               f"{exponents:>30}").rstrip()
+    if len(ranges) > _MOST_RANGES:
+        yield f"and {len(ranges) - _MOST_RANGES} ranges more; the files hold all"
+    regions = found.hysteresis()
+    for places in regions:
+        ways = []
+        for direction in (UP, DOWN):
+            visits = [found.of(direction)[place] for place in places]
+            speeds = _between([1e3 * one.motion.mean_speed for one in visits], ".2f")
+            ways.append(f"{direction} {', '.join(dict.fromkeys(map(found.kind, visits)))} at {speeds} mm/s")
+        where = _between([float(design.axis.values[place]) for place in places], ".6g")
+        yield (f"hysteresis: {where}{f' {unit}' if unit else ''} ({len(places)} value{'s' * (len(places) > 1)}): "
+               f"{'; '.join(ways)}")
+    if not regions:
+        yield f"hysteresis: none at the {len(design.axis.values)} values; both ways lead to the same motions"
+    unknown = dict.fromkeys(f"{design.value(one.number):.6g}" for one in found.visits if found.sign(one) == 0)
+    if unknown:
+        yield (f"sign of the largest exponent not known, 0 lies within its interval: at {', '.join(unknown)}"
+               f"{f' {unit}' if unit else ''}")
+    fastest = max(found.visits, key=lambda one: abs(one.motion.mean_speed))
+    if edge := at_the_edge("the largest mean speed", ends_at({name: design.axis.values}, design.place(fastest.number))):
+        yield edge
+    unsettled = sum(not one.settled for one in found.visits)
+    if unsettled:
+        yield (f"not settled: {unsettled} of {design.visits} visits within {design.most_turns} turns, of which nothing "
+               "is said about hysteresis; give more --most-turns, or dampers")
+
+
+def _exponents(found: Diagram, numbers: Sequence[int]) -> str:
+    """Text of the least and the largest exponent of some visits; for a single visit with its interval."""
+    values, spreads = ([found.value_of(column, number) for number in numbers] for column in ("exponent_1", "spread_1"))
+    if len(numbers) == 1 and spreads[0] > 0.0:
+        return f"{values[0]:.2f} ± {spreads[0]:.2g}" + ", sign not known" * (not sign_of(values[0], spreads[0]))
+    return _between(values, ".2f")
+
+
+def _between(values: Sequence[float], form: str) -> str:
+    """Text of the least and the largest of the finite values; empty if there are none."""
+    finite = [value for value in values if math.isfinite(value)]
+    if not finite:
+        return ""
+    low, high = f"{min(finite):{form}}", f"{max(finite):{form}}"
+    return low if low == high else f"{low} to {high}"
+
+
+# Okabe and Ito's blue and vermilion, which colour-blind readers can distinguish. Where both directions found the same
+# motion, the dot of the downward visit lies within the ring of the upward one.
+_COLOURS = {UP: BLUE, DOWN: VERMILION}
+_MARKS: dict[str, dict[str, Any]] = {
+    UP: {"marker": "o", "markerfacecolor": "none", "markeredgewidth": 0.8},
+    DOWN: {"marker": ".", "markeredgewidth": 0.0}}
+_SHADE = "#e4e4e4"
+_FAINT = 0.3  # opacity of the many states of a motion without a period
+_WIDTH, _STATES, _PANEL = 9.0, 3.8, 1.8  # in
+_MOST, _LEAST, _CROWD = 5.0, 2.0, 450.0  # size of a ring [pt]: `_CROWD` / number of values, within these limits
+
+
+@default_settings()
+def draw_diagram(found: Diagram) -> bytes:
+    """Draw a diagram; returns a PNG file."""
+    design = found.design
+    panels = [_draw_states, _draw_speed] + [_draw_exponents] * bool(design.exponents)
+    heights = [_STATES, *[_PANEL] * (len(panels) - 1)]
+    figure = new_figure(_WIDTH, sum(heights), 100)
+    rows = figure.subplots(len(panels), 1, sharex=True, height_ratios=heights, squeeze=False)[:, 0]
+    for axes, draw in zip(rows, panels, strict=True):
+        draw(axes, found)
+        _shade(axes, found)
+        style_axes(axes)
+    rows[-1].set_xlabel(of_parameter(design.axis.name))
+    set_heading(figure, f"{design.scene.name}: once a turn, at the crank angle {design.phase:.3f} rad; "
+                f"{len(design.axis.values)} values up and down")
+    return png(figure)
+
+
+def _draw_states(axes: Axes, found: Diagram) -> None:
+    design = found.design
+    column, size = design.names.index(design.coordinate), _size(found)
+    for direction in (UP, DOWN):
+        for is_periodic, opacity in ((False, _FAINT), (True, 1.0)):
+            visits = [one for one in found.of(direction) if bool(one.motion.turns) == is_periodic]
+            places = [design.value(one.number) for one in visits for _ in one.states]
+            states = [1e3 * value for one in visits for value in one.states[:, column]]
+            share = 1.0 if is_periodic and direction == UP else 0.8
+            axes.plot(places, states, linestyle="none", ms=share * size, alpha=opacity, color=_COLOURS[direction],
+                      **_MARKS[direction if is_periodic else DOWN])
+        axes.plot([], [], linestyle="none", ms=6, label=f"{direction}wards", color=_COLOURS[direction],
+                  **_MARKS[direction])
+    axes.set_ylabel(f"{design.coordinate.replace('_', ' ')} [m{STATE_UNITS[design.coordinate]}]")
+    axes.legend(fontsize=9, frameon=False, ncols=2, loc="best")
+
+
+def _size(found: Diagram) -> float:
+    return min(_MOST, max(_LEAST, _CROWD / len(found.design.axis.values)))
+
+
+def _draw_speed(axes: Axes, found: Diagram) -> None:
+    for direction in (UP, DOWN):
+        _draw_line(axes, found, direction, [1e3 * one.motion.mean_speed for one in found.of(direction)])
+    axes.set_ylabel("mean speed [mm/s]")
+
+
+def _draw_exponents(axes: Axes, found: Diagram) -> None:
+    """Draw the largest exponent with its interval, and the second one as a thin line."""
+    for direction in (UP, DOWN):
+        for column, share in (("exponent_1", 1.0), ("exponent_2", 0.4)):
+            if found.exponents is not None and column in found.exponents.column_names:
+                values = [found.value_of(column, one.number) for one in found.of(direction)]
+                values = [value if np.isfinite(value) else np.nan for value in values]
+                _draw_line(axes, found, direction, values, share)
+                if share == 1.0:
+                    spreads = [found.value_of("spread_1", one.number) for one in found.of(direction)]
+                    axes.errorbar(found.design.axis.values, values, yerr=spreads, fmt="none", lw=0.8,
+                                  color=_COLOURS[direction])
+    axes.axhline(0.0, color="black", lw=0.8)
+    axes.set_ylabel("two largest exponents\n[1/s]")
+
+
+def _draw_line(axes: Axes, found: Diagram, direction: str, values: list[float], share: float = 1.0) -> None:
+    axes.plot(found.design.axis.values, values, ms=share * _size(found), lw=0.8 * share, alpha=0.4 + 0.6 * share,
+              color=_COLOURS[direction], **_MARKS[direction])
+
+
+def _shade(axes: Axes, found: Diagram) -> None:
+    """Shade regions of hysteresis grey, up to halfway to the neighbouring values."""
+    values = np.array(found.design.axis.values, dtype=float)
+    middles = np.concatenate([values[:1], 0.5 * (values[1:] + values[:-1]), values[-1:]])
+    for places in found.hysteresis():
+        axes.axvspan(middles[places[0]], middles[places[-1] + 1], color=_SHADE, zorder=0, lw=0.0)
+
+
+VISITS, EXPONENTS = "visits", "exponents"
+STATES, VALUES, PICTURE = "states.parquet", "values.parquet", "diagram.png"
+_SCENE, _VARY, _COUNT, _QUICK_COUNT = "device", "motor.speed=60:240", 181, 31
+_MOST_TURNS, _EXPONENTS = 4096, 100
+
+
+def _results(design: Design, folder: Path, execution: Execution) -> Iterator[Results]:
+    states, seen = visit_table(design, folder / VISITS)
+    periods = period_table(design, seen, folder / EXPONENTS, execution) if design.exponents else None
+    found = Diagram(design, seen, periods)
+    yield Results({STATES: states_table(design, states), VALUES: values_table(found), PICTURE: draw_diagram(found)},
+                  in_words(found))
+
+
+def _axis(options: argparse.Namespace) -> Axis:
+    """Return the varied parameter and its values, ascending."""
+    default = f"{_VARY}:{_QUICK_COUNT if options.quick else _COUNT}"
+    name, axis = varied_in_words(options.vary or default)
+    if not isinstance(axis, Axis):
+        raise ValueError(f"--vary {options.vary}: a range needs a count here; give NAME=LOW:HIGH:COUNT")
+    if name.startswith(("start.", "solver.")):
+        raise ValueError(f"--vary {name}: is no part of the machine, whose motions would stay the same; choose another")
+    if not isinstance(PARAMETERS[name].default, float):
+        raise ValueError(f"--vary {name}: is {PARAMETERS[name].type_name}; choose a number, which can go up and down")
+    if len(axis.values) < 2:
+        raise ValueError(f"--vary {options.vary}: one value goes neither up nor down; give at least 2")
+    return Axis(name, tuple(sorted(axis.values)))
+
+
+def _design(options: argparse.Namespace) -> Design:
+    """Make the design from the options; unless `--phase` is given, the cut is chosen at the first value."""
+    scene, axis = machine_of(options), _axis(options)
+    first = scene.with_parameters({axis.name: axis.values[0]})
+    if options.phase is None:
+        phase = float(free_cut(first).phase)
+    elif 0.0 <= options.phase < TURN:
+        phase = options.phase
+    else:
+        raise ValueError(f"--phase: {options.phase:g} is out of range; give a number from 0 to 6.28318 rad")
+    names = state_names(first)
+    if not names:
+        raise ValueError(f"{scene.name}: has no mass whose motion could be shown; give one with effects.upper_mass")
+    return Design(scene, axis, phase, options.coordinate or names[-1 if len(names) < 4 else 3], options.most_turns,
+                  options.exponents)
+
+
+def _add_options(parser: Parser) -> None:
+    parser.add_argument("--vary", metavar="NAME=VALUES", help="LOW:HIGH:COUNT, a grid; A,B,C, a list; `:log` behind a "
+                        f"grid spreads it by its logarithm (default: {_VARY}:{_COUNT})")
+    parser.add_argument("--coordinate", metavar="NAME", help="of the state, in the picture (default: "
+                        "inclined_velocity, or the last there is)")
+    parser.add_argument("--phase", type=float, metavar="RAD", help="crank angle at which the states are seen (default: "
+                        "where nothing touches at the first value)")
+    parser.add_argument("--most-turns", type=int, default=_MOST_TURNS, metavar="N", help="turns of the crank that a "
+                        "motion has to settle (default: %(default)d)")
+    parser.add_argument("--exponents", type=int, default=_EXPONENTS, metavar="TURNS", help="turns over which the "
+                        "exponents of a motion that is not periodic are measured, up to 16 times as many until the "
+                        "sign of the largest is known; 0: no exponents (default: %(default)d)")
+    parser.add_argument("--quick", action="store_true", help=f"{_QUICK_COUNT} values, where these are not given")
+
+
+main = StudyCommand(
+    "diagram", "Sweep a parameter up and down, each value beginning where the one before has ended; show the states "
+    "once a turn, where the two ways lead to two motions, and all Lyapunov exponents. Writes two Parquet files and a "
+    "picture.", _add_options, _design, _results)

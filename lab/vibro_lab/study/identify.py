@@ -1,0 +1,133 @@
+"""``study identify``: the parameters of the robot that made a recording, with intervals, and whether the model fits."""
+
+import argparse
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from vibro_lab.identification.excitation import Excitation, excite, sensors_of
+from vibro_lab.identification.identify import EFFECTS, WINDOW, Identification, identify
+from vibro_lab.identification.unknowns import Unknowns
+from vibro_lab.study.command import Results, StudyCommand, machine_of
+from vibro_lab.study.execution import Execution
+from vibro_lab.study.identification_page import identification_page
+from vibro_ros import Parser, Scene, bag_errors, read_scalar, say, scene_as_file
+
+SCENE, NUMBERS, PAGE, SCRIPT = "scene.yaml", "identification.json", "identification.html", "script.yaml"
+#: What a laboratory recording tells of any scene, in this order; those that the scene does not have are left out.
+DEFAULT = ("ground.friction", "mass.body", "guide.angle",
+           *(f"{side}.{name}" for side in ("upper", "inclined") for name in (
+               "spring.stiffness", "spring.damping", "plate.stiffness", "plate.damping", "gap")))
+
+
+@dataclass(frozen=True)
+class Design:
+    """Arguments of `identify`, the bag None for a script alone; and the duration of a script [s], 0 for none."""
+
+    bag: Path | None
+    scene: Scene
+    free: tuple[str, ...]
+    ranges: dict[str, tuple[float, float]]
+    noise: dict[str, float]
+    effects: tuple[str, ...]
+    excite: float
+
+
+def _add_options(parser: Parser) -> None:
+    parser.add_argument("bag", type=Path, nargs="?", metavar="BAG", help="the recording: a folder with a bag of a "
+                        "robot's topics; may be left out with --excite")
+    parser.add_argument("--excite", type=float, default=0.0, metavar="SECONDS", help="write the script of so many "
+                        "seconds that tells most of the free parameters, for the controller to play, with the standard "
+                        f"deviations to expect ({SCRIPT}); of the scene, or with a BAG of the robot that was found and "
+                        "with its sensors")
+    parser.add_argument("--free", metavar="NAMES", help="parameters to find, separated by commas (default: friction, "
+                        "mass, angle, and springs, dampers, plates and gaps that the scene has and that are not 0)")
+    parser.add_argument("--range", action="append", default=[], metavar="NAME=LOW:HIGH", help="range in which a "
+                        "parameter is searched, SI units; repeatable")
+    parser.add_argument("--noise", action="append", default=[], metavar="SENSOR=SIGMA", help="standard deviation of a "
+                        "sensor or channel, such as tracking=0.001 or odom.body_velocity=0.002; inf leaves it out; "
+                        "repeatable (default: by the covariances in the messages, else by neighbouring values)")
+    parser.add_argument("--effects", default="", metavar="NAMES", help="effects that are tried in addition, separated "
+                        f"by commas: {', '.join(EFFECTS)}")
+
+
+def _design_of(options: argparse.Namespace) -> Design:
+    if options.scheduler:
+        raise ValueError("--scheduler: a recording is fitted on this machine; leave it out")
+    if options.bag is None and not options.excite:
+        raise ValueError("no recording: give a BAG, or --excite SECONDS for a script to record one")
+    scene = machine_of(options)
+    free = _names(options.free) if options.free else tuple(
+        name for name in DEFAULT if scene[name] or name.endswith(".gap"))
+    ranges = {}
+    for word in options.range:
+        name, _, ends = word.partition("=")
+        low, colon, high = ends.partition(":")
+        if not colon:
+            raise ValueError(f"--range {word}: give NAME=LOW:HIGH, such as ground.friction=0.1:0.4")
+        ranges[name] = _number(word, low), _number(word, high)
+    noise = {}
+    for word in options.noise:
+        name, equals, sigma = word.partition("=")
+        if not equals:
+            raise ValueError(f"--noise {word}: give SENSOR=SIGMA, such as tracking=0.001")
+        noise[name] = float("inf") if sigma == "inf" else _number(word, sigma)
+    Unknowns.of(scene, free, ranges)  # refuses what cannot be free before the bag is read
+    return Design(options.bag, scene, free, ranges, noise, _names(options.effects), options.excite)
+
+
+def _names(words: str) -> tuple[str, ...]:
+    return tuple(word.strip() for word in words.split(",") if word.strip())
+
+
+def _number(option: str, word: str) -> float:
+    value = read_scalar(word)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"{option}: {word} is no number; give one such as 0.1")
+    return float(value)
+
+
+def _results(design: Design, folder: Path, execution: Execution) -> Iterator[Results]:
+    scene, sensors = design.scene, None
+    if design.bag:
+        with bag_errors(design.bag):
+            found = identify(design.bag, design.scene, design.free, design.ranges, design.noise, design.effects,
+                             execution.workers, lambda words: say("study", words))
+        comment = f"found by study identify in {design.bag.name}: {found.verdict}"
+        page = identification_page(found, design.bag.resolve().name).encode()
+        yield Results({SCENE: scene_as_file(found.scene, comment), NUMBERS: numbers_of(found), PAGE: page},
+                      found.words())
+        scene, sensors = found.scene, sensors_of(found.recording)
+    if design.excite:
+        best, *others = excite(scene, design.free, design.excite, sensors, design.ranges, execution.workers)
+        yield Results({SCRIPT: best.script.encode()}, _words_of(best, others))
+
+
+def _words_of(best: Excitation, others: Sequence[Excitation]) -> Iterator[str]:
+    """Yield the lines on a script and on the candidates that tell less."""
+    yield from best.script.partition("entries:")[0].replace("# ", "").splitlines()
+    for one in others:
+        untold, worst = one.worst
+        yield f"{one.name}: the worst of {len(one.relative)} to {100.0 * worst:.2g} %" + (
+            f", {untold} cannot be told" if untold else "")
+
+
+def numbers_of(found: Identification) -> bytes:
+    """Return the numbers of an identification as JSON."""
+    document = {
+        "values": found.values, "intervals": found.intervals, "covariance": found.covariance.tolist(),
+        "rank": found.rank, "chi_square": found.chi_square, "p_value": found.p_value,
+        "autocorrelation": found.autocorrelation, "verdict": found.verdict, "said": found.said,
+        "passes": found.passes, "profiles": {name: points.tolist() for name, points in found.profiles.items()},
+        "windows": [dict(zip(WINDOW.names or (), row.tolist(), strict=True)) for row in found.windows],
+        "alternatives": [{"effect": one.effect, "gain": one.gain, "p_value": one.p_value, "values": one.values,
+                          "mean_square": one.mean_square}
+                         for one in found.alternatives]}
+    return (json.dumps(document, indent=1) + "\n").encode()
+
+
+main = StudyCommand(
+    "identify", "Find the parameters of the robot that made a recording, by a fit of the exact motion through every "
+    "blow, with 95 % intervals. Writes the scene that was found, all numbers and a page, or the script to record next.",
+    _add_options, _design_of, _results, goes_on=False)

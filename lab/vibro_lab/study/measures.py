@@ -1,0 +1,583 @@
+"""Measures of a run of a scene from a start: each one defined once, with its unit and its meaning."""
+
+import difflib
+import math
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from scipy.integrate import trapezoid
+
+from vibro_lab.orbits.chaos import exponent_of_pairs, half_interval
+from vibro_lab.orbits.recurrence import LEAST_WATCHED, LONGEST_PERIOD, SettledMotion, motion_of, period_in
+from vibro_lab.orbits.starts import STARTING, drawn_start
+from vibro_lab.orbits.turn_map import TURN, TurnMap, share_of_turn
+from vibro_ros import LATEST_TIME, Samples, Scene, Simulator, Value
+
+#: Largest number of turns [-] of one window; doubles count them exactly, and such a run takes hours.
+MOST_TURNS = 1e9
+# Part of a turn by which rounding may shorten a duration of whole turns.
+_ROUNDING = 1e-9
+_DRIFT = 0.01  # drift that is ignored, as a part of the mean speed
+
+
+@dataclass(frozen=True)
+class Window:
+    """Time interval of a measurement, which is a whole number of turns if possible.
+
+    Attributes
+    ----------
+    begin : float
+        Its first instant [s].
+    turn : float
+        Duration of a turn [s]: at the scene's motor speed, or for a dc motor the mean; infinite if the motor stands.
+    turns : int
+        Whole turns of the window; 0 if the motor stands or turns less than once.
+    duration : float
+        Its length [s]: that of the turns, or the given duration if there is no whole turn.
+    ends : tuple of float
+        Instants [s] at which the turns of a dc motor end.
+    """
+
+    begin: float
+    turn: float
+    turns: int
+    duration: float
+    ends: tuple[float, ...] = ()
+
+    @property
+    def end(self) -> float:
+        """Its last instant [s]."""
+        return self.begin + self.duration
+
+
+def window(scene: Scene, settling: float, duration: float) -> Window:
+    """Return the window of the most whole turns within `duration` [s], after `settling` [s].
+
+    The body's speed oscillates within a turn, so a mean over an incomplete turn would be biased.
+    """
+    turn = TURN / abs(scene["motor.speed"]) if scene["motor.speed"] else math.inf
+    turns = math.floor(min(duration / turn + _ROUNDING, MOST_TURNS))
+    return Window(settling, turn, turns, turns * turn if turns else duration)
+
+
+def _window_of_dc_motor(device: Simulator, duration: float) -> Window:
+    """Advance a device over the forward turns of its dc motor's crank within `duration` [s], and return their window.
+    """
+    begin, turn, ends = device.time, device.state.crank_angle / TURN, list[float]()
+    whole = math.floor(turn)
+    while device.advance_to_angle(whole + len(ends) + 1, (turn - whole) * TURN, begin + duration):
+        ends.append(device.time)
+    if not ends:
+        return Window(begin, math.inf, 0, duration)
+    return Window(begin, (ends[-1] - begin) / len(ends), len(ends), ends[-1] - begin, tuple(ends))
+
+
+def checked_times(settling: float, duration: float, drawn_start: bool) -> None:
+    """Check the times of a measurement.
+
+    Parameters
+    ----------
+    settling, duration : float
+        Settling time [s], which is not measured, and measuring time [s].
+    drawn_start : bool
+        Whether the start is random, which takes `STARTING` seconds.
+
+    Raises
+    ------
+    ValueError
+        For a time out of range, with the value, the limit and the remedy.
+    """
+    least = STARTING if drawn_start else 0.0
+    if not least <= settling <= LATEST_TIME:
+        reason = f" (a drawn start takes {STARTING:g} s)" if drawn_start else ""
+        raise ValueError(f"settling: {settling:g} s is out of range; give a number from {least:g} to {LATEST_TIME:g} s"
+                         f"{reason}")
+    if not (0.0 < duration <= LATEST_TIME - settling):
+        raise ValueError(f"duration: {duration:g} s is out of range; give a number above 0, at most "
+                         f"{LATEST_TIME - settling:g} s")
+
+
+_STICK_EVENTS, _MOVING_EVENTS = ("stick",), ("slip_forward", "slip_backward", "unloaded", "lift_off")
+_NEUTRAL_EVENTS = ("loaded", "landing")
+
+
+def standing_and_airborne(device: Simulator, checkpoint: np.ndarray | None, before: Samples[float], events: np.ndarray,
+                          end: float) -> tuple[float, float]:
+    """Times [s] during which the body stood still on the ground (NaN without a checkpoint), and was in the air.
+
+    Parameters
+    ----------
+    device : Simulator
+        The device. It is left at some instant of the measuring time if an event does not determine whether the body
+        sticks or slips after it, because the speed is then sampled.
+    checkpoint : ndarray, shape (n,), or None
+        Checkpoint of the device at the first instant.
+    before : Samples of float
+        Quantities at the first instant, SI units.
+    events : structured ndarray, shape (n,)
+        Events from `Simulator.take_events` between the first instant and `end` [s].
+    """
+    events = events[np.isin(events["kind"], (*_STICK_EVENTS, *_MOVING_EVENTS, *_NEUTRAL_EVENTS))]
+    events = events[np.argsort(events["time"], kind="stable")]
+    # Begin with an artificial event that gives the body's state, in the air or on the ground, at the first instant.
+    in_air = events["kind"][0] == "landing" if len(events) else before.body_height > 0.0
+    kinds = np.concatenate([["lift_off" if in_air else "loaded"], events["kind"]])
+    times = np.concatenate([[before.time], events["time"], [end]])
+    lengths = np.maximum(np.diff(times), 0.0)
+    airborne = float(lengths[kinds == "lift_off"].sum())
+    if checkpoint is None:
+        return math.nan, airborne
+    stands = np.isin(kinds, _STICK_EVENTS)
+    open_ones = np.flatnonzero(np.isin(kinds, _NEUTRAL_EVENTS) & (lengths > 0.0))
+    if len(open_ones):
+        device.restore(checkpoint)
+        middles = times[open_ones] + lengths[open_ones] / 2.0
+        stands[open_ones] = device.sample(np.maximum(middles, before.time)).body_velocity == 0.0
+    return float(lengths[stands].sum()), airborne
+
+
+#: Kinds of data that `observe` gathers on request, beside displacement, turns and impacts.
+WORK, REST, LOAD, MOTION = "work", "rest", "load", "motion"
+#: Least and largest number of cuts from which a motion is identified, and their crank angle [rad], at which both
+#: sliders are far from the plates.
+LEAST_CUTS, MOST_CUTS, PHASE = 4, LEAST_WATCHED, math.pi
+# Samples per turn of the motor's power, and of N; and turns whose samples are in memory at a time.
+_SAMPLES_PER_TURN, _LOADS_PER_TURN, _TURNS_AT_ONCE = 256, 1024, 64
+
+
+class Loads(NamedTuple):
+    """Statistics of the normal force N of the ground on the body.
+
+    Attributes
+    ----------
+    mean : float
+        Mean N divided by the component of the weight normal to the ground; dimensionless.
+    unloaded : float
+        Share of the time in which N is not above 0; dimensionless.
+    """
+
+    mean: float
+    unloaded: float
+
+
+@dataclass(frozen=True)
+class Observation:
+    """Data gathered during the measuring time.
+
+    Attributes
+    ----------
+    scene : Scene
+        Scene that was simulated.
+    window : Window
+        The measuring time.
+    displacement : float
+        Displacement of the body [m], forward positive.
+    turns : float
+        Turns of the crank [-].
+    steady : bool
+        Whether the motor turned and had its commanded speed at the first and the last instant; for a dc motor, whether
+        it made at least one turn.
+    events : structured ndarray, shape (n,)
+        Events that ended in the measuring time, from `Simulator.take_events`.
+    delivered, taken_back : float
+        Work of the motor while its power was positive, and while it was negative, both >= 0 [J]; NaN unless requested.
+    supplied, heated : float
+        Energy from the supply of a dc motor, and heat of its winding [J]; NaN unless requested.
+    standing : float
+        Time [s] during which the body stood still on the ground; NaN unless requested.
+    airborne : float
+        Time [s] during which the body was in the air.
+    loads : Loads
+        Statistics of the normal force; NaN unless requested.
+    cuts : ndarray, shape (m, coordinates), or None
+        States at the last cuts of the measuring time, at most `MOST_CUTS`, in units of the machine, with the
+        coordinates of `TurnMap`; None unless requested, and for a motor that is not steady or turns less than twice.
+    drift : float
+        Mean speed [m/s] in the second half of all turns minus that in the first half; NaN without enough cuts.
+    """
+
+    scene: Scene
+    window: Window
+    displacement: float
+    turns: float
+    steady: bool
+    events: np.ndarray
+    delivered: float
+    taken_back: float
+    supplied: float
+    heated: float
+    standing: float
+    airborne: float
+    loads: "Loads"
+    cuts: np.ndarray | None
+    drift: float
+
+
+def device_at_start(scene: Scene, start: int | None) -> Simulator:
+    """Return a device of `scene` at the scene's own start (None), or after the random start of that number."""
+    return Simulator(scene) if start is None else drawn_start(scene, start)
+
+
+def observe(scene: Scene, wanted: Collection[str], settling: float, duration: float, start: int | None) -> Observation:
+    """Run `scene` once and gather the `wanted` data: any of `WORK`, `REST`, `LOAD`, `MOTION`; times [s] as in `window`.
+
+    Raises
+    ------
+    SimulationError
+        If the run cannot go on.
+    """
+    exact = scene["solver.method"] == "exact"
+    accounts = WORK in wanted and exact
+    device = device_at_start(scene.with_parameters({"solver.accounts": True}) if accounts else scene, start)
+    device.advance_to(settling)
+    if not (scene.has_rotor and exact):
+        return observed(device, wanted, window(scene, settling, duration))
+    checkpoint = device.checkpoint()
+    measured = _window_of_dc_motor(device, duration)
+    device.restore(checkpoint)
+    return observed(device, wanted, measured)
+
+
+def observed(device: Simulator, wanted: Collection[str], measured: Window) -> Observation:
+    """Advance a device from the first instant of a measuring time to its end, and gather the `wanted` data.
+
+    The work is taken from `solver.accounts` if the device keeps them, else from samples.
+    """
+    device.take_events()
+    scene, before = device.scene, device.state
+    checkpoint = device.checkpoint() if {REST, LOAD, MOTION} & set(wanted) else None
+    accounts = WORK in wanted and scene["solver.accounts"] and scene["solver.method"] == "exact"
+    booked, supplied, heated = _account_energies(device) if accounts else None, math.nan, math.nan
+    steady = bool(measured.ends) or before.motor_speed == scene["motor.speed"] != 0.0
+    sampled = WORK in wanted and not accounts
+    cuts, drift = _cuts(device, measured) if MOTION in wanted and steady and not sampled else (None, math.nan)
+    delivered, taken_back = _sampled_work(device, measured) if sampled else (math.nan, math.nan)
+    device.advance_to(measured.end)
+    after, events = device.state, device.take_events()
+    if booked is not None:
+        delivered, taken_back, supplied, heated = _account_energies(device) - booked
+    if MOTION in wanted and steady and sampled and checkpoint is not None:
+        device.restore(checkpoint)
+        cuts, drift = _cuts(device, measured)
+    standing, airborne = standing_and_airborne(device, checkpoint if REST in wanted else None, before, events,
+                                               measured.end)
+    loads = Loads(math.nan, math.nan)
+    if LOAD in wanted and checkpoint is not None:
+        device.restore(checkpoint)
+        loads = loads_of(device, measured)
+    return Observation(
+        scene=scene, window=measured, displacement=after.body_position - before.body_position,
+        turns=abs(after.crank_angle - before.crank_angle) / TURN,
+        steady=steady and (bool(measured.ends) or after.motor_speed == scene["motor.speed"]),
+        events=events, delivered=float(delivered), taken_back=float(taken_back), supplied=float(supplied),
+        heated=float(heated), standing=standing, airborne=airborne, loads=loads, cuts=cuts,
+        drift=drift)
+
+
+def _cuts(device: Simulator, measured: Window) -> tuple[np.ndarray | None, float]:
+    """Advance a device from the first instant of a measuring time; returns `cuts` and `drift` of an `Observation`."""
+    turn_map, angle = _turn_map(device.scene.name, tuple(device.scene.parameters.items())), device.state.crank_angle
+    last = measured.turns - 2
+    if last < 0 or not turn_map.names:
+        return None, math.nan
+    half, count = last // 2, min(last + 1, MOST_CUTS)
+    halves = [0, half, 2 * half]
+    numbers = sorted({*halves, *range(last + 1 - count, last + 1)})
+    if device.scene.has_rotor:
+        first = math.ceil((angle - PHASE) / TURN)
+        found = turn_map.cuts_at_turns(device, [first + number for number in numbers])
+    else:
+        ahead = share_of_turn(device.scene, angle, PHASE)
+        found = turn_map.cuts_at_times(device, device.time + (ahead + np.array(numbers)) * turn_map.period)
+    if not half:
+        return found.states[-count:], math.nan
+    places = np.searchsorted(numbers, halves)
+    before, after = np.diff(found.positions[places]) / np.diff(found.times[places])
+    return found.states[-count:], float(after - before)
+
+
+@lru_cache(maxsize=1)
+def _turn_map(name: str, parameters: tuple[tuple[str, Value], ...]) -> TurnMap:
+    """Return the turn map of a scene; the last one is cached."""
+    return TurnMap(Scene(name, dict(parameters)), PHASE)
+
+
+def _account_energies(device: Simulator) -> np.ndarray:
+    """Energies since t = 0 [J], shape (4,): motor work delivered and taken back; a dc motor's supply and heat, or NaN.
+    """
+    accounts = device.statistics["energy_accounts"]
+    return np.array([accounts["motor_delivered"], accounts["motor_taken_back"], accounts.get("supply", math.nan),
+                     accounts.get("copper", math.nan)])
+
+
+def _sampled_work(device: Simulator, measured: Window) -> tuple[float, float]:
+    """Work delivered and taken back [J], from samples, for the methods of fixed step, which keep no energy accounts."""
+    count, length = max(measured.turns, 1), measured.turn if measured.turns else measured.duration
+    delivered = taken_back = 0.0
+    for begin in range(0, count, _TURNS_AT_ONCE):
+        numbers = np.arange(begin * _SAMPLES_PER_TURN, min(begin + _TURNS_AT_ONCE, count) * _SAMPLES_PER_TURN + 1)
+        samples = device.sample(np.minimum(measured.begin + length / _SAMPLES_PER_TURN * numbers, measured.end))
+        delivered += trapezoid(np.maximum(samples.motor_power, 0.0), samples.time)
+        taken_back += trapezoid(np.maximum(-samples.motor_power, 0.0), samples.time)
+    return delivered, taken_back
+
+
+def loads_of(device: Simulator, measured: Window) -> Loads:
+    """Advance a device from the first instant of a measuring time to its end, and return the statistics of N.
+
+    With the rule `hop` the shocks of landings, and with `printed` the pulls of the ground, are too short to be sampled.
+    There the mean follows from the vertical momentum of body and masses, whose change is the impulse of N minus that of
+    the weight. `unilateral` and the misprint violate this balance, and `weight` does not use it: their N is sampled.
+    """
+    scene = device.scene
+    weight = scene.total_mass * scene.gravity[1]
+    if not weight > 0.0:
+        return Loads(math.nan, math.nan)
+    count, length = max(measured.turns, 1), measured.turn if measured.turns else measured.duration
+    begin, impulse, unloaded = _upward_momentum(scene, device.state), 0.0, 0.0
+    for first in range(0, count, _TURNS_AT_ONCE):
+        last = min(first + _TURNS_AT_ONCE, count)
+        numbers = np.arange(first * _LOADS_PER_TURN, last * _LOADS_PER_TURN) + 0.5  # the middles of their intervals
+        normal = device.sample(measured.begin + length / _LOADS_PER_TURN * numbers).normal_force
+        impulse += float(normal.sum()) * length / _LOADS_PER_TURN
+        unloaded += float(np.sum(normal <= 0.0)) / (count * _LOADS_PER_TURN)
+    device.advance_to(measured.end)
+    if scene["effects.normal_force"] in ("hop", "printed") and not scene["effects.misprint"]:
+        impulse = weight * measured.duration + _upward_momentum(scene, device.state) - begin
+    return Loads(impulse / measured.duration / weight, unloaded)
+
+
+def _upward_momentum(scene: Scene, state: Samples[float]) -> float:
+    """Momentum of body and masses normal to the ground [kg m/s], without the linkage's, which is the same every turn.
+    """
+    return scene.total_mass * state.body_vertical_velocity + sum(
+        scene[f"mass.{side}"] * scene.direction(side)[1] * getattr(state, f"{side}_velocity") for side in scene.guides)
+
+
+class Measure(NamedTuple):
+    """Definition of a measure.
+
+    Attributes
+    ----------
+    unit : str
+        SI unit; 1 for pure numbers.
+    meaning : str
+        Definition in one line, for users.
+    needs : tuple of str
+        Data that `observe` must gather for it.
+    value : callable
+        Returns its value from an `Observation`.
+    """
+
+    unit: str
+    meaning: str
+    needs: tuple[str, ...]
+    value: Callable[[Observation], float]
+
+
+def _speed(seen: Observation) -> float:
+    return seen.displacement / seen.window.duration
+
+
+def _power(seen: Observation) -> float:
+    return (seen.delivered - seen.taken_back) / seen.window.duration
+
+
+def _delivered_power(seen: Observation) -> float:
+    return seen.delivered / seen.window.duration
+
+
+def _current_share(seen: Observation) -> float:
+    if not seen.scene.has_rotor:
+        return math.nan
+    mean_square = max(seen.heated, 0.0) / seen.scene["motor.winding_resistance"] / seen.window.duration
+    return math.sqrt(mean_square) / seen.scene["motor.continuous_current"]
+
+
+def _ratio(over: float, under: float) -> float:
+    """Return `over` / `under`; NaN if `under` is not positive, or so small that the ratio is not finite."""
+    ratio = over / under if under > 0.0 else math.nan
+    return ratio if math.isfinite(ratio) else math.nan
+
+
+def _cost(power: float, seen: Observation) -> float:
+    weight = seen.scene.total_mass * seen.scene["gravity"]
+    return _ratio(power, weight * abs(_speed(seen))) if power > 0.0 else math.nan
+
+
+def _impacts(side: str) -> Callable[[Observation], float]:
+    return lambda seen: _ratio(float(np.sum(seen.events["kind"] == f"{side}_contact")), seen.turns)
+
+
+def _peak_force(side: str) -> Callable[[Observation], float]:
+    def largest(seen: Observation) -> float:
+        if seen.scene[f"effects.{side}_contact"] == "restitution":
+            return math.nan
+        return float(seen.events["peak_force"][seen.events["kind"] == f"{side}_contact"].max(initial=0.0))
+
+    return largest
+
+
+def _period(seen: Observation) -> float:
+    """Turns after which the motion repeats itself; 0 for no period, NaN if unknown."""
+    if seen.cuts is None or not seen.steady or len(seen.cuts) < LEAST_CUTS:
+        return math.nan
+    return float(period_in(seen.cuts, seen.scene))
+
+
+_NO_WINDING = "NaN for another motor, and by a method of fixed step"
+_NO_POWER = "NaN if that power is not above 0"
+#: Names of the exponent and of half its 95 % interval, which is always measured with it.
+LYAPUNOV = EXPONENT, SPREAD = "lyapunov_exponent", "lyapunov_spread"
+
+#: Measures whose sign is the direction of the motion: the largest is that of the fastest robot, forwards or backwards.
+DIRECTED = "mean_speed", "speed_per_power", "speed_per_delivered_power"
+
+MEASURES: dict[str, Measure] = {
+    "mean_speed": Measure("m/s", "mean speed of the body, forward positive", (), _speed),
+    "mean_power": Measure("W", "mean mechanical power of the motor, less what the springs return to it", (WORK,),
+                          _power),
+    "delivered_power": Measure("W", "mean of the motor's power where it is positive: what the springs return is lost",
+                               (WORK,), _delivered_power),
+    "supply_power": Measure("W", f"mean of what the supply gives to a dc motor; {_NO_WINDING}", (WORK,),
+                            lambda seen: seen.supplied / seen.window.duration),
+    "current_share": Measure("1", "rms current of a dc motor over motor.continuous_current; above 1 its winding "
+                             f"overheats in the long run; {_NO_WINDING}", (WORK,), _current_share),
+    "speed_per_power": Measure("m/J", f"mean_speed / mean_power, V/P; {_NO_POWER}", (WORK,),
+                               lambda seen: _ratio(_speed(seen), _power(seen))),
+    "speed_per_delivered_power": Measure("m/J", f"mean_speed / delivered_power; {_NO_POWER}", (WORK,),
+                                         lambda seen: _ratio(_speed(seen), _delivered_power(seen))),
+    "cost_of_transport": Measure("1", f"mean_power / (M g abs(mean_speed)); {_NO_POWER}, or the body stays where it is,"
+                                 " or without gravity", (WORK,), lambda seen: _cost(_power(seen), seen)),
+    "delivered_cost_of_transport": Measure("1", "the same with delivered_power", (WORK,),
+                                           lambda seen: _cost(_delivered_power(seen), seen)),
+    "upper_impacts": Measure("1", "contacts of the upper mass with its plate that ended, a turn of the crank; NaN if "
+                             "the crank stands", (), _impacts("upper")),
+    "inclined_impacts": Measure("1", "the same of the inclined mass", (), _impacts("inclined")),
+    "upper_peak_force": Measure("N", "largest force of these contacts on the upper plate; 0 without a contact, NaN for "
+                                "a rigid plate", (), _peak_force("upper")),
+    "inclined_peak_force": Measure("N", "the same on the inclined plate", (), _peak_force("inclined")),
+    "stick_share": Measure("1", "share of the time in which the body stands still on the ground", (REST,),
+                           lambda seen: seen.standing / seen.window.duration),
+    "air_share": Measure("1", "share of the time in which the body is in the air (rule hop)", (),
+                         lambda seen: seen.airborne / seen.window.duration),
+    "mean_load": Measure("1", "mean N over the weight: 1 in every steady motion on a real ground, more if the rule "
+                         "unilateral holds the body down; NaN without gravity", (LOAD,),
+                         lambda seen: seen.loads.mean),
+    "unloaded_share": Measure("1", f"share of {_LOADS_PER_TURN} instants a turn at which N is not above 0; NaN without "
+                              "gravity", (LOAD,), lambda seen: seen.loads.unloaded),
+    "period": Measure("1", "turns of the crank after which the motion repeats itself at the end of the time, by the "
+                      f"criterion of settled_motion; 0 without a period of up to {LONGEST_PERIOD} turns and up to a "
+                      f"quarter of the measured turns, or if the motion has not settled; NaN if the motor stands or "
+                      f"changes its commanded speed, or for less than {LEAST_CUTS + 1} turns", (MOTION,), _period),
+    EXPONENT: Measure("1/s", "largest Lyapunov exponent, from pairs of runs that begin 1e-10 apart and are followed "
+                      "until they are 1e-4 m apart; 0 if no pair separates, NaN for less than six turns", (),
+                      lambda seen: math.nan),
+    SPREAD: Measure("1/s", "half of the 95 % interval of lyapunov_exponent, with which it always comes, from up to ten "
+                    "parts of the time; if no pair separates, the largest exponent that could not be detected; if 0 "
+                    "lies within the interval, the sign is not known", (),
+                    lambda seen: math.nan),
+}
+"""Every measure by its name."""
+
+
+def checked_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of measures without repetition; the exponent is followed by its interval.
+
+    Raises
+    ------
+    ValueError
+        For no name, or a name that is not in `MEASURES`; the message suggests the nearest one.
+    """
+    for name in names:
+        if name not in MEASURES:
+            near = difflib.get_close_matches(name, MEASURES, n=1)
+            remedy = ("separate them by spaces" if "," in name else f"did you mean {near[0]}?" if near else
+                      f"measures are {', '.join(MEASURES)}")
+            raise ValueError(f"{name or repr(name)}: no such measure; {remedy}")
+    if not names:
+        raise ValueError(f"measure: none named; measures are {', '.join(MEASURES)}")
+    return tuple(dict.fromkeys(one for name in names for one in (LYAPUNOV if name in LYAPUNOV else (name,))))
+
+
+def measure(scene: Scene, names: Collection[str], settling: float, duration: float,
+            start: int | None = None) -> dict[str, float]:
+    """Measure a scene from one start.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene that is simulated, with its own solver method.
+    names : collection of str
+        Names in `MEASURES`.
+    settling : float
+        Time before the measurement [s].
+    duration : float
+        Time of the measurement [s], of which the whole turns of the crank are used (see `window`).
+    start : int, optional
+        Number of a random start (`vibro_lab.orbits.starts`), equal for all scenes; by default the scene's own start.
+
+    Returns
+    -------
+    dict of str to float
+        The measures by name, in the order of `checked_names`.
+
+    Raises
+    ------
+    ValueError
+        For unknown names, or times out of range.
+    SimulationError
+        If a run cannot go on.
+    """
+    return _measured(scene, checked_names(tuple(names)), settling, duration, start, frozenset())[0]
+
+
+class Measured(NamedTuple):
+    """Results of one start.
+
+    Attributes
+    ----------
+    values : dict of str to float
+        The measures by name, as returned by `measure`.
+    motion : SettledMotion or None
+        Motion that the start has settled to by the end of the measuring time; None if it has not settled.
+    drift : float
+        Mean speed [m/s] in the second half of all turns minus that in the first half; NaN for less than four turns.
+    """
+
+    values: dict[str, float]
+    motion: SettledMotion | None
+    drift: float
+
+
+def measure_with_motion(scene: Scene, names: Collection[str], settling: float, duration: float,
+                        start: int | None) -> Measured:
+    """As `measure`, and also return the motion that the start has settled to, and the drift of its speed."""
+    values, seen = _measured(scene, checked_names(tuple(names)), settling, duration, start, frozenset({MOTION}))
+    motion = None if seen.cuts is None or not seen.steady else motion_of(seen.cuts, _speed(seen), scene)
+    return Measured(values, motion, seen.drift)
+
+
+def drift_in(drifts: np.ndarray, speed: float) -> float:
+    """Mean drift [m/s] of the starts of one attractor, or 0 if it is not significant.
+
+    It is significant if it is larger than twice the half width of Student's 95 % interval, which chance exceeds in one
+    of some hundred means of 8 starts, and larger than a hundredth of `speed` [m/s]. Periodic motions do not use it.
+    """
+    known = drifts[~np.isnan(drifts)]
+    mean = float(known.mean()) if len(known) > 1 else 0.0
+    return mean if abs(mean) > max(2.0 * half_interval(known), _DRIFT * abs(speed)) else 0.0
+
+
+def _measured(scene: Scene, names: tuple[str, ...], settling: float, duration: float, start: int | None,
+              needs: frozenset[str]) -> tuple[dict[str, float], Observation]:
+    checked_times(settling, duration, start is not None)
+    seen = observe(scene, needs.union(*(MEASURES[name].needs for name in names)), settling, duration, start)
+    values = {name: MEASURES[name].value(seen) for name in names}
+    if EXPONENT in names:
+        values.update(zip(LYAPUNOV, exponent_of_pairs(
+            device_at_start(scene, start), settling, seen.window.duration), strict=True))
+    return values, seen

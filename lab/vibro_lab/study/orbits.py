@@ -1,0 +1,727 @@
+"""``study orbits``: branches of periodic orbits over a parameter, and curves of their special points over two.
+
+Orbits are searched for at some values of the parameter. The branch through each orbit that does not lie on a known
+branch is followed in both directions, then the branches of doubled period from period doublings
+(`followed_branches`). With a second parameter, each special point is followed as a curve (`followed_curves`). A branch
+or curve is a block of a `table.Study`, with one row for each orbit or special point, in its order.
+"""
+
+import argparse
+import contextlib
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from vibro_lab.orbits.branch import (
+    Branch,
+    Special,
+    branch_from,
+    doubled_branch_from,
+    has_curve,
+    lies_on,
+    passes_through,
+    whole_curve,
+)
+from vibro_lab.orbits.continuation import CORNER, DOUBLING, FOLD, GRAZING, KINDS, TORUS
+from vibro_lab.orbits.family import Family
+from vibro_lab.orbits.orbit import Seed, seeds_of
+from vibro_lab.orbits.starts import running
+from vibro_lab.orbits.turn_map import TurnMap, state_names, units_of
+from vibro_lab.study.command import Progress, Results, StudyCommand, machine_of
+from vibro_lab.study.execution import Execution, Rows
+from vibro_lab.study.figures import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    VERMILION,
+    Axes,
+    Line2D,
+    default_settings,
+    new_figure,
+    of_parameter,
+    png,
+    set_heading,
+    style_axes,
+)
+from vibro_lab.study.table import NUMBERS, Field, Study, file_of, parameter_field, read_block, stored, table_of
+from vibro_lab.study.variation import Range, varied_in_words, whole_number
+from vibro_ros import PARAMETERS, STATE_UNITS, Parser, Scene, read_scalar, say
+
+BRANCHES, SPECIAL, PICTURE, TEXT = "branches.parquet", "special_points.parquet", "orbits.png", "orbits.md"
+CURVES, CURVE_PICTURE = "curves.parquet", "curves.png"
+FOLDER, CURVES_FOLDER = "branches", "curves"
+MOST_TURNS, MOST_BRANCHES = 32, 10_000
+_QUICK_VARY, _QUICK_FROM = "motor.speed=60:66", 65.0
+# Default, default with --quick, least and largest value of options with a count.
+_COUNTS = {"turns": (8, 2, 1, MOST_TURNS), "starts": (4, 2, 1, 1000), "points": (400, 120, 2, 100_000)}
+_RUN_TIME = 1000.0  # approximate simulated time [s] of a search or a branch: so long that each is a task of its own
+UP, DOWN, DOUBLED = "upwards", "downwards", "doubled"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Design of a study of branches.
+
+    Attributes
+    ----------
+    scene : Scene
+        The machine, its motor running.
+    name : str
+        Name of the varied parameter.
+    low, high : float
+        Its range, in its unit.
+    begin : tuple of float
+        Values at which orbits are searched for, in its unit.
+    turns : int
+        Longest period of orbits [turns].
+    starts : int
+        Number of starts at each of these values.
+    points : int
+        Largest number of orbits of a branch.
+    """
+
+    scene: Scene
+    name: str
+    low: float
+    high: float
+    begin: tuple[float, ...]
+    turns: int
+    starts: int
+    points: int
+
+    def document(self) -> dict[str, object]:
+        """Everything that determines the branches, for JSON."""
+        fixed = {name: value for name, value in self.scene.parameters.items() if name != self.name}
+        return {"scene": self.scene.name, "set": fixed, "vary": {self.name: {"from": self.low, "to": self.high}},
+                "units_at": self.scene[self.name], "begin": list(self.begin), "turns": self.turns,
+                "starts": self.starts, "points": self.points}
+
+    def family(self, turns: int, phase: float) -> Family:
+        """Return the equations of orbits over the range (ValueError for a range that the scene refuses)."""
+        return Family(self.scene, {self.name: (self.low, self.high)}, turns, phase)
+
+
+class CurvePlan(NamedTuple):
+    """Design of a study of curves: those of a plan's special points, over its parameter and a second one.
+
+    The second parameter has a `name`, and a range from `low` to `high` in its unit.
+    """
+
+    plan: Plan
+    name: str
+    low: float
+    high: float
+
+    @property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """Ranges of both parameters, by name."""
+        return {self.plan.name: (self.plan.low, self.plan.high), self.name: (self.low, self.high)}
+
+    def document(self) -> dict[str, object]:
+        """Everything that determines the curves, for JSON."""
+        return {**self.plan.document(), "curves": {self.name: {"from": self.low, "to": self.high}}}
+
+
+class Task(NamedTuple):
+    """A branch to follow.
+
+    Attributes
+    ----------
+    direction : str
+        `UP` or `DOWN` from an orbit, or `DOUBLED` from a period doubling.
+    turns : int
+        Period of the first orbit [turns].
+    phase : float
+        Crank angle at the cut [rad].
+    state : ndarray, shape (n,)
+        State of the first orbit at the cut, in units of the machine.
+    value : float
+        Value of the parameter there, in its unit.
+    parent : int or None
+        Number of the branch whose period doubles.
+    """
+
+    direction: str
+    turns: int
+    phase: float
+    state: np.ndarray
+    value: float
+    parent: int | None
+
+
+class CurveTask(NamedTuple):
+    """A curve to follow in one direction of the second parameter, `UP` or `DOWN`, from a special point of a branch.
+
+    `name` is the special point's name in the table of special points.
+    """
+
+    name: str
+    branch: Branch
+    special: Special
+    direction: str
+
+
+def seeds_at(plan: Plan, number: int) -> list[Seed]:
+    """Search for orbits at the value `plan.begin[number]`; their states are in the units of their families."""
+    scene, found = plan.scene.with_parameters({plan.name: plan.begin[number]}), []
+    for seed in seeds_of(scene, plan.starts, plan.turns):
+        ratio = units_of(scene) / plan.family(seed.turns, seed.phase).units
+        found.append(Seed(seed.turns, float(seed.phase), seed.state * ratio))
+    return found
+
+
+def branch_of_task(plan: Plan, task: Task) -> Branch:
+    """Follow the branch of a task."""
+    family = plan.family(task.turns, task.phase)
+    begin = np.append(task.state, family.scaled(task.value))
+    if task.direction == DOUBLED:
+        return doubled_branch_from(family, begin, plan.points)
+    return branch_from(family, begin, 1.0 if task.direction == UP else -1.0, plan.points)
+
+
+def curve_of_task(asked: CurvePlan, task: CurveTask) -> Branch:
+    """Follow the curve of a task."""
+    return whole_curve(task.branch, task.special, asked.ranges, task.direction == UP, asked.plan.points)
+
+
+def rows_of(branch: Branch) -> list[dict]:
+    """Return the rows of a branch or curve; one row with the reason if it has no orbit."""
+    over_one = len(branch.names) == 1
+
+    def row(values: np.ndarray | float, one: Any, multipliers: np.ndarray) -> dict:
+        return {**dict(zip(branch.names, np.atleast_1d(values).tolist(), strict=True)), **one, "turns": branch.turns,
+                "multipliers_real": multipliers.real, "multipliers_imag": multipliers.imag,
+                **({} if over_one else {"kind": branch.kind})}
+
+    rows = [row(branch.values[k], {
+        "mean_speed": branch.mean_speeds[k], "phase": branch.phases[k], "state": branch.states[k],
+        **({"stable": bool(branch.stable[k])} if over_one else {}),
+        **{name: values[k] for name, values in branch.strobe.items()}}, branch.multipliers[k])
+        for k in range(len(branch))]
+    for number, one in enumerate(branch.special_points):
+        rows.insert(one.at + number, row(one.values, {
+            "mean_speed": one.mean_speed, "phase": one.phase, "state": one.state, "change": one.change or None,
+            **({"kind": one.kind, "width": one.width} if over_one else {"point": one.kind})}, one.multipliers))
+    if not rows:
+        rows = [row(np.full(len(branch.names), math.nan), {"mean_speed": math.nan, "phase": math.nan, "state": []},
+                    np.empty(0))]
+    rows[-1]["end"] = branch.end
+    return rows
+
+
+def branch_in(table: pa.Table, scene: Scene, names: tuple[str, ...]) -> Branch:
+    """Return the branch over one parameter, or curve over two, that a block's table contains."""
+    rows = table.to_pylist()
+    turns, end, kind = int(rows[0]["turns"]), rows[-1]["end"], "" if len(names) == 1 else rows[0]["kind"]
+    n = len(rows[0]["state"]) or 1
+    orbits, special = list[dict](), list[Special]()
+    for row in rows:
+        point = row["kind" if len(names) == 1 else "point"]
+        if point is not None:
+            special.append(Special(
+                point, row["mean_speed"], _multipliers_of(row), row["change"] or "", row["phase"],
+                np.array(row["state"]), len(orbits), np.array([row[name] for name in names]), row.get("width", 0.0)))
+        elif row["state"]:
+            orbits.append(row)
+
+    def column(name: str) -> np.ndarray:
+        return np.array([row[name] for row in orbits], dtype=float)
+
+    return Branch(
+        scene, names, kind, turns, column(names[0]) if len(names) == 1 else np.column_stack(list(map(column, names))),
+        column("mean_speed"), np.array([_multipliers_of(row) for row in orbits], dtype=complex).reshape(-1, n),
+        column("phase"), column("state").reshape(-1, n),
+        {one: column(one).reshape(-1, turns) for one in state_names(scene)} if len(names) == 1 else {},
+        tuple(special), end)
+
+
+def _multipliers_of(row: dict[str, Any]) -> np.ndarray:
+    return np.array(row["multipliers_real"]) + 1j * np.array(row["multipliers_imag"])
+
+
+def fields_of(plan: Plan, names: Sequence[str]) -> list[Field]:
+    """Return the columns of a branch over one parameter, or of a curve over two."""
+    if len(names) == 1:
+        each = "each time the crank passes the angle 0; null for a special point"
+        own = [
+            Field("kind", pa.string(), "1", "of a special point; null for an orbit between them", True),
+            parameter_field(plan.name),
+            Field("width", pa.float64(), PARAMETERS[plan.name].unit or "1", "of the interval that holds the special "
+                  "point", True),
+            Field("stable", pa.bool_(), "1", "whether small disturbances die out; null for a special point", True),
+            *(Field(name, NUMBERS, STATE_UNITS[name], each, True) for name in state_names(plan.scene))]
+    else:
+        own = [Field("kind", pa.string(), "1", "of the special points that the curve is made of"),
+               Field("point", pa.string(), "1", "change of events; null for an orbit between them", True),
+               *map(parameter_field, names)]
+    return [
+        *own,
+        Field("turns", pa.int64(), "1", "of the crank, after which the motion repeats itself"),
+        Field("mean_speed", pa.float64(), "m/s", "of the body, forwards positive"),
+        Field("multipliers_real", NUMBERS, "1", "Floquet multipliers, the largest first; along a curve of grazings "
+              "those without the contact"),
+        Field("multipliers_imag", NUMBERS, "1", "their imaginary parts"),
+        Field("phase", pa.float64(), "rad", "crank angle at the cut"),
+        Field("state", NUMBERS, "1", "at the cut, in units of the machine"),
+        Field("change", pa.string(), "1", "of the events, where their order changes", True),
+        Field("end", pa.string(), "1", "why the orbits were not followed further; in the last row", True)]
+
+
+def study_of(asked: Plan | CurvePlan, follow: Callable[[Any, Any], Branch], tasks: Mapping[int, Any]) -> Study:
+    """Return the study of a plan's branches or curves, each of which is a block."""
+    plan, names = (asked, [asked.name]) if isinstance(asked, Plan) else (asked.plan, list(asked.ranges))
+    coordinates = state_names(plan.scene)
+
+    def are_own(_: Sequence[int], rows: list[dict]) -> bool:
+        strobe = coordinates if len(names) == 1 else ()
+        return (
+            [row["end"] is not None for row in rows] == [*[False] * (len(rows) - 1), True]
+            and len({row["turns"] for row in rows}) == 1 and {row["kind"] for row in rows} <= {None, *KINDS}
+            and all(len(row[name]) == (len(coordinates) if rows[0]["state"] else 0)
+                    for row in rows for name in ("state", "multipliers_real", "multipliers_imag"))
+            and all(len(row[name] or ()) == (row["turns"] if row["kind"] is None and row["state"] else 0)
+                    for row in rows for name in strobe))
+
+    return Study("branches followed" if isinstance(asked, Plan) else "curves followed", asked.document(),
+                 fields_of(plan, names), partial(_rows_of_task, asked, follow, tasks), are_own, _RUN_TIME,
+                 (plan.scene["solver.method"],), MOST_BRANCHES)
+
+
+def _rows_of_task(asked: Any, follow: Callable[[Any, Any], Branch], tasks: Mapping[int, Any], number: int
+                  ) -> list[dict]:
+    return rows_of(follow(asked, tasks[number]))
+
+
+def _follow_tasks(study: Study, scene: Scene, names: tuple[str, ...], tasks: Mapping[int, Any], folder: Path,
+              execution: Execution, line_before: Callable[[int], str]) -> list[tuple[Any, Branch]]:
+    """Return tasks with their branches, read from their blocks or computed.
+
+    `line_before` returns the line that is printed before a number is computed.
+    """
+    if tasks and max(tasks) >= MOST_BRANCHES:
+        raise RuntimeError(f"there are more than {MOST_BRANCHES} branches or curves; give fewer --turns or smaller "
+                           "ranges")
+
+    def follow(numbers: Iterable[int]) -> Rows:
+        for number in numbers:
+            say("study", line_before(number))
+        return execution.rows(study.rows, numbers, study.run_time, study.methods)
+
+    tables = stored(study, folder, {number: [number] for number in tasks}, follow)
+    return [(task, branch_in(tables[number], scene, names)) for number, task in tasks.items()]
+
+
+_SAME_DOUBLING = 1e-6  # share of the range within which period doublings of two branches are the same
+# Share of the range within which a branch that joins another one ends at a period doubling of that one.
+_JOINING_SHARE = 0.05
+
+
+def followed_branches(plan: Plan, folder: Path, execution: Execution) -> list[tuple[Task, Branch]]:
+    """Return every branch of a plan with its task, by number, stored in a folder into which no other process writes.
+
+    Raises
+    ------
+    ForeignBlockError
+        For files of another study.
+    RuntimeError
+        When a file cannot be written, or a run cannot go on; finished branches are kept.
+    """
+    done: list[tuple[Task, Branch]] = []
+
+    def follow(tasks: Sequence[Task]) -> None:
+        numbered = dict(enumerate(tasks, len(done)))
+
+        def said(number: int) -> str:
+            task = numbered[number]
+            return (f"branch {number}: {_turns(task.turns)}, {task.direction} from {plan.name} = {task.value:.9g}, at "
+                    f"most {plan.points} orbits")
+
+        done.extend(_follow_tasks(study_of(plan, branch_of_task, numbered), plan.scene, (plan.name,), numbered, folder,
+                              execution, said))
+
+    read_block(study_of(plan, branch_of_task, {}), folder, 0, [0])  # refuses files of another study before the search
+    found = list[list[Seed]]()
+    with contextlib.closing(execution.rows(partial(seeds_at, plan), range(len(plan.begin)), _RUN_TIME, (
+            plan.scene["solver.method"],))) as results, Progress("orbits looked for", "value", len(plan.begin)) as bar:
+        for seeds in results:
+            found.append(seeds)
+            bar.add(1)
+    for value, seeds in zip(plan.begin, found, strict=True):
+        for seed in seeds:
+            family = plan.family(seed.turns, seed.phase)
+            if not any(lies_on(family, seed, value, branch) for _, branch in done):
+                follow([Task(direction, seed.turns, seed.phase, seed.state, value, None) for direction in (UP, DOWN)])
+    begun: set[tuple[int, int]] = set()
+    while tasks := _doublings(plan, done, begun):
+        follow(tasks)
+    return done
+
+
+def _doublings(plan: Plan, done: Sequence[tuple[Task, Branch]], begun: set[tuple[int, int]]) -> list[Task]:
+    """Return tasks for the first period doubling of each branch whose branch of doubled period is not known yet.
+
+    `begun` has the numbers of the branches and special points that were examined before; new ones are added.
+    """
+    tasks, span = list[Task](), plan.high - plan.low
+    for parent, (_, branch) in enumerate(done):
+        if 2 * branch.turns > plan.turns:
+            continue
+        for number, special in enumerate(branch.special_points):
+            if special.kind != DOUBLING or (parent, number) in begun:
+                continue
+            begun.add((parent, number))
+            is_known = any(task.direction == DOUBLED and task.turns == branch.turns
+                           and abs(task.value - special.value) < _SAME_DOUBLING * span
+                           for task in (*tasks, *(task for task, _ in done)))
+            ends_there = any(other.turns == 2 * branch.turns and other.end.startswith("joins")
+                             and abs(other.values[-1] - special.value) < _JOINING_SHARE * span for _, other in done)
+            if not (is_known or ends_there):
+                tasks.append(Task(DOUBLED, branch.turns, special.phase, special.state, special.value, parent))
+                break
+    return tasks
+
+
+def followed_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]], folder: Path,
+                    execution: Execution) -> list[tuple[CurveTask, Branch]]:
+    """Follow the curves of the branches' special points, in both directions of the second parameter.
+
+    A special point that lies on a known curve is not followed again. Errors are those of `followed_branches`.
+    """
+    found: list[tuple[CurveTask, Branch]] = []
+    for _, branch, name, special in special_points_of(done):
+        if has_curve(special) and not any(passes_through(curve, branch, special, asked.ranges) for _, curve in found):
+            tasks = dict(enumerate([CurveTask(name, branch, special, direction) for direction in (UP, DOWN)],
+                                   len(found)))
+
+            def said(number: int, tasks: dict[int, CurveTask] = tasks) -> str:
+                task = tasks[number]
+                return (f"curve of {task.name}, {task.special.kind} at {asked.plan.name} = {task.special.value:.9g}, "
+                        f"{task.direction} in {asked.name}, at most {asked.plan.points} orbits")
+
+            found += _follow_tasks(study_of(asked, curve_of_task, tasks), asked.plan.scene, tuple(asked.ranges), tasks,
+                               folder, execution, said)
+    return found
+
+
+LETTERS = {FOLD: "F", DOUBLING: "P", TORUS: "N", GRAZING: "G", CORNER: "C"}
+"""First letter of a special point's name in picture and table, by its kind."""
+
+
+def special_points_of(done: Sequence[tuple[Task, Branch]]) -> Iterator[tuple[int, Branch, str, Special]]:
+    """Yield each special point with the number of its branch, the branch, and its name.
+
+    The name is the letter of its kind and a number, counted over all branches.
+    """
+    counts = dict.fromkeys(LETTERS, 0)
+    for number, (_, branch) in enumerate(done):
+        for special in branch.special_points:
+            counts[special.kind] += 1
+            yield number, branch, f"{LETTERS[special.kind]}{counts[special.kind]}", special
+
+
+def document(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> str:
+    """Return the tables of branches and special points as a Markdown page."""
+    head, unit = of_parameter(plan.name), PARAMETERS[plan.name].unit
+    lines = [
+        f"# Orbits of {plan.scene.name} over {plan.name}", "",
+        f"{plan.name} from {plan.low:g} to {plan.high:g} {unit}".rstrip(" 1") + f"; orbits of at most {plan.turns} "
+        f"turns of the crank; looked for at {', '.join(f'{value:g}' for value in plan.begin)}, from {plan.starts} "
+        "starts each.", "",
+        "![Branches](orbits.png)", "", "## Branches", "",
+        f"| branch | turns | begins | orbits | {head} | stable for | mean speed, mm/s | ends |",
+        "|---|---|---|---|---|---|---|---|"]
+    lines += [_row(number, task, branch) for number, (task, branch) in enumerate(done)]
+    lines += ["", "## Special points", "",
+              f"| name | kind | branch | turns | {head} | known to | mean speed, mm/s | multipliers | what happens |",
+              "|---|---|---|---|---|---|---|---|---|"]
+    lines += [f"| {name} | {one.kind} | {number} | {branch.turns} | {one.value:.10g} | {one.width:.1g} | "
+              f"{1e3 * one.mean_speed:.4f} | {_multipliers(one.multipliers)} | {one.change} |"
+              for number, branch, name, one in special_points_of(done)]
+    return "\n".join(lines) + "\n"
+
+
+def curve_document(asked: CurvePlan, found: Sequence[tuple[CurveTask, Branch]]) -> str:
+    """Return the tables of curves, in Markdown, as the last part of the page."""
+    first, second = map(of_parameter, asked.ranges)
+    lines = ["", f"## Curves over {' and '.join(asked.ranges)}", "", "![Curves](curves.png)", "",
+             f"| through | kind | turns | {asked.name} | orbits | {first} | {second} | ends |",
+             "|---|---|---|---|---|---|---|---|"]
+    for task, curve in found:
+        ranges = [f"{column.min():.6g} to {column.max():.6g}" for column in curve.values.T] if len(curve) else ["", ""]
+        lines.append(f"| {task.name} | {task.special.kind} | {task.branch.turns} | {task.direction} | {len(curve)} | "
+                     f"{' | '.join(ranges)} | {curve.end} |")
+    lines += ["", f"| on the curve through | point | {first} | {second} | what happens |", "|---|---|---|---|---|"]
+    lines += [f"| {task.name} | {one.kind} | {one.values[0]:.9g} | {one.values[1]:.9g} | {one.change} |"
+              for task, curve in found for one in curve.special_points]
+    return "\n".join(lines) + "\n"
+
+
+def in_words(done: Sequence[tuple[Task, Branch]]) -> Iterator[str]:
+    """Yield one line of text for each branch."""
+    every = list(special_points_of(done))
+    for number, (task, branch) in enumerate(done):
+        special = ", ".join(f"{name} {one.kind} at {one.value:.9g}" for of, _, name, one in every
+                            if of == number and one.kind != CORNER)
+        yield (f"branch {number}, {_turns(branch.turns)}: {len(branch)} orbits {_begin(task)}; "
+               f"{special + '; ' if special else ''}{branch.end}")
+
+
+def curves_in_words(found: Sequence[tuple[CurveTask, Branch]]) -> Iterator[str]:
+    """Yield one line of text for each curve and direction."""
+    for task, curve in found:
+        yield f"{task.special.kind} curve through {task.name}, {task.direction}: {len(curve)} orbits; {curve.end}"
+
+
+def stable_ranges(branch: Branch) -> list[tuple[float, float]]:
+    """Ranges of the parameter [its unit] in which consecutive orbits of a branch are stable, in its order."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], branch.stable.astype(int), [0]]))).reshape(-1, 2)
+    return [(float(branch.values[first:last].min()), float(branch.values[first:last].max())) for first, last in edges]
+
+
+def _turns(turns: int) -> str:
+    return f"{turns} turn{'s' * (turns > 1)}"
+
+
+def _begin(task: Task) -> str:
+    if task.parent is not None:
+        return f"from a period doubling of branch {task.parent} at {task.value:.6g}"
+    return f"{task.direction} from {task.value:g}"
+
+
+def _row(number: int, task: Task, branch: Branch) -> str:
+    if not len(branch):
+        return f"| {number} | {branch.turns} | {_begin(task)} | 0 | | | | {branch.end} |"
+    stable = ", ".join(f"{low:.6g} to {high:.6g}" for low, high in stable_ranges(branch))
+    speeds = 1e3 * branch.mean_speeds
+    return (f"| {number} | {branch.turns} | {_begin(task)} | {len(branch)} | {branch.values.min():.6g} to "
+            f"{branch.values.max():.6g} | {stable} | {speeds.min():.2f} to {speeds.max():.2f} | {branch.end} |")
+
+
+def _multipliers(values: np.ndarray) -> str:
+    """Format the two largest multipliers; a complex pair is one entry."""
+    shown = []
+    for value in values[:2]:
+        if value.imag == 0.0:
+            shown.append(f"{value.real:.6f}")
+        elif value.imag > 0.0:
+            shown.append(f"{value.real:.6f} ± {value.imag:.6f}i")
+    return ", ".join(shown)
+
+
+# Colours of branches by their turns, with 0 for all others; and of curves by their kinds.
+_COLOURS = {1: BLACK, 2: BLUE, 3: VERMILION, 4: GREEN, 8: PURPLE, 0: ORANGE}
+_CURVE_COLOURS, _STYLES = {FOLD: VERMILION, DOUBLING: BLUE, GRAZING: BLACK}, {FOLD: "-", DOUBLING: "--", GRAZING: ":"}
+MARKS = {FOLD: ("s", 5.0), DOUBLING: ("o", 5.0), TORUS: ("D", 5.0), GRAZING: ("^", 5.5), CORNER: (".", 3.5)}
+_MOST_NAMES = 24  # largest number of labels in the picture
+_CELLS = 50.0  # cells along each axis of a panel; special points of one cell share a label
+
+
+@default_settings()
+def draw_orbits(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> bytes:
+    """Draw all branches; returns a PNG file."""
+    figure, branches = new_figure(9.0, 8.4), [branch for _, branch in done]
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    coordinate = next((name for name in ("inclined_position", "upper_position")
+                       if any(name in branch.strobe for branch in branches)), None)
+    for branch in branches:
+        _draw_line(upper, branch, 1e3 * branch.mean_speeds[:, None])
+        if coordinate:
+            _draw_line(lower, branch, 1e3 * branch.strobe[coordinate])
+    lower.set_xlim(plan.low, plan.high)
+    named = [(name, one.value, 1e3 * one.mean_speed) for _, _, name, one in special_points_of(done)
+             if one.kind != CORNER]
+    for _, branch, _, one in special_points_of(done):
+        mark, size = MARKS[one.kind]
+        upper.plot(one.value, 1e3 * one.mean_speed, mark, ms=size, color=_COLOURS.get(branch.turns, _COLOURS[0]),
+                   mfc="white" if one.kind != CORNER else None, zorder=3)
+    _write_names(upper, named)
+    upper.set(ylabel="mean speed [mm/s]")
+    lower.set(xlabel=of_parameter(plan.name), ylabel=f"{(coordinate or '').replace('_', ' ')} at crank angle 0 [mm]")
+    for axes in (upper, lower):
+        style_axes(axes)
+    figure.legend(handles=_legend(branches), loc="outside lower center", ncols=5, frameon=False, fontsize=9)
+    set_heading(figure, f"{plan.scene.name}: periodic orbits over {plan.name}, unstable ones dashed")
+    return png(figure)
+
+
+def _draw_line(axes: Axes, branch: Branch, values: np.ndarray) -> None:
+    """Draw a branch: solid between two stable neighbours, dashed if one of them is unstable."""
+    colour, stable = _COLOURS.get(branch.turns, _COLOURS[0]), branch.stable
+    both = stable[1:] & stable[:-1]
+    for chosen, style in ((np.flatnonzero(both), "-"), (np.flatnonzero(~both), (0, (3.0, 1.5)))):
+        for run in np.split(chosen, np.flatnonzero(np.diff(chosen) > 1) + 1):
+            if len(run):
+                part = slice(run[0], run[-1] + 2)
+                axes.plot(branch.values[part], values[part], color=colour, ls=style, lw=1.2)
+
+
+def _write_names(axes: Axes, named: Sequence[tuple[str, float, float]]) -> None:
+    """Write names of special points into the picture; those that lie close together share a label."""
+    cells: dict[tuple[int, int], list[str]] = {}
+    for name, *place in named:
+        across, up = axes.transLimits.transform(place)
+        cells.setdefault((round(_CELLS * across), round(_CELLS * up)), []).append(name)
+    if len(cells) <= _MOST_NAMES:
+        for (across, up), names in cells.items():
+            axes.annotate(", ".join(names), (across / _CELLS, up / _CELLS), xycoords="axes fraction", xytext=(4, 4),
+                          textcoords="offset points", fontsize=7)
+
+
+def _legend(branches: Sequence[Branch]) -> list[Line2D]:
+    kinds = {one.kind for branch in branches for one in branch.special_points}
+    lines = [Line2D([], [], color=_COLOURS.get(one, _COLOURS[0]), label=_turns(one))
+             for one in sorted({branch.turns for branch in branches if len(branch)})]
+    return lines + [Line2D([], [], color=BLACK, ls="", marker=mark, ms=size, mfc="white", label=kind)
+                    for kind, (mark, size) in MARKS.items() if kind in kinds]
+
+
+@default_settings()
+def draw_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]],
+                found: Sequence[tuple[CurveTask, Branch]]) -> bytes:
+    """Draw all curves, and the special points of the branches that they begin with; returns a PNG file."""
+    figure = new_figure(8.0, 5.4)
+    axes, base = figure.subplots(), asked.plan.scene[asked.name]
+    for _, curve in found:
+        if len(curve):
+            axes.plot(*curve.values.T, _STYLES[curve.kind], color=_CURVE_COLOURS[curve.kind], lw=1.4)
+    margin = 0.02 * (asked.high - asked.low)
+    axes.set(xlim=(asked.plan.low, asked.plan.high), ylim=(asked.low - margin, asked.high + margin),
+             xlabel=of_parameter(asked.plan.name), ylabel=of_parameter(asked.name))
+    begins = [(name, one) for _, _, name, one in special_points_of(done) if has_curve(one)]
+    for _, one in begins:
+        mark, size = MARKS[one.kind]
+        axes.plot(one.value, base, mark, ms=size, color=_CURVE_COLOURS[one.kind], mfc="white", zorder=4)
+    _write_names(axes, [(name, one.value, base) for name, one in begins])
+    style_axes(axes)
+    kinds = [kind for kind in _CURVE_COLOURS if any(curve.kind == kind for _, curve in found)]
+    if kinds:
+        axes.legend(handles=[Line2D([], [], ls=_STYLES[kind], color=_CURVE_COLOURS[kind], marker=MARKS[kind][0],
+                                    ms=MARKS[kind][1], mfc="white", label=kind) for kind in kinds], frameon=False)
+    set_heading(figure, f"{asked.plan.scene.name}: special points over {' and '.join(asked.ranges)}")
+    return png(figure)
+
+
+class Request(NamedTuple):
+    """Design of the study: branches, and optionally the curves of their special points."""
+
+    plan: Plan
+    curves: CurvePlan | None
+
+
+def _request(options: argparse.Namespace) -> Request:
+    plan = plan_of(options)
+    return Request(plan, curves_of(options, plan) if options.curves else None)
+
+
+def _results(asked: Request, folder: Path, execution: Execution) -> Iterator[Results]:
+    plan, curves = asked
+    done = followed_branches(plan, folder / FOLDER, execution)
+    yield Results(_files(plan, done), list(in_words(done)) or [
+        "no orbit was found; give more --starts, --turns, or another --from"])
+    if curves:
+        found = followed_curves(curves, done, folder / CURVES_FOLDER, execution)
+        yield Results(_curve_files(curves, done, found), list(curves_in_words(found)) or [
+            "no special point has a curve"])
+
+
+def plan_of(options: argparse.Namespace) -> Plan:
+    """Make the plan from the options.
+
+    Raises
+    ------
+    ValueError
+        For an option that is missing or out of range, or a range that the scene refuses.
+    """
+    vary = options.vary or (_QUICK_VARY if options.quick else None)
+    if vary is None:
+        raise ValueError("--vary: is missing; give NAME=LOW:HIGH, such as motor.speed=60:130")
+    name, over = varied_in_words(vary)
+    if not isinstance(over, Range) or over.log:
+        raise ValueError(f"--vary {vary}: is no range; give NAME=LOW:HIGH, such as motor.speed=60:130")
+    scene = running(machine_of(options))
+    if scene["solver.method"] != "exact":
+        raise ValueError(f"solver.method: {scene['solver.method']!r} is not exact to rounding, which derivatives of "
+                         "orbits need; leave it at 'exact'")
+    given = tuple(cast(float, PARAMETERS[name].checked(read_scalar(word))) for word in options.begin)
+    begin = given or ((_QUICK_FROM,) if options.quick and not options.vary else
+                      tuple(over.at(np.array([0.25, 0.5, 0.75])).tolist()))
+    for value in begin:
+        if not over.low <= value <= over.high:
+            raise ValueError(f"--from {value:g}: is not from {over.low:g} to {over.high:g}; give a value of the range")
+        TurnMap(scene.with_parameters({name: value}))  # refuses a crank that stands
+    turns, starts, points = (
+        whole_number(f"--{key}", (quick if options.quick else usual) if getattr(options, key) is None else
+                     getattr(options, key), least, most) for key, (usual, quick, least, most) in _COUNTS.items())
+    plan = Plan(scene.with_parameters({name: begin[0]}), name, over.low, over.high, begin, turns, starts, points)
+    plan.family(1, 0.0)  # refuses a range that the scene refuses
+    return plan
+
+
+def curves_of(options: argparse.Namespace, plan: Plan) -> CurvePlan:
+    """Make the plan of the curves from the option `--curves` (ValueError)."""
+    name, over = varied_in_words(options.curves)
+    if not isinstance(over, Range) or over.log:
+        raise ValueError(f"--curves {options.curves}: is no range; give NAME=LOW:HIGH, such as upper.gap=0:0.002")
+    if name == plan.name:
+        raise ValueError(f"--curves {options.curves}: {name} is the parameter of --vary; give another one")
+    Family(plan.scene, {name: (over.low, over.high)}, 1, 0.0)  # refuses a parameter that is not numeric, or its range
+    if not over.low <= plan.scene[name] <= over.high:
+        raise ValueError(f"--curves {options.curves}: does not hold the machine's {plan.scene[name]:g}; give a range "
+                         "that holds it, or another --set")
+    return CurvePlan(plan, name, over.low, over.high)
+
+
+def _files(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> dict[str, bytes]:
+    """Contents of tables, text and picture by file name; no tables without a branch."""
+    names = iter([name for _, _, name, _ in special_points_of(done)])
+    rows = [{"branch": number, "name": next(names) if "kind" in row else None, **row}
+            for number, (_, branch) in enumerate(done) for row in rows_of(branch) if len(branch)]
+    files = {}
+    if rows:
+        own = [Field("branch", pa.int64(), "1", "number of the branch"),
+               Field("name", pa.string(), "1", "of a special point, as in the picture", True)]
+        whole = table_of(rows, [*own, *fields_of(plan, [plan.name])])
+        files = {BRANCHES: file_of(whole), SPECIAL: file_of(whole.filter(pc.is_valid(whole["kind"])))}
+    return {**files, TEXT: document(plan, done).encode(), PICTURE: draw_orbits(plan, done)}
+
+
+def _curve_files(asked: CurvePlan, done: Sequence[tuple[Task, Branch]],
+                 found: Sequence[tuple[CurveTask, Branch]]) -> dict[str, bytes]:
+    """Contents of the curves' table, text and picture by file name; the text includes that of the branches."""
+    rows = [{"through": task.name, "way": task.direction, **row} for task, curve in found if len(curve)
+            for row in rows_of(curve)]
+    own = [Field("through", pa.string(), "1", "name of the special point that the curve begins with"),
+           Field("way", pa.string(), "1", f"from there in {asked.name}")]
+    files = {CURVES: file_of(table_of(rows, [*own, *fields_of(asked.plan, list(asked.ranges))]))} if rows else {}
+    text = document(asked.plan, done) + curve_document(asked, found)
+    return {**files, TEXT: text.encode(), CURVE_PICTURE: draw_curves(asked, done, found)}
+
+
+def _add_options(own: Parser) -> None:
+    own.add_argument("--vary", metavar="NAME=LOW:HIGH", help="the parameter that changes, and its range")
+    own.add_argument("--curves", metavar="NAME=LOW:HIGH", help="a second parameter, over which the special points are "
+                     "followed as curves, and its range")
+    own.add_argument("--from", dest="begin", action="append", default=[], metavar="VALUE", help="where orbits are "
+                     "looked for; repeatable (default: at a quarter, a half and three quarters of the range)")
+    own.add_argument("--turns", type=int, metavar="N", help="most turns of the crank after which an orbit repeats "
+                     f"itself, up to {MOST_TURNS} (default: 8)")
+    own.add_argument("--starts", type=int, metavar="N", help="starts from which orbits are looked for, at each VALUE "
+                     "(default: 4)")
+    own.add_argument("--points", type=int, metavar="N", help="most orbits of a branch (default: 400)")
+    own.add_argument("--quick", action="store_true", help="the folds of `device` between 60 and 66 rad/s, in a minute; "
+                     "options that are given win")
+
+
+main = StudyCommand(
+    "orbits", "Look for periodic orbits, stable and unstable, follow their branches over a parameter, through folds, "
+    "grazings and corners, and from period doublings on; locate and name special points.", _add_options, _request,
+    _results)

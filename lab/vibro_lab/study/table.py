@@ -1,0 +1,281 @@
+"""The table of a study: rows of numbered points, computed in order, stored in files, and resumed.
+
+`Study` defines the rows. `computed` returns its whole table: it reads the blocks that are complete, lets the others be
+computed, and writes each block as soon as it is complete.
+
+A block is a Parquet file whose bytes depend only on the study. The metadata of its schema contain, under the key
+`vibro_ros`, the version, the whole design and the number of the block, and, under `digest`, a digest of these and of
+the values, which detects damage; every column has its unit and meaning. A file is complete or absent: it is written
+under a temporary name, flushed to the disk and renamed. A digest can be forged, so a file is accepted only if it also
+has the columns of the study and the rows of its points.
+"""
+
+import contextlib
+import errno
+import hashlib
+import io
+import json
+import os
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from vibro_lab.study.command import Progress
+from vibro_lab.study.execution import Execution, Rows, fingerprint
+from vibro_ros import PARAMETERS, is_temporary, read_file, replace_file, say
+
+KEY, _DIGEST = b"vibro_ros", b"digest"
+NUMBERS = pa.list_(pa.field("element", pa.float64(), nullable=False))
+"""Type of a list of numbers; the items are named as in a file that is read back."""
+_LARGEST, _MOST_ROWS = 2**28, 2**20  # largest file of a block [bytes], and its rows, because few bytes can encode many
+# Errors that reading a damaged or foreign file may raise.
+_DAMAGE_ERRORS = (pa.ArrowException, ArithmeticError, LookupError, TypeError, ValueError)
+
+
+class ForeignBlockError(ValueError):
+    """A file that belongs to another study."""
+
+
+class Field(NamedTuple):
+    """Column of a table; `optional` is true if a row may have no value (null)."""
+
+    name: str
+    type: pa.DataType
+    unit: str
+    meaning: str
+    optional: bool = False
+
+
+def parameter_field(name: str) -> Field:
+    """Column of a numeric parameter of a scene."""
+    return Field(name, pa.float64(), PARAMETERS[name].unit or "1", PARAMETERS[name].description)
+
+
+@dataclass(frozen=True)
+class Study:
+    """Definition of a table: its design, columns, and the function that computes its rows.
+
+    Attributes
+    ----------
+    what : str
+        Description of the work for the progress display.
+    design : dict
+        Everything that determines the rows, for JSON.
+    fields : sequence of Field
+        The columns.
+    rows : callable
+        Returns the rows of a point from its number, on which alone they depend. It must be picklable for other
+        processes.
+    are_own : callable
+        Whether rows, whose columns have the right types, belong to the points of given numbers; it may raise instead of
+        returning False.
+    run_time : float
+        Approximate simulated time of a point [s].
+    methods : tuple of str
+        Values of `solver.method` whose kernels are needed.
+    count : int
+        Number of points, or an upper limit.
+    block : int
+        Points of a block: the most that an interruption loses.
+    """
+
+    what: str
+    design: dict
+    fields: Sequence[Field]
+    rows: Callable[[int], list[dict]]
+    are_own: Callable[[Sequence[int], list[dict]], bool]
+    run_time: float
+    methods: tuple[str, ...]
+    count: int
+    block: int = 1
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks."""
+        return -(-self.count // self.block)
+
+    def points(self, block: int) -> range:
+        """Numbers of the points of a block."""
+        return range(block * self.block, min((block + 1) * self.block, self.count))
+
+
+def computed(study: Study, folder: Path, execution: Execution) -> pa.Table:
+    """Return the whole table of a study, stored in a folder into which no other process writes.
+
+    Raises
+    ------
+    ForeignBlockError
+        For files of another study.
+    OSError
+        For files that cannot be read.
+    RuntimeError
+        When a file cannot be written, or the runs cannot go on; finished blocks are kept.
+    """
+    blocks = {block: study.points(block) for block in range(study.blocks)}
+    tables = stored(study, folder, blocks, lambda numbers: execution.rows(
+        study.rows, numbers, study.run_time, study.methods))
+    return pa.concat_tables([tables[block].replace_schema_metadata() for block in blocks])
+
+
+def stored(study: Study, folder: Path, blocks: Mapping[int, Sequence[int]],
+           compute: Callable[[Iterable[int]], Rows]) -> dict[int, pa.Table]:
+    """Return the tables of some blocks; `blocks` has the numbers of the points of each.
+
+    Existing blocks are read. `compute` yields, in order, the rows of the other blocks' points, and each block is
+    written when it is complete; a block without rows leaves no file. Errors are those of `computed`.
+    """
+    _check_folder(study, folder)
+    tables: dict[int, pa.Table] = {}
+    with Progress("blocks checked", "block", len(blocks)) as progress:
+        for block, numbers in blocks.items():
+            if (table := read_block(study, folder, block, numbers)) is not None:
+                tables[block] = table
+            progress.add(1)
+    missing = {block: numbers for block, numbers in blocks.items() if block not in tables}
+    points = sum(map(len, blocks.values()))
+    left = sum(map(len, missing.values()))
+    with contextlib.closing(compute([number for numbers in missing.values() for number in numbers])) as results, \
+            Progress(study.what, "point", points, points - left) as progress:
+        for block, numbers in missing.items():
+            rows: list[dict] = []
+            for _ in numbers:
+                rows += next(results)
+                progress.add(1)
+            tables[block] = _write(study, folder, block, rows)
+    return tables
+
+
+def path_of(folder: Path, block: int) -> Path:
+    """Path of a block's file."""
+    return folder / f"block_{block:06d}.parquet"
+
+
+def read_block(study: Study, folder: Path, block: int, numbers: Sequence[int]) -> pa.Table | None:
+    """Read the table of a block; None if there is no file, or if it is damaged or has rows of other points.
+
+    Raises
+    ------
+    ForeignBlockError
+        For a file of another design or version; the message names the first difference.
+    OSError
+        For a file that cannot be read.
+    """
+    path = path_of(folder, block)
+    if not path.exists():
+        return None
+    data = read_file(path, _LARGEST, follow=False)
+    try:
+        file = pq.ParquetFile(io.BytesIO(data), page_checksum_verification=True)
+        if file.metadata.num_rows > _MOST_ROWS:
+            raise ValueError
+        table = file.read()
+        document, digest = table.schema.metadata[KEY], table.schema.metadata[_DIGEST]
+        if _digest(document, table) != digest:
+            raise ValueError
+        theirs = json.loads(document)
+    except (*_DAMAGE_ERRORS, OSError, RecursionError):
+        _say_damaged(path)
+        return None
+    if document != _document(study, block):
+        raise ForeignBlockError(f"{path}: is of another study ({_difference(theirs, _identity(study))}); give another "
+                                "--output, or delete that folder")
+    try:
+        own = table.schema.equals(schema_of(study.fields)) and study.are_own(numbers, table.to_pylist())
+    except _DAMAGE_ERRORS:
+        own = False
+    if not own:
+        _say_damaged(path)
+    return table if own else None
+
+
+def _say_damaged(path: Path) -> None:
+    say("study", f"{path}: is damaged; it is computed again")
+
+
+def _check_folder(study: Study, folder: Path) -> None:
+    """Make the folder, or delete files of an interrupted write in it (ForeignBlockError for files of another study)."""
+    folder.mkdir(exist_ok=True)
+    for name in sorted(os.listdir(folder)):
+        found = re.fullmatch(r"\.?(block_(\d{6})\.parquet)(\.\w+)?", name)
+        own = found[1] if found and int(found[2]) < study.blocks else ""
+        if own and is_temporary(name):
+            (folder / name).unlink()
+        elif name != own:
+            raise ForeignBlockError(f"{folder / name}: is no block of this study; give another --output, or delete "
+                                    "that folder")
+
+
+def _write(study: Study, folder: Path, block: int, rows: Sequence[dict]) -> pa.Table:
+    """Write a block to the disk, replacing an older file (RuntimeError with the remedy); returns its table."""
+    table, document, path = table_of(rows, study.fields), _document(study, block), path_of(folder, block)
+    table = table.replace_schema_metadata({KEY: document, _DIGEST: _digest(document, table)})
+    if not rows:
+        return table
+    try:
+        replace_file(path, file_of(table))
+        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+    except OSError as error:
+        remedy = "free some room" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "let it be written"
+        raise RuntimeError(f"{path}: {error.strerror}; {remedy}. The blocks before it are kept; the same command goes "
+                           "on from there") from error
+    return table
+
+
+def are(rows: Sequence[dict], expected: Sequence[dict]) -> bool:
+    """Whether there are as many rows as `expected`, and each has the expected values."""
+    return len(rows) == len(expected) and all(
+        row[name] == value for row, own in zip(rows, expected, strict=True) for name, value in own.items())
+
+
+def table_of(rows: Sequence[dict], fields: Sequence[Field]) -> pa.Table:
+    """Return a table of rows, whose schema contains units and meanings."""
+    return pa.Table.from_pylist(list(rows), schema_of(fields))
+
+
+def schema_of(fields: Sequence[Field]) -> pa.Schema:
+    """Return the schema of columns, with units and meanings as metadata."""
+    return pa.schema([pa.field(one.name, one.type, one.optional, {"unit": one.unit, "meaning": one.meaning})
+                      for one in fields])
+
+
+def file_of(table: pa.Table) -> bytes:
+    """Return a table as the contents of a Parquet file, with a checksum of every page."""
+    sink = io.BytesIO()
+    pq.write_table(table, sink, compression="zstd", write_page_checksum=True)
+    return sink.getvalue()
+
+
+def _identity(study: Study) -> dict:
+    return {**fingerprint(), "design": study.design, "blocks": study.blocks}
+
+
+def _document(study: Study, block: int) -> bytes:
+    return json.dumps({**_identity(study), "block": block}, ensure_ascii=False).encode()
+
+
+def _digest(document: bytes, table: pa.Table) -> bytes:
+    """Digest of a file's description of its study, of its columns, and of all its values to the last bit."""
+    columns = [(one.name, str(one.type), sorted((one.metadata or {}).items())) for one in table.schema]
+    return hashlib.sha256(document + repr((columns, table.to_pylist())).encode()).hexdigest().encode()
+
+
+def _difference(theirs: object, ours: object, where: str = "") -> str:
+    """Describe the first difference between two documents."""
+    if not (isinstance(theirs, dict) and isinstance(ours, dict)):
+        shown = [text if len(text) <= 60 else f"{text[:60]}…" for text in map(str, (theirs, ours))]
+        return f"{where} is {shown[0]} there, {shown[1]} here"
+    for key in dict.fromkeys((*ours, *theirs)):
+        if key in ours and theirs.get(key) != ours[key]:
+            return _difference(theirs.get(key), ours[key], f"{where}.{key}" if where else str(key))
+        if key not in ours and key != "block":
+            return f"{where}.{key} is only there"
+    return "its number is of another block"

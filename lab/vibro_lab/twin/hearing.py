@@ -1,0 +1,172 @@
+"""What a twin hears of its robot: messages of sensors as measurements, and commands; the rest is refused.
+
+Messages are polled as bytes, because eight hundred messages a second would wake the executor as often. A measurement
+counts at its stamp, a command at its arrival.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from nav_msgs.msg import Odometry
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import Imu, JointState
+from std_msgs.msg import Float64
+
+from vibro_lab.identification.noise import is_measured
+from vibro_lab.identification.recording import ONE_TURN
+from vibro_lab.twin.particles import Measurement
+from vibro_ros import ACCELERATIONS, JOINTS, TOPICS, Scene, commands_in, commands_of, deserialised, of_imu
+from vibro_ros.ros import GuardedNode, PollingSubscription, qos_profile
+
+MOST_TAKEN = 2000
+"""Most messages of a topic that wait, and are taken in one poll."""
+LARGEST = 1e6
+"""Largest magnitude of a measured value, in SI units."""
+OLDEST, EARLIEST = 10.0, 1.0
+"""Longest times [s] by which a stamp may be behind, and ahead of, the twin's own clock when its message arrives."""
+EXACT = 1e-8
+"""Variance [m²] of a tracking system that gives none: a tenth of a millimetre."""
+
+Numbers = list[tuple[str, float, float]]
+"""Quantity, value and variance of each number in a message."""
+
+
+class _Sensor(NamedTuple):
+    type: type
+    read: Callable[["Hearing", Any], Numbers]
+
+
+class Hearing:
+    """The subscriptions of a twin.
+
+    `heard` counts the messages by topic; refusals are counted by the node. An `odom` whose variances are 0, which is a
+    simulated robot's truth or no statement, is not used. `longest_wait` is the longest time [s] between two polls of
+    the measurements, in which messages wait for this node; its owner sets it back.
+
+    Parameters
+    ----------
+    node : GuardedNode
+        The twin's node.
+    scene : Scene
+        The robot as it is believed to be; it has the encoder's ticks, and bandwidth and range of the IMU.
+    joint_noise : float
+        Standard deviation [m] of the positions in `joint_states`; 0 if nobody measures them.
+    """
+
+    def __init__(self, node: GuardedNode, scene: Scene, joint_noise: float):
+        self.heard, self.longest_wait, self._polled = Counter[str](), 0.0, 0
+        self._node, self._scene, self._joint_noise = node, scene, joint_noise
+        self._angle, self._angles, self._turns = math.nan, (math.inf, -math.inf), 0
+        self._tick = (2.0 * math.pi / scene["sensors.encoder.ticks"])**2 / 12.0
+        self._limit = of_imu(scene, "accelerometer.range") or math.inf
+        best_effort = QoSProfile(depth=MOST_TAKEN, reliability=ReliabilityPolicy.BEST_EFFORT)  # hears every publisher
+        self._sensors = {name: PollingSubscription(node, sensor.type, name, best_effort)
+                         for name, sensor in SENSORS.items() if name != "joint_states" or joint_noise}
+        self._commands = {name: PollingSubscription(node, JointState if name == "joint_commands" else Float64, name,
+                                                    qos_profile(name)) for name in commands_of(scene)}
+
+    def measurements(self, now: int) -> Iterator[tuple[int, Measurement]]:
+        """Yield stamp [ns] and measurement, whose own time is 0, of all that has arrived; `now` is ROS time [ns]."""
+        waited = max(0.0, (now - (self._polled or now)) * 1e-9)
+        self._polled, self.longest_wait = now, max(self.longest_wait, waited)
+        for name, subscription in self._sensors.items():
+            for data, _ in subscription.take(MOST_TAKEN):
+                try:
+                    message = deserialised(data, TOPICS[name].type)
+                    stamp = _checked_stamp(message.header.stamp, now, waited)
+                    numbers = [one for one in SENSORS[name].read(self, message) if is_measured(one[2])]
+                    for field, value, variance in numbers:
+                        _check_number(field, value, variance)
+                except ValueError as error:
+                    self._node.refusals.refuse(subscription.topic, str(error))
+                    continue
+                self.heard[name if numbers else f"{name}, without a variance"] += 1
+                for field, value, variance in numbers:
+                    limit = self._limit if field in ACCELERATIONS else math.inf
+                    yield stamp, Measurement(0.0, field, value, variance, limit)
+
+    def commands(self) -> Iterator[tuple[int, dict[str, float]]]:
+        """Yield wall time of arrival [ns] and commands, arguments of `Simulator.command`, of all that has arrived."""
+        for name, subscription in self._commands.items():
+            for data, arrived in subscription.take(MOST_TAKEN):
+                try:
+                    given, faults = commands_in(name, deserialised(data, TOPICS[name].type), self._scene)
+                    given = {one: self._scene.checked_command(one, value) for one, value in given.items()}
+                except ValueError as error:
+                    self._node.refusals.refuse(subscription.topic, str(error))
+                    continue
+                for fault in faults:
+                    self._node.refusals.refuse(subscription.topic, fault)
+                self.heard[name] += 1
+                if given:
+                    yield arrived, given
+
+    def _pose(self, pose: Any) -> Numbers:
+        """Return place and height from a pose with covariance."""
+        position, covariance = pose.pose.position, pose.covariance
+        heights = [("body_height", position.z, covariance[14])] * self._scene.body_hops
+        return [("body_position", position.x, covariance[0]), *heights] if self._scene.body_moves else heights
+
+    def _of_odometry(self, message: Any) -> Numbers:
+        velocity, covariance = message.twist.twist.linear, message.twist.covariance
+        speeds = [("body_velocity", velocity.x, covariance[0])] * self._scene.body_moves
+        speeds += [("body_vertical_velocity", velocity.z, covariance[14])] * self._scene.body_hops
+        return [one for one in (*self._pose(message.pose), *speeds) if one[2] != 0.0]
+
+    def _of_tracking(self, message: Any) -> Numbers:
+        return [(field, value, variance or EXACT) for field, value, variance in self._pose(message.pose)]
+
+    def _of_imu(self, message: Any) -> Numbers:
+        force, variance = message.linear_acceleration, message.linear_acceleration_covariance[0]
+        axes = [(ACCELERATIONS[0], force.x, variance)] * self._scene.body_moves
+        return axes + [(ACCELERATIONS[1], force.z, variance)] * self._scene.body_hops
+
+    def _of_encoder(self, message: Any) -> Numbers:
+        if "crank" not in message.name or len(message.position) != len(message.name):
+            raise ValueError("no position of the joint crank")
+        return [("crank_angle", self._counted_on(float(message.position[message.name.index("crank")])), self._tick)]
+
+    def _counted_on(self, angle: float) -> float:
+        """Return the crank's angle [rad] counted on over the turns, also where the encoder gives it within one turn."""
+        last, (low, high) = self._angle, self._angles
+        self._angle, self._angles = angle, (min(low, angle), max(high, angle))
+        if self._angles[1] - self._angles[0] <= ONE_TURN and abs(angle - last) > math.pi:
+            self._turns -= round((angle - last) / math.tau)
+        return angle + math.tau * self._turns
+
+    def _of_joints(self, message: Any) -> Numbers:
+        if len(message.position) != len(message.name):
+            raise ValueError(f"{len(message.position)} positions for {len(message.name)} joints")
+        parts = {f"{side}_mass" for side in self._scene.guides} | {f"{side}_plate" for side in self._scene.plates}
+        return [(JOINTS[name][0], float(value), self._joint_noise**2)
+                for name, value in zip(message.name, message.position, strict=True)
+                if name in parts and not math.isnan(value)]
+
+
+SENSORS: Mapping[str, _Sensor] = {
+    "tracking": _Sensor(PoseWithCovarianceStamped, Hearing._of_tracking),
+    "odom": _Sensor(Odometry, Hearing._of_odometry),
+    "imu/data_raw": _Sensor(Imu, Hearing._of_imu),
+    "encoder": _Sensor(JointState, Hearing._of_encoder),
+    "joint_states": _Sensor(JointState, Hearing._of_joints),
+}
+"""Topics of sensors by the robot's own names."""
+
+
+def _checked_stamp(stamp: Any, now: int, waited: float) -> int:
+    """Return a stamp [ns] (ValueError if it is far from the ROS time `now` [ns]); its message may have been waiting for
+    this node for the time `waited` [s], which is no difference of clocks."""
+    behind = (now - (at := 1_000_000_000 * stamp.sec + stamp.nanosec)) * 1e-9
+    if not -EARLIEST <= behind <= OLDEST + waited:
+        side = "behind" if behind > 0.0 else "ahead of"
+        raise ValueError(f"its stamp is {abs(behind):.6g} s {side} this node's clock; let both have one clock")
+    return at
+
+
+def _check_number(field: str, value: float, variance: float) -> None:
+    if not abs(value) <= LARGEST:
+        raise ValueError(f"{field} {value:g} with variance {variance:g} is no measurement; give numbers within "
+                         f"±{LARGEST:g}")
