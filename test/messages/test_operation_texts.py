@@ -10,6 +10,7 @@ from vibro_ros.messages.operations import (
     FAULT,
     NAMES,
     PUSH,
+    RESET,
     SET,
     STATE,
     STEP,
@@ -22,6 +23,7 @@ from vibro_ros.messages.operations import (
 @pytest.mark.parametrize("operation", [
     *(Operation(name) for name in NAMES if name not in (STEP, *ARGUMENTS)), Operation(STEP, steps=7),
     Operation(STATE, parameters={"body_velocity": 1.0 / 3.0}),
+    Operation(RESET, parameters={"body_velocity": 1.0 / 3.0}),
     Operation(PUSH, parameters={"duration": 0.1, "force_x": -1e-300, "force_z": 0.0}),
     Operation(FAULT, parameters={"fault": "friction_patch", "of": "", "duration": 0.1, "value": 0.02,
                                  "from_x": -1.0 / 3.0, "to_x": 1e-300}),
@@ -53,6 +55,7 @@ def test_parameters_that_no_robot_took_change_nothing(parameters: dict):
 
 
 @pytest.mark.parametrize("text", [
+    'reset {"self": 1.0}', 'reset {"mass": 1}',
     'state {"self": 1.0}', 'state {"body_velocity": NaN}', 'state {"body_velocity": "fast"}', 'state {"mass": 1}',
     'push {"duration": Infinity, "force_x": 1.0, "force_z": 0.0}',
     'push {"duration": [1], "force_x": {}, "force_z": 0}',

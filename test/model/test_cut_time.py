@@ -1,4 +1,6 @@
-"""The trajectory must not depend on how time is divided: bit for bit, with commands, faults and checkpoints."""
+"""The trajectory must not depend on how time is divided: bit for bit, with commands, changed parameters, faults and
+checkpoints.
+"""
 
 import dataclasses
 
@@ -13,7 +15,9 @@ from vibro_ros.solver.methods import SCHEMES
 COMMANDS = ((0.1, {"motor_speed": 120.0}), (0.2, {"upper_gap": 0.0005, "inclined_gap": -0.0002}),
             (0.25, {"upper_gap": -0.0003}),
             (0.25, {"motor_speed": -80.0}), (0.5, {"motor_speed": 0.0}))
-FAULTS = 0.2  # s
+FAULTS, CHANGED = 0.2, 0.25  # s
+CHANGES = {"ground.friction": 0.15, "motor.acceleration": 400.0, "motor.time_constant": 0.06,
+           "motor.integral_gain": 0.7, "gap_actuator.speed": 0.01}
 END = 0.6
 DC = {"effects.motor": "dc", "motor.speed": 40.0, "motor.voltage": 12.0, "motor.control_rate": 400.0}
 LINKAGE = {"mass.upper_slider": 0.01, "mass.inclined_slider": 0.02, "mass.crank_pin": 0.05, "effects.reaction": True}
@@ -54,6 +58,8 @@ def trajectory(scene, piece):
         states.append(dataclasses.astuple(device.state))
         if instant == FAULTS:
             suffer(device)
+        if instant == CHANGED:  # the devices that go on from checkpoints begin without these changes
+            device.set_parameters(CHANGES)
         if scene.motor_command == "motor_voltage" and "motor_speed" in change:
             change = {"motor_voltage": change["motor_speed"] / 10.0}
         device.command(**change)
@@ -64,7 +70,7 @@ def trajectory(scene, piece):
     pytest.param(*one, id=key, marks=() if key in QUICK else pytest.mark.process) for key, one in SCENES.items()])
 def test_every_cut_of_time_gives_the_same_bits(name, changes):
     """A35, A66, A72. Only commands begin a new segment, so samples do not disturb the motion; nor do they a step's.
-    Through 0, a push and every fault, with the filtered acceleration; and the energy balances."""
+    Through 0, a push, every fault and changed parameters, with the filtered acceleration; and the energy balances."""
     exact = "solver.method" not in changes
     scene = vibro_ros.load_scene(name).with_parameters({"solver.accounts": exact, **changes})
     whole, events, expected = trajectory(scene, np.inf)

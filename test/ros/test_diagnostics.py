@@ -2,14 +2,22 @@
 
 import signal
 import time
+from types import SimpleNamespace
 
+import pytest
 from asking import answer_of
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from observation import bags, stamps_of, stop, value_of
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
+from test_run import run_of
+
+from vibro_ros.messages.operations import PAUSE, RESUME, Operation
+from vibro_ros.ros.node.process import node_running, spin_until
+from vibro_ros.ros.robot import diagnostics
+from vibro_ros.ros.robot.pacing import Pacing
 
 
 def values_of(listener) -> dict[str, str]:
@@ -75,7 +83,8 @@ def test_diagnostics_tell_how_it_goes(start, listener, bench, tmp_path):
         if on:
             assert "meanwhile stamps fall behind the wall clock, unless clock.publish" in answer
             bench.spin_until(lambda: float(values_of(listener)["stamps behind [s]"]) > 2.0, "stamps that fall behind")
-    listener.wait_for_status("simulation", lambda status: "s behind the wall clock after pauses" in status.message)
+    status, _ = listener.wait_for_status("simulation", lambda status: "s of pauses or stalls" in status.message)
+    assert status.level == DiagnosticStatus.OK and status.message.startswith("running; stamps are ")
     robot.send(signal.SIGSTOP)
     time.sleep(0.5)  # the stall itself
     robot.send(signal.SIGCONT)
@@ -85,6 +94,48 @@ def test_diagnostics_tell_how_it_goes(start, listener, bench, tmp_path):
     assert "because the computer did not let the robot run in time; leave it a core" in robot.wait_for("stalled: ")
     stamps = stamps_of(bags(tmp_path)[0])
     assert {after - one for one, after in zip(stamps, stamps[1:], strict=False)} == {5_000_000}  # [ns]
+
+
+@pytest.mark.parametrize(("shift", "words"), [
+    (3600.0, "behind the wall clock, because the wall clock has gone 3600.00 s ahead of the computer's monotonic"),
+    (-3600.0, "ahead of the wall clock, because the wall clock has gone 3600.00 s behind the computer's monotonic")])
+def test_a_clock_that_was_set_is_named_and_a_pause_beside_it(domain_id, monkeypatch, shift, words):
+    """The real node and run, with another clock than the computer's, which the test must not set."""
+    monkeypatch.setattr(diagnostics, "NEWS", 0.5)  # s
+    clock_shift = 0.0
+    with node_running("vibro_robot", []) as node:
+        def now() -> int:
+            return time.time_ns() + round(1e9 * clock_shift)
+
+        run = run_of(SimpleNamespace(node=node), lambda *_: None, rate=100.0, pacing=Pacing(1.0, max_catch_up=600.0))
+        run.recording.latest, run.recording.destination = None, lambda: "not recording"
+        heard: list[DiagnosticArray] = []
+        node.create_subscription(DiagnosticArray, "/diagnostics", heard.append, 10)
+        run.robot_time.start, begin = now(), time.monotonic()
+        with run.start(begin):
+            diagnostics.Diagnostics(node, run, now)
+
+            def told(condition) -> DiagnosticStatus:
+                """Return the next status that meets the condition."""
+                while True:
+                    spin_until(node, lambda: heard)
+                    if condition(status := heard.pop(0).status[0]):
+                        return status
+
+            assert told(lambda status: True).message == "running"
+            clock_shift = shift
+            status = told(lambda status: status.level == DiagnosticStatus.WARN)
+            assert words in status.message and "pauses" not in status.message
+            assert value_of(status, "clock set by [s]") == pytest.approx(shift, abs=0.1)
+            status = told(lambda status: status.level == DiagnosticStatus.OK)
+            assert words in status.message  # no warning any more, but still said
+            run.perform(Operation(PAUSE))
+            for _ in range(3):
+                told(lambda status: status.message == "paused")
+            run.perform(Operation(RESUME))
+            status = told(lambda status: "and because robot time stood still for " in status.message)
+            assert status.level == DiagnosticStatus.OK and "because the wall clock has gone 3600" in status.message
+            run.perform(Operation(PAUSE))  # which takes the real-time priority away
 
 
 def test_diagnostics_warn_of_what_the_model_may_not_leave_out(start, listener):

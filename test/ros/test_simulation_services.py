@@ -21,7 +21,7 @@ STEPS = 12
 
 def test_features_states_steps_and_resets_are_as_the_definitions_say(simulator, call, listener, tmp_path):
     features = simulator.answer(simulator.begin("GetSimulatorFeatures")).features
-    assert list(features.features) == [10, 11, 20, 22, 24, 25, 26, 31, 32, 33]
+    assert list(features.features) == [8, 10, 11, 12, 20, 22, 24, 25, 26, 31, 32, 33]
     assert list(features.spawn_formats) == []
     assert "publish period" in features.custom_info
     assert simulator.state == State.PLAYING
@@ -74,6 +74,30 @@ def test_features_states_steps_and_resets_are_as_the_definitions_say(simulator, 
     (stepped, _), (resumed, words) = operations(bag)[-2:]
     assert words == "resume"
     assert len([stamp for stamp in stamps_of(bag) if stepped < stamp <= resumed]) == 7
+
+
+def test_the_robot_is_the_one_entity_that_filters_choose_or_not(simulator, types, call):
+    msg = types.msg
+    robot, human = (msg.EntityCategory(category=number) for number in (
+        msg.EntityCategory.CATEGORY_ROBOT, msg.EntityCategory.CATEGORY_HUMAN))
+    for fields, names in (({}, ["vibro_robot"]), ({"filter": "^vibro_[a-z]+$"}, ["vibro_robot"]),
+                          ({"filter": "arm"}, []), ({"categories": [human, robot]}, ["vibro_robot"]),
+                          ({"categories": [human]}, []), ({"tags": msg.TagsFilter(tags=["red"])}, [])):
+        filters = msg.EntityFilters(**fields)
+        assert list(call(types.srv.GetEntities, "get_entities", filters=filters).entities) == names
+        answer = call(types.srv.GetEntitiesStates, "get_entities_states", filters=filters)
+        assert list(answer.entities) == names and len(answer.states) == len(names)
+        assert all(state.header.frame_id == "odom" for state in answer.states)
+    for fields, code, words in (
+            ({"filter": "(a*)*b"}, Code.FEATURE_UNSUPPORTED, "'(a*)*b' could take long; give at most 64 characters"),
+            ({"filter": "x*" * 5}, Code.FEATURE_UNSUPPORTED, "with 4 quantifiers and no group"),
+            ({"filter": "["}, Code.OPERATION_FAILED, "'[' is no regular expression"),
+            ({"bounds": msg.Bounds(type=msg.Bounds.TYPE_SPHERE)}, Code.FEATURE_UNSUPPORTED, "bounds: this robot has")):
+        result = call(types.srv.GetEntities, "get_entities", filters=msg.EntityFilters(**fields)).result
+        assert result.result == code and words in result.error_message
+    answer = call(types.srv.GetEntityInfo, "get_entity_info", entity="vibro_robot")
+    assert (answer.result.result, answer.info.category) == (Code.OK, robot) and "device" in answer.info.description
+    assert call(types.srv.GetEntityInfo, "get_entity_info", entity="arm").result.result == Code.NOT_FOUND
 
 
 def operations(bag: Path) -> list[tuple[int, str]]:

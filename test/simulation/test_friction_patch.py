@@ -201,4 +201,5 @@ def test_a_device_without_such_ground_refuses_a_patch(changes: dict, words: str)
     device = running("unilateral", **changes)
     with pytest.raises(ValueError, match=words):
         device.fail("friction_patch", 1.0, value=0.1, from_x=0.0, to_x=1.0)
-    device.fail("friction_patch", 0.0)  # ends what is not there
+    with pytest.raises(ValueError, match="duration: 0 s ends a friction_patch, and none lasts"):
+        device.fail("friction_patch", 0.0)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from commanded_device import assert_balanced
+from commanded_device import assert_balanced, refused
 
 import vibro_ros
 from vibro_ros.configuration.scene_file import shipped_scenes
@@ -71,7 +71,7 @@ def test_commands_go_on_and_an_ideal_motor_keeps_its_speed():
     device = running("device")
     device.advance_to(1.0)
     device.command(upper_gap=0.001)
-    device.set_state(motor_speed=50.0, upper_plate_position=0.05)
+    device.set_state(motor_speed=50.0, upper_plate_position=0.07)
     device.advance_to(4.0)
     assert device.state.motor_speed == 100.0
     assert device.state.upper_plate_position == device.scene["crank.upper_rod"] + 0.001
@@ -115,9 +115,60 @@ REFUSED = [
     ({"crank_angle": -1e10}, "crank_angle: -1e+10 is out of range"),
     ({"motor_speed": 1e6}, "motor.max_speed"),
     ({"upper_plate_position": 0.2}, "upper_plate_position: 0.2 is out of range; give a number from 0 to 0.12 m"),
-    ({"upper_position": 0.07}, "upper_position: 0.07 m lies beyond the rigid plate at 0.06 m; give at most that"),
+    ({"upper_position": 0.07}, "upper_position: 0.07 m lies beyond the rigid plate at 0.06 m; give at most 0.06 m"),
     ({"body_height": 0.01}, "body_height: 0.01 m, but it stays 0 in this scene; leave it out, or give 0"),
 ]
+
+
+COMPLIANT = [
+    ({}, "a state: no number is given; give any of body_position"),
+    ({"upper_position": 0.5}, "0.5 m lies beyond the plate at 0.06 m, deeper than any blow of this machine; give at "
+                              "most 0.0633534405 m"),
+    ({"inclined_plate_position": 0.0}, "beyond the plate at 0 m"),
+]
+
+
+@pytest.mark.parametrize(("given", "words"), COMPLIANT)
+def test_a_compliant_plate_yields_as_far_as_the_hardest_blow_drives_a_mass(given, words):
+    """The energy of a mass of 100 g at 2 l ω, and at the speeds of its stretched spring and of a fall, on 1e7 N/m."""
+    device = running("damped")
+    device.advance_to(0.5)
+    with refused(device, words):
+        device.set_state(**given)
+    speed = 2.0 * 0.02 * 500.0 + 0.12 * math.sqrt(1e3 / 0.1) + math.sqrt(2.0 * 9.81 * 0.12)
+    deepest = device.scene.deepest_penetration("upper")
+    assert 0.5 * 1e7 * deepest**2 == pytest.approx(0.5 * 0.1 * speed**2)
+    plate = device.state.upper_plate_position
+    device.set_state(upper_position=plate + deepest)
+    device.set_state(body_velocity=0.1)  # the mass is where it was
+    assert device.state.upper_position == plate + deepest
+    with refused(device, "give at most"):
+        device.set_state(upper_position=plate + 1.001 * deepest)
+
+
+@pytest.mark.parametrize("name", ["damped", "device", "machine"])
+def test_a_reset_into_a_state_is_that_of_a_new_device(name):
+    device, new = running(name), vibro_ros.Simulator(running(name).scene)
+    device.advance_to(0.5)
+    with refused(device, "give any of body_position"):
+        device.reset(mass=1.0)
+    device.reset(body_velocity=0.3, crank_angle=1.0)
+    new.set_state(body_velocity=0.3, crank_angle=1.0)
+    assert device.time == 0.0 and device.state == new.state
+    for one in (device, new):
+        one.advance_to(0.4)
+    assert device.state == new.state
+
+
+def test_a_state_that_the_device_reaches_can_be_given():
+    """The deepest penetrations in ten seconds of the scenes with the hardest blows; no blow comes near the limit."""
+    for name in ("unilateral", "device", "machine"):
+        device = running(name)
+        device.advance_to(10.0)
+        blows = device.take_events()
+        for side in device.scene.plates:
+            hardest = blows["peak_force"][blows["kind"] == f"{side}_contact"].max()
+            assert hardest / device.scene[f"{side}.plate.stiffness"] < 0.3 * device.scene.deepest_penetration(side)
 
 
 @pytest.mark.parametrize(("given", "words"), REFUSED)

@@ -21,7 +21,7 @@ def differences(changes=None, without=()):
     """Return the notes on a bag that was recorded here, with `changes` of its statements."""
     told = {**provenance.provenance(DEVICE.parameters, 0), **(changes or {})}
     told = {key: value for key, value in told.items() if key not in without}
-    topics = {name: f"/{name}" for name in ("motor_speed", "upper_gap", "inclined_gap", "checkpoint")}
+    topics = {name: f"/{name}" for name in ("motor_speed", "upper_gap", "inclined_gap")}
     stream = SimpleNamespace(metadata=told, start=0, topics=set(topics.values()), flaws=())
     return notes(stream, SimpleNamespace(scene=DEVICE, start=0, topics=topics))
 

@@ -55,7 +55,8 @@ def test_a_body_thrown_up_flies_a_parabola_and_reset_throws_it_again():
 
 
 @pytest.mark.parametrize(("start", "words"), [
-    ({"upper_position": 0.07}, "start.upper_position: 0.07 m lies beyond the rigid plate at 0.06 m; give at most that"),
+    ({"upper_position": 0.07},
+     "start.upper_position: 0.07 m lies beyond the rigid plate at 0.06 m; give at most 0.06 m"),
     ({"body_height": 0.1}, "start.body_height: 0.1 m, but it stays 0 in this scene; leave it out, or give 0"),
     ({"body_velocity": math.nan}, "start.body_velocity: nan is not finite"),
     ({"upper_postion": 0.05}, "start.upper_postion: unknown parameter; did you mean start.upper_position?"),

@@ -164,10 +164,14 @@ def test_the_voltage_of_a_dc_motor_follows_from_what_is_recorded(tmp_path):
 
 
 def test_a_recording_begun_late_is_exact_from_its_checkpoint_on(tmp_path):
-    whole = robot_bag(tmp_path / "whole", "device", 301, COMMANDS, RATE, checkpoints=(110, 200))
+    """The friction was changed before the recording begins."""
+    acts = {5: {"motor_speed": 100.0}, 60: 'set {"ground.friction": 0.1}'}
+    whole = robot_bag(tmp_path / "whole", "device", 301, acts, RATE, checkpoints=(0, 110, 200))
     motion, _ = read(rewritten(whole, tmp_path / "late", without_earlier(110 / RATE)))
     assert motion.header["exact"] and motion.header["begin"] == 110 / RATE
-    assert_is_run(motion, run_of(offset_times(110 / RATE, 300 / RATE, 5000)))
+    run = run_with(300, (5, "command", {"motor_speed": 100.0}),
+                   (60, "set_parameters", {"changes": {"ground.friction": 0.1}}))
+    assert_is_run(motion, Samples(**{name: values[run.time >= 110 / RATE] for name, values in vars(run).items()}))
 
 
 @pytest.mark.parametrize("checkpoints", [(), (200,)])

@@ -29,16 +29,16 @@ NAMES = (RESET, PAUSE, RESUME, STEP, TIMEOUT, *ARGUMENTS)
 class Operation:
     """One operation."""
 
-    # `RESET`: go back to the start. `PAUSE`, `RESUME`: stop robot time, let it go on. `STEP`: take some samples
-    # while paused. `SET`: change parameters. `TIMEOUT`: stop the motor, because no command came in time. `STATE`:
-    # set the state (`Simulator.set_state`). `PUSH`: push the body (`Simulator.push`). `FAULT`: begin or end a
-    # fault (`model.faults`)
+    # `RESET`: go back to the start, or into a state at time 0. `PAUSE`, `RESUME`: stop robot time, let it go on.
+    # `STEP`: take some samples while paused. `SET`: change parameters. `TIMEOUT`: stop the motor, because no command
+    # came in time. `STATE`: set the state (`Simulator.set_state`). `PUSH`: push the body (`Simulator.push`). `FAULT`:
+    # begin or end a fault (`model.faults`)
     name: str
     steps: int = 0  # number of samples of a `STEP`
-    parameters: Mapping[str, Value] = field(default_factory=dict)  # arguments of an operation in `ARGUMENTS`
+    parameters: Mapping[str, Value] = field(default_factory=dict)  # of an operation in `ARGUMENTS`; a `RESET`'s state
 
     def __str__(self) -> str:
-        if self.name in ARGUMENTS:
+        if self.name in ARGUMENTS or self.parameters:
             return f"{self.name} {json.dumps(dict(self.parameters))}"
         return f"{self.name} {self.steps}" if self.name == STEP else self.name
 
@@ -47,10 +47,10 @@ def read_operation(text: str) -> Operation:
     """Return the operation in a recorded text (ValueError when the text is no operation)."""
     name, _, rest = text.partition(" ")
     try:
-        if name not in NAMES or (name not in (STEP, *ARGUMENTS) and rest):
+        if name not in NAMES or (name not in (RESET, STEP, *ARGUMENTS) and rest):
             raise ValueError("no such operation")
         steps = int(rest) if name == STEP else 0
-        parameters = json.loads(rest) if name in ARGUMENTS else {}
+        parameters = json.loads(rest) if name in ARGUMENTS or (name == RESET and rest) else {}
         if not isinstance(parameters, dict):
             raise ValueError("no mapping of parameters")
         if (needed := ARGUMENTS.get(name)) and needed != set(parameters):
@@ -67,7 +67,7 @@ def perform(operation: Operation, device: "Simulator") -> None:
     on.
     """
     if operation.name == RESET:
-        device.reset()
+        device.reset(**operation.parameters)
     elif operation.name == TIMEOUT:
         device.command(**{device.scene.motor_command: 0.0})
     elif operation.name == STATE:

@@ -5,7 +5,7 @@ fails, or a stretch of the ground. The device, the commands and the sensors each
 does not follow its commands stores them: after the fault it follows the last one.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ from vibro_ros.model.parameters import BY_NAME, Parameter, quoted
 
 LONGEST = 86_400.0
 """Longest duration of a fault or a push [s]."""
-DURATION = Parameter("duration", 0.0, "s", "how long it lasts; 0 ends it", minimum=0.0, maximum=LONGEST)
+DURATION = Parameter("duration", 0.0, "s", "how long it lasts; 0 ends one that lasts", minimum=0.0, maximum=LONGEST)
 FORCE = Parameter("force", 0.0, "N", "on the body", minimum=-1e6, maximum=1e6)
 
 NO_VALUE = Parameter("value", 0.0, "", "of a fault that needs none, or ends", minimum=0.0, maximum=0.0)
@@ -108,3 +108,18 @@ def checked_incident(fault: object, duration: object, of: object = "", value: ob
     if place is PLACE and not begins < ends:
         raise ValueError(f"to_x: {ends:g} m does not lie ahead of from_x, {begins:g} m; give a greater one")
     return Incident(name, lasts, of, number, begins, ends)
+
+
+def part_of(name: str, of: str) -> str:
+    """Return the name of a disturbance in lists and messages, with the part that it affects, if there is a choice."""
+    return f"{name} of {of}" if of else name
+
+
+def check_lasting(name: str, of: str, duration: float, lasting: Collection[str]) -> None:
+    """Refuse a duration of 0, which ends a disturbance, if none lasts (ValueError); `lasting` has names by `part_of`.
+
+    Such a request mostly lacks its duration.
+    """
+    if not duration and part_of(name, of) not in lasting:
+        raise ValueError(f"duration: 0 s ends a {part_of(name, of)}, and none lasts; give a duration above 0 and up to "
+                         f"{LONGEST:g} s")

@@ -178,6 +178,20 @@ class ParameterValues:
         return tuple(side for side, kind in kinds.items() if kind == "restitution" or (
             kind == "compliant" and any(self[f"{side}.plate.{part}"] for part in ("stiffness", "damping"))))
 
+    def deepest_penetration(self, side: str) -> float:
+        """Deepest penetration of a plate [m] that a blow can cause; 0 for a rigid plate, infinite without stiffness.
+
+        It stores the energy m v²/2 of the mass in the plate's spring. The speed v is more than the machine can give a
+        mass: the sum of the slider's speed at `motor.max_speed` with a rod as short as the crank, the speed that the
+        drive's spring gives when it is stretched by the guide's length, twice the rod, and that of a fall over it.
+        """
+        mass, length, stiffness = self[f"mass.{side}"], 2.0 * self[f"crank.{side}_rod"], self[f"{side}.plate.stiffness"]
+        if self[f"effects.{side}_contact"] == "restitution":
+            return 0.0
+        speed = (2.0 * self["crank.radius"] * self["motor.max_speed"] + math.sqrt(2.0 * self["gravity"] * length)
+                 + length * math.sqrt(self[f"{side}.spring.stiffness"] / mass))
+        return speed * math.sqrt(mass / stiffness) if stiffness else math.inf
+
     @property
     def longest_rod(self) -> float:
         """The longest rod that moves a mass [m]; 0 without any."""

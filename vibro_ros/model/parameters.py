@@ -373,6 +373,9 @@ SCENE_PARAMETERS: tuple[Parameter, ...] = tuple(replace(parameter, negligible=NE
 BY_NAME: Mapping[str, Parameter] = {parameter.name: parameter for parameter in SCENE_PARAMETERS}
 """Each parameter of a scene by its name."""
 
+LIVE: tuple[str, ...] = tuple(name for name, parameter in BY_NAME.items() if parameter.while_running)
+"""Names of the scene's parameters that may change while the device runs; all of them are numbers."""
+
 
 def checked_parameters(changes: Mapping[str, object], table: Iterable[Parameter]) -> dict[str, Value]:
     """Return the values of `changes`, a mapping from names to values, checked by the parameters of `table`.

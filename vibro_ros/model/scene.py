@@ -4,7 +4,7 @@ The scene's own start and `Simulator.set_state` are checked by the same function
 """
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import ClassVar
@@ -222,8 +222,11 @@ def check_parts(values: ParameterValues, given: Mapping[str, float], prefix: str
             raise ValueError(f"{prefix}{name}: {value:g} {unit}, but it stays 0 in this scene; leave it out, or give 0")
 
 
-def outside_plates(values: ParameterValues, state: Mapping[str, float], prefix: str = "") -> dict[str, float]:
+def outside_plates(values: ParameterValues, state: Mapping[str, float], prefix: str = "",
+                   placed: Collection[str] = ("upper", "inclined")) -> dict[str, float]:
     """Return the state after putting each mass that is beyond its rigid plate by rounding on that plate.
+
+    A mass may be as deep in a compliant plate as `ParameterValues.deepest_penetration`.
 
     Parameters
     ----------
@@ -233,19 +236,23 @@ def outside_plates(values: ParameterValues, state: Mapping[str, float], prefix: 
         A state, with at least the positions of masses and plates [m].
     prefix : str
         Text before a field's name in messages.
+    placed : collection of str
+        Sides whose mass or plate is given; a mass that the device itself has moved deeper is not refused.
 
     Raises
     ------
     ValueError
-        For a mass farther beyond its rigid plate than `ROUNDING`.
+        For a mass that is deeper in a plate, or farther beyond a rigid plate than `ROUNDING`.
     """
     moved = dict(state)
     for side in values.plates:
         mass, plate = state[f"{side}_position"], state[f"{side}_plate_position"]
-        if values[f"effects.{side}_contact"] != "restitution":
-            continue
-        if mass > plate + ROUNDING:
-            raise ValueError(f"{prefix}{side}_position: {mass:.9g} m lies beyond the rigid plate at {plate:.9g} m; "
-                             "give at most that")
-        moved[f"{side}_position"] = min(mass, plate)
+        deepest = values.deepest_penetration(side)
+        limit = f"{plate + deepest:.9g}"
+        if side in placed and mass > max(float(limit), plate + max(deepest, ROUNDING)):
+            kind, why = ("", ", deeper than any blow of this machine") if deepest else ("rigid ", "")
+            raise ValueError(f"{prefix}{side}_position: {mass:.9g} m lies beyond the {kind}plate at {plate:.9g} m"
+                             f"{why}; give at most {limit} m")
+        if not deepest:
+            moved[f"{side}_position"] = min(mass, plate)
     return moved

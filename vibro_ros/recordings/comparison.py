@@ -10,7 +10,15 @@ from vibro_ros.bag.stream import BagStream
 from vibro_ros.messages.codec import first_difference
 from vibro_ros.messages.frames import joints_of
 from vibro_ros.messages.topics import CHECKPOINT, COMMAND_UNITS, INPUTS, OF_DC_MOTOR, TOPICS
-from vibro_ros.recordings.rerun import Recorded, RecordedRun, Rerun, StampError, begins_at_checkpoint, recorded_run
+from vibro_ros.recordings.rerun import (
+    Recorded,
+    RecordedRun,
+    Rerun,
+    StampError,
+    begins_at_checkpoint,
+    lacks_beginning,
+    recorded_run,
+)
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.provenance import software, tables
 
@@ -168,7 +176,7 @@ def notes(stream: BagStream, facts: RecordedRun) -> list[str]:
               for key in here if recorded.get(key, here[key]) != here[key]]
     if unsaid := [key.replace("_", " ") for key in here if key not in recorded]:
         found.append(f"the bag does not say its {', '.join(unsaid)}: where they differ, bits may")
-    if stream.start > facts.start and facts.topics.get(CHECKPOINT) not in stream.topics:
+    if lacks_beginning(stream, facts):
         found.append(f"the bag begins {(stream.start - facts.start) * 1e-9:.3f} s after the robot started: commands "
                      "before are unknown")
     found += [f"what came on {facts.topics.get(name, name)} was not recorded" for name in INPUTS

@@ -8,7 +8,14 @@ from tqdm import tqdm
 from vibro_ros.bag.reader import Arrays, Bag
 from vibro_ros.bag.stream import BagError, BagStream
 from vibro_ros.messages.topics import CHECKPOINT, INPUTS, OPERATIONS
-from vibro_ros.recordings.rerun import RecordedRun, Rerun, lacks_beginning, most_ticks, recorded_run
+from vibro_ros.recordings.rerun import (
+    RecordedRun,
+    Rerun,
+    begins_at_checkpoint,
+    lacks_beginning,
+    most_ticks,
+    recorded_run,
+)
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.samples import resets
 
@@ -52,7 +59,7 @@ def _energy(bag: Bag, stream: BagStream, facts: RecordedRun) -> dict[str, Any]:
     if lacks_beginning(stream, facts):
         raise BagError("the recording begins after the robot's start, without a checkpoint")
     rerun = Rerun(facts, facts.scene.with_parameters({"solver.accounts": True}))
-    if stream.start <= facts.start:
+    if not begins_at_checkpoint(stream, facts):
         _check_span(stream, facts, last - rerun.tick, len(times))
     held: dict[str, float] = {}  # accounts [J] since the robot's start, summed over resets
     before, of_earlier_runs, resets = held, held, 0

@@ -26,7 +26,7 @@ from vibro_ros.process.entry_point import Parser, exit_code, say
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.files import one_line
 from vibro_ros.recordings.comparison import Comparison, compare
-from vibro_ros.recordings.rerun import SAMPLED, RecordedRun, Rerun, lacks_beginning, recorded_run
+from vibro_ros.recordings.rerun import SAMPLED, RecordedRun, Rerun, begins_late, lacks_beginning, recorded_run
 from vibro_ros.recordings.summary import differences_as_text, load_samples, summarise
 from vibro_ros.sensors.device import sensors_on
 from vibro_ros.simulation.motion import SimulationError
@@ -105,7 +105,7 @@ def what_if(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str]:
         facts = recorded_run(stream)
         scene = facts.scene.with_parameters(changes)
         facts = replace(facts, topics=_sensor_topics(facts, scene) | facts.topics)
-        if stream.start > facts.start:
+        if begins_late(stream, facts):
             raise BagError(f"{bag}: begins {(stream.start - facts.start) * 1e-9:.3f} s after the robot started, and "
                            "what another would have done until then is unknown; give a bag of the run's beginning")
         rerun = Rerun(facts, scene)

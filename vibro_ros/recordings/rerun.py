@@ -4,7 +4,7 @@ Between two samples the robot always does the same: it publishes sample k, taken
 commands and operations that have arrived to the device, in their order, and advances to sample k + 1; after a reset,
 sample k + 1 is the device's start. Every message, also a command, is recorded with the stamp of a sample: the run's
 start plus the sample's time. So the bag gives k exactly, whatever the wall clock did (stalls, another real-time
-factor).
+factor). A checkpoint has the device's whole state at its sample, before the commands and operations that follow it.
 
 `Rerun.through` is the one loop over a bag's samples. Comparison, changed runs and energy accounts are loops over it.
 """
@@ -161,9 +161,9 @@ class Rerun:
         """Simulate the run of a bag again; the device gets the inputs that the robot received after each sample.
 
         Yields the number of each sample, with the device at that sample, and the messages recorded with its stamp;
-        `published` then returns the messages that the robot publishes there. If the bag lacks the run's beginning, the
-        simulation begins at its first checkpoint; messages recorded before, and with the checkpoint's sample, are
-        yielded with None as the number.
+        `published` then returns the messages that the robot publishes there. If the bag `begins_late`, the simulation
+        begins at its first checkpoint; messages recorded before, and with the checkpoint's sample, are yielded with
+        None as the number.
 
         Parameters
         ----------
@@ -190,10 +190,8 @@ class Rerun:
             self.stamp, self.recorded, tick = stamp, recorded, self._facts.tick(stamp)
             if failure:
                 raise failure
-            given = 0  # messages that precede the inputs for the device
             if is_late and tick is not None:
-                given = self._begin_at_checkpoint(stream, tick)
-                is_late = self.tick < 0
+                is_late = not self._begin_at_checkpoint(stream, tick)
                 most += max(0, self.tick)
                 yield None, recorded
             else:
@@ -204,7 +202,7 @@ class Rerun:
                 self.go_to(tick)
                 yield tick, recorded
             try:
-                self._pass_inputs(stream, given)
+                self._pass_inputs(stream, begun=not is_late)
             except SimulationError as error:  # raised only if more follows: the robot may have ended here as well
                 failure = error
         if failure and self.tick < until:
@@ -302,27 +300,28 @@ class Rerun:
                 raise StampError(f"{stream.folder}: its stamp {self.stamp} is not that of the message's header")
         return tick
 
-    def _begin_at_checkpoint(self, stream: BagStream, tick: int) -> int:
-        """Restore the device at the sample `tick` if a checkpoint was recorded there.
+    def _begin_at_checkpoint(self, stream: BagStream, tick: int) -> bool:
+        """Restore the device at the sample `tick` if a checkpoint was recorded there, and return whether it was."""
+        checkpoint = next((data for name, data in self.recorded if name == CHECKPOINT), None)
+        if checkpoint is None:
+            return False
+        try:
+            self.restore(tick, checkpoint)
+        except ValueError as error:
+            version = one_line(stream.metadata.get("version", "unknown"))
+            raise BagError(f"{stream.folder}: {error} (recorded by version {version})") from error
+        return True
 
-        The operations before the checkpoint have the parameters changed since the robot's start. Returns the number of
-        messages up to the checkpoint, or of all if there is none.
+    def _pass_inputs(self, stream: BagStream, begun: bool) -> None:
+        """Pass the inputs in `recorded` to the device, if its run has `begun`.
+
+        Inputs before the sample's checkpoint are left out, because the robot receives inputs after it. Version 1 wrote
+        the changed parameters there, as an operation that nobody had asked for.
         """
-        for number, (name, data) in enumerate(self.recorded, start=1):
-            if name == OPERATIONS:
-                self.receive(name, data)
-            if name == CHECKPOINT:
-                try:
-                    self.restore(tick, data)
-                except ValueError as error:
-                    raise BagError(f"{stream.folder}: {error}") from error
-                return number
-        return len(self.recorded)
-
-    def _pass_inputs(self, stream: BagStream, given: int) -> None:
-        """Pass the inputs in `recorded` to the device, without the first `given` messages."""
+        names = [name for name, _ in self.recorded]
+        first = names.index(CHECKPOINT) if CHECKPOINT in names else 0
         for number, (name, data) in enumerate(self.recorded):
-            if name in INPUTS and number >= given:
+            if name in INPUTS and begun and number >= first:
                 if unreadable := self.receive(name, data):
                     stream.unreadable.add(self._facts.topics[name], self.seen[name], self.stamp, unreadable)
                 self.commands += not unreadable and name in COMMANDS
@@ -335,15 +334,26 @@ class Rerun:
                 self.device.command(**{argument: value})
 
 
-def lacks_beginning(stream: BagStream, facts: RecordedRun) -> bool:
-    """Return whether a bag lacks both its run's beginning and checkpoints, so that the run cannot be simulated."""
-    return stream.start > facts.start and not begins_at_checkpoint(stream, facts)
+def begins_late(stream: BagStream, facts: RecordedRun) -> bool:
+    """Return whether a bag lacks its run's beginning.
+
+    A bag with checkpoints that has the beginning has a checkpoint of the first sample. A bag that was begun while the
+    robot was paused at the first sample has stamps of that sample, but lacks what the robot had received before.
+    """
+    if stream.start > facts.start or facts.topics.get(CHECKPOINT) not in stream.topics:
+        return stream.start > facts.start
+    return next((stamp > facts.start for stamp, _ in ticks(stream, facts, (CHECKPOINT,))), False)
 
 
 def begins_at_checkpoint(stream: BagStream, facts: RecordedRun) -> bool:
     """Return whether a bag lacks its run's beginning but has a checkpoint, from which the run can be simulated."""
     checkpoints = stream.topics.get(facts.topics.get(CHECKPOINT, ""))
-    return stream.start > facts.start and checkpoints is not None and checkpoints.messages > 0
+    return checkpoints is not None and checkpoints.messages > 0 and begins_late(stream, facts)
+
+
+def lacks_beginning(stream: BagStream, facts: RecordedRun) -> bool:
+    """Return whether a bag lacks both its run's beginning and checkpoints, so that the run cannot be simulated."""
+    return begins_late(stream, facts) and not begins_at_checkpoint(stream, facts)
 
 
 def most_ticks(stream: BagStream, facts: RecordedRun) -> int:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibro_ros.model.faults import checked_incident
+from vibro_ros.model.faults import check_lasting, checked_incident, part_of
 from vibro_ros.model.scene import Scene, check_scene
 from vibro_ros.sensors.noise import BlockNumbers, InertialErrors, Stream, force_at_rest, of_imu
 from vibro_ros.simulation.samples import FIELDS, LATEST, Samples, checked_times
@@ -317,12 +317,13 @@ class SensedSimulator(Simulator):
             raise ValueError(f"of: the sensor {incident.of} is off; give {' or '.join(self._sensors) or 'none'}, or "
                              f"start the robot with a sensors.{incident.of}.rate above 0 Hz")
         else:
+            check_lasting(incident.fault, incident.of, incident.duration, self.disturbances)
             self._sensors[incident.of].fail(incident.fault, self.time + incident.duration, incident.value)
 
     @property
     def disturbances(self) -> dict[str, float]:
         """Active disturbances, as `Simulator.disturbances`, with faults of sensors."""
-        lasting = {f"{fault} of {name}": until for name, sensor in self._sensors.items()
+        lasting = {part_of(fault, name): until for name, sensor in self._sensors.items()
                    for fault, until in sensor.failing.items() if until > self.time}
         return {**super().disturbances, **lasting}
 
@@ -356,9 +357,9 @@ class SensedSimulator(Simulator):
             rows[:, k] = self.values
         return Samples(*rows)
 
-    def reset(self) -> None:
+    def reset(self, /, **given: float) -> None:
         """Reset as `Simulator.reset`; sensors start again, with the same noise as at the first start."""
-        super().reset()
+        super().reset(**given)
         self._begin()
 
     def checkpoint(self) -> np.ndarray:

@@ -86,15 +86,18 @@ def checked_state(scene: Scene, given: Mapping[str, object], now: Mapping[str, f
     Raises
     ------
     ValueError
-        For an unknown name, a number that is not finite or beyond its limit, a part that the scene does not have, and a
-        mass beyond a rigid plate; the message names value, limit and remedy.
+        For no number, an unknown name, a number that is not finite or beyond its limit, a part that the scene does not
+        have, and a mass too deep in a plate; the message names value, limit and remedy.
     """
+    if not given:
+        raise ValueError(f"a state: no number is given; give any of {', '.join(STATE_UNITS)}")
     for name in given:
         if name not in STATE_UNITS:
             raise ValueError(f"{quoted(name)}: cannot be given; give any of {', '.join(STATE_UNITS)}")
     numbers = {name: _number(scene, name, value) for name, value in given.items()}
     check_parts(scene, numbers)
-    return outside_plates(scene, {name: now[name] for name in UNITS} | numbers)
+    placed = [side for side in scene.plates if {f"{side}_position", f"{side}_plate_position"} & given.keys()]
+    return outside_plates(scene, {name: now[name] for name in UNITS} | numbers, placed=placed)
 
 
 def _number(scene: Scene, name: str, value: object) -> float:

@@ -304,20 +304,22 @@ class Motion:
     def lasting(self) -> list[np.ndarray]:
         """Return the arrays, to be read or overwritten, that the future depends on besides time, scene and commands.
 
-        The first is the table of `disturbances`; when it is overwritten, `disturbances_overwritten` gives the arrays
-        that follow it.
+        The first is the table of `disturbances`; after it or the scene is overwritten, `laws_overwritten` makes the
+        arrays that follow it.
         """
         return [self.disturbances.table, self.point, *lasting(self.state), *self._stepper.memory]
 
-    def disturbances_overwritten(self) -> None:
-        """Compile the scene with the overwritten disturbances, unless `is_possible` will refuse them.
+    def laws_overwritten(self, scene: Scene) -> None:
+        """Compile `scene`, which may have other live parameters, with the overwritten disturbances, unless
+        `is_possible` will refuse these.
 
         The present state, which may be impossible, is not carried over, because all of it is overwritten next.
         """
-        possible = self.disturbances.are_possible(self.scene, self.model.forms, self.time)
-        if possible and self.disturbances.equations(self.scene) != self._compiled:
+        self.scene = scene
+        possible = self.disturbances.are_possible(scene, self.model.forms, self.time)
+        if possible and self.disturbances.equations(scene) != self._compiled:
             ramps, lowpass = self.state.ramp["value"], self.state.lowpass
-            self._set_up(self.scene)
+            self._set_up(scene)
             self.state = new_state(self.model.system, 0.0, ramps, self.model.initial_mode)._replace(lowpass=lowpass)
             self.point = np.zeros(self.model.forms.channels.count)
 

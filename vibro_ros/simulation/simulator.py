@@ -7,12 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from vibro_ros.model.faults import DEVICE, DURATION, FAULTS, FORCE, checked_incident
-from vibro_ros.model.parameters import BY_NAME, parameter_named
+from vibro_ros.model.faults import DEVICE, DURATION, FAULTS, FORCE, check_lasting, checked_incident, part_of
+from vibro_ros.model.parameters import BY_NAME, LIVE, parameter_named
 from vibro_ros.model.scene import Scene, check_scene
 from vibro_ros.simulation.disturbances import PATCH, PUSH, SAG, STALL, patched
 from vibro_ros.simulation.motion import Motion
 from vibro_ros.simulation.samples import LATEST, Samples, checked_times, one_sample
+
+_IMPOSSIBLE = ("the checkpoint is of no state that this device can be in; give one that a device of the same scene and "
+               "version has made")
 
 
 class ToleranceWarning(UserWarning):
@@ -238,8 +241,9 @@ class Simulator:
         Raises
         ------
         ValueError
-            For an unknown name, a number that is not finite or beyond its limit, a part that the scene does not have,
-            or a mass beyond a rigid plate. Nothing is changed then.
+            For no number, an unknown name, a number that is not finite or beyond its limit, a part that the scene does
+            not have, or a mass beyond a rigid plate or deeper in a compliant one than a blow of this machine could
+            drive it (`Scene.deepest_penetration`). Nothing is changed then.
         SimulationError
             If the run cannot go on.
 
@@ -265,7 +269,7 @@ class Simulator:
         Parameters
         ----------
         duration : float
-            Duration [s]; 0 ends the push.
+            Duration [s]; 0, without a force, ends the present push.
         force_x : float
             Force [N] along the ground, forwards positive; only in a scene whose body moves.
         force_z : float
@@ -274,8 +278,8 @@ class Simulator:
         Raises
         ------
         ValueError
-            For a number beyond its limit, or a force in a direction in which the body cannot move; nothing is changed
-            then.
+            For a number beyond its limit, a force in a direction in which the body cannot move, a duration without a
+            force or a force without a duration, and if there is no push to end; nothing is changed then.
 
         Examples
         --------
@@ -292,6 +296,10 @@ class Simulator:
         if upwards and not self.scene.body_hops:
             raise ValueError(f"force_z: {upwards:g} N, but the body of this scene stays on the ground; leave it out, "
                              "or choose effects.normal_force hop")
+        if bool(lasts) != bool(along_x or upwards):
+            raise ValueError(f"duration: {lasts:g} s with a force of {along_x:g} N along x and {upwards:g} N upwards "
+                             "pushes nothing; give a duration and a force, or neither to end the present push")
+        check_lasting(PUSH, "", lasts, self.disturbances)
         self._motion.disturb(PUSH, "", self.time + lasts, (along_x, upwards))
 
     def fail(self, fault: str, duration: float, of: str = "", value: float = 0.0, from_x: float = 0.0,
@@ -307,7 +315,7 @@ class Simulator:
             `friction_patch`: the ground has the friction coefficient `value`, as ice has, where the body's position
             is from `from_x` to `to_x`; by `solver.method` exact.
         duration : float
-            Duration [s]; 0 ends the fault.
+            Duration [s]; 0 ends the fault, which must last.
         of : str
             The plate that sticks, `upper` or `inclined`.
         value : float
@@ -319,7 +327,8 @@ class Simulator:
         Raises
         ------
         ValueError
-            For a fault that the scene cannot have, or a number beyond its limit; nothing is changed then.
+            For a fault that the scene cannot have, a number beyond its limit, or if there is no such fault to end;
+            nothing is changed then.
 
         Examples
         --------
@@ -346,6 +355,7 @@ class Simulator:
         if name == SAG and number > self.scene["motor.supply_voltage"]:
             raise ValueError(f"value: {number:g} V is above motor.supply_voltage, and no sag; give at most "
                              f"{self.scene['motor.supply_voltage']:g} V")
+        check_lasting(name, part, lasts, self.disturbances)
         self._motion.disturb(name, part, self.time + lasts, (number, *place) if name == PATCH else (number,))
 
     @property
@@ -359,13 +369,18 @@ class Simulator:
         >>> device.disturbances
         {'plate_stuck of upper': 0.5}
         """
-        return {f"{name} of {of}" if of else name: until
-                for (name, of), until in self._motion.disturbances.lasting().items()}
+        return {part_of(name, of): until for (name, of), until in self._motion.disturbances.lasting().items()}
 
-    def reset(self) -> None:
+    def reset(self, /, **given: float) -> None:
         """Put the device back to its start: time 0, the state and the commands of the scene's parameters, no events.
 
-        A push and faults end. From then on the device moves, bit for bit, as a new device of the present `scene`.
+        A push and faults end. From then on the device moves, bit for bit, as a new device of the present `scene`. If a
+        state is `given`, the device is in that state at time 0, as after `set_state`.
+
+        Raises
+        ------
+        ValueError
+            For a given state that `set_state` refuses; nothing is changed then.
 
         Examples
         --------
@@ -374,13 +389,20 @@ class Simulator:
         >>> device.reset()
         >>> device.time, device.state.body_position
         (0.0, 0.0)
+        >>> device.reset(body_position=1.0)
+        >>> device.time, device.state.body_position
+        (0.0, 1.0)
         """
-        self._motion = Motion(self.scene, self._bandwidth)
+        motion = Motion(self.scene, self._bandwidth)
+        if given:
+            motion.set_state(given)
+        self._motion = motion
 
     def checkpoint(self) -> np.ndarray:
-        """Return all that the device's future depends on besides its scene and commands, for `restore`; shape (n,).
+        """Return all that the device's future depends on besides later commands, for `restore`; shape (n,).
 
-        Events that were not taken, and the counts of `statistics`, are not included.
+        The parameters that may change while the device runs are included, in the order of `SCENE_PARAMETERS`, after the
+        time. The scene's other parameters, events that were not taken, and the counts of `statistics` are not.
 
         Examples
         --------
@@ -391,10 +413,14 @@ class Simulator:
         >>> other.state == device.state
         True
         """
-        return np.concatenate([[self.time], *(part.ravel() for part in self._motion.lasting())])
+        return np.concatenate([[self.time], [self.scene[name] for name in LIVE],
+                               *(part.ravel() for part in self._motion.lasting())])
 
     def restore(self, checkpoint: np.ndarray) -> None:
         """Go on from a `checkpoint` of a device of the same scene, bit for bit as that device; time may go back.
+
+        Parameters that may change while the device runs get the values that they had at the checkpoint, also in
+        `scene`; the two scenes may differ in them.
 
         Raises
         ------
@@ -415,21 +441,27 @@ class Simulator:
         try:
             self._overwrite(checkpoint)
             if not self._motion.is_possible():
-                raise ValueError("the checkpoint is of no state that this device can be in; give one that a device of "
-                                 "the same scene has made")
+                raise ValueError(_IMPOSSIBLE)
         except ValueError:
             self._overwrite(before)
             raise
         self._motion.events.drop_untaken()
 
     def _overwrite(self, checkpoint: np.ndarray) -> None:
-        disturbances, end = self._motion.disturbances.table, 1
-        if np.ndim(checkpoint) == 1 and len(checkpoint) > disturbances.size:  # disturbances decide the length
+        disturbances, end = self._motion.disturbances.table, 1 + len(LIVE)
+        # Parameters and disturbances decide the length of the rest.
+        if np.ndim(checkpoint) == 1 and len(checkpoint) >= end + disturbances.size:
+            live = dict(zip(LIVE, np.asarray(checkpoint[1:end], float).tolist(), strict=True))
+            if any(self.scene[name] != value for name, value in live.items()):
+                try:
+                    self.scene = self.scene.with_parameters(live)
+                except ValueError as error:
+                    raise ValueError(f"{_IMPOSSIBLE} ({error})") from None
             self._motion.time = float(checkpoint[0])
             disturbances[...] = checkpoint[end:end + disturbances.size].reshape(disturbances.shape)
-            self._motion.disturbances_overwritten()
+            self._motion.laws_overwritten(self.scene)
         parts = self._motion.lasting()
-        size = 1 + sum(part.size for part in parts)
+        size = end + sum(part.size for part in parts)
         if np.shape(checkpoint) != (size,):
             raise ValueError(f"the checkpoint has shape {np.shape(checkpoint)}, this device's have ({size},); give one "
                              "of the same scene and version")

@@ -21,7 +21,7 @@ from vibro_ros.messages.topics import OPERATIONS, TOPICS
 from vibro_ros.model.faults import DURATION, FORCE
 from vibro_ros.model.scene import Scene
 from vibro_ros.recordings.comparison import notes
-from vibro_ros.recordings.rerun import RecordedRun, Rerun, recorded_run
+from vibro_ros.recordings.rerun import RecordedRun, Rerun, begins_late, recorded_run
 from vibro_ros.view.drawing import drawing, shown_quantities
 from vibro_ros.view.exact import ExactMotion, common_samples, evenly_spaced, inexact_spans, spans, state_of
 from vibro_ros.view.motion import (
@@ -161,7 +161,7 @@ class _BagMotion:
             return
         motion.walk(self._part(_READ_SHARE, _SIMULATED_SHARE))
         self._exact.append(motion)
-        if self._facts and self._stream.start > self._facts.start and not (
+        if self._facts and begins_late(self._stream, self._facts) and not (
                 motion.run_since is not None and motion.run_since <= self._ends[0]):
             late = (self._stream.start - self._facts.start) * 1e-9
             self._faults.append(f"the recording begins {late:.6g} s after the robot's start and what it had "
@@ -173,7 +173,7 @@ class _BagMotion:
 
         Its samples are all those that any topic has, and those after which the robot received an input.
         """
-        is_known = self._stream.start <= facts.start
+        is_known = not begins_late(self._stream, facts)
         signals = {name: one for name, one in self._signals.items()
                    if name in state_of(facts.scene) or is_position(name)}
         numbers = {name: np.rint(one.times * facts.rate).astype(np.int64) for name, one in signals.items()}

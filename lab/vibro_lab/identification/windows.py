@@ -217,11 +217,11 @@ class Commands:
 
 
 def _possible(device: Simulator, state: dict[str, float]) -> dict[str, float]:
-    """Return the state with the body not below the ground and no mass beyond a rigid plate, where noise puts them."""
+    """Return the state with the body not below the ground and no mass too deep in a plate, where noise puts them."""
     if "body_height" in state:
         state["body_height"] = max(state["body_height"], 0.0)
     for side in device.scene.plates:
-        if device.scene[f"effects.{side}_contact"] == "restitution":
-            plate = float(device.values[SAMPLE_FIELDS.index(f"{side}_plate_position")])
-            state[f"{side}_position"] = min(state[f"{side}_position"], plate)
+        plate = float(device.values[SAMPLE_FIELDS.index(f"{side}_plate_position")])
+        deepest = plate + device.scene.deepest_penetration(side)
+        state[f"{side}_position"] = min(state[f"{side}_position"], deepest)
     return state

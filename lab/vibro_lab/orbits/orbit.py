@@ -246,7 +246,10 @@ def fixed_point(turn_map: TurnMap, guess: np.ndarray, turns: int) -> FixedPoint 
     A step that does not reduce the residual is halved. Coordinates that a plate, the ground or friction holds at the
     cut are not changed.
     """
-    state, residual = guess, turn_map(guess, turns).state - guess
+    try:
+        state, residual = guess, turn_map(guess, turns).state - guess
+    except (SimulationError, ValueError):  # no possible state
+        return None
     for _ in range(_MOST_STEPS):
         free = ~turn_map.held(state)
         difference = np.zeros_like(state)

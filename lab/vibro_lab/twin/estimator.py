@@ -385,9 +385,9 @@ class Estimator:
         parts = (*["body"] * scene.body_moves, *scene.guides)
         for name in (one for one in SCATTER if one.partition("_")[0] in parts):
             given[name] += scatter[INDEX[name]] * self._random.standard_normal()
-        for side in scene.plates:
-            if scene[f"effects.{side}_contact"] == "restitution":  # no mass may lie beyond its plate
-                given[f"{side}_position"] = min(given[f"{side}_position"], given[f"{side}_plate_position"])
+        for side in scene.plates:  # no mass may lie too deep in its plate
+            deepest = given[f"{side}_plate_position"] + scene.deepest_penetration(side)
+            given[f"{side}_position"] = min(given[f"{side}_position"], deepest)
         for name in motor_coordinates(scene):
             given[name] = old.controller_integral if name == "controller_integral" else state[name]
         new.device.command(**{**self._given, scene.motor_command: old.commanded_motor_speed})

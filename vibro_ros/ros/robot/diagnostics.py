@@ -1,5 +1,6 @@
 """The robot's diagnostics on /diagnostics, once a second (REP-107)."""
 
+import math
 import time
 from collections.abc import Callable, Mapping
 
@@ -27,7 +28,10 @@ REFUSED = {"refused": "commands refused", "requests": "requests refused",
            "failures": "callbacks failed"}
 """Words for counters that have grown within a period."""
 BEHIND = 1.0
-"""Time [s] by which stamps may be behind the wall clock without a warning; short stalls have a warning of their own."""
+"""Time [s] by which stamps may differ from ROS time, or that may change in a period, without a word; short stalls have
+a warning of their own."""
+NEWS = 10.0
+"""Time [s] for which a clock that was set is a warning; afterwards the message has it, at level OK."""
 
 
 class Diagnostics:
@@ -38,6 +42,8 @@ class Diagnostics:
         self._publisher = node.create_publisher(DiagnosticArray, full_name("diagnostics"), qos.profile("diagnostics"))
         self._namesakes = 0
         self._previous_counters = self._counters()
+        self._first_offset = self._offset = self._clock_offset()
+        self._clock_was_set = -math.inf  # when, by the monotonic clock [s]
         # a steady clock, because ROS time may stand still
         node.create_timer(PERIOD, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -71,20 +77,19 @@ class Diagnostics:
 
     def _simulation(self, change: Mapping[str, float]) -> DiagnosticStatus:
         device, wall = self._run.device, max(change["wall"], 1e-9)
-        complaints = []
+        complaints, behind, clock_change = [], *self._differences_of_time()
         if change["dropped"] > 0.0:
             complaints.append(f"{change['dropped']:.3f} s of simulated time dropped")
         complaints += [f"{change[name]:.0f} {what}" for name, what in REFUSED.items() if change[name]]
-        behind = self._behind()
-        if behind > BEHIND and self._run.pacing.factor == 1.0 and not self._run.paused:
-            complaints.append(f"stamps are {behind:.2f} s behind the wall clock after pauses or stalls; start the "
-                              "robot with clock.publish and its peers with use_sim_time, so that all have one time")
+        differs = self._words_on_time(behind, clock_change)
+        if differs and time.monotonic() < self._clock_was_set + NEWS:
+            complaints.append(differs)
         if self._other_robots():
             complaints.append(self._same_name_warning)
         validity = validity_of(device.scene, dict(zip(FIELDS, self._run.take_samples().T, strict=True)))
         complaints += validity.warnings()
         level, text = (DiagnosticStatus.WARN, ", ".join(complaints)) if complaints else (
-            DiagnosticStatus.OK, "paused" if self._run.paused else "running")
+            DiagnosticStatus.OK, "; ".join(filter(None, ["paused" if self._run.paused else "running", differs])))
         if self._run.error:
             level, text = DiagnosticStatus.ERROR, str(self._run.error)
         late = self._run.pacing.take_lateness()  # empty if the device never waits
@@ -97,6 +102,7 @@ class Diagnostics:
             "dropped time [s]": f"{self._run.pacing.dropped:.6f}",
             "stalls": f"{self._run.pacing.stalls}",
             "stamps behind [s]": f"{behind:.6f}",
+            "clock set by [s]": f"{clock_change:.6f}",
             "nodes of this name": f"{1 + self._namesakes}",
             "cost of a step [us]": f"{1e6 * change['busy'] / max(change['ticks'], 1):.1f}",
             "share of time spent simulating": f"{change['busy'] / wall:.4f}",
@@ -129,9 +135,47 @@ class Diagnostics:
         stamps |= run.commands.disturbances
         return {name: (stamp - time.start) / SECOND for name, stamp in stamps.items() if stamp > time.stamp}
 
-    def _behind(self) -> float:
-        """Return the time [s] by which the last sample's stamp is behind ROS time; 0 where robot time is ROS time."""
-        return max(0.0, (self._now() - self._run.robot_time.stamp) / SECOND)
+    def _clock_offset(self) -> float:
+        """Return ROS time less the time of the computer's monotonic clock, which nobody can set [s]."""
+        return (self._now() - time.monotonic_ns()) / SECOND
+
+    def _differences_of_time(self) -> tuple[float, float]:
+        """Return by how much the last sample's stamp is behind ROS time, and how far ROS time has gone ahead of the
+        monotonic clock since the start [s]; both are 0 where robot time is ROS time.
+
+        The log warns when ROS time has jumped since the last call.
+        """
+        behind = (self._now() - self._run.robot_time.stamp) / SECOND
+        if not behind:
+            return 0.0, 0.0
+        before, self._offset = self._offset, self._clock_offset()
+        change = self._offset - self._first_offset
+        if abs(self._offset - before) > BEHIND:
+            self._clock_was_set = time.monotonic()
+            if words := self._words_on_time(behind, change):
+                self._node.get_logger().warning(words)
+        return behind, change
+
+    def _words_on_time(self, behind: float, clock_change: float) -> str:
+        """Return in words why stamps differ from ROS time; empty if they do not, or are meant to.
+
+        What the clock has not changed is time in which robot time stood still: of pauses and stalls.
+        """
+        still, follows_clock = behind - clock_change, self._node.get_parameter("use_sim_time").value
+        clock, why = ("/clock", "jumped, or runs faster or slower") if follows_clock else (
+            "the wall clock", "was set, or the computer slept")
+        if abs(behind) <= BEHIND or self._run.pacing.factor != 1.0 or self._run.paused:
+            return ""
+        causes = []
+        if abs(clock_change) > BEHIND / 2.0:
+            side = "ahead of" if clock_change > 0.0 else "behind"
+            causes.append(f"{clock} has gone {abs(clock_change):.2f} s {side} the computer's monotonic clock (it "
+                          f"{why}): start the robot again to take over the new time")
+        if still > BEHIND / 2.0:
+            causes.append(f"robot time stood still for {still:.2f} s of pauses or stalls: start the robot with "
+                          "clock.publish and its peers with use_sim_time, so that all have one time")
+        return (f"stamps are {abs(behind):.2f} s {'behind' if behind > 0.0 else 'ahead of'} {clock}, because "
+                + ", and because ".join(causes))
 
     def _other_robots(self) -> int:
         """Return the number of other nodes with this node's full name; the log warns when the number grows."""

@@ -2,7 +2,7 @@
 
 import math
 import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -135,11 +135,6 @@ class Recording:
         recorder = self._recorder
         return recorder is not None and recorder.is_backlogged
 
-    @property
-    def checkpoint_topic(self) -> str:
-        """Resolved name of the topic of checkpoints; empty without any."""
-        return self._plan.checkpoint.name if self._plan.checkpoint else ""
-
     def begin(self) -> None:
         """Record from now on (ValueError, OSError: see `Recorder`)."""
         self._recorder = self._new_bag(whole=not self._plan.storage.max_bytes)
@@ -167,11 +162,11 @@ class Recording:
             self._since_checkpoint += len(data)
             recorder.write(topic, stamp, data)
 
-    def checkpoint(self, stamp: int, messages: Callable[[], Iterable[tuple[str, bytes]]]) -> None:
+    def checkpoint(self, stamp: int, state: Callable[[], bytes]) -> None:
         """Record the device's whole state, if the bag needs it and a checkpoint is due.
 
-        `messages` returns its messages as resolved topic name and bytes. With a checkpoint, a bag that was begun late,
-        or whose beginning was deleted, can be replayed.
+        `state` returns the serialised message. With a checkpoint, a bag that was begun late, or whose beginning was
+        deleted, can be replayed.
         """
         target = self._recorder
         if self._plan.checkpoint is None or target is None or target is self._complete_bag:
@@ -180,8 +175,7 @@ class Recording:
                 or self._since_checkpoint >= self._checkpoint_bytes):
             self._checkpointed, self._checkpoint_due = target, stamp + CHECKPOINT_PERIOD
             self._since_checkpoint = 0
-            for topic, data in messages():
-                self.record(topic, stamp, data)
+            self.record(self._plan.checkpoint.name, stamp, state())
 
     def switch(self, on: bool) -> tuple[bool, str]:
         """Begin a new bag if `on`, else seal the present one, as the service `~/record` asks.

@@ -33,8 +33,7 @@ from vibro_ros.messages.operations import (
     perform,
 )
 from vibro_ros.messages.topics import CHECKPOINT, OPERATIONS, TOPICS, full_name
-from vibro_ros.model.faults import COMMANDS, FAULTS, checked_incident
-from vibro_ros.model.parameters import Value
+from vibro_ros.model.faults import COMMANDS, FAULTS, check_lasting, checked_incident
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.robot.lock_step import LockStep
 from vibro_ros.ros.robot.pacing import (
@@ -107,8 +106,6 @@ class Run:
         Notified when something has changed for a stepping thread that waits.
     paused : bool
         Whether robot time stands still.
-    changed : dict of str to value
-        Parameters that were changed since the start.
     error : Exception or None
         The error that ended the run.
     quitting : bool
@@ -128,7 +125,6 @@ class Run:
         self.device, self.robot_time, self.pacing, self.commands = device, robot_time, pacing, commands
         self.publishers, self.recording, self.timeout, self.paused = publishers, recording, timeout, paused
         self.lock = threading.Condition()
-        self.changed: dict[str, Value] = {}
         self.error: Exception | None = None
         self.quitting, self.waiting = False, 0
         self.busy, self.ticks_without_normal_force = 0.0, 0
@@ -343,20 +339,12 @@ class Run:
         self._speed = values.item(MOTOR_SPEED)
         measurements = device.take_measurements() if isinstance(device, SensedSimulator) else ()
         self.publishers.publish(values, device.take_events(), self.robot_time, self.recording.record, measurements)
-        self.recording.checkpoint(self.robot_time.stamp, self._checkpoint)
+        self.recording.checkpoint(self.robot_time.stamp, lambda: checkpoint_message(device))
         if self._publish_clock:
             self._publish_clock()
         if self._lock_step:
             self._lock_step.ask()
         return values
-
-    def _checkpoint(self) -> Iterator[tuple[str, bytes]]:
-        """Yield topic and bytes of the parameters that changed since the start, and of the device's whole state."""
-        if self.changed:
-            yield self.topic, _operation_message(Operation(SET, parameters=self.changed))
-        state = new_message(TOPICS[CHECKPOINT].type)
-        state.data = np.array(self.device.checkpoint())
-        yield self.recording.checkpoint_topic, serialised(state, TOPICS[CHECKPOINT].type)
 
     def _take_commands(self) -> None:
         """Pass arrived commands to the device, and stop the motor if its command has timed out."""
@@ -413,7 +401,6 @@ class Run:
 
     def _set(self, operation: Operation) -> str:
         self._perform_and_record(operation)
-        self.changed |= operation.parameters
         if FACTOR in operation.parameters:
             self.pacing.change_factor(operation.parameters[FACTOR], self.robot_time.time)
             set_real_time_priority(self.pacing.factor, self.paused)
@@ -421,14 +408,16 @@ class Run:
 
     def _disturb(self, operation: Operation) -> str:
         self._perform_and_record(operation)
-        if operation.parameters.get("duration") == 0.0:
-            return f"duration 0: no {operation.name} begins, and one that lasted has ended"
-        return "done"
+        return f"the {operation.name} has ended" if operation.parameters.get("duration") == 0.0 else "done"
 
     def _fail(self, operation: Operation) -> str:
-        words, incident = self._disturb(operation), checked_incident(**operation.parameters)
-        if FAULTS[incident.fault].befalls == COMMANDS:
-            self.commands.fail(incident, self.robot_time.stamp)
+        incident = checked_incident(**operation.parameters)
+        if FAULTS[incident.fault].befalls != COMMANDS:
+            return self._disturb(operation)
+        check_lasting(incident.fault, "", incident.duration, [
+            fault for fault, until in self.commands.disturbances.items() if until > self.robot_time.stamp])
+        words = self._disturb(operation)
+        self.commands.fail(incident, self.robot_time.stamp)
         return words
 
     def _answer(self, steps: Steps) -> None:
@@ -446,6 +435,13 @@ class Run:
         if self.lock.acquire(timeout=LOCK_TIMEOUT):
             self.lock.notify()
             self.lock.release()
+
+
+def checkpoint_message(device: Simulator) -> bytes:
+    """Return the device's whole state as a serialised message."""
+    message = new_message(TOPICS[CHECKPOINT].type)
+    message.data = device.checkpoint()
+    return serialised(message, TOPICS[CHECKPOINT].type)
 
 
 def _operation_message(operation: Operation) -> bytes:

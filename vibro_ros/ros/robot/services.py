@@ -71,7 +71,8 @@ def _state_asked(request: Any) -> Operation:
     if len(names) != len(request.values) or len(set(names)) != len(names):
         raise ValueError(f"names, values: {len(names)} names, {len(set(names))} of them different, and "
                          f"{len(request.values)} values; give one value for each name")
-    return Operation(STATE, parameters=dict(zip(names, map(float, request.values), strict=True)))
+    resets = getattr(request, "reset", False)  # which an older type lacks
+    return Operation(RESET if resets else STATE, parameters=dict(zip(names, map(float, request.values), strict=True)))
 
 
 _OPERATIONS: dict[str, Callable[[Any], Operation]] = {

@@ -5,6 +5,7 @@ what a request means, or why it is refused.
 """
 
 import math
+import re
 import time
 from collections.abc import Awaitable, Callable, Iterable
 from typing import Any
@@ -12,7 +13,7 @@ from typing import Any
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
-from simulation_interfaces.msg import Result, SimulationState, SimulatorFeatures
+from simulation_interfaces.msg import EntityState, Result, SimulationState, SimulatorFeatures
 from simulation_interfaces.srv import ResetSimulation, SetEntityState, SetSimulationState
 
 from vibro_ros.messages.frames import fill_header
@@ -26,6 +27,8 @@ from vibro_ros.simulation.samples import Samples
 PACKAGE = "simulation_interfaces"
 ABOUT = ("vibro_ros: a step is one publish period. A reset puts the state back and lets the clock go on; there is "
          "nothing to spawn.")
+ENTITY_CATEGORIES, ENTITY_INFO_GETTING, CATEGORY_ROBOT = 8, 12, 2
+"""Constants of version 2.1.0, which types that were built for an earlier vibro_ros lack."""
 OFFERED: dict[str, tuple[str, tuple[int, ...]]] = {
     "GetSimulatorFeatures": ("~/get_simulator_features", ()),
     "ResetSimulation": ("~/reset_simulation", (
@@ -37,10 +40,15 @@ OFFERED: dict[str, tuple[str, tuple[int, ...]]] = {
         SimulatorFeatures.STEP_SIMULATION_SINGLE, SimulatorFeatures.STEP_SIMULATION_MULTIPLE)),
     "SimulateSteps": ("~/simulate_steps", (
         SimulatorFeatures.STEP_SIMULATION_MULTIPLE, SimulatorFeatures.STEP_SIMULATION_ACTION)),
+    "GetEntities": ("~/get_entities", ()),
+    "GetEntitiesStates": ("~/get_entities_states", ()),
+    "GetEntityInfo": ("~/get_entity_info", (ENTITY_CATEGORIES, ENTITY_INFO_GETTING)),
     "GetEntityState": ("~/get_entity_state", (SimulatorFeatures.ENTITY_STATE_GETTING,)),
     "SetEntityState": ("~/set_entity_state", (SimulatorFeatures.ENTITY_STATE_SETTING,)),
 }
 """For each type: the name of the service or action, and the features that it brings."""
+LONGEST_FILTER, MOST_QUANTIFIERS = 64, 4
+"""Longest regular expression of a peer, and most quantifiers in it, without groups: others can take for ever."""
 MOST_STEPS = 100_000
 """Most steps of one request: about 8 minutes of robot time and 0.3 GB of a bag at the default rate."""
 FEEDBACK_PERIOD = 0.02
@@ -164,6 +172,28 @@ def check_entity(asked: str, entity: str) -> None:
         raise RefusalError(Result.RESULT_NOT_FOUND, f"entity: {quoted(asked)} is not here; give {entity}")
 
 
+def is_chosen(filters: Any, entity: str) -> bool:
+    """Return whether the filters of a request choose the robot, which has no tags.
+
+    Raises
+    ------
+    RefusalError
+        For bounds, and for a regular expression that is wrong or could take long.
+    """
+    if filters.bounds.type or len(filters.bounds.points):
+        raise RefusalError(Result.RESULT_FEATURE_UNSUPPORTED, "bounds: this robot has none; leave them empty")
+    text = filters.filter
+    if "(" in text or len(text) > LONGEST_FILTER or sum(map(text.count, "*+?{")) > MOST_QUANTIFIERS:
+        raise RefusalError(Result.RESULT_FEATURE_UNSUPPORTED, f"filter: {quoted(text)} could take long; give at most "
+                           f"{LONGEST_FILTER} characters with {MOST_QUANTIFIERS} quantifiers and no group")
+    try:
+        is_named = re.search(text, entity) is not None
+    except (re.error, OverflowError) as error:
+        raise ValueError(f"filter: {quoted(text)} is no regular expression: {error}; leave it empty for all") from None
+    categories = [one.category for one in filters.categories]
+    return is_named and not filters.tags.tags and (not categories or CATEGORY_ROBOT in categories)
+
+
 def fill_entity_state(message: Any, state: Samples, stamp: int, frame: str) -> None:
     """Fill in position [m] and velocity [m/s] of the body; its accelerations are not known: NaN."""
     fill_header(message.header, stamp, frame)
@@ -189,8 +219,10 @@ class SimulationServices:
                                    f"{', '.join(OFFERED[name][0] for name in missing)}")
         self._features = sorted({feature for name in types for feature in OFFERED[name][1]})
         answers: dict[str, Answer] = {
-            "ResetSimulation": self._reset, "SetSimulationState": self._set_state, "GetEntityState": self._entity_state,
-            "SetEntityState": self._set_entity_state, "StepSimulation": self._step}
+            "ResetSimulation": self._reset, "SetSimulationState": self._set_state, "StepSimulation": self._step,
+            "GetEntities": self._entities, "GetEntitiesStates": self._entities_states,
+            "GetEntityInfo": self._entity_info, "GetEntityState": self._entity_state,
+            "SetEntityState": self._set_entity_state}
         group = ReentrantCallbackGroup()  # so that others are served while one waits for steps
         for name, kind in types.items():
             path = OFFERED[name][0]
@@ -231,6 +263,21 @@ class SimulationServices:
                 self._run.perform(Operation(name))
         except (ValueError, RuntimeError) as error:
             raise RefusalError(SetSimulationState.Response.STATE_TRANSITION_ERROR, str(error)) from None
+
+    async def _entities(self, request: Any, response: Any) -> None:
+        response.entities = [self._entity] * is_chosen(request.filters, self._entity)
+
+    async def _entities_states(self, request: Any, response: Any) -> None:
+        await self._entities(request, response)
+        state, stamp = self._run.look()
+        response.states = [EntityState() for _ in response.entities]
+        for message in response.states:
+            fill_entity_state(message, state, stamp, self._frame)
+
+    async def _entity_info(self, request: Any, response: Any) -> None:
+        check_entity(request.entity, self._entity)
+        response.info.category.category = CATEGORY_ROBOT
+        response.info.description = f"vibro-impact robot, scene {self._run.device.scene.name}"
 
     async def _entity_state(self, request: Any, response: Any) -> None:
         check_entity(request.entity, self._entity)
