@@ -167,3 +167,8 @@ def test_the_public_names_are_written_down_alike_for_programs_and_for_type_check
 def test_a_name_of_the_lab_says_where_it_is(name):
     with pytest.raises(AttributeError, match=rf"^vibro_ros\.{name} is vibro_lab\.{name} since version 2\.0\.0; "):
         getattr(vibro_ros, name)
+
+
+def test_a_name_that_is_gone_says_what_takes_its_place():
+    with pytest.raises(AttributeError, match=r"is gone since version 2\.0\.0; .* vibro_lab\.follow_orbit at several"):
+        vibro_ros.follow_bifurcation  # noqa: B018

@@ -211,7 +211,7 @@ STUDIES = {
     "diagram": ("visits/block_000000.parquet", diagram, "--scene damped --vary motor.speed=99,100 --exponents 0 "
                 "--workers 1", one_row),
     "map": ("lines/block_000001.parquet", command_map, "--scene damped --motor-speed 99:100:2 --gap=-1e-6:0:2 "
-            "--curves 0 --quick --workers 1", shorter_lists),
+            "--quick --workers 1", shorter_lists),
     "orbits": ("branches/block_000001.parquet", orbits, "--scene damped --vary motor.speed=99.9:100.1 --from 100 "
                "--starts 1 --turns 1 --points 3 --workers 1", shorter_lists),
 }
