@@ -13,12 +13,12 @@ if TYPE_CHECKING:
     from vibro_lab.identification.identify import identify
     from vibro_lab.orbits.attractors import attractors
     from vibro_lab.orbits.branch import follow_orbit
-    from vibro_lab.orbits.chaos import lyapunov_spectrum, zero_one_test
+    from vibro_lab.orbits.chaos import lyapunov_spectrum
     from vibro_lab.orbits.orbit import find_orbit
     from vibro_lab.orbits.recurrence import settled_motion
 
 __all__ = ["attractors", "find_orbit", "follow_orbit", "identify", "lyapunov_spectrum",
-           "settled_motion", "zero_one_test"]
+           "settled_motion"]
 
 _HOMES = {
     "attractors": "orbits.attractors",
@@ -27,7 +27,6 @@ _HOMES = {
     "identify": "identification.identify",
     "lyapunov_spectrum": "orbits.chaos",
     "settled_motion": "orbits.recurrence",
-    "zero_one_test": "orbits.chaos",
 }
 
 

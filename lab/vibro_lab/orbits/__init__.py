@@ -10,5 +10,5 @@ A `Scene` whose crank turns comes in; orbits, branches, attractors and exponents
 5. `family` has the equations of an orbit over a parameter, and `continuation` the steps along a branch and its special
    points.
 6. `branch` assembles whole branches, from the first orbit to the last.
-7. `chaos` computes Lyapunov exponents and the 0-1 test.
+7. `chaos` computes Lyapunov exponents.
 """

@@ -42,7 +42,7 @@ from vibro_lab.study.figures import (
     png,
 )
 from vibro_lab.study.measures import MEASURES, REST, WORK, Window, observed
-from vibro_lab.study.table import NUMBERS, Field, Study, are, computed, file_of
+from vibro_lab.study.table import NUMBERS, Field, Study, computed, file_of
 from vibro_lab.study.variation import whole_number
 from vibro_ros import Parser, Scene, SimulationError, Simulator, read_scalar
 
@@ -315,17 +315,10 @@ _VISIT = [
 ]
 def visits_of(design: MapDesign, lines: Path, execution: Execution) -> list[Visit]:
     """Return all visits of a map; lines that are missing in the folder `lines` are swept (see `computed`)."""
-    every, dimension = design.lines(), len(state_names(design.scene))
-
-    def are_own(numbers: Sequence[int], rows: list[dict]) -> bool:
-        cells = [cell for number in numbers for cell in design.cells(every[number])]
-        return are(rows, [{"speed_index": i, "gap_index": j} for i, j in cells]) and all(
-            row["turns"] >= UNSETTLED and len(row["states"]) == dimension * (
-                0 if row["turns"] == UNSETTLED else row["turns"] or _KEPT) for row in rows)
-
+    lines_count, dimension = len(design.lines()), len(state_names(design.scene))
     run_time = _RUN_TIME * max(design.speeds.count, design.gaps.count)
-    rows = computed(Study("lines visited", design.document(), _VISIT, partial(rows_of_line, design), are_own, run_time,
-                          ("exact",), len(every)), lines, execution).to_pylist()
+    rows = computed(Study("lines visited", design.document(), _VISIT, partial(rows_of_line, design), run_time,
+                          ("exact",), lines_count), lines, execution).to_pylist()
     return [Visit(**{**row, "states": np.array(row["states"]).reshape(-1, dimension)}) for row in rows]
 
 

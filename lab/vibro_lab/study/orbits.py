@@ -20,7 +20,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from vibro_lab.orbits.branch import Branch, Special, branch_from, doubled_branch_from, lies_on
-from vibro_lab.orbits.continuation import CORNER, DOUBLING, FOLD, GRAZING, KINDS, TORUS
+from vibro_lab.orbits.continuation import CORNER, DOUBLING, FOLD, GRAZING, TORUS
 from vibro_lab.orbits.family import Family
 from vibro_lab.orbits.orbit import Seed, seeds_of
 from vibro_lab.orbits.starts import running
@@ -43,7 +43,7 @@ from vibro_lab.study.figures import (
     set_heading,
     style_axes,
 )
-from vibro_lab.study.table import NUMBERS, Field, Study, file_of, parameter_field, read_block, stored, table_of
+from vibro_lab.study.table import NUMBERS, Field, Study, check_folder, file_of, parameter_field, stored, table_of
 from vibro_lab.study.variation import Range, varied_in_words, whole_number
 from vibro_ros import PARAMETERS, STATE_UNITS, Parser, Scene, read_scalar, say
 
@@ -215,19 +215,8 @@ def fields_of(plan: Plan) -> list[Field]:
 
 def study_of(plan: Plan, tasks: Mapping[int, Task]) -> Study:
     """Return the study of a plan's branches, each of which is a block."""
-    coordinates = state_names(plan.scene)
-
-    def are_own(_: Sequence[int], rows: list[dict]) -> bool:
-        return (
-            [row["end"] is not None for row in rows] == [*[False] * (len(rows) - 1), True]
-            and len({row["turns"] for row in rows}) == 1 and {row["kind"] for row in rows} <= {None, *KINDS}
-            and all(len(row[name]) == (len(coordinates) if rows[0]["state"] else 0)
-                    for row in rows for name in ("state", "multipliers_real", "multipliers_imag"))
-            and all(len(row[name] or ()) == (row["turns"] if row["kind"] is None and row["state"] else 0)
-                    for row in rows for name in coordinates))
-
-    return Study("branches followed", plan.document(), fields_of(plan), partial(_rows_of_task, plan, tasks), are_own,
-                 _RUN_TIME, (plan.scene["solver.method"],), MOST_BRANCHES)
+    return Study("branches followed", plan.document(), fields_of(plan), partial(_rows_of_task, plan, tasks), _RUN_TIME,
+                 (plan.scene["solver.method"],), MOST_BRANCHES)
 
 
 def _rows_of_task(plan: Plan, tasks: Mapping[int, Task], number: int) -> list[dict]:
@@ -270,7 +259,7 @@ def followed_branches(plan: Plan, folder: Path, execution: Execution) -> list[tu
         tables = stored(study, folder, {number: [number] for number in numbered}, rows_of_blocks)
         done.extend((task, branch_in(tables[number], plan.scene, plan.name)) for number, task in numbered.items())
 
-    read_block(study_of(plan, {}), folder, 0, [0])  # refuses files of another study before the search
+    check_folder(study_of(plan, {}), folder)  # refuses files of another study before the search
     found = list[list[Seed]]()
     with contextlib.closing(execution.rows(partial(seeds_at, plan), range(len(plan.begin)), _RUN_TIME, (
             plan.scene["solver.method"],))) as results, Progress("orbits looked for", "value", len(plan.begin)) as bar:
