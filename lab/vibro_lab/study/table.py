@@ -158,7 +158,8 @@ def read_block(study: Study, folder: Path, block: int) -> pa.Table | None:
     data = read_file(path, _LARGEST, follow=False)
     try:
         file = pq.ParquetFile(io.BytesIO(data), page_checksum_verification=True)
-        if file.metadata.num_rows <= _MOST_ROWS and file.schema_arrow.equals(schema_of(study.fields)):
+        if file.metadata.num_rows <= _MOST_ROWS and file.schema_arrow.equals(
+                schema_of(study.fields), check_metadata=True):
             return file.read()
     except (*_DAMAGE_ERRORS, OSError):
         pass
