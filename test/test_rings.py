@@ -163,7 +163,14 @@ def test_the_public_names_are_written_down_alike_for_programs_and_for_type_check
         assert getattr(package, name) is getattr(sys.modules[module], inner), name
 
 
-@pytest.mark.parametrize("name", ["attractors", "find_orbit", "identify", "zero_one_test"])
+@pytest.mark.parametrize("name", ["attractors", "find_orbit", "identify", "settled_motion"])
 def test_a_name_of_the_lab_says_where_it_is(name):
     with pytest.raises(AttributeError, match=rf"^vibro_ros\.{name} is vibro_lab\.{name} since version 2\.0\.0; "):
+        getattr(vibro_ros, name)
+
+
+@pytest.mark.parametrize(("name", "instead"), [
+    ("follow_bifurcation", "follow_orbit at several"), ("zero_one_test", "lyapunov_spectrum tells")])
+def test_a_name_that_is_gone_says_what_takes_its_place(name, instead):
+    with pytest.raises(AttributeError, match=rf"{name} is gone since version 2\.0\.0; .*vibro_lab\.{instead}"):
         getattr(vibro_ros, name)

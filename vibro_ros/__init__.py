@@ -129,8 +129,11 @@ _HOMES = {  # of each public name its module, and after a colon its name there i
     "png": "process.pictures",
     "set_heading": "process.pictures",
 }
-_OF_THE_LAB = ("attractors", "find_orbit", "follow_bifurcation", "follow_orbit", "identify", "lyapunov_spectrum",
-               "settled_motion", "zero_one_test")
+_OF_THE_LAB = ("attractors", "find_orbit", "follow_orbit", "identify", "lyapunov_spectrum", "settled_motion")
+_GONE = {
+    "follow_bifurcation": "follow the branch with vibro_lab.follow_orbit at several values of the second parameter, "
+                          "and join its `special_points`",
+    "zero_one_test": "vibro_lab.lyapunov_spectrum tells chaos by the sign of the largest exponent, with its interval"}
 
 
 def __getattr__(name: str) -> object:
@@ -145,6 +148,8 @@ def __getattr__(name: str) -> object:
     if name in _OF_THE_LAB:
         raise AttributeError(f"vibro_ros.{name} is vibro_lab.{name} since version 2.0.0; install the package vibro_lab "
                              "(`pip install ./lab` in a clone) and `import vibro_lab`")
+    if name in _GONE:
+        raise AttributeError(f"vibro_ros.{name} is gone since version 2.0.0; {_GONE[name]}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

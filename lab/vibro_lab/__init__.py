@@ -12,23 +12,21 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from vibro_lab.identification.identify import identify
     from vibro_lab.orbits.attractors import attractors
-    from vibro_lab.orbits.branch import follow_bifurcation, follow_orbit
-    from vibro_lab.orbits.chaos import lyapunov_spectrum, zero_one_test
+    from vibro_lab.orbits.branch import follow_orbit
+    from vibro_lab.orbits.chaos import lyapunov_spectrum
     from vibro_lab.orbits.orbit import find_orbit
     from vibro_lab.orbits.recurrence import settled_motion
 
-__all__ = ["attractors", "find_orbit", "follow_bifurcation", "follow_orbit", "identify", "lyapunov_spectrum",
-           "settled_motion", "zero_one_test"]
+__all__ = ["attractors", "find_orbit", "follow_orbit", "identify", "lyapunov_spectrum",
+           "settled_motion"]
 
 _HOMES = {
     "attractors": "orbits.attractors",
     "find_orbit": "orbits.orbit",
-    "follow_bifurcation": "orbits.branch",
     "follow_orbit": "orbits.branch",
     "identify": "identification.identify",
     "lyapunov_spectrum": "orbits.chaos",
     "settled_motion": "orbits.recurrence",
-    "zero_one_test": "orbits.chaos",
 }
 
 

@@ -9,7 +9,7 @@ from closed_form import ImpactOscillator
 import vibro_lab
 import vibro_ros
 from vibro_lab.orbits.continuation import CORNER, DOUBLING, FOLD, GRAZING, TORUS, follow, special_points
-from vibro_lab.orbits.family import Family, corrected_orbit
+from vibro_lab.orbits.family import Family, corrected_orbit, point_at
 from vibro_lab.orbits.orbit import fixed_point
 from vibro_lab.orbits.turn_map import TurnMap
 
@@ -26,8 +26,15 @@ def branch(scene: vibro_ros.Scene, name: str, low: float, high: float, direction
     """Return neighbouring orbits on the branch through the scene's own orbit."""
     orbit = vibro_lab.find_orbit(scene)
     turn_map = TurnMap(scene, orbit.state.crank_angle)
-    family = Family(scene, {name: (low, high)}, 1, turn_map.phase)
-    return follow(family, np.append(turn_map.read(orbit.state), family.scaled(scene[name])), direction)
+    family = Family(scene, name, (low, high), 1, turn_map.phase)
+    return followed(family, np.append(turn_map.read(orbit.state), family.scaled(scene[name])), direction)
+
+
+def followed(family: Family, unknowns: np.ndarray, direction: float):
+    """Return neighbouring orbits on the branch through a known one, towards larger or smaller values."""
+    along = direction * np.eye(len(unknowns))[-1]
+    unknowns, _ = corrected_orbit(family, unknowns, along)
+    return follow(point_at(family, unknowns, along))
 
 
 @pytest.mark.parametrize(("speed", "restitution", "gap", "direction", "kind"), [
@@ -68,7 +75,7 @@ def test_a_branch_is_the_same_from_either_end(scene, name, low, high, direction,
         if kinds == special:
             break
     (_, start), (_, last) = forwards[0], forwards[-1]
-    backwards = follow(last.family, last.unknowns, -float(np.sign(last.tangent[-1])))
+    backwards = followed(last.family, last.unknowns, -float(np.sign(last.tangent[-1])))
     _ = next(backwards)
     before, after = next((before, after) for before, after in backwards
                          if (after.value - start.value) * (before.value - start.value) < 0.0 and
@@ -151,4 +158,4 @@ def test_a_machine_has_a_neimark_sacker_point_beyond_which_a_circle_appears():
 def test_a_range_that_is_none_is_refused():
     scene = oscillator(170.0, 0.5, 0.0)
     with pytest.raises(ValueError, match="upper.gap: from 0.1 to 0 is no range; give the smaller value first"):
-        Family(scene, {"upper.gap": (0.1, 0.0)}, 1, 0.0)
+        Family(scene, "upper.gap", (0.1, 0.0), 1, 0.0)

@@ -86,7 +86,7 @@ def test_the_sum_is_the_mean_logarithm_of_the_determinant():
 
 
 def test_the_largest_is_that_of_two_runs_that_part():
-    """`study/measures.py` compares two devices over 20 s; both results are means over chaos, each with its spread."""
+    """A46. Of two devices over 20 s, as in studies; both results are means over chaos, each with its spread."""
     chaotic = scene("unilateral")
     spectrum = vibro_lab.lyapunov_spectrum(chaotic, turns=320, settling=64)
     device = vibro_ros.Simulator(chaotic)

@@ -18,11 +18,9 @@ from vibro_lab.study.map import (
     SPEED,
     UNSETTLED,
     Axis,
-    End,
     Line,
     MapDesign,
     Visit,
-    end_point,
     main,
     motions,
     rows_of_line,
@@ -35,8 +33,7 @@ FOLD, BACK = 107.959911, 104.85265
 """Motor speeds [rad/s] between which `damped` has two motions, by continuation (see test/orbits)."""
 #: Eleven motor speeds around these, and two gaps of which one is almost 0.
 FOLDED = ["--scene", "damped", "--motor-speed", "100:110:11", "--gap=-1e-6:0:2", "--quick"]
-TINY = ["--motor-speed", "110:120:3", "--gap", "0.003:0.005:3", "--workers", "1",
-        "--curves", "2", "--quick"]
+TINY = ["--motor-speed", "110:120:3", "--gap", "0.003:0.005:3", "--workers", "1", "--quick"]
 
 
 def visit(i=0, j=0, turns=1, landings=1, speed=-0.05, at=0.0):
@@ -60,16 +57,6 @@ def test_two_motions_exist_exactly_between_the_folds(folded):
         several = 2 if BACK < speed < FOLD else 1
         for gap in (-1e-6, 0.0):
             assert np.sum((table.motor_speed == speed) & (table.gap == gap)) == several or speed == 105.0, speed
-
-
-def test_a_motion_ends_at_the_fold_where_continuation_has_it():
-    """The fold is found again from 107 rad/s, the last speed of the grid that has the motion."""
-    design = MapDesign(vibro_ros.load_scene("damped"), SIDES, Axis(106.0, 107.0, 2), Axis(0.0, 1e-6, 2))
-    found, rows = motions(visits(design, Line(SPEED, 0, True)))
-    fast = int(np.argmin(found.mean_speed * (found.speed_index == 1)))
-    point = end_point(design, End(0, int(found.turns[fast]), 0, 1, 1, tuple(rows[fast].states[-1].tolist())))
-    assert point.kind == "fold"
-    assert point.motor_speed == pytest.approx(FOLD, abs=1e-5)  # the known value has six digits
 
 
 def test_only_cells_with_several_motions_have_shares(folded):
@@ -170,11 +157,9 @@ def test_two_motions_of_one_cell_are_never_one_even_around_the_end_of_a_fold():
     (["--motor-speed", "100"], "--motor-speed 100: give LOW:HIGH:COUNT"),
     (["--gap", "0:nan:3"], "--gap 0:nan:3: "),
     (["--motor-speed", "1:200:1000", "--gap", "0:0.001:1000"], "--motor-speed, --gap: 1000 x 1000 cells; give at most"),
-    (["--curves", "42"], "--curves: 42 is out of range; give a number from 0 to 41, the gaps"),
     (["--scene", "no_impact"], "--gaps both: no_impact has no upper plate"),
     (["--set", "solver.method=rk4"], "solver.method: rk4 has no map"),
     (["--scene", "machine", "--set", "motor.control=voltage"], "motor.control: voltage commands no motor speed"),
-    (["--scene", "machine", "--curves", "3"], "motor.control: speed_by_current takes samples 1000 times a second"),
 ])
 def test_bad_input_is_one_line(refusal, words, reason):
     assert refusal(main, *words).startswith(f"study: {reason}")

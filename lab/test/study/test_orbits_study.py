@@ -13,15 +13,11 @@ import vibro_lab
 import vibro_ros
 from vibro_lab.orbits.branch import Branch, Special
 from vibro_lab.study.orbits import (
-    CurvePlan,
     branch_in,
-    branch_of_task,
-    curve_of_task,
     fields_of,
     main,
     plan_of,
     rows_of,
-    study_of,
 )
 from vibro_lab.study.table import table_of
 
@@ -54,7 +50,7 @@ def test_columns_say_their_units_and_the_file_its_origin(short):
     schema = pq.read_schema(short / "branches" / "block_000000.parquet")
     assert schema.field("mean_speed").metadata[b"unit"] == b"m/s"
     assert schema.field("upper_position").metadata[b"unit"] == b"m"
-    origin = json.loads(schema.metadata[b"vibro_ros"])
+    origin = json.loads((short / "branches" / "design.json").read_text())
     assert origin["design"]["scene"] == "damped" and origin["version"] and origin["sources"]
 
 
@@ -62,7 +58,7 @@ def test_the_same_command_goes_on_where_it_was_and_more_processes_change_no_byte
                                                                                   capsys):
     """Missing or damaged branches are followed again; finished ones are not."""
     (tmp_path / "branches").mkdir()
-    for name in ("block_000000.parquet", "block_000001.parquet"):
+    for name in ("design.json", "block_000000.parquet", "block_000001.parquet"):
         (tmp_path / "branches" / name).write_bytes((short / "branches" / name).read_bytes())
     (tmp_path / "branches" / "block_000001.parquet").write_bytes(b"PAR1 nonsense")
     assert main([*SHORT, "--workers", "2", "--output", str(tmp_path)]) == 0
@@ -78,9 +74,6 @@ def test_the_same_command_goes_on_where_it_was_and_more_processes_change_no_byte
     (["--vary", "motor.speed=0:100", "--from", "0"], "motor.speed: 0 rad/s turns no crank; give the speed"),
     (["--vary", "motor.speed=60:130", "--from", "140"], "--from 140: is not from 60 to 130; give a value of the"),
     (["--vary", "motor.speed=60:130", "--from", "fast"], "motor.speed: 'fast' is not a number"),
-    (["--vary", "motor.speed=60:130", "--curves", "upper.gap=0"], "--curves upper.gap=0: is no range"),
-    (["--vary", "motor.speed=60:130", "--curves", "motor.speed=60:70"], "motor.speed is the parameter of --vary"),
-    (["--vary", "motor.speed=60:130", "--curves", "upper.gap=0.001:0.002"], "does not hold the machine's 0"),
     (["--vary", "motor.speed=60:130", "--turns", "33"], "--turns: 33 is out of range; give a whole number from"),
     (["--vary", "motor.speed=60:130", "--set", "solver.method=rk4"], "solver.method: 'rk4' is not exact to rounding"),
 ])
@@ -95,15 +88,14 @@ def test_a_branch_is_read_as_it_was_written():
     names = ("upper_position", "upper_velocity", "inclined_position", "inclined_velocity", "body_velocity")
     multipliers = random.normal(size=(4, 5)) + 1j * random.normal(size=(4, 5))
     special = tuple(Special(kind, 0.1 * at, multipliers[0], change, 0.5, random.normal(size=5), at,
-                            np.array([100.0 + at]), 1e-9)
+                            100.0 + at, 1e-9)
                     for kind, change, at in (("fold", "", 0), ("grazing", "landing appears", 2), ("fold", "", 2),
                                              ("corner", "stick vanishes", 4)))
-    branch = Branch(plan.scene, ("motor.speed",), "", 2, random.normal(size=4), random.normal(size=4), multipliers,
+    branch = Branch(plan.scene, "motor.speed", 2, random.normal(size=4), random.normal(size=4), multipliers,
                     random.normal(size=4), random.normal(size=(4, 5)),
                     {name: random.normal(size=(4, 2)) for name in names}, special, "an end")
-    table = table_of(rows_of(branch), fields_of(plan, branch.names))
-    assert study_of(plan, branch_of_task, {}).are_own([3], table.to_pylist())
-    found = branch_in(table, plan.scene, branch.names)
+    table = table_of(rows_of(branch), fields_of(plan))
+    found = branch_in(table, plan.scene, branch.name)
     assert found.end == "an end" and found.turns == 2
     for key in ("values", "mean_speeds", "multipliers", "phases", "states"):
         np.testing.assert_array_equal(getattr(found, key), getattr(branch, key))
@@ -111,42 +103,3 @@ def test_a_branch_is_read_as_it_was_written():
         np.testing.assert_array_equal(found.strobe[name], branch.strobe[name])
     assert [(one.kind, one.value, one.change, one.at) for one in found.special_points] == [
         (one.kind, one.value, one.change, one.at) for one in special]
-
-
-@pytest.mark.process
-def test_curves_are_followed_kept_and_not_followed_twice(bytes_of, tmp_path, capsys):
-    """The fold of `damped` at 107.96 rad/s; the same command reads the stored curve and changes no byte."""
-    words = ["--scene", "damped", "--vary", "motor.speed=100:110", "--from", "107", "--starts", "1", "--turns", "1",
-             "--points", "30", "--curves", "inclined.gap=-0.0001:0.0001", "--workers", "1", "--output", str(tmp_path)]
-    assert main(words) == 0
-    before = bytes_of(tmp_path)
-    table = pandas.read_parquet(tmp_path / "curves.parquet")
-    fold = pandas.read_parquet(tmp_path / "special_points.parquet").query("kind == 'fold'").iloc[0]
-    own = table[(table["through"] == fold["name"]) & (table["kind"] == "fold")]
-    assert set(own["way"]) == {"upwards", "downwards"} and own["inclined.gap"].abs().max() == 1e-4
-    begin = own[own["inclined.gap"] == 0.0]
-    assert begin["motor.speed"].to_numpy() == pytest.approx(fold["motor.speed"], abs=1e-7)
-    capsys.readouterr()
-    assert main(words) == 0
-    assert "at most 30 orbits" not in capsys.readouterr().err and bytes_of(tmp_path) == before
-
-
-def test_a_curve_is_read_as_it_was_written():
-    plan = plan_of(main.parser().parse_args(["--quick", "--scene", "damped"]))
-    asked, random = CurvePlan(plan, "upper.gap", 0.0, 0.002), np.random.default_rng(7)
-    multipliers = random.normal(size=(4, 5)) + 1j * random.normal(size=(4, 5))
-    special = tuple(Special(kind, 0.1 * at, multipliers[0], change, 0.5, random.normal(size=5), at,
-                            random.normal(size=2))
-                    for kind, change, at in (("change of events", "stick", 0), ("change of events", "stick", 2),
-                                     ("change of events", "", 4)))
-    curve = Branch(plan.scene, ("motor.speed", "upper.gap"), "fold", 2, random.normal(size=(4, 2)),
-                   random.normal(size=4), multipliers, random.normal(size=4), random.normal(size=(4, 5)), {}, special,
-                   "an end")
-    table = table_of(rows_of(curve), fields_of(plan, curve.names))
-    assert study_of(asked, curve_of_task, {}).are_own([3], table.to_pylist())
-    found = branch_in(table, plan.scene, curve.names)
-    assert (found.kind, found.names, found.turns, found.end) == ("fold", curve.names, 2, "an end")
-    for key in ("values", "mean_speeds", "multipliers", "phases", "states"):
-        np.testing.assert_array_equal(getattr(found, key), getattr(curve, key))
-    assert [(one.kind, one.values.tolist(), one.change, one.at) for one in found.special_points] == [
-        (one.kind, one.values.tolist(), one.change, one.at) for one in special]

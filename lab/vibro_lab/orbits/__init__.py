@@ -7,8 +7,8 @@ A `Scene` whose crank turns comes in; orbits, branches, attractors and exponents
    starts by motion, with shares.
 3. `orbit` solves for a periodic motion by Newton's method, with its Floquet multipliers and their error.
 4. `passage` lists the events of a turn in their order; the map is smooth as long as this order does not change.
-5. `family` has the equations of an orbit over one or two parameters, `continuation` the steps along a branch and its
-   special points, and `bifurcation` the equations of folds, period doublings and grazings over two parameters.
-6. `branch` assembles whole branches over one or two parameters, from the first orbit to the last.
-7. `chaos` computes Lyapunov exponents and the 0-1 test.
+5. `family` has the equations of an orbit over a parameter, and `continuation` the steps along a branch and its special
+   points.
+6. `branch` assembles whole branches, from the first orbit to the last.
+7. `chaos` computes Lyapunov exponents.
 """

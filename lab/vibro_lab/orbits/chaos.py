@@ -1,4 +1,4 @@
-"""Measures of chaos: Lyapunov exponents, from derivatives of the turn map along a motion, and the 0-1 test.
+"""Measures of chaos: Lyapunov exponents, from derivatives of the turn map along a motion.
 
 A small sphere of states becomes an ellipsoid; the exponents are the growth rates of its axes. A QR decomposition after
 every turn keeps the axes orthogonal: G. Benettin, L. Galgani, A. Giorgilli and J.-M. Strelcyn, Meccanica 15 (1980) 9-20
@@ -8,12 +8,6 @@ The derivatives are central differences of a map that is exact to rounding; they
 grazes a plate within a difference, the difference is a chord of the map's square root. When the body sticks or lands,
 or a mass comes to rest, states that differed become equal: such a direction vanishes within a turn, and its exponent is
 -inf.
-
-The 0-1 test needs no derivative. G. A. Gottwald and I. Melbourne, On the implementation of the 0-1 test for chaos, SIAM
-Journal on Applied Dynamical Systems 8 (2009) 129-145: a plane walk p(n) + i q(n) = sum of x(j) exp(i j c) stays bounded
-when the series x is regular, and diffuses like a Brownian motion when the series is chaotic. K is the correlation of
-the walk's mean square displacement with time, by their eq. (2.4) without the oscillating part; the median over
-frequencies c leaves out those that resonate with the series.
 
 Where no turn map is available, or for many starts, the largest exponent is measured with pairs of runs that begin close
 together, at the cost of two runs.
@@ -42,11 +36,6 @@ MOST_DOUBLINGS = 4
 """How often the number of turns is doubled, at most, until the sign of the largest exponent is known."""
 REPEATED = 1024
 """Approximate number of turns for which the derivatives of a periodic motion are repeated."""
-LEAST_VALUES = 200
-"""Least length of a series: the walk's displacement is correlated over a tenth of it."""
-_FREQUENCIES = 100
-_LOWEST, _HIGHEST = np.pi / 5.0, 4.0 * np.pi / 5.0  # range of the frequencies, away from resonances with every series
-_DISPLACEMENT_PARTS = 10  # the displacement is correlated with time over one part in so many of the series
 _PARTS = 10  # parts of a run whose means give the confidence interval
 _ALIGNMENT_PARTS = 10  # one part in so many of the turns precedes, in which the axes align with the growing directions
 
@@ -310,67 +299,3 @@ def _distances(device: Simulator, twin: Simulator, begun: float, ends: Iterator[
     for one in (device, twin):
         one.take_events()  # so that they do not accumulate
     return distances
-
-
-def zero_one_test(series: Sequence[float] | np.ndarray, noise: float = 1e-9) -> float:
-    """Apply the 0-1 test for chaos to a series of one value per turn.
-
-    Parameters
-    ----------
-    series : ndarray, shape (n,)
-        One quantity at successive cuts, at least `LEAST_VALUES` values; about 1000 give a clear result. Its unit does
-        not matter. Samples must not be closer together than a turn, because correlated neighbours look regular.
-    noise : float
-        Standard deviation, in the unit of the series, up to which it counts as constant and therefore regular, because
-        rounding looks like chaos.
-
-    Returns
-    -------
-    float
-        K, dimensionless, from -1 to 1: near 0 for a periodic or quasi-periodic motion, near 1 for chaos.
-
-    Raises
-    ------
-    ValueError
-        For a series that is too short, has another shape or is not finite.
-
-    Examples
-    --------
-    >>> logistic = [0.3]
-    >>> for _ in range(1000):
-    ...     logistic.append(3.97 * logistic[-1] * (1.0 - logistic[-1]))
-    >>> f"{vibro_lab.zero_one_test(logistic):.3f}"
-    '0.998'
-    >>> abs(vibro_lab.zero_one_test([0.1, 0.7] * 500)) < 0.05
-    True
-    """
-    values = np.asarray(series, dtype=float)
-    if values.ndim != 1 or len(values) < LEAST_VALUES:
-        raise ValueError(f"series: has shape {values.shape}; give at least {LEAST_VALUES} values in a row")
-    if not np.isfinite(values).all():
-        raise ValueError("series: has values that are not finite; give numbers alone")
-    if values.std() <= noise:
-        return 0.0
-    frequencies = np.random.default_rng(0).uniform(_LOWEST, _HIGHEST, _FREQUENCIES)
-    return float(np.median([_growth(values / values.std(), frequency) for frequency in frequencies]))
-
-
-def _growth(values: np.ndarray, frequency: float) -> float:
-    """K for one frequency c [rad per value]; see the module's docstring."""
-    count, lags = len(values), np.arange(1, len(values) // _DISPLACEMENT_PARTS + 1)
-    walk = np.cumsum(values * np.exp(1j * frequency * np.arange(1, count + 1)))
-    oscillating = values.mean()**2 * (1.0 - np.cos(frequency * lags)) / (1.0 - np.cos(frequency))
-    displacement = _mean_square(walk, lags) - oscillating
-    if displacement.std() <= 1e-9 * max(1.0, float(np.abs(displacement).max())):
-        return 0.0
-    return float(np.corrcoef(lags, displacement)[0, 1])
-
-
-def _mean_square(walk: np.ndarray, lags: np.ndarray) -> np.ndarray:
-    """Mean of |walk(j + lag) - walk(j)|² for each lag, over the j that exist for all lags, by one correlation."""
-    kept = len(walk) - len(lags)
-    size = 1 << (2 * len(walk)).bit_length()
-    squares = np.concatenate([[0.0], np.cumsum(np.abs(walk)**2)])
-    first = np.fft.fft(walk[:kept], size)
-    crossed = np.fft.ifft(np.fft.fft(walk, size) * np.conj(first))[lags].real
-    return (squares[lags + kept] - squares[lags] + squares[kept] - 2.0 * crossed) / kept

@@ -30,7 +30,6 @@ Piecewise-smooth Dynamical Systems, Springer 2008):
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -76,35 +75,19 @@ class EdgeError(LostError):
         self.grazing = grazing
 
 
-def follow(family: Family, unknowns: np.ndarray, direction: float) -> Iterator[tuple[BranchPoint, BranchPoint]]:
-    """Follow the branch through a known orbit until it leaves the parameter's range.
-
-    Parameters
-    ----------
-    family : Family
-        The equations.
-    unknowns : ndarray, shape (n + 1,)
-        A known orbit.
-    direction : float
-        1.0 towards larger values of the parameter, -1.0 towards smaller; dimensionless.
+def follow(point: BranchPoint) -> Iterator[tuple[BranchPoint, BranchPoint]]:
+    """Follow the branch from a point, along its tangent, until it leaves the parameter's range.
 
     Yields
     ------
     BranchPoint, BranchPoint
-        A point and the next one, with the same cut; first the known orbit twice.
+        A point and the next one, with the same cut; first the point twice.
 
     Raises
     ------
     LostError
         Where the branch cannot be followed.
     """
-    along = direction * np.eye(len(unknowns))[-1]
-    unknowns, _ = corrected_orbit(family, unknowns, along)
-    yield from follow_on(point_at(family, unknowns, along))
-
-
-def follow_on(point: BranchPoint) -> Iterator[tuple[BranchPoint, BranchPoint]]:
-    """Follow the branch from a point, along its tangent; yields and raises as `follow`."""
     point, step = _well_cut(point), FIRST_STEP
     yield point, point
     while 0.0 <= point.unknowns[-1] <= 1.0:
@@ -115,73 +98,34 @@ def follow_on(point: BranchPoint) -> Iterator[tuple[BranchPoint, BranchPoint]]:
         point = _well_cut(point)
 
 
-def take_step(point: BranchPoint, begin: np.ndarray, step: float, shortest: float,
-            solved: Callable[[np.ndarray, float], tuple[Any, bool]], across: Callable[[float, bool], list[Any]],
-            what: str) -> tuple[list[Any], float]:
-    """Step to the next point of a branch or curve, or to the points at and beyond a change of events.
+def _next(point: BranchPoint, step: float) -> tuple[list[BranchPoint], float]:
+    """Return the next point, or an edge and the first point beyond it, and the length of the following step.
 
-    Returns these points and the length of the following step.
-
-    Parameters
-    ----------
-    point : BranchPoint
-        Present point, with its tangent and order of events.
-    begin : ndarray
-        Unknowns from which the step leads along the tangent.
-    step, shortest : float
-        The first arc that is tried, and the shortest; an arc that fails is halved.
-    solved : callable
-        Returns, for a guess and its arc, the point near the guess and whether Newton's method converged quickly
-        (LostError if it did not converge).
-    across : callable
-        Returns, for an arc that fails and whether events change within it, the points at and beyond the change, or an
-        empty list.
-    what : str
-        Word for the branch or curve in messages.
-
-    Raises
-    ------
-    LostError
-        If no arc down to the shortest succeeds.
+    An arc that fails is halved, down to `SHORTEST_STEP` (LostError if none succeeds).
     """
     family, reason = point.family, ""
-    while step >= shortest:
-        guess, crosses = begin + step * point.tangent, False
+    while step >= SHORTEST_STEP:
+        guess, crosses = point.unknowns + step * point.tangent, False
         try:
-            after, is_quick = solved(guess, step)
+            unknowns, derivatives = corrected_orbit(family, guess, point.tangent, step)
+            after = point_at(family, unknowns, point.tangent, step)
             crosses = not same_order(after.passage.order, point.passage.order)
             if not crosses and after.tangent @ point.tangent >= STRAIGHT:
-                return [after], min(LONGEST_STEP, step * (1.5 if is_quick else 1.0))
-            reason = f"the {what} bends too sharply near {family.where(after.unknowns)}"
+                return [after], min(LONGEST_STEP, step * (1.5 if derivatives <= _EASY_ITERATIONS else 1.0))
+            reason = f"the branch bends too sharply near {family.where(after.unknowns)}"
         except LostError as error:
             reason = str(error)
             try:
                 crosses = not same_order(family.order(guess), point.passage.order)
             except (SimulationError, ValueError):
                 crosses = False
-        if found := across(step, crosses):
-            return found, FIRST_STEP
-        step *= 0.5
-    raise LostError(reason)
-
-
-def _next(point: BranchPoint, step: float) -> tuple[list[BranchPoint], float]:
-    """Return the next point, or an edge and the first point beyond it, and the length of the following step."""
-    family = point.family
-
-    def solved(guess: np.ndarray, step: float) -> tuple[BranchPoint, bool]:
-        unknowns, derivatives = corrected_orbit(family, guess, point.tangent, step)
-        return point_at(family, unknowns, point.tangent, step), derivatives <= _EASY_ITERATIONS
-
-    def across(step: float, crosses: bool) -> list[BranchPoint]:
         if (crosses or step < _EDGE_SEARCH_STEP) and (last := point_before_edge(point, step)):
-            return [last, point_beyond_edge(last)]
+            return [last, point_beyond_edge(last)], FIRST_STEP
         if step < 2.0 * _STIFF_STEP and abs(point.multipliers[0]) > _STIFF_MULTIPLIER:
             raise LostError(f"too unstable to be followed beyond {family.where(point.unknowns)}: a disturbance grows "
                             f"{abs(point.multipliers[0]):.4g}-fold until the motion repeats itself")
-        return []
-
-    return take_step(point, point.unknowns, step, SHORTEST_STEP, solved, across, "branch")
+        step *= 0.5
+    raise LostError(reason)
 
 
 def _well_cut(point: BranchPoint) -> BranchPoint:
@@ -376,12 +320,12 @@ def _entered(before: BranchPoint, direction: np.ndarray, arc: float, depth: floa
 
 @dataclass(frozen=True)
 class SpecialPoint:
-    """A special point of a branch or curve.
+    """A special point of a branch.
 
     Attributes
     ----------
     kind : str
-        One of `KINDS`; on a curve over two parameters ``change of events``.
+        One of `KINDS`.
     point : BranchPoint
         Point of the branch there.
     width : float

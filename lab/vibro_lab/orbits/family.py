@@ -1,10 +1,10 @@
-"""Equations of a periodic orbit of a scene with one or two varied parameters; the points of branches.
+"""Equations of a periodic orbit of a scene with a varied parameter; the points of branches.
 
-The *unknowns* are the state at the cut, in units of the machine, followed by the *shares*: the parameters, scaled from
-0 at the lower end of their ranges to 1 at the upper.
+The *unknowns* are the state at the cut, in units of the machine, followed by the *share*: the parameter, scaled from 0
+at the lower end of its range to 1 at the upper.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -16,24 +16,26 @@ from vibro_lab.orbits.turn_map import TurnEnd, TurnMap, at_cut, check_closes, un
 from vibro_ros import PARAMETERS, Scene, SimulationError, parameter_named
 
 LONGEST_STEP = 0.05
-"""Longest step along a branch: in units of the machine and shares of the parameters' ranges."""
+"""Longest step along a branch: in units of the machine and shares of the parameter's range."""
 _MOST_ITERATIONS = 24
 _SLOW_CONVERGENCE = 0.1  # the derivative is computed again after a step that leaves a larger part of the residual
-_CACHED_MAPS = 16  # turn maps in the cache: enough for a derivative with respect to two parameters and for a step
+_CACHED_MAPS = 16  # turn maps in the cache: enough for a derivative with respect to the parameter and for a step
 _LEAST_STEP = 1e-9  # of the differences, of which rounding then leaves five digits
 _STEP_PER_REACH = 0.1  # longest step of differences as a part of the reach, and of the nearest miss
 _STEP_PER_SPEED = 0.005  # the same as a part of the square of the softest contact's speed
 
 
 class Family:
-    """Equations of orbits with a period of `turns` turns, over one or two parameters of a scene.
+    """Equations of orbits with a period of `turns` turns, over a parameter of a scene.
 
     Parameters
     ----------
     scene : Scene
         The machine.
-    ranges : mapping of str to (float, float)
-        One or two of its numeric parameters, with their ranges, in their units.
+    name : str
+        One of its numeric parameters.
+    limits : (float, float)
+        Ends of the parameter's range, the smaller first, in its unit.
     turns : int
         Turns of the crank after which orbits repeat themselves.
     phase : float
@@ -41,12 +43,10 @@ class Family:
 
     Attributes
     ----------
-    scene, ranges, turns, phase
+    scene, name, limits, turns, phase
         The parameters.
-    names : tuple of str
-        Names of the varied parameters.
     units : ndarray, shape (n,)
-        Unit of each coordinate [m, m/s, rad/s or A], the same for all values of the parameters.
+        Unit of each coordinate [m, m/s, rad/s or A], the same for all values of the parameter.
 
     Raises
     ------
@@ -54,40 +54,38 @@ class Family:
         For a parameter that is not numeric, an empty range, or a value that the scene refuses.
     """
 
-    def __init__(self, scene: Scene, ranges: Mapping[str, tuple[float, float]], turns: int, phase: float):
-        for name, (low, high) in ranges.items():
-            _check_range(scene, name, low, high)
-        self.scene, self.ranges, self.turns, self.phase = scene, dict(ranges), turns, phase
-        self.names = tuple(ranges)
+    def __init__(self, scene: Scene, name: str, limits: tuple[float, float], turns: int, phase: float):
+        _check_range(scene, name, *limits)
+        self.scene, self.name, self.limits, self.turns, self.phase = scene, name, limits, turns, phase
         check_closes(scene)
         self.units = units_of(scene)
-        self._low, self._high = np.array(list(ranges.values()), dtype=float).T
         self._map_of = lru_cache(_CACHED_MAPS)(self._make_map)
 
-    def values(self, unknowns: np.ndarray) -> np.ndarray:
-        """Values of the parameters at some unknowns, in their units, shape (1,) or (2,)."""
-        return self._low + unknowns[len(self.units):] * (self._high - self._low)
+    def value(self, unknowns: np.ndarray) -> float:
+        """Value of the parameter at some unknowns, in its unit."""
+        return self._value(float(unknowns[-1]))
 
-    def scaled(self, *values: float) -> np.ndarray:
-        """Shares of the ranges at values of the parameters, shape (1,) or (2,)."""
-        return (np.array(values) - self._low) / (self._high - self._low)
+    def _value(self, share: float) -> float:
+        return self.limits[0] + self.span(share)
+
+    def scaled(self, value: float) -> float:
+        """Share of the range at a value of the parameter, dimensionless."""
+        return (value - self.limits[0]) / (self.limits[1] - self.limits[0])
 
     def span(self, share: float) -> float:
-        """Convert a share of the last parameter's range to its unit."""
-        return share * float(self._high[-1] - self._low[-1])
+        """Convert a share of the parameter's range to its unit."""
+        return share * (self.limits[1] - self.limits[0])
 
     def where(self, unknowns: np.ndarray) -> str:
-        """Names and values of the parameters at some unknowns, as text."""
-        return ", ".join(f"{name} = {value:.9g}" for name, value in
-                         zip(self.names, self.values(unknowns).tolist(), strict=True))
+        """Name and value of the parameter at some unknowns, as text."""
+        return f"{self.name} = {self.value(unknowns):.9g}"
 
     def map_at(self, unknowns: np.ndarray) -> TurnMap:
-        """Return the turn map at the parameters of some unknowns (ValueError if the scene refuses the values)."""
-        return self._map_of(*unknowns[len(self.units):].tolist())
+        """Return the turn map at the parameter's value of some unknowns (ValueError if the scene refuses the value)."""
+        return self._map_of(float(unknowns[-1]))
 
-    def _make_map(self, *shares: float) -> TurnMap:
-        values = (self._low + np.array(shares) * (self._high - self._low)).tolist()
-        turn_map = TurnMap(self.scene.with_parameters(dict(zip(self.names, values, strict=True))), self.phase)
+    def _make_map(self, share: float) -> TurnMap:
+        turn_map = TurnMap(self.scene.with_parameters({self.name: self._value(share)}), self.phase)
         turn_map.units = self.units
         return turn_map
 
@@ -109,8 +107,8 @@ class Family:
         return end.advance / end.duration
 
     def free(self, unknowns: np.ndarray) -> np.ndarray:
-        """Unknowns that are not held at the cut by friction, ground or a plate, shape (n + parameters,) of bool."""
-        return np.append(~self.map_at(unknowns).held(self.state(unknowns)), np.ones(len(self.names), bool))
+        """Unknowns that are not held at the cut by friction, ground or a plate, shape (n + 1,) of bool."""
+        return np.append(~self.map_at(unknowns).held(self.state(unknowns)), True)
 
     def order(self, unknowns: np.ndarray) -> EventOrder:
         """Order of the events between the cut and `turns` turns later."""
@@ -120,9 +118,8 @@ class Family:
         """Events from the cut over `turns` turns."""
         return passage(self.map_at(unknowns), self.state(unknowns), self.turns)
 
-    def jacobian(self, unknowns: np.ndarray, reach: float = 1.0, fine: bool = False,
-                 longest: float = STEP) -> np.ndarray:
-        """Jacobian of the residual with respect to the unknowns, shape (n, n + parameters), by central differences.
+    def jacobian(self, unknowns: np.ndarray, reach: float = 1.0, fine: bool = False) -> np.ndarray:
+        """Jacobian of the residual with respect to the unknowns, shape (n, n + 1), by central differences.
 
         Held coordinates do not move. The step of the differences is limited in four ways:
 
@@ -130,13 +127,13 @@ class Family:
           units of the machine. The step is far below that, because there the map behaves like a square root.
         - It is below the distance of the nearest miss, so that no other mass touches its plate.
         - It is below `reach`, the arc over which the branch is straight.
-        - It is at most `longest`, and it is reduced, down to 1e-9, until the order of events is the same at all
+        - It is at most `orbit.STEP`, and it is reduced, down to 1e-9, until the order of events is the same at all
           displaced points, because for another order the map has other derivatives.
 
         With `fine`, differences over half the step cancel the leading error (L. F. Richardson's extrapolation).
         """
         free, seen = self.free(unknowns), self.passage(unknowns)
-        step = max(_LEAST_STEP, min(longest, _STEP_PER_SPEED * seen.softest**2, _STEP_PER_REACH * seen.miss,
+        step = max(_LEAST_STEP, min(STEP, _STEP_PER_SPEED * seen.softest**2, _STEP_PER_REACH * seen.miss,
                                     _STEP_PER_REACH * reach))
         while True:
             matrix, same = self._differences(unknowns, free, seen.order, step)
@@ -163,24 +160,24 @@ class Family:
 
     def with_turns(self, turns: int) -> "Family":
         """Return the same family for orbits that repeat themselves after another number of turns."""
-        return Family(self.scene, self.ranges, turns, self.phase)
+        return Family(self.scene, self.name, self.limits, turns, self.phase)
 
     def with_phase(self, phase: float) -> "Family":
         """Return the same family, cut at another crank angle [rad]."""
-        return Family(self.scene, self.ranges, self.turns, phase)
+        return Family(self.scene, self.name, self.limits, self.turns, phase)
 
     def recut(self, phase: float, points: Sequence[np.ndarray]) -> tuple["Family", list[np.ndarray]]:
         """Return the same family, cut at another phase, and the points advanced to the new cut."""
         other, found = self.with_phase(phase), []
         for unknowns in points:
             state = at_cut(self.map_at(unknowns), self.state(unknowns), other.map_at(unknowns))
-            found.append(np.append(state, unknowns[len(self.units):]))
+            found.append(np.append(state, unknowns[-1]))
         return other, found
 
     def starts_along(self, unknowns: np.ndarray) -> list[np.ndarray]:
         """Unknowns of the same orbit at the cut of each of its turns."""
-        turn_map, shares = self.map_at(unknowns), unknowns[len(self.units):]
-        return [np.append(turn_map(self.state(unknowns), turns).state, shares) for turns in range(1, self.turns + 1)]
+        turn_map, share = self.map_at(unknowns), unknowns[-1]
+        return [np.append(turn_map(self.state(unknowns), turns).state, share) for turns in range(1, self.turns + 1)]
 
 
 def _check_range(scene: Scene, name: str, low: float, high: float) -> None:
@@ -206,9 +203,9 @@ class BranchPoint:
     ----------
     family : Family
         The equations, with the cut that was used.
-    unknowns : ndarray, shape (n + parameters,)
-        State and shares of the parameters.
-    tangent : ndarray, shape (n + parameters,)
+    unknowns : ndarray, shape (n + 1,)
+        State and share of the parameter.
+    tangent : ndarray, shape (n + 1,)
         Unit vector along the branch.
     multipliers : ndarray of complex, shape (n,)
         Floquet multipliers, the largest first.
@@ -235,14 +232,9 @@ class BranchPoint:
         return self.family.state(self.unknowns)
 
     @property
-    def values(self) -> np.ndarray:
-        """Values of the parameters, in their units, shape (1,) or (2,)."""
-        return self.family.values(self.unknowns)
-
-    @property
     def value(self) -> float:
-        """Value of the first parameter, in its unit; the only one over one parameter."""
-        return float(self.values[0])
+        """Value of the parameter, in its unit."""
+        return self.family.value(self.unknowns)
 
     @property
     def stable(self) -> bool:
@@ -261,7 +253,7 @@ def corrected_orbit(family: Family, guess: np.ndarray, normal: np.ndarray,
     Parameters
     ----------
     family : Family
-        The equations, over one parameter.
+        The equations.
     guess, normal : ndarray, shape (n + 1,)
         State and share; the plane's normal.
     reach : float

@@ -8,7 +8,6 @@ C. J. Budd, A. R. Champneys, P. Kowalczyk, Piecewise-smooth Dynamical Systems, S
 import math
 from collections import Counter
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -27,25 +26,6 @@ _STOPPED_SPEED = 1e-12  # m/s along the ground: rounding of a body that a landin
 SAMPLES = 1024
 """Samples of a turn in which misses are searched for."""
 _EXACT_MISS = 1e-3  # crank radii: a miss nearer than this is computed exactly
-
-
-class Miss(NamedTuple):
-    """A mass that turns back before its plate.
-
-    Attributes
-    ----------
-    side : str
-        ``upper`` or ``inclined``.
-    first, last : float
-        Instants [s] after the cut between which it turns back.
-    gap : float
-        Approximate distance from the plate there [m].
-    """
-
-    side: str
-    first: float
-    last: float
-    gap: float
 
 
 @dataclass(frozen=True)
@@ -69,8 +49,6 @@ class Passage:
         infinite without a miss.
     order : tuple of str
         Kinds of the events in their order, beginning at the cut.
-    misses : tuple of Miss
-        All misses: where a mass turns back before its plate.
     """
 
     contacts: tuple[tuple[str, int], ...]
@@ -79,7 +57,6 @@ class Passage:
     softest: float
     miss: float
     order: EventOrder
-    misses: tuple[Miss, ...]
 
 
 def passage(turn_map: TurnMap, state: np.ndarray, turns: int) -> Passage:
@@ -101,10 +78,10 @@ def passage(turn_map: TurnMap, state: np.ndarray, turns: int) -> Passage:
     best, _ = middle_of_longest(~busy, free=True) if not busy.all() else (0.0, 0.0)
     contacts = events[of_contact]
     speeds = np.maximum(contacts["speed"] / turn_map.velocity, 0.5 * TURN * lasting[of_contact])
-    misses = _misses(turn_map, state, np.linspace(0.0, end, turns * SAMPLES + 1), contacts)
+    miss = _nearest_miss(turn_map, state, np.linspace(0.0, end, turns * SAMPLES + 1), contacts)
     return Passage(tuple(zip(kinds.tolist(), counts.tolist(), strict=True)), float(clear),
                    float((turn_map.phase + direction(turn_map.scene) * best) % TURN), float(speeds.min(initial=np.inf)),
-                   _nearest(turn_map, state, misses), end_and_order(turn_map, state, turns)[1], misses)
+                   miss, end_and_order(turn_map, state, turns)[1])
 
 
 def end_and_order(turn_map: TurnMap, state: np.ndarray, turns: int = 1) -> tuple[TurnEnd, EventOrder]:
@@ -186,38 +163,31 @@ def change_in_words(before: EventOrder, after: EventOrder) -> str:
     return f"other order of {', '.join(moved)}"
 
 
-def _misses(turn_map: TurnMap, state: np.ndarray, times: np.ndarray, contacts: np.ndarray) -> tuple[Miss, ...]:
-    """`Passage.misses`, found in samples at `times` [s]."""
-    device, found = Simulator(turn_map.scene), list[Miss]()
+def _nearest_miss(turn_map: TurnMap, state: np.ndarray, times: np.ndarray, contacts: np.ndarray) -> float:
+    """`Passage.miss`, from samples at `times` [s]; computed exactly where a sample is near."""
+    device, least, near = Simulator(turn_map.scene), math.inf, _EXACT_MISS * turn_map.length
     turn_map.put(device, state)
     run = device.sample(times)
     for side in turn_map.scene.plates:
         gap = getattr(run, f"{side}_plate_position") - getattr(run, f"{side}_position")
         of_side = contacts[contacts["kind"] == side + _CONTACT]
         for number in np.flatnonzero((gap[1:-1] <= gap[:-2]) & (gap[1:-1] < gap[2:])):
-            first, last = times[number], times[number + 2]
+            first, last, distance = float(times[number]), float(times[number + 2]), float(gap[number + 1])
             touches = (of_side["time"] <= last) & (of_side["time"] + of_side["duration"] >= first)
-            if gap[number + 1] > 0.0 and not touches.any():
-                found.append(Miss(side, float(first), float(last), float(gap[number + 1])))
-    return tuple(found)
-
-
-def _nearest(turn_map: TurnMap, state: np.ndarray, misses: tuple[Miss, ...]) -> float:
-    """`Passage.miss`: the least distance of all misses [crank radii], computed exactly where a sample is near."""
-    near = _EXACT_MISS * turn_map.length
-    least = min((least_gap(turn_map, state, miss) if miss.gap < near else miss.gap for miss in misses), default=np.inf)
+            if distance > 0.0 and not touches.any():
+                least = min(least, _least_gap(turn_map, state, side, first, last) if distance < near else distance)
     return least / turn_map.length
 
 
-def least_gap(turn_map: TurnMap, state: np.ndarray, miss: Miss) -> float:
-    """Distance [m] of a mass from its plate where it turns back; 0 where it touches the plate."""
+def _least_gap(turn_map: TurnMap, state: np.ndarray, side: str, first: float, last: float) -> float:
+    """Distance [m] of a mass from its plate where it turns back between two instants [s]; 0 where it touches."""
     device = Simulator(turn_map.scene)
 
-    def apart(time: float, what: str) -> float:
+    def apart(time: float, quantity: str) -> float:
         turn_map.put(device, state)
         device.advance_to(time)
-        return getattr(device.state, f"{miss.side}_plate_{what}") - getattr(device.state, f"{miss.side}_{what}")
+        return getattr(device.state, f"{side}_plate_{quantity}") - getattr(device.state, f"{side}_{quantity}")
 
-    turns_back = apart(miss.first, "velocity") < 0.0 < apart(miss.last, "velocity")
-    turn = brentq(apart, miss.first, miss.last, args=("velocity",), xtol=1e-12) if turns_back else miss.first
+    turns_back = apart(first, "velocity") < 0.0 < apart(last, "velocity")
+    turn = brentq(apart, first, last, args=("velocity",), xtol=1e-12) if turns_back else first
     return max(0.0, apart(turn, "position"))

@@ -2,7 +2,7 @@
 
 import argparse
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
@@ -45,7 +45,7 @@ from vibro_lab.study.figures import (
     set_heading,
     style_axes,
 )
-from vibro_lab.study.table import NUMBERS, Field, Study, are, computed, file_of, table_of
+from vibro_lab.study.table import NUMBERS, Field, Study, computed, file_of, table_of
 from vibro_lab.study.variation import whole_number
 from vibro_ros import STATE_UNITS, Parser, Scene, SimulationError, Value, read_scalar
 
@@ -263,14 +263,7 @@ def study_of(design: Design) -> Study:
         Field("states", NUMBERS, "1", "states of the settled motion at the cut, one after the other, in crank radii "
               "and crank radii times motor speed; of a dc motor see `vibro_lab.orbits.turn_map`"),
         Field("error", pa.string(), "1", "why the start leads nowhere; else null", True)]
-    dimension = len(state_names(design.scene))
-
-    def are_own(numbers: Sequence[int], rows: list[dict]) -> bool:
-        return are(rows, [design.starts.start(number) for number in numbers]) and all(
-            len(row["states"]) == (0 if row["turns"] is None else dimension * (row["turns"] or _KEPT_STATES))
-            for row in rows)
-
-    return Study("starts", design.document(), fields, partial(rows_of, design), are_own,
+    return Study("starts", design.document(), fields, partial(rows_of, design),
                  design.turns * TURN / crank_speed(design.scene), (design.scene["solver.method"],), design.starts.count,
                  _BLOCK_ROWS)
 

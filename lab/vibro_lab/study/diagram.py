@@ -45,7 +45,7 @@ from vibro_lab.study.figures import (
     set_heading,
     style_axes,
 )
-from vibro_lab.study.table import KEY, Field, Study, are, computed, file_of, parameter_field, read_block, stored
+from vibro_lab.study.table import Field, Study, computed, file_of, parameter_field, read_block, stored
 from vibro_lab.study.variation import Axis, at_the_edge, ends_at, varied_in_words, whole_number
 from vibro_ros import PARAMETERS, STATE_UNITS, Parser, Scene
 
@@ -189,27 +189,18 @@ def visit_table(design: Design, folder: Path) -> tuple[pa.Table, tuple[Visit, ..
         *(Field(name, pa.float64(), STATE_UNITS[name], f"at the crank angle {design.phase:.17g}")
           for name in design.names)]
 
-    def are_own(numbers: Sequence[int], rows: list[dict]) -> bool:
-        own = []
-        for number in numbers:
-            of_visit = [row for row in rows if row["visit"] == number]
-            period = of_visit[0]["period"]
-            own += [{"visit": number, "direction": design.direction(number), design.axis.name: design.value(number),
-                     "period": period, "cut": cut} for cut in range(period or CLOUD)]
-        return are(rows, own)
-
     def visits(numbers: Iterable[int]) -> Rows:
         left, last = None, -1
         for number in numbers:
             if number and last != number - 1:
                 block = number // _BLOCK - 1
-                before = cast(pa.Table, read_block(study, folder, block, study.points(block)))
+                before = cast(pa.Table, read_block(study, folder, block))
                 left = _visits_in(design, before)[-1].states[-1]
             one = _visit(design, number, left if number else None)
             left, last = one.states[-1], number
             yield _rows_of(design, one)
 
-    study = Study("values", design.document(), fields, lambda number: [], are_own, 0.0, (), design.visits, _BLOCK)
+    study = Study("values", design.document(), fields, lambda number: [], 0.0, (), design.visits, _BLOCK)
     blocks = {block: study.points(block) for block in range(study.blocks)}
     tables = stored(study, folder, blocks, visits)
     whole = pa.concat_tables([tables[block].replace_schema_metadata() for block in blocks])
@@ -304,7 +295,7 @@ def period_table(design: Design, seen: Sequence[Visit], folder: Path, execution:
     settled = tuple((one.motion.turns, one.states[-1]) for one in seen)
     return computed(Study(
         "motions measured", design.document(), fields, partial(exponents_of, design, settled),
-        lambda own, rows: are(rows, [{"visit": number} for number in own]), run_time, (design.scene["solver.method"],),
+        run_time, (design.scene["solver.method"],),
         design.visits, _BLOCK), folder, execution)
 
 
@@ -397,7 +388,7 @@ def values_table(found: Diagram) -> bytes:
 
 def _file(table: pa.Table, design: Design) -> bytes:
     about = json.dumps({**fingerprint(), "design": design.document()}, ensure_ascii=False).encode()
-    return file_of(table.replace_schema_metadata({KEY: about}))
+    return file_of(table.replace_schema_metadata({b"vibro_ros": about}))
 
 
 _MOST_RANGES = 40  # rows of the printed table; the files contain all

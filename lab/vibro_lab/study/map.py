@@ -6,8 +6,7 @@ before, so that coexisting motions are found. Two visits of one cell have the sa
 mean speeds are close. But two motions of one cell are never the same, even if a path through other cells connects them:
 beyond the end of a fold, where its two sheets meet, nothing separates them.
 
-Where a motion ends, its branch is followed to the special point there (`end_point`), and these points are joined to
-curves. Random starts tell which share of them leads to each motion of a cell with several (`shares`).
+Random starts tell which share of them leads to each motion of a cell with several (`shares`).
 """
 
 import argparse
@@ -24,31 +23,26 @@ import numpy as np
 import pyarrow as pa
 
 from vibro_lab.orbits.attractors import steady_start
-from vibro_lab.orbits.continuation import CORNER, follow, special_points
-from vibro_lab.orbits.family import Family, LostError
 from vibro_lab.orbits.recurrence import SAME, SettledMotion, number_among, settle, tolerance_of
-from vibro_lab.orbits.turn_map import Stroboscope, TurnMap, check_closes, has_sampled_controller, state_names
+from vibro_lab.orbits.turn_map import Stroboscope, TurnMap, state_names
 from vibro_lab.study.command import Progress, Results, StudyCommand, machine_of
 from vibro_lab.study.execution import Execution
 from vibro_lab.study.figures import (
-    BLACK,
     BLUE,
     GREEN,
     ORANGE,
     SKY,
-    VERMILION,
     YELLOW,
     Axes,
     BoundaryNorm,
     Figure,
-    Line2D,
     ListedColormap,
     default_settings,
     new_figure,
     png,
 )
 from vibro_lab.study.measures import MEASURES, REST, WORK, Window, observed
-from vibro_lab.study.table import NUMBERS, Field, Study, are, computed, file_of
+from vibro_lab.study.table import NUMBERS, Field, Study, computed, file_of
 from vibro_lab.study.variation import whole_number
 from vibro_ros import Parser, Scene, SimulationError, Simulator, read_scalar
 
@@ -201,16 +195,6 @@ def design_of(options: argparse.Namespace) -> MapDesign:
     return design
 
 
-def _rows_of_curves(design: MapDesign, asked: int | None) -> range:
-    """Indices of the gaps at which motions are followed to their ends: equally spaced, about as many as `asked`."""
-    count = (0 if has_sampled_controller(design.scene) else min(CURVES, design.gaps.count)) if asked is None else asked
-    if count:
-        check_closes(design.scene)
-    if not 0 <= count <= design.gaps.count:
-        raise ValueError(f"--curves: {count} is out of range; give a number from 0 to {design.gaps.count}, the gaps")
-    return range(0, design.gaps.count, max(1, (design.gaps.count - 1) // max(1, count - 1))) if count else range(0)
-
-
 def _axis(option: str, text: str) -> Axis:
     parts = [read_scalar(part) for part in text.split(":")]
     if len(parts) != 3 or not all(isinstance(part, (int, float)) and not isinstance(part, bool) for part in parts[:2]):
@@ -331,17 +315,10 @@ _VISIT = [
 ]
 def visits_of(design: MapDesign, lines: Path, execution: Execution) -> list[Visit]:
     """Return all visits of a map; lines that are missing in the folder `lines` are swept (see `computed`)."""
-    every, dimension = design.lines(), len(state_names(design.scene))
-
-    def are_own(numbers: Sequence[int], rows: list[dict]) -> bool:
-        cells = [cell for number in numbers for cell in design.cells(every[number])]
-        return are(rows, [{"speed_index": i, "gap_index": j} for i, j in cells]) and all(
-            row["turns"] >= UNSETTLED and len(row["states"]) == dimension * (
-                0 if row["turns"] == UNSETTLED else row["turns"] or _KEPT) for row in rows)
-
+    lines_count, dimension = len(design.lines()), len(state_names(design.scene))
     run_time = _RUN_TIME * max(design.speeds.count, design.gaps.count)
-    rows = computed(Study("lines visited", design.document(), _VISIT, partial(rows_of_line, design), are_own, run_time,
-                          ("exact",), len(every)), lines, execution).to_pylist()
+    rows = computed(Study("lines visited", design.document(), _VISIT, partial(rows_of_line, design), run_time,
+                          ("exact",), lines_count), lines, execution).to_pylist()
     return [Visit(**{**row, "states": np.array(row["states"]).reshape(-1, dimension)}) for row in rows]
 
 
@@ -428,148 +405,6 @@ def _numbers(rows: Sequence[Visit]) -> np.ndarray:
     return numbers
 
 
-LONGEST = 4
-"""Longest period [turns] of motions that are followed to their ends."""
-BEYOND = 3.0
-"""Number of cells over which a motion is followed beyond its last cell."""
-_MOST_STEPS = 60  # along a branch
-_LEAST_RUN = 3  # least number of neighbouring cells of a motion whose ends are followed
-_TILT = 8.0  # rad/s per mm of gap: largest slope of a curve between two gaps
-
-
-class End(NamedTuple):
-    """The last cell of a motion in a row of the grid, in one direction of the motor speed.
-
-    Attributes
-    ----------
-    gap_index, turns : int
-        Row of the grid, and period [turns].
-    motion : int
-        Number of the motion.
-    speed_index : int
-        Index of the last cell's motor speed.
-    direction : int
-        Direction in which the motion ends: 1 upwards, -1 downwards.
-    state : tuple of float
-        State in the last cell, at the cut, in units of the machine.
-    """
-
-    gap_index: int
-    turns: int
-    motion: int
-    speed_index: int
-    direction: int
-    state: tuple[float, ...]
-
-
-class Point(NamedTuple):
-    """Special point at which a motion ends.
-
-    Attributes
-    ----------
-    kind : str
-        Kind of special point, one of `orbits.continuation.KINDS`.
-    turns, motion, direction : int
-        Fields of the `End`.
-    gap_index : int
-        Row of the grid.
-    motor_speed : float
-        Motor speed of the special point [rad/s].
-    """
-
-    kind: str
-    turns: int
-    motion: int
-    direction: int
-    gap_index: int
-    motor_speed: float
-
-
-def ends(found: MotionTable, rows: list[Visit], speeds: Axis, gap_indices: range) -> list[End]:
-    """Find the ends of motions in some rows of the grid, in both directions of the motor speed; not at its borders."""
-    listed = []
-    for gap_index in gap_indices:
-        for motion in np.unique(found.motion[(found.gap_index == gap_index) & (found.motion > PATCHWORK)]).tolist():
-            own = np.flatnonzero((found.gap_index == gap_index) & (found.motion == motion))
-            turns = int(found.turns[own[0]])
-            if not 0 < turns <= LONGEST:
-                continue
-            for run in np.split(own, np.flatnonzero(np.diff(found.speed_index[own]) > 1) + 1):
-                if len(run) >= _LEAST_RUN:
-                    listed += [End(gap_index, turns, motion, int(found.speed_index[row]), direction,
-                                   tuple(rows[row].states[-1].tolist()))
-                               for row, direction, border in ((run[0], -1, 0), (run[-1], 1, speeds.count - 1))
-                               if found.speed_index[row] != border]
-    return listed
-
-
-def end_point(design: MapDesign, end: End) -> Point | None:
-    """Return the special point at which a motion ends; None if none is found within `BEYOND`, or the branch is lost."""
-    span = BEYOND * design.speeds.step
-    here = float(design.speeds.values[end.speed_index])
-    low, high = (here, here + span) if end.direction > 0 else (max(here - span, 0.1 * here), here)
-    try:
-        family = Family(design.scene_at(end.speed_index, end.gap_index), {"motor.speed": (low, high)}, end.turns, PHASE)
-        branch = follow(family, np.append(end.state, family.scaled(here)), float(end.direction))
-        for _, (before, after) in zip(range(_MOST_STEPS), branch, strict=False):
-            for special in special_points(before, after):
-                if special.kind == CORNER:  # the motion goes on
-                    continue
-                return Point(special.kind, end.turns, end.motion, end.direction, end.gap_index, special.point.value)
-    except (LostError, SimulationError, ValueError):
-        pass
-    return None
-
-
-def points_of(design: MapDesign, ends: Sequence[End], execution: Execution) -> list[Point]:
-    """Return the special points of all ends that have one."""
-    with Progress("ends of motions followed", "end", len(ends)) as progress, closing(execution.rows(
-            partial(_point_at, design, tuple(ends)), range(len(ends)), 20.0 * _RUN_TIME, ("exact",))) as found:
-        points = []
-        for point in found:
-            progress.add(1)
-            if point is not None:
-                points.append(point)
-        return points
-
-
-def _point_at(design: MapDesign, ends: tuple[End, ...], number: int) -> Point | None:
-    return end_point(design, ends[number])
-
-
-class Curve(NamedTuple):
-    """Curve on which the motions with a period of `turns` turns end; `kind` is one of `orbits.continuation.KINDS`."""
-
-    kind: str
-    turns: int
-    motor_speed: tuple[float, ...]  # of its points [rad/s]
-    gap: tuple[float, ...]  # of its points [m]
-
-
-def curves(design: MapDesign, points: list[Point], gap_indices: range) -> tuple[Curve, ...]:
-    """Join points of neighbouring gaps to curves, each of at least two points."""
-    lines: list[list[Point]] = []
-    open_lines: list[list[Point]] = []
-    reach = _TILT * 1e3 * gap_indices.step * design.gaps.step + design.speeds.step
-    for gap_index in gap_indices:
-        left = [point for point in points if point.gap_index == gap_index]
-        still_open = []
-        near = [(abs(line[-1].motor_speed - point.motor_speed), line, point) for line in open_lines for point in left
-                if (line[-1].kind, line[-1].motion, line[-1].direction) == (point.kind, point.motion, point.direction)]
-        for distance, line, point in sorted(near, key=lambda one: one[0]):
-            if distance <= reach and point in left and line not in still_open:
-                left.remove(point)
-                line.append(point)
-                still_open.append(line)
-        fresh = [[point] for point in left]
-        lines += fresh
-        open_lines = still_open + fresh
-    values = design.gaps.values
-    return tuple(Curve(line[0].kind, line[0].turns, tuple(float(f"{point.motor_speed:.9g}") for point in line),
-                       tuple(float(f"{values[point.gap_index]:.9g}") for point in line))
-                 for line in lines if len(line) > 1)
-
-
 HISTORIES = 8
 """Random starts of each cell with several motions (`orbits.starts`)."""
 _SAME_SPEED = 0.05  # relative difference of mean speeds up to which a start has led to a motion of the same period
@@ -623,16 +458,15 @@ def _place_among(motion: SettledMotion, motions: Sequence[tuple[int, float]]) ->
 
 @dataclass(frozen=True)
 class MotionMap:
-    """The motions of a design, and the curves on which they end; `share` has the shares of `shares`."""
+    """The motions of a design; `share` has the shares of `shares`."""
 
     design: MapDesign
     found: MotionTable
-    curves: tuple[Curve, ...]
     share: np.ndarray
 
 
 def map_in_words(motion_map: MotionMap, visits: list[Visit]) -> list[str]:
-    """Return lines of text about the map: numbers of motions, mean speeds and curves."""
+    """Return lines of text about the map: numbers of motions, and mean speeds."""
     design, found, share = motion_map.design, motion_map.found, motion_map.share
     cells, counts = np.unique(np.column_stack([found.speed_index, found.gap_index]), axis=0, return_counts=True)
     unsettled = sum(visit.turns == UNSETTLED for visit in visits)
@@ -645,8 +479,6 @@ def map_in_words(motion_map: MotionMap, visits: list[Visit]) -> list[str]:
     if not math.isnan(share[fastest]):
         place += f", {round(share[fastest] * HISTORIES)} of {HISTORIES} random starts"
     tried = _fastest(motion_map, share)[~np.isnan(_fastest(motion_map, share))]
-    kinds = [curve.kind for curve in motion_map.curves]
-    curves = ", ".join(f"{kinds.count(kind)} of {kind}" for kind in dict.fromkeys(kinds))
     return [
         f"{len(cells)} of {design.speeds.count * design.gaps.count} cells have a motion, "
         f"{np.sum(counts > 1)} have more than one; {unsettled} of {len(visits)} visits did not settle",
@@ -656,14 +488,11 @@ def map_in_words(motion_map: MotionMap, visits: list[Visit]) -> list[str]:
         "turns",
         f"mean speeds from {found.mean_speed[slowest] * 1e3:.1f} to {found.mean_speed[fastest] * 1e3:.1f} mm/s "
         f"({place}); {forwards} go forwards",
-        f"curves: {curves or 'none'}",
     ]
 
 
 WIDTH, HEIGHT = 9.6, 11.4  # in
 _PERIODS = (("#dddddd", "none up to 8"), (BLUE, "1"), (SKY, "2"), (GREEN, "3"), (YELLOW, "4"), (ORANGE, "5 to 8"))
-_STYLES = {"fold": (BLACK, "-"), "period doubling": (BLACK, "--"), "Neimark-Sacker": (BLACK, ":"),
-           "grazing": (VERMILION, "-")}
 
 
 @default_settings()
@@ -676,12 +505,6 @@ def draw_map(motion_map: MotionMap) -> bytes:
     _draw_quantity(figure, middle, motion_map, motion_map.share * 100.0, f"share of {HISTORIES} random starts [%]",
                    "magma", (0.0, 100.0))
     _draw_periods(figure, lower, motion_map)
-    for axes in (upper, middle, lower):
-        _draw_curves(axes, motion_map)
-    handles = [Line2D([], [], color=colour, linestyle=style, label=kind) for kind, (colour, style) in _STYLES.items()
-               if any(curve.kind == kind for curve in motion_map.curves)]
-    if handles:
-        figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
     sides = "both plates" if len(motion_map.design.sides) > 1 else f"the {motion_map.design.sides[0]} plate"
     upper.set_title(f"{motion_map.design.scene.name}: motions over motor speed and gap of {sides}", wrap=True)
     middle.set_title("cells with more than one motion: random starts that lead to the fastest", fontsize="medium")
@@ -722,41 +545,15 @@ def _draw_periods(figure: Figure, axes: Axes, motion_map: MotionMap) -> None:
     bar.ax.set_yticklabels([words for _, words in _PERIODS])
 
 
-def _draw_curves(axes: Axes, motion_map: MotionMap) -> None:
-    for curve in motion_map.curves:
-        colour, style = _STYLES[curve.kind]
-        gaps = np.array(curve.gap) * 1e3
-        axes.plot(curve.motor_speed, gaps, color="white", linewidth=2.6)  # else black lines vanish in dark cells
-        axes.plot(curve.motor_speed, gaps, color=colour, linestyle=style, linewidth=1.1)
-    axes.set_xlim(*_edges(motion_map.design.speeds)[[0, -1]])
-    axes.set_ylim(*_edges(motion_map.design.gaps, 1e3)[[0, -1]])
-
-
 TABLE, PICTURE = "motions.parquet", "map.png"
-CURVES = 11
-"""Default number of gaps at which motions are followed to their ends."""
 
 
-class Asked(NamedTuple):
-    """Design of the study: the map, and the indices of the gaps of its curves."""
-
-    design: MapDesign
-    gap_indices: range
-
-
-def _asked(options: argparse.Namespace) -> Asked:
-    design = design_of(options)
-    return Asked(design, _rows_of_curves(design, options.curves))
-
-
-def _results(asked: Asked, folder: Path, execution: Execution) -> Iterator[Results]:
-    design = asked.design
+def _results(design: MapDesign, folder: Path, execution: Execution) -> Iterator[Results]:
     visits = visits_of(design, folder / LINES, execution)
     found, rows = motions(visits, tolerance_of(design.scene))
     if not rows:
         raise RuntimeError("no visit has settled, so that there is no map; give another scene or other speeds")
-    points = points_of(design, ends(found, rows, design.speeds, asked.gap_indices), execution)
-    motion_map = MotionMap(design, found, curves(design, points, asked.gap_indices), shares(design, found, execution))
+    motion_map = MotionMap(design, found, shares(design, found, execution))
     yield Results({TABLE: _table(motion_map, rows), PICTURE: draw_map(motion_map)}, map_in_words(motion_map, visits))
 
 
@@ -782,13 +579,10 @@ def _add_options(parser: Parser) -> None:
                         "a look within a minute")
     parser.add_argument("--gaps", choices=(BOTH, *SIDES), default=BOTH, help="gaps that are varied: of both plates "
                         f"alike, or of one (default: {BOTH})")
-    parser.add_argument("--curves", type=int, metavar="N", help="gaps at which folds, doublings, Neimark-Sacker points "
-                        "and grazings are located, which takes the longest; 0: none, as with a dc motor, whose orbits "
-                        "do not close (default: 11, or all if fewer)")
 
 
 main = StudyCommand(
     "map", "Find the motions of a machine at each motor speed and gap: rows and columns of a grid are swept up and "
     "down, each cell beginning with the state of the one before, so that motions that exist together are found. "
-    "Writes the motions as Parquet, and a picture.", _add_options, _asked, _results,
+    "Writes the motions as Parquet, and a picture.", _add_options, design_of, _results,
     failure="the disk is full, or nothing settles")

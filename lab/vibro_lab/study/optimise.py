@@ -25,7 +25,7 @@ from vibro_lab.study.command import Progress, Results, StudyCommand, machine_of,
 from vibro_lab.study.execution import Execution, computes_with
 from vibro_lab.study.figures import BLACK, GRID, SKY, VERMILION, Axes, Figure, default_settings, new_figure, png
 from vibro_lab.study.space import Space, chosen_variables
-from vibro_lab.study.table import NUMBERS, Field, Study, are, stored
+from vibro_lab.study.table import NUMBERS, Field, Study, stored
 from vibro_lab.study.trials import (
     AIR,
     CHOOSING,
@@ -245,13 +245,7 @@ def searched(plan: Plan, folder: Path, execution: Execution, progress: Progress)
 
 def evaluated(plan: Plan, group: int, points: np.ndarray, folder: Path, execution: Execution) -> np.ndarray:
     """Values of a group of candidates, shape (n, starts, measures), read from its file, or computed and stored."""
-    width = plan.effort.trials.starts * len(MEASURED)
-
-    def are_own(_: Sequence[int], rows: list[dict]) -> bool:
-        return are(rows, [{"point": point} for point in points.tolist()]) and {
-            len(row["values"]) for row in rows} == {width}
-
-    study = Study("robots", plan.identity(), FIELDS, partial(_row_of, plan, points), are_own, plan.run_time,
+    study = Study("robots", plan.identity(), FIELDS, partial(_row_of, plan, points), plan.run_time,
                   (plan.space.scene["solver.method"],), MOST_GROUPS)
     table: pa.Table = stored(study, folder, {group: range(len(points))}, lambda numbers: execution.rows(
         study.rows, numbers, study.run_time, study.methods))[group]

@@ -1,15 +1,15 @@
-"""``study orbits``: branches of periodic orbits over a parameter, and curves of their special points over two.
+"""``study orbits``: branches of periodic orbits over a parameter, and their special points.
 
 Orbits are searched for at some values of the parameter. The branch through each orbit that does not lie on a known
 branch is followed in both directions, then the branches of doubled period from period doublings
-(`followed_branches`). With a second parameter, each special point is followed as a curve (`followed_curves`). A branch
-or curve is a block of a `table.Study`, with one row for each orbit or special point, in its order.
+(`followed_branches`). A branch is a block of a `table.Study`, with one row for each orbit or special point, in its
+order.
 """
 
 import argparse
 import contextlib
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -19,17 +19,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from vibro_lab.orbits.branch import (
-    Branch,
-    Special,
-    branch_from,
-    doubled_branch_from,
-    has_curve,
-    lies_on,
-    passes_through,
-    whole_curve,
-)
-from vibro_lab.orbits.continuation import CORNER, DOUBLING, FOLD, GRAZING, KINDS, TORUS
+from vibro_lab.orbits.branch import Branch, Special, branch_from, doubled_branch_from, lies_on
+from vibro_lab.orbits.continuation import CORNER, DOUBLING, FOLD, GRAZING, TORUS
 from vibro_lab.orbits.family import Family
 from vibro_lab.orbits.orbit import Seed, seeds_of
 from vibro_lab.orbits.starts import running
@@ -52,13 +43,12 @@ from vibro_lab.study.figures import (
     set_heading,
     style_axes,
 )
-from vibro_lab.study.table import NUMBERS, Field, Study, file_of, parameter_field, read_block, stored, table_of
+from vibro_lab.study.table import NUMBERS, Field, Study, check_folder, file_of, parameter_field, stored, table_of
 from vibro_lab.study.variation import Range, varied_in_words, whole_number
 from vibro_ros import PARAMETERS, STATE_UNITS, Parser, Scene, read_scalar, say
 
 BRANCHES, SPECIAL, PICTURE, TEXT = "branches.parquet", "special_points.parquet", "orbits.png", "orbits.md"
-CURVES, CURVE_PICTURE = "curves.parquet", "curves.png"
-FOLDER, CURVES_FOLDER = "branches", "curves"
+FOLDER = "branches"
 MOST_TURNS, MOST_BRANCHES = 32, 10_000
 _QUICK_VARY, _QUICK_FROM = "motor.speed=60:66", 65.0
 # Default, default with --quick, least and largest value of options with a count.
@@ -107,28 +97,7 @@ class Plan:
 
     def family(self, turns: int, phase: float) -> Family:
         """Return the equations of orbits over the range (ValueError for a range that the scene refuses)."""
-        return Family(self.scene, {self.name: (self.low, self.high)}, turns, phase)
-
-
-class CurvePlan(NamedTuple):
-    """Design of a study of curves: those of a plan's special points, over its parameter and a second one.
-
-    The second parameter has a `name`, and a range from `low` to `high` in its unit.
-    """
-
-    plan: Plan
-    name: str
-    low: float
-    high: float
-
-    @property
-    def ranges(self) -> dict[str, tuple[float, float]]:
-        """Ranges of both parameters, by name."""
-        return {self.plan.name: (self.plan.low, self.plan.high), self.name: (self.low, self.high)}
-
-    def document(self) -> dict[str, object]:
-        """Everything that determines the curves, for JSON."""
-        return {**self.plan.document(), "curves": {self.name: {"from": self.low, "to": self.high}}}
+        return Family(self.scene, self.name, (self.low, self.high), turns, phase)
 
 
 class Task(NamedTuple):
@@ -158,18 +127,6 @@ class Task(NamedTuple):
     parent: int | None
 
 
-class CurveTask(NamedTuple):
-    """A curve to follow in one direction of the second parameter, `UP` or `DOWN`, from a special point of a branch.
-
-    `name` is the special point's name in the table of special points.
-    """
-
-    name: str
-    branch: Branch
-    special: Special
-    direction: str
-
-
 def seeds_at(plan: Plan, number: int) -> list[Seed]:
     """Search for orbits at the value `plan.begin[number]`; their states are in the units of their families."""
     scene, found = plan.scene.with_parameters({plan.name: plan.begin[number]}), []
@@ -188,87 +145,67 @@ def branch_of_task(plan: Plan, task: Task) -> Branch:
     return branch_from(family, begin, 1.0 if task.direction == UP else -1.0, plan.points)
 
 
-def curve_of_task(asked: CurvePlan, task: CurveTask) -> Branch:
-    """Follow the curve of a task."""
-    return whole_curve(task.branch, task.special, asked.ranges, task.direction == UP, asked.plan.points)
-
-
 def rows_of(branch: Branch) -> list[dict]:
-    """Return the rows of a branch or curve; one row with the reason if it has no orbit."""
-    over_one = len(branch.names) == 1
+    """Return the rows of a branch; one row with the reason if it has no orbit."""
+    def row(point: Any, value: float, multipliers: np.ndarray, other: dict) -> dict:
+        return {branch.name: value, "turns": branch.turns, "multipliers_real": multipliers.real,
+                "multipliers_imag": multipliers.imag, **point, **other}
 
-    def row(values: np.ndarray | float, one: Any, multipliers: np.ndarray) -> dict:
-        return {**dict(zip(branch.names, np.atleast_1d(values).tolist(), strict=True)), **one, "turns": branch.turns,
-                "multipliers_real": multipliers.real, "multipliers_imag": multipliers.imag,
-                **({} if over_one else {"kind": branch.kind})}
-
-    rows = [row(branch.values[k], {
-        "mean_speed": branch.mean_speeds[k], "phase": branch.phases[k], "state": branch.states[k],
-        **({"stable": bool(branch.stable[k])} if over_one else {}),
-        **{name: values[k] for name, values in branch.strobe.items()}}, branch.multipliers[k])
-        for k in range(len(branch))]
-    for number, one in enumerate(branch.special_points):
-        rows.insert(one.at + number, row(one.values, {
-            "mean_speed": one.mean_speed, "phase": one.phase, "state": one.state, "change": one.change or None,
-            **({"kind": one.kind, "width": one.width} if over_one else {"point": one.kind})}, one.multipliers))
+    rows = [row({"mean_speed": branch.mean_speeds[k], "phase": branch.phases[k], "state": branch.states[k]},
+                branch.values[k], branch.multipliers[k],
+                {"stable": bool(branch.stable[k]), **{name: values[k] for name, values in branch.strobe.items()}})
+            for k in range(len(branch))]
+    for number, special in enumerate(branch.special_points):
+        rows.insert(special.at + number, row(
+            {"mean_speed": special.mean_speed, "phase": special.phase, "state": special.state}, special.value,
+            special.multipliers,
+            {"kind": special.kind, "width": special.width, "change": special.change or None}))
     if not rows:
-        rows = [row(np.full(len(branch.names), math.nan), {"mean_speed": math.nan, "phase": math.nan, "state": []},
-                    np.empty(0))]
+        rows = [row({"mean_speed": math.nan, "phase": math.nan, "state": []}, math.nan, np.empty(0), {})]
     rows[-1]["end"] = branch.end
     return rows
 
 
-def branch_in(table: pa.Table, scene: Scene, names: tuple[str, ...]) -> Branch:
-    """Return the branch over one parameter, or curve over two, that a block's table contains."""
+def branch_in(table: pa.Table, scene: Scene, name: str) -> Branch:
+    """Return the branch that a block's table contains."""
     rows = table.to_pylist()
-    turns, end, kind = int(rows[0]["turns"]), rows[-1]["end"], "" if len(names) == 1 else rows[0]["kind"]
-    n = len(rows[0]["state"]) or 1
+    turns, n = int(rows[0]["turns"]), len(rows[0]["state"]) or 1
     orbits, special = list[dict](), list[Special]()
     for row in rows:
-        point = row["kind" if len(names) == 1 else "point"]
-        if point is not None:
+        if row["kind"] is not None:
             special.append(Special(
-                point, row["mean_speed"], _multipliers_of(row), row["change"] or "", row["phase"],
-                np.array(row["state"]), len(orbits), np.array([row[name] for name in names]), row.get("width", 0.0)))
+                row["kind"], row["mean_speed"], _multipliers_of(row), row["change"] or "", row["phase"],
+                np.array(row["state"]), len(orbits), row[name], row["width"]))
         elif row["state"]:
             orbits.append(row)
 
-    def column(name: str) -> np.ndarray:
-        return np.array([row[name] for row in orbits], dtype=float)
+    def column(key: str) -> np.ndarray:
+        return np.array([row[key] for row in orbits], dtype=float)
 
     return Branch(
-        scene, names, kind, turns, column(names[0]) if len(names) == 1 else np.column_stack(list(map(column, names))),
-        column("mean_speed"), np.array([_multipliers_of(row) for row in orbits], dtype=complex).reshape(-1, n),
-        column("phase"), column("state").reshape(-1, n),
-        {one: column(one).reshape(-1, turns) for one in state_names(scene)} if len(names) == 1 else {},
-        tuple(special), end)
+        scene, name, turns, column(name), column("mean_speed"),
+        np.array([_multipliers_of(row) for row in orbits], dtype=complex).reshape(-1, n), column("phase"),
+        column("state").reshape(-1, n), {key: column(key).reshape(-1, turns) for key in state_names(scene)},
+        tuple(special), rows[-1]["end"])
 
 
 def _multipliers_of(row: dict[str, Any]) -> np.ndarray:
     return np.array(row["multipliers_real"]) + 1j * np.array(row["multipliers_imag"])
 
 
-def fields_of(plan: Plan, names: Sequence[str]) -> list[Field]:
-    """Return the columns of a branch over one parameter, or of a curve over two."""
-    if len(names) == 1:
-        each = "each time the crank passes the angle 0; null for a special point"
-        own = [
-            Field("kind", pa.string(), "1", "of a special point; null for an orbit between them", True),
-            parameter_field(plan.name),
-            Field("width", pa.float64(), PARAMETERS[plan.name].unit or "1", "of the interval that holds the special "
-                  "point", True),
-            Field("stable", pa.bool_(), "1", "whether small disturbances die out; null for a special point", True),
-            *(Field(name, NUMBERS, STATE_UNITS[name], each, True) for name in state_names(plan.scene))]
-    else:
-        own = [Field("kind", pa.string(), "1", "of the special points that the curve is made of"),
-               Field("point", pa.string(), "1", "change of events; null for an orbit between them", True),
-               *map(parameter_field, names)]
+def fields_of(plan: Plan) -> list[Field]:
+    """Return the columns of a branch."""
+    each = "each time the crank passes the angle 0; null for a special point"
     return [
-        *own,
+        Field("kind", pa.string(), "1", "of a special point; null for an orbit between them", True),
+        parameter_field(plan.name),
+        Field("width", pa.float64(), PARAMETERS[plan.name].unit or "1", "of the interval that holds the special point",
+              True),
+        Field("stable", pa.bool_(), "1", "whether small disturbances die out; null for a special point", True),
+        *(Field(name, NUMBERS, STATE_UNITS[name], each, True) for name in state_names(plan.scene)),
         Field("turns", pa.int64(), "1", "of the crank, after which the motion repeats itself"),
         Field("mean_speed", pa.float64(), "m/s", "of the body, forwards positive"),
-        Field("multipliers_real", NUMBERS, "1", "Floquet multipliers, the largest first; along a curve of grazings "
-              "those without the contact"),
+        Field("multipliers_real", NUMBERS, "1", "Floquet multipliers, the largest first"),
         Field("multipliers_imag", NUMBERS, "1", "their imaginary parts"),
         Field("phase", pa.float64(), "rad", "crank angle at the cut"),
         Field("state", NUMBERS, "1", "at the cut, in units of the machine"),
@@ -276,48 +213,14 @@ def fields_of(plan: Plan, names: Sequence[str]) -> list[Field]:
         Field("end", pa.string(), "1", "why the orbits were not followed further; in the last row", True)]
 
 
-def study_of(asked: Plan | CurvePlan, follow: Callable[[Any, Any], Branch], tasks: Mapping[int, Any]) -> Study:
-    """Return the study of a plan's branches or curves, each of which is a block."""
-    plan, names = (asked, [asked.name]) if isinstance(asked, Plan) else (asked.plan, list(asked.ranges))
-    coordinates = state_names(plan.scene)
-
-    def are_own(_: Sequence[int], rows: list[dict]) -> bool:
-        strobe = coordinates if len(names) == 1 else ()
-        return (
-            [row["end"] is not None for row in rows] == [*[False] * (len(rows) - 1), True]
-            and len({row["turns"] for row in rows}) == 1 and {row["kind"] for row in rows} <= {None, *KINDS}
-            and all(len(row[name]) == (len(coordinates) if rows[0]["state"] else 0)
-                    for row in rows for name in ("state", "multipliers_real", "multipliers_imag"))
-            and all(len(row[name] or ()) == (row["turns"] if row["kind"] is None and row["state"] else 0)
-                    for row in rows for name in strobe))
-
-    return Study("branches followed" if isinstance(asked, Plan) else "curves followed", asked.document(),
-                 fields_of(plan, names), partial(_rows_of_task, asked, follow, tasks), are_own, _RUN_TIME,
+def study_of(plan: Plan, tasks: Mapping[int, Task]) -> Study:
+    """Return the study of a plan's branches, each of which is a block."""
+    return Study("branches followed", plan.document(), fields_of(plan), partial(_rows_of_task, plan, tasks), _RUN_TIME,
                  (plan.scene["solver.method"],), MOST_BRANCHES)
 
 
-def _rows_of_task(asked: Any, follow: Callable[[Any, Any], Branch], tasks: Mapping[int, Any], number: int
-                  ) -> list[dict]:
-    return rows_of(follow(asked, tasks[number]))
-
-
-def _follow_tasks(study: Study, scene: Scene, names: tuple[str, ...], tasks: Mapping[int, Any], folder: Path,
-              execution: Execution, line_before: Callable[[int], str]) -> list[tuple[Any, Branch]]:
-    """Return tasks with their branches, read from their blocks or computed.
-
-    `line_before` returns the line that is printed before a number is computed.
-    """
-    if tasks and max(tasks) >= MOST_BRANCHES:
-        raise RuntimeError(f"there are more than {MOST_BRANCHES} branches or curves; give fewer --turns or smaller "
-                           "ranges")
-
-    def follow(numbers: Iterable[int]) -> Rows:
-        for number in numbers:
-            say("study", line_before(number))
-        return execution.rows(study.rows, numbers, study.run_time, study.methods)
-
-    tables = stored(study, folder, {number: [number] for number in tasks}, follow)
-    return [(task, branch_in(tables[number], scene, names)) for number, task in tasks.items()]
+def _rows_of_task(plan: Plan, tasks: Mapping[int, Task], number: int) -> list[dict]:
+    return rows_of(branch_of_task(plan, tasks[number]))
 
 
 _SAME_DOUBLING = 1e-6  # share of the range within which period doublings of two branches are the same
@@ -339,16 +242,24 @@ def followed_branches(plan: Plan, folder: Path, execution: Execution) -> list[tu
 
     def follow(tasks: Sequence[Task]) -> None:
         numbered = dict(enumerate(tasks, len(done)))
+        if numbered and max(numbered) >= MOST_BRANCHES:
+            raise RuntimeError(f"there are more than {MOST_BRANCHES} branches; give fewer --turns or a smaller range")
 
         def said(number: int) -> str:
             task = numbered[number]
             return (f"branch {number}: {_turns(task.turns)}, {task.direction} from {plan.name} = {task.value:.9g}, at "
                     f"most {plan.points} orbits")
 
-        done.extend(_follow_tasks(study_of(plan, branch_of_task, numbered), plan.scene, (plan.name,), numbered, folder,
-                              execution, said))
+        def rows_of_blocks(numbers: Iterable[int]) -> Rows:
+            for number in numbers:
+                say("study", said(number))
+            return execution.rows(study.rows, numbers, study.run_time, study.methods)
 
-    read_block(study_of(plan, branch_of_task, {}), folder, 0, [0])  # refuses files of another study before the search
+        study = study_of(plan, numbered)
+        tables = stored(study, folder, {number: [number] for number in numbered}, rows_of_blocks)
+        done.extend((task, branch_in(tables[number], plan.scene, plan.name)) for number, task in numbered.items())
+
+    check_folder(study_of(plan, {}), folder)  # refuses files of another study before the search
     found = list[list[Seed]]()
     with contextlib.closing(execution.rows(partial(seeds_at, plan), range(len(plan.begin)), _RUN_TIME, (
             plan.scene["solver.method"],))) as results, Progress("orbits looked for", "value", len(plan.begin)) as bar:
@@ -390,28 +301,6 @@ def _doublings(plan: Plan, done: Sequence[tuple[Task, Branch]], begun: set[tuple
     return tasks
 
 
-def followed_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]], folder: Path,
-                    execution: Execution) -> list[tuple[CurveTask, Branch]]:
-    """Follow the curves of the branches' special points, in both directions of the second parameter.
-
-    A special point that lies on a known curve is not followed again. Errors are those of `followed_branches`.
-    """
-    found: list[tuple[CurveTask, Branch]] = []
-    for _, branch, name, special in special_points_of(done):
-        if has_curve(special) and not any(passes_through(curve, branch, special, asked.ranges) for _, curve in found):
-            tasks = dict(enumerate([CurveTask(name, branch, special, direction) for direction in (UP, DOWN)],
-                                   len(found)))
-
-            def said(number: int, tasks: dict[int, CurveTask] = tasks) -> str:
-                task = tasks[number]
-                return (f"curve of {task.name}, {task.special.kind} at {asked.plan.name} = {task.special.value:.9g}, "
-                        f"{task.direction} in {asked.name}, at most {asked.plan.points} orbits")
-
-            found += _follow_tasks(study_of(asked, curve_of_task, tasks), asked.plan.scene, tuple(asked.ranges), tasks,
-                               folder, execution, said)
-    return found
-
-
 LETTERS = {FOLD: "F", DOUBLING: "P", TORUS: "N", GRAZING: "G", CORNER: "C"}
 """First letter of a special point's name in picture and table, by its kind."""
 
@@ -449,22 +338,6 @@ def document(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def curve_document(asked: CurvePlan, found: Sequence[tuple[CurveTask, Branch]]) -> str:
-    """Return the tables of curves, in Markdown, as the last part of the page."""
-    first, second = map(of_parameter, asked.ranges)
-    lines = ["", f"## Curves over {' and '.join(asked.ranges)}", "", "![Curves](curves.png)", "",
-             f"| through | kind | turns | {asked.name} | orbits | {first} | {second} | ends |",
-             "|---|---|---|---|---|---|---|---|"]
-    for task, curve in found:
-        ranges = [f"{column.min():.6g} to {column.max():.6g}" for column in curve.values.T] if len(curve) else ["", ""]
-        lines.append(f"| {task.name} | {task.special.kind} | {task.branch.turns} | {task.direction} | {len(curve)} | "
-                     f"{' | '.join(ranges)} | {curve.end} |")
-    lines += ["", f"| on the curve through | point | {first} | {second} | what happens |", "|---|---|---|---|---|"]
-    lines += [f"| {task.name} | {one.kind} | {one.values[0]:.9g} | {one.values[1]:.9g} | {one.change} |"
-              for task, curve in found for one in curve.special_points]
-    return "\n".join(lines) + "\n"
-
-
 def in_words(done: Sequence[tuple[Task, Branch]]) -> Iterator[str]:
     """Yield one line of text for each branch."""
     every = list(special_points_of(done))
@@ -473,12 +346,6 @@ def in_words(done: Sequence[tuple[Task, Branch]]) -> Iterator[str]:
                             if of == number and one.kind != CORNER)
         yield (f"branch {number}, {_turns(branch.turns)}: {len(branch)} orbits {_begin(task)}; "
                f"{special + '; ' if special else ''}{branch.end}")
-
-
-def curves_in_words(found: Sequence[tuple[CurveTask, Branch]]) -> Iterator[str]:
-    """Yield one line of text for each curve and direction."""
-    for task, curve in found:
-        yield f"{task.special.kind} curve through {task.name}, {task.direction}: {len(curve)} orbits; {curve.end}"
 
 
 def stable_ranges(branch: Branch) -> list[tuple[float, float]]:
@@ -517,9 +384,8 @@ def _multipliers(values: np.ndarray) -> str:
     return ", ".join(shown)
 
 
-# Colours of branches by their turns, with 0 for all others; and of curves by their kinds.
+# Colours of branches by their turns, with 0 for all others.
 _COLOURS = {1: BLACK, 2: BLUE, 3: VERMILION, 4: GREEN, 8: PURPLE, 0: ORANGE}
-_CURVE_COLOURS, _STYLES = {FOLD: VERMILION, DOUBLING: BLUE, GRAZING: BLACK}, {FOLD: "-", DOUBLING: "--", GRAZING: ":"}
 MARKS = {FOLD: ("s", 5.0), DOUBLING: ("o", 5.0), TORUS: ("D", 5.0), GRAZING: ("^", 5.5), CORNER: (".", 3.5)}
 _MOST_NAMES = 24  # largest number of labels in the picture
 _CELLS = 50.0  # cells along each axis of a panel; special points of one cell share a label
@@ -584,53 +450,10 @@ def _legend(branches: Sequence[Branch]) -> list[Line2D]:
                     for kind, (mark, size) in MARKS.items() if kind in kinds]
 
 
-@default_settings()
-def draw_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]],
-                found: Sequence[tuple[CurveTask, Branch]]) -> bytes:
-    """Draw all curves, and the special points of the branches that they begin with; returns a PNG file."""
-    figure = new_figure(8.0, 5.4)
-    axes, base = figure.subplots(), asked.plan.scene[asked.name]
-    for _, curve in found:
-        if len(curve):
-            axes.plot(*curve.values.T, _STYLES[curve.kind], color=_CURVE_COLOURS[curve.kind], lw=1.4)
-    margin = 0.02 * (asked.high - asked.low)
-    axes.set(xlim=(asked.plan.low, asked.plan.high), ylim=(asked.low - margin, asked.high + margin),
-             xlabel=of_parameter(asked.plan.name), ylabel=of_parameter(asked.name))
-    begins = [(name, one) for _, _, name, one in special_points_of(done) if has_curve(one)]
-    for _, one in begins:
-        mark, size = MARKS[one.kind]
-        axes.plot(one.value, base, mark, ms=size, color=_CURVE_COLOURS[one.kind], mfc="white", zorder=4)
-    _write_names(axes, [(name, one.value, base) for name, one in begins])
-    style_axes(axes)
-    kinds = [kind for kind in _CURVE_COLOURS if any(curve.kind == kind for _, curve in found)]
-    if kinds:
-        axes.legend(handles=[Line2D([], [], ls=_STYLES[kind], color=_CURVE_COLOURS[kind], marker=MARKS[kind][0],
-                                    ms=MARKS[kind][1], mfc="white", label=kind) for kind in kinds], frameon=False)
-    set_heading(figure, f"{asked.plan.scene.name}: special points over {' and '.join(asked.ranges)}")
-    return png(figure)
-
-
-class Request(NamedTuple):
-    """Design of the study: branches, and optionally the curves of their special points."""
-
-    plan: Plan
-    curves: CurvePlan | None
-
-
-def _request(options: argparse.Namespace) -> Request:
-    plan = plan_of(options)
-    return Request(plan, curves_of(options, plan) if options.curves else None)
-
-
-def _results(asked: Request, folder: Path, execution: Execution) -> Iterator[Results]:
-    plan, curves = asked
+def _results(plan: Plan, folder: Path, execution: Execution) -> Iterator[Results]:
     done = followed_branches(plan, folder / FOLDER, execution)
     yield Results(_files(plan, done), list(in_words(done)) or [
         "no orbit was found; give more --starts, --turns, or another --from"])
-    if curves:
-        found = followed_curves(curves, done, folder / CURVES_FOLDER, execution)
-        yield Results(_curve_files(curves, done, found), list(curves_in_words(found)) or [
-            "no special point has a curve"])
 
 
 def plan_of(options: argparse.Namespace) -> Plan:
@@ -666,20 +489,6 @@ def plan_of(options: argparse.Namespace) -> Plan:
     return plan
 
 
-def curves_of(options: argparse.Namespace, plan: Plan) -> CurvePlan:
-    """Make the plan of the curves from the option `--curves` (ValueError)."""
-    name, over = varied_in_words(options.curves)
-    if not isinstance(over, Range) or over.log:
-        raise ValueError(f"--curves {options.curves}: is no range; give NAME=LOW:HIGH, such as upper.gap=0:0.002")
-    if name == plan.name:
-        raise ValueError(f"--curves {options.curves}: {name} is the parameter of --vary; give another one")
-    Family(plan.scene, {name: (over.low, over.high)}, 1, 0.0)  # refuses a parameter that is not numeric, or its range
-    if not over.low <= plan.scene[name] <= over.high:
-        raise ValueError(f"--curves {options.curves}: does not hold the machine's {plan.scene[name]:g}; give a range "
-                         "that holds it, or another --set")
-    return CurvePlan(plan, name, over.low, over.high)
-
-
 def _files(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> dict[str, bytes]:
     """Contents of tables, text and picture by file name; no tables without a branch."""
     names = iter([name for _, _, name, _ in special_points_of(done)])
@@ -689,27 +498,13 @@ def _files(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> dict[str, bytes]:
     if rows:
         own = [Field("branch", pa.int64(), "1", "number of the branch"),
                Field("name", pa.string(), "1", "of a special point, as in the picture", True)]
-        whole = table_of(rows, [*own, *fields_of(plan, [plan.name])])
+        whole = table_of(rows, [*own, *fields_of(plan)])
         files = {BRANCHES: file_of(whole), SPECIAL: file_of(whole.filter(pc.is_valid(whole["kind"])))}
     return {**files, TEXT: document(plan, done).encode(), PICTURE: draw_orbits(plan, done)}
 
 
-def _curve_files(asked: CurvePlan, done: Sequence[tuple[Task, Branch]],
-                 found: Sequence[tuple[CurveTask, Branch]]) -> dict[str, bytes]:
-    """Contents of the curves' table, text and picture by file name; the text includes that of the branches."""
-    rows = [{"through": task.name, "way": task.direction, **row} for task, curve in found if len(curve)
-            for row in rows_of(curve)]
-    own = [Field("through", pa.string(), "1", "name of the special point that the curve begins with"),
-           Field("way", pa.string(), "1", f"from there in {asked.name}")]
-    files = {CURVES: file_of(table_of(rows, [*own, *fields_of(asked.plan, list(asked.ranges))]))} if rows else {}
-    text = document(asked.plan, done) + curve_document(asked, found)
-    return {**files, TEXT: text.encode(), CURVE_PICTURE: draw_curves(asked, done, found)}
-
-
 def _add_options(own: Parser) -> None:
     own.add_argument("--vary", metavar="NAME=LOW:HIGH", help="the parameter that changes, and its range")
-    own.add_argument("--curves", metavar="NAME=LOW:HIGH", help="a second parameter, over which the special points are "
-                     "followed as curves, and its range")
     own.add_argument("--from", dest="begin", action="append", default=[], metavar="VALUE", help="where orbits are "
                      "looked for; repeatable (default: at a quarter, a half and three quarters of the range)")
     own.add_argument("--turns", type=int, metavar="N", help="most turns of the crank after which an orbit repeats "
@@ -723,5 +518,5 @@ def _add_options(own: Parser) -> None:
 
 main = StudyCommand(
     "orbits", "Look for periodic orbits, stable and unstable, follow their branches over a parameter, through folds, "
-    "grazings and corners, and from period doublings on; locate and name special points.", _add_options, _request,
+    "grazings and corners, and from period doublings on; locate and name special points.", _add_options, plan_of,
     _results)

@@ -55,7 +55,7 @@ from vibro_lab.study.measures import (
     drift_in,
     measure_with_motion,
 )
-from vibro_lab.study.table import NUMBERS, Field, Study, are, computed
+from vibro_lab.study.table import NUMBERS, Field, Study, computed
 from vibro_lab.study.variation import (
     SAMPLERS,
     Axis,
@@ -335,15 +335,8 @@ def study_of(design: Design) -> Study:
     starts = min(max(design.starts, 1), PART)
     run_time = (design.settling + design.duration) * starts
     block = max(1, min(_BLOCK_ROWS // starts, int(_BLOCK_TIME / run_time)))
-    return Study("sweep", design.document(), fields_of(design), partial(rows_of, design), partial(_rows_belong, design),
-                 run_time, cast(tuple[str, ...], methods), design.points * design.parts, block)
-
-
-def _rows_belong(design: Design, numbers: Sequence[int], rows: list[dict]) -> bool:
-    own = [{"point": point, "start": start, **design.changes(point)}
-           for point, starts in map(design.runs, numbers) for start in starts]
-    return are(rows, own) and all(not row["states"] if row["turns"] is None else row["turns"] >= 0 and row["states"] and
-                                  len(row["states"]) % (row["turns"] or KEPT_STATES) == 0 for row in rows)
+    return Study("sweep", design.document(), fields_of(design), partial(rows_of, design), run_time,
+                 cast(tuple[str, ...], methods), design.points * design.parts, block)
 
 
 def rows_of(design: Design, number: int) -> list[dict]:

@@ -3,16 +3,14 @@
 `Study` defines the rows. `computed` returns its whole table: it reads the blocks that are complete, lets the others be
 computed, and writes each block as soon as it is complete.
 
-A block is a Parquet file whose bytes depend only on the study. The metadata of its schema contain, under the key
-`vibro_ros`, the version, the whole design and the number of the block, and, under `digest`, a digest of these and of
-the values, which detects damage; every column has its unit and meaning. A file is complete or absent: it is written
-under a temporary name, flushed to the disk and renamed. A digest can be forged, so a file is accepted only if it also
-has the columns of the study and the rows of its points.
+A folder has a file `design.json` with the version and the whole design, and its blocks belong to this design: a study
+with another one refuses the folder. A block is a Parquet file whose bytes depend only on the study; every column has
+its unit and meaning, and every page a checksum, by which damage is detected. A file is complete or absent: it is
+written under a temporary name, flushed to the disk and renamed.
 """
 
 import contextlib
 import errno
-import hashlib
 import io
 import json
 import os
@@ -29,7 +27,8 @@ from vibro_lab.study.command import Progress
 from vibro_lab.study.execution import Execution, Rows, fingerprint
 from vibro_ros import PARAMETERS, is_temporary, read_file, replace_file, say
 
-KEY, _DIGEST = b"vibro_ros", b"digest"
+DESIGN = "design.json"
+"""File of a folder that has the version and the design of the study to which its blocks belong."""
 NUMBERS = pa.list_(pa.field("element", pa.float64(), nullable=False))
 """Type of a list of numbers; the items are named as in a file that is read back."""
 _LARGEST, _MOST_ROWS = 2**28, 2**20  # largest file of a block [bytes], and its rows, because few bytes can encode many
@@ -71,9 +70,6 @@ class Study:
     rows : callable
         Returns the rows of a point from its number, on which alone they depend. It must be picklable for other
         processes.
-    are_own : callable
-        Whether rows, whose columns have the right types, belong to the points of given numbers; it may raise instead of
-        returning False.
     run_time : float
         Approximate simulated time of a point [s].
     methods : tuple of str
@@ -88,7 +84,6 @@ class Study:
     design: dict
     fields: Sequence[Field]
     rows: Callable[[int], list[dict]]
-    are_own: Callable[[Sequence[int], list[dict]], bool]
     run_time: float
     methods: tuple[str, ...]
     count: int
@@ -129,11 +124,11 @@ def stored(study: Study, folder: Path, blocks: Mapping[int, Sequence[int]],
     Existing blocks are read. `compute` yields, in order, the rows of the other blocks' points, and each block is
     written when it is complete; a block without rows leaves no file. Errors are those of `computed`.
     """
-    _check_folder(study, folder)
+    check_folder(study, folder)
     tables: dict[int, pa.Table] = {}
     with Progress("blocks checked", "block", len(blocks)) as progress:
-        for block, numbers in blocks.items():
-            if (table := read_block(study, folder, block, numbers)) is not None:
+        for block in blocks:
+            if (table := read_block(study, folder, block)) is not None:
                 tables[block] = table
             progress.add(1)
     missing = {block: numbers for block, numbers in blocks.items() if block not in tables}
@@ -155,70 +150,67 @@ def path_of(folder: Path, block: int) -> Path:
     return folder / f"block_{block:06d}.parquet"
 
 
-def read_block(study: Study, folder: Path, block: int, numbers: Sequence[int]) -> pa.Table | None:
-    """Read the table of a block; None if there is no file, or if it is damaged or has rows of other points.
-
-    Raises
-    ------
-    ForeignBlockError
-        For a file of another design or version; the message names the first difference.
-    OSError
-        For a file that cannot be read.
-    """
+def read_block(study: Study, folder: Path, block: int) -> pa.Table | None:
+    """Read the table of a block; None if there is no file, or if it is damaged (OSError if it cannot be read)."""
     path = path_of(folder, block)
     if not path.exists():
         return None
     data = read_file(path, _LARGEST, follow=False)
     try:
         file = pq.ParquetFile(io.BytesIO(data), page_checksum_verification=True)
-        if file.metadata.num_rows > _MOST_ROWS:
-            raise ValueError
-        table = file.read()
-        document, digest = table.schema.metadata[KEY], table.schema.metadata[_DIGEST]
-        if _digest(document, table) != digest:
-            raise ValueError
-        theirs = json.loads(document)
-    except (*_DAMAGE_ERRORS, OSError, RecursionError):
-        _say_damaged(path)
-        return None
-    if document != _document(study, block):
-        raise ForeignBlockError(f"{path}: is of another study ({_difference(theirs, _identity(study))}); give another "
-                                "--output, or delete that folder")
-    try:
-        own = table.schema.equals(schema_of(study.fields)) and study.are_own(numbers, table.to_pylist())
-    except _DAMAGE_ERRORS:
-        own = False
-    if not own:
-        _say_damaged(path)
-    return table if own else None
-
-
-def _say_damaged(path: Path) -> None:
+        if file.metadata.num_rows <= _MOST_ROWS and file.schema_arrow.equals(
+                schema_of(study.fields), check_metadata=True):
+            return file.read()
+    except (*_DAMAGE_ERRORS, OSError):
+        pass
     say("study", f"{path}: is damaged; it is computed again")
+    return None
 
 
-def _check_folder(study: Study, folder: Path) -> None:
-    """Make the folder, or delete files of an interrupted write in it (ForeignBlockError for files of another study)."""
+def check_folder(study: Study, folder: Path) -> None:
+    """Make the folder with its design, or delete files of an interrupted write in it.
+
+    Raises
+    ------
+    ForeignBlockError
+        For a folder of another design or version, with the first difference, and for files of others.
+    OSError, RuntimeError
+        As `computed`.
+    """
     folder.mkdir(exist_ok=True)
-    for name in sorted(os.listdir(folder)):
-        found = re.fullmatch(r"\.?(block_(\d{6})\.parquet)(\.\w+)?", name)
-        own = found[1] if found and int(found[2]) < study.blocks else ""
-        if own and is_temporary(name):
+    identity, path, remedy = _identity(study), folder / DESIGN, "give another --output, or delete that folder"
+    names = sorted(os.listdir(folder))
+    if DESIGN in names:
+        text = read_file(path, _LARGEST, follow=False)
+        try:
+            theirs = json.loads(text)
+        except (ValueError, RecursionError):
+            raise ForeignBlockError(f"{path}: is damaged; {remedy}") from None
+        if theirs != identity:
+            raise ForeignBlockError(f"{path}: is of another study ({_difference(theirs, identity)}); {remedy}")
+    for name in names:
+        match = re.fullmatch(r"\.?(design\.json|block_(\d{6})\.parquet)(\.\w+)?", name)
+        if match and is_temporary(name):
             (folder / name).unlink()
-        elif name != own:
-            raise ForeignBlockError(f"{folder / name}: is no block of this study; give another --output, or delete "
-                                    "that folder")
+        elif not match or name != match[1] or match[2] and not (DESIGN in names and int(match[2]) < study.blocks):
+            raise ForeignBlockError(f"{folder / name}: is no block of this study; {remedy}")
+    if DESIGN not in names:
+        _replace(path, (json.dumps(identity, indent=1, ensure_ascii=False) + "\n").encode())
 
 
 def _write(study: Study, folder: Path, block: int, rows: Sequence[dict]) -> pa.Table:
-    """Write a block to the disk, replacing an older file (RuntimeError with the remedy); returns its table."""
-    table, document, path = table_of(rows, study.fields), _document(study, block), path_of(folder, block)
-    table = table.replace_schema_metadata({KEY: document, _DIGEST: _digest(document, table)})
-    if not rows:
-        return table
+    """Write a block to the disk, replacing an older file; returns its table."""
+    table = table_of(rows, study.fields)
+    if rows:
+        _replace(path_of(folder, block), file_of(table))
+    return table
+
+
+def _replace(path: Path, data: bytes) -> None:
+    """Write a file to the disk, replacing an older one (RuntimeError with the remedy)."""
     try:
-        replace_file(path, file_of(table))
-        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        replace_file(path, data)
+        descriptor = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
         try:
             os.fsync(descriptor)
         finally:
@@ -227,13 +219,6 @@ def _write(study: Study, folder: Path, block: int, rows: Sequence[dict]) -> pa.T
         remedy = "free some room" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "let it be written"
         raise RuntimeError(f"{path}: {error.strerror}; {remedy}. The blocks before it are kept; the same command goes "
                            "on from there") from error
-    return table
-
-
-def are(rows: Sequence[dict], expected: Sequence[dict]) -> bool:
-    """Whether there are as many rows as `expected`, and each has the expected values."""
-    return len(rows) == len(expected) and all(
-        row[name] == value for row, own in zip(rows, expected, strict=True) for name, value in own.items())
 
 
 def table_of(rows: Sequence[dict], fields: Sequence[Field]) -> pa.Table:
@@ -255,17 +240,8 @@ def file_of(table: pa.Table) -> bytes:
 
 
 def _identity(study: Study) -> dict:
-    return {**fingerprint(), "design": study.design, "blocks": study.blocks}
-
-
-def _document(study: Study, block: int) -> bytes:
-    return json.dumps({**_identity(study), "block": block}, ensure_ascii=False).encode()
-
-
-def _digest(document: bytes, table: pa.Table) -> bytes:
-    """Digest of a file's description of its study, of its columns, and of all its values to the last bit."""
-    columns = [(one.name, str(one.type), sorted((one.metadata or {}).items())) for one in table.schema]
-    return hashlib.sha256(document + repr((columns, table.to_pylist())).encode()).hexdigest().encode()
+    """Version and design of a study, with lists in place of tuples, as JSON has them."""
+    return json.loads(json.dumps({**fingerprint(), "design": study.design, "blocks": study.blocks}))
 
 
 def _difference(theirs: object, ours: object, where: str = "") -> str:
@@ -276,6 +252,6 @@ def _difference(theirs: object, ours: object, where: str = "") -> str:
     for key in dict.fromkeys((*ours, *theirs)):
         if key in ours and theirs.get(key) != ours[key]:
             return _difference(theirs.get(key), ours[key], f"{where}.{key}" if where else str(key))
-        if key not in ours and key != "block":
+        if key not in ours:
             return f"{where}.{key} is only there"
-    return "its number is of another block"
+    return "its numbers differ"
