@@ -46,7 +46,7 @@ view: $(READY) $(TYPES)  ## run a robot and show it in the browser, at the addre
 	@$(BIN)/python -m tools.demo look $(VIEW)
 
 # With another ROS 2 than Jazzy only the tests of ROS run, without the packages whose absence they skip.
-TESTS := $(if $(filter jazzy,$(ROS)),test lab/test,test/ros)
+TESTS := $(if $(filter jazzy,$(ROS)),test lab/test,test/ros lab/test/twin)
 NEEDED := $(if $(filter jazzy,$(ROS)),$(HEYOKA) $(STUDY) $(BROWSER) $(SITE))
 
 # Four workers on two cores, because half of the tests wait for processes.

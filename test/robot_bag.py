@@ -13,9 +13,10 @@ from vibro_ros.bag.recorder import BagWriter, Storage
 from vibro_ros.bag.stream import BagStream
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.messages.codec import deserialised, new_message, serialised
-from vibro_ros.messages.topics import CHECKPOINT, OPERATIONS, ROBOT_TOPICS, TOPICS
+from vibro_ros.messages.topics import CHECKPOINT, OPERATIONS, ROBOT_TOPICS, SENSOR_TOPICS, TOPICS
 from vibro_ros.model.scene import Scene
 from vibro_ros.recordings.rerun import RecordedRun, Rerun
+from vibro_ros.sensors.device import sensors_on
 from vibro_ros.simulation.provenance import provenance
 
 START = 1_763_700_000_000_000_000  # ns
@@ -31,7 +32,8 @@ def robot_bag(folder: Path, scene: Scene | str, ticks: int, told: Told | None = 
     """Record `ticks` samples; `told` has commands, or the text of an operation, by the number of the sample."""
     scene = vibro_ros.load_scene(scene) if isinstance(scene, str) else scene
     settings = {one.name: one.default for one in DEVICE_PARAMETERS} | {"rate.publish": rate}
-    topics = {name: f"/{name}" for name in KINDS}
+    kinds = KINDS | {SENSOR_TOPICS[name]: TOPICS[SENSOR_TOPICS[name]].type for name in sensors_on(scene)}
+    topics = {name: f"/{name}" for name in kinds}
     facts = RecordedRun(settings, scene, START, topics)
     custom = {"scene": scene.name, "topics": json.dumps(topics), "dropped": "0", "lost": "0",
               **provenance({**settings, **scene.parameters}, START)}
@@ -45,7 +47,7 @@ def robot_bag(folder: Path, scene: Scene | str, ticks: int, told: Told | None = 
         for name, data in _inputs((told or {}).get(tick, {})):
             messages.append((f"/{name}", stamp, data))
             rerun.receive(name, data)
-    return _written(folder, [Topic(f"/{name}", kind, 10) for name, kind in KINDS.items()], messages,
+    return _written(folder, [Topic(f"/{name}", kind, 10) for name, kind in kinds.items()], messages,
                     {**custom, "written": str(len(messages))}, storage)
 
 

@@ -1,4 +1,5 @@
-"""Build sdist and wheel into out/dist, the wheel from the sdist, and run the wheel's robot from an empty folder."""
+"""Build sdist and wheel of device and lab into out/dist, each wheel from its sdist, and run the installed programs from
+an empty folder."""
 
 import os
 import shutil
@@ -30,9 +31,10 @@ def main() -> int:
         pip = [programs / "python", "-m", "pip", "--disable-pip-version-check", "--quiet", "install"]
         try:
             _run([*pip, "build"])
-            _run([programs / "python", "-m", "build", "--outdir", OUTPUT, ROOT])
-            (wheel,) = OUTPUT.glob("*.whl")
-            _run([*pip, f"{wheel}[ros]"])
+            for source in (ROOT, ROOT / "lab"):
+                _run([programs / "python", "-m", "build", "--outdir", OUTPUT, source])
+            (device,), (lab,) = (OUTPUT.glob(f"{name}-*.whl") for name in ("vibro_ros", "vibro_lab"))
+            _run([*pip, f"{device}[ros]", f"{lab}[study]"])
             try_installed(programs, empty)
         except subprocess.CalledProcessError as error:
             print(f"package: {' '.join(map(str, error.cmd))}: exit code {error.returncode}", file=sys.stderr)
@@ -65,6 +67,7 @@ def try_installed(programs: Path, folder: Path) -> None:
     (bag,) = folder.glob("vibro_robot_*")
     for program in ("report", "replay", "view"):
         _run([programs / program, bag], folder, environment)
+    _run([programs / "study", "sweep", "--vary", "guide.angle=1.0:1.2:2", "--output", "sweep"], folder, environment)
 
 
 def _run(command: list, folder: Path = ROOT, environment: Mapping[str, str] = os.environ) -> None:

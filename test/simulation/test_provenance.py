@@ -1,8 +1,6 @@
 """A recording states everything that decides the bits of a run, and a replay names the differences."""
 
-import os
 import pkgutil
-import platform
 import re
 import subprocess
 import sys
@@ -16,7 +14,7 @@ from vibro_ros.recordings.comparison import notes
 from vibro_ros.simulation import provenance
 
 DEVICE = vibro_ros.load_scene("device")
-ENTRIES = {"version", "platform", "sources", "arithmetic", "processor", "c_library"}
+ENTRIES = {"version", "platform", "sources"}
 
 
 def differences(changes=None, without=()):
@@ -41,8 +39,8 @@ def test_a_replay_names_what_differs(key):
 
 
 def test_an_older_bag_says_nothing_of_what_differs():
-    (note,) = differences(without={"sources", "arithmetic", "processor", "c_library", "tables"})
-    assert note == ("the bag does not say its sources, arithmetic, processor, c library, tables: where they differ, "
+    (note,) = differences(without={"sources", "tables"})
+    assert note == ("the bag does not say its sources, tables: where they differ, "
                     "bits may")
 
 
@@ -88,12 +86,3 @@ def test_tables_differ_with_the_scene_and_not_with_its_commands():
     tables = provenance.tables(DEVICE.parameters)
     assert provenance.tables(DEVICE.with_parameters({"motor.speed": 50.0}).parameters) == tables
     assert provenance.tables(DEVICE.with_parameters({"guide.angle": 1.0}).parameters) != tables
-
-
-@pytest.mark.skipif(platform.machine() != "x86_64", reason="only the oldest x86-64 lacks fused multiply-add")
-@pytest.mark.process
-def test_a_processor_without_fused_multiply_add_is_told(tmp_path):
-    words = "from vibro_ros.solver.compilation import *; print(multiply_add(), processor())"
-    found = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True, env={
-        **os.environ, "NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(tmp_path)})
-    assert found.stdout.split() == ["apart", "x86-64"]

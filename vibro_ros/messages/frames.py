@@ -3,7 +3,6 @@
 Frames and signs are those of `messages.urdf`. All rotations are about y, so that only y and w of a quaternion vary.
 """
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -91,4 +90,6 @@ def _transform(parent: str, child: str) -> Any:
 
 def _turn(rotation: Any, angle: float) -> None:
     """Set a quaternion to the rotation from z towards -x by an angle [rad]."""
-    rotation.y, rotation.w = -math.sin(0.5 * angle), math.cos(0.5 * angle)
+    from vibro_ros.solver.elementary import cos, sin  # imports compiled code, which readers of bags do not need
+
+    rotation.y, rotation.w = -sin(0.5 * angle), cos(0.5 * angle)

@@ -144,9 +144,10 @@ def rod_angle(driven: "Slider", crank_angle: float) -> float:
     The rod leads from the pin to the slider. In the guide's frame the pin is at l (-sin psi, cos psi) and the slider on
     the z axis, so that the rod leans back by asin(l sin(psi) / L); psi is the crank's angle from the guide.
     """
-    psi, radius, rod = crank_angle - driven.angle, driven.radius, driven.rod
-    root = math.sqrt((rod - radius) * (rod + radius) + (radius * math.cos(psi)) ** 2)  # as in `Slider.root`
-    return -psi - math.atan2(radius * math.sin(psi), root)
+    from vibro_ros.solver.elementary import atan, sin  # as in `slider`
+
+    psi = crank_angle - driven.angle
+    return -psi - 2.0 * atan(driven.radius * sin(psi) / (driven.rod + driven.root(psi)))  # asin(z), by half its angle
 
 
 def guide_end(scene: Scene, side: str) -> float:
@@ -242,11 +243,11 @@ def _add_inertial(link: Element, mass: float, size: Vector, middle: Vector) -> N
     inertial = SubElement(link, "inertial")
     SubElement(inertial, "origin", xyz=_text(middle), rpy=_text((0.0, 0.0, 0.0)))
     SubElement(inertial, "mass", value=_text([mass]))
-    x, y, z = (mass * length**2 / 12.0 for length in size)
+    x, y, z = (mass * length * length / 12.0 for length in size)
     SubElement(inertial, "inertia", ixx=_text([y + z]), ixy="0", ixz="0", iyy=_text([x + z]), iyz="0",
                izz=_text([x + y]))
 
 
 def _text(numbers: Sequence[float]) -> str:
-    """Return numbers with 12 digits, so that the last bit of a sine, which differs by machine, changes no text."""
+    """Return numbers with 12 digits, so that no rounding shows, such as that of a sine."""
     return " ".join(f"{number + 0.0:.12g}" for number in numbers)

@@ -11,7 +11,7 @@ from vibro_ros.model.motor import Motor
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.slider import Slider
 from vibro_ros.model.tables import Model, compile_scene
-from vibro_ros.solver.system import NOTHING
+from vibro_ros.solver.system import NOTHING, form_value
 
 #: Symbols of a dc motor's coordinates, each with its line in the section of states.
 MOTOR = {"θ": "θ, θ'    angle [rad] and speed [rad/s] of the crank",
@@ -178,10 +178,10 @@ class _Description:
         decayed = self._model.forms.decayed_normal_force()
         law = f"N exp(-|x'|/{self._scene['ground.stribeck_speed']:g})"
         for m, state in enumerate(self._ground.states):
-            falling = float(decayed @ friction[m])
-            form, size = friction[m] - falling * decayed, float(normal @ normal)
+            falling = float(form_value(decayed, friction[m]))
+            form, size = friction[m] - falling * decayed, float(form_value(normal, normal))
             balances = GROUND_STATES[state].friction is None  # F_fr balances the other forces
-            factor = None if balances else float(form @ normal) / size if size else 0.0
+            factor = None if balances else float(form_value(form, normal)) / size if size else 0.0
             sliding = [(part, symbol) for part, symbol in ((factor, "N"), (falling, law)) if part]
             yield f"F_fr = {self._ground.driving_symbol if factor is None else _sum(sliding)}    while {state}"
 

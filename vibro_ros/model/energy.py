@@ -55,9 +55,10 @@ def account_table(builder: ModeBuilder, scene: Scene, guards: dict[str, np.ndarr
     momenta = [scene[f"mass.{side}"] * (forms.velocity(forms.guides.index(side)) + (
         forms.along(side, body) if scene["effects.reaction"] else 0.0)) for side in plates]
     # Energy [J] of the heights of a body that hops, with its masses, and of masses that feel their weight.
-    weights = [forms.weight(side) @ forms.one * forms.position(i) for i, side in enumerate(forms.guides)]
+    weights = [forms.weight(side)[forms.channels.one] * forms.position(i) for i, side in enumerate(forms.guides)]
     if scene["effects.mass_weight"]:
-        weights += [part.mass * float(np.dot(part.direction, scene.gravity)) * forms.units[
+        downhill, down = scene.gravity
+        weights += [part.mass * (part.direction[0] * downhill + part.direction[1] * down) * forms.units[
             forms.channels.signal(part.signal)] for part in forms.linkage]
     stored_linear = sum(weights, _height(forms, scene))
     return AccountTable(

@@ -352,3 +352,37 @@ class Guard(NamedTuple):
 def without_jump(*states: str) -> tuple[Target, ...]:
     """Return targets for these states, in this order, that change no position or velocity."""
     return tuple(Target(state) for state in states)
+
+
+def solve(matrices: np.ndarray, forms: np.ndarray) -> np.ndarray:
+    """Solve linear equations between forms, by elimination with the largest pivots.
+
+    LAPACK's routines add in an order that depends on the processor; this elimination has the same bits everywhere.
+
+    Parameters
+    ----------
+    matrices : ndarray, shape (m, n, n)
+        The matrices of m systems of equations; none is singular.
+    forms : ndarray, shape (m, n, channels)
+        The right sides.
+
+    Returns
+    -------
+    ndarray, shape (m, n, channels)
+        The unknowns.
+    """
+    matrix, solution, systems = matrices.copy(), forms.copy(), np.arange(len(matrices))
+    unknowns = range(matrix.shape[1])
+    for k in unknowns:
+        pivot = k + abs(matrix[:, k:, k]).argmax(axis=1)
+        for rows in (matrix, solution):
+            rows[systems, k], rows[systems, pivot] = rows[systems, pivot], rows[systems, k]
+        for i in unknowns[k + 1:]:
+            share = (matrix[:, i, k] / matrix[:, k, k])[:, None]
+            matrix[:, i] -= share * matrix[:, k]
+            solution[:, i] -= share * solution[:, k]
+    for k in reversed(unknowns):
+        for i in unknowns[k + 1:]:
+            solution[:, k] -= matrix[:, k, i, None] * solution[:, i]
+        solution[:, k] /= matrix[:, k, k, None]
+    return solution

@@ -44,7 +44,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibro_ros.model.contact import CompliantContact, RigidContact, make_contact
-from vibro_ros.model.forms import NO_EDGES, NO_PUSH, Form, Forms, Guard, LinkageMass, ModeForms, Target, cached
+from vibro_ros.model.forms import NO_EDGES, NO_PUSH, Form, Forms, Guard, LinkageMass, ModeForms, Target, cached, solve
 from vibro_ros.model.ground import GROUND_STATES, Ground
 from vibro_ros.model.motor import BEARING, LIMITS, Bearing, CurrentLoop, Motor
 from vibro_ros.model.scene import Scene
@@ -182,7 +182,8 @@ class ModeBuilder:
             first = forms.channels.acceleration(0)
             of_masses = slice(first, first + len(forms.guides))
             rows[:, forms.body, of_masses] = 0.0
-            rows[:, forms.body] += np.einsum("mi,mic->mc", along_x[:, of_masses], rows[:, masses])
+            for i in range(len(forms.guides)):
+                rows[:, forms.body] += along_x[:, first + i, None] * rows[:, i]
         if forms.body_hops:
             rows[:, forms.height] = upwards
         if motor := self.motor:
@@ -242,7 +243,7 @@ class ModeBuilder:
         # Only moving masses are solved for, because an elimination that pivots leaves rounding in a resting mass's row.
         solved = np.zeros_like(loads)
         for rows, blocks in self.mode_set.moving:
-            solved[rows] = np.linalg.solve(inertia[blocks], loads[rows])
+            solved[rows] = solve(inertia[blocks], loads[rows])
         return solved
 
     def has_compliant_plate(self, side: str) -> bool:

@@ -25,7 +25,7 @@ from vibro_ros.model.parameters import AS_FORWARD, BY_NAME, Value, parameter_nam
 
 #: Least error as a part of the rods' length: 4500 times the rounding of a number.
 LEAST_SHARE = 1e-12
-_TIME, _POWER = 7.5e-3, 2.5
+_TIME = 7.5e-3  # s
 #: A component of a direction below this is rounding of its angle, which is at most π.
 _ANGLE_ROUNDING = 2.0 * math.pi * np.finfo(float).eps
 
@@ -87,7 +87,8 @@ class ParameterValues:
     @property
     def motor_inertia(self) -> float:
         """J [kg m²], inertia of the rotor and of `motor.crank_inertia`, at the crank."""
-        return self["motor.gear_ratio"]**2 * self["motor.rotor_inertia"] + self["motor.crank_inertia"]
+        ratio = self["motor.gear_ratio"]
+        return ratio * ratio * self["motor.rotor_inertia"] + self["motor.crank_inertia"]
 
     @property
     def kinetic_frictions(self) -> tuple[float, float]:
@@ -122,8 +123,10 @@ class ParameterValues:
     @functools.cached_property
     def gravity(self) -> tuple[float, float]:
         """Gravitational acceleration [m/s²], backwards along the ground and towards it: g sin(α) and g cos(α)."""
+        from vibro_ros.solver.elementary import cos, sin  # imports compiled code, which readers of bags do not need
+
         slope = self["ground.slope"]
-        return self["gravity"] * math.sin(slope), self["gravity"] * math.cos(slope)
+        return self["gravity"] * sin(slope), self["gravity"] * cos(slope)
 
     @functools.cached_property
     def guides(self) -> tuple[str, ...]:
@@ -139,8 +142,10 @@ class ParameterValues:
 
         A part that is only rounding is 0, because an angle of π/2 means level and one of π upright.
         """
+        from vibro_ros.solver.elementary import cos, sin  # as in `gravity`
+
         angle = self.guide_angle(side)
-        parts = -math.sin(angle), math.cos(angle)
+        parts = -sin(angle), cos(angle)
         along_x, upwards = (0.0 if abs(part) < _ANGLE_ROUNDING else part for part in parts)
         return along_x, upwards
 
@@ -183,7 +188,8 @@ class ParameterValues:
         """Error of a position [m] that rounding may cause within 0.2 s."""
         fastest = max((math.sqrt(self[f"{side}.plate.stiffness"] / self[f"mass.{side}"])
                        for side in self.plates if self[f"effects.{side}_contact"] == "compliant"), default=0.0)
-        by_plates = float(np.finfo(float).eps) * (fastest * _TIME)**_POWER
+        turns = fastest * _TIME
+        by_plates = float(np.finfo(float).eps) * turns * turns * math.sqrt(turns)
         return self.longest_rod * max(LEAST_SHARE, by_plates)
 
     @property
@@ -233,5 +239,5 @@ GROUND_FORCES = (
 
 def rounded_up(number: float) -> float:
     """Return the least number of two digits that is not below `number`, so that a message's number is accepted."""
-    digit = 10.0 ** (math.floor(math.log10(number)) - 1)
+    digit = float(f"1e{int(f'{number:e}'.partition('e')[2]) - 1}")
     return float(f"{math.ceil(number / digit * (1.0 - 1e-9)) * digit:.2g}")

@@ -49,7 +49,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibro_ros.model.forms import Form, Forms, Target, cached
+from vibro_ros.model.forms import Form, Forms, Target, cached, solve
 from vibro_ros.model.scene import Scene
 from vibro_ros.solver.system import NOTHING, SHOCK
 
@@ -105,9 +105,10 @@ class Shock:
         self._forms = forms
         self._free = [side for side in forms.guides if scene["effects.reaction"] and side not in not_free]
         self._scene = scene
-        directions = np.array([scene.direction(side) for side in self._free]).reshape(-1, 2)
-        masses = np.array([scene[f"mass.{side}"] for side in self._free])
-        self.inertia = scene.total_mass * np.eye(2) - directions.T @ (masses[:, None] * directions)
+        self.inertia = scene.total_mass * np.eye(2)
+        for side in self._free:
+            direction = np.array(scene.direction(side))
+            self.inertia -= scene[f"mass.{side}"] * direction * direction[:, None]
 
     def free_mass_jumps(self, change: tuple[Form, Form]) -> Jumps:
         """Jumps of the free masses' speeds along their guides, for a `change` of the body's x' and y' [m/s]."""
@@ -134,13 +135,14 @@ class Shock:
         kinetic, static = (scene.kinetic_frictions, scene.resting_frictions) if has_friction else ((0.0, 0.0),) * 2
         mass = forms.guides.index(struck) if struck else NOTHING
         body, height = forms.body if forms.body_moves else NOTHING, forms.height if forms.body_hops else NOTHING
-        numbers = np.array([(
+        numbers = np.zeros(1, SHOCK)  # the bytes between the fields are 0 too, so that equal shocks have equal bytes
+        numbers[0] = (
             mass, forms.plates.index(struck) if struck else NOTHING,
             scene[f"mass.{struck}"] * np.array(scene.direction(struck)) if struck else (0.0, 0.0),
             lifts, restitution, body, height, self.inertia[0, 0], self.inertia[0, 1], self.inertia[1, 1],
             scene.motor_inertia if forms.has_rotor else math.inf, kinetic, static,
             scene["ground.stribeck_speed"] if forms.friction_decays else 0.0,
-            has_friction, len(forms.bearings_after_shock) > 1, states)], SHOCK)
+            has_friction, len(forms.bearings_after_shock) > 1, states)
         direction = np.zeros((forms.channels.dynamic, 2))
         for side in self._free:
             direction[forms.guides.index(side)] = scene.direction(side)
@@ -183,7 +185,8 @@ class Blow:
         """Jumps of a body that nothing holds and of the free masses; the masses of `resting` move with the body."""
         forms, shock = self._forms, Shock(self._scene, self._forms, (self._side, *resting))
         impulse = self._scene[f"mass.{self._side}"] * np.array(self._scene.direction(self._side))
-        along_x, upwards = (part * self._speed_change(restitution) for part in np.linalg.solve(shock.inertia, impulse))
+        change = solve(shock.inertia[None], impulse[None, :, None]).ravel()  # of x' and y', by a unit of the speed
+        along_x, upwards = (part * self._speed_change(restitution) for part in change)
         speed, rise = forms.body_velocity()
         body: Jumps = ((forms.channels.velocity(forms.height), rise + upwards),)
         if forms.body_moves:

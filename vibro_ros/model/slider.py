@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from vibro_ros.solver.elementary import cos, log1p, sin
 from vibro_ros.solver.polynomial import economized_powers
 from vibro_ros.solver.system import CELL_STRIDE, SignalTable
 from vibro_ros.solver.vector import LENGTH
@@ -29,7 +30,8 @@ _CONTRACTIONS = 12
 _TERMS = 2 * LENGTH
 _ORDER = np.arange(_TERMS)
 _FACTORIAL = np.array([math.factorial(n) for n in range(_TERMS)], dtype=float)
-_ECONOMIZED = np.vstack([np.eye(LENGTH), economized_powers(LENGTH, _TERMS - LENGTH)])
+_BEYOND = economized_powers(LENGTH, _TERMS - LENGTH)
+_cosine, _sine = np.vectorize(cos, otypes=[float]), np.vectorize(sin, otypes=[float])
 
 
 @dataclass(frozen=True)
@@ -53,12 +55,12 @@ class Slider:
     def position(self, theta: float | np.ndarray) -> float | np.ndarray:
         """s [m] at crank angle theta [rad]; scalar or array."""
         psi = theta - self.angle
-        return self.radius * np.cos(psi) + self.root(psi)
+        return self.radius * _cosine(psi) + self.root(psi)
 
     def slope(self, theta: float | np.ndarray) -> float | np.ndarray:
         """ds/dtheta [m/rad]; at a kink, which exists for l = L, the value just after the kink."""
         psi = theta - self.angle
-        sine, cosine = np.sin(psi), np.cos(psi)
+        sine, cosine = _sine(psi), _cosine(psi)
         if self.rod == 0.0:
             return -self.radius * sine
         if self.radius == self.rod:
@@ -77,7 +79,9 @@ class Slider:
         if self.radius >= self.rod:
             return math.inf
         along = math.remainder(theta - self.angle - 0.5 * math.pi, math.pi)
-        return math.hypot(along, math.acosh(self.rod / self.radius))
+        more = (self.rod - self.radius) / self.radius
+        across = log1p(more + math.sqrt(more * (more + 2.0)))  # arcosh(L / l)
+        return math.sqrt(along * along + across * across)
 
     def least_distance_to_singularity(self, start: float, end: float) -> float:
         """Least distance in the complex plane from the angles between `start` and `end` to a branch point [rad]."""
@@ -92,12 +96,13 @@ class Slider:
         """
         if self.rod == 0.0:
             return 0.0 * psi
-        return np.sqrt((self.rod - self.radius) * (self.rod + self.radius) + (self.radius * np.cos(psi)) ** 2)
+        along = self.radius * _cosine(psi)
+        return np.sqrt((self.rod - self.radius) * (self.rod + self.radius) + along * along)
 
 
 def _series(sliders: tuple[Slider, ...], middle: np.ndarray, half: np.ndarray) -> np.ndarray:
     """Return the economized coefficients of each s in (angle - middle) / half, shape (sliders, cells, LENGTH)."""
-    numbers = np.array([(slider.angle, slider.radius, 0.5 * slider.radius**2) for slider in sliders])
+    numbers = np.array([(slider.angle, slider.radius, 0.5 * slider.radius * slider.radius) for slider in sliders])
     angle, radius, half_square = numbers.reshape(-1, 3).T[:, :, None]
     psi = middle - angle
     cosine = radius[:, :, None] * _cosine_series(psi, half, 1.0)
@@ -105,19 +110,25 @@ def _series(sliders: tuple[Slider, ...], middle: np.ndarray, half: np.ndarray) -
     square = half_square[:, :, None] * _cosine_series(2.0 * psi, half, 2.0)  # root² but for the constant term
     for k, slider in enumerate(sliders):
         if slider.radius == slider.rod:
-            root[k] = np.sign(np.cos(psi[k]))[:, None] * cosine[k]
+            root[k] = np.sign(_cosine(psi[k]))[:, None] * cosine[k]
     smooth = [k for k, slider in enumerate(sliders) if slider.radius < slider.rod]
     if smooth:
         value = np.concatenate([sliders[k].root(psi[k]) for k in smooth])
         root[smooth] = _root_series(value, np.concatenate(square[smooth])).reshape(len(smooth), -1, _TERMS)
-    return (cosine + root) @ _ECONOMIZED
+    series = cosine + root
+    economized = np.zeros((*series.shape[:-1], LENGTH))
+    for n in reversed(range(LENGTH, _TERMS)):  # term by term, because a product of matrices adds in any order
+        economized += series[..., n:n + 1] * _BEYOND[n - LENGTH]
+    return series[..., :LENGTH] + economized
 
 
 def _cosine_series(at: np.ndarray, half: np.ndarray, factor: float) -> np.ndarray:
     """Taylor coefficients of cos(at + factor half y) in y; shape (*at.shape, _TERMS)."""
-    cosine, sine = np.cos(at), np.sin(at)
+    cosine, sine = _cosine(at), _sine(at)
     derivatives = np.stack([cosine, -sine, -cosine, sine], axis=-1)
-    return derivatives[..., _ORDER % 4] * (factor * half[:, None]) ** _ORDER / _FACTORIAL
+    powers = np.ones((len(half), _TERMS))
+    powers[:, 1:] = factor * half[:, None]
+    return derivatives[..., _ORDER % 4] * np.cumprod(powers, axis=1) / _FACTORIAL
 
 
 def _root_series(value: np.ndarray, square: np.ndarray) -> np.ndarray:
@@ -127,7 +138,7 @@ def _root_series(value: np.ndarray, square: np.ndarray) -> np.ndarray:
     root[1] /= twice
     for n in range(2, _TERMS):
         term = root[n]
-        term -= np.einsum("nc,nc->c", root[1:n], root[n - 1:0:-1])
+        term -= np.cumsum(root[1:n] * root[n - 1:0:-1], axis=0)[-1]  # added one after the other
         term /= twice
     return root.T
 

@@ -12,6 +12,7 @@ from vibro_ros.model.modes import MODE_EVENTS, Mode, ModeBuilder
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.shock import NonlinearShock
 from vibro_ros.model.slider import Slider, signal_table
+from vibro_ros.solver.elementary import cos, sin
 from vibro_ros.solver.reference import Laid
 from vibro_ros.solver.system import (
     BY_COMMAND,
@@ -135,7 +136,7 @@ def _rotor(builder: ModeBuilder, scene: Scene) -> Rotor:
     motor, at, modes = builder.motor, builder.forms.channels, len(builder.modes)
     if not motor:
         return no_rotor(at.count)
-    sliders = [(slider.radius, math.cos(slider.angle), math.sin(slider.angle),
+    sliders = [(slider.radius, cos(slider.angle), sin(slider.angle),
                 (slider.rod - slider.radius) * (slider.rod + slider.radius) if slider.rod else -1.0)
                for slider in _sliders(builder.forms, scene)]
     current = np.zeros((modes, at.count))
@@ -158,8 +159,10 @@ def _shock_table(forms: Forms, shocks: list[NonlinearShock], candidate: np.ndarr
     for part in forms.linkage if forms.crank_is_struck else ():
         mass[part.signal] += part.mass
         momentum[part.signal] += part.mass * np.array(part.direction)
-    return Shock(np.concatenate([shock.numbers for shock in shocks]), np.array([shock.direction for shock in shocks]),
-                 mass, momentum, candidate)
+    numbers = np.zeros(len(shocks), shocks[0].numbers.dtype)
+    for k, shock in enumerate(shocks):
+        numbers[k] = shock.numbers[0]
+    return Shock(numbers, np.array([shock.direction for shock in shocks]), mass, momentum, candidate)
 
 
 def _sliders(forms: Forms, scene: Scene) -> list[Slider]:

@@ -215,7 +215,7 @@ class Tracking(Sensor):
         values, errors = device.values, self._errors[self.count]
         place = (values.item(_X), 0.0, values.item(_HEIGHT))
         return np.array([*(true + self._noise * error for true, error in zip(place, errors, strict=False)),
-                         self._noise**2])
+                         self._noise * self._noise])
 
 
 KINDS = {kind.name: kind for kind in (Imu, Encoder, Current, Tracking)}

@@ -9,6 +9,7 @@ another one, on the instants at which it is read, or on how time is divided into
 but not those of its normal numbers.
 """
 
+import functools
 import hashlib
 import math
 from collections.abc import Callable, Sequence
@@ -17,6 +18,7 @@ import numpy as np
 
 from vibro_ros.model.parameters import AS_PRESET
 from vibro_ros.model.scene import Scene
+from vibro_ros.solver.elementary import log
 
 BLOCK = 128
 """Samples whose numbers are made together, because a call of numpy costs as much as some hundred of them."""
@@ -66,8 +68,7 @@ def of_imu(scene: Scene, name: str) -> float:
 def force_at_rest(scene: Scene) -> tuple[float, float]:
     """Return the specific force [m/s²] along x and upwards of a body at rest on the scene's ground, which an
     accelerometer measures besides the acceleration."""
-    slope, gravity = scene["ground.slope"], scene["gravity"]
-    return gravity * math.sin(slope), gravity * math.cos(slope)
+    return scene.gravity
 
 
 class InertialErrors:
@@ -81,8 +82,8 @@ class InertialErrors:
         numbers, steps = Stream(seed, f"imu/{part}/noise"), Stream(seed, f"imu/{part}/bias")
         bias = turn_on * Stream(seed, f"imu/{part}/turn_on").normal(0)[0]
         self._errors = BlockNumbers(lambda block: (bias + step * steps.walk(block)) + noise * numbers.normal(block))
-        self._variance = noise**2 + self._resolution**2 / 12.0 + turn_on**2
-        self._growth = step**2
+        self._variance = noise * noise + self._resolution * self._resolution / 12.0 + turn_on * turn_on
+        self._growth = step * step
 
     def read(self, true: Sequence[float], index: int) -> list[float]:
         """Return the measured values of sample `index` for the `true` quantity along x, y and z."""
@@ -106,6 +107,44 @@ def philox(key: int, counter: int, count: int) -> np.ndarray:
     return generator.random_raw(LANES * count).reshape(count, LANES)
 
 
+#: Numerators and denominators of M. Wichura's rational functions (1988, AS 241), highest power first: in the centre of
+#: the normal distribution, on its flanks and in its tails.
+_CENTRE = (
+    (2.5090809287301226727e+3, 3.3430575583588128105e+4, 6.7265770927008700853e+4, 4.5921953931549871457e+4,
+     1.3731693765509461125e+4, 1.9715909503065514427e+3, 1.3314166789178437745e+2, 3.3871328727963666080e+0),
+    (5.2264952788528545610e+3, 2.8729085735721942674e+4, 3.9307895800092710610e+4, 2.1213794301586595867e+4,
+     5.3941960214247511077e+3, 6.8718700749205790830e+2, 4.2313330701600911252e+1, 1.0))
+_FLANK = (
+    (7.74545014278341407640e-4, 2.27238449892691845833e-2, 2.41780725177450611770e-1, 1.27045825245236838258e+0,
+     3.64784832476320460504e+0, 5.76949722146069140550e+0, 4.63033784615654529590e+0, 1.42343711074968357734e+0),
+    (1.05075007164441684324e-9, 5.47593808499534494600e-4, 1.51986665636164571966e-2, 1.48103976427480074590e-1,
+     6.89767334985100004550e-1, 1.67638483018380384940e+0, 2.05319162663775882187e+0, 1.0))
+_TAIL = (
+    (2.01033439929228813265e-7, 2.71155556874348757815e-5, 1.24266094738807843860e-3, 2.65321895265761230930e-2,
+     2.96560571828504891230e-1, 1.78482653991729133580e+0, 5.46378491116411436990e+0, 6.65790464350110377720e+0),
+    (2.04426310338993978564e-15, 1.42151175831644588870e-7, 1.84631831751005468180e-5, 7.86869131145613259100e-4,
+     1.48753612908506148525e-2, 1.36929880922735805310e-1, 5.99832206555887937690e-1, 1.0))
+
+
+def _ratio(coefficients: tuple[tuple[float, ...], tuple[float, ...]], r: np.ndarray) -> np.ndarray:
+    numerator, denominator = (functools.reduce(lambda total, number: total * r + number, numbers)
+                              for numbers in coefficients)
+    return numerator / denominator
+
+
+def normal_quantile(share: np.ndarray) -> np.ndarray:
+    """Return the numbers below which the given shares of a standard normal distribution lie, to 1e-15 of each."""
+    off = share - 0.5
+    quantile = off * _ratio(_CENTRE, 0.180625 - off * off)
+    outer = abs(off) > 0.425
+    beyond = np.where(off < 0.0, share, 1.0 - share)[outer]
+    r = np.sqrt([-log(number) for number in beyond.tolist()])
+    far, tail = _ratio(_FLANK, r - 1.6), r > 5.0
+    far[tail] = _ratio(_TAIL, r[tail] - 5.0)
+    quantile[outer] = np.copysign(far, off[outer])
+    return quantile
+
+
 class Stream:
     """Random numbers in blocks of samples, from the seed of all streams and the name of this one."""
 
@@ -119,9 +158,7 @@ class Stream:
 
     def normal(self, block: int) -> np.ndarray:
         """Return standard normal numbers, made of the uniform ones; shape (BLOCK, LANES)."""
-        from scipy.special import ndtri  # this import takes a tenth of a second, and only sensors need it
-
-        return ndtri(self.uniform(block))
+        return normal_quantile(self.uniform(block))
 
     def walk(self, block: int) -> np.ndarray:
         """Return a random walk, the sum of the normal numbers of all earlier samples; shape (BLOCK, LANES)."""

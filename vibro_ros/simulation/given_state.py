@@ -17,6 +17,7 @@ from vibro_ros.solver.reference import Laid
 from vibro_ros.solver.rotor import start_rotor
 from vibro_ros.solver.segment import read_signals
 from vibro_ros.solver.state import State, new_state
+from vibro_ros.solver.system import form_value
 from vibro_ros.solver.taylor import read_rotor
 
 UNITS = {name: number.unit for name, number in NUMBERS.items()} | {
@@ -175,7 +176,7 @@ def place(scene: Scene, model: Model, state: State, point: np.ndarray, values: M
         if model.system.monitored[mode, k]:  # a contact that was in progress is no event
             monitor = state.monitor[k]
             monitor["since"], monitor["peak"] = state.now["segment"]["start"][0], 0.0
-            monitor["approach"] = forms.penetration(side)[1] @ point
+            monitor["approach"] = form_value(forms.penetration(side)[1], point)
 
 
 def _set_slider_rates(model: Model, point: np.ndarray, angle: float, speed: float) -> None:
@@ -231,13 +232,13 @@ def _motor(model: Model, point: np.ndarray) -> tuple[str, str]:
 
 def _contact(scene: Scene, model: Model, side: str, point: np.ndarray) -> str:
     forms = model.forms
-    depth, rate = (float(form @ point) for form in forms.penetration(side))
+    depth, rate = (float(form_value(form, point)) for form in forms.penetration(side))
     if scene[f"effects.{side}_contact"] == "restitution":
         return "resting" if depth >= 0.0 and abs(rate) <= REST_SPEED else "open"
     if depth < 0.0 or (depth == 0.0 and rate <= 0.0):
         return "open"
     may_pull = scene["effects.adhesion"] or scene[f"{side}.plate.damping"] == 0.0
-    return "closed" if may_pull or forms.plate_force(side) @ point >= 0.0 else "released"
+    return "closed" if may_pull or form_value(forms.plate_force(side), point) >= 0.0 else "released"
 
 
 def _friction(model: Model, state: str, point: np.ndarray) -> str:

@@ -4,13 +4,11 @@ Arguments are not checked here, because `Simulator` checks them. Every call that
 raises a SimulationError if the motion cannot go on.
 """
 
-import itertools
 import math
 import time as wall_clock
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.optimize import brentq
 
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
@@ -48,6 +46,8 @@ _TURN = 2.0 * math.pi
 # Angle [rad] before the target within which the crank is followed segment by segment; and number of instants at which
 # the crank is checked over a longer distance.
 _NEAR, _SEEN = 0.5, 8
+# Local time to which an angle's instant is found: two roundings of 1.
+_NARROWEST = 4e-16
 
 _CAUSES = {
     event_loop.STUCK: "events follow each other without any progress of time",
@@ -368,7 +368,7 @@ class Motion:
         scene, controller, phase = self.scene, self.model.system.rotor.controller[0], self.model.forms.phase
         period, law = float(controller["period"]), controller["law"]
         most = scene["motor.current_limit" if law == BY_CURRENT else "motor.supply_voltage"] * (1.0 + _CLOSE)
-        angles = self.point[phase], self.state.mode_point[phase], np.abs(self.state.z[phase]).sum()
+        angles = self.point[phase], self.state.mode_point[phase], math.fsum(abs(self.state.z[phase]))
         spans = [*((abs(angle), 0.0, _MOST_TURNED) for angle in angles), (abs(motor["held"]), 0.0, most),
                  *((abs(motor[name]), 0.0, BY_NAME["motor.max_speed"].maximum) for name in ("target", "reference"))]
         if law != BY_COMMAND:
@@ -612,23 +612,44 @@ class Motion:
 def first_reached(p: np.ndarray, value: float, start: float, end: float) -> float | None:
     """Return the first x from `start` to `end`, within -1 to 1, where the polynomial sum of p[n] x^n reaches `value`
     from below; None if there is none."""
-    if p[0] + np.abs(p[1:]).sum() < value:
-        return None
-    powers = np.arange(len(p))
-
-    def below(x: float) -> float:
-        return float(p @ x**powers) - value
-
-    if below(start) >= 0.0:
-        return start
-    rate, bounds = powers[1:] * p[1:], [start, end]
-    if abs(rate[0]) <= np.abs(rate[1:]).sum():  # the rate may change its sign at one of its zeros
-        zeros = np.polynomial.polynomial.polyroots(np.trim_zeros(rate, "b"))
-        bounds[1:1] = sorted(zero.real for zero in zeros if zero.imag == 0.0 and start < zero.real < end)
-    for low, high in itertools.pairwise(bounds):
-        if below(high) >= 0.0:
-            return float(brentq(below, low, high, xtol=1e-16, rtol=4.0 * np.finfo(float).eps))
+    coefficients = p.tolist()
+    bend = sum(n * (n - 1) * abs(coefficient) for n, coefficient in enumerate(coefficients))  # of p'' on [-1, 1]
+    parts = [(start, end)]  # to search, the first one last
+    while parts:
+        low, high = parts.pop()
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        position, slope = _value_and_slope(coefficients, middle)
+        if position - value + (abs(slope) + 0.5 * bend * half) * half < 0.0:
+            continue
+        at_low, at_high = (_value_and_slope(coefficients, x)[0] for x in (low, high))
+        if at_low >= value:
+            return low
+        if abs(slope) > bend * half or half < _NARROWEST:  # it rises or falls throughout
+            if at_high >= value:
+                return _crossing(coefficients, value, low, high)
+            continue
+        parts += [(middle, high), (low, middle)]
     return None
+
+
+def _value_and_slope(p: list[float], x: float) -> tuple[float, float]:
+    value = slope = 0.0
+    for coefficient in reversed(p):
+        value, slope = value * x + coefficient, slope * x + value
+    return value, slope
+
+
+def _crossing(p: list[float], value: float, low: float, high: float) -> float:
+    """Return where p, which rises from `low` to `high`, reaches `value`, by Newton's method or else by halving."""
+    x = high
+    while high - low > _NARROWEST:
+        position, slope = _value_and_slope(p, x)
+        low, high = (low, x) if position >= value else (x, high)
+        step = (position - value) / slope if slope > 0.0 else math.inf
+        if abs(step) < _NARROWEST:
+            break
+        x = x - step if low < x - step < high else 0.5 * (low + high)
+    return x
 
 
 def carried_over(model: Model, state: State, point: np.ndarray, new_model: Model) -> tuple[State, np.ndarray]:

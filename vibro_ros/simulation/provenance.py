@@ -15,7 +15,6 @@ import numpy as np
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import compile_scene
-from vibro_ros.solver.compilation import multiply_add, processor
 
 # Subpackages and modules whose text decides the numbers that a robot publishes.
 _PACKAGE = "vibro_ros"
@@ -45,11 +44,9 @@ def provenance(parameters: Mapping[str, Value], start: int) -> dict[str, str]:
 
 @functools.cache
 def software() -> dict[str, str]:
-    """Return the software and processor that decide rounding; with equal entries and equal `tables`, bits are equal.
+    """Return the software that decides bits; with equal entries and equal `tables`, bits are equal.
 
-    `version` of this package; `platform`; `sources`, a digest of the modules that decide the bits; `arithmetic`,
-    whether kernels round a product before they add to it; `processor`, for which they are compiled; `c_library`, whose
-    sine, cosine and exponential are used.
+    `version` of this package; `platform`; `sources`, a digest of the modules that decide the bits.
     """
     try:
         installed = version("vibro_ros")
@@ -57,13 +54,12 @@ def software() -> dict[str, str]:
         installed = "unknown"
     return {"version": installed, "platform": f"{platform.machine()}, Python {platform.python_version()}, "
                                                f"numpy {np.__version__}, numba {numba.__version__}",
-            "sources": _digest(_sources()), "arithmetic": f"multiply and add {multiply_add()}",
-            "processor": processor(), "c_library": " ".join(platform.libc_ver()).strip() or "unknown"}
+            "sources": _digest(_sources())}
 
 
 def tables(parameters: Mapping[str, Value]) -> str:
-    """Return a digest of the tables to which the scene in `parameters` compiles here: sines, cosines, eigenvalues and
-    solutions of linear equations as this computer's libraries round them."""
+    """Return a digest of the tables to which the scene in `parameters` compiles here: sines, cosines, rates and
+    solutions of linear equations, whose bits are the same on every computer."""
     names = {parameter.name for parameter in SCENE_PARAMETERS}
     system = compile_scene(Scene("", {name: value for name, value in parameters.items() if name in names})).system
     return _digest(array.tobytes() for array in _arrays(system))

@@ -13,7 +13,7 @@ from vibro_ros.model.modes import OUTPUTS
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model
 from vibro_ros.simulation.samples import FIELDS, Trace
-from vibro_ros.solver.compilation import entry, rounding_part
+from vibro_ros.solver.compilation import entry, part
 
 _TIME, _ANGLE, _SPEED, _POWER, _TORQUE, _NORMAL, _VOLTAGE, _CURRENT, _ELECTRICAL = (FIELDS.index(name) for name in (
     "time", "crank_angle", "motor_speed", "motor_power", "motor_torque", "normal_force", "motor_voltage",
@@ -113,17 +113,22 @@ def cut_to_laws(scene: Scene, pressed_only: bool, quantities: MutableMapping[str
     of the scene never pulls.
     """
     if pressed_only:
-        normal = np.maximum(quantities["normal_force"], 0.0)
+        normal = _positive(quantities["normal_force"])
         quantities["normal_force"] = np.where(quantities["body_height"] > _STANDING_HEIGHT, 0.0, normal)
     bound = max(scene.resting_frictions) * np.abs(quantities["normal_force"])
     quantities["friction_force"] = np.clip(quantities["friction_force"], -bound, bound) + 0.0  # no -0.0
     for side in scene.plates:
         if scene[f"effects.{side}_contact"] == "restitution" or not (
                 scene["effects.adhesion"] and scene[f"{side}.plate.damping"]):
-            quantities[f"{side}_plate_force"] = np.maximum(quantities[f"{side}_plate_force"], 0.0)
+            quantities[f"{side}_plate_force"] = _positive(quantities[f"{side}_plate_force"])
 
 
-@rounding_part
+def _positive(values: np.ndarray) -> np.ndarray:
+    """Return the values that are positive, and 0.0 for the others; numpy's maximum of 0.0 and -0.0 may be either."""
+    return np.where(values > 0.0, values, 0.0)
+
+
+@part
 def _plus_product(sum_so_far, one, other):
     """Return sum_so_far + one * other with a rounded product, so that equal products cancel to exactly zero."""
     return sum_so_far + one * other
@@ -168,14 +173,14 @@ def read_samples(forms, terms, pressed_only, drives, linkage, slopes, times, poi
             force = values[drives[drive, 0], k]
             power = _plus_product(power, force, points[k, drives[drive, 1]])
             torque = _plus_product(torque, force, slopes[drive, k])
-        for part in range(len(linkage)):
+        for n in range(len(linkage)):
             total = 0.0
-            for channel in terms[mode, linkage[part, 0]]:
+            for channel in terms[mode, linkage[n, 0]]:
                 if channel < 0:
                     break
-                total += forms[mode, linkage[part, 0], channel] * points[k, channel]
-            power = _plus_product(power, total, points[k, linkage[part, 1]])
-            torque = _plus_product(torque, total, slopes[linkage[part, 2], k])
+                total += forms[mode, linkage[n, 0], channel] * points[k, channel]
+            power = _plus_product(power, total, points[k, linkage[n, 1]])
+            torque = _plus_product(torque, total, slopes[linkage[n, 2], k])
         values[_TIME, k], values[_SPEED, k] = times[k], speed
         values[_ANGLE, k] = _plus_product(phases[k, 1], _TURN, phases[k, 0])
         values[_POWER, k], values[_TORQUE, k] = power, torque if abs(speed) <= _STANDING else power / speed

@@ -56,7 +56,9 @@ def validity_of(scene: Scene, samples: Mapping[str, np.ndarray]) -> Validity:
         where the body can hop, and the current of a dc motor.
     """
     current = samples.get("motor_current", np.empty(0)) if scene.has_rotor else np.empty(0)
-    share = math.sqrt(np.mean(current**2)) / scene["motor.continuous_current"] if len(current) else None
+    share = None
+    if len(current):
+        share = math.sqrt(math.fsum(current * current) / len(current)) / scene["motor.continuous_current"]
     return Validity(_pitch_index(scene, samples) if scene.body_hops else None, share)
 
 

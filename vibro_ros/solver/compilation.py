@@ -8,19 +8,18 @@ With `NUMBA_DISABLE_JIT=1` nothing is compiled, and a debugger steps from `simul
 
 from collections.abc import Callable
 
-import llvmlite.binding as llvm
 import numba
 from numba.extending import register_jitable
 
 from vibro_ros.solver.kernel_cache import KernelStore
 
-_CONTRACT = {"contract"}  # multiply and add may be fused, but not reordered
-_OPTIONS = {"error_model": "numpy", "_nrt": False}
+# Products are never fused with sums, and sums never reordered: both change bits from processor to processor.
+_OPTIONS = {"error_model": "numpy", "_nrt": False, "fastmath": False}
 
 
 def part(function):
     """Declare a function that kernels may call; it becomes a part of them."""
-    return register_jitable(fastmath=_CONTRACT, **_OPTIONS)(function)
+    return register_jitable(**_OPTIONS)(function)
 
 
 def inlined_part(function):
@@ -31,16 +30,6 @@ def inlined_part(function):
     the first start. Inlining small parts saves nothing, because numba then works longer on the larger kernels.
     """
     return numba.njit(inline="always")(function)
-
-
-def rounding_part(function):
-    """Declare a part that rounds every product, so that equal products cancel to exactly zero."""
-    return register_jitable(fastmath=False, **_OPTIONS)(function)
-
-
-def sum_part(function):
-    """Declare a part that is a plain sum, whose terms the compiler may add in any order and several at once."""
-    return register_jitable(fastmath=_CONTRACT | {"reassoc", "nsz"}, **_OPTIONS)(function)
 
 
 class Progress:
@@ -76,7 +65,7 @@ def entry(function):
     usual = numba.config.CACHE_DIR
     try:
         numba.config.CACHE_DIR = str(_store.path) if _store else usual
-        return numba.njit(cache=True, fastmath=_CONTRACT, **_OPTIONS)(function)
+        return numba.njit(cache=True, **_OPTIONS)(function)
     finally:
         numba.config.CACHE_DIR = usual
 
@@ -127,31 +116,3 @@ def _compile(kernel, kinds: tuple) -> None:
         if kinds not in kernel.overloads:
             raise
         progress.unwritable = f"{_store.path}: {error.strerror}"  # it was compiled, and could not be stored
-
-
-# How kernels round
-
-#: Features of a processor that change how kernels round or vectorize their loops.
-_FEATURES = ("avx", "avx2", "avx512f", "avx512vl", "fma", "neon", "sve", "sve2")
-
-
-@entry
-def _sum_of_products(a, b, c):
-    return a * b + c
-
-
-def multiply_add() -> str:
-    """Return how kernels multiply and add: `fused`, with one rounding, or `apart`, with two."""
-    above_one = 1.0 + 2.0**-30  # its square is 1 + 2^-29 + 2^-60; a double cannot hold the last term
-    return "apart" if _sum_of_products(above_one, above_one, -1.0 - 2.0**-29) == 0.0 else "fused"
-
-
-def processor() -> str:
-    """Return LLVM's name of the processor for which kernels are compiled, and its features that change rounding."""
-    name = numba.config.CPU_NAME or llvm.get_host_cpu_name()
-    given = numba.config.CPU_FEATURES
-    if given is None:
-        found = {feature for feature, present in llvm.get_host_cpu_features().items() if present}
-    else:
-        found = {word[1:] for word in given.split(",") if word.startswith("+")}
-    return " ".join([name, *(feature for feature in _FEATURES if feature in found)])

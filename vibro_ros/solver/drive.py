@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from vibro_ros.solver.compilation import part
+from vibro_ros.solver.elementary import expm1, log1p
 from vibro_ros.solver.system import STRIDE, SignalTable
 from vibro_ros.solver.vector import LENGTH
 
@@ -49,7 +50,7 @@ def command_drive(signals: SignalTable, drive: np.void, speed: float, target: fl
         return
     if lag:
         drive["lag"] = lag
-        drive["time_left"] = lag * (math.log1p(-speed / target) if target < 0.0 else _TIME_CONSTANTS)
+        drive["time_left"] = lag * (log1p(-speed / target) if target < 0.0 else _TIME_CONSTANTS)
     elif acceleration:
         drive["acceleration"] = math.copysign(acceleration, target - speed)
         drive["time_left"] = abs(max(target, 0.0) - speed) / acceleration
@@ -74,7 +75,7 @@ def phase_advance(drive, elapsed):
     beyond the instant at which the direction changes, up to `settling_time`."""
     speed, target, lag = drive.speed, drive.target, drive.lag
     if lag > 0.0:
-        decayed = -math.expm1(-elapsed / lag)
+        decayed = -expm1(-elapsed / lag)
         return target * elapsed + (speed - target) * lag * decayed, speed + (target - speed) * decayed
     change = drive.acceleration
     # The speed falls to its target, never below except by rounding, which is cut off.
@@ -107,7 +108,7 @@ def advance_speed(drive, elapsed, speed):
         return False
     change = drive.acceleration * elapsed
     if drive.lag > 0.0:
-        change = (drive.speed - drive.target) * math.expm1(-elapsed / drive.lag)
+        change = (drive.speed - drive.target) * expm1(-elapsed / drive.lag)
     drive.time_left -= elapsed
     if drive.time_left > 0.0:
         lost = drive.residue + (change - (speed - drive.speed))

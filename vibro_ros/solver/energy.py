@@ -17,13 +17,12 @@ how much the motor gives and how much it takes back.
 import numpy as np
 
 from vibro_ros.solver.compilation import part
-from vibro_ros.solver.polynomial import fill_form, products, value
+from vibro_ros.solver.polynomial import fill_form, gauss_legendre, products, value
 from vibro_ros.solver.system import System, first_ramp, form_value
 from vibro_ros.solver.vector import LENGTH, indices_above, repeated, store, total, vector
 
 # Gauss's rule with LENGTH nodes is exact for the product of two polynomials of that length.
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(LENGTH)
-
+_NODES, _WEIGHTS = gauss_legendre(LENGTH)
 
 #: The account whose power is also integrated in magnitude, and the account of the ramps' work.
 MOTOR, RAMPS = 0, 1
@@ -172,4 +171,8 @@ def book_jump(system, state, mode, point, after):
 def stored_on_accounts(system: System, mode: int, point: np.ndarray) -> float:
     """Return the stored energy E [J] in `mode` at the channels `point`."""
     table = system.accounts
-    return float(0.5 * table.stored_weight[mode] @ (table.stored_form @ point) ** 2 + table.stored_linear @ point)
+    energy = form_value(table.stored_linear, point)
+    for weight, form in zip(table.stored_weight[mode], table.stored_form, strict=True):
+        part = form_value(form, point)
+        energy += 0.5 * weight * part * part
+    return float(energy)

@@ -12,7 +12,9 @@ of the free motion over the longest segment of its flow. So the free motions fro
 once per flow, and kept in the `Library`.
 """
 
-from vibro_ros.solver.compilation import inlined_part, part, rounding_part
+import math
+
+from vibro_ros.solver.compilation import inlined_part, part
 from vibro_ros.solver.polynomial import INVERSE, differentiate, fill_form, integrate_through, value
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.system import first_acceleration, form_magnitude, sparse_magnitude
@@ -148,7 +150,7 @@ def _set_magnitudes(system, state, i, position, velocity, duration, share):
     row, terms = system.equations[mode, i], system.reads_forcing[mode, i]
     rate = system.counts[0].coordinates + i
     if row[i] < 0.0:
-        duration = min(duration, (-row[i])**-0.5)
+        duration = min(duration, 1.0 / math.sqrt(-row[i]))
     velocity += sparse_magnitude(row, terms, state.magnitude) * duration
     position += velocity * duration
     state.magnitude[rate] = max(velocity, share * state.magnitude[rate])
@@ -237,7 +239,7 @@ def solve_driven(system, state, point):
         _set_magnitudes(system, state, i, abs(point[i]), abs(point[coordinates + i]), 2.0 * half, 0.0)
 
 
-@rounding_part  # a mass at rest on its slider feels exactly no force
+@part  # a mass at rest on its slider feels exactly no force
 def _solve_oscillator(load, stiffness, damping, half, q, v):
     """Solve the series of q and v = q' with q'' = load + stiffness q + damping v, from their constant terms."""
     position, velocity = q[0], v[0]

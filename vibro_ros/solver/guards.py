@@ -4,6 +4,8 @@
 first: no crossing is stepped over, and a graze is distinguished from a hit.
 """
 
+import math
+
 import numpy as np
 
 from vibro_ros.solver.compilation import inlined_part, part
@@ -96,7 +98,7 @@ _VANISHING = 1e-100
 # A guard is evaluated at these nodes first; row n has the n-th powers of the nodes.
 _NODES = np.linspace(-1.0, 1.0, LENGTH)
 _SPACING = 2.0 / (LENGTH - 1)
-_POWERS_OF_NODES = _NODES ** np.arange(LENGTH)[:, None]
+_POWERS_OF_NODES = np.cumprod(np.vstack([np.ones(LENGTH), *[_NODES] * (LENGTH - 1)]), axis=0)
 # The slope between two nodes differs from the mean slope by at most 4 bends over their distance, so with a drop of this
 # many bends the slope has one sign, with a margin.
 _FALLS = 5.0
@@ -124,7 +126,7 @@ def _safe_step(f, d, dd, third, reach):
     discriminant = d * d - 4.0 * m * f
     if discriminant < 0.0:
         return reach
-    root = discriminant**0.5
+    root = math.sqrt(discriminant)
     # The quadratic's root, written so that nothing cancels.
     if d < 0.0:
         return min(reach, 2.0 * f / (root - d))
@@ -149,7 +151,7 @@ def _passed_touch(p, f, d, dd):
     doubt = _TOUCH * sum_of_magnitudes(p)
     if dd <= 0.0 or 2.0 * dd * (f + doubt) < d * d:
         return 0.0
-    return ((d * d + 2.0 * dd * (2.0 * doubt - f))**0.5 - d) / dd
+    return (math.sqrt(d * d + 2.0 * dd * (2.0 * doubt - f)) - d) / dd
 
 
 @part

@@ -17,11 +17,12 @@ import math
 import numpy as np
 
 from vibro_ros.solver.compilation import part
-from vibro_ros.solver.polynomial import value, values
+from vibro_ros.solver.elementary import cos, exp, sin
+from vibro_ros.solver.polynomial import gauss_legendre, value, values
 from vibro_ros.solver.state import LOWPASS, UNKNOWN
 from vibro_ros.solver.vector import LENGTH, indices_above, lowered, repeated, store, total, vector
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(LENGTH)
+_NODES, _WEIGHTS = gauss_legendre(LENGTH)
 _ORDER = np.arange(LENGTH, dtype=float)
 # Longest step, in time constants: the first term that the series of exp about its middle omits is 2^24 / 24! = 3e-17.
 _LONGEST = 4.0
@@ -78,7 +79,7 @@ def filter_up_to(system, state, x):
         count = 1 if rests else int(duration * one.rate / _LONGEST) + 1
         half, width = 0.5 * duration / count, (x - start) / count
         turn = decay * half  # from the step's middle to its end c is multiplied by exp((-1 + i) turn)
-        shrinking, cosine, sine = math.exp(-turn), math.cos(turn), math.sin(turn)
+        shrinking, cosine, sine = exp(-turn), cos(turn), sin(turn)
         to_end, to_end_turned = shrinking * cosine, shrinking * sine
         response = room.lowpass_response[:]
         if not rests:  # exp((1 - i) turn y), where y is the step's local time, as a polynomial of y

@@ -9,11 +9,13 @@ of their factors, of which the largest is 2^(1 - n). So a series of LENGTH terms
 radius of convergence; without economization, over a quarter.
 """
 
+import functools
 import math
 
 import numpy as np
 
 from vibro_ros.solver.compilation import part
+from vibro_ros.solver.elementary import cos
 from vibro_ros.solver.vector import LENGTH, last, lowered, powers, raised, repeated, store, total, vector, with_first
 
 
@@ -40,8 +42,33 @@ def economized_powers(length: int, count: int) -> np.ndarray:
             if degree < length:
                 weight = math.comb(n, k) * (2 if degree else 1)
                 total = [a + weight * b for a, b in zip(total, chebyshev[degree], strict=True)]
-        row[:] = [a / 2**n for a in total]
+        row[:] = [a / (1 << n) for a in total]
     return rows
+
+
+# The unit of whole numbers that stand for fractions, and steps after which Newton's method has converged to it.
+_UNIT, _NEWTON_STEPS = 1 << 128, 5
+
+
+@functools.cache
+def gauss_legendre(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return nodes and weights of Gauss's rule on [-1, 1] with an even `count` of nodes, each rounded once.
+
+    They are found in whole numbers, multiples of 2^-128, because numpy's rule has the rounding of LAPACK's eigenvalues.
+    """
+    nodes, weights = np.empty(count), np.empty(count)
+    for k in range(count // 2):
+        x = round(cos(math.pi * (k + 0.75) / (count + 0.5)) * _UNIT)  # near the root, by F. Tricomi
+        for _ in range(_NEWTON_STEPS):
+            last, before = x, _UNIT  # Legendre polynomials of degree n and n - 1 at x
+            for n in range(1, count):
+                last, before = ((2 * n + 1) * (x * last // _UNIT) - n * before) // (n + 1), last
+            slope = count * (x * last // _UNIT - before) * _UNIT // (x * x // _UNIT - _UNIT)
+            x -= last * _UNIT // slope
+        nodes[count - 1 - k], nodes[k] = x / _UNIT, -x / _UNIT
+        square = slope * slope // _UNIT
+        weights[count - 1 - k] = weights[k] = 2 * _UNIT * _UNIT * _UNIT / ((_UNIT * _UNIT - x * x) * square)
+    return nodes, weights
 
 
 #: 1, 1/2, 1/3, ...

@@ -8,7 +8,7 @@ second.
 
 import math
 
-from vibro_ros.solver.compilation import part, rounding_part
+from vibro_ros.solver.compilation import part
 from vibro_ros.solver.guards import EPSILON
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.system import first_signal, form_magnitude
@@ -44,7 +44,7 @@ def acceleration_noise(system, state, i, magnitude):
     return _ROUNDING * (1.0 + math.sqrt(segments)) * form_magnitude(row, magnitude)
 
 
-@rounding_part  # a mass at rest on its slider feels exactly no force
+@part  # a mass at rest on its slider feels exactly no force
 def _acceleration(row, held):
     total = 0.0
     for channel in range(len(held)):

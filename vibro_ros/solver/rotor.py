@@ -15,7 +15,8 @@ import math
 
 import numpy as np
 
-from vibro_ros.solver.compilation import inlined_part, part, rounding_part
+from vibro_ros.solver.compilation import inlined_part, part
+from vibro_ros.solver.elementary import cos, sin
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.state import MOST_ROTOR_SIGNALS, State
 from vibro_ros.solver.system import BY_COMMAND, BY_VOLTAGE, System, first_signal
@@ -85,7 +86,7 @@ def slope_row(k):
 def begin_signals(system, z, series, mirrored):
     """Fill in the constant terms of the phase's cosine and sine and of all signals, from that of the phase."""
     phase = z[system.counts[0].dynamic - 2, 0]
-    series[_COSINE, 0], series[_SINE, 0] = math.cos(phase), math.sin(phase)
+    series[_COSINE, 0], series[_SINE, 0] = cos(phase), sin(phase)
     for k in range(system.counts[0].signals):
         _begin_signal(system, k, series, mirrored)
 
@@ -143,14 +144,14 @@ def _count_turns(system, state, point):
         drive.turns -= 1
 
 
-@rounding_part
+@part
 def _reference(target, reference, slope, elapsed):
     """Return the controller's reference [rad/s], `elapsed` [s] after a command, and its rate [rad/s²]."""
     moved = reference + slope * elapsed
     return (target, 0.0) if slope == 0.0 or (target - moved) * slope <= 0.0 else (moved, slope)
 
 
-@rounding_part  # a clamped value is compared with itself
+@part  # a clamped value is compared with itself
 def _take_sample(controller, motor, time, speed):
     """Take a sample of the speed [rad/s] at `time` [s]: set the held value and the controller's integral."""
     reference, slope = _reference(motor.target, motor.reference, motor.slope, time - motor.since)

@@ -6,7 +6,6 @@ where a series no longer reaches rounding.
 The known forcing, periodic signals of the phase and ramps, is written as polynomials over the segment.
 """
 
-import math
 
 from vibro_ros.solver.compilation import entry, part
 from vibro_ros.solver.drive import (
@@ -17,6 +16,7 @@ from vibro_ros.solver.drive import (
     resolved_time,
     time_to_advance,
 )
+from vibro_ros.solver.elementary import log
 from vibro_ros.solver.polynomial import SECOND, differentiate, displace, recentre, scale_argument, value
 from vibro_ros.solver.state import state_of
 from vibro_ros.solver.system import first_ramp, first_signal, system_of
@@ -74,7 +74,7 @@ def choose_segment(system, state):
 
 
 # Logarithm of a number that may be neglected beside 1.
-_ROUNDING = math.log(1e-18)
+_ROUNDING = log(1e-18)
 
 
 @part
@@ -85,7 +85,7 @@ def _significant_terms(ratio):
     """
     if ratio <= 0.0:
         return 1
-    return min(LENGTH, int(_ROUNDING / math.log(ratio)) + 2) if ratio < 0.17 else LENGTH
+    return min(LENGTH, int(_ROUNDING / log(ratio)) + 2) if ratio < 0.17 else LENGTH
 
 
 @part

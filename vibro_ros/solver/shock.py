@@ -30,6 +30,7 @@ compression ends where y' vanishes. This is an equation for p, whose curvature h
 import math
 
 from vibro_ros.solver.compilation import part
+from vibro_ros.solver.elementary import exp, expm1, log, log1p
 from vibro_ros.solver.rotor import slope_row
 from vibro_ros.solver.system import NOTHING, first_ramp, first_signal
 from vibro_ros.solver.taylor import evaluate
@@ -58,28 +59,28 @@ def _slowed(start, rate, decay, unit, p):
     """Return the speed [m/s] of a body that has slipped for `p` from the speed `start`, with v = unit ln(w) and w' =
     -rate w - decay."""
     ratio, exponent = start / unit, rate * p
-    fading = math.exp(-ratio)
+    fading = exp(-ratio)
     # exp(-ratio) (exp(exponent) - 1) / rate, in the form that neither overflows nor cancels
     if rate == 0.0:
         change = fading * p
     elif exponent > 1.0:
-        change = (math.exp(exponent - ratio) - fading) / rate
+        change = (exp(exponent - ratio) - fading) / rate
     else:
-        change = fading * math.expm1(exponent) / rate
-    return max(0.0, start - unit * exponent + unit * math.log1p(max(-decay * change, _LEAST)))
+        change = fading * expm1(exponent) / rate
+    return max(0.0, start - unit * exponent + unit * log1p(max(-decay * change, _LEAST)))
 
 
 @part
 def _until_stop(start, rate, decay, unit):
     """Return the p at which a slipping body stops; infinite if the shock drives the body on."""
     ratio = start / unit
-    fading = math.exp(-ratio)
+    fading = exp(-ratio)
     if not (rate + decay > 0.0 and rate + decay * fading > 0.0):
         return math.inf
     if ratio > _LARGE:
-        return (ratio + math.log((rate + decay * fading) / (rate + decay))) / rate
-    stop = math.expm1(ratio) / (rate + decay)
-    return stop if rate == 0.0 else math.log1p(rate * stop) / rate
+        return (ratio + log((rate + decay * fading) / (rate + decay))) / rate
+    stop = expm1(ratio) / (rate + decay)
+    return stop if rate == 0.0 else log1p(rate * stop) / rate
 
 
 @part
@@ -107,7 +108,7 @@ def _slip_by_decay(shock, along, across, up, sign, speed, rise, impulse):
             high = p
         else:
             low = p
-        step = excess / (1.0 + push * unit * (rate + decay * math.exp(-after / unit)))
+        step = excess / (1.0 + push * unit * (rate + decay * exp(-after / unit)))
         if abs(step) <= 2.0 * _EPSILON * (p + abs(push) * start):
             break
         p = p - step if low < p - step < high else 0.5 * (low + high)

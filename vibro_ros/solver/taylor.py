@@ -24,6 +24,7 @@ import math
 import numpy as np
 
 from vibro_ros.solver.compilation import entry, inlined_part, part
+from vibro_ros.solver.elementary import exp, log
 from vibro_ros.solver.guards import NO_ROOT, NOISE, first_root
 from vibro_ros.solver.polynomial import differentiate, recentre, scale_argument
 from vibro_ros.solver.rotor import (
@@ -68,7 +69,7 @@ _OVER = 40.0
 # matters again, by more than rounding.
 _WELL_OVER, _BEFORE = 44.0, 1.0 - 1e-6
 # Row n: coefficients of ((1 + x) / 2)^n.
-_FROM_START = np.array([[math.comb(n, k) / 2.0**n for k in range(LENGTH)] for n in range(LENGTH)])
+_FROM_START = np.array([[math.ldexp(math.comb(n, k), -n) for k in range(LENGTH)] for n in range(LENGTH)])
 # Rows of the scratch's series, after those of `rotor`: e and f.
 _EXPONENTIAL, _FACTOR = SERIES_OF_ROTOR, SERIES_OF_ROTOR + 1
 # Rows of the responses of other channels to a unit of the phase's acceleration, and of d; the loads of the signals come
@@ -216,7 +217,7 @@ def fill_series(system, mode, duration, orders, z, room):
         body = system.decay.coordinate[0]
         has_term = not _has_faded(system, mode, z[coordinates + body, 0])
         # A speed beyond zero is rounding, or a step of fixed length that has passed the stop.
-        series[_EXPONENTIAL, 0] = math.exp(min(system.decay.rate[mode] * z[coordinates + body, 0], 0.0))
+        series[_EXPONENTIAL, 0] = exp(min(system.decay.rate[mode] * z[coordinates + body, 0], 0.0))
     if counts.rotors > 0:
         begin_signals(system, z, series, mirrored)
         of_phase = _respond(system, mode, series, True, has_term, series[_OF_PHASE])
@@ -259,9 +260,9 @@ def _resolved_part(p):
         before = ratio
         last, last_but_one = abs(p[LENGTH - 1]), abs(p[LENGTH - 2])
         if last > _VANISHING:
-            ratio = min(ratio, (_LAST * size / last) ** (1.0 / (LENGTH - 1)))
+            ratio = min(ratio, exp(log(_LAST * size / last) / (LENGTH - 1)))
         if last_but_one > _VANISHING:
-            ratio = min(ratio, (_LAST / _FALL * size / last_but_one) ** (1.0 / (LENGTH - 2)))
+            ratio = min(ratio, exp(log(_LAST / _FALL * size / last_but_one) / (LENGTH - 2)))
         if ratio >= _SETTLED * before:
             break
     return ratio
@@ -314,7 +315,7 @@ def _set_magnitudes(system, state):
     for i in range(counts.dynamic):
         duration, stiffness = 2.0 * state.now[0].segment.half, -system.equations[mode, i, i]
         if stiffness > 0.0:
-            duration = min(duration, stiffness**-0.5)
+            duration = min(duration, 1.0 / math.sqrt(stiffness))
         magnitude[coordinates + i] += magnitude[first + i] * duration
         magnitude[i] += magnitude[coordinates + i] * duration
 

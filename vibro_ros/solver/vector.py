@@ -89,6 +89,24 @@ def _instead_of(plain: Callable) -> Callable:
     return (lambda _: plain) if numba.config.DISABLE_JIT else intrinsic
 
 
+# The sum and the powers have roundings whose order is the same whether compiled or not.
+
+
+def _plain_total(numbers):
+    parts = numbers.reshape(-1, _WIDTH)
+    part = (parts[0] + parts[1]) + parts[2]
+    while len(part) > 1:
+        part = part[:len(part) // 2] + part[len(part) // 2:]
+    return part[0]
+
+
+def _plain_powers(x):
+    known, factor = np.ones(1), x
+    while len(known) < _WIDTH:
+        known, factor = np.append(known, known * factor), factor * factor
+    return np.concatenate([known, known * factor, known * factor * factor])
+
+
 @_instead_of(lambda array: array[:LENGTH].copy())
 def vector(_, array):
     """Return the vector of an array's first LENGTH numbers."""
@@ -113,7 +131,7 @@ def store(_, array, numbers):
     return types.void(array, numbers), generate
 
 
-@_instead_of(np.sum)
+@_instead_of(_plain_total)
 def total(_, numbers):
     """Return the sum of the numbers, added in the same order on every processor."""
     def generate(context, builder, sign, arguments):
@@ -192,7 +210,7 @@ def repeated(_, number):
     return _VECTOR(types.float64), generate
 
 
-@_instead_of(lambda x: np.cumprod(np.append(1.0, np.full(LENGTH - 1, x))))
+@_instead_of(_plain_powers)
 def powers(_, x):
     """Return the vector 1, x, x², ..."""
     def generate(context, builder, sign, arguments):

@@ -16,7 +16,7 @@ from vibro_ros.model.modes import MODE_EVENTS
 from vibro_ros.model.parameter_values import GROUND_FORCES
 from vibro_ros.model.parameters import BY_NAME, SCENE_PARAMETERS
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 PLACES = vibro_ros.model.modes.__doc__.partition("Places of a new effect")[2]
 FILES = re.findall(r"`([\w/]+\.py)`", PLACES)
 
@@ -24,8 +24,8 @@ FILES = re.findall(r"`([\w/]+\.py)`", PLACES)
 def test_the_places_exist():
     for name in FILES:
         assert any((ROOT / folder / name).is_file() for folder in (".", "vibro_ros", "vibro_ros/model")) or any(
-            folder.rglob(name) for folder in (ROOT / "test", ROOT / "vibro_ros")), name
-    sources = "\n".join(path.read_text(encoding="utf-8") for folder in ("vibro_ros", "test", "tools")
+            folder.rglob(name) for folder in (ROOT / "test", ROOT / "vibro_ros", ROOT / "lab")), name
+    sources = "\n".join(path.read_text(encoding="utf-8") for folder in ("vibro_ros", "test", "tools", "lab")
                         for path in (ROOT / folder).rglob("*.py")).replace(PLACES, "")
     for name in set(re.findall(r"`([A-Za-z_][\w.]*)(?:\(\))?`", PLACES)) - set(FILES):
         for part in filter(None, name.split(".")):

@@ -151,8 +151,7 @@ def _check_worker(theirs: dict[str, str], found: list) -> list:
     for key, ours in computes_with().items():
         if theirs.get(key) != ours:
             raise RuntimeError(f"a worker of the cluster has another {key} ({theirs.get(key)}) than this machine "
-                               f"({ours}), so that bits may differ; start workers from the same environment on "
-                               "machines of one kind")
+                               f"({ours}), so that bits may differ; start workers from the same environment")
     return found
 
 
