@@ -4,6 +4,8 @@
 ROS ?= jazzy
 VENV := .venv$(patsubst %,-%,$(filter-out jazzy,$(ROS)))
 BIN := $(VENV)/bin
+NEW := $(abspath $(VENV))-new
+OLD := $(VENV)-old
 LOCKS := requirements/base.txt requirements/$(ROS).txt
 PACKAGES := $(VENV)/packages.done
 READY := $(VENV)/ready.done
@@ -51,23 +53,17 @@ NEEDED := $(if $(filter jazzy,$(ROS)),$(HEYOKA) $(STUDY) $(BROWSER) $(SITE))
 
 # Four workers on two cores, because half of the tests wait for processes.
 test: $(READY) $(TYPES) $(NEEDED)  ## run the tests, four at a time, and those that need a quiet machine alone; with ROS=kilted those of ROS
-	@$(COMPILED)
 	@$(BIN)/python -m pytest --numprocesses 4 --dist worksteal -m "not quiet and not slow" $(TESTS)
 	@$(BIN)/python -m pytest -m quiet $$(grep -rl --include='*.py' 'mark\.quiet' $(TESTS))
 
 test-slow: $(READY) $(TYPES) $(NEEDED)  ## run the tests of installation, documents, notebooks and demonstration as well
-	@$(COMPILED)
 	@$(BIN)/python -m pytest --numprocesses 2 --dist loadfile -m slow $(TESTS)
-
-# The kernels once, before the workers and their robots would compile the same ones beside each other.
-COMPILED = $(BIN)/python -c "from vibro_ros.simulation.preparation import provide_kernels as provide; provide('exact'); provide('rk4')"
 
 # The rooms in which most changes are made; of them the tests without the mark `process`. They run as on a robot without the lab:
 # the folder's sitecustomize.py refuses the lab and what only the lab needs, in every Python that they start.
 QUICK := $(addprefix test/,test_rings.py solver model configuration simulation messages bag ros)
 
 check: lint  ## the fast loop, a minute: lint, and the device's quick tests from solver to ros, without the lab's packages; says what it leaves out
-	@$(COMPILED)
 	@PYTHONPATH=$(CURDIR)/test/without_lab $(BIN)/python -m pytest --numprocesses 2 --dist worksteal --quiet -m "not process and not quiet and not slow" $(QUICK)
 	@echo "check: rooms left out: $(filter-out $(QUICK),$(patsubst %/,%,$(filter-out %__pycache__/ %without_lab/,$(wildcard test/*/ lab/test/*/))))"
 	@echo "check: \`make test\` runs them and all of the above but installation and documents, which \`make test-slow\` runs"
@@ -97,7 +93,6 @@ bench: $(READY) $(HEYOKA)  ## compare the exact solver's cost with fixed-step Ru
 	@$(BIN)/python -m benchmark.costs
 
 benchmark: $(READY) $(HEYOKA) $(COMPARED)  ## price accuracy against MuJoCo, Drake, SUNDIALS and others, half an hour; ONLY="6_device mujoco --quick" limits it
-	@$(COMPILED)
 	@$(BIN)/python -m benchmark.run $(ONLY)
 
 study: $(READY) $(STUDY)  ## short versions of all studies, figures and tables in out/study/short; ten minutes at most
@@ -135,7 +130,8 @@ for package in $(BOTH); do \
 		ln -s ../../bin/$$name $(VENV)/lib/$$package/$$name || exit; done; done
 endef
 
-# The stamps are written last, so that an interrupted setup starts anew.
+# The stamps are written last, so that an interrupted setup starts anew. A new environment is made beside the old one, which works
+# until all packages are there; the paths that pip has written into the new one's scripts then get its name.
 $(PACKAGES): export PIP_CONSTRAINT := requirements/base.txt  # empy comes as source; pip builds it with the pinned setuptools
 $(PACKAGES): $(LOCKS)
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 14))' 2>/dev/null || { \
@@ -143,15 +139,25 @@ $(PACKAGES): $(LOCKS)
 			"name another one: make setup PYTHON=python3.12" >&2; \
 		exit 2; }
 	@echo "setup: making $(VENV) with $$($(PYTHON) -V)"
-	@$(PYTHON) -m venv --clear $(VENV)
+	@test -e $(VENV) || test ! -e $(OLD) || mv $(OLD) $(VENV)  # of a setup that was killed between the two moves below
+	@$(PYTHON) -m venv --clear --prompt $(VENV) $(NEW)
 	@echo "setup: installing $$(cat $(LOCKS) | grep -c ==) pinned packages (800 MB on disk; a minute or two)"
-	@$(PIP) install --use-pep517 --no-deps $(addprefix --requirement=,$(LOCKS))
-	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
+	@$(PIP:$(BIN)/%=$(NEW)/bin/%) install --use-pep517 --no-deps $(addprefix --requirement=,$(LOCKS)) || { \
+		test ! -e $(VENV) || echo "setup: $(VENV) is as it was before" >&2; \
+		exit 1; }
+	@$(NEW)/bin/python -m pip check >/dev/null || { $(NEW)/bin/python -m pip check; exit 1; }
+	@sed --in-place 's|$(NEW)|$(abspath $(VENV))|g' $$(grep --recursive --files-with-matches --binary-files=without-match \
+		'$(NEW)' $(NEW)/bin $(NEW)/pyvenv.cfg)
+	@rm -rf $(OLD)
+	@test ! -e $(VENV) || mv $(VENV) $(OLD)
+	@mv $(NEW) $(VENV)
+	@rm -rf $(OLD)
 	@$(BIN)/python -c 'import platform; print(platform.python_version())' > $@
 
 BOTH := vibro_ros vibro_lab
-$(READY): $(PACKAGES) setup.py setup.cfg package.xml vibro_ros/process/executables.py examples/launch $(addprefix lab/,setup.py setup.cfg package.xml vibro_lab/executables.py)
-	@echo "setup: installing vibro_ros and vibro_lab from this folder"
+# The kernels are built from the modules of the solver.
+$(READY): $(PACKAGES) setup.py setup.cfg package.xml vibro_ros/process/executables.py examples/launch $(addprefix lab/,setup.py setup.cfg package.xml vibro_lab/executables.py) $(wildcard vibro_ros/solver/*.py vibro_ros/solver/*.h)
+	@echo "setup: installing vibro_ros and vibro_lab from this folder, and building the kernels (half a minute)"
 	@$(PIP) install --use-pep517 --no-build-isolation --no-deps --editable . --editable lab
 	@$(LINK_PACKAGES)
 	@touch $@

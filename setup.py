@@ -1,10 +1,18 @@
 """Install vibro_ros with pip, or with colcon in a ROS 2 workspace."""
 
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import sysconfig
 from pathlib import Path
 from runpy import run_path
 from xml.etree import ElementTree
 
-from setuptools import find_packages, setup
+from setuptools import Extension, find_packages, setup
+from setuptools.command.build_ext import build_ext
+from setuptools.errors import CompileError
 
 PACKAGE = ElementTree.parse("package.xml").getroot()  # name, version and the like are written there only
 NAME = PACKAGE.findtext("name")
@@ -18,7 +26,47 @@ def config_files() -> list[tuple[str, list[str]]]:
     return [(f"{SHARE}/{file.parent}", [str(file)]) for file in files]
 
 
+class BuildKernels(build_ext):
+    """Build the kernels: their text becomes one unit, which Cython translates, and a C++ compiler compiles."""
+
+    def run(self) -> None:
+        """Make the unit's sources, and compile them."""
+        folder = Path(self.build_temp, "kernels")
+        if not Path(sysconfig.get_paths()["include"], "Python.h").exists():
+            raise CompileError("the kernels need Python's headers; Debian, Ubuntu: apt install python3-dev")
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join([os.getcwd(), *filter(None, sys.path)])}
+        subprocess.run([sys.executable, "-m", "vibro_ros.solver.unit", str(folder)], env=environment, check=True)
+        subprocess.run([sys.executable, "-m", "cython", "-3", "--cplus", str(folder / "core.pyx")], env=environment,
+                       check=True)
+        for extension in self.extensions:
+            source = folder / f"{extension.name.rpartition('.')[2]}.cpp"
+            if source.name != "core.cpp":
+                shutil.copy(folder / "core.cpp", source)
+            extension.sources, extension.depends = [str(source)], [str(folder / "core.h")]
+            extension.include_dirs = [str(folder), f"{NAME}/solver"]
+        self.parallel = True  # two compilers at once
+        super().run()
+
+    def build_extensions(self) -> None:
+        """Compile; without a compiler, say in one line what is missing."""
+        try:
+            super().build_extensions()
+        except CompileError as error:
+            raise CompileError(f"the kernels need a C++ compiler ({error}); Debian, Ubuntu: apt install g++") from None
+
+
+# Products are not fused with sums, so that all builds have the same bits.
+FLAGS = ["-O3", "-std=gnu++17", "-ffp-contract=off", "-fno-math-errno", "-fno-strict-aliasing", "-fvisibility=hidden",
+         "-Wno-psabi", "-g0"]
+#: Modules of the same source, by name: for x86-64 also one for processors with registers of 256 bits, chosen at import.
+KERNELS = {"core": ["-march=x86-64-v2"], "core_v3": ["-march=x86-64-v3", "-DPyInit_core=PyInit_core_v3"]} \
+    if platform.machine() == "x86_64" else {"core": []}
+
 setup(
+    cmdclass={"build_ext": BuildKernels},
+    ext_modules=[Extension(f"{NAME}.solver.{name}", [f"{NAME}/solver/vectors.h"], language="c++",
+                           extra_compile_args=[*FLAGS, *flags], extra_link_args=["-s"])
+                 for name, flags in KERNELS.items()],
     name=NAME,
     version=PACKAGE.findtext("version"),
     description=PACKAGE.findtext("description"),
@@ -38,17 +86,17 @@ setup(
         "Typing :: Typed",
     ],
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed"], f"{NAME}.view": ["page/*"]},
+    package_data={NAME: ["py.typed"], f"{NAME}.solver": ["vectors.h"], f"{NAME}.view": ["page/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (SHARE, ["package.xml"]),
         (f"{SHARE}/launch", sorted(map(str, Path("examples/launch").glob("*.launch.py")))),
         *config_files(),
     ],
-    zip_safe=True,
+    zip_safe=False,
     python_requires=">=3.11,<3.15",
-    install_requires=["llvmlite", "lz4", "matplotlib", "mcap>=1.5", "numba", "numpy", "pillow", "PyYAML",
-                      "rosbags>=0.11", "scipy", "tornado", "tqdm", "zstandard"],
+    install_requires=["lz4", "matplotlib", "mcap>=1.5", "numpy", "pillow", "PyYAML", "rosbags>=0.11",
+                      "scipy", "tornado", "tqdm", "zstandard"],
     extras_require={
         # ROS 2 Jazzy as wheels; not asked for by default, so that an apt installation is never shadowed.
         "ros": [
@@ -67,6 +115,7 @@ setup(
             "catkin-pkg",
             "cmeel-urdfdom",
             "codespell",
+            "Cython",  # builds the kernels
             "colcon-common-extensions",
             'cyclonedds ; python_version < "3.14"',  # a peer by another vendor's DDS; no wheel beyond
             "mpmath",

@@ -35,8 +35,8 @@ setup(
         "gym": ["gymnasium"],
         # Sweeps on more than one machine.
         "cluster": ["distributed"],
-        # The peer that benchmark and tests compare with: 104 MB.
-        "bench": ["heyoka==7.13.2"],
+        # What benchmark and tests compare with: a peer of 104 MB, and the compiler of Runge-Kutta methods.
+        "bench": ["heyoka==7.13.2", "numba"],
     },
     entry_points={"console_scripts": [f"{name} = {NAME}.executables:{name}" for name in EXECUTABLES]},
 )

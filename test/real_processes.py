@@ -16,12 +16,11 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.simulation.kernels import compile_kernels
 
 MODULES = {name: one.module for name, one in EXECUTABLES.items()} | {"twin": "vibro_lab.twin.twin"}
 
 CRAWL = ("--ros-args", "-p", "motor.speed:=100.0", "-p", "record.enabled:=false")  # of a robot that is looked at
-PATIENCE = 60.0  # [s] deadline of what takes a second on an idle machine; kernels may have to be compiled first
+PATIENCE = 60.0  # [s] deadline of what takes a second on an idle machine
 
 
 class Executable:
@@ -117,14 +116,8 @@ def udp_only(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
 
 
-@pytest.fixture(scope="session")
-def compiled() -> None:
-    """Make sure that the kernels are in the cache, so that no test's deadline is spent on compiling."""
-    compile_kernels()
-
-
 @pytest.fixture
-def start(compiled: None, domain_id: int, tmp_path: Path) -> Iterator[Callable[..., Executable]]:
+def start(domain_id: int, tmp_path: Path) -> Iterator[Callable[..., Executable]]:
     """Fixture: a function that starts an executable in the test's domain and folder, preceded by a command `before`;
     the process is killed at the end if it still runs.
     """

@@ -18,8 +18,9 @@ PURE = ("solver", "model")  # physics: no file, no clock, no screen
 OUTSIDE_WORLD = {"datetime", "io", "logging", "os", "pathlib", "shutil", "socket", "subprocess", "sys", "tempfile"}
 OUTSIDE_WORLD |= {"threading", "time", "yaml", "matplotlib", "rosbags"}  # files, clocks, logs: not for the physics
 FILE_AND_SCREEN = {"open", "print", "input"}
-# Compiled kernels are kept in files.
-EXEMPT = {("vibro_ros.solver.kernel_cache", name) for name in ("os", "pathlib.Path", "shutil", "tempfile")}
+# The builder of the kernels writes files, and a variable of the environment says whether the kernels run uncompiled.
+EXEMPT = {("vibro_ros.solver.typed", "os"),
+          *(("vibro_ros.solver.unit", name) for name in ("os", "pathlib.Path", "sys"))}
 
 
 MAY_IMPORT = drawn_arrows("imports", PACKAGE)

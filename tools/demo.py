@@ -47,8 +47,8 @@ def main(words: Sequence[str]) -> int:
     Robot and view (`look`) return 0 after a signal, 1 if one of them failed.
     """
     if words[:1] == ["look"]:
-        return exit_code("look", lambda: _look(words[1:]))
-    return exit_code("demo", lambda: _demonstrate(words))
+        return exit_code("make view", lambda: _look(words[1:]))
+    return exit_code("make demo", lambda: _demonstrate(words))
 
 
 def _demonstrate(words: Sequence[str]) -> int:
@@ -56,7 +56,7 @@ def _demonstrate(words: Sequence[str]) -> int:
     try:
         folder = _run(options.script, options.output)
         if folder is None:
-            say("demo", "stopped")
+            say("make demo", "stopped")
             return 128 + signal.SIGINT
         text, files = write_report(folder)
         page = write_page(folder)
@@ -74,7 +74,7 @@ def _run(script: str, output: Path) -> Path | None:
     earlier = set(output.iterdir())
     environment = ros_environment()
     space = own_namespace("demo")
-    _say(f"look on with ROS_DOMAIN_ID={environment['ROS_DOMAIN_ID']}, for example: ros2 topic echo {space}/odom")
+    _say(f"look on with ROS_DOMAIN_ID={environment['ROS_DOMAIN_ID']}, for example: view --robot {space}/{NODE_NAME}")
     with StopRequest() as stop:
         stop.hold()  # so that both processes are ended in any case
         _play(script, output, environment, space, stop)
@@ -200,7 +200,7 @@ def _shown(path: Path) -> Path:
 
 
 def _parser() -> Parser:
-    parser = Parser(prog="demo", description=__doc__)
+    parser = Parser(prog="python -m tools.demo", description=__doc__)
     parser.add_argument("--script", default="crawl", help="controller script to play (default: %(default)s, 18 s)")
     parser.add_argument("--output", type=Path, default=Path("out"), metavar="DIR",
                         help="where the bag and the report go (default: %(default)s)")
@@ -208,7 +208,7 @@ def _parser() -> Parser:
 
 
 def _look_parser() -> Parser:
-    parser = Parser(prog="look", description=__doc__)
+    parser = Parser(prog="python -m tools.demo look", description=__doc__)
     parser.add_argument("--output", type=Path, default=Path("out"), metavar="DIR",
                         help="where recordings go that the page asks for (default: %(default)s)")
     parser.add_argument("--namespace", default="", metavar="NAME", help="of robot and page, such as /r2 beside another "

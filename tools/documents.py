@@ -79,9 +79,7 @@ DOCUMENTS = {
             "vibro_lab.study.command map --scene machine --motor-speed 90:165:16 --gap 0:0.006:4 "
             "--output out/study/map_machine"), 18.0,
         (*_PHYSICS, "lab/vibro_lab/orbits", "lab/vibro_lab/study/map.py"),
-        {"out/study/map/device.json": "config/maps/device.json", "out/study/map/map.png": "docs/map.png",
-         "out/study/map_machine/machine.json": "config/maps/machine.json",
-         "out/study/map_machine/map.png": "docs/map_machine.png"}),
+        {"out/study/map/map.png": "docs/map.png", "out/study/map_machine/map.png": "docs/map_machine.png"}),
     "accuracy": Document(
         "docs/accuracy.md", ("benchmark.scenes",), 15.0,
         (*_PHYSICS, "lab/vibro_lab/accuracy", "lab/benchmark")),

@@ -2,8 +2,7 @@
 
 The bare node has a publisher for each topic with every sample, a thread that publishes prepared messages, and an
 executor in the main thread, as every node; it neither simulates nor records. Robot and bare node run in their own
-processes, alternately, so that other load of the machine affects both. A start lasts until the first odometry, with an
-empty and with a full cache of kernels.
+processes, alternately, so that other load of the machine affects both. A start lasts until the first odometry.
 """
 
 import argparse
@@ -83,17 +82,16 @@ def _share(rate: float, case: str) -> float:
 
 def starts() -> str:
     """Measure start times, and return the table of their medians [s] in Markdown."""
-    found: dict[str, list[float]] = {"robot, empty cache": [], "robot, full cache": [], BARE: []}
+    found: dict[str, list[float]] = {"robot": [], BARE: []}
     for _ in range(STARTS):
-        with tempfile.TemporaryDirectory() as cache:
-            for name, times in found.items():
-                times.append(_start("running" if name != BARE else BARE, cache))
+        for name, times in found.items():
+            times.append(_start("running" if name != BARE else BARE))
     return "\n".join(["| what starts | until its first odometry |", "|---|---|",
                       *(f"| {name} | {statistics.median(times):.1f} s |" for name, times in found.items() if times)])
 
 
-def _start(case: str, cache: str) -> float:
-    """Measure the time [s] from the command of a case to its first odometry, with kernels from the folder `cache`."""
+def _start(case: str) -> float:
+    """Measure the time [s] from the command of a case to its first odometry."""
     context, heard = rclpy.Context(), list[Odometry]()
     rclpy.init(args=[], context=context)
     node = Node("node_cost", context=context)
@@ -106,7 +104,7 @@ def _start(case: str, cache: str) -> float:
             begun = time.monotonic()
             words = _words(200.0, case, folder)
             words += ["-r", f"__ns:={namespace}"] if case != BARE else ["--namespace", namespace]
-            with Child(*words, environment={**os.environ, "NUMBA_CACHE_DIR": cache}, shown=False) as child:
+            with Child(*words, shown=False) as child:
                 while not heard and child.exit_code is None and time.monotonic() - begun < _PATIENCE:
                     executor.spin_once(timeout_sec=0.01)
                 if not heard:

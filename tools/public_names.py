@@ -71,7 +71,7 @@ def names_of_the_code() -> Names:
             "`vibro_robot`": _of_guide("node.md", "service | type | does", "name | type | does"),
             "`vibro_controller`": tuple(ACTIONS.values())},
         "node, or group of the robot's parameters | parameters": dict(_parameters()),
-        "kind | shipped names": {kind: shipped(kind) for kind in ("scene", "script", "sweep", "map")},
+        "kind | shipped names": {kind: shipped(kind) for kind in ("scene", "script", "sweep")},
         "of a bag | names": {
             "topics": tuple(full_name(name) for name, one in TOPICS.items()
                             if one.when != NODE or name == "operations"),

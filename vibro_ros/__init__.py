@@ -30,13 +30,12 @@ if TYPE_CHECKING:
     from vibro_ros.model.scene import Scene, check_scene
     from vibro_ros.process.entry_point import Parser, StopRequest, enter, exit_code, interrupted_code, say
     from vibro_ros.process.files import is_temporary, read_file, replace_file
+    from vibro_ros.process.pictures import default_settings, new_figure, png, set_heading
     from vibro_ros.sensors.device import SensedSimulator
     from vibro_ros.sensors.noise import ACCELERATIONS, force_at_rest, of_imu
     from vibro_ros.sensors.noise import FORGETTING as IMU_FORGETTING
     from vibro_ros.simulation.given_state import STATE_UNITS, motor_coordinates
-    from vibro_ros.simulation.kernels import compile_kernels
     from vibro_ros.simulation.motion import SimulationError
-    from vibro_ros.simulation.preparation import Preparation, prepare_kernels, provide_kernels
     from vibro_ros.simulation.processes import Forks, InThisProcess, core_count, in_order, in_processes
     from vibro_ros.simulation.provenance import software
     from vibro_ros.simulation.runs import simulate, simulate_many
@@ -46,14 +45,14 @@ if TYPE_CHECKING:
     from vibro_ros.simulation.simulator import Simulator, ToleranceWarning
 
 __all__ = ["ACCELERATIONS", "BagError", "BagStream", "COMMANDS", "Forks", "IMU_FORGETTING", "InThisProcess",
-           "Incident", "JOINTS", "LATEST_TIME", "PARAMETERS", "Parameter", "Parser", "Preparation", "SAMPLE_FIELDS",
+           "Incident", "JOINTS", "LATEST_TIME", "PARAMETERS", "Parameter", "Parser", "SAMPLE_FIELDS",
            "STATE_UNITS", "Samples", "Scene", "SensedSimulator", "SimulationError", "Simulator", "StopRequest",
            "TOPICS", "ToleranceWarning", "Value", "bag_errors", "check_scene", "checked_parameters", "commands_in",
-           "commands_of", "compile_kernels", "core_count", "deserialised", "enter", "exit_code", "find_file",
+           "commands_of", "core_count", "default_settings", "deserialised", "enter", "exit_code", "find_file",
            "force_at_rest", "in_order", "in_processes", "interrupted_code", "is_temporary", "joints_of", "load_scene",
-           "motor_coordinates", "of_imu", "parameter_named", "prepare_kernels", "provide_kernels", "quoted",
-           "read_bag", "read_file", "read_operation", "read_scalar", "read_settings", "read_yaml", "replace_file",
-           "robot_topics", "say", "scene_as_file", "scene_origin", "shipped", "simulate", "simulate_many", "software"]
+           "motor_coordinates", "new_figure", "of_imu", "parameter_named", "png", "quoted", "read_bag", "read_file",
+           "read_operation", "read_scalar", "read_settings", "read_yaml", "replace_file", "robot_topics", "say",
+           "scene_as_file", "scene_origin", "set_heading", "shipped", "simulate", "simulate_many", "software"]
 
 _HOMES = {  # of each public name its module, and after a colon its name there if that differs
     # scenes, and where the shipped files are
@@ -83,16 +82,12 @@ _HOMES = {  # of each public name its module, and after a colon its name there i
     "motor_coordinates": "simulation.given_state",
     "simulate": "simulation.runs",
     "simulate_many": "simulation.runs",
-    # kernels, compiled before a run; many runs at once; what decides their bits
+    # many runs at once, and what decides their bits
     "Forks": "simulation.processes",
     "InThisProcess": "simulation.processes",
-    "Preparation": "simulation.preparation",
-    "compile_kernels": "simulation.kernels",
     "core_count": "simulation.processes",
     "in_order": "simulation.processes",
     "in_processes": "simulation.processes",
-    "prepare_kernels": "simulation.preparation",
-    "provide_kernels": "simulation.preparation",
     "software": "simulation.provenance",
     # sensors
     "ACCELERATIONS": "sensors.noise",
@@ -128,6 +123,11 @@ _HOMES = {  # of each public name its module, and after a colon its name there i
     "read_yaml": "configuration.strict_yaml",
     "replace_file": "process.files",
     "say": "process.entry_point",
+    # pictures that do not depend on the user's settings of matplotlib
+    "default_settings": "process.pictures",
+    "new_figure": "process.pictures",
+    "png": "process.pictures",
+    "set_heading": "process.pictures",
 }
 _OF_THE_LAB = ("attractors", "find_orbit", "follow_bifurcation", "follow_orbit", "identify", "lyapunov_spectrum",
                "settled_motion", "zero_one_test")

@@ -1,4 +1,4 @@
-"""A robot, and RViz that shows it: ros2 launch vibro_ros robot_rviz.launch.py."""
+"""A robot, and RViz that shows it: ros2 launch vibro_ros robot_rviz.launch.py scene:=damped."""
 
 from launch import LaunchDescription
 from launch.actions import IncludeLaunchDescription, Shutdown
@@ -8,7 +8,7 @@ from launch_ros.substitutions import FindPackageShare
 
 
 def generate_launch_description():
-    """Return the robot of robot.launch.py and RViz, whose end ends both."""
+    """Return the robot of robot.launch.py, with its arguments, and RViz, whose end ends both."""
     share = FindPackageShare("vibro_ros")
     return LaunchDescription([
         IncludeLaunchDescription(PathJoinSubstitution([share, "launch", "robot.launch.py"])),

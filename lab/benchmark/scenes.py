@@ -41,8 +41,8 @@ from vibro_lab.accuracy.report import (
 )
 from vibro_lab.accuracy.scene_rows import OWN_CHECK, lyapunov_time_in
 from vibro_lab.orbits.starts import STARTING, started_at_share
-from vibro_lab.study.figures import new_figure, style_axes
-from vibro_ros import Scene, load_scene
+from vibro_lab.study.figures import style_axes
+from vibro_ros import Scene, load_scene, new_figure
 
 FOLDER, PATHS = "accuracy", "ways.png"
 COSTS = "## What a run costs"

@@ -16,8 +16,6 @@ LAB = ROOT / "lab"
 CLIENTS = ("vibro_lab", "research", "benchmark")
 PUBLIC = {DEVICE, "vibro_ros.ros", *(f"vibro_ros.{name}" for name in (*vibro_ros.__all__, "__version__", "__file__")),
           *(f"vibro_ros.ros.{name}" for name in vibro_ros.ros.__all__)}
-# They leave the device with its command map, and then are the lab's own.
-LEAVING = ("vibro_ros.configuration.command_choice.", "vibro_ros.configuration.command_map.")
 MAY_IMPORT = drawn_arrows("within the lab", PACKAGE)
 ROS = {"twin"}  # the room whose node imports rclpy
 
@@ -33,7 +31,7 @@ def names_taken(module: str, source: str) -> set[str]:
 
 def private_names(module: str, source: str) -> list[str]:
     """Return the names below the public interface that a module takes."""
-    return sorted(name for name in names_taken(module, source) if name not in PUBLIC and not name.startswith(LEAVING))
+    return sorted(name for name in names_taken(module, source) if name not in PUBLIC)
 
 
 def part_of(name: str) -> str | None:

@@ -25,7 +25,7 @@ EXECUTABLES = {
         "vibro_lab.accuracy.accuracy",
         "Measure error over cost for every method, as a table and a diagram for each scene."),
     "study": Executable(
-        "vibro_lab.study.command", "Study the machine: sweeps, the optimum, orbits, diagrams, basins, command maps."),
+        "vibro_lab.study.command", "Study the machine: sweeps, the optimum, orbits, diagrams, basins, maps."),
     "twin": Executable(
         "vibro_lab.twin.twin", "Follow a robot by its sensors: estimate its motion and parameters, and name its fault.",
         endless=True),

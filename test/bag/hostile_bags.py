@@ -10,7 +10,10 @@ import lz4.frame
 import zstandard
 from mcap.records import Channel, Chunk, McapRecord, Message, Schema
 
-from vibro_ros.bag.mcap_file import HEAD, MAGIC, record_bytes
+from vibro_ros.bag.mcap_file import MAGIC
+from vibro_ros.bag.recorder import record_bytes
+
+HEAD = struct.Struct("<BQ")  # of a record: opcode, length of the content
 
 Maker = Callable[[Path], None]
 """Changes the bag folder that it is given; `folder.parent / "outside"` has files that nobody may change."""

@@ -7,13 +7,15 @@ from zlib import crc32
 import lz4.frame
 import pytest
 import zstandard
-from hostile_bags import OF_MCAP
+from hostile_bags import HEAD, OF_MCAP
 from mcap.opcode import Opcode
 from mcap.records import Chunk, Schema
+from mcap.writer import Writer
 from recorded_bag import POWER, mcap_file
 
-from vibro_ros.bag.mcap_file import HEAD, DamagedError, McapFile, chunk_content, parse_record, record_bytes, records_in
-from vibro_ros.bag.recorder import Recorder, Storage
+from vibro_ros.bag.mcap_file import DamagedError, McapFile, records_in, unfolded
+from vibro_ros.bag.reader import BagError, load_bag
+from vibro_ros.bag.recorder import Recorder, Storage, record_bytes
 
 
 def chunk(records: bytes, compression: str = "", data: bytes | None = None, crc: int | None = None) -> Chunk:
@@ -24,7 +26,7 @@ def chunk(records: bytes, compression: str = "", data: bytes | None = None, crc:
 
 @pytest.mark.parametrize("compression, pack", [("", bytes), ("zstd", zstandard.compress), ("lz4", lz4.frame.compress)])
 def test_chunks_of_every_compression_are_read(compression, pack):
-    assert chunk_content(chunk(b"data" * 9, compression, pack(b"data" * 9))) == b"data" * 9
+    assert unfolded(chunk(b"data" * 9, compression, pack(b"data" * 9))) == b"data" * 9
 
 
 @pytest.mark.parametrize("damaged", [
@@ -35,22 +37,44 @@ def test_chunks_of_every_compression_are_read(compression, pack):
 ], ids=["checksum", "zstd", "lz4", "unknown"])
 def test_a_damaged_chunk_is_one_kind_of_error(damaged):
     with pytest.raises(DamagedError, match="a chunk "):
-        chunk_content(damaged)
+        unfolded(damaged)
 
 
-def test_bytes_that_are_no_record_are_one_kind_of_error():
-    content = record_bytes(Schema(id=1, data=b"float64 data", encoding="ros2msg", name="x/msg/X"))[HEAD.size:]
-    assert parse_record(Schema, content).data == b"float64 data"
-    for size in range(10):
-        with pytest.raises(DamagedError):
-            parse_record(Schema, content[:size])
-    with pytest.raises(DamagedError):
-        parse_record(Schema, content.replace(b"ros2msg", b"ros2\xff\xff\xff"))
-    with pytest.raises(DamagedError, match="another length than it says"):  # it would swallow the records behind it
-        parse_record(Chunk, record_bytes(chunk(b"data"))[HEAD.size:] + b"more")
-    torn = record_bytes(chunk(HEAD.pack(Opcode.SCHEMA, len(content)) + content[:-1]))[HEAD.size:]
-    with pytest.raises(DamagedError, match="a record ends too early"):
-        list(records_in(Opcode.CHUNK, torn))
+def test_a_record_that_ends_beyond_its_chunk_is_one_kind_of_error():
+    whole = record_bytes(Schema(id=1, data=b"float64 data", encoding="ros2msg", name="x/msg/X"))
+    assert list(records_in(whole)) == [(Opcode.SCHEMA, HEAD.size, len(whole))]
+    for size in range(1, len(whole)):
+        with pytest.raises(DamagedError, match="a record ends too early"):
+            list(records_in(whole[:size]))
+
+
+def foreign(path, profile, *channels):
+    """Write a file of another program: `channels` are topic, message encoding, name and encoding of the schema."""
+    path.parent.mkdir()
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile, "another")
+        for topic, encoding, name, schema_encoding in channels:
+            schema = writer.register_schema(name, schema_encoding, b"float64 data")
+            writer.add_message(writer.register_channel(topic, encoding, schema), 5, bytes(12), 5)
+        writer.finish()
+
+
+@pytest.mark.parametrize("profile", ["", "ros2", "of another program"])
+def test_a_file_is_of_ros_2_by_its_channels_whatever_its_profile_is(tmp_path, profile):
+    foreign(tmp_path / "run" / "run_0.mcap", profile, ("/motor_power", "cdr", "std_msgs/msg/Float64", "ros2msg"),
+            ("/scan", "protobuf", "foxglove.LaserScan", "protobuf"))
+    bag = load_bag(tmp_path / "run")
+    assert bag["motor_power"]["value"].tolist() == [0.0]
+    assert any("messages on /scan are not read: their channel has no type of ROS 2" in flaw for flaw in bag.flaws)
+
+
+def test_a_file_without_a_channel_of_ros_2_is_refused_with_its_encodings(tmp_path):
+    foreign(tmp_path / "run" / "run_0.mcap", "", ("/scan", "protobuf", "foxglove.LaserScan", "protobuf"),
+            ("/text", "json", "text", "jsonschema"))
+    with pytest.raises(BagError, match="nothing in it can be read: run_0.mcap: an MCAP file, but not of ROS 2: its "
+                                       "profile is '', and its messages are encoded as json, protobuf, not as CDR"):
+        load_bag(tmp_path / "run")
 
 
 def test_a_damaged_chunk_costs_its_own_messages_alone(unsealed):
@@ -78,8 +102,7 @@ def test_a_record_whose_length_is_damaged_ends_the_file(unsealed):
     folder, sent = unsealed()
     path = mcap_file(folder)
     whole, data = McapFile(path), bytearray(path.read_bytes())
-    at = data.index(sent[0][2])
-    begin = data.rindex(b"\6", 0, at - 40)  # of the first chunk
+    begin = data.rindex(b"\6", 0, data.index(sent[0][2]) - 40)  # of the first chunk
     assert HEAD.unpack_from(data, begin)[1] < len(data)
     data[begin + 1:begin + 9] = (2**40).to_bytes(8, "little")
     path.write_bytes(data)

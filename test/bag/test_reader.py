@@ -120,6 +120,18 @@ def test_every_topic_is_a_table_of_pandas(mixed):
             np.testing.assert_array_equal(found.to_numpy().reshape(array.shape), array)
 
 
+def test_an_array_is_found_by_the_name_of_its_column(mixed):
+    odom = mixed["odom"]
+    for axis, column in zip("xyzw", odom["orientation"].T, strict=True):
+        np.testing.assert_array_equal(odom[f"orientation.{axis}"], column)
+    for wrong in ("x", "position.w", "orientation.", "value"):
+        with pytest.raises(KeyError, match=rf"^{wrong}: the topic has no such array; give one of time, stamp, "
+                                           r"position\.x … position\.z, orientation\.x … orientation\.w, "):
+            odom[wrong]
+        assert wrong not in odom and odom.get(wrong) is None
+    assert repr(mixed).startswith(f"<Bag {mixed.path}: ") and "/odom (" in repr(mixed) and "\n" not in repr(mixed)
+
+
 def test_without_pandas_it_is_named_with_the_remedy(mixed, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(ModuleNotFoundError, match=r"^to_pandas needs pandas \([^\n]*\): pip install pandas$"):
@@ -257,7 +269,7 @@ def test_chosen_columns_alone_are_read(run, bag):
 
 def test_the_package_offers_it_without_ros_or_kernels(run):
     program = ("import sys, vibro_ros; bag = vibro_ros.read_bag(sys.argv[1]); print(len(bag['odom']['time'])); "
-               "assert not {'rclpy', 'numba'} & set(sys.modules)")
+               "assert not {'rclpy', 'vibro_ros.solver.core'} & set(sys.modules)")
     done = subprocess.run([sys.executable, "-c", program, str(run)], capture_output=True, text=True)
     assert (done.stdout, done.stderr) == (f"{N}\n", "")
     assert "[rad/s]" in vibro_ros.read_bag.__doc__

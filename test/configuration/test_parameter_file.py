@@ -26,6 +26,18 @@ def test_a_file_that_is_none_is_refused_in_one_line(tmp_path, text):
     assert str(told.value).startswith(f"{path}: ") and "\n" not in str(told.value)
 
 
+@pytest.mark.parametrize("text", [
+    "/**:\n  ros__parameters: {a: 1, a: 2}\n", "/**:\n  ros__parameters: {a: 1}\n/**:\n  ros__parameters: {a: 2}\n",
+    "/**:\n  ros__parameters: {b: {a: 1}, b.a: 2}\n",
+    "/**:\n  n: {ros__parameters: {a: 1}}\n/**:\n  n: {ros__parameters: {a: 1}}\n"])
+def test_a_parameter_given_twice_is_refused_by_its_name(tmp_path, text):
+    """Of a parameter that one file gives a node twice, rcl takes the later value without a word."""
+    path = tmp_path / "twice.yaml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=r"twice.yaml: (b\.)?a: is given twice( for /\*\*(/n)?)?; keep one$"):
+        sections(path)
+
+
 @pytest.mark.parametrize("value", ["", "{}", "~"])
 def test_a_parameter_without_a_value_is_refused_by_its_name(tmp_path, value):
     path = tmp_path / "none.yaml"

@@ -39,6 +39,7 @@ def test_what_is_not_finite_is_no_command_and_no_fault():
     ({"position": (0.06,), "velocity": (50.0,)}, {"motor_speed": 50.0}, "position: 1 numbers for 3 names, 2 of them"),
     ({"position": (1.0, 0.06, 0.06)}, {"upper_gap": 0.0, "inclined_gap": 0.0}, "'crank' is not commanded by position"),
     ({"name": ("elbow\n",), "velocity": (1.0,)}, {}, r"'elbow\n' is not commanded by velocity; give crank by velocity"),
+    ({"name": (*ALL, "elbow"), "velocity": (1.0,)}, {"motor_speed": 1.0}, "'elbow' is no joint of this robot; give"),
     ({"velocity": (1.0,), "effort": (0.0, 0.0, 1.0)}, {"motor_speed": 1.0}, "'crank' is not commanded by effort"),
     ({"name": ("crank", "elbow"), "velocity": (1.0,) * 3}, {}, "velocity: 3 numbers for 2 names"),
     ({"name": ("crank", "upper_plate", "crank"), "velocity": (1.0, 2.0)}, {}, "'crank' is named 2 times; name each")])

@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from importlib import import_module
-from importlib.metadata import entry_points
+from importlib.metadata import entry_points, version
 from pathlib import Path
 
 import pytest
@@ -80,6 +80,14 @@ def test_its_help_begins_with_the_sentence_of_the_list(capsys, name):
     with pytest.raises(SystemExit) as ended:
         import_module(EXECUTABLES[name].module).main(["--help"])
     assert not ended.value.code and does in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize("name", EXECUTABLES)
+def test_it_says_its_version(capsys, name):
+    with pytest.raises(SystemExit) as ended:
+        import_module(EXECUTABLES[name].module).main(["--version"])
+    shown = "view" if name == "live_view" else name
+    assert not ended.value.code and capsys.readouterr().out == f"{shown} {version('vibro_ros')}\n"
 
 
 @pytest.mark.parametrize("name, number, code", [("report", signal.SIGTERM, 143), ("robot", signal.SIGHUP, 0)])

@@ -1,11 +1,15 @@
 """The numbers of a summary, compared with a recording of which every number is known."""
 
 import json
+import re
 from dataclasses import replace
 
 import pytest
+from robot_bag import robot_bag
 
+import vibro_ros
 from vibro_ros.bag.reader import BagError, read_bag
+from vibro_ros.recordings import replay
 from vibro_ros.recordings.summary import as_caption, as_text, summarise
 
 # numbers below are sums and differences of a few hundred doubles: 1e-9 is far above their rounding
@@ -111,3 +115,17 @@ def test_a_summary_warns_of_what_the_model_may_not_leave_out(summary):
     assert "pitch index 0.800" in lines and "rms / continuous current 1.500" in lines
     warnings = [line for line in lines if line.startswith("warning ")]
     assert ["pitch index 0.8 is above 0.2" in line for line in warnings] == [True, False] and "overheats" in warnings[1]
+
+
+def test_a_replay_with_changes_prints_what_differs_and_nothing_else(tmp_path, capsys):
+    running = vibro_ros.load_scene("damped").with_parameters({"motor.speed": 100.0})
+    folder = robot_bag(tmp_path / "run", running, 400)
+    assert replay.main([str(folder), "--set", "ground.friction=0.0"]) == 0
+    head, *rows, written = capsys.readouterr().out.splitlines()
+    assert head.split() == ["recorded", "replayed", "difference"] and written == str(tmp_path / "run_replay")
+    assert rows[0].split() == ["ground.friction", "0.2", "0.0"]
+    numbers = {name: [float(word) for word in words] for name, *words in (re.split(" {2,}", row) for row in rows[1:])}
+    moved = [vibro_ros.read_bag(one)["odom"]["position.x"] for one in (folder, written)]
+    expected = [x[-1] - x[0] for x in moved]
+    assert numbers["displacement [m]"] == pytest.approx([*expected, expected[1] - expected[0]], rel=1e-5)
+    assert all(before != after for before, after, _ in numbers.values()) and "crank turns" not in numbers

@@ -74,7 +74,7 @@ def test_a_recording_replays_with_the_libraries_of_another_processor(tmp_path):
 
 @pytest.mark.process
 def test_plain_python_has_the_bits_of_the_kernels():
-    output = output_in_child([digests.__file__, *UNCOMPILED], {"NUMBA_DISABLE_JIT": "1"})
+    output = output_in_child([digests.__file__, *UNCOMPILED], {"VIBRO_ROS_PLAIN": "1"})
     assert json.loads(output) == of_reference(UNCOMPILED)
 
 

@@ -9,11 +9,11 @@ import pytest
 from asking import call
 from observation import Listener
 from random_run import FASTER, record_run
-from real_processes import bench, compiled, refusal, start, udp_only
+from real_processes import bench, refusal, start, udp_only
 from simulator_user import Simulator
 from std_srvs.srv import SetBool
 
-__all__ = ["bench", "call", "compiled", "refusal", "start", "udp_only"]
+__all__ = ["bench", "call", "refusal", "start", "udp_only"]
 
 
 @pytest.fixture

@@ -5,6 +5,7 @@ import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 
+from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.ros.node.arguments import check_names, own_arguments
 
 
@@ -23,6 +24,20 @@ def test_an_option_of_ros_outside_ros_args_is_named_with_its_remedy(option):
     with pytest.raises(ValueError, match=f"^{option}: is an option of ROS; write --ros-args before it, such as "
                                          f"--ros-args {option} "):
         own_arguments([option, "scene:=paper", "--ros-args", "-p", "a:=1"])
+
+
+@pytest.mark.parametrize("words, remedy", [
+    (["--scene", "damped"], "--scene: is a parameter of ROS; write --ros-args -p scene:=damped"),
+    (["--scene=damped"], "--scene=damped: is a parameter of ROS; write --ros-args -p scene:=damped"),
+    (["scene:=damped", "x"], "scene:=damped: is a parameter of ROS; write --ros-args -p scene:=damped"),
+    (["__ns:=/r1"], "__ns:=/r1: is an argument of ROS; write --ros-args -r __ns:=/r1"),
+    (["odom:=o"], "odom:=o: is an argument of ROS; write --ros-args -p odom:=o for a parameter, -r odom"),
+])
+def test_a_parameter_outside_ros_args_is_shown_as_it_is_written(words, remedy):
+    with pytest.raises(ValueError, match="^[^\n]*$") as refusal:
+        own_arguments(words, DEVICE_PARAMETERS)
+    assert str(refusal.value).startswith(remedy)
+    assert own_arguments(["scene"], DEVICE_PARAMETERS) == ["scene"]
 
 
 @pytest.mark.parametrize(("rule", "words"), {

@@ -82,11 +82,26 @@ def test_two_robots_that_hear_the_commands_stop_it(start, tmp_path):
     assert "aborted: /motor_speed 0 rad/s" in playing.text
 
 
+def test_a_launched_controller_ends_well_after_a_signal(start, bench, tmp_path):
+    """`launch` reports any other exit code as a process that has died."""
+    listener = Listener(bench)
+    controller = start("controller", write(tmp_path, "entries: [{for: 1000.0, motor_speed: 9.0}]\n"), "--launched")
+    controller.wait_for("entry 1")
+    controller.send(signal.SIGINT)
+    listener.spin_until_ended(controller)
+    assert controller.end() == 0 and listener.heard["motor_speed"][-1] == 0.0
+    assert controller.lines[-1].endswith("aborted: /motor_speed 0 rad/s")
+
+
 @pytest.mark.parametrize("words, reason", [
     (["script.yaml"], "controller: script.yaml: entry 2: motor_speed: nan is not finite; give a number in rad/s"),
     (["nope.yaml"], "controller: nope.yaml: neither a shipped script nor a file; shipped scripts are crawl, goals, "
      "pulses"),
-    ([], "controller: '': neither a shipped script nor a file; shipped scripts are crawl, goals, pulses"),
+    ([], "controller: no script is given; give the path of a file, or a shipped one: shipped scripts are crawl, goals, "
+     "pulses"),
+    (["crwal"], "controller: crwal: neither a shipped script nor a file; did you mean crawl? shipped scripts are "
+     "crawl, goals, pulses"),
+    (["--wait", "3", "crawl"], "controller: --wait: is a parameter of ROS; write --ros-args -p wait:=3"),
     (["crawl", "--fast"], "controller: unrecognized arguments: --fast; `controller --help` shows what there is"),
     (["crawl", "--ros-args", "-p", "rate:=0.0"],
      "controller: rate: 0 is out of range; give a number above 0 to 10000 Hz"),
@@ -136,8 +151,8 @@ def test_each_end_of_a_script_says_what_becomes_of_the_motor(start, bench, tmp_p
     listener.spin_until_ended(controller)
     assert controller.end() == 0 and speeds == [9.0]
     assert "[WARN]" in controller.lines[-1] and controller.lines[-1].endswith(
-        "script done, and the motor goes on: /motor_speed stays at 9 rad/s until another command comes; stop it with "
-        "ros2 topic pub --once /motor_speed std_msgs/msg/Float64 '{data: 0.0}'")
+        "script done, and the motor goes on: /motor_speed stays at 9 rad/s until another command comes; stop it by "
+        "the page of `view`, or by a script that ends with motor_speed: 0.0")
 
     speeds.clear()
     controller = start("controller", write(

@@ -18,7 +18,6 @@ from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.messages.topics import OF_DC_MOTOR, SENSOR_TOPICS
 from vibro_ros.messages.urdf import robot_joints
 from vibro_ros.ros.robot.services import installed_types
-from vibro_ros.simulation.kernels import compile_kernels
 
 NODE, PACKAGE = "vibro_robot", "simulation_interfaces"
 OF_RCLPY = {"parameter_events", "rosout"}
@@ -116,8 +115,6 @@ def test_topics_services_parameters_joints_and_frames_are_those_of_a_running_rob
 
 def test_keys_of_diagnostics_and_of_custom_data_are_those_of_running_robots(start, listener, tmp_path):
     """Each robot has some of the documented keys; all robots together have all of them, and no other key."""
-    for method in ("exact", "rk4"):
-        compile_kernels(method)
     seen: dict[str, set[str]] = {"simulation": set(), "recorder": set()}
     for number, (words, solver) in enumerate(KINDS_OF_ROBOT, start=1):
         listener.parts.clear()

@@ -41,8 +41,14 @@ def own_parameters_by_rcl(words: list[str], domain_id: int) -> dict[str, object]
     section("/lab/**", "a: 1") + section("/vibro_robot", "b: 1") + section("/*", "c: 1"),
     section("/**", "a: !!str 1", "b: !!float 1", "c: !!python/name:os.abort ''", "d: !!set {e: 1}"),
     section("/**", "a: !!python/object/apply:os.abort [p, q]", "b: !!python/tuple\n    - 1.0\n    - 2.0"),
+    section("/**", "a: 1") + section("/hall/*", "a: 2") + section("/**", "b: 3", "c: [1.0, 2.0]"),
+    "/**:\n  other:\n    ros__parameters: {a: 1}\n" + "/**:\n  vibro_robot:\n    ros__parameters: {a: 2}\n",
+    section("/**", "a: 1") + "/**:\n  vibro_robot:\n    ros__parameters: {a: 2}\n" + section("/lab/*", "a: 3"),
+    section("/**", "a: {b: 1}", "c: 2", "a: {d: 3}") + section("/hall/*", "e: [[1]]", "f: []"),
+    "/lab:\n  '**': {ros__parameters: {a: 1}}\n/lab:\n  '**': {ros__parameters: {b: 2}}\n",
+    "/**:\n  vibro_robot: {ros__parameters: {a: 1}}\n  ros__parameters: {b: 2}\n",
     section("/lab/*/vibro_robot", "a: 1") + section("vibro_robt", "b: 1") + section(f"{NODE}/**/x", "c: 1"),
-], ids=range(18))
+], ids=range(24))
 def test_rcl_reads_the_same_from_a_file(text, tmp_path, domain_id):
     file = tmp_path / "file.yaml"
     file.write_text(text)
@@ -51,8 +57,11 @@ def test_rcl_reads_the_same_from_a_file(text, tmp_path, domain_id):
 
 @pytest.mark.parametrize("text", [
     section("/**", "a:"), section("/**", "a: {}"), section("/**", "a: &x 1", "b: *x"), "/**:\n  ros__parameters:\n",
+    section("/**", "a: [0.5, 1]"), section("/hall/*", "a: [1, b]"), section("/**", "a: [true, 1]"),
+    section("/**", "a: [x, 1e-3]"), "/lab:\n  /**:\n    ros__parameters: {a: 1}\n",
+    "/**:\n  ros__parameters: {a: 1}\n  vibro_robot:\n    ros__parameters: {b: 1}\n",
     section("/**", "a: 1") + "  b: 1\n", "- a\n", "a: [1\n", section("/**", "a: b: c"),
-], ids=range(8))
+], ids=range(14))
 def test_what_rcl_refuses_is_refused_by_every_road(text, tmp_path, domain_id):
     file = tmp_path / "file.yaml"
     file.write_text(text)

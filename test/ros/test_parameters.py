@@ -81,7 +81,7 @@ REFUSED = (
     ("motor.max_speed", "1e400", "motor.max_speed: inf is not finite; give a number above 0 to 10000 rad/s"),
     ("motor.max_speed", "[1.0]", "motor.max_speed: [1.0] is not a number; give a number above 0 to 10000 rad/s"),
     ("mass.body", "2.0", "mass.body: read-only while the node runs; start it with -p mass.body:=VALUE"),
-    ("mass.boddy", "2.0", "mass.boddy: unknown parameter; `ros2 param list` shows what there is"),
+    ("mass.boddy", "2.0", "mass.boddy: unknown parameter; did you mean mass.body?"),
 )
 
 

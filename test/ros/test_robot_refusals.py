@@ -26,6 +26,13 @@ BAD = {  # what a parameter of the table can be refused for, test/model asks
     "no such topic": (["-p", "qos_overrides./odm.publisher.depth:=5"], "this node has no publisher /odm; give one of"),
     "no such policy": (["-p", "qos_overrides./odom.publisher.deadline:=5"], "deadline cannot be overridden here; give"),
     "no topic": (["-p", "qos_overrides.odom:=5"], "qos_overrides.odom: not understood; write qos_overrides./TOPIC"),
+    "mixed list": (["-p", "odom.pose_covariance_diagonal:=[0.1, 2, 3, 4, 5, 6]"], "Sequence should be of same type. "
+                   "Value type 'integer' do not belong at line_num 1; write every number of a list with a point"),
+    "empty list": (["-p", "record.topics:=[]"], "record.topics: its list is empty, which has no type in ROS; give a"),
+    "mixed list in a file": (["--params-file", "mixed.yaml"], "mixed.yaml: odom.pose_covariance_diagonal: its list "
+                             "mixes a number with a point (0.1) and an integer (2), and ROS takes lists of one type; "
+                             "write each number with a point, such as 2.0"),
+    "file without a name": (["--params-file"], "trailing --params-file flag. No file path provided"),
     "ROS argument": (["--log-level", "loud"], "ROS refuses the arguments: Couldn't parse log level"),
     "missing file": (["--params-file", "none.yaml"], "none.yaml: No such file or directory"),
     "malformed file": (["--params-file", "malformed.yaml"], "malformed.yaml, line 4: not YAML"),
@@ -38,7 +45,45 @@ BAD = {  # what a parameter of the table can be refused for, test/model asks
 def test_bad_words_and_files_are_one_line_and_exit_code_2(refusal, tmp_path, words, reason):
     (tmp_path / "malformed.yaml").write_text("/**:\n  ros__parameters:\n    mass: [1,\n")
     (tmp_path / "other.yaml").write_text("vibro_robt:\n  ros__parameters:\n    gravity: 9.81\n")
+    (tmp_path / "mixed.yaml").write_text(
+        "/**:\n  ros__parameters:\n    odom.pose_covariance_diagonal: [0.1, 2, 3, 4, 5, 6]\n")
     assert_refused(refusal(robot.main, "--ros-args", *words), reason)
+
+
+ENVIRONMENTS = {
+    "RMW_IMPLEMENTATION=rmw_zenoh_cpp": "RMW_IMPLEMENTATION=rmw_zenoh_cpp: is not installed, but rmw_fastrtps_cpp is; "
+                                        "unset RMW_IMPLEMENTATION, or install",
+    "ROS_DOMAIN_ID=233": "ROS_DOMAIN_ID=233: no ROS domain; set it to a whole number from 0 to 232, or unset it",
+    "ROS_DOMAIN_ID=mine": "ROS_DOMAIN_ID=mine: no ROS domain; set it to a whole number",
+    "ROS_STATIC_PEERS=nobody.invalid": "Unable to resolve peer nobody.invalid",
+    "RCUTILS_LOGGING_USE_STDOUT=perhaps": "unexpected value [perhaps] specified for RCUTILS_LOGGING_USE_STDOUT. Valid",
+}
+
+
+@pytest.mark.parametrize("variable, reason", ENVIRONMENTS.items(), ids=ENVIRONMENTS)
+def test_an_environment_without_ros_is_one_line(start, variable, reason):
+    started = start("robot", before=["env", variable])
+    assert started.end() == 2, started.text
+    (line,) = started.lines
+    assert_refused(line, reason)
+
+
+def test_too_few_open_files_are_one_line(start):
+    """With 16 to 20 of them the robot ran without some of its endpoints, below lines of Fast DDS."""
+    started = start("robot", before=["sh", "-c", 'ulimit -n 20; exec "$@"', "sh"])
+    assert started.end() == 2, started.text
+    (line,) = started.lines
+    assert_refused(line, "limits a process to 20 open files, and ROS needs 64; raise the limit with `ulimit -n 1024`")
+
+
+def test_what_the_middleware_finds_wrong_is_a_line_of_the_log(start):
+    started = start("robot", before=["env", "FASTRTPS_DEFAULT_PROFILES_FILE=none.xml",
+                                     "RMW_FASTRTPS_PUBLICATION_MODE=pigeons"])
+    started.wait_for("ready")
+    said = [line.partition("[vibro_robot]: the middleware says: ")[2] for line in started.lines if "[WARN]" in line]
+    assert [line for line in said if line.startswith("Value pigeons unknown for")]
+    assert "realpath failed No such file or directory" in said
+    assert all(line.startswith("[") and "\x1b" not in line for line in started.lines)
 
 
 def assert_refused(line: str, reason: str) -> None:
@@ -46,8 +91,7 @@ def assert_refused(line: str, reason: str) -> None:
     assert reason in line
 
 
-def test_a_process_ends_with_the_line_and_the_code_and_compiles_nothing(start, tmp_path, monkeypatch):
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
+def test_a_process_ends_with_the_line_and_the_code(start):
     for words, reason in ((("--sceen", "paper"), "unrecognized arguments: --sceen paper; `robot --help`"),
                           (("--ros-args", "-p", "record.topics:=[odm]"), "'odm' is not a topic of the robot")):
         started = start("robot", *words)

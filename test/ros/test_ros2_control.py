@@ -86,13 +86,15 @@ def test_hardware_by_topics_drives_the_robot_absurd_commands_are_refused_and_the
     assert values["rejected commands"] == "0"
     publisher = bench.node.create_publisher(JointState, "joint_commands", 10)
     bench.spin_until(publisher.get_subscription_count, "the robot")
-    for message in (JointState(name=["elbow\n"], position=[1.0]), JointState(name=["crank"], velocity=[1e300]),
+    wheels = [JointState(name=["crank", "wheel"], velocity=[10.0])] * 3  # another robot's, counted and told once
+    for message in (*wheels, JointState(name=["elbow\n"], position=[1.0]), JointState(name=["crank"], velocity=[1e300]),
                     JointState(name=["crank"], velocity=[-501.0]), JointState(name=["crank"] * 3, velocity=[1.0] * 2),
                     JointState(name=["upper_plate"], position=[5.0]), JointState(name=["x" * 2000], velocity=[1.0])):
         publisher.publish(message)
     publisher.publish(JointState(name=["crank", "upper_plate"], velocity=[20.0], position=[-1.0]))
     bench.spin_until(lambda: system.states["crank", "velocity"] == 20.0, "the good half of a command")
-    listener.wait_for_status("simulation", lambda status: value_of(status, "rejected commands") == 7.0)
+    listener.wait_for_status("simulation", lambda status: value_of(status, "rejected commands") == 10.0)
+    assert len([line for line in robot.lines if "/joint_commands: 'wheel' is no joint of this robot" in line]) == 1
     robot.wait_for("command refused: /joint_commands: 'elbow\\n' is not commanded by position")
     folder = tmp_path / stop(robot)
     assert_replays(folder, 50, commands=3)  # each sent in one message with the others

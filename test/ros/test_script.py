@@ -3,17 +3,16 @@
 from pathlib import Path
 
 import pytest
-from known_map import known_map, mean_speed
 
 from vibro_ros.configuration.shipped import find_file
 from vibro_ros.ros.controller.feedback import PositionGoal, SpeedGoal, check_reach
 from vibro_ros.ros.controller.script import read_script
 
 
-def script(folder: Path, text: str, command_map=None):
+def script(folder: Path, text: str):
     path = folder / "script.yaml"
     path.write_text(text)
-    return read_script(path, command_map)
+    return read_script(path)
 
 
 def test_holds_follow_each_other_and_stay_until_changed(tmp_path):
@@ -122,7 +121,9 @@ BAD = {
     "no time left": ("entries: [{at: 2.0}, {at: 2.0, for: 1.0}]\n", "entry 1: at of the next entry: leaves 0 s"),
     "NaN": ("entries: [{for: 1.0, motor_speed: .nan}]\n",
             "entry 1: motor_speed: nan is not finite; give a number in rad/s"),
-    "unknown key": ("entries: [{for: 1.0, motor_sped: 1.0}]\n", "entry 1: motor_sped: unknown key; give at, for"),
+    "unknown key": ("entries: [{for: 1.0, motor_sped: 1.0}]\n", "entry 1: motor_sped: unknown key; give at, for, note, "
+                    "fault, of, value, from_x, to_x, speed_over_ground, motor_speed, upper_gap, inclined_gap, "
+                    "motor_voltage, hold_speed, go_to; did you mean motor_speed?"),
     "ramp without end": ("entries: [{for: 1.0, motor_speed: {from: 1.0}}]\n",
                          "entry 1: motor_speed: a ramp needs `to`"),
     "ramp from nowhere": ("entries: [{for: 1.0, motor_speed: {to: 1.0}}]\n",
@@ -136,12 +137,6 @@ BAD = {
     "too deep": ("entries: [{" * 12 + "for: 1" + "}]" * 12, "more than 10 blocks inside each other; use fewer"),
     "nothing commanded": ("entries: [{for: 1.0}]\n",
                           "no entry gives a command; give motor_speed, upper_gap, inclined_gap"),
-    "speed not in the map": ("entries: [{for: 5.0, speed_over_ground: -0.5}]", "entry 1: speed_over_ground: -0.5 m/s "
-                             "is out of range of the map of device; give a mean speed from -0.108 to -0.01 m/s"),
-    "speed and motor": ("entries: [{for: 5.0, speed_over_ground: -0.03, motor_speed: 5.0}]", "entry 1: motor_speed: "
-                        "unknown key; give at, for, note, fault, of, value, from_x, to_x, speed_over_ground"),
-    "speed and goal": ("entries: [{for: 5.0, speed_over_ground: -0.03, hold_speed: -0.03}]", "entry 1: "
-                       "speed_over_ground: unknown key; give at, for, note, hold_speed, within, motor_speed"),
     "no such fault": ("entries: [{for: 1.0, fault: earthquake}]",
                       "entry 1: fault: 'earthquake' is unknown; choose one of motor_stall"),
     "fault of no kind": ("entries: [{for: 1.0, fault: [motor_stall]}]", "entry 1: fault: "),
@@ -157,7 +152,7 @@ BAD = {
 @pytest.mark.parametrize("text, reason", BAD.values(), ids=BAD)
 def test_a_bad_script_is_refused_with_file_entry_and_reason(tmp_path, text, reason):
     with pytest.raises(ValueError) as refusal:
-        script(tmp_path, text, known_map())
+        script(tmp_path, text)
     assert str(refusal.value).startswith(str(tmp_path / "script.yaml"))
     assert reason in str(refusal.value)
     assert "\n" not in str(refusal.value)
@@ -172,28 +167,6 @@ def test_shipped_scripts_drive_and_stop_the_motor_and_their_goals_are_within_rea
     goals = read_script(find_file("script", "goals")).goals
     assert [type(goal) for _, goal in goals] == [SpeedGoal, PositionGoal]
     check_reach(goals, -0.06)
-
-
-def test_a_speed_over_ground_becomes_the_commands_of_the_map_and_keeps_them(tmp_path):
-    played = script(tmp_path, """
-entries:
-  - {for: 2.0, motor_speed: 10.0}
-  - {for: 3.0, speed_over_ground: -0.03, note: slowly}
-  - {for: 1.0, motor_speed: {to: 0.0}}
-""", known_map())
-    assert played.needs_map
-    assert played.commands == ("motor_speed", "upper_gap", "inclined_gap")
-    commands = played.command_at(2.0)
-    assert commands["upper_gap"] == commands["inclined_gap"]
-    assert mean_speed(commands["motor_speed"], commands["upper_gap"]) == pytest.approx(-0.03, abs=1e-7)
-    assert played.command_at(5.5) == {**commands, "motor_speed": commands["motor_speed"] / 2.0}
-    assert played.segments[1].describe().startswith("entry 2, 3 s: -0.03 m/s over ground, motor_speed ")
-    assert not script(tmp_path, "entries: [{for: 1.0, motor_speed: 5.0}]").needs_map
-
-
-def test_a_speed_over_ground_without_a_map_is_refused(tmp_path):
-    with pytest.raises(ValueError, match="entry 1: speed_over_ground: there is no command map here; give motor_speed"):
-        script(tmp_path, "entries: [{for: 5.0, speed_over_ground: -0.03}]")
 
 
 def test_a_fault_lasts_as_long_as_its_entry(tmp_path):

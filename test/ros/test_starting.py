@@ -1,4 +1,4 @@
-"""Start and end of robot and controller: compilation, closed terminals, pipes without a reader, the first stamp."""
+"""Start and end of robot and controller: closed terminals, pipes without a reader, the first stamp."""
 
 import fcntl
 import os
@@ -30,44 +30,14 @@ PROMPT = 10.0  # [s] deadline of what takes 0.1 s on an idle machine
 LATE = 0.03  # [s] of the promptest of the first messages; opening a bag alone took 0.07 s when stamps lagged by it
 
 
-@pytest.fixture
-def cold(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    """An empty kernel cache."""
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
-    return tmp_path / "kernels"
-
-
-def test_a_robot_that_compiles_says_so_does_not_listen_and_ends_at_once_and_the_controller_waits(start, cold, bench,
-                                                                                                 tmp_path):
-    robot = start("robot")
-    line = robot.wait_for("compiling")
-    assert line.endswith("compiling: the first start after an update takes a minute; Ctrl-C stops it")
-    publisher = bench.node.create_publisher(Float64, "motor_speed", 10)
-    bench.spin_until(lambda: bench.node.count_publishers("odom") == 1, "the robot in the graph")
-    controller = start("controller", "crawl")
-    controller.wait_for("waiting for a robot on /motor_speed, /upper_gap, /inclined_gap")
-    assert publisher.get_subscription_count() == 0
-    assert not controller.ended
-    robot.send(signal.SIGINT)
-    assert robot.end(PROMPT) == 0, robot.text
-    assert robot.lines[-1] == "robot: stopped while starting"
-    assert "Traceback" not in robot.text and "gnored" not in robot.text
-    assert list(tmp_path.glob("vibro_robot_*")) == []
-    assert not list(cold.rglob("*.stored"))  # the next start goes on with what is there
-    controller.send(signal.SIGTERM)
-    assert controller.end(PROMPT) == 143
-    assert "aborted" not in controller.text  # nothing was sent
-
-
 @pytest.mark.quiet
-def test_a_warm_start_says_nothing_of_compiling_and_stamps_are_those_of_the_wall_clock(start, bench):
+def test_stamps_are_those_of_the_wall_clock(start, bench):
     late: list[float] = []
     bench.node.create_subscription(Odometry, "odom", lambda message: late.append(
         time.time() - message.header.stamp.sec - 1e-9 * message.header.stamp.nanosec), 100)
     robot = start("robot")
     bench.spin_until(lambda: len(late) >= 20, "odom")
     stop(robot)
-    assert "compil" not in robot.text
     dropped = float(robot.lines[-1].split(" simulated, ")[1].split(" s dropped")[0])  # by a machine that is too busy
     assert -1e-3 < min(late) < LATE + dropped  # [s] 1e-3 for the rounding of clocks
 
@@ -98,7 +68,7 @@ def _take_terminal(slave: int) -> None:
 
 
 @pytest.fixture
-def terminal(compiled, domain_id, tmp_path) -> Iterator:
+def terminal(domain_id, tmp_path) -> Iterator:
     opened: list[Terminal] = []
 
     def open_one(name: str, *words: str) -> Terminal:
@@ -121,7 +91,7 @@ def test_closing_the_robots_terminal_seals_the_bag(terminal, tmp_path):
     assert len(read_bag(folder)["odom"]["time"])
 
 
-def test_a_reader_that_goes_does_not_end_the_robot(compiled, domain_id, tmp_path, bench):
+def test_a_reader_that_goes_does_not_end_the_robot(domain_id, tmp_path, bench):
     robot = subprocess.Popen([sys.executable, "-m", "vibro_ros.ros.robot.robot"], cwd=tmp_path, stdout=subprocess.PIPE,
                              stderr=subprocess.STDOUT, text=True)
     try:

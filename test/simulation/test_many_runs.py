@@ -147,12 +147,22 @@ def test_commands_are_those_of_a_device(scene, workers):
 @pytest.mark.parametrize(("commands", "message"), [
     ([(0.1, {}), (0.0, {})], "commands: give ascending"), ([(-0.1, {})], "commands: give ascending"),
     ([(float("nan"), {})], "commands: give ascending"),
+    ({0.1: {}, 0.0: {}}, "commands: give ascending"),
+    *[(wrong, "commands: give the commands by instants .* such as {0.5: {") for wrong in (
+        {"motor_speed": 1.0}, {0.5: 3.0}, [0.5], 0.5, [(0.5, "fast")])],
     ([(0.0, {"speed": 1.0})], "commands: 'speed' is no command; give motor_speed, upper_gap, inclined_gap")])
 def test_commands_that_make_no_sense_are_refused_at_the_call(commands, message):
     with pytest.raises(ValueError, match=message):
         vibro_ros.simulate_many([], **SHORT, commands=commands)
     with pytest.raises(ValueError, match=message):
         vibro_ros.simulate(next(sweep()), **SHORT, commands=commands)
+
+
+def test_a_mapping_of_commands_is_a_list_of_pairs():
+    commands = {0.01: {"motor_speed": 80.0}, 0.02: {"motor_speed": 60.0, "upper_gap": 0.001}}
+    mapped, paired, none = (bits(vibro_ros.simulate(next(sweep()), duration=0.1, rate=1000.0, commands=given))
+                            for given in (commands, list(commands.items()), ()))
+    assert mapped == paired != none
 
 
 @pytest.mark.parametrize("workers", [1, 2])

@@ -73,8 +73,7 @@ def test_sources_are_of_every_module_that_a_simulator_needs():
     needed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     room = "vibro_ros.simulation."
     modules = {name.removeprefix(room) for name in needed if name.startswith(room)}
-    of_processes = {"preparation"}  # no number is its own
-    assert modules == {name for room, name in provenance._MODULES if room == "simulation"} | of_processes
+    assert modules == {name for room, name in provenance._MODULES if room == "simulation"}
 
 
 def test_the_seed_of_all_that_is_random_is_told():

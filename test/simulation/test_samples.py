@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import vibro_ros
-from vibro_ros.simulation.samples import resets
+from vibro_ros.simulation.samples import FIELDS, resets
 
 
 @pytest.mark.parametrize("rate", [200.0, 10.0])
@@ -27,3 +27,24 @@ def test_resets_are_told_whichever_way_the_crank_runs(name, changes, rate):
         device.reset()
     found = resets(*np.array(rows).T)
     assert np.flatnonzero(found).tolist() == wanted[:-1]
+
+
+def test_a_run_is_a_line_and_a_table():
+    pandas = pytest.importorskip("pandas")
+    run = vibro_ros.simulate(vibro_ros.load_scene("damped"), duration=0.5, rate=100.0)
+    contacts = np.count_nonzero(run.events["kind"] == "upper_contact")
+    assert repr(run).startswith("<Run: 51 samples from 0 s to 0.5 s; events: ") and "\n" not in repr(run)
+    assert f" {contacts} upper_contact" in repr(run)
+    assert repr(vibro_ros.simulate(vibro_ros.load_scene("damped"), times=[])) == "<Run: 0 samples; events: none>"
+    table = run.to_pandas()
+    assert isinstance(table, pandas.DataFrame) and table.index.name == "time"
+    assert ["time", *table] == list(FIELDS)
+    for name in table.reset_index():
+        np.testing.assert_array_equal(table.reset_index()[name], getattr(run, name))
+
+
+def test_the_repr_of_a_scene_is_the_call_that_makes_it():
+    for name in ("paper", "machine", "rigid"):
+        scene = vibro_ros.load_scene(name)
+        assert eval(repr(scene), {"Scene": vibro_ros.Scene}) == scene
+    assert repr(vibro_ros.Scene("heavy", {"mass.body": 2.0})) == "Scene('heavy', {'mass.body': 2.0})"

@@ -7,8 +7,8 @@ import numpy as np
 
 from vibro_ros.solver import event_loop
 from vibro_ros.solver.events import EVENT_COLUMNS
+from vibro_ros.solver.layout import Laid
 from vibro_ros.solver.methods import Exact
-from vibro_ros.solver.reference import Laid
 from vibro_ros.solver.state import new_state
 from vibro_ros.solver.system import (
     NOTHING,

@@ -5,7 +5,7 @@ import math
 import mpmath
 import numpy as np
 import pytest
-from from_python import FromPython
+from plain import plain
 
 from vibro_ros.solver import elementary
 
@@ -33,7 +33,7 @@ def test_the_error_is_below_one_unit_in_the_last_place(name):
 
 @pytest.mark.parametrize("name", ARGUMENTS)
 def test_kernels_have_the_bits_of_plain_python(name):
-    function, kernel = getattr(elementary, name), getattr(FromPython(elementary), name)
+    function, kernel = getattr(plain(elementary), name), getattr(elementary, name)
     for x in (*map(float, ARGUMENTS[name]), 0.0, -0.0, math.inf, -math.inf, math.nan):
         np.testing.assert_array_equal(kernel(x), function(x), strict=True)
 

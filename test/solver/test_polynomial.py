@@ -4,14 +4,13 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from from_python import FromPython
 from numpy.polynomial import Chebyshev, Polynomial
 
 from vibro_ros.solver import polynomial
 from vibro_ros.solver.polynomial import economized_powers
 from vibro_ros.solver.vector import LENGTH
 
-poly = FromPython(polynomial)
+poly = polynomial
 
 RANDOM = np.random.default_rng(23)
 DECAYING = RANDOM.normal(size=(20, LENGTH)) * 0.3 ** np.arange(LENGTH)

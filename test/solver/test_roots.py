@@ -5,13 +5,12 @@ from math import comb
 
 import numpy as np
 import pytest
-from from_python import FromPython
 
 from vibro_ros.solver import guards
 from vibro_ros.solver.guards import NO_ROOT
 from vibro_ros.solver.vector import LENGTH
 
-first_root, maximum = FromPython(guards).first_root, FromPython(guards).maximum
+first_root, maximum = guards.first_root, guards.maximum
 
 ROUNDING = 4e-15  # of an instant in [0, 1] where the guard's slope is of its coefficients' order
 

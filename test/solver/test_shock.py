@@ -7,13 +7,12 @@ import math
 
 import numpy as np
 import pytest
-from from_python import FromPython
 from scipy.integrate import solve_ivp
 
 from vibro_ros.solver import shock
 from vibro_ros.solver.system import SHOCK
 
-KERNELS = FromPython(shock)
+KERNELS = shock
 KINETIC, STATIC = 0.1, 0.3
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from urllib.request import urlopen
 
 import pytest
-from real_processes import Executable, compiled, start  # noqa: F401 (fixtures)
+from real_processes import Executable, start  # noqa: F401 (fixtures)
 
 from tools.demo import ros_environment
 from vibro_ros.bag.reader import read_bag

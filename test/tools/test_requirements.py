@@ -15,9 +15,9 @@ from packaging.version import Version
 ROOT = Path(__file__).resolve().parents[2]
 ROSDEP_KEYS = {"PIL": "python3-pil", "mcap": "mcap-ros2-support", "rosbags": "python3-rosbags-pip",
                "yaml": "python3-yaml",  # not python3-<import>
-               "llvmlite": "python3-numba",  # these are brought by others
-               "lz4": "python3-rosbags-pip", "zstandard": "mcap-ros2-support"}
-ROSDEP_KEYS |= {name: f"python3-{name}" for name in ("matplotlib", "numba", "numpy", "scipy", "tornado", "tqdm")}
+               "lz4": "python3-rosbags-pip",  # these are brought by others
+               "zstandard": "mcap-ros2-support"}
+ROSDEP_KEYS |= {name: f"python3-{name}" for name in ("matplotlib", "numpy", "scipy", "tornado", "tqdm")}
 LOCKS = [f"requirements/{part}.txt" for part in ("base", "jazzy", "bench", "browser", "site", "study")]
 # Of the extra `test`, for `Bag.to_pandas`, and of the lab's extras `study`, `cluster` and `gym`.
 NO_ROSDEP_KEY = {"cma", "distributed", "gymnasium", "pandas", "pyarrow"}

@@ -6,11 +6,11 @@ from urllib.parse import urlsplit
 
 import pytest
 from live_view import LiveView
-from real_processes import bench, compiled, start, udp_only
+from real_processes import bench, start, udp_only
 
 from tools.browser import NoBrowserError, Session, browser_program, running
 
-__all__ = ["bench", "compiled", "start", "udp_only"]
+__all__ = ["bench", "start", "udp_only"]
 HERE = {"127.0.0.1", "localhost", "[::1]", "::1"}
 NO_HOST = {"about", "blob", "data", "file"}  # schemes by which nothing leaves the machine
 

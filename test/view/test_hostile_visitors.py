@@ -252,7 +252,7 @@ def test_a_page_that_does_not_read_costs_the_others_nothing(start, view):
 
 
 def wait_for_a_slow_motion(visit: Visit, patience: float = 120.0) -> None:
-    """Request slow motion until it comes; before that the view answers that it is being prepared."""
+    """Request slow motion until it comes."""
     deadline = time.monotonic() + patience
     for number in count():
         visit.send({"id": number, "slow_motion": 0.1})

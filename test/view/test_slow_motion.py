@@ -13,10 +13,9 @@ from vibro_ros.view import slow_motion
 from vibro_ros.view.protocol import COLUMNS, MOST_SECONDS
 from vibro_ros.view.slow_motion import MOST_WAITING, History, SlowMotions, motion_between
 
-PATIENCE = 60.0  # [s] of what takes milliseconds once the kernels are there
+PATIENCE = 60.0  # [s] of what takes milliseconds
 SCENE = vibro_ros.load_scene("device")
 SAMPLES = {"time": np.array([0.0, 0.005])}
-PREPARING = "slow motion is being prepared; ask again in some seconds"
 
 
 @pytest.fixture
@@ -24,11 +23,7 @@ def motions(monkeypatch):
     """Slow motions that call a test's function, by default one that returns its samples."""
     def prepared(compute) -> SlowMotions:
         monkeypatch.setattr(slow_motion, "motion_between", compute)
-        motions = SlowMotions(lambda text: None)
-        assert answer(motions) == PREPARING
-        motions.prepare("exact")
-        until(lambda: answer(motions) != PREPARING)
-        return motions
+        return SlowMotions()
     return prepared
 
 

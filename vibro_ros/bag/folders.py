@@ -35,7 +35,7 @@ def bag_folders(directory: Path, now: datetime, namespace: str = "/") -> Iterato
     robot may make it at the same instant. `Recorder` makes it, and raises FileExistsError.
     """
     own = namespace.rstrip("/").replace("/", "_")[:LONGEST_NAMESPACE]
-    folder = Path(directory).expanduser() / now.strftime(f"vibro_robot{own}_%Y_%m_%d-%H_%M_%S")
+    folder = directory / now.strftime(f"vibro_robot{own}_%Y_%m_%d-%H_%M_%S")
     yield folder
     yield from (folder.with_name(f"{folder.name}_{number}") for number in count(2))
 
@@ -59,12 +59,7 @@ def bag_files(folder: Path) -> tuple[list[Path], list[str]]:
 def lock(folder: Path) -> int:
     """Lock a bag folder until the returned descriptor is closed, at the latest at the process's end.
 
-    On a file system without locks the folder stays unlocked.
-
-    Raises
-    ------
-    BlockingIOError
-        When another process has locked it.
+    On a file system without locks the folder stays unlocked. BlockingIOError when another process has locked it.
     """
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:

@@ -12,6 +12,8 @@ from vibro_ros.process.files import replace_file
 
 BAG_VERSION = 9
 FILE_NAME = "metadata.yaml"
+METADATA_NAME, METADATA_KEY = "rosbag2", "serialized_metadata"
+"""Name and key of the record in an MCAP file that holds the bag's metadata as text."""
 LIMITS = Limits(size=8 * 2**20, values=250_000)
 """Limits of metadata.yaml, which lists each file of a bag: enough for 20 thousand files."""
 LABEL_LIMITS = Limits(size=50_000, values=2000, depth=8)
@@ -27,27 +29,14 @@ _FOREVER = {"sec": 9223372036, "nsec": 854775807}  # how ROS writes "no deadline
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic to record.
+    """A topic to record."""
 
-    Attributes
-    ----------
-    name : str
-        Fully resolved name, such as ``/odom``.
-    type_name : str
-        ROS type, such as ``nav_msgs/msg/Odometry``; any type of ROS 2 Jazzy's common interfaces.
-    qos_depth : int
-        History depth that the publisher offers.
-    transient_local : bool
-        Whether late subscribers get what was published before (transient local).
-    is_input : bool
-        Whether the topic is an input of the run: its messages are still recorded when others are dropped, because a
-        replay cannot compute them.
-    """
-
-    name: str
-    type_name: str
-    qos_depth: int
-    transient_local: bool = False
+    name: str  # fully resolved name, such as ``/odom``
+    type_name: str  # ROS type, such as ``nav_msgs/msg/Odometry``; any type of ROS 2 Jazzy's common interfaces
+    qos_depth: int  # history depth that the publisher offers
+    transient_local: bool = False  # whether late subscribers get what was published before (transient local)
+    # whether the topic is an input of the run: its messages are still recorded when others are dropped, because a
+    # replay cannot compute them
     is_input: bool = False
 
 
@@ -84,10 +73,7 @@ class FileInformation:
 def defined(topics: Sequence[Topic]) -> list[TopicInformation]:
     """Return the descriptions of the topics that are to be recorded.
 
-    Raises
-    ------
-    ValueError
-        For an unknown message type or a topic given twice.
+    ValueError for an unknown message type or a topic given twice.
     """
     names = [topic.name for topic in topics]
     for topic in topics:

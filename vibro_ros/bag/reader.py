@@ -17,6 +17,7 @@ import numpy as np
 from vibro_ros.bag.stream import BagError, BagStream, RecordedTopic
 from vibro_ros.messages.codec import deserialised
 from vibro_ros.messages.topics import ROBOT_TOPICS
+from vibro_ros.process.tables import AXES, as_table
 
 if TYPE_CHECKING:
     import pandas
@@ -40,9 +41,23 @@ class BagWarning(UserWarning):
 
 
 class MissingTopicError(BagError, KeyError):
-    """A recording lacks a topic."""
+    """A recording lacks a topic, or a topic lacks an array."""
 
     __str__ = Exception.__str__  # KeyError would quote the sentence
+
+
+class TopicArrays(Arrays):
+    """The arrays of a topic by name; a column of an array of several has the name of the array and its axis:
+    ``bag["odom"]["position.x"]``, as in `Bag.to_pandas`.
+    """
+
+    def __missing__(self, name: str) -> np.ndarray:
+        whole, _, axis = name.rpartition(".")
+        columns = {key: AXES[:values.shape[1]] for key, values in self.items() if values.ndim == 2}
+        if axis and axis in columns.get(whole, ""):
+            return self[whole][:, AXES.index(axis)]
+        listed = ", ".join(f"{key}.{axes[0]} … {key}.{axes[-1]}" if (axes := columns.get(key)) else key for key in self)
+        raise MissingTopicError(f"{name}: the topic has no such array; give one of {listed}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +79,7 @@ class Bag(Mapping[str, Arrays]):
         The bag's custom data, in which the recorder describes the run.
     topics : dict of str to RecordedTopic
         Every topic, by full name, including those of types that are not read.
-    arrays : dict of str to dict of str to ndarray
+    arrays : mapping of str to dict of str to ndarray
         The arrays that `read_bag` lists, by full name of the topic.
     flaws : tuple of str
         Sentences on the parts of the recording that were not read; empty when all of it was.
@@ -75,7 +90,7 @@ class Bag(Mapping[str, Arrays]):
     duration: float
     metadata: dict[str, str]
     topics: dict[str, RecordedTopic]
-    arrays: dict[str, Arrays]
+    arrays: Mapping[str, Arrays]
     flaws: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> Arrays:
@@ -86,6 +101,10 @@ class Bag(Mapping[str, Arrays]):
 
     def __len__(self) -> int:
         return len(self.arrays)
+
+    def __repr__(self) -> str:
+        topics = ", ".join(f"{topic} ({len(arrays['time'])})" for topic, arrays in self.arrays.items())
+        return f"<Bag {self.path}: {self.duration:g} s, messages read: {topics or 'none'}>"
 
     def full_name(self, name: str) -> str:
         """Return the full name of the topic called `name`.
@@ -137,19 +156,12 @@ class Bag(Mapping[str, Arrays]):
         >>> tables["odom"]["position.x"].diff().abs().sum()
         >>> tables["joint_states"]["upper_mass.position"].plot()
         """
-        try:
-            import pandas
-        except ModuleNotFoundError as error:
-            raise ModuleNotFoundError(f"to_pandas needs pandas ({error}): pip install pandas", name="pandas") from None
         tables = {}
         for topic, arrays in self.arrays.items():
-            columns: Arrays = {}
-            for name, values in arrays.items():
-                columns |= {name: values} if values.ndim == 1 else {
-                    f"{name}.{axis}": column for axis, column in zip("xyzw", values.T, strict=False)}
-            parts = [pandas.DataFrame(part, index=pandas.Index(part.pop("time"), name="time"))
-                     for part in series_of(columns)]
+            parts = [as_table(part) for part in series_of(arrays)]
             if len(parts) > 1:  # the first may have no joint
+                import pandas
+
                 parts = [pandas.concat([part for part in parts if set(part) - {"stamp"}]).sort_index(kind="stable")]
             (tables[topic],) = parts
         return replace(self, arrays=tables)
@@ -252,7 +264,7 @@ def load_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = Non
             except ValueError as error:
                 stream.unreadable.add(topic, seen[topic], stamp, error)
             seen[topic] += 1
-        arrays = {topic: one.arrays() for topic, one in series.items()}
+        arrays = {topic: TopicArrays(one.arrays()) for topic, one in series.items()}
         return Bag(stream.folder, stream.start, (stream.end - stream.start) * 1e-9, stream.metadata, stream.topics,
                    arrays, tuple(stream.flaws))
 

@@ -23,14 +23,16 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Lock, Thread
 
-from mcap.records import Channel, Schema
+from mcap.data_stream import RecordBuilder
+from mcap.records import Channel, McapRecord, Schema
 from mcap.writer import CompressionType, Writer
 
 from vibro_ros.bag.folders import SUFFIX, lock
-from vibro_ros.bag.mcap_file import METADATA_KEY, METADATA_NAME, record_bytes
 from vibro_ros.bag.metadata import (
     FILE_NAME,
     LAST_STAMP,
+    METADATA_KEY,
+    METADATA_NAME,
     FileInformation,
     Topic,
     TopicInformation,
@@ -59,29 +61,12 @@ _COMPRESSIONS = {"none": CompressionType.NONE, "zstd": CompressionType.ZSTD}
 
 @dataclass(frozen=True)
 class Storage:
-    """How a bag is stored on the disk: compression and limits.
+    """How a bag is stored on the disk: compression and limits."""
 
-    Attributes
-    ----------
-    compression : str
-        Compression of chunks, ``none`` or ``zstd``.
-    max_size : int
-        Largest file [bytes]; 0 is no limit. A file exceeds it by up to one flush, and by its index.
-    max_duration : float
-        Longest file [s]; 0 is no limit.
-    max_bytes : int
-        Largest bag [bytes]: the oldest file is deleted before the bag would exceed it; 0 is no limit.
-
-    Raises
-    ------
-    ValueError
-        For values that are too small or do not go together; the message names the parameter of the node.
-    """
-
-    compression: str = "none"
-    max_size: int = 0
-    max_duration: float = 0.0
-    max_bytes: int = 0
+    compression: str = "none"  # compression of chunks, ``none`` or ``zstd``
+    max_size: int = 0  # largest file [bytes]; 0 is no limit. A file exceeds it by up to one flush, and by its index
+    max_duration: float = 0.0  # longest file [s]; 0 is no limit
+    max_bytes: int = 0  # largest bag [bytes]: the oldest file is deleted before the bag would exceed it; 0 is no limit
 
     def __post_init__(self) -> None:
         for name, value, least, unit in (("max_size", self.max_size, SMALLEST_FILE, "bytes"),
@@ -365,10 +350,7 @@ class BagWriter:
     def flush(self) -> None:
         """Make everything written so far survive the end of this process.
 
-        Raises
-        ------
-        OSError
-            When the disk is full, or the file was removed or replaced.
+        OSError when the disk is full, or the file was removed or replaced.
         """
         try:
             self._file.flush()
@@ -474,6 +456,14 @@ class BagWriter:
     def _description(self, file: FileInformation) -> dict[str, str]:
         """Return the bag's metadata for a record in the file, as if it were the only file."""
         return {METADATA_KEY: as_text(bag_information([file], self._topics, self._custom))}
+
+
+def record_bytes(*records: McapRecord) -> bytes:
+    """Return the bytes of records, one after the other."""
+    builder = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    return builder.end()
 
 
 class _Sink:

@@ -12,10 +12,10 @@ from itertools import count
 from pathlib import Path
 
 from vibro_ros.bag.folders import bag_files
-from vibro_ros.bag.mcap_file import ForeignFileError, McapFile, Message
+from vibro_ros.bag.mcap_file import ForeignFileError, McapFile
 from vibro_ros.bag.metadata import FILE_NAME, custom_of, depth_of, is_transient_local, read_metadata
 from vibro_ros.messages.topics import ROBOT_TOPICS, TOPICS
-from vibro_ros.process.files import one_line
+from vibro_ros.process.files import one_line, user_path
 
 QOS_DEPTH = 10
 """History depth of a topic if the bag does not state it."""
@@ -29,6 +29,10 @@ MOST_HELD_BYTES = 64 * 2**20
 """Most bytes of such messages."""
 
 _TYPES = {name: topic.type for name, topic in TOPICS.items()}
+
+
+Message = tuple[str, int, bytes]
+"""Topic, recorded stamp [ns], serialised message."""
 
 
 class BagError(Exception):
@@ -103,7 +107,7 @@ class BagStream:
     """
 
     def __init__(self, path: str | Path):
-        self.folder = Path(path)
+        self.folder = user_path(path)
         self.unreadable = Unreadable()
         try:
             check_is_bag(self.folder)
@@ -192,7 +196,7 @@ class BagContents:
                     raise
                 self.flaws.append(f"{path.name}: {error.strerror or error}")
         self.files.sort(key=lambda file: file.information.first)
-        if is_missing and all(file.sealed for file in self.files):
+        if is_missing and self.files and all(file.sealed for file in self.files):
             self.flaws.insert(0, f"{FILE_NAME}: is missing; `recover` writes it")
         self.custom = custom_of(self.information) or {
             key: value for file in self.files for key, value in file.custom.items()}
@@ -243,12 +247,8 @@ def flaw_lines(flaws: Sequence[str]) -> list[str]:
 def robot_topics(stream: BagStream) -> dict[str, str]:
     """Return the full names of the robot's topics in a bag, by their keys in `TOPICS`.
 
-    They are taken from the bag's custom data, or else found by the last part of the name and the type.
-
-    Raises
-    ------
-    BagError
-        When a topic in the custom data has another type, or when a bag without custom data has two robots.
+    They are taken from the bag's custom data, or else found by the last part of the name and the type. BagError when a
+    topic in the custom data has another type, or when a bag without custom data has two robots.
     """
     try:
         recorded_names = json.loads(stream.metadata.get("topics", "{}"))

@@ -1,15 +1,16 @@
 """ROS parameter files: their sections, and which of them rcl applies to a node.
 
 A section is a mapping below the key `ros__parameters`; the keys above it, joined, are the node's name or a pattern of
-names. `*` stands for one name and `**` for any number of them.
+names. `*` stands for one name and `**` for any number of them. A file may name a node, or a group of parameters, more
+than once; `sections` gives all of them in order, as rcl reads them, and refuses a parameter that two of them give.
 """
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from vibro_ros.configuration.strict_yaml import read_yaml
+from vibro_ros.configuration.strict_yaml import Pairs, read_yaml
 
 SECTION = "ros__parameters"
 """Key above the parameters of a node."""
@@ -29,14 +30,13 @@ Sections = list[tuple[str, dict[str, object]]]
 def sections(path: Path) -> Sections:
     """Read the sections of the file at `path`.
 
-    Raises
-    ------
-    ValueError
-        If the file is missing, is not YAML, or is no parameter file; one line that names the file and the remedy.
+    ValueError if the file is missing, is not YAML, or is no parameter file; one line that names the file and the
+    remedy.
     """
-    tree = read_yaml(path)
+    tree = read_yaml(path, pairs=True)
     try:
         found = list(_sections(tree, ""))
+        _refuse_twice(found)
     except ValueError as error:
         raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
     if not found:
@@ -47,10 +47,7 @@ def sections(path: Path) -> Sections:
 def check_addressed(path: Path, found: Sections, node: str) -> None:
     """Refuse a file without a section that applies to `node`, a fully qualified name.
 
-    Raises
-    ------
-    ValueError
-        The message names the file, the nodes that it addresses, and the remedy.
+    ValueError: the message names the file, the nodes that it addresses, and the remedy.
     """
     patterns = [absolute(pattern) for pattern, _ in found]
     if not any(applies(pattern, node) for pattern in patterns):
@@ -91,27 +88,71 @@ _NONE = f"holds no parameters; a parameter file begins with `/**:` and below it 
 
 
 def _sections(tree: object, above: str) -> Iterator[tuple[str, dict[str, object]]]:
-    if not isinstance(tree, Mapping) or (SECTION in tree and len(tree) > 1):
+    if not isinstance(tree, Pairs):
         raise ValueError(f"{above}: {_NONE}, alone" if above else _NONE)
-    for key, value in tree.items():
+    for index, (key, value) in enumerate(tree):
         if key != SECTION:
+            if above and str(key).startswith("/"):  # rcl joins the names by a slash of its own, and refuses two
+                raise ValueError(f"{above}: {key}: begins with a slash below another name; write "
+                                 f"{str(key).lstrip('/')}")
             yield from _sections(value, f"{above}{'/' * (above != '' and not above.endswith('/'))}{key}")
-        elif above and isinstance(value, Mapping):
-            flat: dict[str, object] = {}
-            for name, leaf in _leaves(value, ""):
-                if name in flat:
-                    raise ValueError(f"{name}: is given twice, dotted and nested; keep one")
-                flat[name] = leaf
-            yield above, flat
+        elif above and isinstance(value, Pairs) and index == len(tree) - 1:  # after it rcl expects no other name
+            yield above, _parameters(value)
         else:
-            raise ValueError(f"{above}: {_NONE}" if above else _NONE)
+            raise ValueError(f"{above}: {_NONE}, alone" if above else _NONE)
 
 
-def _leaves(tree: Mapping, prefix: str) -> Iterator[tuple[str, object]]:
-    for key, value in tree.items():
-        if value is None or value == {}:
+def _parameters(tree: Pairs) -> dict[str, object]:
+    flat: dict[str, object] = {}
+    for name, leaf in _leaves(tree, ""):
+        if name in flat:
+            raise ValueError(f"{name}: is given twice; keep one")
+        if isinstance(leaf, list):
+            _refuse_mixture(name, leaf)
+        flat[name] = leaf
+    return flat
+
+
+def _leaves(tree: Pairs, prefix: str) -> Iterator[tuple[str, object]]:
+    for key, value in tree:
+        if value is None or value == Pairs():
             raise ValueError(f"{prefix}{key}: has no value; give one, or leave it out")
-        if isinstance(value, Mapping):
+        if isinstance(value, Pairs):
             yield from _leaves(value, f"{prefix}{key}.")
         else:
             yield f"{prefix}{key}", value
+
+
+def _refuse_twice(found: Sections) -> None:
+    """Refuse a parameter that two sections of one node or pattern give, of which rcl would take the later without a
+    word."""
+    given: dict[str, set[str]] = {}
+    for pattern, values in found:
+        before = given.setdefault(pattern, set())
+        if again := sorted(before & values.keys()):
+            raise ValueError(f"{again[0]}: is given twice for {pattern}; keep one")
+        before.update(values)
+
+
+def _refuse_mixture(name: str, values: list) -> None:
+    """Refuse a list of elements that rcl reads as values of different types, because it then refuses the file."""
+    kinds: dict[str, Any] = {}
+    for value in values:
+        kinds.setdefault(_kind(value), value)
+    if len(kinds) <= 1:
+        return
+    if kinds.keys() == {"an integer", "a number with a point"}:
+        remedy = f"write each number with a point, such as {float(kinds['an integer'])!r}"
+    else:
+        remedy = "give all of one type; in quotes, each is a text"
+    mixture = " and ".join(f"{kind} ({value!r})" for kind, value in kinds.items())
+    raise ValueError(f"{name}: its list mixes {mixture}, and ROS takes lists of one type; {remedy}")
+
+
+def _kind(value: object) -> str:
+    """Return the type that rcl gives to an element of a list, in words."""
+    if isinstance(value, bool):
+        return "a boolean"
+    if isinstance(value, int) and -2**63 <= value < 2**63:
+        return "an integer"
+    return "a number with a point" if isinstance(value, int | float) else "a text"

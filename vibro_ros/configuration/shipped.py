@@ -1,10 +1,12 @@
-"""The files that come with the package, found by name or by path: scenes, command maps, controller scripts, sweeps."""
+"""The files that come with the package, found by name or by path: scenes, controller scripts, sweeps."""
 
 import os
 from pathlib import Path
 
-FOLDERS = {"scene": ("scenes", ".yaml"), "map": ("maps", ".json"), "script": ("controller", ".yaml"),
-           "sweep": ("studies", ".yaml")}
+from vibro_ros.model.parameters import nearest
+from vibro_ros.process.files import user_path
+
+FOLDERS = {"scene": ("scenes", ".yaml"), "script": ("controller", ".yaml"), "sweep": ("studies", ".yaml")}
 """Folder below `config_folder()` and file suffix of each kind of file."""
 
 
@@ -17,23 +19,24 @@ def shipped(kind: str) -> tuple[str, ...]:
 def find_file(kind: str, name_or_path: str, folder: Path | None = None) -> Path:
     """Return the path of a shipped file or of a user's; a relative path starts from `folder` or the current folder.
 
-    Raises
-    ------
-    ValueError
-        When there is neither a shipped file of this name nor a file at this path; the message lists the shipped ones.
+    ValueError when there is neither a shipped file of this name nor a file at this path; the message lists the shipped
+    ones.
     """
     if name_or_path in shipped(kind):
         place, suffix = FOLDERS[kind]
         return config_folder() / place / f"{name_or_path}{suffix}"
-    path = (folder or Path()) / name_or_path
+    path = (folder or Path()) / user_path(name_or_path)
     if os.path.isfile(path):  # false, not an error, for an impossible file name
         return path
-    raise ValueError(f"{name_or_path or repr('')}: neither a shipped {kind} nor a file; shipped {kind}s are "
-                     f"{', '.join(shipped(kind))}")
+    names = f"shipped {kind}s are {', '.join(shipped(kind))}"
+    if not name_or_path:
+        raise ValueError(f"no {kind} is given; give the path of a file, or a shipped one: {names}")
+    question = nearest(name_or_path, shipped(kind))
+    raise ValueError(f"{name_or_path}: neither a shipped {kind} nor a file; {question}{' ' * bool(question)}{names}")
 
 
 def config_folder() -> Path:
-    """Return the folder of the shipped configuration: scenes, maps, scripts, sweeps and the robot's parameter file.
+    """Return the folder of the shipped configuration: scenes, scripts, sweeps and the robot's parameter file.
 
     It is found in a source checkout, a pip installation and a colcon workspace.
 

@@ -47,14 +47,18 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mi
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, object]:
         seen = set()
         for key_node, _ in node.value if isinstance(node, yaml.MappingNode) else ():
-            key = self.construct_object(key_node, deep=True)
-            if not isinstance(key, Hashable):
-                raise yaml.MarkedYAMLError(problem="a key that is a list or a mapping; give a text",
-                                           problem_mark=key_node.start_mark)
+            key = self.construct_key(key_node)
             if key in seen:
                 raise yaml.MarkedYAMLError(problem=f"{key!r} is given twice", problem_mark=node.start_mark)
             seen.add(key)
         return super().construct_mapping(node, deep)
+
+    def construct_key(self, node: yaml.Node) -> Hashable:
+        key = self.construct_object(node, deep=True)
+        if not isinstance(key, Hashable):
+            raise yaml.MarkedYAMLError(problem="a key that is a list or a mapping; give a text",
+                                       problem_mark=node.start_mark)
+        return key
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> object:
         if node.tag != self.DEFAULT_SCALAR_TAG or not isinstance(node, yaml.ScalarNode):
@@ -77,8 +81,20 @@ _Loader.add_implicit_resolver(
 )
 
 
-def parse_yaml(text: str, limits: Limits = LIMITS) -> object:
-    """Parse a YAML document; None when it is empty.
+class Pairs(tuple):
+    """The (key, value) pairs of a mapping in which a key may occur more than once, in the order of the document."""
+
+
+class _PairsLoader(_Loader):
+    """The same loader, but each mapping becomes `Pairs`."""
+
+
+_PairsLoader.add_constructor("tag:yaml.org,2002:map", lambda loader, node: Pairs(
+    (loader.construct_key(key), loader.construct_object(value, deep=True)) for key, value in node.value))
+
+
+def parse_yaml(text: str, limits: Limits = LIMITS, pairs: bool = False) -> object:
+    """Parse a YAML document; None when it is empty. With `pairs`, each mapping is given as `Pairs`.
 
     ValueError, with the line, when it is not YAML or exceeds the limits.
     """
@@ -92,7 +108,7 @@ def parse_yaml(text: str, limits: Limits = LIMITS) -> object:
                       f"more than {limits.values} keys and values" if values > limits.values else "")
             if reason:
                 raise _LimitError(problem=reason, problem_mark=event.start_mark)
-        return yaml.load(text, _Loader)
+        return yaml.load(text, _PairsLoader if pairs else _Loader)
     except yaml.MarkedYAMLError as error:
         line = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
         raise ValueError(f"{line}{getattr(error, 'kind', 'not YAML')}: {error.problem or error.context}") from error
@@ -112,10 +128,7 @@ def read_scalar(text: str) -> object:
 def read_settings(words: Sequence[str]) -> dict[str, object]:
     """Return the values of every `--set NAME=VALUE`, by name, as `read_scalar` reads them.
 
-    Raises
-    ------
-    ValueError
-        For a word of another form, and for a name that is given twice.
+    ValueError for a word of another form, and for a name that is given twice.
     """
     found: dict[str, object] = {}
     for word in words:
@@ -128,13 +141,13 @@ def read_settings(words: Sequence[str]) -> dict[str, object]:
     return found
 
 
-def read_yaml(path: Path, limits: Limits = LIMITS, follow: bool = True) -> object:
-    """Parse the regular file at `path`, which may be a symbolic link if `follow`; None when it is empty.
+def read_yaml(path: Path, limits: Limits = LIMITS, follow: bool = True, pairs: bool = False) -> object:
+    """Parse the regular file at `path`, which may be a symbolic link if `follow`; as `parse_yaml` does.
 
     ValueError, naming the file, when it cannot be read, is not YAML, or exceeds the limits.
     """
     try:
-        return parse_yaml(read_file(path, limits.size, follow).decode(), limits)
+        return parse_yaml(read_file(path, limits.size, follow).decode(), limits, pairs)
     except OSError as error:
         raise ValueError(f"{path}: {error.strerror}; give the path of a YAML file") from error
     except UnicodeDecodeError as error:

@@ -36,13 +36,9 @@ def serialised(message: Any, type_name: str) -> bytes:
 def deserialised(data: bytes, type_name: str) -> Any:
     """Return the message in `data`, which may come from any peer.
 
-    The robot and all readers of its bag call this function, so that they refuse the same messages.
-
-    Raises
-    ------
-    ValueError
-        When `data` is no plain CDR (two bytes, 0 and the byte order 0 or 1, then two bytes of options), ends within a
-        field, or has more than three bytes after the last field (some libraries pad with up to three).
+    The robot and all readers of its bag call this function, so that they refuse the same messages. ValueError when
+    `data` is no plain CDR (two bytes, 0 and the byte order 0 or 1, then two bytes of options), ends within a field, or
+    has more than three bytes after the last field (some libraries pad with up to three).
     """
     if len(data) < _ENCAPSULATION or data[0] != 0 or data[1] not in (0, 1):
         raise ValueError(f"{len(data)} bytes are no {type_name}: they do not begin as plain CDR")

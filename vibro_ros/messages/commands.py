@@ -18,6 +18,9 @@ COMMANDED = {"crank": ("velocity", "motor_speed"), "upper_plate": ("position", "
              "inclined_plate": ("position", "inclined_gap")}
 """For each joint that takes commands: the array of a JointState, and the argument of `Simulator.command`."""
 
+MEASURED = ("upper_mass", "inclined_mass")
+"""The robot's other joints, which have states alone."""
+
 
 def joint_commands(message: Any, scene: Scene) -> tuple[dict[str, float], list[str]]:
     """Return the commands in a JointState of any ROS library, as arguments of `Simulator.command`, and its faults.
@@ -25,7 +28,7 @@ def joint_commands(message: Any, scene: Scene) -> tuple[dict[str, float], list[s
     A fault is a sentence on a part of the message that commands nothing. A plate's gap is its position minus the length
     of the rod in `scene`.
     """
-    names, commands, faults = list(message.name), dict[str, float](), []
+    names, commands, faults = list(message.name), dict[str, float](), list[str]()
     if repeated := [name for name, count in Counter(names).items() if count > 1]:
         return {}, [f"{quoted(repeated[0])} is named {names.count(repeated[0])} times; name each joint once"]
     for kind in ("position", "velocity", "effort"):
@@ -40,13 +43,17 @@ def joint_commands(message: Any, scene: Scene) -> tuple[dict[str, float], list[s
             if not math.isfinite(number):
                 continue
             if _kind(name) != kind:
-                faults.append(f"{quoted(name)} is not commanded by {kind}; give " + ", ".join(
-                    f"{joint} by {array}" for joint, (array, _) in COMMANDED.items()))
+                faults.append(f"{quoted(name)} is not commanded by {kind}; give {_TAKEN}")
                 continue
             argument = COMMANDED[name][1]
             rod = f"crank.{argument.removesuffix('_gap')}_rod"
             commands[argument] = number - scene[rod] if kind == "position" else number
+    faults += [f"{quoted(name)} is no joint of this robot; give {_TAKEN}" for name in names
+               if name not in (*COMMANDED, *MEASURED) and not any(quoted(name) in fault for fault in faults)]
     return commands, faults
+
+
+_TAKEN = ", ".join(f"{joint} by {array}" for joint, (array, _) in COMMANDED.items())
 
 
 def _kind(name: str) -> str:

@@ -27,24 +27,15 @@ NAMES = (RESET, PAUSE, RESUME, STEP, TIMEOUT, *ARGUMENTS)
 
 @dataclass(frozen=True)
 class Operation:
-    """One operation.
+    """One operation."""
 
-    Attributes
-    ----------
-    name : str
-        `RESET`: go back to the start. `PAUSE`, `RESUME`: stop robot time, let it go on. `STEP`: take some samples while
-        paused. `SET`: change parameters. `TIMEOUT`: stop the motor, because no command came in time. `STATE`: set the
-        state (`Simulator.set_state`). `PUSH`: push the body (`Simulator.push`). `FAULT`: begin or end a fault
-        (`model.faults`).
-    steps : int
-        Number of samples of a `STEP`.
-    parameters : mapping of str to value
-        Arguments of an operation in `ARGUMENTS`.
-    """
-
+    # `RESET`: go back to the start. `PAUSE`, `RESUME`: stop robot time, let it go on. `STEP`: take some samples
+    # while paused. `SET`: change parameters. `TIMEOUT`: stop the motor, because no command came in time. `STATE`:
+    # set the state (`Simulator.set_state`). `PUSH`: push the body (`Simulator.push`). `FAULT`: begin or end a
+    # fault (`model.faults`)
     name: str
-    steps: int = 0
-    parameters: Mapping[str, Value] = field(default_factory=dict)
+    steps: int = 0  # number of samples of a `STEP`
+    parameters: Mapping[str, Value] = field(default_factory=dict)  # arguments of an operation in `ARGUMENTS`
 
     def __str__(self) -> str:
         if self.name in ARGUMENTS:
@@ -53,13 +44,7 @@ class Operation:
 
 
 def read_operation(text: str) -> Operation:
-    """Return the operation in a recorded text.
-
-    Raises
-    ------
-    ValueError
-        When the text is no operation.
-    """
+    """Return the operation in a recorded text (ValueError when the text is no operation)."""
     name, _, rest = text.partition(" ")
     try:
         if name not in NAMES or (name not in (STEP, *ARGUMENTS) and rest):
@@ -78,12 +63,8 @@ def read_operation(text: str) -> Operation:
 def perform(operation: Operation, device: "Simulator") -> None:
     """Apply an operation to the device; pauses and steps do nothing to it, because robot time counts samples.
 
-    Raises
-    ------
-    ValueError
-        When the device refuses the operation; nothing is changed then.
-    SimulationError
-        When the run cannot go on.
+    ValueError when the device refuses the operation; nothing is changed then. SimulationError when the run cannot go
+    on.
     """
     if operation.name == RESET:
         device.reset()

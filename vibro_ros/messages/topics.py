@@ -31,47 +31,20 @@ class Quality(NamedTuple):
 
 
 class Topic(NamedTuple):
-    """One topic.
+    """One topic. Paths lead to a field of the message, such as ``pose.pose.position.x``."""
 
-    Attributes
-    ----------
-    type : str
-        ROS type of its messages.
-    when : str
-        When a message comes: `COMMAND`, `SAMPLE`, `EVENT`, `ONCE`, `NODE` or `BAG`.
-    meaning : str
-        What the messages say, with units, in Markdown for docs/guide/node.md.
-    quality : Quality
-    unit : str
-        Unit of a command that is a number; empty for other topics.
-    frame : str
-        Frame in the header; empty where the message has no header, or its frame varies.
-    numbers : mapping of str to str
-        For a path in the message, the field of a sample that fills it; `-` before the field negates it.
-    constants : mapping of str to object
-        For a path in the message, its constant value.
-    transforms : tuple of str
-        Values of `tf.publish` with which a robot has the topic.
-    of_dc_motor : bool
-        Whether only a robot with a dc motor has the topic.
-    sensor : str
-        Sensor of `sensors.device` whose measurements the topic has; a robot without it lacks the topic.
-    name : str
-        Name before namespace and remapping, if it differs from the key in `TOPICS`.
-    """
-
-    type: str
-    when: str
-    meaning: str
+    type: str  # ROS type of its messages
+    when: str  # when a message comes: `COMMAND`, `SAMPLE`, `EVENT`, `ONCE`, `NODE` or `BAG`
+    meaning: str  # what the messages say, with units, in Markdown for docs/guide/node.md
     quality: Quality = Quality()
-    unit: str = ""
-    frame: str = ""
-    numbers: Mapping[str, str] = _NOTHING
-    constants: Mapping[str, Any] = _NOTHING
-    transforms: tuple[str, ...] = (NONE, ONLY_BASE, ALL)
-    of_dc_motor: bool = False
-    sensor: str = ""
-    name: str = ""
+    unit: str = ""  # of a command that is a number; empty for other topics
+    frame: str = ""  # in the header; empty where the message has no header, or its frame varies
+    numbers: Mapping[str, str] = _NOTHING  # by path, the field of a sample that fills it; `-` before it negates it
+    constants: Mapping[str, Any] = _NOTHING  # by path, the constant value
+    transforms: tuple[str, ...] = (NONE, ONLY_BASE, ALL)  # values of `tf.publish` with which a robot has the topic
+    of_dc_motor: bool = False  # whether only a robot with a dc motor has the topic
+    sensor: str = ""  # sensor of `sensors.device` whose measurements it has; a robot without the sensor lacks it
+    name: str = ""  # before namespace and remapping, if it differs from the key in `TOPICS`
 
     def exists(self, scene: Scene, transforms: str = ALL) -> bool:
         """Return whether the robot of a scene has the topic; `transforms` is the value of `tf.publish`."""

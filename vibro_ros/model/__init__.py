@@ -23,7 +23,7 @@ def describe(scene: Scene) -> str:
       u, u'    position [m] and speed [m/s] of the upper mass on its guide
     ...
     """
-    from vibro_ros.model import description  # imports numba: half of a controller's start time
+    from vibro_ros.model import description  # imports kernels, which a controller does not need
 
     return description.describe(scene)
 

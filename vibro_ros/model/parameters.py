@@ -107,7 +107,10 @@ class Parameter:
         if isinstance(self.default, tuple):
             if not isinstance(value, (list, tuple)) or not all(isinstance(text, str) for text in value):
                 raise ValueError(f"{self.name}: {quoted(value)} is not {self.type_name}; write [one, another]")
-            return tuple(value) or self.default
+            if not value:
+                raise ValueError(f"{self.name}: its list is empty, which has no type in ROS; write "
+                                 f"[{', '.join(self.default)}], or leave it out")
+            return tuple(value)
         if type(value) is not type(self.default):
             raise ValueError(f"{self.name}: {quoted(value)} is not {self.type_name}; "
                              f"give {self.type_name}{self._hint()}")
@@ -370,13 +373,6 @@ SCENE_PARAMETERS: tuple[Parameter, ...] = tuple(replace(parameter, negligible=NE
 BY_NAME: Mapping[str, Parameter] = {parameter.name: parameter for parameter in SCENE_PARAMETERS}
 """Each parameter of a scene by its name."""
 
-GONE: Mapping[str, str] = {
-    "solver.audit": "solver.accounts has the same residual, and says where the energy goes",
-    "solver.accuracy": "leave it out: solver.method exact is accurate to rounding and the cheapest as well",
-}
-"""Parameters that scenes had up to version 0.2, each with its remedy. None of them affected the motion, so that a bag
-that names them is read without them."""
-
 
 def checked_parameters(changes: Mapping[str, object], table: Iterable[Parameter]) -> dict[str, Value]:
     """Return the values of `changes`, a mapping from names to values, checked by the parameters of `table`.
@@ -394,9 +390,11 @@ def parameter_named(name: str, by_name: Mapping[str, Parameter]) -> Parameter:
     """Return the parameter called `name`, or raise a ValueError that suggests the nearest name."""
     if name in by_name:
         return by_name[name]
-    if name in GONE:
-        raise ValueError(f"{name}: is gone; {GONE[name]}")
-    near = difflib.get_close_matches(name, by_name, n=1)
-    remedy = f"did you mean {near[0]}?" if near else "`robot --help` lists the parameters"
     shown = name if name.isprintable() and len(name) <= LONGEST_QUOTE else quoted(name)
-    raise ValueError(f"{shown}: unknown parameter; {remedy}")
+    raise ValueError(f"{shown}: unknown parameter; {nearest(name, by_name) or '`robot --help` lists the parameters'}")
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Return the question whether the user meant the nearest of the `known` names; empty if none is near."""
+    near = difflib.get_close_matches(name, known, n=1)
+    return f"did you mean {near[0]}?" if near else ""

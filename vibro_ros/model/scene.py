@@ -75,6 +75,11 @@ class Scene(ParameterValues):
     def __reduce__(self):
         return _scene_once_checked, (self.name, dict(self.parameters))
 
+    def __repr__(self) -> str:
+        """Return the call that makes this scene; parameters with their default value are left out."""
+        changed = {name: value for name, value in self.parameters.items() if value != _DEFAULTS[name]}
+        return f"Scene({self.name!r}, {changed!r})"
+
     def __hash__(self) -> int:
         return hash((self.name, tuple(self.parameters.values())))
 

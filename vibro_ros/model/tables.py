@@ -13,7 +13,7 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.model.shock import NonlinearShock
 from vibro_ros.model.slider import Slider, signal_table
 from vibro_ros.solver.elementary import cos, sin
-from vibro_ros.solver.reference import Laid
+from vibro_ros.solver.layout import Laid
 from vibro_ros.solver.system import (
     BY_COMMAND,
     BY_CURRENT,

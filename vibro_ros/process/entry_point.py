@@ -17,32 +17,61 @@ import atexit
 import errno
 import io
 import os
+import re
 import resource
 import signal
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
-from importlib import import_module
+from importlib import import_module, metadata
+from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
 
 from vibro_ros.process.executables import EXECUTABLES, shows_live_robot
-from vibro_ros.process.files import one_line
+from vibro_ros.process.files import one_line, user_path
 
 FAILURE, BAD_INPUT = 1, 2
 ADDRESS_SPACE = 2_000_000_000
 """Address space [bytes] that suffices for every executable on two cores; with less, scipy's libraries wait for memory
 for ever, deaf to signals, or end the process without a helpful message."""
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+MIDDLEWARES = "share/ament_index/resource_index/rmw_typesupport"
+"""Folder below an installation's prefix that has a file for each middleware."""
+LAUNCHED = "--launched"
+"""Option by which a signal is the normal end of another executable, too: a launch file reports any other exit code as
+a process that has died."""
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser that raises its errors as ValueError, which `exit_code` prints in one line."""
+    """The argument parser of an executable, with `--version`.
+
+    Its errors are ValueErrors, which `exit_code` prints in one line. Arguments of the type `Path` are a `user_path`.
+    """
+
+    def __init__(self, *, prog: str, **options: Any):
+        super().__init__(prog=prog, **options)
+        self.register("type", Path, user_path)
+        self.add_argument("--version", action=_Version)
 
     def error(self, message: str) -> NoReturn:
-        """Raise `message` as a ValueError, like all other bad input."""
+        """Raise `message` as a ValueError, like all other bad input; of a missing value it says the form."""
+        option = re.fullmatch(r"argument (--[\w-]+).*: expected one argument", message)
+        if option and (form := re.search(rf"{option[1]} (.+?)\]?(?:\s|$)", self.format_usage())):
+            message = f"{message}, as in {option[1]} {form[1]}"
         raise ValueError(f"{message}; `{self.prog} --help` shows what there is")
+
+
+class _Version(argparse.Action):
+    """Prints the program's name and the version of its package, and ends the parsing as `--help` does."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str = argparse.SUPPRESS):
+        super().__init__(option_strings, dest, nargs=0, default=argparse.SUPPRESS, help="say which version this is")
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        print(f"{parser.prog} {metadata.version(_process.package)}")
+        parser.exit()
 
 
 def enter(program: str, executables: Mapping[str, Any] = EXECUTABLES) -> int:
@@ -51,6 +80,7 @@ def enter(program: str, executables: Mapping[str, Any] = EXECUTABLES) -> int:
     Returns the exit code: that of `main`; 0 or 128 + the signal's number if a KeyboardInterrupt ended `main`.
     """
     _process.program, _process.endless = program, executables[program].endless
+    _process.package = executables[program].module.partition(".")[0]
     _on_stop_signals(_end_at_once)
     _open_streams()
     interrupted: list[int] = []
@@ -73,7 +103,7 @@ def enter(program: str, executables: Mapping[str, Any] = EXECUTABLES) -> int:
         code = code or FAILURE
     threading = sys.modules.get("threading")
     if threading and any(thread.daemon for thread in threading.enumerate()):
-        os._exit(code)  # a daemon thread, such as a compilation, would crash the interpreter's shutdown
+        os._exit(code)  # a daemon thread would crash the interpreter's shutdown
     return code
 
 
@@ -127,8 +157,9 @@ class StopRequest:
 
     @property
     def exit_code(self) -> int:
-        """128 + the signal's number, as shells expect of a program that a signal ended; 0 if no signal came."""
-        return 128 + self.signal if self.signal is not None else 0
+        """128 + the signal's number, as shells expect of a program that a signal ended; 0 if no signal came, or if a
+        signal is the normal end."""
+        return _code_after(self.signal) if self.signal is not None else 0
 
     def __bool__(self) -> bool:
         return self.signal is not None
@@ -140,10 +171,11 @@ class StopRequest:
 
 
 class _Process:
-    """State of this process: name of the `program`, whether it is `endless`, number of the first stop `signal` that
-    interrupted it, and whether it `defers` the KeyboardInterrupt to the end of `interrupted_afterwards`."""
+    """State of this process: name of the `program` and of its `package`, whether it is `endless`, number of the first
+    stop `signal` that interrupted it, and whether it `defers` the KeyboardInterrupt to the end of
+    `interrupted_afterwards`."""
 
-    program, endless = "", False
+    program, package, endless = "", "vibro_ros", False
     signal: int | None = None
     defers = False
 
@@ -213,7 +245,7 @@ def _end_at_once(number: int, frame: FrameType | None) -> None:
 
 def _code_after(number: int) -> int:
     live = _process.program == "view" and shows_live_robot(sys.argv[1:])
-    return 0 if live or _process.endless else 128 + number
+    return 0 if live or _process.endless or LAUNCHED in sys.argv[1:] else 128 + number
 
 
 def _run(program: str, module: str) -> int:
@@ -222,6 +254,9 @@ def _run(program: str, module: str) -> int:
         say(program, f"the address space is limited to {limit / 1e6:.0f} MB, and {ADDRESS_SPACE / 1e6:.0f} MB are "
             f"needed; raise it with `ulimit -v {ADDRESS_SPACE // 1000}`, or `ulimit -v unlimited`")
         return FAILURE
+    if fault := _middleware_fault(program):
+        say(program, fault)
+        return BAD_INPUT
     try:
         main = import_module(module).main
     except ModuleNotFoundError as error:
@@ -237,6 +272,25 @@ def _run(program: str, module: str) -> int:
         return main(sys.argv[1:])
     except SystemExit as end:  # raised by argparse, after --help
         return end.code if isinstance(end.code, int) else 0
+
+
+def _middleware_fault(program: str) -> str:
+    """Return why rcl would end the process, with code 102, while `program` imports rclpy; empty if it does not.
+
+    Where no middleware is registered, as in an installation by `pip install --user`, or another one may be loaded
+    before rcl by LD_PRELOAD, rcl is left to judge.
+    """
+    live = program == "view" and shows_live_robot(sys.argv[1:])
+    wanted = os.environ.get("RMW_IMPLEMENTATION")
+    if not wanted or "LD_PRELOAD" in os.environ or not (live or _process.endless or program == "controller"):
+        return ""
+    prefixes = filter(None, [sys.prefix, *os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)])
+    registered = {path.name for prefix in prefixes for path in Path(prefix, MIDDLEWARES).glob("*")}
+    installed = sorted(registered - {"rmw_implementation"})
+    return "" if not installed or wanted in installed else (
+        f"RMW_IMPLEMENTATION={wanted}: is not installed, but {', '.join(installed)} is; unset RMW_IMPLEMENTATION, or "
+        "install its package beside ROS 2 from apt, such as ros-jazzy-rmw-zenoh-cpp (the wheels of PyPI have Fast DDS "
+        "alone)")
 
 
 class _Output(io.FileIO):

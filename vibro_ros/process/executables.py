@@ -49,5 +49,5 @@ EXECUTABLES = {
 
 def shows_live_robot(words):
     """Return whether the arguments of `view` ask for a live robot, not for a recording."""
-    of_recording = ("--output", "--scene", "--help", "-h")
+    of_recording = ("--output", "--scene", "--help", "-h", "--version")
     return not words or words[0].startswith("-") and words[0].partition("=")[0] not in of_recording

@@ -9,6 +9,8 @@ import os
 import re
 import secrets
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
@@ -29,6 +31,15 @@ def one_line(text: object, longest: int = LONGEST) -> str:
     if len(shown) > longest:
         shown = f"{shown[:longest // 2]}…{shown[-(longest // 2):]}"
     return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in shown)
+
+
+def user_path(path: str | Path) -> Path:
+    """Return a path that a user gave, with `~` and `~NAME` at its beginning as home folders.
+
+    A shell expands `~` only at the beginning of a word, neither in `--output=~/out` nor in `scene:=~/robot.yaml`, and
+    no program does in a parameter file. A home folder that is unknown stays as it is written.
+    """
+    return Path(os.path.expanduser(path))
 
 
 def kind_of(mode: int) -> str:
@@ -66,13 +77,6 @@ def read_file(path: Path, limit: int, follow: bool = True) -> bytes:
     return data
 
 
-def write_all(descriptor: int, data: bytes) -> None:
-    """Write all of `data` at the descriptor's position (OSError)."""
-    rest = memoryview(data)
-    while rest:
-        rest = rest[os.write(descriptor, rest):]
-
-
 def is_temporary(name: str) -> bool:
     """Return whether a name has the form of the temporary files of `replace_file`."""
     return re.fullmatch(r"\..+\.[0-9a-f]{16}", name) is not None
@@ -80,11 +84,20 @@ def is_temporary(name: str) -> bool:
 
 def replace_file(path: Path, data: bytes) -> None:
     """Write a file to `path`, whole or not at all, and replace what is there, even a link (OSError)."""
+    with replacement(path) as file:
+        file.write(data)
+
+
+@contextmanager
+def replacement(path: Path) -> Iterator[BinaryIO]:
+    """Context with a new file that replaces what is at `path`, even a link, at its end, and not on an error (OSError).
+    """
     fresh = path.with_name(f".{path.name}.{secrets.token_hex(8)}")  # unguessable, so that no link can be put there
     descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
     try:
-        with os.fdopen(descriptor, "wb", buffering=0) as file:
-            write_all(file.fileno(), data)
+        with os.fdopen(descriptor, "wb") as file:
+            yield file
+            file.flush()
             os.fsync(file.fileno())
         fresh.replace(path)
     except BaseException:

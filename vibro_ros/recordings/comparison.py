@@ -70,12 +70,8 @@ def compare(stream: BagStream) -> Comparison:
     """Simulate the recorded run again and compare it with every message of the bag.
 
     Missing messages are not compared, because a bag may begin late, break off, or lack topics. But if the recorder
-    states that it dropped none, a message that is missing between others is a difference.
-
-    Raises
-    ------
-    BagError
-        When the bag is damaged, or does not say what was simulated.
+    states that it dropped none, a message that is missing between others is a difference. BagError when the bag is
+    damaged, or does not say what was simulated.
     """
     facts = recorded_run(stream)
     rerun = Rerun(facts, facts.scene)

@@ -10,7 +10,6 @@ from vibro_ros.bag.stream import BagError, BagStream
 from vibro_ros.messages.topics import CHECKPOINT, INPUTS, OPERATIONS
 from vibro_ros.recordings.rerun import RecordedRun, Rerun, lacks_beginning, most_ticks, recorded_run
 from vibro_ros.simulation.motion import SimulationError
-from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.simulation.samples import resets
 
 #: Accounts of received energy, with their signs, and of lost energy. With a dc motor the supply counts in place of what
@@ -52,7 +51,6 @@ def _energy(bag: Bag, stream: BagStream, facts: RecordedRun) -> dict[str, Any]:
         raise BagError("the stamps of its odometry are not those of the robot's samples")
     if lacks_beginning(stream, facts):
         raise BagError("the recording begins after the robot's start, without a checkpoint")
-    prepare_kernels("report", method)
     rerun = Rerun(facts, facts.scene.with_parameters({"solver.accounts": True}))
     if stream.start <= facts.start:
         _check_span(stream, facts, last - rerun.tick, len(times))

@@ -9,13 +9,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import to_rgb
-from matplotlib.figure import Figure
 from scipy.integrate import cumulative_trapezoid
 
 from vibro_ros.bag.reader import Arrays, Bag
+from vibro_ros.process.pictures import Axes, Figure, default_settings, new_figure, set_heading, to_rgb
 from vibro_ros.recordings.energy import RECEIVED
 from vibro_ros.recordings.summary import impacts_of
 from vibro_ros.simulation.validity import GAP
@@ -46,6 +43,7 @@ Span = tuple[float, float]
 Panel = Callable[[Axes, Bag, Span], None]
 
 
+@default_settings()
 def plot_run(bag: Bag, caption: str = "", energy: dict[str, Any] | None = None) -> Figure:
     """Plot body, masses, impacts, ground, motor and power over time [s]; panels without data are left out.
 
@@ -54,12 +52,15 @@ def plot_run(bag: Bag, caption: str = "", energy: dict[str, Any] | None = None) 
     """
     whole, moment, panels = (0.0, max(bag.duration, 1e-3)), _moment(bag), list(_panels(bag))
     below = _BAR if energy and "accounts" in energy else 0.0
-    height = 1.7 + 1.75 * len(panels) + below
-    figure = Figure(figsize=(13.0, height), dpi=120, facecolor="white")
+    height = 1.3 + 1.75 * len(panels) + below
+    figure = new_figure(13.0, height, 120, layout=None)
+    heading = set_heading(figure, f"{bag.path.name}\n{caption}", 10, color=_TEXT)
     # Margins [in] are given, because a layout engine would draw everything twice more to find them.
-    figure.subplots_adjust(left=0.07, right=0.985, bottom=(0.55 + below) / height, top=1.0 - 1.15 / height, wspace=0.24,
-                           hspace=0.42)
-    FigureCanvasAgg(figure)
+    height += heading.get_window_extent().height / figure.dpi
+    figure.set_figheight(height)
+    heading.set_y(1.0 - 0.2 / height)
+    figure.subplots_adjust(left=0.07, right=0.985, bottom=(0.55 + below) / height,
+                           top=(0.55 + below + 1.75 * len(panels)) / height, wspace=0.24, hspace=0.42)
     axes = figure.subplots(len(panels), 2, sharex="col", width_ratios=(3, 2), squeeze=False)
     for row, draw in zip(axes, panels, strict=True):
         for axis, span in zip(row, (whole, moment), strict=True):
@@ -73,7 +74,6 @@ def plot_run(bag: Bag, caption: str = "", energy: dict[str, Any] | None = None) 
     for axis, title in zip(axes[0], ("the whole recording", f"the {np.ptp(moment):.2g} s marked on the left"),
                            strict=True):
         axis.set_title(title, fontsize=10, color=_TEXT, loc="right")
-    figure.suptitle("\n".join(filter(None, (bag.path.name, caption))), fontsize=12, color=_TEXT, y=1.0 - 0.2 / height)
     figure.align_ylabels(axes)
     if energy and below:
         bar = figure.add_axes((0.07, 0.62 / height, 0.915, 0.62 / height))
@@ -83,16 +83,17 @@ def plot_run(bag: Bag, caption: str = "", energy: dict[str, Any] | None = None) 
     return figure
 
 
+@default_settings()
 def plot_pair(first: Bag, second: Bag) -> Figure:
     """Plot displacement, motor speed and mean power of two recordings in the same axes, each from time 0 [s]."""
-    figure = Figure(figsize=(13.0, 8.0), dpi=120, facecolor="white", layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(13.0, 8.0, 120)
+    set_heading(figure, f"first: {first.path.name}\nsecond: {second.path.name}", 10, color=_TEXT)
     rows = figure.subplots(3, 1, sharex=True)
     span = (0.0, max(first.duration, second.duration, 1e-3))
     for name, bag, colour in zip(("first", "second"), (first, second), _GUIDE_COLOURS.values(), strict=True):
         body, joints, power = bag["odom"], bag["joint_states"], bag["motor_power"]
         x = body["position"][:, 0]
-        line(rows[0], body["time"], (x - x[0]) * MM, span, color=colour, label=f"{name}: {bag.path.name}")
+        line(rows[0], body["time"], (x - x[0]) * MM, span, color=colour, label=name)
         line(rows[1], joints["time"], joints["crank.velocity"], span, color=colour)
         rows[2].plot(*mean_over_turns(power["time"], power["value"], joints["time"], joints["crank.position"]),
                      color=colour, lw=1.3)

@@ -1,10 +1,9 @@
 """The `recover` executable: seals a bag whose recorder was killed, so that other programs can read it, too.
 
-A file without a footer is cut after its last whole record, where index and footer are written; before that, the torn
-end is saved to a file beside it. A file with a footer is left as it is, even if it is damaged. metadata.yaml is written
-last, whole or not at all. Everything is read before anything is written. When a step fails (the disk is full), nothing
-readable is lost, and recovery can be repeated. No link is followed. Files are sealed in place, because a copy of a long
-recording would need as much space again.
+Each file without a footer is replaced by a sealed copy of all its messages. The file itself is kept beside it, unless
+the copy has all that was in it. A file with a footer is left as it is, even if it is damaged. metadata.yaml is written
+last, whole or not at all. When a step fails (the disk is full), the bag is as it was, and recovery can be repeated. No
+link is followed.
 """
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
@@ -27,9 +26,7 @@ from vibro_ros.bag.metadata import FILE_NAME, as_text, bag_information, write_me
 from vibro_ros.bag.stream import BagContents, BagError, BagStream, check_is_bag, flaw_lines
 from vibro_ros.process.entry_point import BAD_INPUT, Parser, exit_code, say
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.files import one_line, open_regular_file, write_all
-
-_BLOCK = 2**20  # bytes that are copied at a time
+from vibro_ros.process.files import is_temporary, one_line, replacement, user_path
 
 
 class InUseError(BagError):
@@ -40,8 +37,8 @@ class InUseError(BagError):
 class Recovery:
     """Result of sealing a bag, which has `messages` messages now, the last with the stamp `last` [ns] (0 without any).
 
-    `cut` is the number of torn bytes, which are saved in the files `kept`. `was_sealed` says that the bag was sealed
-    before and nothing was done; `flaws` are sentences on the parts of the bag that cannot be read.
+    `cut` is the number of torn bytes; the files `kept` are the torn ones as they were. `was_sealed` says that the bag
+    was sealed before and nothing was done; `flaws` are sentences on the parts of the bag that cannot be read.
     """
 
     folder: Path
@@ -61,10 +58,10 @@ def main(words: Sequence[str]) -> int:
 def recover(path: str | Path, keep_torn: bool = True) -> Recovery:
     """Seal the bag in the folder `path`, or the bag of the MCAP file `path`.
 
-    With `keep_torn` the bytes that are cut are saved beside it, as ``<file>.torn``, ``<file>.torn.2``, … BagError when
-    it is no bag, holds nothing that can be read, is being recorded (`InUseError`), or cannot be written.
+    With `keep_torn` a file of which the sealed copy lacks anything is kept as ``<file>.torn``, ``<file>.torn.2``, …
+    BagError when it is no bag, holds nothing that can be read, is being recorded (`InUseError`), or cannot be written.
     """
-    path = Path(path)
+    path = user_path(path)
     folder = path.absolute().parent if path.suffix == SUFFIX and path.is_file() else path
     try:
         check_is_bag(folder)
@@ -105,6 +102,8 @@ def _recovered(folder: Path, keep_torn: bool) -> Recovery:
     if (all(file.sealed for file in bag.files) and isinstance(names, list)
             and sorted(map(str, names)) == sorted(file.name for file in files)):
         return _read_back(folder, was_sealed=True)
+    for name in filter(is_temporary, os.listdir(folder)):  # of a recovery that was killed
+        (folder / name).unlink()
     cut, kept = 0, []
     for file in bag.files:
         if not file.sealed:
@@ -125,53 +124,24 @@ def _recovered(folder: Path, keep_torn: bool) -> Recovery:
 
 
 def _seal(file: McapFile, metadata: str, keep_torn: bool) -> list[Path]:
-    """Cut a file after its last whole record, and write `metadata`, index and footer there (OSError).
+    """Replace a file by a sealed copy, with the bag's `metadata` as text (OSError; the file is then as it was).
 
-    The torn end is saved to another file before it is overwritten; the paths of such files are returned.
+    The file is kept under another name if the copy lacks any of it; the path is returned.
     """
-    ending = file.ending(metadata)
-    descriptor = open_regular_file(file.path, os.O_RDWR, follow=False)
-    try:
-        status = os.fstat(descriptor)
-        if status.st_size != file.size:
-            raise OSError(0, "the file changed while it was read")
-        if status.st_nlink > 1:
-            raise BagError(f"{file.path}: has another name (a hard link) that would change, too; give a copy")
-        kept = [_keep_tail(file, descriptor)] if keep_torn and file.size > file.end else []
-        try:
-            os.posix_fallocate(descriptor, file.end, len(ending))  # fails without space, before any overwriting
-        except OSError:
-            os.ftruncate(descriptor, file.size)
-            for copy in kept:
-                copy.unlink()
-            raise
-        os.lseek(descriptor, file.end, os.SEEK_SET)
-        write_all(descriptor, ending)
-        os.ftruncate(descriptor, file.end + len(ending))
-        os.fsync(descriptor)
-        return kept
-    finally:
-        os.close(descriptor)
-
-
-def _keep_tail(file: McapFile, descriptor: int) -> Path:
-    """Copy the torn end of an open file to a new file beside it (OSError; the copy is then removed)."""
-    path = _torn_name(file.path)
-    copy = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
-    try:
-        for at in range(file.end, file.size, _BLOCK):
-            write_all(copy, os.pread(descriptor, min(_BLOCK, file.size - at), at))
-        os.fsync(copy)
-    except BaseException:
-        path.unlink(missing_ok=True)
-        raise
-    finally:
-        os.close(copy)
-    return path
+    kept = [_torn_name(file.path)] if keep_torn and not file.is_whole else []
+    with replacement(file.path) as copy:
+        file.copy_sealed(copy, metadata)
+        copy.flush()  # there is room for it
+        for path in kept:
+            try:
+                path.hardlink_to(file.path)
+            except OSError:  # a file system without hard links
+                file.path.rename(path)
+    return kept
 
 
 def _torn_name(path: Path) -> Path:
-    """Return a free path beside `path` for the bytes cut from it: ``<file>.torn``, ``<file>.torn.2``, …"""
+    """Return a free path beside `path` for a file that a copy replaces: ``<file>.torn``, ``<file>.torn.2``, …"""
     names = (path.with_name(f"{path.name}.torn{suffix}") for suffix in chain([""], (f".{i}" for i in count(2))))
     return next(name for name in names if not os.path.lexists(name))
 
@@ -207,11 +177,11 @@ def _clock(stamp: int) -> str:
 def _parser() -> Parser:
     parser = Parser(
         prog="recover",
-        description=f"{EXECUTABLES['recover'].does} The torn end is cut and kept beside as FILE.torn; index and "
-        "metadata.yaml are written in place, and the bag is read back. A file that has its end is not touched. What of "
-        "a bag cannot be read is named.",
+        description=f"{EXECUTABLES['recover'].does} A file without its end is replaced by a sealed copy, and kept "
+        "beside it as FILE.torn if the copy lacks anything; metadata.yaml is written, and the bag is read back. A file "
+        "that has its end is not touched. What of a bag cannot be read is named.",
         epilog="Exit code 0: every bag is sealed now; 2: one is no bag, is empty, in use, or cannot be written; "
         "129, 130, 143: stopped by SIGHUP, SIGINT, SIGTERM.")
     parser.add_argument("bags", nargs="+", metavar="BAG_FOLDER", help="folder of a recording")
-    parser.add_argument("--discard-torn", action="store_true", help="do not keep what is cut, where there is no room")
+    parser.add_argument("--discard-torn", action="store_true", help="do not keep a torn file, where there is no room")
     return parser

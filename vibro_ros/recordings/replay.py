@@ -27,7 +27,7 @@ from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.files import one_line
 from vibro_ros.recordings.comparison import Comparison, compare
 from vibro_ros.recordings.rerun import SAMPLED, RecordedRun, Rerun, lacks_beginning, recorded_run
-from vibro_ros.recordings.summary import as_text, load_samples, summarise
+from vibro_ros.recordings.summary import differences_as_text, load_samples, summarise
 from vibro_ros.sensors.device import sensors_on
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.provenance import provenance
@@ -77,15 +77,12 @@ def comparison_lines(found: Comparison) -> list[str]:
 
 
 def _show_what_if(bag: Path, changes: Mapping[str, object]) -> int:
-    """Simulate the run with other parameters into a new bag, and print the summaries of both bags."""
+    """Simulate the run with other parameters into a new bag, and print in which numbers the two bags differ."""
     folder, failure = what_if(bag, changes)
-    replayed = "replayed with " + ", ".join(f"{name}={value}" for name, value in changes.items())
-    for title, one in (("recorded", bag), (replayed, folder)):
-        try:
-            summary = as_text(summarise(load_samples(one)))
-        except BagError as error:
-            summary = f"no summary: {error}\n"
-        print(f"{title}:\n{summary}")
+    try:
+        print(differences_as_text(*(summarise(load_samples(one)) for one in (bag, folder))))
+    except BagError as error:
+        print(f"no differences: {error}")
     print(one_line(folder))
     if failure:
         say("replay", failure)
@@ -113,7 +110,7 @@ def what_if(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str]:
                            "what another would have done until then is unknown; give a bag of the run's beginning")
         rerun = Rerun(facts, scene)
         topics = _topics(stream, facts)
-        whole = bag.resolve()
+        whole = stream.folder.resolve()
         folders = (whole.with_name(f"{whole.name}_replay{suffix}") for suffix in
                    chain([""], (f"_{number}" for number in count(2))))
         custom = {"scene": rerun.scene.name, "topics": json.dumps(facts.topics),
@@ -144,7 +141,7 @@ def _topics(stream: BagStream, facts: RecordedRun) -> dict[str, Topic]:
                        "recorded itself")
     depths = {topic: one.qos_depth for topic, one in stream.topics.items()}
     return {name: Topic(names[name], topic.type, depths.get(names[name], QOS_DEPTH), topic.quality.transient_local)
-            for name, topic in TOPICS.items()  # a bag of an earlier version has fewer
+            for name, topic in TOPICS.items()  # of a dc motor only where there is one
             if name in names and name != CHECKPOINT}
 
 

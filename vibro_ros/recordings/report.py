@@ -14,7 +14,8 @@ from pathlib import Path
 from vibro_ros.bag.stream import BagError, bag_errors
 from vibro_ros.process.entry_point import Parser, exit_code
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.files import one_line
+from vibro_ros.process.files import one_line, user_path
+from vibro_ros.process.pictures import png
 from vibro_ros.recordings.energy import energy_of
 from vibro_ros.recordings.plots import plot_pair, plot_run
 from vibro_ros.recordings.summary import as_caption, as_text, load_samples, pair_as_text, summarise
@@ -29,9 +30,9 @@ def write_report(bag_folder: Path, output: Path | None = None,
     summary as text, and the files written. BagError when a recording cannot be read or `output` lies inside it;
     OSError when `output` cannot be written.
     """
-    folders = [Path(one).resolve() for one in (bag_folder, other) if one]
+    folders = [user_path(one).resolve() for one in (bag_folder, other) if one]
     ending = f"against_{folders[1].name}" if other else "report"
-    output = Path(output).resolve() if output else folders[0].with_name(f"{folders[0].name}_{ending}")
+    output = user_path(output).resolve() if output else folders[0].with_name(f"{folders[0].name}_{ending}")
     if any(output.is_relative_to(folder) for folder in folders):
         raise BagError(f"{output}: lies inside the recording, which is never written to; give another --output")
     bags = [load_samples(folder) for folder in folders]
@@ -45,7 +46,7 @@ def write_report(bag_folder: Path, output: Path | None = None,
     files[0].write_text(text, encoding="utf-8")
     written = json.dumps(summaries if other else summaries[0], indent=2, ensure_ascii=False)
     files[1].write_text(f"{written}\n", encoding="utf-8")
-    figure.savefig(files[2])
+    files[2].write_bytes(png(figure))
     return text, files
 
 

@@ -38,12 +38,11 @@ from vibro_ros.messages.topics import (
     VARIANCES,
     commands_in,
 )
-from vibro_ros.model.parameters import GONE, SCENE_PARAMETERS, Value, checked_parameters
+from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.files import one_line
 from vibro_ros.sensors.device import SensedSimulator, new_device
 from vibro_ros.simulation.motion import SimulationError
-from vibro_ros.simulation.preparation import prepare_kernels
 
 #: Pause [s] of robot time without a message, after which a stamp is checked against a header.
 LONGEST_PAUSE = 10.0
@@ -102,17 +101,14 @@ class RecordedRun:
 def recorded_run(stream: BagStream) -> RecordedRun:
     """Return the description of the run in a bag.
 
-    Raises
-    ------
-    BagError
-        When the bag is not of the robot's own recorder, or its parameters are not valid in this version.
+    BagError when the bag is not of the robot's own recorder, or its parameters are not valid in this version.
     """
     known = stream.metadata
     if missing := [key for key in ("scene", "parameters", "start") if key not in known]:
         raise BagError(f"{stream.folder}: says nothing of {', '.join(missing)}; give a bag that the robot recorded "
                        "itself")
     try:
-        parameters = {name: value for name, value in json.loads(known["parameters"]).items() if name not in GONE}
+        parameters = json.loads(known["parameters"])
         of_scene = {one.name for one in SCENE_PARAMETERS}
         settings = checked_parameters({name: value for name, value in parameters.items()  # record.* do not matter
                                        if name not in of_scene and not name.startswith("record.")}, DEVICE_PARAMETERS)
@@ -147,7 +143,6 @@ class Rerun:
         self.recorded: Recorded = []
         self.seen: Counter[str] = Counter()
         self._facts = facts
-        prepare_kernels("replay", scene["solver.method"])
         self.device = new_device(scene)
         self.scene = self.device.scene
         settings = facts.settings
@@ -221,7 +216,7 @@ class Rerun:
     def published(self) -> Recorded:
         """Return the messages that the robot publishes at the present sample; to be called at most once for each.
 
-        Topics of a dc motor that the bag does not name are left out, because earlier versions lacked some.
+        Topics of a dc motor that the recorded robot did not have are left out.
         """
         device, start = self.device, self._facts.stamp(self.origin)
         measurements = device.take_measurements() if isinstance(device, SensedSimulator) else ()

@@ -15,7 +15,7 @@ from vibro_ros.bag.reader import Arrays, Bag, BagError, load_bag, series_of
 from vibro_ros.bag.stream import flaw_lines
 from vibro_ros.messages.frames import JOINTS
 from vibro_ros.messages.topics import OPERATIONS
-from vibro_ros.model.parameters import SCENE_PARAMETERS
+from vibro_ros.model.parameters import BY_NAME, SCENE_PARAMETERS
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.files import one_line
 from vibro_ros.recordings.energy import LOST, RECEIVED, RECEIVED_BY_DC, differences_between_resets, reset_times
@@ -38,12 +38,8 @@ LARGEST = 1e100
 def load_samples(folder: Path) -> Bag:
     """Read the columns of a recording that a report needs, without messages that no robot can have sent.
 
-    Such messages, with numbers that are not finite or beyond `LARGEST`, are counted in the bag's flaws.
-
-    Raises
-    ------
-    BagError
-        When the recording cannot be read.
+    Such messages, with numbers that are not finite or beyond `LARGEST`, are counted in the bag's flaws. BagError when
+    the recording cannot be read.
     """
     bag = load_bag(folder, COLUMNS)
     arrays, flaws = {}, list(bag.flaws)
@@ -227,17 +223,7 @@ def as_text(summary: dict[str, Any]) -> str:
 
 def pair_as_text(first: dict[str, Any], second: dict[str, Any]) -> str:
     """Return two summaries with their energy as one table: the parameters that differ, and all numbers of both."""
-    parameters = [_parameters(one["recorder"]) for one in (first, second)]
-    rows: list[tuple[str, ...]] = [("", "first", "second", "second - first")]
-    rows += [(one_line(name), *(_shown(one.get(name)) for one in parameters), "")
-             for name in sorted(parameters[0].keys() | parameters[1].keys())
-             if parameters[0].get(name) != parameters[1].get(name)]
-    numbers, others = _numbers(first), _numbers(second)
-    for name in {**numbers, **others}:
-        one, other = numbers.get(name), others.get(name)
-        difference = "-" if one is None or other is None else f"{other - one:+.6g}"
-        rows.append((name, *("-" if value is None else f"{value:.6g}" for value in (one, other)), difference))
-    lines = aligned(rows)
+    lines = aligned([("", "first", "second", "second - first"), *_rows_of_pair(first, second)])
     for title, summary in (("first", first), ("second", second)):
         lines += [f"{title}: {line}" for line in (
             *(energy_as_lines(summary["energy"]) if "unknown" in summary["energy"] else ()),
@@ -245,9 +231,31 @@ def pair_as_text(first: dict[str, Any], second: dict[str, Any]) -> str:
     return "\n".join([f"first   {one_line(first['bag'])}", f"second  {one_line(second['bag'])}", "", *lines]) + "\n"
 
 
+def differences_as_text(recorded: dict[str, Any], replayed: dict[str, Any]) -> str:
+    """Return the scene's parameters and the numbers in which a replay with changes differs, as one table."""
+    rows = [(name, before, after, difference) for name, before, after, difference in _rows_of_pair(recorded, replayed)
+            if before != after and (difference or name in BY_NAME)]
+    return "\n".join(aligned([("", "recorded", "replayed", "difference"), *rows]))
+
+
+def _rows_of_pair(first: dict[str, Any], second: dict[str, Any]) -> list[tuple[str, str, str, str]]:
+    """Return name, both values and difference of the parameters that differ, and of every number."""
+    given, others = (_parameters(one["recorder"]) for one in (first, second))
+    rows = [(one_line(name), _shown(given.get(name)), _shown(others.get(name)), "")
+            for name in sorted(given.keys() | others.keys()) if given.get(name) != others.get(name)]
+    numbers, of_second = _numbers(first), _numbers(second)
+    for name in {**numbers, **of_second}:
+        value, other = numbers.get(name), of_second.get(name)
+        if value is not None or other is not None:
+            difference = "-" if value is None or other is None else f"{other - value:+.6g}"
+            before, after = ("-" if one is None else f"{one:.6g}" for one in (value, other))
+            rows.append((name, before, after, difference))
+    return rows
+
+
 def _numbers(summary: dict[str, Any]) -> dict[str, float | None]:
     """Return the numbers of a summary and of its energy, by labels with units."""
-    energy = summary["energy"]
+    energy = summary.get("energy", {})
     return {**{f"{label} [{one.unit}]" if one.unit else label: one.of(summary) for label, one in NUMBERS.items()},
             "cost of transport": energy.get("cost_of_transport"),
             **{f"{name.replace('_', ' ')} [J]": amount for name, amount in energy.get("accounts", {}).items()

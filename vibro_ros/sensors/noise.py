@@ -9,7 +9,6 @@ another one, on the instants at which it is read, or on how time is divided into
 but not those of its normal numbers.
 """
 
-import functools
 import hashlib
 import math
 from collections.abc import Callable, Sequence
@@ -78,12 +77,12 @@ class InertialErrors:
         rate, seed = scene["sensors.imu.rate"], int(scene["sensors.seed"])
         limit, self._resolution, density, drift, turn_on = (of_imu(scene, f"{part}.{name}") for name in (
             "range", "resolution", "noise_density", "bias_random_walk", "turn_on_bias"))
-        self._range, noise, step = limit or math.inf, density * math.sqrt(0.5 * rate), drift * math.sqrt(1.0 / rate)
-        numbers, steps = Stream(seed, f"imu/{part}/noise"), Stream(seed, f"imu/{part}/bias")
-        bias = turn_on * Stream(seed, f"imu/{part}/turn_on").normal(0)[0]
-        self._errors = BlockNumbers(lambda block: (bias + step * steps.walk(block)) + noise * numbers.normal(block))
-        self._variance = noise * noise + self._resolution * self._resolution / 12.0 + turn_on * turn_on
-        self._growth = step * step
+        self._range = limit or math.inf
+        self._noise, self._step = density * math.sqrt(0.5 * rate), drift * math.sqrt(1.0 / rate)
+        self._numbers, self._steps = Stream(seed, f"imu/{part}/noise"), Stream(seed, f"imu/{part}/bias")
+        self._bias = turn_on * Stream(seed, f"imu/{part}/turn_on").normal(0)[0]
+        self._errors = BlockNumbers(self._made)
+        self._variance = self._noise * self._noise + self._resolution * self._resolution / 12.0 + turn_on * turn_on
 
     def read(self, true: Sequence[float], index: int) -> list[float]:
         """Return the measured values of sample `index` for the `true` quantity along x, y and z."""
@@ -95,7 +94,11 @@ class InertialErrors:
 
     def variance(self, index: int) -> float:
         """Return the variance of the error on each axis by noise, quantisation and bias, within the range."""
-        return self._variance + index * self._growth
+        return self._variance + index * (self._step * self._step)
+
+    def _made(self, block: int) -> np.ndarray:
+        """Return the errors of a block of samples; a method, because a device with a lambda cannot be pickled."""
+        return (self._bias + self._step * self._steps.walk(block)) + self._noise * self._numbers.normal(block)
 
 
 def philox(key: int, counter: int, count: int) -> np.ndarray:
@@ -127,8 +130,9 @@ _TAIL = (
 
 
 def _ratio(coefficients: tuple[tuple[float, ...], tuple[float, ...]], r: np.ndarray) -> np.ndarray:
-    numerator, denominator = (functools.reduce(lambda total, number: total * r + number, numbers)
-                              for numbers in coefficients)
+    numerator, denominator = np.zeros_like(r), np.zeros_like(r)
+    for above, below in zip(*coefficients, strict=True):
+        numerator, denominator = numerator * r + above, denominator * r + below
     return numerator / denominator
 
 

@@ -113,10 +113,8 @@ class Disturbances:
 def patched(scene: Scene, friction: float) -> Scene:
     """Return the scene with another friction coefficient, which is the same at rest and in both directions.
 
-    Raises
-    ------
-    ValueError
-        For a scene without friction on a moving body, a method that does not find edges, or a refused coefficient.
+    ValueError for a scene without friction on a moving body, a method that does not find edges, or a refused
+    coefficient.
     """
     if not scene.body_moves or scene["effects.friction"] == "none":
         raise ValueError("fault: friction_patch needs friction on a body that moves, and this scene has none; leave it "

@@ -13,7 +13,7 @@ from vibro_ros.model.scene import NUMBERS, Scene, check_parts, given_start, outs
 from vibro_ros.model.shock import REST_SPEED
 from vibro_ros.model.tables import Model
 from vibro_ros.solver.energy import stored_on_accounts
-from vibro_ros.solver.reference import Laid
+from vibro_ros.solver.layout import Laid
 from vibro_ros.solver.rotor import start_rotor
 from vibro_ros.solver.segment import read_signals
 from vibro_ros.solver.state import State, new_state

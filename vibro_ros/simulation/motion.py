@@ -21,9 +21,9 @@ from vibro_ros.simulation.statistics import EventLog, energy_accounts
 from vibro_ros.solver import event_loop
 from vibro_ros.solver.drive import command_drive, speed_and_target
 from vibro_ros.solver.events import EVENT_COLUMNS, leave_for_ramp
+from vibro_ros.solver.layout import Laid
 from vibro_ros.solver.lowpass import filtered_rates, new_filters
 from vibro_ros.solver.methods import SCHEMES, Exact, FixedStep, Stepper
-from vibro_ros.solver.reference import Laid
 from vibro_ros.solver.rotor import command_rotor, give_integral
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.state import State, lasting, new_state
@@ -234,10 +234,7 @@ class Motion:
     def set_state(self, given: Mapping[str, object]) -> None:
         """Go on from the `given` state, by fields of `Samples`; see `given_state`.
 
-        Raises
-        ------
-        ValueError
-            For an impossible state; nothing is changed then.
+        ValueError for an impossible state; nothing is changed then.
         """
         values = checked_state(self.scene, given, dict(zip(FIELDS, self.now().tolist(), strict=True)))
         ideal = self.scene["effects.motor"] == "ideal"

@@ -4,8 +4,8 @@ Processes are used, not threads, because a scene is compiled to its tables in Py
 seconds of robot time.
 
 `Forks` is a `concurrent.futures.Executor` in which each worker is a fork with a pipe of its own, served by a thread.
-The workers of `concurrent.futures.ProcessPoolExecutor` share one pipe for results: one that is killed while it sends
-40 MB leaves half a result there, and the pool waits for ever (two of five kills).
+The workers of `concurrent.futures.ProcessPoolExecutor` and of `loky` share one pipe for results: one that is killed
+while it sends 40 MB leaves half a result there, and the pool waits for ever (one to two of five kills).
 """
 
 import ctypes
@@ -25,8 +25,7 @@ from vibro_ros.process.entry_point import interrupt_again, interrupted_afterward
 
 #: Items per process that may be submitted beyond the item whose result is due; this limits the results that wait.
 AHEAD = 4
-_GIVEN = 2  # items that a worker has: it works on one while the other waits in its pipe, so that it is never idle
-_FORK = multiprocessing.get_context("fork")  # starts in milliseconds, with the kernels that the parent has compiled
+_FORK = multiprocessing.get_context("fork")  # starts in milliseconds, with all that the parent has imported
 _DIE_WITH_PARENT = 1  # prctl's PR_SET_PDEATHSIG
 
 
@@ -154,35 +153,24 @@ class Forks(Executor):
         self._processes, self._pipes, self._threads = [], [], []
 
     def _serve(self, pipe: Connection, process: Any) -> None:
-        """Send items to a worker and take its results, until there are no more items or the worker has ended."""
-        given: deque[Future] = deque()
-        with suppress(EOFError, OSError):
-            while True:
-                while len(given) < _GIVEN:
-                    try:
-                        task = self._waiting.get(block=not given)
-                    except queue.Empty:
-                        break
-                    if task is None:
-                        return
-                    if task[0].set_running_or_notify_cancel():
-                        given.append(task[0])
-                        pipe.send(task[1:])
+        """Send items to a worker and take its results, until there are no more items."""
+        while (task := self._waiting.get()) is not None:
+            future, *work = task
+            if not future.set_running_or_notify_cancel():
+                continue
+            try:
+                pipe.send(work)
                 result, error = pipe.recv()
-                future = given.popleft()
-                if error is None:
-                    future.set_result(result)
-                else:
-                    future.set_exception(error)
-        process.join()
-        ended = WorkerError(f"its process ended with exit code {process.exitcode}")
-        while True:  # fail what this worker would have taken, so that no future waits for ever
-            for future in given:
-                future.set_exception(ended)
-            task = self._waiting.get()
-            if task is None:
-                return
-            given = deque([task[0]] if task[0].set_running_or_notify_cancel() else [])
+            except (EOFError, OSError):  # this worker fails whatever it is given, so that no future waits for ever
+                process.join()
+                result, error = None, WorkerError(f"its process ended with exit code {process.exitcode}")
+            except Exception as failure:  # the item cannot be pickled
+                result, error = None, failure
+            if error is None:
+                future.set_result(result)
+            else:
+                future.set_exception(error)
+            del future, task, work, result, error  # else their memory is kept while this thread waits
 
 
 def _work(pipe: Connection, other_end: Connection, parent: int, inherited: Callable) -> None:

@@ -9,7 +9,6 @@ from collections.abc import Iterator, Mapping
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 
-import numba
 import numpy as np
 
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value
@@ -22,7 +21,7 @@ _ROOMS = ("model", "sensors", "solver")
 _MODULES = (
     *(("messages", name) for name in ("codec", "frames", "robot_messages", "topics", "urdf")),
     *(("simulation", name) for name in (
-        "disturbances", "given_state", "kernels", "motion", "readout", "samples", "simulator", "statistics")))
+        "disturbances", "given_state", "motion", "readout", "samples", "simulator", "statistics")))
 
 
 def provenance(parameters: Mapping[str, Value], start: int) -> dict[str, str]:
@@ -53,7 +52,7 @@ def software() -> dict[str, str]:
     except PackageNotFoundError:  # run from a source folder that was never installed
         installed = "unknown"
     return {"version": installed, "platform": f"{platform.machine()}, Python {platform.python_version()}, "
-                                               f"numpy {np.__version__}, numba {numba.__version__}",
+                                               f"numpy {np.__version__}",
             "sources": _digest(_sources())}
 
 
@@ -76,9 +75,10 @@ def _arrays(table: tuple) -> Iterator[np.ndarray]:
 def _sources() -> Iterator[bytes]:
     """Yield names and texts of the modules that decide the bits, independent of the kind of line ends."""
     of_rooms = [(room, name) for room in _ROOMS for name in sorted(
-        module.name for module in pkgutil.iter_modules(import_module(f"{_PACKAGE}.{room}").__path__))]
-    for room, name in (*of_rooms, *_MODULES):
-        text = pkgutil.get_data(f"{_PACKAGE}.{room}", f"{name}.py") or b""
+        module.name for module in pkgutil.iter_modules(import_module(f"{_PACKAGE}.{room}").__path__))
+        if not name.startswith("core")]  # the compiled kernels
+    for room, name in (*((room, f"{name}.py") for room, name in (*of_rooms, *_MODULES)), ("solver", "vectors.h")):
+        text = pkgutil.get_data(f"{_PACKAGE}.{room}", name) or b""
         yield from (name.encode(), b"\n".join(text.splitlines()))
 
 

@@ -1,11 +1,6 @@
-"""The fields of `Samples`, computed from the channels that the solver samples.
+"""The fields of `Samples`, computed from the channels that the solver samples, by `solver.readout`."""
 
-Most are linear forms of the channels. Power and torque are products of them: power = sum of drive force times the
-slider's speed, torque = power / the crank's speed; where the crank stands or changes its direction, torque = sum of
-drive force times ds/dtheta.
-"""
-
-from collections.abc import Callable, MutableMapping
+from collections.abc import MutableMapping
 
 import numpy as np
 
@@ -13,18 +8,9 @@ from vibro_ros.model.modes import OUTPUTS
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model
 from vibro_ros.simulation.samples import FIELDS, Trace
-from vibro_ros.solver.compilation import entry, part
+from vibro_ros.solver.readout import SPECIAL, STANDING, read_samples
 
-_TIME, _ANGLE, _SPEED, _POWER, _TORQUE, _NORMAL, _VOLTAGE, _CURRENT, _ELECTRICAL = (FIELDS.index(name) for name in (
-    "time", "crank_angle", "motor_speed", "motor_power", "motor_torque", "normal_force", "motor_voltage",
-    "motor_current", "electrical_power"))
-_LINEAR = np.array([FIELDS.index(name) for name in OUTPUTS])  # rows of the linear forms
-_TURN = 2.0 * np.pi
-# A smaller value, of a motion that has died away, is reported as zero: below 2e-308 doubles lose their digits.
-_LEAST_VALUE = 1e-290
-# A crank that turns more slowly [rad/s] counts as standing: this is rounding of the fastest speed, and power over speed
-# is meaningless.
-_STANDING = 1e-11
+_LINEAR, _SPECIAL = (np.array([FIELDS.index(name) for name in names]) for names in (OUTPUTS, SPECIAL))
 _AT_ONCE = 4096  # instants; their values are small enough for the processor's cache
 # Height [m] that rounding may give to a body that stands on the ground.
 _STANDING_HEIGHT = 1e-15
@@ -62,7 +48,7 @@ class Readout:
         """
         angle = trace.phases[0, 1]
         # Slopes count only where the crank stands, and stay the same as long as it stands at the same angle.
-        if abs(trace.phases[0, 2]) <= _STANDING and angle != self._slopes_at:
+        if abs(trace.phases[0, 2]) <= STANDING and angle != self._slopes_at:
             self._slopes, self._slopes_at = self._slopes_where_standing(trace.phases), angle
         read_samples(*self._arguments(times, trace, self._slopes, self._values))
         return self._values[:, 0]
@@ -87,18 +73,14 @@ class Readout:
                 found[name][part] = row
         return found
 
-    def calls(self, times: np.ndarray, trace: Trace) -> list[tuple[Callable, tuple]]:
-        """Return the kernels with arguments of the types with which they are called; arguments as in `values`."""
-        return [(read_samples, self._arguments(times, trace, self._slopes, self._values))]
-
     def _arguments(self, times: np.ndarray, trace: Trace, slopes: np.ndarray, values: np.ndarray) -> tuple:
         model = self._model
-        return (model.output, model.output_terms, model.forms.pressed_only, self._drives, self._linkage, slopes, times,
-                *trace, values)
+        return (_LINEAR, _SPECIAL, model.output, model.output_terms, model.forms.pressed_only, self._drives,
+                self._linkage, slopes, times, *trace, values)
 
     def _slopes_where_standing(self, phases: np.ndarray) -> np.ndarray:
         """ds/dtheta [m/rad] of each signal where the crank stands, elsewhere 0; shape (signals, n)."""
-        slopes, stands = np.zeros((len(self._model.sliders), len(phases))), abs(phases[:, 2]) <= _STANDING
+        slopes, stands = np.zeros((len(self._model.sliders), len(phases))), abs(phases[:, 2]) <= STANDING
         if stands.any():
             for k, slider in enumerate(self._model.sliders):
                 slopes[k, stands] = slider.slope(phases[stands, 1])
@@ -127,61 +109,3 @@ def _positive(values: np.ndarray) -> np.ndarray:
     """Return the values that are positive, and 0.0 for the others; numpy's maximum of 0.0 and -0.0 may be either."""
     return np.where(values > 0.0, values, 0.0)
 
-
-@part
-def _plus_product(sum_so_far, one, other):
-    """Return sum_so_far + one * other with a rounded product, so that equal products cancel to exactly zero."""
-    return sum_so_far + one * other
-
-
-@entry
-def read_samples(forms, terms, pressed_only, drives, linkage, slopes, times, points, modes, phases, values):
-    """Compute the values of all `FIELDS` at sampled instants.
-
-    Parameters
-    ----------
-    forms, terms : ndarray, shape (m, len(OUTPUTS) + linkage, channels)
-        `Model.output` and `Model.output_terms`.
-    pressed_only : bool
-        Whether a negative normal force is reported as 0.
-    drives : ndarray of int, shape (sliders, 2)
-        The field of each slider's drive force, and the channel of its speed.
-    linkage : ndarray of int, shape (linkage, 3)
-        The row of each force that moves a mass of the linkage, the channel of the mass's speed, and its signal.
-    slopes : ndarray, shape (signals, n)
-        ds/dtheta [m/rad] of each signal where the crank stands.
-    times : ndarray, shape (n,)
-        Instants [s].
-    points, modes, phases : ndarray, shapes (n, channels), (n,) and (n, 3)
-        A `Trace`.
-    values : ndarray, shape (fields, n)
-        Receives the values.
-    """
-    for k in range(len(times)):
-        mode, speed = modes[k], phases[k, 2]
-        for f in range(len(_LINEAR)):
-            total = 0.0
-            for channel in terms[mode, f]:
-                if channel < 0:
-                    break
-                total += forms[mode, f, channel] * points[k, channel]
-            values[_LINEAR[f], k] = total if abs(total) >= _LEAST_VALUE else 0.0
-        if pressed_only and values[_NORMAL, k] < 0.0:
-            values[_NORMAL, k] = 0.0
-        power = torque = 0.0
-        for drive in range(len(drives)):
-            force = values[drives[drive, 0], k]
-            power = _plus_product(power, force, points[k, drives[drive, 1]])
-            torque = _plus_product(torque, force, slopes[drive, k])
-        for n in range(len(linkage)):
-            total = 0.0
-            for channel in terms[mode, linkage[n, 0]]:
-                if channel < 0:
-                    break
-                total += forms[mode, linkage[n, 0], channel] * points[k, channel]
-            power = _plus_product(power, total, points[k, linkage[n, 1]])
-            torque = _plus_product(torque, total, slopes[linkage[n, 2], k])
-        values[_TIME, k], values[_SPEED, k] = times[k], speed
-        values[_ANGLE, k] = _plus_product(phases[k, 1], _TURN, phases[k, 0])
-        values[_POWER, k], values[_TORQUE, k] = power, torque if abs(speed) <= _STANDING else power / speed
-        values[_ELECTRICAL, k] = values[_VOLTAGE, k] * values[_CURRENT, k]

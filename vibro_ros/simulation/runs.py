@@ -13,14 +13,14 @@ import numpy as np
 from vibro_ros.model.parameters import SCENE_PARAMETERS, checked_parameters
 from vibro_ros.model.scene import Scene, check_scene
 from vibro_ros.simulation.motion import SimulationError
-from vibro_ros.simulation.preparation import provide_kernels
 from vibro_ros.simulation.processes import WorkerError, core_count, in_processes
 from vibro_ros.simulation.samples import Run, Samples, sample_times
 from vibro_ros.simulation.simulator import Simulator
 
 Result = TypeVar("Result")
 #: Instants [s], ascending, each with its commands by the names of the arguments of `Simulator.command`.
-Commands = Iterable[tuple[float, Mapping[str, float]]]
+CommandPairs = Iterable[tuple[float, Mapping[str, float]]]
+Commands = Mapping[float, Mapping[str, float]] | CommandPairs
 _NAMES = tuple(inspect.signature(Simulator.command).parameters)[1:]
 
 
@@ -41,8 +41,9 @@ def simulate(scene: Scene, duration: float | None = None, rate: float | None = N
         Instants to sample [s], ascending, not negative; instead of `duration` and `rate`.
     tolerance, method : float [m], str
         Override the scene's `solver.tolerance` and `solver.method`.
-    commands : iterable of (float, mapping)
-        Instants [s], ascending, each with its commands: `motor_speed` [rad/s], `upper_gap`, `inclined_gap` [m].
+    commands : mapping from float to mapping, or iterable of such pairs
+        Instants [s], ascending, each with its commands: `motor_speed` [rad/s], `upper_gap`, `inclined_gap` [m], or
+        `motor_voltage` [V].
         A sample at such an instant is taken after the command; commands after the last sample are not given.
 
     Returns
@@ -61,7 +62,7 @@ def simulate(scene: Scene, duration: float | None = None, rate: float | None = N
     Examples
     --------
     >>> scene = vibro_ros.load_scene("damped")
-    >>> run = vibro_ros.simulate(scene, duration=1.0, rate=1000.0, commands=[(0.5, {"motor_speed": 120.0})])
+    >>> run = vibro_ros.simulate(scene, duration=1.0, rate=1000.0, commands={0.5: {"motor_speed": 120.0}})
     >>> len(run.time), f"{run.body_position[-1]:.6f} m"
     (1001, '-0.042608 m')
     >>> blows = run.events[run.events["kind"] == "upper_contact"]
@@ -117,7 +118,7 @@ def simulate_many(scenes: Iterable[Scene], duration: float | None = None, rate: 
 
     Notes
     -----
-    Workers are forks of the calling process. As with every fork, do not start them while another thread compiles
+    Workers are forks of the calling process. As with every fork, do not start them while another thread computes
     kernels. A worker of another pool may not start processes: give ``workers=1`` there.
 
     Examples
@@ -145,7 +146,7 @@ def simulate_many(scenes: Iterable[Scene], duration: float | None = None, rate: 
     return _results(_checked(scenes), simulation, workers, method)
 
 
-def commanded_samples(device: Simulator, times: np.ndarray, commands: Commands) -> Samples:
+def commanded_samples(device: Simulator, times: np.ndarray, commands: CommandPairs) -> Samples:
     """Sample `device` at ascending `times` [s]; each command is given before the samples at its instant."""
     parts, done = [], 0
     for instant, command in commands:
@@ -161,7 +162,11 @@ def commanded_samples(device: Simulator, times: np.ndarray, commands: Commands) 
 
 
 def _checked_commands(commands: Commands) -> tuple[tuple[float, dict[str, float]], ...]:
-    copied = tuple((float(instant), dict(command)) for instant, command in commands)
+    try:
+        pairs = commands.items() if isinstance(commands, Mapping) else commands
+        copied = tuple((float(instant), dict(command)) for instant, command in pairs)
+    except (TypeError, ValueError):
+        raise ValueError('commands: give the commands by instants [s], such as {0.5: {"motor_speed": 120.0}}') from None
     instants = [0.0, *(instant for instant, _ in copied)]
     if not all(map(math.isfinite, instants)) or sorted(instants) != instants:
         raise ValueError("commands: give ascending, finite instants, none below 0 s")
@@ -182,8 +187,6 @@ def _results(scenes: Iterator[Scene], simulation: Callable, workers: int, method
     first = next(scenes, None)
     if first is None:
         return
-    if workers > 1:  # once, before workers are forked
-        provide_kernels(method or first["solver.method"])
     jobs = in_processes(simulation, itertools.chain([first], scenes), workers)
     try:
         for number, (own, future) in enumerate(jobs):

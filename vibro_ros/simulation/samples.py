@@ -2,9 +2,14 @@
 
 import math
 from dataclasses import dataclass, fields
-from typing import Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 import numpy as np
+
+from vibro_ros.process.tables import as_table
+
+if TYPE_CHECKING:
+    import pandas
 
 EVENT_DTYPE = np.dtype([("time", float), ("kind", "U16"), ("speed", float), ("peak_force", float),
                         ("duration", float)])
@@ -101,6 +106,30 @@ class Run(Samples[np.ndarray]):
 
     events: np.ndarray
     statistics: dict
+
+    def __repr__(self) -> str:
+        span = f" from {self.time[0]:g} s to {self.time[-1]:g} s" if len(self.time) else ""
+        kinds = ", ".join(f"{count} {kind}" for kind, count in zip(*np.unique(self.events["kind"], return_counts=True),
+                                                                   strict=True))
+        return f"<Run: {len(self.time)} samples{span}; events: {kinds or 'none'}>"
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """Return the samples as a table of pandas, with the index ``time`` [s] and a column for every quantity.
+
+        The events are another table, ``pandas.DataFrame(run.events)``.
+
+        Raises
+        ------
+        ModuleNotFoundError
+            Without pandas; the message says how to install it.
+
+        Examples
+        --------
+        >>> table = vibro_ros.simulate(vibro_ros.load_scene("damped"), duration=1.0, rate=10.0).to_pandas()
+        >>> f"{table['body_position'].iloc[-1]:.6f} m"
+        '-0.057446 m'
+        """
+        return as_table({name: getattr(self, name) for name in FIELDS})
 
 
 class Trace(NamedTuple):

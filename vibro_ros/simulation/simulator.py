@@ -12,7 +12,6 @@ from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.model.scene import Scene, check_scene
 from vibro_ros.simulation.disturbances import PATCH, PUSH, SAG, STALL, patched
 from vibro_ros.simulation.motion import Motion
-from vibro_ros.simulation.preparation import provide_kernels
 from vibro_ros.simulation.samples import LATEST, Samples, checked_times, one_sample
 
 
@@ -53,7 +52,6 @@ class Simulator:
             raise ValueError(f"solver.method: {scene['solver.method']} has no exact motion to filter; choose exact")
         if fault := scene.broken_promise:
             warnings.warn(fault, ToleranceWarning, stacklevel=2)
-        provide_kernels(scene["solver.method"])
         self.scene = scene
         self._bandwidth = acceleration_bandwidth
         self._motion = Motion(self.scene, acceleration_bandwidth)

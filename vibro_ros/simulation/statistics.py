@@ -11,7 +11,7 @@ from vibro_ros.simulation.samples import EVENT_DTYPE
 from vibro_ros.solver import event_loop
 from vibro_ros.solver.energy import MOTOR, stored_on_accounts
 from vibro_ros.solver.events import MONITOR_KIND, PHASE_KIND, RAMP_KIND
-from vibro_ros.solver.reference import Laid
+from vibro_ros.solver.layout import Laid
 from vibro_ros.solver.state import State
 
 

@@ -19,18 +19,11 @@ GAP = 2.5
 
 
 class Validity(NamedTuple):
-    """Result of `validity_of` for a motion.
+    """Result of `validity_of` for a motion."""
 
-    Attributes
-    ----------
-    pitch_index : float or None
-        Lift of a wheel by the pitch that is left out, over the largest hop; None where the body does not hop.
-    current_share : float or None
-        Rms current over `motor.continuous_current`; None for a motor without a winding.
-    """
-
+    # lift of a wheel by the pitch that is left out, over the largest hop; None where the body does not hop
     pitch_index: float | None
-    current_share: float | None
+    current_share: float | None  # rms current over `motor.continuous_current`; None for a motor without a winding
 
     def warnings(self) -> list[str]:
         """Return a sentence for each number that is above its limit."""

@@ -1,7 +1,7 @@
 """The drive: the phase, of which the signals are functions, and its speed.
 
 The speed is constant, on a ramp, or approaches its target exponentially, as a motor with a time constant does. `drive`
-is the record `state.DRIVE` in every function of this module.
+is a record `DRIVE` in every function of this module.
 
 The drive counts along its direction: its speed is never negative, and a cell begins where the phase enters it, so that
 a phase that runs backwards passes mirrored cells. A target in the other direction is negative. The speed then falls to
@@ -9,13 +9,29 @@ a phase that runs backwards passes mirrored cells. A target in the other directi
 """
 
 import math
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 
-from vibro_ros.solver.compilation import part
 from vibro_ros.solver.elementary import expm1, log1p
-from vibro_ros.solver.system import STRIDE, SignalTable
+from vibro_ros.solver.system import STRIDE, SignalTable, System
+from vibro_ros.solver.typed import Kind, Row, part, record
 from vibro_ros.solver.vector import LENGTH
+
+#: The phase of the signals, and how its speed changes.
+DRIVE = record([
+    ("cell", np.int64),  # of `SignalTable`
+    ("turns", np.int64),  # whole periods so far, below 0 backwards
+    ("direction", np.int64),  # 1, or -1 backwards; the fields below are counted along it
+    ("offset", np.float64),  # phase [rad] from where it enters the cell to the segment's start
+    ("speed", np.float64),  # rate of the phase [rad/s] at the segment's start, not below 0 ...
+    ("residue", np.float64),  # ... the rounding error of its sum while it changes ...
+    ("acceleration", np.float64),  # ... its constant rate of change [rad/s²], if it is on a ramp ...
+    ("lag", np.float64),  # ... or the time constant [s] with which it approaches its target instead, or 0 ...
+    ("target", np.float64),  # ... its target [rad/s], below 0 if the direction has to change first ...
+    ("time_left", np.float64),  # ... and the time [s] until it is at the target, or at 0 before that; 0 if constant
+])
+Drive: TypeAlias = Annotated[Any, Kind(DRIVE, 0)]
 
 _NEGLIGIBLE = 1e-18  # relative to 1
 # Newton's method for the end of a cell: monotone after its first step, because the speed is.
@@ -57,7 +73,7 @@ def command_drive(signals: SignalTable, drive: np.void, speed: float, target: fl
 
 
 @part
-def enter_next_cell(system, drive):
+def enter_next_cell(system: System, drive: Drive) -> None:
     """Let the segment start where the next cell starts."""
     drive.offset = 0.0
     drive.cell += drive.direction
@@ -70,7 +86,7 @@ def enter_next_cell(system, drive):
 
 
 @part
-def phase_advance(drive, elapsed):
+def phase_advance(drive: Drive, elapsed: float) -> tuple[float, float]:
     """Return the advance of the phase [rad] in `elapsed` [s] from the segment's start, and the speed [rad/s] then; also
     beyond the instant at which the direction changes, up to `settling_time`."""
     speed, target, lag = drive.speed, drive.target, drive.lag
@@ -83,13 +99,13 @@ def phase_advance(drive, elapsed):
 
 
 @part
-def _rising_time(target, acceleration, lag):
+def _rising_time(target: float, acceleration: float, lag: float) -> float:
     """Return the time [s] in which the speed rises from 0 to its target."""
     return _TIME_CONSTANTS * lag if lag > 0.0 else target / acceleration
 
 
 @part
-def settling_time(drive):
+def settling_time(drive: Drive) -> float:
     """Return the time [s] until the speed is at its target, in either direction; 0 if the speed does not change."""
     if drive.time_left == 0.0 or drive.target >= 0.0:
         return drive.time_left
@@ -97,7 +113,7 @@ def settling_time(drive):
 
 
 @part
-def advance_speed(drive, elapsed, speed):
+def advance_speed(drive: Drive, elapsed: float, speed: float) -> bool:
     """Set the speed, after `elapsed` [s] of a change, to `speed` [rad/s]; return whether it is at its target now.
 
     The rounding error of the sum is added to the next change, because a change takes thousands of segments. If the
@@ -128,7 +144,7 @@ def advance_speed(drive, elapsed, speed):
 
 
 @part
-def _ramped_time_to_advance(distance, speed, change):
+def _ramped_time_to_advance(distance: float, speed: float, change: float) -> float:
     """Return the time [s] in which the phase advances by `distance` [rad] at the rate `change` [rad/s²] of its speed;
     infinite if the phase stops before."""
     discriminant = speed * speed + 2.0 * change * distance
@@ -139,7 +155,7 @@ def _ramped_time_to_advance(distance, speed, change):
 
 
 @part
-def time_to_advance(drive, distance):
+def time_to_advance(drive: Drive, distance: float) -> float:
     """Return the time [s] in which the phase advances by `distance` [rad]; infinite if the phase stops before."""
     if drive.lag == 0.0:
         return _ramped_time_to_advance(distance, drive.speed, drive.acceleration)
@@ -158,7 +174,7 @@ def time_to_advance(drive, distance):
 
 
 @part
-def resolved_time(drive, reach):
+def resolved_time(drive: Drive, reach: float) -> float:
     """Return the longest time [s] over which a signal's series in time reaches rounding at its last term.
 
     The phase must stay within `reach` [rad] for complex times up to 1/STRIDE halves of the segment.
@@ -174,7 +190,7 @@ def resolved_time(drive, reach):
 
 
 @part
-def _fill_change(drive, speed, half, width, series):
+def _fill_change(drive: Drive, speed: float, half: float, width: float, series: Row) -> int:
     """Fill `series` with the phase that the change of the speed adds, about an instant at which the speed is `speed`.
 
     The phase is in halves of the cell's `width` [rad], the time in `half` [s]. Returns the number of terms, 2 if there
@@ -194,7 +210,7 @@ def _fill_change(drive, speed, half, width, series):
 
 
 @part
-def fill_shift(drive, half, width, shift):
+def fill_shift(drive: Drive, half: float, width: float, shift: Row) -> tuple[float, float, int]:
     """Write the phase over a segment of the duration 2 `half` [s] as middle + slope (x + shift(x)).
 
     The phase is counted from the middle of its cell in halves of the cell's `width` [rad].

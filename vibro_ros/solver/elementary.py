@@ -12,7 +12,7 @@ two parts, the second of which holds the rounding error of the first.
 
 import math
 
-from vibro_ros.solver.compilation import part
+from vibro_ros.solver.typed import entry, part
 
 # A number below 2^51 that is added to this one and taken away again is rounded to the nearest whole number.
 _WHOLE = 1.5 * 4503599627370496.0
@@ -28,7 +28,7 @@ _ROOT_2 = 1.4142135623730951
 
 
 @part
-def _power_of_two(n):
+def _power_of_two(n: float) -> float:
     """Return 2^n, exactly, for a whole number n from -1022 to 1023."""
     power, factor, left = 1.0, 2.0 if n > 0 else 0.5, abs(n)
     while left >= 1.0:
@@ -44,7 +44,7 @@ def _power_of_two(n):
 
 
 @part
-def _sine_series(x, rest):
+def _sine_series(x: float, rest: float) -> float:
     """Return sin(x + rest) for |x| <= pi / 4."""
     z = x * x
     series = 1.0 / 362880.0 + z * (-1.0 / 39916800.0 + z * (1.0 / 6227020800.0 + z * (
@@ -54,7 +54,7 @@ def _sine_series(x, rest):
 
 
 @part
-def _cosine_series(x, rest):
+def _cosine_series(x: float, rest: float) -> float:
     """Return cos(x + rest) for |x| <= pi / 4."""
     z = x * x
     series = -1.0 / 3628800.0 + z * (1.0 / 479001600.0 + z * (-1.0 / 87178291200.0 + z * (1.0 / 20922789888000.0)))
@@ -65,7 +65,7 @@ def _cosine_series(x, rest):
 
 
 @part
-def _sine_after(x, quarters):
+def _sine_after(x: float, quarters: float) -> float:
     """Return the sine of `x` and a number of quarter turns."""
     turned = (x * _QUARTERS_PER_RADIAN + _WHOLE) - _WHOLE
     # The first difference is exact, and so is the second product; the error of the second difference is found exactly.
@@ -86,14 +86,14 @@ def _sine_after(x, quarters):
     return -_sine_series(angle, rest)
 
 
-@part
-def sin(x):
+@entry
+def sin(x: float) -> float:
     """Return the sine of an angle [rad] of at most 100,000 in magnitude; of a larger one the error grows with it."""
     return _sine_after(x, 0.0)
 
 
-@part
-def cos(x):
+@entry
+def cos(x: float) -> float:
     """Return the cosine of an angle [rad] of at most 100,000 in magnitude; of a larger one the error grows with it."""
     return _sine_after(x, 1.0)
 
@@ -102,7 +102,7 @@ def cos(x):
 
 
 @part
-def _exponential_less(x, twos, less):
+def _exponential_less(x: float, twos: float, less: float) -> float:
     """Return exp(x - twos ln 2) - less, where the difference in the exponent is at most ln(2) / 2 in magnitude."""
     high, low = x - twos * _LN2_1, twos * _LN2_2
     reduced = high - low
@@ -120,8 +120,8 @@ def _exponential_less(x, twos, less):
     return most + (reduced * reduced * reduced * series + (fine + (lost + rest)))
 
 
-@part
-def exp(x):
+@entry
+def exp(x: float) -> float:
     """Return the exponential of a number."""
     if x > _OVERFLOW:
         return math.inf
@@ -132,8 +132,8 @@ def exp(x):
     return _exponential_less(x, twos, 0.0) * _power_of_two(half) * _power_of_two(twos - half)
 
 
-@part
-def expm1(x):
+@entry
+def expm1(x: float) -> float:
     """Return the exponential of a number, less 1, without cancellation near 0."""
     if x > _LARGE:
         return exp(x)
@@ -147,7 +147,7 @@ def expm1(x):
 
 
 @part
-def _log_of_sum(x, rest):
+def _log_of_sum(x: float, rest: float) -> float:
     """Return ln(x + rest) for a positive, finite x, beside which `rest` is at most rounding."""
     twos = 0.0
     while x >= _MOST:
@@ -168,16 +168,16 @@ def _log_of_sum(x, rest):
     return twos * _LN2_1 - ((half - (s * (half + series) + (twos * _LN2_2 + rest / x))) - f)
 
 
-@part
-def log(x):
+@entry
+def log(x: float) -> float:
     """Return the natural logarithm of a number; not a number (nan) if the number is negative."""
     if x > 0.0 and x < math.inf:
         return _log_of_sum(x, 0.0)
     return -math.inf if x == 0.0 else math.inf if x > 0.0 else math.nan
 
 
-@part
-def log1p(x):
+@entry
+def log1p(x: float) -> float:
     """Return the natural logarithm of 1 and a number, without cancellation near 0; not a number (nan) below -1."""
     if x > -1.0 and x < math.inf:
         total = 1.0 + x
@@ -188,8 +188,8 @@ def log1p(x):
 # Arctangent
 
 
-@part
-def atan(x):
+@entry
+def atan(x: float) -> float:
     """Return the arctangent [rad] of a number of at most 1 in magnitude; its error is below two units in the last
     place."""
     angle = x * (0.785 + 0.273 * (1.0 - abs(x)))  # to 0.004

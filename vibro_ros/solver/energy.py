@@ -16,10 +16,11 @@ how much the motor gives and how much it takes back.
 
 import numpy as np
 
-from vibro_ros.solver.compilation import part
 from vibro_ros.solver.polynomial import fill_form, gauss_legendre, products, value
+from vibro_ros.solver.state import Accounts, State
 from vibro_ros.solver.system import System, first_ramp, form_value
-from vibro_ros.solver.vector import LENGTH, indices_above, repeated, store, total, vector
+from vibro_ros.solver.typed import Row, part
+from vibro_ros.solver.vector import LENGTH, Vector, indices_above, magnitudes, repeated, store, total, vector
 
 # Gauss's rule with LENGTH nodes is exact for the product of two polynomials of that length.
 _NODES, _WEIGHTS = gauss_legendre(LENGTH)
@@ -32,11 +33,11 @@ _STEPS = 8
 
 
 @part
-def _power(system, state, k, start, x):
+def _power(system: System, state: State, k: int, start: float, x: float) -> Vector:
     """Return the k-th power at Gauss's nodes from the local time `start` to `x`, as a vector."""
-    table, mode = system.accounts, state.now[0].automaton.mode
-    rate, force, half = state.z[table.rate[k]], state.scratch.room[0].force[:], 0.5 * (x - start)
-    if indices_above(abs(vector(rate)), 0.0) == 0:  # a body that sticks and a plate at rest have no power
+    table, mode = system.accounts, state.automaton.mode
+    rate, force, half = state.z[table.rate[k]], state.scratch.force, 0.5 * (x - start)
+    if indices_above(magnitudes(vector(rate)), 0.0) == 0:  # a body that sticks and a plate at rest have no power
         return repeated(0.0)
     if not fill_form(table.force[mode, k], table.terms[mode, k], state.z, force):
         return repeated(0.0)
@@ -44,7 +45,7 @@ def _power(system, state, k, start, x):
 
 
 @part
-def _fill_motor_power(system, state, start, x, target):
+def _fill_motor_power(system: System, state: State, start: float, x: float, target: Row) -> None:
     """Fill `target` with the motor's power at Gauss's nodes from the local time `start` to `x`."""
     power = repeated(0.0)
     for k in range(len(system.accounts.account)):
@@ -54,23 +55,23 @@ def _fill_motor_power(system, state, start, x, target):
 
 
 @part
-def _work(state, power, start, x):
+def _work(state: State, power: Vector, start: float, x: float) -> float:
     """Return the integral of powers, a vector at Gauss's nodes, from the local time `start` to `x`."""
-    return total(power * vector(_WEIGHTS)) * (0.5 * (x - start)) * state.now[0].segment.half
+    return total(power * vector(_WEIGHTS)) * (0.5 * (x - start)) * state.segment.half
 
 
 @part
-def _motor_work(system, state, start, x):
+def _motor_work(system: System, state: State, start: float, x: float) -> float:
     """Return the integral of the motor's power from the local time `start` to `x`."""
-    power = state.scratch.room[0].part_power[:]
+    power = state.scratch.part_power
     _fill_motor_power(system, state, start, x, power)
     return _work(state, vector(power), start, x)
 
 
 @part
-def _motor_power_at(system, state, x):
+def _motor_power_at(system: System, state: State, x: float) -> float:
     """Return the motor's power at the local time `x`."""
-    table, mode, force, power = system.accounts, state.now[0].automaton.mode, state.scratch.room[0].force[:], 0.0
+    table, mode, force, power = system.accounts, state.automaton.mode, state.scratch.force, 0.0
     for k in range(len(table.account)):
         if table.account[k] == MOTOR and fill_form(table.force[mode, k], table.terms[mode, k], state.z, force):
             power += value(force, x) * value(state.z[table.rate[k]], x)
@@ -78,7 +79,7 @@ def _motor_power_at(system, state, x):
 
 
 @part
-def _zero_between(system, state, a, b, at_a, at_b):
+def _zero_between(system: System, state: State, a: float, b: float, at_a: float, at_b: float) -> float:
     """Return the local time of a zero of the motor's power between `a` and `b`, where its signs differ (Illinois
     method)."""
     x = b
@@ -96,13 +97,13 @@ def _zero_between(system, state, a, b, at_a, at_b):
 
 
 @part
-def _magnitude(system, state, start, x):
+def _magnitude(system: System, state: State, start: float, x: float) -> float:
     """Return the integral of the magnitude of the motor's power, from the local time `start` to `x`.
 
     The scratch holds the power at Gauss's nodes. The sign is taken there and at both ends. Two zeros between neighbours
     go unseen, but there the power is as small as the neighbours are close.
     """
-    powers, magnitude = state.scratch.room[0].power[:], 0.0
+    powers, magnitude = state.scratch.power, 0.0
     since, last, at_last = start, start, _motor_power_at(system, state, start)
     for n in range(LENGTH + 1):
         now = 0.5 * (start + x) + 0.5 * (x - start) * _NODES[n] if n < LENGTH else x
@@ -117,8 +118,8 @@ def _magnitude(system, state, start, x):
 
 
 @part
-def _book(system, state, x, accounts):
-    start, powers = accounts.booked, state.scratch.room[0].power[:]
+def _book(system: System, state: State, x: float, accounts: Accounts) -> None:
+    start, powers = accounts.booked, state.scratch.power
     if x <= start:
         return
     for k in range(len(system.accounts.account)):
@@ -134,16 +135,16 @@ def _book(system, state, x, accounts):
 
 
 @part
-def book_work(system, state, x, accounts):
+def book_work(system: System, state: State, x: float, accounts: Accounts) -> None:
     """Book the work of the present mode up to the local time `x`, where the mode or the flow ends, on `accounts`."""
     if len(system.accounts.account) > 0:
         _book(system, state, x, accounts)
 
 
 @part
-def _book_jump(system, state, mode, point, after):
-    table, accounts, previous = system.accounts, state.now[0].accounts, state.now[0].automaton.mode
-    jump, by_motor = table.jump[previous, state.now[0].automaton.guard], 0.0
+def _book_jump(system: System, state: State, mode: int, point: Row, after: Row) -> None:
+    table, accounts, previous = system.accounts, state.accounts, state.automaton.mode
+    jump, by_motor = table.jump[previous, state.automaton.guard], 0.0
     for e in range(len(table.stored_form)):
         before, then = form_value(table.stored_form[e], point), form_value(table.stored_form[e], after)
         change = table.stored_weight[mode, e] * then * then - table.stored_weight[previous, e] * before * before
@@ -162,7 +163,7 @@ def _book_jump(system, state, mode, point, after):
 
 
 @part
-def book_jump(system, state, mode, point, after):
+def book_jump(system: System, state: State, mode: int, point: Row, after: Row) -> None:
     """Book the change of energy in the jump from `point` to `mode`, which starts with the channels `after`."""
     if len(system.accounts.account) > 0:
         _book_jump(system, state, mode, point, after)

@@ -16,7 +16,6 @@ import math
 
 import numpy as np
 
-from vibro_ros.solver.compilation import entry, inlined_part, part
 from vibro_ros.solver.energy import book_jump, book_work
 from vibro_ros.solver.events import (
     EVENT_COLUMNS,
@@ -29,15 +28,16 @@ from vibro_ros.solver.events import (
 )
 from vibro_ros.solver.flow import hold_dynamic, solve_driven, solve_dynamic
 from vibro_ros.solver.guards import find_next_event
+from vibro_ros.solver.layout import Laid
 from vibro_ros.solver.lowpass import end_mode, filter_up_to
 from vibro_ros.solver.polynomial import value
-from vibro_ros.solver.reference import Laid
 from vibro_ros.solver.rest import is_at_rest, lengthen_segment
 from vibro_ros.solver.rotor import read_phase
 from vibro_ros.solver.segment import advance_forcing, choose_segment, fill_forcing, local_time, phase_at
-from vibro_ros.solver.state import UNKNOWN, state_of
-from vibro_ros.solver.system import NOTHING, first_ramp, system_of
+from vibro_ros.solver.state import UNKNOWN, State
+from vibro_ros.solver.system import NOTHING, System, first_ramp
 from vibro_ros.solver.taylor import end_where_term_returns, is_linear, solve_by_taylor
+from vibro_ros.solver.typed import Indices, Row, Rows, entry, part
 
 #: Values of `AUTOMATON.begins`: nothing begins; a mode begins while the flow goes on; a flow begins, with a mode.
 UNDER_WAY = 0
@@ -59,14 +59,14 @@ _NO_TIMES, _NO_EVENTS = np.empty(0), np.empty((0, EVENT_COLUMNS))
 _NO_SAMPLES = np.empty((0, 0)), np.empty(0, dtype=np.int64), np.empty((0, 3))
 
 
-@inlined_part
-def _solve_up_to_driven(system, state, point):
+@part
+def _solve_up_to_driven(system: System, state: State, point: Row) -> None:
     """Set up a segment with the series of everything except the driven coordinates."""
-    if not is_linear(system, state.now[0].automaton.mode, point):
+    if not is_linear(system, state.automaton.mode, point):
         solve_by_taylor(system, state, point)
         return
     if system.counts[0].decays > 0:  # the mode has no decaying term, or the term has faded
-        state.z[len(state.z) - 2] = 0.0
+        state.z[len(state.z) - 2, :] = 0.0
     # As long as forcing and the flow's series allow; the longest, if the dynamic coordinates are at rest.
     choose_segment(system, state)
     fill_forcing(system, state)
@@ -78,8 +78,8 @@ def _solve_up_to_driven(system, state, point):
         solve_dynamic(system, state, point)
 
 
-@inlined_part
-def _begin_mode(system, state, point, same_flow):
+@part
+def _begin_mode(system: System, state: State, point: Row, same_flow: bool) -> bool:
     """Begin the present mode at `point`, within the present segment if its flow goes on; False if a root search
     failed."""
     for channel in range(len(state.mode_point)):
@@ -87,8 +87,8 @@ def _begin_mode(system, state, point, same_flow):
     # Dynamic coordinates are solved first, unless their flow goes on; then the driven ones, which depend on them.
     if not same_flow:
         _solve_up_to_driven(system, state, point)
-        state.now[0].accounts.booked = -1.0
-        state.now[0].automaton.segments += 1
+        state.accounts.booked = -1.0
+        state.automaton.segments += 1
     solve_driven(system, state, point)
     # A known root remains valid if no coordinate that its guard reads has been solved again.
     for row in range(len(state.root)):
@@ -101,7 +101,7 @@ def _begin_mode(system, state, point, same_flow):
 
 
 @part
-def _read(system, state, x, point):
+def _read(system: System, state: State, x: float, point: Row) -> None:
     """Read the first len(point) channels at the local time `x`; at the mode's start, with the bits it started with."""
     ramps = first_ramp(system.counts[0])
     end = ramps + 2 * system.counts[0].ramps
@@ -110,37 +110,38 @@ def _read(system, state, x, point):
             point[channel] = state.z[channel, 0] + state.z[channel, 1] * x
         else:
             point[channel] = value(state.z[channel], x)
-    if x == state.now[0].segment.mode_start:
+    if x == state.segment.mode_start:
         for channel in range(len(state.mode_point)):
             point[channel] = state.mode_point[channel]
 
 
 @part
-def _read_phase(system, state, x, point, phase):
+def _read_phase(system: System, state: State, x: float, point: Row, phase: Row) -> None:
     """Read turns, phase past the start of the turn and its rate into `phase`, at the local time `x` of `point`."""
-    phase[0] = state.now[0].drive.turns
+    phase[0] = state.drive.turns
     if system.counts[0].rotors > 0:
         phase[1], phase[2] = read_phase(system, point)
     else:
         phase[1], phase[2] = phase_at(system, state, x)
 
 
-@inlined_part
-def _pass_event(system, state, point, events, count):
+@part
+def _pass_event(system: System, state: State, point: Row, events: Rows, count: int) -> tuple[int, int]:
     """Pass the next event, the segment's end or a change of mode; return which begins (`AUTOMATON.begins`), and the
     number of events.
 
     Each kernel is called from one line only, because kernels are inlined and two copies would fill the cache.
     """
-    segment, automaton, after = state.now[0].segment, state.now[0].automaton, state.scratch.after
-    x, fires = segment.next_event, automaton.guard != NOTHING
+    segment, automaton, after = state.segment, state.automaton, state.scratch.after
+    x = segment.next_event
+    fires: bool = automaton.guard != NOTHING
     # Read the channels. At a segment's end the next segment needs only the positions and velocities.
     _read(system, state, x, point if fires else point[:2 * system.counts[0].coordinates])
-    book_work(system, state, x, state.now[0].accounts)
+    book_work(system, state, x, state.accounts)
     end_mode(system, state, x)
     # Choose the next mode; `after` receives the channels after the jump to it.
     outcome, mode = transition(system, state, point, after)
-    stands = fires and x == segment.mode_start
+    stands: bool = fires and x == segment.mode_start
     automaton.events_without_progress = automaton.events_without_progress + 1 if stands else 0
     # Record what ends: peaks of the flow, the event itself, and the energy that a jump changes.
     if outcome != FLOW_GOES_ON:
@@ -161,7 +162,7 @@ def _pass_event(system, state, point, events, count):
 
 
 @part
-def is_finite(point):
+def is_finite(point: Row) -> bool:
     """Whether every channel is a finite number."""
     total = 0.0
     for channel in range(len(point)):
@@ -170,13 +171,14 @@ def is_finite(point):
 
 
 @entry
-def advance(system, state, times, point, points, modes, phases, events):
+def advance(system: System, state: State, times: Row, point: Row, points: Rows, modes: Indices, phases: Rows,
+            events: Rows) -> tuple[int, int, int]:
     """Pass all events up to the last of `times` and sample there.
 
     Parameters
     ----------
     system : System, as a `Laid.layout`
-        The system. If it were given as a tuple, this kernel would be compiled once more.
+        The system.
     state : State, as a `Laid.layout`
         Changed in place.
     times : ndarray, shape (n,)
@@ -197,9 +199,8 @@ def advance(system, state, times, point, points, modes, phases, events):
     (int, int, int)
         Reason for the return, number of samples taken, number of events recorded.
     """
-    system, state = system_of(system), state_of(state)
-    count, k = np.int64(0), np.int64(0)  # literals would be one more signature to compile
-    segment, automaton = state.now[0].segment, state.now[0].automaton
+    count, k = 0, 0
+    segment, automaton = state.segment, state.automaton
     # Most records of one event: a change of mode, a blow, every monitor, every ramp and its release, and the speed.
     room = len(events) - 3 - len(state.monitor) - 2 * len(state.ramp)
     while True:
@@ -219,7 +220,7 @@ def advance(system, state, times, point, points, modes, phases, events):
             if count > room:
                 return EVENTS_FULL, k, count
             guard = automaton.guard
-            ends = guard != NOTHING and system.candidate[automaton.mode, guard, 0] == NOTHING
+            ends: bool = guard != NOTHING and system.candidate[automaton.mode, guard, 0] == NOTHING
             automaton.begins, count = _pass_event(system, state, point, events, count)
             if ends:  # the caller goes on from `point` with another system
                 return SYSTEM_ENDS, k, count
@@ -253,26 +254,24 @@ def begin_segment(system: Laid, state: Laid, point: np.ndarray) -> int:
 
 
 @entry
-def interrupt(system, state, time, point):
+def interrupt(system: System, state: State, time: float, point: Row) -> None:
     """Move clock and forcing to `time`, within the present segment, and read all channels there into `point`.
 
     A command calls this first, then sets the new rates, calls `events.leave_for_ramp` for every ramp whose rate
     changes, and `begin_segment` with `point`.
     """
-    system, state = system_of(system), state_of(state)
-    segment = state.now[0].segment
+    segment = state.segment
     x = max(local_time(state, time), segment.mode_start)
     _read(system, state, x, point)
     update_peaks(system, state, x)
-    book_work(system, state, x, state.now[0].accounts)
+    book_work(system, state, x, state.accounts)
     end_mode(system, state, x)
-    state.now[0].automaton.events_without_progress = 0  # events after a command are not part of the cascade before it
+    state.automaton.events_without_progress = 0  # events after a command are not part of the cascade before it
     advance_forcing(system, state, x)
     segment.start, segment.residue = time, 0.0  # else rounding could put a sample now before the segment
 
 
 @entry
-def filter_rates(system, state, time):
+def filter_rates(system: System, state: State, time: float) -> None:
     """Advance the filters of `State.lowpass` to `time`; `advance` must have passed all events up to there."""
-    system, state = system_of(system), state_of(state)
-    filter_up_to(system, state, max(local_time(state, time), state.now[0].segment.mode_start))
+    filter_up_to(system, state, max(local_time(state, time), state.segment.mode_start))

@@ -7,16 +7,14 @@ modes.
 
 import math
 
-import numpy as np
-
-from vibro_ros.solver.compilation import entry, inlined_part, part
 from vibro_ros.solver.guards import guard_value, maximum
 from vibro_ros.solver.polynomial import fill_form
 from vibro_ros.solver.segment import instant
 from vibro_ros.solver.shock import outcomes, strike
-from vibro_ros.solver.state import state_of
-from vibro_ros.solver.system import NOTHING, first_acceleration, form_magnitude, form_value, system_of
+from vibro_ros.solver.state import State
+from vibro_ros.solver.system import NOTHING, System, first_acceleration, form_magnitude, form_value
 from vibro_ros.solver.taylor import decays, evaluate
+from vibro_ros.solver.typed import Row, Rows, entry, part
 
 #: Outcomes of `transition`: no guard fires, and the mode goes on in the next segment; ...
 SEGMENT_ENDS = 0
@@ -26,21 +24,21 @@ FLOW_ENDS = 2
 
 
 @part
-def _fill_magnitude(state, point):
+def _fill_magnitude(state: State, point: Row) -> None:
     """Fill the scratch with the magnitude of the terms that make up each channel at `point`."""
     for channel in range(len(point)):
         state.scratch.magnitude[channel] = abs(point[channel]) + state.magnitude[channel]
 
 
 @part
-def _holds(system, state, row, point):
+def _holds(system: System, state: State, row: int, point: Row) -> bool:
     """Whether a guard row is not negative at `point`, to rounding."""
     total, noise = guard_value(system, row, point, state.scratch.magnitude)
     return total >= -noise
 
 
-@inlined_part
-def _accelerate(system, state, mode, point):
+@part
+def _accelerate(system: System, state: State, mode: int, point: Row) -> None:
     """Set the accelerations of the dynamic coordinates at `point` to those of `mode`, and all magnitudes."""
     first, magnitude = first_acceleration(system.counts[0]), state.scratch.magnitude
     if system.counts[0].rotors > 0 or decays(system, mode):
@@ -64,12 +62,12 @@ def _accelerate(system, state, mode, point):
 
 
 @part
-def jump(system, state, candidate, point, after):
+def jump(system: System, state: State, candidate: int, point: Row, after: Row) -> int:
     """Fill `after` with the channels after the jump from `point` to a candidate of the firing guard.
 
     Return the candidate, or the one of the same shock that the shock chooses.
     """
-    mode, guard = state.now[0].automaton.mode, state.now[0].automaton.guard
+    mode, guard = state.automaton.mode, state.automaton.guard
     if len(system.shock.numbers) > 0 and system.shock.candidate[mode, guard, candidate] != NOTHING:
         return candidate + strike(system, state, system.shock.candidate[mode, guard, candidate], point, after)
     for channel in range(len(point)):
@@ -81,11 +79,11 @@ def jump(system, state, candidate, point, after):
     return candidate
 
 
-@inlined_part
-def _valid_candidate(system, state, candidate, point, after):
+@part
+def _valid_candidate(system: System, state: State, candidate: int, point: Row, after: Row) -> int:
     """Return the candidate to which `jump` leads if that may be entered from `point`, else `NOTHING`; fill `after`, as
     `jump` does."""
-    mode, guard = state.now[0].automaton.mode, state.now[0].automaton.guard
+    mode, guard = state.automaton.mode, state.automaton.guard
     _fill_magnitude(state, point)
     for row in system.entry[mode, guard, candidate]:
         if row != NOTHING and not _holds(system, state, row, point):
@@ -100,12 +98,12 @@ def _valid_candidate(system, state, candidate, point, after):
     return entered
 
 
-@inlined_part
-def choose_candidate(system, state, point, after):
+@part
+def choose_candidate(system: System, state: State, point: Row, after: Row) -> int:
     """Return the number of the firing guard's first valid candidate, else of its last; fill `after`, as `jump` does."""
-    mode, guard = state.now[0].automaton.mode, state.now[0].automaton.guard
+    mode, guard = state.automaton.mode, state.automaton.guard
     candidates = system.candidate[mode, guard]
-    last = np.int64(0)  # a literal would be one more signature to compile
+    last = 0
     while True:
         following = last + outcomes(system, mode, guard, last)
         if following >= len(candidates) or candidates[following] == NOTHING:
@@ -117,9 +115,9 @@ def choose_candidate(system, state, point, after):
 
 
 @part
-def _keeps_flow(system, state, mode, point, after):
+def _keeps_flow(system: System, state: State, mode: int, point: Row, after: Row) -> bool:
     """Whether `mode`, entered at `after`, has the same flow, and the same dynamic coordinates as at `point`."""
-    if system.flow[state.now[0].automaton.mode] != system.flow[mode]:
+    if system.flow[state.automaton.mode] != system.flow[mode]:
         return False
     coordinates = system.counts[0].coordinates
     for i in range(system.counts[0].dynamic):
@@ -128,8 +126,8 @@ def _keeps_flow(system, state, mode, point, after):
     return True
 
 
-@inlined_part
-def transition(system, state, point, after):
+@part
+def transition(system: System, state: State, point: Row, after: Row) -> tuple[int, int]:
     """Decide how the next event, at which all channels have the values of `point`, changes mode and flow.
 
     Returns
@@ -138,7 +136,7 @@ def transition(system, state, point, after):
         `SEGMENT_ENDS`, `FLOW_GOES_ON` or `FLOW_ENDS`, and the mode that follows. If a guard fires, `after` receives
         the channels that the mode starts with.
     """
-    mode, guard = state.now[0].automaton.mode, state.now[0].automaton.guard
+    mode, guard = state.automaton.mode, state.automaton.guard
     if guard == NOTHING:
         return SEGMENT_ENDS, mode
     if system.candidate[mode, guard, 0] == NOTHING:  # the caller goes on with another system
@@ -148,30 +146,29 @@ def transition(system, state, point, after):
     target = system.candidate[mode, guard, choose_candidate(system, state, point, after)]
     if target == mode and system.guard_event[mode, guard] != NOTHING:  # a shock, perhaps of driven coordinates alone
         return FLOW_ENDS, target
-    if state.now[0].segment.next_event < 1.0 and _keeps_flow(system, state, target, point, after):
+    if state.segment.next_event < 1.0 and _keeps_flow(system, state, target, point, after):
         return FLOW_GOES_ON, target
     return FLOW_ENDS, target
 
 
 @part
-def _enter_after_ramp(system, state, ramp, point, events, count):
+def _enter_after_ramp(system: System, state: State, ramp: int, point: Row, events: Rows, count: int) -> int:
     """At the segment's start, enter the mode that follows when the rate of a ramp changes; return the number of
     events."""
-    mode = system.mode_after_ramp_change[state.now[0].automaton.mode, ramp]
+    mode = system.mode_after_ramp_change[state.automaton.mode, ramp]
     count = switch_monitors(system, state, mode, instant(state, -1.0), point, events, count)
-    state.now[0].automaton.mode = mode
+    state.automaton.mode = mode
     return count
 
 
 @entry
-def leave_for_ramp(system, state, ramp, point, events, count):
+def leave_for_ramp(system: System, state: State, ramp: int, point: Row, events: Rows, count: int) -> int:
     """Enter the mode that follows a command to a ramp: `_enter_after_ramp` as an entry for Python."""
-    system, state = system_of(system), state_of(state)
     return _enter_after_ramp(system, state, ramp, point, events, count)
 
 
 @part
-def record_reached(system, state, reached, point, events, count):
+def record_reached(system: System, state: State, reached: int, point: Row, events: Rows, count: int) -> int:
     """Record at the segment's start the targets that `segment.advance_forcing` has `reached`; return the number of
     events."""
     time = instant(state, -1.0)
@@ -194,19 +191,18 @@ EVENT_COLUMNS = 5
 
 
 @part
-def update_peaks(system, state, x):
+def update_peaks(system: System, state: State, x: float) -> None:
     """Update the peaks of the monitors that are on with this segment's flow up to its end at the local time `x`."""
-    mode, room = state.now[0].automaton.mode, state.scratch.room[0]
+    mode, quantity = state.automaton.mode, state.scratch.peak
     for k in range(len(state.monitor)):
         if system.monitored[mode, k]:
-            quantity = room.peak[:]
             fill_form(system.monitor[mode, k], system.monitor_terms[mode, k], state.z, quantity)
-            peak = maximum(quantity, -1.0, x, room.peak_search[:])
+            peak = maximum(quantity, -1.0, x, state.scratch.peak_search)
             state.monitor[k].peak = max(state.monitor[k].peak, peak)
 
 
 @part
-def record(events, count, time, kind, approach, peak, duration):
+def record(events: Rows, count: int, time: float, kind: float, approach: float, peak: float, duration: float) -> int:
     """Append an event; return the new number of events."""
     events[count, 0] = time
     events[count, 1] = kind
@@ -217,17 +213,17 @@ def record(events, count, time, kind, approach, peak, duration):
 
 
 @part
-def record_mode_change(system, state, mode, point, events, count):
+def record_mode_change(system: System, state: State, mode: int, point: Row, events: Rows, count: int) -> int:
     """Record that the next event, at `point`, leads to `mode`, and switch the monitors; return the number of
     events."""
-    previous = state.now[0].automaton.mode
-    time = instant(state, state.now[0].segment.next_event)
+    previous = state.automaton.mode
+    time = instant(state, state.segment.next_event)
     kind = system.event_kind[previous, mode]
     if kind == NOTHING:
-        kind = system.guard_event[previous, state.now[0].automaton.guard]
+        kind = system.guard_event[previous, state.automaton.guard]
     if kind != NOTHING:
         count = record(events, count, time, kind, form_value(system.event_quantity[kind], point), 0.0, 0.0)
-    struck = system.blow_monitor[previous, state.now[0].automaton.guard]
+    struck = system.blow_monitor[previous, state.automaton.guard]
     if struck != NOTHING and not system.monitored[mode, struck]:
         approach = form_value(system.approach[struck], point)
         count = record(events, count, time, MONITOR_KIND + struck, approach, math.inf, 0.0)
@@ -235,10 +231,10 @@ def record_mode_change(system, state, mode, point, events, count):
 
 
 @part
-def switch_monitors(system, state, mode, time, point, events, count):
+def switch_monitors(system: System, state: State, mode: int, time: float, point: Row, events: Rows, count: int) -> int:
     """Switch on the monitors that `mode`, entered at `time` [s], needs; record those that end. Return the number of
     events."""
-    previous = state.now[0].automaton.mode
+    previous = state.automaton.mode
     for k in range(len(state.monitor)):
         monitor = state.monitor[k]
         if system.monitored[previous, k] and not system.monitored[mode, k]:

@@ -11,217 +11,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibro_ros.solver.compilation import entry, part
 from vibro_ros.solver.event_loop import DIVERGED, EVENTS_FULL, REACHED, is_finite
 from vibro_ros.solver.events import choose_candidate, jump, record_mode_change, record_reached
 from vibro_ros.solver.guards import guard_value
-from vibro_ros.solver.reference import reference_to
 from vibro_ros.solver.right_hand_side import accelerate, advance_values, fill_forcing_at, phase_after
 from vibro_ros.solver.rotor import enter_rotor, read_phase
 from vibro_ros.solver.segment import advance_clock, local_time
-from vibro_ros.solver.state import state_of
-from vibro_ros.solver.system import NOTHING, System, channels_of, form_value, system_of
-
-# Most changes of mode at the end of one step; then the next step is taken whatever the guards say.
-_MOST_CHANGES = 8
-# Halvings of a step that locate an event, to 1e-12 of the step; and most steps in a row that end at events, after which
-# a whole step is taken whatever the guards say, because there can be infinitely many bounces.
-_HALVINGS, _MOST_LOCATED = 40, 16
-# A mass rests on its stop if it arrives no faster than this many steps accelerate it, because bounces that are shorter
-# than a step would never end.
-_STEPS_TO_REST = 2.0
-
-
-@part
-def _broken_guard(system, state, z):
-    """Return the mode's first guard that is negative by more than its rounding error, or `NOTHING`."""
-    magnitude = state.scratch.magnitude
-    for channel in range(len(z)):
-        magnitude[channel] = abs(z[channel])
-    for g in range(system.guard.shape[1]):
-        row = system.guard[state.now[0].automaton.mode, g]
-        if row == NOTHING:
-            break
-        total, noise = guard_value(system, row, z, magnitude)
-        if total < -noise:
-            return g
-    return NOTHING
-
-
-@part
-def _resting_candidate(system, state, step):
-    """Return the candidate of a blow without rebound if steps cannot resolve the bounce, else `NOTHING`."""
-    mode, guard = state.now[0].automaton.mode, state.now[0].automaton.guard
-    struck, coordinates, z = system.blow_monitor[mode, guard], system.counts[0].coordinates, step.start
-    if struck == NOTHING:
-        return NOTHING
-    change = 0.0
-    for i in range(system.counts[0].dynamic):
-        change += system.approach[struck, coordinates + i] * step.start_acceleration[i]
-    if form_value(system.approach[struck], z) > _STEPS_TO_REST * step.length[0] * abs(change):
-        return NOTHING
-    for c in range(system.candidate.shape[2]):
-        target = system.candidate[mode, guard, c]
-        if target != NOTHING and system.monitored[target, struck]:
-            return c
-    return NOTHING
-
-
-@part
-def _change_modes(system, state, step, events, count):
-    """Enter the mode whose guards hold at the step's start; return the number of events."""
-    z, automaton, after = step.start, state.now[0].automaton, state.scratch.after
-    for _ in range(_MOST_CHANGES):
-        automaton.guard = guard = _broken_guard(system, state, z)
-        if guard == NOTHING:
-            break
-        candidate = _resting_candidate(system, state, step)
-        if candidate == NOTHING:
-            candidate = choose_candidate(system, state, z, after)
-        else:
-            candidate = jump(system, state, candidate, z, after)
-        mode = system.candidate[automaton.mode, guard, candidate]
-        count = record_mode_change(system, state, mode, z, events, count)
-        for channel in range(2 * system.counts[0].coordinates):
-            z[channel] = after[channel]
-        automaton.mode = mode
-        accelerate(system, state, mode, z, step.start_acceleration)
-    return count
-
-
-@part
-def _pass_step(system, state, step, events, count):
-    mode, duration = state.now[0].automaton.mode, 2.0 * state.now[0].segment.half
-    reached = advance_values(system, state, duration)
-    advance_clock(state, duration)
-    count = record_reached(system, state, reached, step.start, events, count)
-    for channel in range(len(step.start)):
-        step.start[channel] = step.end[channel]
-    if state.now[0].automaton.mode == mode:
-        for i in range(system.counts[0].coordinates):
-            step.start_acceleration[i] = step.end_acceleration[i]
-    else:
-        mode = state.now[0].automaton.mode
-        accelerate(system, state, mode, step.start, step.start_acceleration)
-    for k in range(len(state.monitor)):
-        if system.monitored[mode, k]:
-            state.monitor[k].peak = max(state.monitor[k].peak, form_value(system.monitor[mode, k], step.start))
-    if system.counts[0].rotors > 0:
-        enter_rotor(system, state, step.start)
-        fill_forcing_at(system, state, 0.0, step.start)
-        accelerate(system, state, mode, step.start, step.start_acceleration)
-    count = _change_modes(system, state, step, events, count)
-    _finish_step(system, state, step)
-    return count
-
-
-@part
-def _finish_step(system, state, step):
-    state.now[0].segment.half = 0.5 * step.length[0]
-    take_step(system, state, step)
-    if step.scheme[0] == RK4_LOCATED:
-        _end_at_event(system, state, step)
-    accelerate(system, state, state.now[0].automaton.mode, step.end, step.end_acceleration)
-    state.now[0].automaton.segments += 1
-
-
-@part
-def _end_at_event(system, state, step):
-    """Shorten the step, by bisection, to the first instant at which a guard of its mode is negative."""
-    in_row = step.located[0]
-    if _broken_guard(system, state, step.end) == NOTHING or not 0 <= in_row < _MOST_LOCATED:
-        step.located[0] = 0
-        return
-    step.located[0] = in_row + 1
-    segment, before, after = state.now[0].segment, 0.0, 0.5 * step.length[0]
-    for _ in range(_HALVINGS):
-        segment.half = 0.5 * (before + after)
-        take_step(system, state, step)
-        if _broken_guard(system, state, step.end) == NOTHING:
-            before = segment.half
-        else:
-            after = segment.half
-    segment.half = after
-    take_step(system, state, step)
-
-
-@entry
-def begin(system, state, step, point):
-    """Begin the grid now, with the positions and velocities of `point`, shape (channels,)."""
-    system, state, step = system_of(system), state_of(state), step_of(step)
-    state.now[0].segment.half = 0.5 * step.length[0]
-    state.now[0].segment.next_event = -1.0  # events are recorded at a step's start
-    for channel in range(2 * system.counts[0].coordinates):
-        step.start[channel] = point[channel]
-    if system.counts[0].rotors > 0:
-        enter_rotor(system, state, step.start)
-    fill_forcing_at(system, state, 0.0, step.start)
-    accelerate(system, state, state.now[0].automaton.mode, step.start, step.start_acceleration)
-    _finish_step(system, state, step)
-
-
-@part
-def _interpolate(step, length, coordinates, s, z):
-    """Interpolate positions and velocities at the fraction s, from 0 to 1, of the step of `length` [s]."""
-    start, end, h = step.start, step.end, length
-    rise = s * s * (3.0 - 2.0 * s)
-    first, last = s * (1.0 - s) * (1.0 - s) * h, s * s * (s - 1.0) * h
-    for i in range(coordinates):
-        v = coordinates + i
-        z[i] = start[i] + rise * (end[i] - start[i])
-        z[v] = start[v] + rise * (end[v] - start[v])
-        z[i] += first * start[v] + last * end[v]
-        z[v] += first * step.start_acceleration[i] + last * step.end_acceleration[i]
-
-
-@part
-def _read(system, state, step, x, z):
-    if x <= -1.0:
-        for channel in range(len(z)):
-            z[channel] = step.start[channel]
-        return
-    for channel in range(len(z)):
-        z[channel] = 0.0  # even a channel that is multiplied by zero must not be NaN
-    _interpolate(step, 2.0 * state.now[0].segment.half, system.counts[0].coordinates, 0.5 * (x + 1.0), z)
-    fill_forcing_at(system, state, state.now[0].segment.half * (x + 1.0), z)
-    accelerate(system, state, state.now[0].automaton.mode, z, step.stage_acceleration)
-
-
-@entry
-def advance(system, state, step, times, points, modes, phases, events):
-    """Take all steps up to the last of `times` and sample at each of them; arguments as in `event_loop.advance`."""
-    system, state, step = system_of(system), state_of(state), step_of(step)
-    count = np.int64(0)  # a literal would be one more signature to compile
-    # Most records of a step: for each change of mode a blow, itself and every monitor; then ramps and the speed.
-    room = len(events) - (_MOST_CHANGES + 1) * (2 + len(state.monitor)) - 2 * len(state.ramp)
-    for k in range(len(times)):
-        while local_time(state, times[k]) >= 1.0:
-            if count > room:
-                return EVENTS_FULL, k, count
-            count = _pass_step(system, state, step, events, count)
-            if not is_finite(step.end):
-                return DIVERGED, k, count
-        x = local_time(state, times[k])
-        _read(system, state, step, x, points[k])
-        modes[k] = state.now[0].automaton.mode
-        phase, speed = phase_after(system, state, max(0.0, state.now[0].segment.half * (x + 1.0)))
-        if system.counts[0].rotors > 0:
-            phase, speed = read_phase(system, points[k])
-        phases[k, 0], phases[k, 1], phases[k, 2] = state.now[0].drive.turns, phase, speed
-    return REACHED, len(times), count
-
-
-@entry
-def interrupt(system, state, step, time, point):
-    """Move clock and forcing to `time`, within the present step, and read all channels there into `point`, as
-    `event_loop.interrupt` does; the caller must then call `begin`."""
-    system, state, step = system_of(system), state_of(state), step_of(step)
-    segment = state.now[0].segment
-    x = local_time(state, time)
-    _read(system, state, step, x, point)
-    advance_values(system, state, max(0.0, segment.half * (x + 1.0)))
-    segment.start, segment.residue = time, 0.0
-
+from vibro_ros.solver.state import State
+from vibro_ros.solver.system import NOTHING, System, channels_of, form_value
+from vibro_ros.solver.typed import Indices, Row, Rows, entry, part
 
 #: Schemes.
 RK4 = 0
@@ -251,21 +49,218 @@ class Step(NamedTuple):
         Number of steps in a row that have ended at events.
     """
 
-    scheme: np.ndarray
-    length: np.ndarray
-    start: np.ndarray
-    end: np.ndarray
-    start_acceleration: np.ndarray
-    end_acceleration: np.ndarray
-    stage: np.ndarray
-    stage_acceleration: np.ndarray
-    velocity_sum: np.ndarray
-    acceleration_sum: np.ndarray
-    located: np.ndarray
+    scheme: Indices
+    length: Row
+    start: Row
+    end: Row
+    start_acceleration: Row
+    end_acceleration: Row
+    stage: Row
+    stage_acceleration: Row
+    velocity_sum: Row
+    acceleration_sum: Row
+    located: Indices
 
 
-#: Function that makes a reference from the layout of a `Step`, in kernels.
-step_of = reference_to(Step)
+# Most changes of mode at the end of one step; then the next step is taken whatever the guards say.
+_MOST_CHANGES = 8
+# Halvings of a step that locate an event, to 1e-12 of the step; and most steps in a row that end at events, after which
+# a whole step is taken whatever the guards say, because there can be infinitely many bounces.
+_HALVINGS, _MOST_LOCATED = 40, 16
+# A mass rests on its stop if it arrives no faster than this many steps accelerate it, because bounces that are shorter
+# than a step would never end.
+_STEPS_TO_REST = 2.0
+
+
+@part
+def _broken_guard(system: System, state: State, z: Row) -> int:
+    """Return the mode's first guard that is negative by more than its rounding error, or `NOTHING`."""
+    magnitude = state.scratch.magnitude
+    for channel in range(len(z)):
+        magnitude[channel] = abs(z[channel])
+    for g in range(system.guard.shape[1]):
+        row = system.guard[state.automaton.mode, g]
+        if row == NOTHING:
+            break
+        total, noise = guard_value(system, row, z, magnitude)
+        if total < -noise:
+            return g
+    return NOTHING
+
+
+@part
+def _resting_candidate(system: System, state: State, step: Step) -> int:
+    """Return the candidate of a blow without rebound if steps cannot resolve the bounce, else `NOTHING`."""
+    mode, guard = state.automaton.mode, state.automaton.guard
+    struck, coordinates, z = system.blow_monitor[mode, guard], system.counts[0].coordinates, step.start
+    if struck == NOTHING:
+        return NOTHING
+    change = 0.0
+    for i in range(system.counts[0].dynamic):
+        change += system.approach[struck, coordinates + i] * step.start_acceleration[i]
+    if form_value(system.approach[struck], z) > _STEPS_TO_REST * step.length[0] * abs(change):
+        return NOTHING
+    for c in range(system.candidate.shape[2]):
+        target = system.candidate[mode, guard, c]
+        if target != NOTHING and system.monitored[target, struck]:
+            return c
+    return NOTHING
+
+
+@part
+def _change_modes(system: System, state: State, step: Step, events: Rows, count: int) -> int:
+    """Enter the mode whose guards hold at the step's start; return the number of events."""
+    z, automaton, after = step.start, state.automaton, state.scratch.after
+    for _ in range(_MOST_CHANGES):
+        guard = _broken_guard(system, state, z)
+        automaton.guard = guard
+        if guard == NOTHING:
+            break
+        candidate = _resting_candidate(system, state, step)
+        if candidate == NOTHING:
+            candidate = choose_candidate(system, state, z, after)
+        else:
+            candidate = jump(system, state, candidate, z, after)
+        mode = system.candidate[automaton.mode, guard, candidate]
+        count = record_mode_change(system, state, mode, z, events, count)
+        for channel in range(2 * system.counts[0].coordinates):
+            z[channel] = after[channel]
+        automaton.mode = mode
+        accelerate(system, state, mode, z, step.start_acceleration)
+    return count
+
+
+@part
+def _pass_step(system: System, state: State, step: Step, events: Rows, count: int) -> int:
+    mode, duration = state.automaton.mode, 2.0 * state.segment.half
+    reached = advance_values(system, state, duration)
+    advance_clock(state, duration)
+    count = record_reached(system, state, reached, step.start, events, count)
+    for channel in range(len(step.start)):
+        step.start[channel] = step.end[channel]
+    if state.automaton.mode == mode:
+        for i in range(system.counts[0].coordinates):
+            step.start_acceleration[i] = step.end_acceleration[i]
+    else:
+        mode = state.automaton.mode
+        accelerate(system, state, mode, step.start, step.start_acceleration)
+    for k in range(len(state.monitor)):
+        if system.monitored[mode, k]:
+            state.monitor[k].peak = max(state.monitor[k].peak, form_value(system.monitor[mode, k], step.start))
+    if system.counts[0].rotors > 0:
+        enter_rotor(system, state, step.start)
+        fill_forcing_at(system, state, 0.0, step.start)
+        accelerate(system, state, mode, step.start, step.start_acceleration)
+    count = _change_modes(system, state, step, events, count)
+    _finish_step(system, state, step)
+    return count
+
+
+@part
+def _finish_step(system: System, state: State, step: Step) -> None:
+    state.segment.half = 0.5 * step.length[0]
+    take_step(system, state, step)
+    if step.scheme[0] == RK4_LOCATED:
+        _end_at_event(system, state, step)
+    accelerate(system, state, state.automaton.mode, step.end, step.end_acceleration)
+    state.automaton.segments += 1
+
+
+@part
+def _end_at_event(system: System, state: State, step: Step) -> None:
+    """Shorten the step, by bisection, to the first instant at which a guard of its mode is negative."""
+    in_row = step.located[0]
+    if _broken_guard(system, state, step.end) == NOTHING or not 0 <= in_row < _MOST_LOCATED:
+        step.located[0] = 0
+        return
+    step.located[0] = in_row + 1
+    segment, before, after = state.segment, 0.0, 0.5 * step.length[0]
+    for _ in range(_HALVINGS):
+        segment.half = 0.5 * (before + after)
+        take_step(system, state, step)
+        if _broken_guard(system, state, step.end) == NOTHING:
+            before = segment.half
+        else:
+            after = segment.half
+    segment.half = after
+    take_step(system, state, step)
+
+
+@entry
+def begin(system: System, state: State, step: Step, point: Row) -> None:
+    """Begin the grid now, with the positions and velocities of `point`, shape (channels,)."""
+    state.segment.half = 0.5 * step.length[0]
+    state.segment.next_event = -1.0  # events are recorded at a step's start
+    for channel in range(2 * system.counts[0].coordinates):
+        step.start[channel] = point[channel]
+    if system.counts[0].rotors > 0:
+        enter_rotor(system, state, step.start)
+    fill_forcing_at(system, state, 0.0, step.start)
+    accelerate(system, state, state.automaton.mode, step.start, step.start_acceleration)
+    _finish_step(system, state, step)
+
+
+@part
+def _interpolate(step: Step, length: float, coordinates: int, s: float, z: Row) -> None:
+    """Interpolate positions and velocities at the fraction s, from 0 to 1, of the step of `length` [s]."""
+    start, end, h = step.start, step.end, length
+    rise = s * s * (3.0 - 2.0 * s)
+    first, last = s * (1.0 - s) * (1.0 - s) * h, s * s * (s - 1.0) * h
+    for i in range(coordinates):
+        v = coordinates + i
+        z[i] = start[i] + rise * (end[i] - start[i])
+        z[v] = start[v] + rise * (end[v] - start[v])
+        z[i] += first * start[v] + last * end[v]
+        z[v] += first * step.start_acceleration[i] + last * step.end_acceleration[i]
+
+
+@part
+def _read(system: System, state: State, step: Step, x: float, z: Row) -> None:
+    if x <= -1.0:
+        for channel in range(len(z)):
+            z[channel] = step.start[channel]
+        return
+    for channel in range(len(z)):
+        z[channel] = 0.0  # even a channel that is multiplied by zero must not be NaN
+    _interpolate(step, 2.0 * state.segment.half, system.counts[0].coordinates, 0.5 * (x + 1.0), z)
+    fill_forcing_at(system, state, state.segment.half * (x + 1.0), z)
+    accelerate(system, state, state.automaton.mode, z, step.stage_acceleration)
+
+
+@entry
+def advance(system: System, state: State, step: Step, times: Row, points: Rows, modes: Indices, phases: Rows,
+            events: Rows) -> tuple[int, int, int]:
+    """Take all steps up to the last of `times` and sample at each of them; arguments as in `event_loop.advance`."""
+    count = 0
+    # Most records of a step: for each change of mode a blow, itself and every monitor; then ramps and the speed.
+    room = len(events) - (_MOST_CHANGES + 1) * (2 + len(state.monitor)) - 2 * len(state.ramp)
+    for k in range(len(times)):
+        while local_time(state, times[k]) >= 1.0:
+            if count > room:
+                return EVENTS_FULL, k, count
+            count = _pass_step(system, state, step, events, count)
+            if not is_finite(step.end):
+                return DIVERGED, k, count
+        x = local_time(state, times[k])
+        _read(system, state, step, x, points[k])
+        modes[k] = state.automaton.mode
+        phase, speed = phase_after(system, state, max(0.0, state.segment.half * (x + 1.0)))
+        if system.counts[0].rotors > 0:
+            phase, speed = read_phase(system, points[k])
+        phases[k, 0], phases[k, 1], phases[k, 2] = state.drive.turns, phase, speed
+    return REACHED, len(times), count
+
+
+@entry
+def interrupt(system: System, state: State, step: Step, time: float, point: Row) -> None:
+    """Move clock and forcing to `time`, within the present step, and read all channels there into `point`, as
+    `event_loop.interrupt` does; the caller must then call `begin`."""
+    segment = state.segment
+    x = local_time(state, time)
+    _read(system, state, step, x, point)
+    advance_values(system, state, max(0.0, segment.half * (x + 1.0)))
+    segment.start, segment.residue = time, 0.0
+
 
 
 def new_step(system: System, scheme: int, length: float) -> Step:
@@ -280,15 +275,16 @@ def new_step(system: System, scheme: int, length: float) -> Step:
 
 
 @part
-def take_step(system, state, step):
+def take_step(system: System, state: State, step: Step) -> None:
     """Fill `Step.end` by the classical Runge-Kutta method of fourth order, for q' = v and v' = a at once."""
-    coordinates, mode = system.counts[0].coordinates, state.now[0].automaton.mode
-    h = 2.0 * state.now[0].segment.half
+    coordinates, mode = system.counts[0].coordinates, state.automaton.mode
+    h = 2.0 * state.segment.half
     start, end, stage, rate = step.start, step.end, step.stage, step.stage_acceleration
     speeds, accelerations = step.velocity_sum, step.acceleration_sum
     for i in range(coordinates):
         speeds[i] = start[coordinates + i]
-        accelerations[i] = rate[i] = step.start_acceleration[i]
+        accelerations[i] = step.start_acceleration[i]
+        rate[i] = step.start_acceleration[i]
         stage[coordinates + i] = start[coordinates + i]
     for k in range(1, 4):
         duration = h if k == 3 else 0.5 * h

@@ -14,15 +14,16 @@ once per flow, and kept in the `Library`.
 
 import math
 
-from vibro_ros.solver.compilation import inlined_part, part
 from vibro_ros.solver.polynomial import INVERSE, differentiate, fill_form, integrate_through, value
 from vibro_ros.solver.segment import LONGEST_SEGMENT
-from vibro_ros.solver.system import first_acceleration, form_magnitude, sparse_magnitude
-from vibro_ros.solver.vector import LENGTH, powers, store, total, vector, with_first
+from vibro_ros.solver.state import State
+from vibro_ros.solver.system import System, first_acceleration, form_magnitude, sparse_magnitude
+from vibro_ros.solver.typed import Row, Rows, Rows3, part
+from vibro_ros.solver.vector import LENGTH, Vector, powers, store, total, vector, with_first
 
 
 @part
-def _compensated_sum(p):
+def _compensated_sum(p: Row) -> float:
     """Sum of the coefficients, rounded once (Neumaier), because an error would recur in every segment and add up."""
     result, lost = 0.0, 0.0
     for n in range(len(p)):
@@ -33,14 +34,14 @@ def _compensated_sum(p):
 
 
 @part
-def _provide_free_motion(system, state, flow):
-    library, segment = state.library, state.now[0].segment
-    half = 0.5 * min(LONGEST_SEGMENT, system.longest_segment[state.now[0].automaton.mode])
+def _provide_free_motion(system: System, state: State, flow: int) -> None:
+    library, segment = state.library, state.segment
+    half = 0.5 * min(LONGEST_SEGMENT, system.longest_segment[state.automaton.mode])
     if library.half[flow] == half:
         return
     library.half[flow] = half
     components = 2 * system.counts[0].dynamic
-    state.scratch.room[0].load[:] = 0.0
+    state.scratch.load[:] = 0.0
     present, segment.half = segment.half, half
     for j in range(components):
         motion = library.free[flow, j]
@@ -53,22 +54,22 @@ def _provide_free_motion(system, state, flow):
 
 
 @part
-def fill_loads(system, state):
+def fill_loads(system: System, state: State) -> None:
     """Fill the scratch with the loads of the dynamic coordinates."""
-    mode, load = state.now[0].automaton.mode, state.scratch.room[0].load[:]
+    mode, load = state.automaton.mode, state.scratch.load
     for i in range(system.counts[0].dynamic):
         if not fill_form(system.equations[mode, i], system.reads_forcing[mode, i], state.z, load[i]):
             load[i, :] = 0.0
 
 
 @part
-def _component(system, c):
+def _component(system: System, c: int) -> int:
     coordinates, dynamic = system.counts[0].coordinates, system.counts[0].dynamic
     return c if c < dynamic else coordinates + c - dynamic
 
 
 @part
-def _solve_forced_motion(system, state, motion, point):
+def _solve_forced_motion(system: System, state: State, motion: Rows, point: Row) -> None:
     """Fill `motion` with the motion under the segment's loads that has the components of `point` in the middle, so that
     a system at rest stays at rest exactly."""
     for c in range(len(motion)):
@@ -78,10 +79,11 @@ def _solve_forced_motion(system, state, motion, point):
 
 
 @part
-def _needs_free_motion(system, state, forced, point):
+def _needs_free_motion(system: System, state: State, forced: Rows, point: Row) -> bool:
     """Store the difference between `point` and the forced motion at the segment's start; return whether it is not
     zero."""
-    difference, needed = state.scratch.room[0].free_at_start[:], False
+    difference = state.scratch.free_at_start
+    needed: bool = False
     for c in range(len(forced)):
         difference[c] = point[_component(system, c)] - value(forced[c], -1.0)
         needed = needed or difference[c] != 0.0
@@ -89,45 +91,48 @@ def _needs_free_motion(system, state, forced, point):
 
 
 @part
-def _coupled_components(system, state, c):
+def _coupled_components(system: System, state: State, c: int) -> tuple[int, int]:
     """Return first index and step of the components on which component c depends: all, or only its coordinate's
     position and velocity if the coordinates are not coupled."""
     dynamic = system.counts[0].dynamic
-    if system.coupled[state.now[0].automaton.mode]:
+    if system.coupled[state.automaton.mode]:
         return 0, 1
     return (c if c < dynamic else c - dynamic), dynamic
 
 
 @part
-def _free_motion(free, c, first, step, middle):
+def _free_motion(free: Rows3, c: int, first: int, step: int, middle: Row) -> Vector:
     """Return component c of the free motion that has the components `middle` in the middle, as a vector."""
     motion = middle[first] * vector(free[first, c])
-    for j in range(first + step, len(free), step):
+    j = first + step
+    while j < len(free):
         motion = motion + middle[j] * vector(free[j, c])
+        j += step
     return motion
 
 
 @part
-def _carry_to_middle(system, state, free, free_end, ratio):
+def _carry_to_middle(system: System, state: State, free: Rows3, free_end: Rows, ratio: float) -> None:
     """Store the free motion's value in the segment's middle, from its value at the start.
 
     A unit at the start becomes by the middle what a unit in the middle becomes by the end, because the free motion's
     equations do not depend on time. `ratio` is the duration of the segment over that of the motions `free`.
     """
-    room = state.scratch.room[0]
-    at_start, at_middle, weights = room.free_at_start[:], room.free_at_middle[:], powers(ratio)
+    at_start, at_middle, weights = state.scratch.free_at_start, state.scratch.free_at_middle, powers(ratio)
     for c in range(len(free)):
         first, step = _coupled_components(system, state, c)
         if ratio == 1.0:
             at_middle[c] = 0.0
-            for j in range(first, len(free), step):
+            j = first
+            while j < len(free):
                 at_middle[c] += free_end[j, c] * at_start[j]
+                j += step
         else:
             at_middle[c] = total(_free_motion(free, c, first, step, at_start) * weights)
 
 
 @part
-def _pass_through(system, state, point):
+def _pass_through(system: System, state: State, point: Row) -> None:
     """Adjust the constant terms, by a rounding or two, so that the series pass through `point` at the start.
 
     Otherwise the way to the middle and back would add the same rounding error in every segment of this kind.
@@ -139,14 +144,15 @@ def _pass_through(system, state, point):
 
 
 @part
-def _set_magnitudes(system, state, i, position, velocity, duration, share):
+def _set_magnitudes(system: System, state: State, i: int, position: float, velocity: float, duration: float,
+                    share: float) -> None:
     """Set the magnitudes of coordinate i, of its position and its velocity, from the magnitudes of their own terms.
 
     The rounding error of a force moves a coordinate that no spring of its own holds for the whole `duration` [s]. The
     coordinate's own damping is left out, because the magnitude would increase itself. The magnitude is at least `share`
     of that of the previous segment, however small the terms are.
     """
-    mode = state.now[0].automaton.mode
+    mode = state.automaton.mode
     row, terms = system.equations[mode, i], system.reads_forcing[mode, i]
     rate = system.counts[0].coordinates + i
     if row[i] < 0.0:
@@ -158,27 +164,27 @@ def _set_magnitudes(system, state, i, position, velocity, duration, share):
 
 
 @part
-def _share_that_stays(state):
+def _share_that_stays(state: State) -> float:
     """Return the share of its magnitude that a dynamic coordinate keeps: all of it if the previous segment had zero
     length, because a number that was zero to rounding there is also zero here; else half."""
-    return 0.5 if state.now[0].automaton.events_without_progress == 0 else 1.0
+    return 0.5 if state.automaton.events_without_progress == 0 else 1.0
 
 
 @part
-def fill_accelerations(system, state):
+def fill_accelerations(system: System, state: State) -> None:
     """Fill in series and magnitudes of the dynamic coordinates' accelerations, from their velocities."""
     coordinates, first = system.counts[0].coordinates, first_acceleration(system.counts[0])
     for i in range(system.counts[0].dynamic):
-        differentiate(state.z[coordinates + i], state.now[0].segment.half, state.z[first + i])
-        state.magnitude[first + i] = form_magnitude(system.equations[state.now[0].automaton.mode, i], state.magnitude)
+        differentiate(state.z[coordinates + i], state.segment.half, state.z[first + i])
+        state.magnitude[first + i] = form_magnitude(system.equations[state.automaton.mode, i], state.magnitude)
 
 
-@inlined_part
-def solve_dynamic(system, state, point):
+@part
+def solve_dynamic(system: System, state: State, point: Row) -> None:
     """Solve the series of the dynamic coordinates that pass through `point` at the segment's start."""
-    z, library, flow = state.z, state.library, system.flow[state.now[0].automaton.mode]
+    z, library, flow = state.z, state.library, system.flow[state.automaton.mode]
     _provide_free_motion(system, state, flow)
-    forced, free, ratio = library.forced, library.free[flow], state.now[0].segment.half / library.half[flow]
+    forced, free, ratio = library.forced, library.free[flow], state.segment.half / library.half[flow]
     _solve_forced_motion(system, state, forced, point)
     needs_free = _needs_free_motion(system, state, forced, point)
     if needs_free:
@@ -188,11 +194,11 @@ def solve_dynamic(system, state, point):
         if needs_free:
             # The middle part of the free motion over its longest segment.
             first, step = _coupled_components(system, state, c)
-            motion = _free_motion(free, c, first, step, state.scratch.room[0].free_at_middle[:])
+            motion = _free_motion(free, c, first, step, state.scratch.free_at_middle)
             store(z[channel], vector(forced[c]) + motion * powers(ratio))
         else:
             store(z[channel], vector(forced[c]))
-    duration, share = 2.0 * state.now[0].segment.half, _share_that_stays(state)
+    duration, share = 2.0 * state.segment.half, _share_that_stays(state)
     for i in range(system.counts[0].dynamic):
         rate = system.counts[0].coordinates + i
         _set_magnitudes(system, state, i, abs(z[i, 0]) + abs(z[i, 1]), abs(z[rate, 0]) + abs(z[rate, 1]),
@@ -203,7 +209,7 @@ def solve_dynamic(system, state, point):
 
 
 @part
-def hold_dynamic(system, state, held):
+def hold_dynamic(system: System, state: State, held: Row) -> None:
     """Fill in the series of dynamic coordinates that stay at the positions in `held`.
 
     Their accelerations are zero without rounding error, although the terms of a stiff mode are large. Over a segment of
@@ -213,20 +219,21 @@ def hold_dynamic(system, state, held):
     coordinates, share = system.counts[0].coordinates, _share_that_stays(state)
     first = first_acceleration(system.counts[0])
     for i in range(system.counts[0].dynamic):
-        state.z[i] = 0.0
+        state.z[i, :] = 0.0
         state.z[i, 0] = held[i]
-        state.z[coordinates + i] = 0.0
+        state.z[coordinates + i, :] = 0.0
         _set_magnitudes(system, state, i, abs(held[i]), 0.0, 0.0, share)  # a coordinate that is held does not drift
-        state.z[first + i], state.magnitude[first + i] = 0.0, 0.0
+        state.z[first + i, :] = 0.0
+        state.magnitude[first + i] = 0.0
 
 
 @part
-def solve_driven(system, state, point):
+def solve_driven(system: System, state: State, point: Row) -> None:
     """Solve the series of the driven coordinates that pass through `point` at the mode's start."""
-    coordinates, mode = system.counts[0].coordinates, state.now[0].automaton.mode
-    z, segment = state.z, state.now[0].segment
+    coordinates, mode = system.counts[0].coordinates, state.automaton.mode
+    z, segment = state.z, state.segment
     half, start = segment.half, segment.mode_start
-    acceleration = state.scratch.room[0].acceleration[:]
+    acceleration = state.scratch.acceleration
     for i in range(system.counts[0].dynamic, coordinates):
         row = system.equations[mode, i]
         rate = z[coordinates + i]
@@ -239,8 +246,8 @@ def solve_driven(system, state, point):
         _set_magnitudes(system, state, i, abs(point[i]), abs(point[coordinates + i]), 2.0 * half, 0.0)
 
 
-@part  # a mass at rest on its slider feels exactly no force
-def _solve_oscillator(load, stiffness, damping, half, q, v):
+@part
+def _solve_oscillator(load: Row, stiffness: float, damping: float, half: float, q: Row, v: Row) -> None:
     """Solve the series of q and v = q' with q'' = load + stiffness q + damping v, from their constant terms."""
     position, velocity = q[0], v[0]
     for n in range(LENGTH - 1):
@@ -253,7 +260,7 @@ def _solve_oscillator(load, stiffness, damping, half, q, v):
 
 
 @part
-def _solve_coupled(loads, row, half, coordinates, dynamic, motion):
+def _solve_coupled(loads: Rows, row: Rows, half: float, coordinates: int, dynamic: int, motion: Rows) -> None:
     """Solve the series of coupled coordinates; `loads` has a row for each coordinate, `motion` two."""
     for n in range(LENGTH - 1):
         step = half * INVERSE[n]
@@ -267,10 +274,10 @@ def _solve_coupled(loads, row, half, coordinates, dynamic, motion):
 
 
 @part
-def solve_series(system, state, motion):
+def solve_series(system: System, state: State, motion: Rows) -> None:
     """Solve the series of a motion's components from their constant terms, under the loads in the scratch."""
     coordinates, dynamic = system.counts[0].coordinates, system.counts[0].dynamic
-    mode, half, load = state.now[0].automaton.mode, state.now[0].segment.half, state.scratch.room[0].load[:]
+    mode, half, load = state.automaton.mode, state.segment.half, state.scratch.load
     rows = system.equations[mode]
     if system.coupled[mode]:
         _solve_coupled(load, rows, half, coordinates, dynamic, motion)

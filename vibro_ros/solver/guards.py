@@ -8,7 +8,6 @@ import math
 
 import numpy as np
 
-from vibro_ros.solver.compilation import inlined_part, part
 from vibro_ros.solver.polynomial import (
     SECOND,
     differentiate,
@@ -18,9 +17,10 @@ from vibro_ros.solver.polynomial import (
     value,
     value_and_derivatives,
 )
-from vibro_ros.solver.state import UNKNOWN
-from vibro_ros.solver.system import NOTHING, sparse_magnitude, value_and_magnitude
-from vibro_ros.solver.vector import LENGTH, first_index, indices_above, store, total, vector
+from vibro_ros.solver.state import UNKNOWN, State
+from vibro_ros.solver.system import NOTHING, System, sparse_magnitude, value_and_magnitude
+from vibro_ros.solver.typed import Row, Rows, part
+from vibro_ros.solver.vector import LENGTH, first_index, indices_above, magnitudes, store, total, vector
 
 EPSILON = 2.220446049250313e-16
 #: Rounding error of a guard over the magnitude of its terms; a guard is a sum of products of the series' first terms.
@@ -35,34 +35,33 @@ _SIMULTANEOUS = 16.0 * EPSILON
 
 
 @part
-def guard_value(system, row, point, magnitude):
+def guard_value(system: System, row: int, point: Row, magnitude: Row) -> tuple[float, float]:
     """Value of a guard row at a point and its rounding error, from the magnitude of the terms of each channel."""
     total, terms = value_and_magnitude(system.row[row], system.row_terms[row], point, magnitude)
     return total, NOISE * terms
 
 
 @part
-def _guard_root(system, state, row):
+def _guard_root(system: System, state: State, row: int) -> float:
     """Return the first root of a guard row between the mode's start and the next event; cached until its polynomial
     changes."""
-    segment, room = state.now[0].segment, state.scratch.room[0]
+    segment, guard = state.segment, state.scratch.guard
     if state.root[row] > segment.mode_start:
         return state.root[row]
-    guard = room.guard[:]
     fill_form(system.row[row], system.row_terms[row], state.z, guard)
     noise = NOISE * sparse_magnitude(system.row[row], system.row_terms[row], state.magnitude)
-    if state.now[0].automaton.events_without_progress > _EVENTS_BEFORE_DOUBT:
+    if state.automaton.events_without_progress > _EVENTS_BEFORE_DOUBT:
         guard[0] += _DOUBT * noise
-    root = first_root(guard, segment.mode_start, segment.next_event, noise, room.search[:])
+    root = first_root(guard, segment.mode_start, segment.next_event, noise, state.scratch.search)
     state.root[row] = UNKNOWN if root == NO_ROOT and segment.next_event < 1.0 else root
     return root
 
 
-@inlined_part
-def find_next_event(system, state):
+@part
+def find_next_event(system: System, state: State) -> bool:
     """Set the next event to the earliest root of the mode's guards, else to the segment's end; return False if a root
     search failed."""
-    segment, automaton = state.now[0].segment, state.now[0].automaton
+    segment, automaton = state.segment, state.automaton
     segment.next_event = 1.0
     automaton.guard = NOTHING
     for g in range(system.guard.shape[1]):
@@ -115,7 +114,7 @@ _SHARE_OF_MAGNITUDE = np.where(_ORDER == 0, 0.0, np.where(_ORDER % 2 == 0, 0.5, 
 
 
 @part
-def _safe_step(f, d, dd, third, reach):
+def _safe_step(f: float, d: float, dd: float, third: float, reach: float) -> float:
     """Return the s up to which f + d s + dd s²/2 - third s³/6, a lower bound of the guard, stays positive in `reach`.
 
     On [0, reach] the cubic term is at least -(third reach / 6) s², which leaves a quadratic.
@@ -134,19 +133,19 @@ def _safe_step(f, d, dd, third, reach):
 
 
 @part
-def _lower_bound(p):
+def _lower_bound(p: Row) -> float:
     """A value below p everywhere on [-1, 1]."""
-    return total(vector(_SHARE_OF_VALUE) * vector(p) - vector(_SHARE_OF_MAGNITUDE) * abs(vector(p)))
+    return total(vector(_SHARE_OF_VALUE) * vector(p) - vector(_SHARE_OF_MAGNITUDE) * magnitudes(vector(p)))
 
 
 @part
-def _upper_bound(p):
+def _upper_bound(p: Row) -> float:
     """A value above p everywhere on [-1, 1]."""
-    return total(vector(_SHARE_OF_VALUE) * vector(p) + vector(_SHARE_OF_MAGNITUDE) * abs(vector(p)))
+    return total(vector(_SHARE_OF_VALUE) * vector(p) + vector(_SHARE_OF_MAGNITUDE) * magnitudes(vector(p)))
 
 
 @part
-def _passed_touch(p, f, d, dd):
+def _passed_touch(p: Row, f: float, d: float, dd: float) -> float:
     """Return the step from f <= 0 that passes a minimum that is zero to rounding; 0 if p falls below that."""
     doubt = _TOUCH * sum_of_magnitudes(p)
     if dd <= 0.0 or 2.0 * dd * (f + doubt) < d * d:
@@ -155,13 +154,13 @@ def _passed_touch(p, f, d, dd):
 
 
 @part
-def _march(p, a, limit):
+def _march(p: Row, a: float, limit: float) -> float:
     """Return the first root of p, positive at a, in (a, limit], by steps that a bound on p''' proves free of roots.
 
     Near a simple root the steps converge faster than Newton's, from the safe side; a near miss
     (p > 0 at its minimum) is passed in a few steps, because its curvature is in the bound.
     """
-    third = total(vector(_THIRD) * abs(vector(p)))  # a bound of |p'''| on [-1, 1]
+    third = total(vector(_THIRD) * magnitudes(vector(p)))  # a bound of |p'''| on [-1, 1]
     x = a
     reach = limit - x
     for _ in range(_MOST_STEPS):
@@ -194,19 +193,19 @@ def _march(p, a, limit):
 
 
 @part
-def _evaluate_at_nodes(p, noise, values):
+def _evaluate_at_nodes(p: Row, noise: float, values: Row) -> float:
     """Fill `values` with p at all nodes; return by how much p may leave the range of two neighbouring values."""
     even, odd = p[0] * vector(_POWERS_OF_NODES[0]), p[1] * vector(_POWERS_OF_NODES[1])
     for n in range(2, LENGTH, 2):
         even = even + p[n] * vector(_POWERS_OF_NODES[n])
         odd = odd + p[n + 1] * vector(_POWERS_OF_NODES[n + 1])
     store(values, even + odd)
-    bound = total(vector(SECOND) * abs(vector(p)))  # of |p''| on [-1, 1]
+    bound = total(vector(SECOND) * magnitudes(vector(p)))  # of |p''| on [-1, 1]
     return 0.125 * _SPACING * _SPACING * bound + noise
 
 
 @part
-def _next_node(x):
+def _next_node(x: float) -> int:
     """Return the index of the first node beyond x < 1."""
     k = int((x + 1.0) / _SPACING)
     while _NODES[k] <= x:
@@ -215,7 +214,7 @@ def _next_node(x):
 
 
 @part
-def _only_root(p, left, right, start):
+def _only_root(p: Row, left: float, right: float, start: float) -> float:
     """Return the root of p in [left, right], where p falls all the way, by Halley's method from `start`; `NO_ROOT` if
     the steps do not converge."""
     x = start
@@ -229,13 +228,15 @@ def _only_root(p, left, right, start):
 
 
 @part
-def _search(p, a, f, limit, noise, values):
+def _search(p: Row, a: float, f: float, limit: float, noise: float, values: Row) -> float:
     """Return the first root of p, which is f > 0 at a, in (a, limit]."""
     bend = _evaluate_at_nodes(p, noise, values)
     first = _next_node(a)
     # p stays positive up to node k - 1.
     k = first if f <= bend else first_index(~indices_above(vector(values), bend) >> first << first)
-    left, before = (a, f) if k == first else (_NODES[k - 1], values[k - 1])
+    left, before = a, f
+    if k != first:
+        left, before = _NODES[k - 1], values[k - 1]
     if k >= LENGTH or left >= limit:
         return NO_ROOT
     right, drop = _NODES[k], before - values[k]
@@ -247,7 +248,7 @@ def _search(p, a, f, limit, noise, values):
 
 
 @part
-def first_root(p, a, limit, noise, work):
+def first_root(p: Row, a: float, limit: float, noise: float, work: Rows) -> float:
     """Return the first local time in [a, limit] at which the guard p turns negative.
 
     A zero at `a` itself is divided out as often as necessary, so that the sign of the first coefficient that differs
@@ -291,9 +292,9 @@ def first_root(p, a, limit, noise, work):
 
 
 @part
-def _highest_turning_point(p, slope, a, b, noise, work):
+def _highest_turning_point(p: Row, slope: Row, a: float, b: float, noise: float, work: Rows) -> float:
     """Return the largest value of p at a and at its turning points in (a, b), which are found one after the other."""
-    best = -np.inf
+    best = -math.inf
     x = a
     while True:
         best = max(best, value(p, x))
@@ -304,7 +305,7 @@ def _highest_turning_point(p, slope, a, b, noise, work):
 
 
 @part
-def maximum(p, a, b, work):
+def maximum(p: Row, a: float, b: float, work: Rows) -> float:
     """Return the largest value of p on [a, b], from the ends and every turning point between them.
 
     `work`, shape (3, LENGTH), is overwritten.

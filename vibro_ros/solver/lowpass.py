@@ -16,11 +16,12 @@ import math
 
 import numpy as np
 
-from vibro_ros.solver.compilation import part
 from vibro_ros.solver.elementary import cos, exp, sin
 from vibro_ros.solver.polynomial import gauss_legendre, value, values
-from vibro_ros.solver.state import LOWPASS, UNKNOWN
-from vibro_ros.solver.vector import LENGTH, indices_above, lowered, repeated, store, total, vector
+from vibro_ros.solver.state import LOWPASS, UNKNOWN, State
+from vibro_ros.solver.system import System
+from vibro_ros.solver.typed import part
+from vibro_ros.solver.vector import LENGTH, indices_above, lowered, magnitudes, repeated, store, total, vector
 
 _NODES, _WEIGHTS = gauss_legendre(LENGTH)
 _ORDER = np.arange(LENGTH, dtype=float)
@@ -51,7 +52,7 @@ def filtered_rates(filters: np.ndarray) -> np.ndarray:
 
 
 @part
-def end_mode(system, state, x):
+def end_mode(system: System, state: State, x: float) -> None:
     """Advance the filters to the local time `x`, where the mode ends."""
     if len(state.lowpass) > 0:
         filter_up_to(system, state, x)
@@ -60,9 +61,9 @@ def end_mode(system, state, x):
 
 
 @part
-def filter_up_to(system, state, x):
+def filter_up_to(system: System, state: State, x: float) -> None:
     """Advance the filters to the local time `x` of the present mode."""
-    segment, room = state.now[0].segment, state.scratch.room[0]
+    segment, rate, response = state.segment, state.scratch.lowpass_rate, state.scratch.lowpass_response
     for k in range(len(state.lowpass)):
         one = state.lowpass[k]
         channel, start = one.channel, max(one.reached, segment.mode_start)
@@ -72,16 +73,14 @@ def filter_up_to(system, state, x):
         one.reached = x
         if x <= start:
             continue
-        rate = room.lowpass_rate[:]
         store(rate, lowered(vector(_ORDER) * vector(state.z[channel])))
-        rests = indices_above(abs(vector(rate)), 0.0) == 0
+        rests: bool = indices_above(magnitudes(vector(rate)), 0.0) == 0
         duration, decay = segment.half * (x - start), math.sqrt(0.5) * one.rate
         count = 1 if rests else int(duration * one.rate / _LONGEST) + 1
         half, width = 0.5 * duration / count, (x - start) / count
         turn = decay * half  # from the step's middle to its end c is multiplied by exp((-1 + i) turn)
         shrinking, cosine, sine = exp(-turn), cos(turn), sin(turn)
         to_end, to_end_turned = shrinking * cosine, shrinking * sine
-        response = room.lowpass_response[:]
         if not rests:  # exp((1 - i) turn y), where y is the step's local time, as a polynomial of y
             real, imaginary = 1.0, 0.0
             for n in range(LENGTH):

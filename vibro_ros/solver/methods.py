@@ -24,14 +24,13 @@ A method without fixed steps is a class with the functions of `Stepper`, and `ne
 (`simulation/motion.py`) makes it. Rules 4 to 7 hold for it, too.
 """
 
-from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
 
 from vibro_ros.solver import event_loop, fixed_step
 from vibro_ros.solver.fixed_step import RK4, RK4_LOCATED, new_step
-from vibro_ros.solver.reference import Laid
+from vibro_ros.solver.layout import Laid
 from vibro_ros.solver.state import State, numbers_of
 
 #: Methods of fixed step, by name.
@@ -55,10 +54,6 @@ class Stepper(Protocol):
     @property
     def memory(self) -> list[np.ndarray]:
         """Arrays of numbers, as views, on which the future depends besides the state."""
-
-    def calls(self, state: State, arguments: tuple) -> list[tuple[Callable, tuple]]:
-        """Return the method's own kernels, the slowest to compile first, with arguments of the right types; `arguments`
-        are those of `advance` without the state."""
 
 
 class _LaidOut:
@@ -101,12 +96,6 @@ class Exact(_LaidOut):
         """See `Stepper`."""
         return []
 
-    def calls(self, state, arguments):
-        """See `Stepper`."""
-        _, point, *_ = arguments
-        tables = self._tables(state)
-        return [(event_loop.advance, (*tables, *arguments)), (event_loop.interrupt, (*tables, 0.0, point))]
-
 
 class FixedStep(_LaidOut):
     """A method of fixed step: steps of `step` [s] by one of `SCHEMES`."""
@@ -134,13 +123,6 @@ class FixedStep(_LaidOut):
         step = self._step.values
         return numbers_of(values for name, values in zip(step._fields, step, strict=True)
                           if name not in ("scheme", "length"))
-
-    def calls(self, state, arguments):
-        """See `Stepper`."""
-        times, point, *rest = arguments
-        tables = self._tables(state)
-        return [(fixed_step.advance, (*tables, times, *rest)), (fixed_step.begin, (*tables, point)),
-                (fixed_step.interrupt, (*tables, 0.0, point))]
 
     def _tables(self, state):
         return *super()._tables(state), self._step.layout

@@ -14,9 +14,22 @@ import math
 
 import numpy as np
 
-from vibro_ros.solver.compilation import part
 from vibro_ros.solver.elementary import cos
-from vibro_ros.solver.vector import LENGTH, last, lowered, powers, raised, repeated, store, total, vector, with_first
+from vibro_ros.solver.typed import Indices, Row, Rows, part
+from vibro_ros.solver.vector import (
+    LENGTH,
+    Vector,
+    last,
+    lowered,
+    magnitudes,
+    powers,
+    raised,
+    repeated,
+    store,
+    total,
+    vector,
+    with_first,
+)
 
 
 def _chebyshev_polynomials(length: int) -> list[list[int]]:
@@ -85,13 +98,13 @@ _CHOICES = np.array([[float(math.comb(n + k, k)) for n in range(LENGTH)] for k i
 
 
 @part
-def value(p, x):
+def value(p: Row, x: float) -> float:
     """Return p(x), to rounding of its largest term."""
     return total(vector(p) * powers(x))
 
 
 @part
-def products(p, q, nodes):
+def products(p: Row, q: Row, nodes: Vector) -> Vector:
     """Return the vector of p(x) q(x) for a vector of `nodes` x.
 
     Both are written as E(x²) + x O(x²), because the processor computes four series of half the length in parallel.
@@ -106,7 +119,7 @@ def products(p, q, nodes):
 
 
 @part
-def values(p, nodes):
+def values(p: Row, nodes: Vector) -> Vector:
     """Return the vector of p(x) for a vector of `nodes` x, as E(x²) + x O(x²), two series of half the length."""
     squares, even, odd = nodes * nodes, repeated(p[LENGTH - 2]), repeated(p[LENGTH - 1])
     for n in range(LENGTH - 4, -2, -2):
@@ -115,7 +128,7 @@ def values(p, nodes):
 
 
 @part
-def value_and_derivatives(p, x):
+def value_and_derivatives(p: Row, x: float) -> tuple[float, float, float]:
     """Return p(x), to a rounding of its largest term, p'(x) and p''(x).
 
     p(x) is written as E(x²) + x O(x²), because the processor computes two series of half the length in parallel, and in
@@ -130,13 +143,13 @@ def value_and_derivatives(p, x):
 
 
 @part
-def sum_of_magnitudes(p):
+def sum_of_magnitudes(p: Row) -> float:
     """Return the sum of |p[n]|, a bound of |p| on [-1, 1]."""
-    return total(abs(vector(p)))
+    return total(magnitudes(vector(p)))
 
 
 @part
-def divide_by_root(p, a):
+def divide_by_root(p: Row, a: float) -> None:
     """Replace p by p / (x - a), dropping the remainder p(a)."""
     carry = 0.0
     for n in range(LENGTH - 1, -1, -1):
@@ -146,7 +159,7 @@ def divide_by_root(p, a):
 
 
 @part
-def fill_form(form, channels, z, target):
+def fill_form(form: Row, channels: Indices, z: Rows, target: Row) -> bool:
     """Set target = sum of form[c] z[c] over the leading `channels` that are not negative; return whether any are."""
     c = channels[0]
     if c < 0:
@@ -162,7 +175,7 @@ def fill_form(form, channels, z, target):
 
 
 @part
-def recentre(polynomials, x, terms, targets):
+def recentre(polynomials: Rows, x: float, terms: int, targets: Rows) -> None:
     """Fill in the first `terms` coefficients of p(x + y), a polynomial of y, for every p; others become zero."""
     targets[:] = 0.0
     higher = powers(x)
@@ -174,7 +187,7 @@ def recentre(polynomials, x, terms, targets):
 
 
 @part
-def displace(p, shift, terms, order, room, target):
+def displace(p: Row, shift: Row, terms: int, order: int, room: Row, target: Row) -> None:
     """Fill in target(x) = p(x + shift(x)), by Taylor's formula up to the `order`-th power of the shift.
 
     `shift` has `terms` terms, and `room` has space for two polynomials.
@@ -192,19 +205,19 @@ def displace(p, shift, terms, order, room, target):
 
 
 @part
-def scale_argument(p, a, target):
+def scale_argument(p: Row, a: float, target: Row) -> None:
     """Set target(y) = p(a y)."""
     store(target, vector(p) * powers(a))
 
 
 @part
-def differentiate(p, half, target):
+def differentiate(p: Row, half: float, target: Row) -> None:
     """Fill in the time derivative of p over a segment that lasts 2 `half`."""
     store(target, (1.0 / half) * lowered(vector(_ORDER) * vector(p)))
 
 
 @part
-def integrate_through(p, half, x, wanted, target):
+def integrate_through(p: Row, half: float, x: float, wanted: float, target: Row) -> None:
     """Fill in the time integral of p over a segment that lasts 2 `half`; the integral is `wanted` at x, and its term
     beyond the length is economized."""
     terms = half * (vector(p) * vector(INVERSE))  # coefficients of x, x², ...

@@ -8,10 +8,11 @@ second.
 
 import math
 
-from vibro_ros.solver.compilation import part
 from vibro_ros.solver.guards import EPSILON
 from vibro_ros.solver.segment import LONGEST_SEGMENT
-from vibro_ros.solver.system import first_signal, form_magnitude
+from vibro_ros.solver.state import State
+from vibro_ros.solver.system import System, first_signal, form_magnitude
+from vibro_ros.solver.typed import Row, part
 
 # A motion that has died away is never quite at rest, because each segment rounds it again. The rounding errors of as
 # many segments as a damper needs to end the motion, at most this many, add up like the steps of a random walk.
@@ -22,8 +23,8 @@ _MOST_SWEEPS = 20
 
 
 @part
-def _is_driven(state):
-    drive = state.now[0].drive
+def _is_driven(state: State) -> bool:
+    drive = state.drive
     if drive.speed != 0.0 or drive.time_left > 0.0:
         return True
     for k in range(len(state.ramp)):
@@ -33,9 +34,9 @@ def _is_driven(state):
 
 
 @part
-def acceleration_noise(system, state, i, magnitude):
+def acceleration_noise(system: System, state: State, i: int, magnitude: Row) -> float:
     """Return the acceleration of dynamic coordinate i that rounding leaves after its motion has died away."""
-    mode, coordinates = state.now[0].automaton.mode, system.counts[0].coordinates
+    mode, coordinates = state.automaton.mode, system.counts[0].coordinates
     row = system.equations[mode, i]
     stiffness, damping = -row[i], -row[coordinates + i]
     # The slower part of the motion decays at these rates [1/s], below and beyond critical damping.
@@ -44,8 +45,8 @@ def acceleration_noise(system, state, i, magnitude):
     return _ROUNDING * (1.0 + math.sqrt(segments)) * form_magnitude(row, magnitude)
 
 
-@part  # a mass at rest on its slider feels exactly no force
-def _acceleration(row, held):
+@part
+def _acceleration(row: Row, held: Row) -> float:
     total = 0.0
     for channel in range(len(held)):
         total += row[channel] * held[channel]
@@ -53,23 +54,23 @@ def _acceleration(row, held):
 
 
 @part
-def _is_settled(system, state, i, speed, held, magnitude):
+def _is_settled(system: System, state: State, i: int, speed: float, held: Row, magnitude: Row) -> bool:
     """Return whether dynamic coordinate i, which moves at `speed`, is at rest to rounding.
 
     Its own stiffness decides what speed rounding may cause; without stiffness the speed must be exactly 0.
     """
-    row, noise = system.equations[state.now[0].automaton.mode, i], acceleration_noise(system, state, i, magnitude)
+    row, noise = system.equations[state.automaton.mode, i], acceleration_noise(system, state, i, magnitude)
     if abs(_acceleration(row, held)) > noise:
         return False
     return speed == 0.0 or (row[i] < 0.0 and abs(speed) * math.sqrt(-row[i]) <= noise)
 
 
 @part
-def _balance(system, state, held):
+def _balance(system: System, state: State, held: Row) -> None:
     """Move each dynamic coordinate, within the rounding that `_is_settled` allows, to where its acceleration is 0."""
-    mode = state.now[0].automaton.mode
+    mode = state.automaton.mode
     for _ in range(_MOST_SWEEPS):
-        moved = False
+        moved: bool = False
         for i in range(system.counts[0].dynamic):
             row = system.equations[mode, i]
             if row[i] < 0.0:
@@ -81,7 +82,7 @@ def _balance(system, state, held):
 
 
 @part
-def is_at_rest(system, state, point, held):
+def is_at_rest(system: System, state: State, point: Row, held: Row) -> bool:
     """Return whether the dynamic coordinates rest at positions and velocities of `point`, under the segment's forcing.
 
     `held`, shape (channels,), receives the positions at which they stay.
@@ -101,6 +102,6 @@ def is_at_rest(system, state, point, held):
 
 
 @part
-def lengthen_segment(state):
+def lengthen_segment(state: State) -> None:
     """Let the segment last for `LONGEST_SEGMENT`."""
-    state.now[0].segment.half = 0.5 * LONGEST_SEGMENT
+    state.segment.half = 0.5 * LONGEST_SEGMENT

@@ -4,18 +4,19 @@ In the methods of fixed step a *segment* is a step. A step may be longer than a 
 phase's speed.
 """
 
-from vibro_ros.solver.compilation import part
 from vibro_ros.solver.drive import advance_speed, settling_time
 from vibro_ros.solver.polynomial import value_and_derivatives
 from vibro_ros.solver.segment import advance_ramps, phase_at
-from vibro_ros.solver.system import first_acceleration, first_ramp, first_signal, form_value
+from vibro_ros.solver.state import Drive, State
+from vibro_ros.solver.system import System, first_acceleration, first_ramp, first_signal, form_value
 from vibro_ros.solver.taylor import decays, evaluate
+from vibro_ros.solver.typed import Row, part
 
 
 @part
-def phase_after(system, state, elapsed):
+def phase_after(system: System, state: State, elapsed: float) -> tuple[float, float]:
     """Return the phase past the start of the turn [rad] and its rate [rad/s], `elapsed` [s] after the step's start."""
-    drive, half = state.now[0].drive, state.now[0].segment.half
+    drive, half = state.drive, state.segment.half
     if system.counts[0].rotors > 0:  # the phase is a coordinate
         return 0.0, 0.0
     change = settling_time(drive)
@@ -27,7 +28,7 @@ def phase_after(system, state, elapsed):
 
 
 @part
-def _change_of_speed(drive, elapsed, speed):
+def _change_of_speed(drive: Drive, elapsed: float, speed: float) -> float:
     """Return the rate [rad/s²] of the phase's speed, which is `speed` at `elapsed` [s] after the step's start."""
     if elapsed >= settling_time(drive):
         return 0.0
@@ -37,7 +38,7 @@ def _change_of_speed(drive, elapsed, speed):
 
 
 @part
-def _cell_of(start, phase, cell):
+def _cell_of(start: Row, phase: float, cell: int) -> tuple[int, int, float]:
     """Return the cell of a phase, found from another `cell`, the turns between them, and the phase within its turn."""
     turns = 0
     while phase >= start[cell + 1]:
@@ -56,16 +57,16 @@ def _cell_of(start, phase, cell):
 
 
 @part
-def fill_forcing_at(system, state, elapsed, z):
+def fill_forcing_at(system: System, state: State, elapsed: float, z: Row) -> None:
     """Set the channels of signals, ramps, held value and the constant to their values `elapsed` [s] after the step's
     start; with a rotor, `accelerate` sets the signals."""
     _fill_ramps_at(system, state, elapsed, z)
     if system.counts[0].rotors > 0:
-        z[first_ramp(system.counts[0]) + 2 * system.counts[0].ramps + 1] = state.now[0].motor.held
+        z[first_ramp(system.counts[0]) + 2 * system.counts[0].ramps + 1] = state.motor.held
         return
     start, signals, first = system.signals.start, system.counts[0].signals, first_signal(system.counts[0])
     phase, speed = phase_after(system, state, elapsed)
-    cell, _, phase = _cell_of(start, phase, state.now[0].drive.cell)
+    cell, _, phase = _cell_of(start, phase, state.drive.cell)
     scale = 2.0 / (start[cell + 1] - start[cell])
     y = (phase - start[cell]) * scale - 1.0
     for k in range(signals):
@@ -73,16 +74,16 @@ def fill_forcing_at(system, state, elapsed, z):
         z[first + k] = value
         z[first + signals + k] = slope * scale * speed
         if system.counts[0].signal_accelerations > 0:
-            change = _change_of_speed(state.now[0].drive, elapsed, speed)
+            change = _change_of_speed(state.drive, elapsed, speed)
             z[first + 2 * signals + k] = (curvature * scale * speed * speed + slope * change) * scale
 
 
 @part
-def _fill_ramps_at(system, state, elapsed, z):
+def _fill_ramps_at(system: System, state: State, elapsed: float, z: Row) -> None:
     first, ramps = first_ramp(system.counts[0]), system.counts[0].ramps
     for k in range(ramps):
         ramp = state.ramp[k]
-        moving = ramp.rate != 0.0 and elapsed < ramp.time_left
+        moving: bool = ramp.rate != 0.0 and elapsed < ramp.time_left
         rate = ramp.rate if moving else 0.0
         z[first + k] = ramp.value + rate * elapsed if moving or ramp.rate == 0.0 else ramp.target
         z[first + ramps + k] = rate
@@ -90,7 +91,7 @@ def _fill_ramps_at(system, state, elapsed, z):
 
 
 @part
-def accelerate(system, state, mode, z, accelerations):
+def accelerate(system: System, state: State, mode: int, z: Row, accelerations: Row) -> None:
     """Compute the accelerations of all coordinates in `mode`, from the other channels of z.
 
     z receives the accelerations of the dynamic coordinates, the decaying term and the channels that depend on a rotor's
@@ -103,18 +104,19 @@ def accelerate(system, state, mode, z, accelerations):
             accelerations[i] = z[first_acceleration(system.counts[0]) + i]
     else:
         for i in range(dynamic):
-            accelerations[i] = z[first_acceleration(system.counts[0]) + i] = form_value(system.equations[mode, i], z)
+            accelerations[i] = form_value(system.equations[mode, i], z)
+            z[first_acceleration(system.counts[0]) + i] = accelerations[i]
     for i in range(dynamic, coordinates):
         accelerations[i] = form_value(system.equations[mode, i], z)
 
 
 @part
-def advance_values(system, state, elapsed):
+def advance_values(system: System, state: State, elapsed: float) -> int:
     """Move phase and ramps by `elapsed` [s], but not the clock; return which targets are reached, as
     `segment.advance_forcing` does."""
     if system.counts[0].rotors > 0:
         return advance_ramps(state, elapsed)
-    drive, start = state.now[0].drive, system.signals.start
+    drive, start = state.drive, system.signals.start
     phase, speed = phase_after(system, state, elapsed)
     drive.cell, turns, phase = _cell_of(start, phase, drive.cell)
     drive.turns += turns

@@ -15,12 +15,12 @@ import math
 
 import numpy as np
 
-from vibro_ros.solver.compilation import inlined_part, part
 from vibro_ros.solver.elementary import cos, sin
 from vibro_ros.solver.segment import LONGEST_SEGMENT
-from vibro_ros.solver.state import MOST_ROTOR_SIGNALS, State
-from vibro_ros.solver.system import BY_COMMAND, BY_VOLTAGE, System, first_signal
-from vibro_ros.solver.vector import LENGTH, total, vector
+from vibro_ros.solver.state import MOST_ROTOR_SIGNALS, Motor, State
+from vibro_ros.solver.system import BY_COMMAND, BY_VOLTAGE, Controller, System, first_signal
+from vibro_ros.solver.typed import Row, Rows, part
+from vibro_ros.solver.vector import LENGTH, Vector, total, vector
 
 _TURN = 2.0 * math.pi
 # Phase [rad] that only a diverging step reaches; its turns are not counted, and the step's end finds the divergence.
@@ -36,7 +36,7 @@ SERIES_OF_ROTOR = _SIGNALS + _PER_SIGNAL * MOST_ROTOR_SIGNALS
 
 
 @part
-def product_coefficient(p, mirrored, n):
+def product_coefficient(p: Row, mirrored: Row, n: int) -> float:
     """Return coefficient n of the product of two series, whose unknown coefficients are zero; n is at most LENGTH, and
     coefficients number LENGTH are left out.
 
@@ -47,13 +47,13 @@ def product_coefficient(p, mirrored, n):
 
 
 @part
-def _terms(p, mirrored, n):
+def _terms(p: Row, mirrored: Row, n: int) -> Vector:
     """Return the terms of the sum in `product_coefficient`."""
     return vector(p) * vector(mirrored[LENGTH - n:])
 
 
 @part
-def _begin_signal(system, k, series, mirrored):
+def _begin_signal(system: System, k: int, series: Rows, mirrored: Rows) -> None:
     """Fill in coefficient 0 of signal k and of its slope, from those of the phase's cosine and sine."""
     a, cosine, sine, b = (system.rotor.signal[k, 0], system.rotor.signal[k, 1], system.rotor.signal[k, 2],
                           system.rotor.signal[k, 3])
@@ -68,7 +68,8 @@ def _begin_signal(system, k, series, mirrored):
 
 
 @part
-def _put_signal(k, n, along, across, root, signal, slope, series, mirrored):
+def _put_signal(k: int, n: int, along: float, across: float, root: float, signal: float, slope: float, series: Rows,
+                mirrored: Rows) -> None:
     row = _SIGNALS + _PER_SIGNAL * k
     series[row, n], series[row + 1, n], series[row + 2, n] = along, across, root
     series[row + 3, n], series[row + 4, n] = signal, slope
@@ -77,13 +78,13 @@ def _put_signal(k, n, along, across, root, signal, slope, series, mirrored):
 
 
 @part
-def slope_row(k):
+def slope_row(k: int) -> int:
     """Return the row of the series of the slope of signal k over the phase."""
     return _SIGNALS + _PER_SIGNAL * k + 4
 
 
 @part
-def begin_signals(system, z, series, mirrored):
+def begin_signals(system: System, z: Rows, series: Rows, mirrored: Rows) -> None:
     """Fill in the constant terms of the phase's cosine and sine and of all signals, from that of the phase."""
     phase = z[system.counts[0].dynamic - 2, 0]
     series[_COSINE, 0], series[_SINE, 0] = cos(phase), sin(phase)
@@ -91,8 +92,8 @@ def begin_signals(system, z, series, mirrored):
         _begin_signal(system, k, series, mirrored)
 
 
-@inlined_part
-def turn_signals(system, z, n, step, series, mirrored):
+@part
+def turn_signals(system: System, z: Rows, n: int, step: float, series: Rows, mirrored: Rows) -> None:
     """Fill in coefficient n + 1 of the phase's cosine and sine and of all signals, from those up to n of its rate; and
     coefficient n of the signals' channels, rates and, without the term of the phase's acceleration, accelerations.
 
@@ -133,9 +134,9 @@ def turn_signals(system, z, n, step, series, mirrored):
 
 
 @part
-def _count_turns(system, state, point):
+def _count_turns(system: System, state: State, point: Row) -> None:
     """Count whole turns of the phase, and keep the phase within a turn, where its rounding error is smallest."""
-    phase, drive = system.counts[0].dynamic - 2, state.now[0].drive
+    phase, drive = system.counts[0].dynamic - 2, state.drive
     while _TURN <= point[phase] < _LOST:
         point[phase] -= _TURN
         drive.turns += 1
@@ -145,14 +146,16 @@ def _count_turns(system, state, point):
 
 
 @part
-def _reference(target, reference, slope, elapsed):
+def _reference(target: float, reference: float, slope: float, elapsed: float) -> tuple[float, float]:
     """Return the controller's reference [rad/s], `elapsed` [s] after a command, and its rate [rad/s²]."""
     moved = reference + slope * elapsed
-    return (target, 0.0) if slope == 0.0 or (target - moved) * slope <= 0.0 else (moved, slope)
+    if slope == 0.0 or (target - moved) * slope <= 0.0:
+        return target, 0.0
+    return moved, slope
 
 
-@part  # a clamped value is compared with itself
-def _take_sample(controller, motor, time, speed):
+@part
+def _take_sample(controller: Controller, motor: Motor, time: float, speed: float) -> None:
     """Take a sample of the speed [rad/s] at `time` [s]: set the held value and the controller's integral."""
     reference, slope = _reference(motor.target, motor.reference, motor.slope, time - motor.since)
     error = reference - speed
@@ -162,7 +165,7 @@ def _take_sample(controller, motor, time, speed):
         counter, swing = controller.constant * speed, controller.resistance * controller.limit
         held = min(max(wanted, counter - swing), counter + swing)
         held = min(max(held, -controller.supply), controller.supply)  # last, because no supply exceeds its voltage
-        winds_up = held != wanted and error * (wanted - held) > 0.0
+        winds_up: bool = held != wanted and error * (wanted - held) > 0.0
     else:
         wanted = controller.feed_forward * slope + controller.proportional * error + motor.integral
         held = min(max(wanted, -controller.limit), controller.limit)
@@ -174,32 +177,33 @@ def _take_sample(controller, motor, time, speed):
 
 
 @part
-def _time_to_sample(system, state):
+def _time_to_sample(system: System, state: State) -> float:
     """Return the time [s] until the next sample is due; infinite without a controller."""
-    segment, controller = state.now[0].segment, system.rotor.controller[0]
+    segment, controller = state.segment, system.rotor.controller[0]
     if controller.law == BY_COMMAND:
         return math.inf
-    return (state.now[0].motor.samples * controller.period - segment.start) - segment.residue
+    return (state.motor.samples * controller.period - segment.start) - segment.residue
 
 
 @part
-def read_phase(system, point):
+def read_phase(system: System, point: Row) -> tuple[float, float]:
     """Return the phase [rad] and its rate [rad/s] at `point`."""
     phase = system.counts[0].dynamic - 2
     return point[phase], point[system.counts[0].coordinates + phase]
 
 
 @part
-def enter_rotor(system, state, point):
+def enter_rotor(system: System, state: State, point: Row) -> None:
     """Count turns, and take a sample if one is due, before a segment or a step that starts at `point`."""
     _count_turns(system, state, point)
-    if _time_to_sample(system, state) <= _DUE * (1.0 + state.now[0].segment.start):
-        controller, motor, (_, rate) = system.rotor.controller[0], state.now[0].motor, read_phase(system, point)
+    if _time_to_sample(system, state) <= _DUE * (1.0 + state.segment.start):
+        controller, motor = system.rotor.controller[0], state.motor
+        _, rate = read_phase(system, point)
         _take_sample(controller, motor, motor.samples * controller.period, rate)
 
 
 @part
-def longest_rotor_segment(system, state):
+def longest_rotor_segment(system: System, state: State) -> float:
     """Return the longest duration [s] of a segment that samples and ramps allow."""
     duration = min(LONGEST_SEGMENT, _time_to_sample(system, state))
     for k in range(len(state.ramp)):

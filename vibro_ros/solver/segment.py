@@ -7,7 +7,6 @@ The known forcing, periodic signals of the phase and ramps, is written as polyno
 """
 
 
-from vibro_ros.solver.compilation import entry, part
 from vibro_ros.solver.drive import (
     advance_speed,
     enter_next_cell,
@@ -18,32 +17,33 @@ from vibro_ros.solver.drive import (
 )
 from vibro_ros.solver.elementary import log
 from vibro_ros.solver.polynomial import SECOND, differentiate, displace, recentre, scale_argument, value
-from vibro_ros.solver.state import state_of
-from vibro_ros.solver.system import first_ramp, first_signal, system_of
-from vibro_ros.solver.vector import LENGTH, total, vector
+from vibro_ros.solver.state import Drive, State
+from vibro_ros.solver.system import System, first_ramp, first_signal
+from vibro_ros.solver.typed import Row, Rows, entry, part
+from vibro_ros.solver.vector import LENGTH, magnitudes, total, vector
 
 #: A segment without a fast motion, a signal or a ramp to end it ends after this time [s].
 LONGEST_SEGMENT = 1.0
 
 
 @part
-def local_time(state, time):
+def local_time(state: State, time: float) -> float:
     """Return the local time of the instant `time` [s]: -1 at the segment's start, 1 at its end."""
-    segment = state.now[0].segment
+    segment = state.segment
     return ((time - segment.start) - segment.residue) / segment.half - 1.0
 
 
 @part
-def instant(state, x):
+def instant(state: State, x: float) -> float:
     """Return the instant [s] of the local time `x`."""
-    segment = state.now[0].segment
+    segment = state.segment
     return segment.start + (segment.residue + segment.half * (x + 1.0))
 
 
 @part
-def advance_clock(state, elapsed):
+def advance_clock(state: State, elapsed: float) -> None:
     """Move the segment's start by `elapsed` [s] and store the rounding error of the sum."""
-    segment = state.now[0].segment
+    segment = state.segment
     increment = elapsed + segment.residue
     total = segment.start + increment
     segment.residue = increment - (total - segment.start)
@@ -51,19 +51,19 @@ def advance_clock(state, elapsed):
 
 
 @part
-def _cell_width(system, drive):
+def _cell_width(system: System, drive: Drive) -> float:
     return system.signals.start[drive.cell + 1] - system.signals.start[drive.cell]
 
 
 @part
-def choose_segment(system, state):
+def choose_segment(system: System, state: State) -> None:
     """Start a segment and its mode; the segment lasts as long as the flow's series and the forcing allow."""
-    segment, drive = state.now[0].segment, state.now[0].drive
+    segment, drive = state.segment, state.drive
     if drive.offset >= _cell_width(system, drive):
         enter_next_cell(system, drive)
     segment.mode_start = -1.0
     segment.cell_left = time_to_advance(drive, _cell_width(system, drive) - drive.offset)
-    longest = system.longest_segment[state.now[0].automaton.mode]
+    longest = system.longest_segment[state.automaton.mode]
     duration = min(LONGEST_SEGMENT, segment.cell_left, longest, resolved_time(drive, system.signals.reach[drive.cell]))
     if drive.time_left > 0.0:
         duration = min(duration, drive.time_left)
@@ -78,7 +78,7 @@ _ROUNDING = log(1e-18)
 
 
 @part
-def _significant_terms(ratio):
+def _significant_terms(ratio: float) -> int:
     """Return the number of terms of a signal's series that matter over a segment.
 
     `ratio` is half the segment's span of the phase over the distance to the signal's nearest singularity.
@@ -89,9 +89,10 @@ def _significant_terms(ratio):
 
 
 @part
-def _fill_parts(system, state, polynomials, middle, slope, shift_size):
+def _fill_parts(system: System, state: State, polynomials: Rows, middle: float, slope: float,
+                shift_size: float) -> None:
     """Fill in the signals' polynomials over a part of the cell, from those over the cell; a negative slope mirrors."""
-    drive, first = state.now[0].drive, first_signal(system.counts[0])
+    drive, first = state.drive, first_signal(system.counts[0])
     targets = state.z[first:first + len(polynomials)]
     ratio = 0.5 * _cell_width(system, drive) * abs(slope) * (1.0 + shift_size) / system.signals.reach[drive.cell]
     recentre(polynomials, middle, _significant_terms(ratio), targets)
@@ -100,15 +101,15 @@ def _fill_parts(system, state, polynomials, middle, slope, shift_size):
 
 
 @part
-def _displace_all(state, polynomials, ratio, terms, size, targets):
+def _displace_all(state: State, polynomials: Rows, ratio: float, terms: int, size: float, targets: Rows) -> None:
     """Shift the argument of each of `polynomials`, whose coefficients fall by `ratio`, by the shift in the scratch."""
-    room, order = state.scratch.room[0], _significant_terms(ratio * size) - 1
+    scratch, order = state.scratch, _significant_terms(ratio * size) - 1
     for k in range(len(targets)):
-        displace(polynomials[k], room.shift[:], terms, order, room.displaced[:], targets[k])
+        displace(polynomials[k], scratch.shift, terms, order, scratch.displaced, targets[k])
 
 
 @part
-def _size(shift, terms):
+def _size(shift: Row, terms: int) -> float:
     """Return a bound of the shift on [-1, 1]."""
     size = 0.0
     for n in range(2, terms):
@@ -117,8 +118,8 @@ def _size(shift, terms):
 
 
 @part
-def _fill_changing_signals(system, state):
-    segment, drive, shift = state.now[0].segment, state.now[0].drive, state.scratch.room[0].shift[:]
+def _fill_changing_signals(system: System, state: State) -> None:
+    segment, drive, shift = state.segment, state.drive, state.scratch.shift
     first, width = first_signal(system.counts[0]), _cell_width(system, drive)
     targets = state.z[first:first + system.counts[0].signals]
     middle, slope, terms = fill_shift(drive, segment.half, width, shift)
@@ -131,8 +132,8 @@ def _fill_changing_signals(system, state):
 
 
 @part
-def _fill_signals(system, state):
-    segment, drive = state.now[0].segment, state.now[0].drive
+def _fill_signals(system: System, state: State) -> None:
+    segment, drive = state.segment, state.drive
     if drive.time_left > 0.0:
         _fill_changing_signals(system, state)
     else:
@@ -143,20 +144,20 @@ def _fill_signals(system, state):
 
 
 @part
-def _raise_acceleration_magnitudes(system, state):
+def _raise_acceleration_magnitudes(system: System, state: State) -> None:
     """Give the signals' accelerations the magnitude of their terms over the cell, because in a short segment about a
     zero they are sums of these terms, and much smaller."""
-    drive, first = state.now[0].drive, first_signal(system.counts[0]) + 2 * system.counts[0].signals
+    drive, first = state.drive, first_signal(system.counts[0]) + 2 * system.counts[0].signals
     speed = max(abs(drive.speed), abs(drive.target)) * 2.0 / _cell_width(system, drive)
     for k in range(system.counts[0].signal_accelerations):
-        terms = total(vector(SECOND) * abs(vector(system.signals.series[drive.cell, k])))
+        terms = total(vector(SECOND) * magnitudes(vector(system.signals.series[drive.cell, k])))
         state.magnitude[first + k] += terms * speed * speed
 
 
 @part
-def fill_forcing(system, state):
+def fill_forcing(system: System, state: State) -> None:
     """Fill in the polynomials of signals, ramps, their rates and the constant over the segment."""
-    half, z = state.now[0].segment.half, state.z
+    half, z = state.segment.half, state.z
     first, signals, ramps = first_signal(system.counts[0]), system.counts[0].signals, system.counts[0].ramps
     _fill_signals(system, state)
     for channel in range(first, first + signals):
@@ -177,9 +178,8 @@ def fill_forcing(system, state):
 
 
 @entry
-def read_signals(system, state, values):
+def read_signals(system: System, state: State, values: Row) -> None:
     """Read the signals now, before the first segment, with the same bits with which the segment's flow starts."""
-    system, state = system_of(system), state_of(state)
     choose_segment(system, state)
     fill_forcing(system, state)
     for k in range(system.counts[0].signals):
@@ -187,7 +187,7 @@ def read_signals(system, state, values):
 
 
 @part
-def advance_ramps(state, elapsed):
+def advance_ramps(state: State, elapsed: float) -> int:
     """Move the ramps by `elapsed` [s]; bit k of the result is set when ramp k has reached its target."""
     reached = 0
     for k in range(len(state.ramp)):
@@ -203,7 +203,7 @@ def advance_ramps(state, elapsed):
 
 
 @part
-def advance_forcing(system, state, x):
+def advance_forcing(system: System, state: State, x: float) -> int:
     """Let the next segment start at the local time `x`: move the clock, the phase and the ramps.
 
     Returns
@@ -211,13 +211,13 @@ def advance_forcing(system, state, x):
     int
         Bit k is set when ramp k has reached its target, and the bit after the last ramp when the speed has.
     """
-    drive = state.now[0].drive
-    elapsed = state.now[0].segment.half * (x + 1.0)
+    drive = state.drive
+    elapsed = state.segment.half * (x + 1.0)
     if system.counts[0].rotors > 0:  # the phase is a coordinate
         advance_clock(state, elapsed)
         return advance_ramps(state, elapsed)
     advance, speed = phase_advance(drive, elapsed)
-    if x == 1.0 and elapsed == state.now[0].segment.cell_left:
+    if x == 1.0 and elapsed == state.segment.cell_left:
         enter_next_cell(system, drive)
     else:
         drive.offset += advance
@@ -231,10 +231,10 @@ def advance_forcing(system, state, x):
 
 
 @part
-def phase_at(system, state, x):
+def phase_at(system: System, state: State, x: float) -> tuple[float, float]:
     """Return the phase past the start of the turn [rad] and its rate [rad/s], below 0 backwards, at local time `x`."""
-    drive = state.now[0].drive
-    advance, speed = phase_advance(drive, state.now[0].segment.half * (x + 1.0))
+    drive = state.drive
+    advance, speed = phase_advance(drive, state.segment.half * (x + 1.0))
     if drive.direction < 0:
         return system.signals.start[drive.cell + 1] - drive.offset - advance, 0.0 - speed  # never -0.0
     return system.signals.start[drive.cell] + drive.offset + advance, speed

@@ -29,11 +29,12 @@ compression ends where y' vanishes. This is an equation for p, whose curvature h
 
 import math
 
-from vibro_ros.solver.compilation import part
 from vibro_ros.solver.elementary import exp, expm1, log, log1p
 from vibro_ros.solver.rotor import slope_row
-from vibro_ros.solver.system import NOTHING, first_ramp, first_signal
+from vibro_ros.solver.state import State
+from vibro_ros.solver.system import NOTHING, ShockNumbers, System, first_ramp, first_signal
 from vibro_ros.solver.taylor import evaluate
+from vibro_ros.solver.typed import Row, part
 
 _EPSILON = 2.220446049250313e-16
 # Most steps, by Newton or by halving, that find the end of a compression.
@@ -45,7 +46,7 @@ _LEAST = -1.0 + 0.5 * _EPSILON
 
 
 @part
-def outcomes(system, mode, guard, candidate):
+def outcomes(system: System, mode: int, guard: int, candidate: int) -> int:
     """Return how many candidates of a guard, from `candidate` on, belong to one shock, which chooses one of them; 1
     without a shock."""
     if len(system.shock.numbers) == 0 or system.shock.candidate[mode, guard, candidate] == NOTHING:
@@ -55,7 +56,7 @@ def outcomes(system, mode, guard, candidate):
 
 
 @part
-def _slowed(start, rate, decay, unit, p):
+def _slowed(start: float, rate: float, decay: float, unit: float, p: float) -> float:
     """Return the speed [m/s] of a body that has slipped for `p` from the speed `start`, with v = unit ln(w) and w' =
     -rate w - decay."""
     ratio, exponent = start / unit, rate * p
@@ -71,7 +72,7 @@ def _slowed(start, rate, decay, unit, p):
 
 
 @part
-def _until_stop(start, rate, decay, unit):
+def _until_stop(start: float, rate: float, decay: float, unit: float) -> float:
     """Return the p at which a slipping body stops; infinite if the shock drives the body on."""
     ratio = start / unit
     fading = exp(-ratio)
@@ -84,7 +85,8 @@ def _until_stop(start, rate, decay, unit):
 
 
 @part
-def _slip_by_decay(shock, along, across, up, sign, speed, rise, impulse):
+def _slip_by_decay(shock: ShockNumbers, along: float, across: float, up: float, sign: float, speed: float, rise: float,
+                   impulse: float) -> tuple[float, float, float, bool]:
     """Return what `_slip` returns, with friction that falls with the speed."""
     side = 0 if sign > 0.0 else 1
     push, unit, start = sign * across / up, shock.decay_speed, sign * speed
@@ -92,14 +94,15 @@ def _slip_by_decay(shock, along, across, up, sign, speed, rise, impulse):
     inertia = along - across * across / up
     scale = up / (inertia * unit)
     rate, decay = scale * (kinetic + push), scale * (static - kinetic)
-    stop, compressed = _until_stop(start, rate, decay, unit), impulse == math.inf
+    stop = _until_stop(start, rate, decay, unit)
+    compressed: bool = impulse == math.inf
     if stop + push * start <= rise if compressed else up * stop <= impulse:
         return 0.0, stop + push * start, up * stop, True
     if not compressed:
         after = _slowed(start, rate, decay, unit, impulse / up)
         return sign * after, impulse / up - push * (after - start), impulse, False
-    slopes = (along + sign * kinetic * across) / inertia, (along + sign * static * across) / inertia
-    low, high = rise / max(slopes[0], slopes[1]), min(stop, rise / min(slopes[0], slopes[1]))
+    slope, steep = (along + sign * kinetic * across) / inertia, (along + sign * static * across) / inertia
+    low, high = rise / max(slope, steep), min(stop, rise / min(slope, steep))
     p, after = low, start
     for _ in range(_MOST_STEPS):
         after = _slowed(start, rate, decay, unit, p)
@@ -116,7 +119,8 @@ def _slip_by_decay(shock, along, across, up, sign, speed, rise, impulse):
 
 
 @part
-def _slip(shock, along, across, up, sign, speed, rise, impulse):
+def _slip(shock: ShockNumbers, along: float, across: float, up: float, sign: float, speed: float, rise: float,
+          impulse: float) -> tuple[float, float, float, bool]:
     """Let a body slip in the direction `sign` from `speed` until it stops, or until y' has grown by `rise`, or P_y by
     `impulse`, one of which is infinite.
 
@@ -140,7 +144,8 @@ def _slip(shock, along, across, up, sign, speed, rise, impulse):
 
 
 @part
-def land(shock, along, across, up, speed, fall):
+def land(shock: ShockNumbers, along: float, across: float, up: float, speed: float,
+         fall: float) -> tuple[float, float, int]:
     """Return the body's velocity after a landing.
 
     Parameters
@@ -160,14 +165,15 @@ def land(shock, along, across, up, speed, fall):
     if not shock.has_friction:
         bounce = -shock.restitution * fall
         return speed - across / along * (bounce - fall), bounce, 0
-    sticks = -shock.static[0] * up <= across <= shock.static[1] * up
+    sticks: bool = -shock.static[0] * up <= across <= shock.static[1] * up
     sign = 0.0 if speed == 0.0 else math.copysign(1.0, speed)
     # First the compression, until y' = 0; then the rebound, in which P_y grows by e times that of the compression.
-    given, rise, rebounds = 0.0, -fall, False
+    given, rise = 0.0, -fall
+    rebounds: bool = False
     left = math.inf  # P_y that the rebound still adds
     bounce = 0.0
     while True:
-        stopped = False
+        stopped: bool = False
         if sign == 0.0 and sticks:
             change = left / up if rebounds else rise
             impulse = up * change
@@ -186,17 +192,18 @@ def land(shock, along, across, up, speed, fall):
         elif rebounds or shock.restitution == 0.0:
             return speed, bounce, 2 if sign == 0.0 else (0 if sign > 0.0 else 1)
         else:
-            rebounds, rise, left = True, math.inf, shock.restitution * given
+            rebounds = True
+            rise, left = math.inf, shock.restitution * given
 
 
 @part
-def strike(system, state, number, point, after):
+def strike(system: System, state: State, number: int, point: Row, after: Row) -> int:
     """Fill `after` with the channels after a shock at `point`; return the number of the candidate that it chooses."""
     counts, table = system.counts[0], system.shock
     shock, coordinates, phase = table.numbers[number], counts.coordinates, counts.dynamic - 2
-    inertia, of_speed, of_rise, series = shock.rotor, 0.0, 0.0, state.scratch.room[0].series[:]
+    inertia, of_speed, of_rise, series = shock.rotor, 0.0, 0.0, state.scratch.series
     if counts.rotors > 0:
-        evaluate(system, state, state.now[0].automaton.mode, point)
+        evaluate(system, state, state.automaton.mode, point)
         for k in range(counts.signals):
             slope = series[slope_row(k), 0]
             inertia += table.mass[k] * slope * slope

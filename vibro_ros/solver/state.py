@@ -14,13 +14,13 @@ follow:
 """
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from vibro_ros.solver.drive import command_drive
-from vibro_ros.solver.reference import reference_to
-from vibro_ros.solver.system import System, channels_of, record
+from vibro_ros.solver.drive import DRIVE, Drive, command_drive
+from vibro_ros.solver.system import System, channels_of
+from vibro_ros.solver.typed import Kind, Row, Rows, Rows3, Rows4, record
 from vibro_ros.solver.vector import LENGTH
 
 #: Largest number of dynamic coordinates of a system.
@@ -34,20 +34,6 @@ SEGMENT = record([
     ("mode_start", np.float64),  # local time at which the mode started
     ("next_event", np.float64),  # local time of the next event: of the first root of a guard, else 1
     ("cell_left", np.float64),  # time [s] from the segment's start to the cell's end
-])
-
-#: The phase of the signals, and how its speed changes.
-DRIVE = record([
-    ("cell", np.int64),  # of `SignalTable`
-    ("turns", np.int64),  # whole periods so far, below 0 backwards
-    ("direction", np.int64),  # 1, or -1 backwards; the fields below are counted along it
-    ("offset", np.float64),  # phase [rad] from where it enters the cell to the segment's start
-    ("speed", np.float64),  # rate of the phase [rad/s] at the segment's start, not below 0 ...
-    ("residue", np.float64),  # ... the rounding error of its sum while it changes ...
-    ("acceleration", np.float64),  # ... its constant rate of change [rad/s²], if it is on a ramp ...
-    ("lag", np.float64),  # ... or the time constant [s] with which it approaches its target instead, or 0 ...
-    ("target", np.float64),  # ... its target [rad/s], below 0 if the direction has to change first ...
-    ("time_left", np.float64),  # ... and the time [s] until it is at the target, or at 0 before that; 0 if constant
 ])
 
 #: The present mode.
@@ -82,8 +68,7 @@ MOTOR = record([
     ("samples", np.int64),  # number taken so far; the next one is due after this many periods
 ])
 
-#: Record of `State.now`. A kernel reads a field as `state.now[0].segment.half`, Python as
-#: `state.now["segment"]["half"][0]`.
+#: Record of `State.now`. A kernel reads a field as `state.segment.half`, Python as `state.now["segment"]["half"][0]`.
 NOW = record([("segment", SEGMENT), ("drive", DRIVE), ("automaton", AUTOMATON), ("accounts", ACCOUNTS),
                  ("motor", MOTOR)])
 
@@ -112,32 +97,23 @@ LOWPASS = record([
     ("reached", np.float64),  # ... and the local time of that instant, or `UNKNOWN` if the mode has just begun
 ])
 
+# Types of kernels' arguments: one record, and arrays of records.
+Segment: TypeAlias = Annotated[Any, Kind(SEGMENT, 0)]
+Automaton: TypeAlias = Annotated[Any, Kind(AUTOMATON, 0)]
+Accounts: TypeAlias = Annotated[Any, Kind(ACCOUNTS, 0)]
+Motor: TypeAlias = Annotated[Any, Kind(MOTOR, 0)]
+Ramp: TypeAlias = Annotated[Any, Kind(RAMP, 0)]
+Monitor: TypeAlias = Annotated[Any, Kind(MONITOR, 0)]
+Filter: TypeAlias = Annotated[Any, Kind(LOWPASS, 0)]
+Now: TypeAlias = Annotated[np.ndarray, Kind(NOW, 1)]
+Ramps: TypeAlias = Annotated[np.ndarray, Kind(RAMP, 1)]
+Monitors: TypeAlias = Annotated[np.ndarray, Kind(MONITOR, 1)]
+Filters: TypeAlias = Annotated[np.ndarray, Kind(LOWPASS, 1)]
+
 #: Largest number of a rotor's signals: two sliders, and a pin's two directions. Rows for series: three of the phase,
 #: five of each signal, two of a decaying term, and two for the responses to the phase's acceleration and to that term.
 MOST_ROTOR_SIGNALS = 4
 SERIES = 3 + 5 * MOST_ROTOR_SIGNALS + 4
-
-#: Record of `Scratch.room`: arrays with one purpose each. A kernel takes one as `room.guard[:]`, because numba would
-#: compile every kernel that gets the array once more for the type of a record's field.
-ROOM = record([
-    ("load", np.float64, (MOST_DYNAMIC, LENGTH)),  # of each dynamic coordinate
-    ("free_at_start", np.float64, (2 * MOST_DYNAMIC,)),  # of `flow`: components of the free motion at the start ...
-    ("free_at_middle", np.float64, (2 * MOST_DYNAMIC,)),  # ... and in the segment's middle
-    ("shift", np.float64, (LENGTH,)),  # of the phase, by the change of its speed ...
-    ("displaced", np.float64, (2 * LENGTH,)),  # ... and a signal whose argument is shifted by it
-    ("acceleration", np.float64, (LENGTH,)),  # of a driven coordinate
-    ("guard", np.float64, (LENGTH,)),  # whose root is searched
-    ("search", np.float64, (2, LENGTH)),  # of `guards.first_root`
-    ("peak", np.float64, (LENGTH,)),  # quantity whose peak is searched
-    ("peak_search", np.float64, (3, LENGTH)),  # of `guards.maximum`
-    ("force", np.float64, (LENGTH,)),  # of which the accounts need the power
-    ("power", np.float64, (LENGTH,)),  # of `energy`: the motor's power at the nodes of a flow ...
-    ("part_power", np.float64, (LENGTH,)),  # ... and of a part in which it keeps its sign
-    ("lowpass_rate", np.float64, (LENGTH,)),  # of `lowpass`: rate of a channel, ...
-    ("lowpass_response", np.float64, (2, LENGTH)),  # ... and the response to a step, real and imaginary
-    ("series", np.float64, (SERIES, LENGTH + 1)),  # of `rotor` and `taylor`, ...
-    ("mirrored", np.float64, (SERIES, 2 * LENGTH)),  # ... and those of `rotor` in reverse order
-])
 
 
 class Scratch(NamedTuple):
@@ -145,17 +121,65 @@ class Scratch(NamedTuple):
 
     Attributes
     ----------
-    room : ndarray of ROOM, shape (1,)
-        Arrays of the same size in every system.
+    load : ndarray, shape (MOST_DYNAMIC, LENGTH)
+        Loads of the dynamic coordinates.
+    free_at_start : ndarray, shape (2 * MOST_DYNAMIC,)
+        For `flow`: components of the free motion at the segment's start ...
+    free_at_middle : ndarray, shape (2 * MOST_DYNAMIC,)
+        ... and in its middle.
+    shift : ndarray, shape (LENGTH,)
+        Shift of the phase by the change of its speed ...
+    displaced : ndarray, shape (2 * LENGTH,)
+        ... and a signal whose argument is shifted by it.
+    acceleration : ndarray, shape (LENGTH,)
+        Acceleration of a driven coordinate.
+    guard : ndarray, shape (LENGTH,)
+        Guard whose root is searched.
+    search : ndarray, shape (2, LENGTH)
+        For `guards.first_root`.
+    peak : ndarray, shape (LENGTH,)
+        Quantity whose peak is searched.
+    peak_search : ndarray, shape (3, LENGTH)
+        For `guards.maximum`.
+    force : ndarray, shape (LENGTH,)
+        Force whose power the accounts need.
+    power : ndarray, shape (LENGTH,)
+        For `energy`: the motor's power at the nodes of a flow ...
+    part_power : ndarray, shape (LENGTH,)
+        ... and of a part in which it keeps its sign.
+    lowpass_rate : ndarray, shape (LENGTH,)
+        For `lowpass`: rate of a channel, ...
+    lowpass_response : ndarray, shape (2, LENGTH)
+        ... and the response to a step, real and imaginary.
+    series : ndarray, shape (SERIES, LENGTH + 1)
+        Series of `rotor` and `taylor`, ...
+    mirrored : ndarray, shape (SERIES, 2 * LENGTH)
+        ... and those of `rotor` in reverse order.
     magnitude : ndarray, shape (channels,)
         Magnitude of the terms that make up each channel at a point.
     after : ndarray, shape (channels,)
         All channels after an event.
     """
 
-    room: np.ndarray
-    magnitude: np.ndarray
-    after: np.ndarray
+    load: Rows
+    free_at_start: Row
+    free_at_middle: Row
+    shift: Row
+    displaced: Row
+    acceleration: Row
+    guard: Row
+    search: Rows
+    peak: Row
+    peak_search: Rows
+    force: Row
+    power: Row
+    part_power: Row
+    lowpass_rate: Row
+    lowpass_response: Rows
+    series: Rows
+    mirrored: Rows
+    magnitude: Row
+    after: Row
 
 
 class Library(NamedTuple):
@@ -175,10 +199,10 @@ class Library(NamedTuple):
         Room for the motion under the present segment's loads.
     """
 
-    half: np.ndarray
-    free: np.ndarray
-    free_end: np.ndarray
-    forced: np.ndarray
+    half: Row
+    free: Rows4
+    free_end: Rows3
+    forced: Rows
 
 
 class State(NamedTuple):
@@ -208,20 +232,42 @@ class State(NamedTuple):
         Room for intermediate results of a kernel.
     """
 
-    z: np.ndarray
-    magnitude: np.ndarray
-    now: np.ndarray
-    ramp: np.ndarray
-    mode_point: np.ndarray
-    root: np.ndarray
-    monitor: np.ndarray
-    lowpass: np.ndarray
+    z: Rows
+    magnitude: Row
+    now: Now
+    ramp: Ramps
+    mode_point: Row
+    root: Row
+    monitor: Monitors
+    lowpass: Filters
     library: Library
     scratch: Scratch
 
+    @property
+    def segment(self) -> Segment:
+        """The record `now` has of this name."""
+        return self.now[0].segment
 
-#: Function that makes a reference from the layout of a `State`, in kernels.
-state_of = reference_to(State)
+    @property
+    def drive(self) -> Drive:
+        """The record `now` has of this name."""
+        return self.now[0].drive
+
+    @property
+    def automaton(self) -> Automaton:
+        """The record `now` has of this name."""
+        return self.now[0].automaton
+
+    @property
+    def accounts(self) -> Accounts:
+        """The record `now` has of this name."""
+        return self.now[0].accounts
+
+    @property
+    def motor(self) -> Motor:
+        """The record `now` has of this name."""
+        return self.now[0].motor
+
 
 #: Root of a guard that has not been searched in this segment; smaller than any local time.
 UNKNOWN = -2.0
@@ -240,8 +286,7 @@ def lasting(state: State) -> list[np.ndarray]:
 
     The library is left out, because its series would be solved again with the same result, and so is the scratch.
     """
-    return numbers_of(values for name, values in zip(state._fields, state, strict=True)
-                      if name not in ("library", "scratch"))
+    return numbers_of(getattr(state, name) for name in state._fields if name not in ("library", "scratch"))
 
 
 def _empty_library(system: System) -> Library:
@@ -251,6 +296,30 @@ def _empty_library(system: System) -> Library:
         flows = 0
     return Library(half=np.zeros(flows), free=np.zeros((flows, components, components, LENGTH)),
                    free_end=np.zeros((flows, components, components)), forced=np.zeros((components, LENGTH)))
+
+
+def _scratch(channels: int) -> Scratch:
+    return Scratch(
+        load=np.zeros((MOST_DYNAMIC, LENGTH)),
+        free_at_start=np.zeros(2 * MOST_DYNAMIC),
+        free_at_middle=np.zeros(2 * MOST_DYNAMIC),
+        shift=np.zeros(LENGTH),
+        displaced=np.zeros(2 * LENGTH),
+        acceleration=np.zeros(LENGTH),
+        guard=np.zeros(LENGTH),
+        search=np.zeros((2, LENGTH)),
+        peak=np.zeros(LENGTH),
+        peak_search=np.zeros((3, LENGTH)),
+        force=np.zeros(LENGTH),
+        power=np.zeros(LENGTH),
+        part_power=np.zeros(LENGTH),
+        lowpass_rate=np.zeros(LENGTH),
+        lowpass_response=np.zeros((2, LENGTH)),
+        series=np.zeros((SERIES, LENGTH + 1)),
+        mirrored=np.zeros((SERIES, 2 * LENGTH)),
+        magnitude=np.zeros(channels),
+        after=np.zeros(channels),
+    )
 
 
 def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode: int) -> State:
@@ -285,7 +354,7 @@ def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode:
         monitor=np.zeros(system.monitor.shape[1], MONITOR),
         lowpass=np.zeros(0, LOWPASS),
         library=_empty_library(system),
-        scratch=Scratch(np.zeros(1, ROOM), np.zeros(channels.count), np.zeros(channels.count)),
+        scratch=_scratch(channels.count),
     )
     state.ramp["value"] = state.ramp["target"] = ramp_values
     drive = state.now["drive"]

@@ -19,13 +19,26 @@ stops, lets positions and velocities jump if the guard has a jump, and enters th
 """
 
 import functools
-from typing import NamedTuple
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from vibro_ros.solver.compilation import part
 from vibro_ros.solver.elementary import exp, log
-from vibro_ros.solver.reference import reference_to
+from vibro_ros.solver.typed import (
+    Flags,
+    Flags2,
+    Indices,
+    Indices2,
+    Indices3,
+    Indices4,
+    Kind,
+    Row,
+    Rows,
+    Rows3,
+    entry,
+    part,
+    record,
+)
 
 
 class Channels(NamedTuple):
@@ -40,7 +53,7 @@ class Channels(NamedTuple):
     rotors: int = 0  # or 1: the phase and the charge are the last two dynamic coordinates
 
     @property
-    def count(self) -> int:
+    def count(self) -> int:  # type: ignore[override]
         """Length of z."""
         twice = self.coordinates + self.signals + self.ramps
         return 2 * twice + self.dynamic + self.signal_accelerations + 2 * self.rotors + self.decays + 1
@@ -108,13 +121,10 @@ class Channels(NamedTuple):
         return self.count - 1
 
 
-def record(fields: list[tuple]) -> np.dtype:
-    """Return the dtype of records with these fields, which Python, as kernels do, reads as `one.field`."""
-    return np.dtype((np.record, np.dtype(fields, align=True)))
-
-
 #: `Channels` as kernels read it: `system.counts[0].coordinates`.
 COUNTS = record([(name, np.int64) for name in Channels._fields])
+Counts: TypeAlias = Annotated[np.ndarray, Kind(COUNTS, 1)]
+Count: TypeAlias = Annotated[Any, Kind(COUNTS, 0)]
 
 
 def counts_of(channels: Channels) -> np.ndarray:
@@ -131,19 +141,19 @@ def channels_of(counts: np.ndarray) -> Channels:
 
 
 @part
-def first_acceleration(counts):
+def first_acceleration(counts: Count) -> int:
     """Channel of the first dynamic coordinate's acceleration."""
     return 2 * counts.coordinates
 
 
 @part
-def first_signal(counts):
+def first_signal(counts: Count) -> int:
     """Channel of the first signal; those of the signals' rates, and of their accelerations, follow the signals."""
     return 2 * counts.coordinates + counts.dynamic
 
 
 @part
-def first_ramp(counts):
+def first_ramp(counts: Count) -> int:
     """Channel of the first ramp; those of the ramps' rates follow the ramps."""
     return 2 * counts.coordinates + counts.dynamic + 2 * counts.signals + counts.signal_accelerations
 
@@ -174,9 +184,9 @@ class SignalTable(NamedTuple):
         Coefficients of the polynomials in 2 (phase - start) / width - 1, with start and width of the cell.
     """
 
-    start: np.ndarray
-    reach: np.ndarray
-    series: np.ndarray
+    start: Row
+    reach: Row
+    series: Rows3
 
 
 class Decay(NamedTuple):
@@ -194,10 +204,10 @@ class Decay(NamedTuple):
         r, with r v <= 0 while the mode lasts; 0 in a mode without such a term.
     """
 
-    coordinate: np.ndarray
-    factor: np.ndarray
-    terms: np.ndarray
-    rate: np.ndarray
+    coordinate: Indices
+    factor: Rows
+    terms: Indices2
+    rate: Row
 
 
 #: Laws that set the value at which a motor is held (`Rotor.controller`): the command, at once; or a controller, which
@@ -216,6 +226,8 @@ CONTROLLER = record([
     ("resistance", np.float64),  # [ohm]
     ("limit", np.float64),  # largest current [A]
 ])
+Controllers: TypeAlias = Annotated[np.ndarray, Kind(CONTROLLER, 1)]
+Controller: TypeAlias = Annotated[Any, Kind(CONTROLLER, 0)]
 
 
 class Rotor(NamedTuple):
@@ -244,13 +256,13 @@ class Rotor(NamedTuple):
         The controller.
     """
 
-    signal: np.ndarray
-    load: np.ndarray
-    load_terms: np.ndarray
-    current: np.ndarray
-    current_terms: np.ndarray
-    algebraic: np.ndarray
-    controller: np.ndarray
+    signal: Rows
+    load: Rows3
+    load_terms: Indices3
+    current: Rows
+    current_terms: Indices2
+    algebraic: Flags
+    controller: Controllers
 
 
 #: A blow that throws a coordinate back from a ramp, or a landing; either changes the velocity of the body.
@@ -267,6 +279,8 @@ SHOCK = record([
     ("has_friction", np.bool_), ("has_bearing", np.bool_),  # whether the bearing has states of its own
     ("states", np.int64),  # 1; or 2, forwards and backwards; or 3, at rest as well
 ])
+ShockTable: TypeAlias = Annotated[np.ndarray, Kind(SHOCK, 1)]
+ShockNumbers: TypeAlias = Annotated[Any, Kind(SHOCK, 0)]
 
 
 class Shock(NamedTuple):
@@ -289,11 +303,11 @@ class Shock(NamedTuple):
         Number of the shock that leads to a candidate of a guard, or `NOTHING`.
     """
 
-    numbers: np.ndarray
-    direction: np.ndarray
-    mass: np.ndarray
-    momentum: np.ndarray
-    candidate: np.ndarray
+    numbers: ShockTable
+    direction: Rows3
+    mass: Row
+    momentum: Rows
+    candidate: Indices3
 
 
 class AccountTable(NamedTuple):
@@ -324,16 +338,16 @@ class AccountTable(NamedTuple):
         The ramp that strikes the body.
     """
 
-    force: np.ndarray
-    terms: np.ndarray
-    rate: np.ndarray
-    account: np.ndarray
-    stored_form: np.ndarray
-    stored_weight: np.ndarray
-    stored_linear: np.ndarray
-    jump: np.ndarray
-    momentum: np.ndarray
-    struck: np.ndarray
+    force: Rows3
+    terms: Indices3
+    rate: Indices
+    account: Indices
+    stored_form: Rows
+    stored_weight: Rows
+    stored_linear: Row
+    jump: Indices3
+    momentum: Rows
+    struck: Indices
 
 
 class System(NamedTuple):
@@ -405,40 +419,37 @@ class System(NamedTuple):
         The shocks that no jump matrix gives.
     """
 
-    counts: np.ndarray
-    equations: np.ndarray
-    flow: np.ndarray
-    coupled: np.ndarray
-    longest_segment: np.ndarray
-    reads_all: np.ndarray
-    reads_forcing: np.ndarray
-    row: np.ndarray
-    row_terms: np.ndarray
-    driven: np.ndarray
-    guard: np.ndarray
-    guard_effect: np.ndarray
-    candidate: np.ndarray
-    entry: np.ndarray
-    jump: np.ndarray
-    jump_matrix: np.ndarray
-    blow_monitor: np.ndarray
-    guard_event: np.ndarray
-    mode_after_ramp_change: np.ndarray
-    event_kind: np.ndarray
-    event_quantity: np.ndarray
-    monitor: np.ndarray
-    monitor_terms: np.ndarray
-    monitored: np.ndarray
-    approach: np.ndarray
+    counts: Counts
+    equations: Rows3
+    flow: Indices
+    coupled: Flags
+    longest_segment: Row
+    reads_all: Indices3
+    reads_forcing: Indices3
+    row: Rows
+    row_terms: Indices2
+    driven: Flags
+    guard: Indices2
+    guard_effect: Indices2
+    candidate: Indices3
+    entry: Indices4
+    jump: Indices3
+    jump_matrix: Rows3
+    blow_monitor: Indices2
+    guard_event: Indices2
+    mode_after_ramp_change: Indices2
+    event_kind: Indices2
+    event_quantity: Rows
+    monitor: Rows3
+    monitor_terms: Indices3
+    monitored: Flags2
+    approach: Rows
     accounts: AccountTable
     signals: SignalTable
     decay: Decay
     rotor: Rotor
     shock: Shock
 
-
-#: Function that makes a reference from the layout of a `System`, in kernels.
-system_of = reference_to(System)
 
 
 def no_rotor(count: int) -> Rotor:
@@ -476,7 +487,7 @@ def equation_terms(acceleration: np.ndarray, channels: Channels) -> np.ndarray:
         equations must have these eliminated.
     """
     forcing = acceleration.copy()
-    read = acceleration[:, :channels.dynamic, :channels.signal(0)].any(axis=(0, 1))
+    read = np.asarray(acceleration[:, :channels.dynamic, :channels.signal(0)].any(axis=(0, 1)))
     read[:channels.dynamic] = read[channels.velocity(0):channels.velocity(channels.dynamic)] = False
     if read.any():
         raise ValueError(f"rows of dynamic coordinates read channels {np.flatnonzero(read)}, which no flow sees")
@@ -545,7 +556,8 @@ def _fastest_coupled_rates(positions: np.ndarray, velocities: np.ndarray) -> np.
         size = abs(power).max(axis=(1, 2))
         exponent += share * np.array([log(number) for number in size.tolist()])
         power /= np.where(size > 0.0, size, 1.0)[:, None, None]
-        power, share = sum(power[:, :, j, None] * power[:, None, j, :] for j in range(2 * n)), 0.5 * share
+        power = np.asarray(sum(power[:, :, j, None] * power[:, None, j, :] for j in range(2 * n)))
+        share *= 0.5
     norm = 2 * n * abs(power).max(axis=(1, 2))  # at least the sum of any row's magnitudes
     return np.array([exp(one + share * log(number)) for one, number in zip(
         exponent.tolist(), norm.tolist(), strict=True)])
@@ -555,7 +567,7 @@ def couplings(acceleration: np.ndarray, channels: Channels) -> np.ndarray:
     """Return whether a dynamic coordinate of the mode enters the equation of another one; shape (m,)."""
     different = ~np.eye(channels.dynamic, dtype=bool)
     positions, velocities = _own_rows(acceleration, channels)
-    return (positions[:, different].any(axis=1)) | (velocities[:, different].any(axis=1))
+    return np.asarray(positions[:, different].any(axis=1) | velocities[:, different].any(axis=1))
 
 
 def _own_rows(acceleration: np.ndarray, channels: Channels) -> tuple[np.ndarray, np.ndarray]:
@@ -570,8 +582,8 @@ def flow_numbers(equations: np.ndarray) -> np.ndarray:
     return np.array([numbers.setdefault(rows.tobytes(), len(numbers)) for rows in equations])
 
 
-@part
-def form_value(row, point):
+@entry
+def form_value(row: Row, point: Row) -> float:
     """Value of a linear form at a point."""
     total = 0.0
     for channel in range(len(point)):
@@ -580,7 +592,7 @@ def form_value(row, point):
 
 
 @part
-def form_magnitude(row, magnitude):
+def form_magnitude(row: Row, magnitude: Row) -> float:
     """Magnitude of the terms of a form, sum of |row| magnitude, from the magnitude of each channel's terms."""
     total = 0.0
     for channel in range(len(row)):
@@ -589,7 +601,7 @@ def form_magnitude(row, magnitude):
 
 
 @part
-def sparse_magnitude(row, terms, magnitude):
+def sparse_magnitude(row: Row, terms: Indices, magnitude: Row) -> float:
     """`form_magnitude` of a form that reads only the channels in `terms`."""
     total = 0.0
     for channel in terms:
@@ -600,7 +612,7 @@ def sparse_magnitude(row, terms, magnitude):
 
 
 @part
-def value_and_magnitude(row, terms, point, magnitude):
+def value_and_magnitude(row: Row, terms: Indices, point: Row, magnitude: Row) -> tuple[float, float]:
     """Value of a form at a point and the magnitude of its terms; the form reads only the channels in `terms`."""
     total = 0.0
     terms_magnitude = 0.0

@@ -23,7 +23,6 @@ import math
 
 import numpy as np
 
-from vibro_ros.solver.compilation import entry, inlined_part, part
 from vibro_ros.solver.elementary import exp, log
 from vibro_ros.solver.guards import NO_ROOT, NOISE, first_root
 from vibro_ros.solver.polynomial import differentiate, recentre, scale_argument
@@ -38,17 +37,18 @@ from vibro_ros.solver.rotor import (
     turn_signals,
 )
 from vibro_ros.solver.segment import choose_segment, fill_forcing
-from vibro_ros.solver.state import MOST_DYNAMIC, state_of
+from vibro_ros.solver.state import MOST_DYNAMIC, State
 from vibro_ros.solver.system import (
     NOTHING,
+    System,
     first_acceleration,
     first_ramp,
     first_signal,
     form_magnitude,
     sparse_magnitude,
-    system_of,
 )
-from vibro_ros.solver.vector import LENGTH, store, vector
+from vibro_ros.solver.typed import Indices, Row, Rows, entry, part
+from vibro_ros.solver.vector import LENGTH, as_column, store, vector
 
 # Largest last coefficient of a velocity, relative to its first ones; the omitted ones fall by `_FALL` each, so that
 # their sum is a quarter of it.
@@ -78,7 +78,7 @@ _OF_PHASE, _OF_TERM, _LOADS = SERIES_OF_ROTOR + 2, SERIES_OF_ROTOR + 3, MOST_DYN
 
 
 @part
-def _row_at(row, terms, z, n):
+def _row_at(row: Row, terms: Indices, z: Rows, n: int) -> float:
     """Return coefficient n of a form."""
     result = 0.0
     for channel in terms:
@@ -89,19 +89,19 @@ def _row_at(row, terms, z, n):
 
 
 @part
-def decays(system, mode):
+def decays(system: System, mode: int) -> bool:
     """Whether the mode has a decaying term."""
     return len(system.decay.rate) > 0 and system.decay.rate[mode] != 0.0
 
 
 @part
-def _has_faded(system, mode, speed):
+def _has_faded(system: System, mode: int, speed: float) -> bool:
     """Whether the mode's decaying term may be left out at this velocity of its coordinate."""
     return -system.decay.rate[mode] * speed > _WELL_OVER
 
 
 @part
-def is_linear(system, mode, point):
+def is_linear(system: System, mode: int, point: Row) -> bool:
     """Whether the flow that begins at `point` is linear."""
     if system.counts[0].rotors > 0:
         return False
@@ -110,7 +110,8 @@ def is_linear(system, mode, point):
 
 
 @part
-def _respond(system, mode, series, of_phase, has_term, response):
+def _respond(system: System, mode: int, series: Rows, of_phase: bool, has_term: bool,
+             response: Row) -> tuple[float, float]:
     """Store the response of the other accelerations and the signals' loads to a unit of the phase's acceleration
     (`of_phase`), or of d; return the response of the torque and of f."""
     counts, torque, factor = system.counts[0], 0.0, 0.0
@@ -138,8 +139,9 @@ def _respond(system, mode, series, of_phase, has_term, response):
     return torque, factor
 
 
-@inlined_part
-def _fill_accelerations(system, mode, z, n, series, mirrored, loads, has_term, of_phase, of_term):
+@part
+def _fill_accelerations(system: System, mode: int, z: Rows, n: int, series: Rows, mirrored: Rows, loads: Rows,
+                        has_term: bool, of_phase: tuple[float, float], of_term: tuple[float, float]) -> None:
     """Fill in coefficient n of the accelerations of masses and phase, of d, of the torque, and of the signals' loads.
 
     `of_phase` and `of_term` are the responses of the torque and of f to a unit of the phase's acceleration, and of d.
@@ -159,7 +161,8 @@ def _fill_accelerations(system, mode, z, n, series, mirrored, loads, has_term, o
         z[torque, n] = 0.0
         for k in range(counts.signals):
             known = product_coefficient(loads[k], mirrored[slope_row(k)], n)  # without coefficient n of the load
-            loads[k, n] = load = _row_at(system.rotor.load[mode, k], system.rotor.load_terms[mode, k], z, n)
+            load = _row_at(system.rotor.load[mode, k], system.rotor.load_terms[mode, k], z, n)
+            loads[k, n] = load
             z[torque, n] += known + load * series[slope_row(k), 0]
         row = system.equations[mode, phase]
         change, pull = _row_at(row, system.reads_all[mode, phase], z, n), row[torque]
@@ -192,7 +195,7 @@ def _fill_accelerations(system, mode, z, n, series, mirrored, loads, has_term, o
 
 
 @part
-def fill_series(system, mode, duration, orders, z, room):
+def fill_series(system: System, state: State, mode: int, duration: float, orders: int, z: Rows) -> None:
     """Fill in the coefficients of all channels except driven coordinates, in y = 0 ... 1 over `duration` [s].
 
     Parameters
@@ -205,14 +208,17 @@ def fill_series(system, mode, duration, orders, z, room):
         Number of coefficients.
     z : ndarray, shape (channels, orders or more)
         Given: the constant terms of positions and velocities, and all coefficients of channels known in time.
-    room : record
-        Room of the scratch; its `series`, `mirrored` and `load` are overwritten.
     """
-    counts, series, mirrored, loads = system.counts[0], room.series[:], room.mirrored[:], room.load[:]
+    counts, scratch = system.counts[0], state.scratch
+    series, mirrored, loads = scratch.series, scratch.mirrored, scratch.load
     coordinates, first, charge, body = counts.coordinates, first_acceleration(counts), counts.dynamic - 1, 0
-    has_term, of_phase, of_term = False, (0.0, 0.0), (0.0, 0.0)
+    has_term: bool = False
+    of_phase: tuple[float, float] = (0.0, 0.0)
+    of_term: tuple[float, float] = (0.0, 0.0)
     if counts.rotors > 0:
-        series[:], mirrored[:], loads[:] = 0.0, 0.0, 0.0
+        series[:] = 0.0
+        mirrored[:] = 0.0
+        loads[:] = 0.0
     if decays(system, mode):
         body = system.decay.coordinate[0]
         has_term = not _has_faded(system, mode, z[coordinates + body, 0])
@@ -249,7 +255,7 @@ def fill_series(system, mode, duration, orders, z, room):
 
 
 @part
-def _resolved_part(p):
+def _resolved_part(p: Row) -> float:
     """Return the multiple of y = 0 ... 1 that a series may span, so that its last coefficients are rounding."""
     ratio, before = _LONGER, 0.0
     for _ in range(_MOST_REFINEMENTS):
@@ -269,7 +275,7 @@ def _resolved_part(p):
 
 
 @part
-def _to_local_time(z, ratio):
+def _to_local_time(z: Rows, ratio: float) -> None:
     """Turn the coefficients in y = 0 ... 1 over a trial into those in x = -1 ... 1 over the part `ratio` of it."""
     for channel in range(len(z)):
         p = z[channel]
@@ -282,9 +288,9 @@ def _to_local_time(z, ratio):
 
 
 @part
-def _set_magnitudes(system, state):
+def _set_magnitudes(system: System, state: State) -> None:
     """Set the magnitudes of the terms that make up each channel, from which guards take their rounding error."""
-    counts, z, magnitude, mode = system.counts[0], state.z, state.magnitude, state.now[0].automaton.mode
+    counts, z, magnitude, mode = system.counts[0], state.z, state.magnitude, state.automaton.mode
     first, torque = first_acceleration(counts), first_ramp(counts) + 2 * counts.ramps
     coordinates, masses = counts.coordinates, counts.dynamic - 2 * counts.rotors
     known = first_signal(counts) if counts.rotors > 0 else len(z)  # without a rotor, the forcing has its magnitudes
@@ -313,7 +319,7 @@ def _set_magnitudes(system, state):
             magnitude[first + i] = form_magnitude(system.equations[mode, i], magnitude)
     # The rounding error of a force moves a coordinate that no spring of its own holds, as long as the segment lasts.
     for i in range(counts.dynamic):
-        duration, stiffness = 2.0 * state.now[0].segment.half, -system.equations[mode, i, i]
+        duration, stiffness = 2.0 * state.segment.half, -system.equations[mode, i, i]
         if stiffness > 0.0:
             duration = min(duration, 1.0 / math.sqrt(stiffness))
         magnitude[coordinates + i] += magnitude[first + i] * duration
@@ -321,7 +327,7 @@ def _set_magnitudes(system, state):
 
 
 @part
-def _fill_known_motor(system, state, trial):
+def _fill_known_motor(system: System, state: State, trial: float) -> None:
     """Fill in the channels known in time for a system with a rotor: ramps over the `trial` [s], held value and 1."""
     counts, z = system.counts[0], state.z
     z[:] = 0.0
@@ -329,14 +335,14 @@ def _fill_known_motor(system, state, trial):
         channel = first_ramp(counts) + k
         z[channel, 0], z[channel, 1] = state.ramp[k].value, state.ramp[k].rate * trial
         z[channel + counts.ramps, 0] = state.ramp[k].rate
-    z[first_ramp(counts) + 2 * counts.ramps + 1, 0] = state.now[0].motor.held
+    z[first_ramp(counts) + 2 * counts.ramps + 1, 0] = state.motor.held
     z[len(z) - 1, 0] = 1.0
 
 
 @part
-def _fill_known_forcing(system, state, duration):
+def _fill_known_forcing(system: System, state: State, duration: float) -> None:
     """Fill in the forcing over the segment, which lasts `duration` [s], in y = 0 ... 1."""
-    counts, z, moved = system.counts[0], state.z, state.scratch.room[0].load[:]
+    counts, z, moved = system.counts[0], state.z, state.scratch.load
     first, ramp = first_signal(counts), first_ramp(counts)
     fill_forcing(system, state)
     for channel in range(first, first + counts.signals):
@@ -349,14 +355,13 @@ def _fill_known_forcing(system, state, duration):
         z[channel, 1] *= 2.0
 
 
-@inlined_part
-def solve_by_taylor(system, state, point):
+@part
+def solve_by_taylor(system: System, state: State, point: Row) -> None:
     """Begin a segment at `point`, where the flow starts: find its duration and all but the driven series."""
-    counts, now, z, room = system.counts[0], state.now[0], state.z, state.scratch.room[0]
-    mode, segment = now.automaton.mode, now.segment
+    counts, z, mode, segment = system.counts[0], state.z, state.automaton.mode, state.segment
     if counts.rotors > 0:
         enter_rotor(system, state, point)
-        _, rate = read_phase(system, point)
+        rate = read_phase(system, point)[1]
         longest = longest_rotor_segment(system, state)
         trial = min(longest, system.longest_segment[mode], _TRIAL / (1.0 + abs(rate)))
         _fill_known_motor(system, state, trial)
@@ -369,7 +374,7 @@ def solve_by_taylor(system, state, point):
         z[channel, 0] = point[channel]
     ratio = 0.0
     for _ in range(_MOST_TRIALS):
-        fill_series(system, mode, trial, LENGTH, z, room)
+        fill_series(system, state, mode, trial, LENGTH, z)
         ratio = longest / trial
         for i in range(counts.dynamic):
             ratio = min(ratio, _resolved_part(z[counts.coordinates + i]))
@@ -393,32 +398,31 @@ def solve_by_taylor(system, state, point):
 
 
 @part
-def end_where_term_returns(system, state):
+def end_where_term_returns(system: System, state: State) -> None:
     """If the segment leaves out the mode's decaying term, end it before the term matters again."""
-    segment, automaton, mode = state.now[0].segment, state.now[0].automaton, state.now[0].automaton.mode
+    segment, automaton, mode = state.segment, state.automaton, state.automaton.mode
     if not decays(system, mode) or segment.next_event <= segment.mode_start:
         return
     rate, velocity = system.decay.rate[mode], system.counts[0].coordinates + system.decay.coordinate[0]
     if not _has_faded(system, mode, state.mode_point[velocity]):
         return
-    guard = state.scratch.room[0].guard[:]
+    guard = state.scratch.guard
     store(guard, -rate * vector(state.z[velocity]))
     guard[0] -= _OVER
     noise = NOISE * abs(rate) * state.magnitude[velocity]
-    root = first_root(guard, segment.mode_start, segment.next_event, noise, state.scratch.room[0].search[:])
+    root = first_root(guard, segment.mode_start, segment.next_event, noise, state.scratch.search)
     if root != NO_ROOT:
         segment.next_event = segment.mode_start + (root - segment.mode_start) * _BEFORE
         automaton.guard = NOTHING
 
 
 @part
-def evaluate(system, state, mode, point):
+def evaluate(system: System, state: State, mode: int, point: Row) -> None:
     """Fill in the channels at `point` that follow in `mode` from positions, velocities and channels known in time."""
-    fill_series(system, mode, 1.0, 1, point.reshape((len(point), 1)), state.scratch.room[0])
+    fill_series(system, state, mode, 1.0, 1, as_column(point))
 
 
 @entry
-def read_rotor(system, state, point):
+def read_rotor(system: System, state: State, point: Row) -> None:
     """`evaluate` in the present mode, as an entry for Python, with the same bits with which the next segment begins."""
-    system, state = system_of(system), state_of(state)
-    evaluate(system, state, state.now[0].automaton.mode, point)
+    evaluate(system, state, state.automaton.mode, point)

@@ -22,7 +22,6 @@ from vibro_ros.model.faults import DURATION, FORCE
 from vibro_ros.model.scene import Scene
 from vibro_ros.recordings.comparison import notes
 from vibro_ros.recordings.rerun import RecordedRun, Rerun, recorded_run
-from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.view.drawing import drawing, shown_quantities
 from vibro_ros.view.exact import ExactMotion, common_samples, evenly_spaced, inexact_spans, spans, state_of
 from vibro_ros.view.motion import (
@@ -151,7 +150,6 @@ class _BagMotion:
 
     def _walk(self) -> None:
         """Simulate the recording again: with the recorded inputs if they are known, else from the samples alone."""
-        prepare_kernels("view", self._facts.scene["solver.method"] if self._facts else "exact")
         if self._facts:
             motion = self._run_again(self._facts)
         elif self._scene and set(state_of(self._scene)) <= set(self._signals):

@@ -170,10 +170,7 @@ class Server:
 def listening(address: str, port: int) -> list[socket]:
     """Return sockets that listen on `address`, an address or a name, and `port`; 0 means any free port.
 
-    Raises
-    ------
-    ValueError
-        When that is not possible; the message says why, and names the remedy.
+    ValueError when that is not possible; the message says why, and names the remedy.
     """
     try:
         return bind_sockets(port, address)

@@ -1,8 +1,6 @@
 """Slow motion of a live robot: the last seconds simulated between the samples that it has published.
 
-Motions are computed in a thread of their own, so that the page goes on meanwhile. The kernels are compiled, or loaded,
-before the first motion. That begins when the first robot is there, because a robot that was just started on this
-machine has already compiled the same kernels, and one compilation is enough.
+Motions are computed in a thread of their own, so that the page goes on meanwhile.
 """
 
 import threading
@@ -14,8 +12,6 @@ import numpy as np
 
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.given_state import UNITS
-from vibro_ros.simulation.kernels import compile_kernels
-from vibro_ros.simulation.preparation import Preparation
 from vibro_ros.view.drawing import shown_quantities
 from vibro_ros.view.exact import ExactMotion, evenly_spaced, inexact_spans, spans, state_of
 from vibro_ros.view.motion import Document, fitted_motion, impacts_as_json, quiet_device
@@ -34,29 +30,14 @@ that of the caller for an immediate refusal."""
 
 
 class SlowMotions:
-    """Computes one motion after the other; `tell` is called with lines for people while kernels are compiled."""
+    """Computes one motion after the other."""
 
-    def __init__(self, tell: Callable[[str], object]):
-        self._tell = tell
-        self._preparation: Preparation[None] | None = None
+    def __init__(self) -> None:
         self._line: Queue[tuple[Scene, Mapping[str, np.ndarray], Done]] = Queue(MOST_WAITING)
-
-    def prepare(self, method: str) -> None:
-        """Begin to compile the kernels of a `solver.method`, if that has not begun."""
-        if self._preparation is None:
-            self._preparation = Preparation(lambda: compile_kernels(method), self._tell)
-            threading.Thread(target=self._work, name="slow motion", daemon=True).start()
-
-    def watch(self) -> None:
-        """Report the progress of the compilation, if that is due; to be called often."""
-        if self._preparation:
-            self._preparation.done()
+        threading.Thread(target=self._work, name="slow motion", daemon=True).start()
 
     def ask(self, scene: Scene, samples: Mapping[str, np.ndarray], done: Done) -> None:
         """Compute the motion between samples, and call `done` with the result."""
-        if self._preparation is None or not self._preparation.done():
-            done("slow motion is being prepared; ask again in some seconds")
-            return
         if len(samples["time"]) < 2:
             done("there are no samples of the last seconds; let the robot run")
             return

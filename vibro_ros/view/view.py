@@ -20,7 +20,7 @@ from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.entry_point import Parser, exit_code, say
 from vibro_ros.process.executables import EXECUTABLES, shows_live_robot
-from vibro_ros.process.files import one_line, open_to_read, replace_file
+from vibro_ros.process.files import one_line, open_to_read, replace_file, user_path
 from vibro_ros.view.bag_motion import bag_motion
 from vibro_ros.view.page import MARK, page_text
 
@@ -60,8 +60,8 @@ def write_page(bag_folder: Path, output: Path | None = None, scene: Scene | None
     cannot be read, or states its scene although `scene` is given, or when `output` lies inside it, cannot be written,
     or is a file that `view` has not written; OSError when an existing `output` cannot be read.
     """
-    folder = Path(bag_folder).resolve()
-    path = Path(output).absolute() if output else folder.with_name(f"{folder.name}_view.html")
+    folder = user_path(bag_folder).resolve()
+    path = user_path(output).absolute() if output else folder.with_name(f"{folder.name}_view.html")
     if path.resolve().is_relative_to(folder):
         raise BagError(f"{path}: lies inside the recording, which is never written to; give another --output")
     if path.exists() or path.is_symlink():

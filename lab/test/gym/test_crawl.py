@@ -1,5 +1,6 @@
 """The environment: its checker, its seeds, its speed, and that a policy can learn what no constant command does."""
 
+import pickle
 import warnings
 
 import gymnasium
@@ -80,6 +81,32 @@ def test_a_hostile_action_is_one_of_the_space():
     for wrong in ([np.nan, 0.0, 0.0], [0.0, 0.0], 0.0, np.zeros((1, 3))):
         with pytest.raises(ValueError, match="^action: .* is not three numbers; give motor speed, upper gap and incli"):
             env.step(np.array(wrong))
+
+
+@pytest.mark.parametrize(("scene", "changes", "reason"), [
+    ("device", {"motor.max_speed": 100.0}, "motor.speed: 150 is out of range; .*the limit is motor.max_speed"),
+    ("machine", {"motor.control": "voltage"}, "motor_speed: 150.0 is no command of this motor; command motor_voltage"),
+    ("damped", {"mass.upper_slider": 0.05}, "motor_speed: 150 rad/s would be reached at once by effects.motor 'ideal'"),
+])
+def test_a_robot_that_cannot_perform_an_action_is_refused_when_it_is_made(scene, changes, reason):
+    with pytest.raises(ValueError, match=f"^scene {scene}: cannot perform the largest action, .* because {reason}"):
+        environment_of(scene=load_scene(scene).with_parameters(changes))
+
+
+def test_an_environment_with_every_sensor_goes_on_as_its_pickled_copy_does():
+    scene = load_scene("machine").with_parameters({"sensors.preset": "bmi270", "sensors.imu.rate": 100.0,
+                                                   "sensors.current.rate": 100.0})
+    env = environment_of(scene=scene)
+    env.reset(seed=2)
+    action = np.array([0.4, -1.0, 0.3], np.float32)
+    env.step(action)
+    copied = pickle.loads(pickle.dumps(env))
+    for _ in range(20):  # beyond a block of random numbers
+        (seen, *_), (seen_by_copy, *_) = env.step(action), copied.step(action)
+        assert np.array_equal(seen, seen_by_copy)
+        measured, measured_by_copy = env.unwrapped._measured, copied.unwrapped._measured
+        assert all(np.array_equal(measured[name], measured_by_copy[name]) for name in measured)
+    assert {"imu", "current"} <= measured.keys() == measured_by_copy.keys()
 
 
 def test_a_step_before_the_first_reset_is_refused():

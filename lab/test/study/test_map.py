@@ -1,36 +1,34 @@
 """A map: motions that are known from elsewhere, where they coexist and end, resumed to the same bytes."""
 
-import json
 import pickle
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pandas
 import pytest
-from known_map import known_map
 
 import vibro_lab
 import vibro_ros
 from vibro_lab.study import map as motions_module
-from vibro_lab.study.execution import Execution
 from vibro_lab.study.map import (
     GAP,
     LEAST_CELLS,
+    PATCHWORK,
     SPEED,
     UNSETTLED,
+    Axis,
+    End,
     Line,
     MapDesign,
     Visit,
+    end_point,
     main,
     motions,
     rows_of_line,
     visits,
 )
 from vibro_lab.study.measures import measure
-from vibro_ros.configuration.command_choice import CommandChoice
-from vibro_ros.configuration.command_map import PATCHWORK, Axis, read_map
 
 SIDES = ("upper", "inclined")
 FOLD, BACK = 107.959911, 104.85265
@@ -54,18 +52,24 @@ def folded(tmp_path_factory):
     return folder
 
 
-def test_two_motions_exist_exactly_between_the_folds_which_are_where_continuation_has_them(folded):
+def test_two_motions_exist_exactly_between_the_folds(folded):
     """105 rad/s is left out: so close to the fold a step of 1 rad/s leaves the motion."""
-    found = read_map(folded / "damped.json").found
-    for i, speed in enumerate(np.linspace(100.0, 110.0, 11).tolist()):
+    table = pandas.read_parquet(folded / "motions.parquet")
+    assert sorted(set(table.gap)) == [-1e-6, 0.0]
+    for speed in np.linspace(100.0, 110.0, 11).tolist():
         several = 2 if BACK < speed < FOLD else 1
-        for j in range(2):
-            count = np.sum((found.speed_index == i) & (found.gap_index == j))
-            assert count == several or speed == 105.0, speed
-    command_map = read_map(folded / "damped.json")
-    folds = [curve for curve in command_map.curves if curve.kind == "fold"]
-    at_zero = [speed for curve in folds for speed, gap in zip(curve.motor_speed, curve.gap, strict=True) if gap == 0.0]
-    assert min(abs(speed - FOLD) for speed in at_zero) < 1e-5  # the known value has six digits
+        for gap in (-1e-6, 0.0):
+            assert np.sum((table.motor_speed == speed) & (table.gap == gap)) == several or speed == 105.0, speed
+
+
+def test_a_motion_ends_at_the_fold_where_continuation_has_it():
+    """The fold is found again from 107 rad/s, the last speed of the grid that has the motion."""
+    design = MapDesign(vibro_ros.load_scene("damped"), SIDES, Axis(106.0, 107.0, 2), Axis(0.0, 1e-6, 2))
+    found, rows = motions(visits(design, Line(SPEED, 0, True)))
+    fast = int(np.argmin(found.mean_speed * (found.speed_index == 1)))
+    point = end_point(design, End(0, int(found.turns[fast]), 0, 1, 1, tuple(rows[fast].states[-1].tolist())))
+    assert point.kind == "fold"
+    assert point.motor_speed == pytest.approx(FOLD, abs=1e-5)  # the known value has six digits
 
 
 def test_only_cells_with_several_motions_have_shares(folded):
@@ -96,9 +100,9 @@ def test_a_start_has_led_to_the_motion_of_its_period_and_speed_or_to_none(turns,
 
 
 def test_motions_on_either_side_of_a_fold_have_numbers_of_their_own(folded):
-    found = read_map(folded / "damped.json").found
-    first, last = (found.motion[found.speed_index == i] for i in (0, 10))
-    assert len(set(first.tolist())) == len(set(last.tolist())) == 1
+    table = pandas.read_parquet(folded / "motions.parquet")
+    first, last = (table.motion[table.motor_speed == speed].tolist() for speed in (100.0, 110.0))
+    assert len(set(first)) == len(set(last)) == 1
     assert PATCHWORK not in first and PATCHWORK not in last
     assert first[0] != last[0]
 
@@ -132,24 +136,6 @@ def test_other_machines_get_the_work_as_it_is():
     assert [row["mean_speed"] for row in found] == [one.mean_speed for one in visits(design, design.lines()[3])]
 
 
-def test_cells_from_which_a_trial_leads_elsewhere_are_not_sure(monkeypatch):
-    """The known map is of no machine: all that it says of the device is refuted, cell by cell."""
-    monkeypatch.setattr(motions_module, "STARTS", 1)
-    monkeypatch.setattr(motions_module, "SETTLING", 2.0)
-    command_map = known_map()
-    few = replace(command_map.found, sure=command_map.found.sure * (command_map.found.speed_index < 2))
-    left, trials = motions_module.proved(replace(command_map, found=few), MapDesign(
-        vibro_ros.load_scene("device"), SIDES, command_map.speeds, command_map.gaps), 3, Execution(2))
-    assert trials == [] and left.found.sure.sum() < few.sure.sum()
-
-
-def test_a_map_without_sure_commands_is_still_a_map(tmp_path, capsys):
-    words = ["--motor-speed", "110:120:2", "--gap", "0.003:0.005:2", "--curves", "0", "--output", str(tmp_path)]
-    assert main(words) == 0
-    assert "no sure commands for any mean speed" in capsys.readouterr().out
-    assert len(read_map(tmp_path / "device.json").found.turns) == 4
-
-
 def test_a_cell_has_each_motion_once():
     """Told apart by period and states, not by the mean speed: two motions may have one."""
     found, rows = motions([visit(), visit(at=1e-7), visit(at=0.1), visit(turns=2), visit(turns=0),
@@ -178,17 +164,6 @@ def test_two_motions_of_one_cell_are_never_one_even_around_the_end_of_a_fold():
     assert PATCHWORK not in found.motion
 
 
-def test_the_file_is_the_scenes_and_the_table_says_the_same(tmp_path):
-    assert main([*TINY, "--set", "ground.friction=0.21", "--gaps", "upper", "--output", str(tmp_path)]) == 0
-    command_map, scene = read_map(tmp_path / "device.json"), vibro_ros.load_scene("device")
-    assert command_map.commands == ("motor_speed", "upper_gap")
-    assert command_map.difference(scene) == "ground.friction is 0.21 there, 0.2 here"
-    assert not command_map.difference(scene.with_parameters({"ground.friction": 0.21, "upper.gap": 0.001}))
-    table = pandas.read_parquet(tmp_path / "motions.parquet")
-    np.testing.assert_allclose(table["mean_speed"], command_map.found.mean_speed, rtol=1e-4)
-    assert table["motor_speed"].tolist() == command_map.speeds.values[command_map.found.speed_index].tolist()
-
-
 @pytest.mark.parametrize("words, reason", [
     (["--motor-speed", "0:100:3"], "--motor-speed: from 0 rad/s; a crank that stands has no motion"),
     (["--motor-speed", "100:50:3"], "--motor-speed 100:50:3: is no range"),
@@ -203,17 +178,3 @@ def test_the_file_is_the_scenes_and_the_table_says_the_same(tmp_path):
 ])
 def test_bad_input_is_one_line(refusal, words, reason):
     assert refusal(main, *words).startswith(f"study: {reason}")
-
-
-def test_the_shipped_map_is_what_the_device_does():
-    """Some cells of the file that ships, simulated anew by another measure and from another start."""
-    path = Path(__file__).resolve().parents[3] / "config" / "maps" / "device.json"
-    command_map, scene = read_map(path), vibro_ros.load_scene("device")
-    choice = CommandChoice(command_map)
-    for asked in np.linspace(choice.slowest, choice.fastest, 12)[1:-1].tolist():
-        chosen = choice.commands_for(asked)
-        motor, gap, _ = chosen.commands.values()
-        got = measure(scene.with_parameters({"motor.speed": motor, "upper.gap": gap, "inclined.gap": gap}),
-                      ("mean_speed",), 10.0, 10.0, start=18)["mean_speed"]
-        assert got == pytest.approx(asked, rel=0.1), chosen
-    assert json.loads(path.read_text())["made_by"].startswith("vibro_ros ")

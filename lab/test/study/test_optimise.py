@@ -146,7 +146,10 @@ def folder(tmp_path_factory):
     found, said = tmp_path_factory.mktemp("optimise"), io.StringIO()
     with contextlib.redirect_stdout(said):
         assert command.main([*OPTIONS.split(), "--output", str(found)]) == 0
-    bounds = said.getvalue().splitlines()[-1]
+    goes, named, bounds = said.getvalue().splitlines()[-3:]
+    robot = load_scene(found / "optimum.yaml")
+    assert goes.startswith("The optimum goes at ") and goes in (found / "optimum.md").read_text()
+    assert f"crank.radius = {robot['crank.radius']:.4g}"[:20] in named and named.endswith(".") and " kg, " in named
     assert bounds in (found / "optimum.md").read_text() and "the range of" in bounds
     return found
 

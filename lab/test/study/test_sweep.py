@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import time
 from pathlib import Path
@@ -148,8 +149,8 @@ SEVEN = ",".join(f"{0.08 + 0.01 * k:.2f}" for k in range(7))
 @pytest.mark.parametrize(("vary", "drawn", "axis"), [
     (["guide.angle=1.1,0.7,0.9"], [""], "guide.angle [rad]"),
     (["guide.angle=0.7:1.1:3", "mass.upper=0.1,0.2"], ["mass.upper = 0.1", "mass.upper = 0.2"], "guide.angle [rad]"),
-    (["upper.gap+inclined.gap=0,0.001"], [""], "upper.gap+inclined.gap [m]"),
-    (["guide.angle=0.7,1.1", f"mass.upper={SEVEN}"], None, "mass.upper [kg]")])
+    (["upper.gap+inclined.gap=0,0.0005,0.001"], [""], "upper.gap+inclined.gap [m]"),
+    (["guide.angle=0.7,0.9,1.1", f"mass.upper={SEVEN}"], None, "mass.upper [kg]")])
 def test_a_picture_and_the_words_say_what_is_there(tmp_path, capsys, monkeypatch, vary, drawn, axis):
     """Two parameters are lines with intervals, or a map for many values; an extreme at an end of the grid is said."""
     figures = []
@@ -167,6 +168,20 @@ def test_a_picture_and_the_words_say_what_is_there(tmp_path, capsys, monkeypatch
         assert bars.has_yerr and places == sorted(places)
     ends = axis.partition(" ")[0].replace("+", ", ") if "+" in axis else "guide.angle"
     assert f"mean_speed is at the end of the range of {ends}" in capsys.readouterr().out
+
+
+def test_the_largest_speed_of_a_robot_that_goes_backwards_is_the_fastest(tmp_path, capsys):
+    """`damped` goes backwards, faster at 100 rad/s than at 60; of two values each is an end, which says nothing."""
+    said = {}
+    for speeds in ("60,100", "60,100,140"):
+        assert main(["--scene", "damped", "--vary", f"motor.speed={speeds}", "--settling", "2", "--duration", "2",
+                     "--workers", "1", "--measure", "mean_speed", "--output", str(tmp_path / speeds)]) == 0
+        said[speeds] = capsys.readouterr().out
+    slow, fast = (float(text) for text in re.findall(r"(-0\.\S+).*? \(motor.speed = ", said["60,100"]))
+    assert fast < slow < 0.0
+    assert "at the end of the range" not in said["60,100"]
+    assert "the least magnitude of mean_speed is at the end of the range of motor.speed: it may still fall" in (
+        said["60,100,140"])
 
 
 def test_a_grid_with_an_illegal_point_is_refused_before_anything_runs(refusal):

@@ -106,9 +106,9 @@ def test_what_varies_nothing_is_refused_in_one_line(text, words):
 
 
 def test_an_extreme_at_an_end_of_a_scan_is_said():
-    """Only a numerical parameter has ends; a scan of one value has none, because every point would be an end."""
-    values = {"guide.angle": [0.5, 0.5, 1.0, 1.0], "effects.normal_force": ["hop", "printed"] * 2,
-              "mass.upper": [0.1] * 4, "mass.inclined": [0.1, 0.2, 0.3, 0.2]}
+    """Only a numerical parameter has ends; a scan of one or two values has none, because every point would be one."""
+    values = {"guide.angle": [0.5, 0.5, 1.0, 0.7], "effects.normal_force": ["hop", "printed"] * 2,
+              "mass.upper": [0.1] * 4, "motor.speed": [50.0, 60.0] * 2, "mass.inclined": [0.1, 0.2, 0.3, 0.2]}
     assert at_the_edge("the largest x", ends_at(values, 2)) == (
         "the largest x is at the end of the range of guide.angle, mass.inclined: it may still rise beyond")
     assert at_the_edge("the largest x", ends_at({**values, "guide.angle": [0.0, 0.5, 1.0, 2.0]}, 1)) == ""

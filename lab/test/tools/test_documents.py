@@ -20,9 +20,7 @@ from tools.generated_text import replaced
 from vibro_lab.executables import EXECUTABLES as OF_THE_LAB
 from vibro_lab.study.measures import MEASURES
 from vibro_lab.study.sweep import design_of, read_sweep
-from vibro_ros.configuration.command_map import read_map
 from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.configuration.shipped import find_file
 from vibro_ros.messages.commands import COMMANDED
 from vibro_ros.messages.frames import JOINTS
 from vibro_ros.messages.topics import COMMAND_UNITS
@@ -66,7 +64,7 @@ def test_yaml_is_a_script_a_sweep_or_a_scene(text, output, tmp_path):
     file = tmp_path / "file.yaml"
     file.write_text(text)
     if "entries" in yaml.safe_load(text):
-        assert read_script(file, read_map(find_file("map", "device"))).duration > 0.0
+        assert read_script(file).duration > 0.0
     elif "vary" in yaml.safe_load(text):
         assert design_of(read_sweep(file), {"set": {}, "vary": {}}).points > 1
     elif "controller_manager" in yaml.safe_load(text):
@@ -150,8 +148,8 @@ def test_measures_are_those_of_the_studies():
 
 def test_keys_of_a_script_are_those_that_are_read(tmp_path):
     keys = guide.first_column("key of an entry", "meaning")
-    assert sorted(keys) == sorted(["for", "at", *COMMAND_UNITS, "speed_over_ground", "note", "fault", "of", "value",
-                                   "from_x", "to_x", "entries", "repeat"])
+    assert sorted(keys) == sorted(["for", "at", *COMMAND_UNITS, "note", "fault", "of", "value", "from_x", "to_x",
+                                   "entries", "repeat"])
     file = tmp_path / "script.yaml"
     file.write_text("repeat: 2\nentries:\n  - {note: a, at: 0.0, for: 1.0, motor_speed: 5.0, upper_gap: 0.0, "
                     "inclined_gap: {from: 0.0, to: 0.001}}\n  - {note: b, at: 1.0, repeat: 2, entries: [{for: 1.0}]}\n")

@@ -241,5 +241,5 @@ def test_what_is_not_measured_is_dropped_and_lateness_is_no_offset(hearing, benc
     ("solver.method:=rk4", "solver.method: rk4 has no filtered acceleration; choose exact"),
     ("twin.fre:=[nothing]", "twin.fre: unknown parameter"),
 ])
-def test_parameters_are_refused(refusal, compiled, given, why):
+def test_parameters_are_refused(refusal, given, why):
     assert why in refusal(twin.main, "--ros-args", "-p", given)

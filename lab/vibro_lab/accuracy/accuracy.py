@@ -49,13 +49,13 @@ from vibro_ros import (
     exit_code,
     interrupted_code,
     load_scene,
-    prepare_kernels,
+    png,
     say,
     shipped,
 )
 
 TABLE, TEXT = "accuracy.csv", "accuracy.md"
-_PACKAGES = ("numpy", "numba", "scipy")
+_PACKAGES = ("numpy", "scipy")
 _LEAST_HORIZON = 1e-3  # s, one sample
 
 
@@ -134,7 +134,7 @@ def draw(rows: Mapping[str, Sequence[Row]], effort: Effort, folder: Path) -> dic
         if any(row.compared == REFERENCE for row in own):
             pictures[name] = folder / f"{Path(name).stem}.png"
             caption = f"{lyapunov_time_in(own)}; medians of at most {effort.repeats} rounds\n{machine()}"
-            draw_scene(own, caption).savefig(pictures[name])
+            pictures[name].write_bytes(png(draw_scene(own, caption)))
     return pictures
 
 
@@ -167,8 +167,6 @@ def _measure(options: argparse.Namespace) -> int:
         for scene in scenes:
             load_scene(scene)  # a missing scene is refused before anything is written
         options.output.mkdir(parents=True, exist_ok=True)
-        for method in ("exact", "rk4"):
-            prepare_kernels("accuracy", method)
         return _run(scenes, programs, effort, options.output)
     except KeyboardInterrupt:
         say("accuracy", f"interrupted before the diagrams; the rows are in {options.output / TABLE}")

@@ -3,12 +3,23 @@
 import math
 from collections.abc import Sequence
 
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-
 from vibro_lab.accuracy.harness import AVERAGE, RATE, REFERENCE, TRAJECTORY, Row
 from vibro_lab.accuracy.report import WITHIN
-from vibro_lab.study.figures import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, new_figure, style_axes
+from vibro_lab.study.figures import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    Axes,
+    Figure,
+    default_settings,
+    new_figure,
+    set_heading,
+    style_axes,
+)
 
 # Colours, and markers for readers who cannot distinguish them.
 _STYLES = {"exact": (BLACK, "*"), "rk4": (BLUE, "o"), "rk4_located": ("#882255", "P"),
@@ -24,6 +35,8 @@ _PANELS = (("body_error", "error of the body's position [m]"), ("mass_error", "e
 # Largest difference from the exact mean speed that is shown, in multiples of it, or of ten of its intervals if larger.
 _LARGEST_DIFFERENCE = 2.0
 
+
+@default_settings()
 def draw_scene(rows: Sequence[Row], caption: str) -> Figure:
     """Draw the rows of one scene.
 
@@ -47,7 +60,7 @@ def draw_scene(rows: Sequence[Row], caption: str) -> Figure:
     handles, labels = axes[0, 0].get_legend_handles_labels()
     if handles:
         figure.legend(handles, labels, loc="outside lower center", ncols=6, frameon=False, fontsize=9)
-    figure.suptitle(f"{rows[0].problem}: accuracy and its cost\n{caption}", fontsize=11)
+    set_heading(figure, f"{rows[0].problem}: accuracy and its cost\n{caption}")
     return figure
 
 

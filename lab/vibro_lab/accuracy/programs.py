@@ -117,7 +117,7 @@ def _device_run(method: str, scene: "Scene", times: np.ndarray, value: float) ->
 
     parameter = "solver.tolerance" if method == "exact" else "solver.step"
     scene = scene.with_parameters({"solver.method": method, parameter: value, "solver.accounts": False})
-    Simulator(scene).advance_to(0.0)  # compilation for a scene or process is not part of the method's cost
+    Simulator(scene).advance_to(0.0)  # the tables of a scene are not part of the method's cost
 
     def run() -> Answer:
         device = Simulator(scene)

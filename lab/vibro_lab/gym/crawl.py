@@ -7,11 +7,8 @@ import gymnasium
 import numpy as np
 from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box, Space
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 
-from vibro_ros import SAMPLE_FIELDS, Scene, SensedSimulator, load_scene
+from vibro_ros import SAMPLE_FIELDS, Scene, SensedSimulator, default_settings, load_scene, new_figure
 
 PERIOD = 0.2
 """Robot time [s] of a step."""
@@ -67,7 +64,8 @@ class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
     Parameters
     ----------
     scene : str or Scene
-        The robot: a shipped scene's name, a file, or a scene. Encoder and tracking get the rate that a step needs.
+        The robot: a shipped scene's name, a file, or a scene; ValueError if it cannot perform the largest action.
+        Encoder and tracking get the rate that a step needs.
     reward : callable
         Returns the reward of a step from its `info`.
     observation : callable
@@ -93,6 +91,11 @@ class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
         self._device: SensedSimulator | None = None
         loaded = load_scene(scene) if isinstance(scene, str) else scene
         self._scene = loaded.with_parameters({**_SENSORS, "motor.speed": 0.0})
+        try:
+            SensedSimulator(self._scene).command(FASTEST, WIDEST, WIDEST)
+        except ValueError as error:
+            raise ValueError(f"scene {self._scene.name}: cannot perform the largest action, {FASTEST:g} rad/s and gaps "
+                             f"of {WIDEST:g} m; give another scene, because {error}") from None
         self.action_space = Box(-1.0, 1.0, (3,), np.float32)
         self.observation_space = observation_space or Box(-_MOST, _MOST, (6,), np.float32)
 
@@ -140,21 +143,22 @@ class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
         truth = self._truth(device)
         return self._observe(self._measured), float(self._reward(truth)), False, False, truth
 
+    @default_settings()
     def render(self) -> np.ndarray | None:  # type: ignore[override]
         """Return a picture, shape (160, 480, 3): body, ground and target over 1.2 m; None without `render_mode`."""
         if self.render_mode is None:
             return None
         truth = self._truth(self._begun("render"))
-        figure = Figure(figsize=(4.8, 1.6), dpi=100)
-        canvas, axes = FigureCanvasAgg(figure), figure.add_axes((0.02, 0.25, 0.96, 0.73))
+        figure = new_figure(4.8, 1.6, 100, layout=None)
+        axes = figure.add_axes((0.02, 0.25, 0.96, 0.73))
         place, height = truth["body_position"], truth["body_height"]
-        axes.add_patch(Rectangle((place - 0.05, height), 0.1, 0.06, color="tab:blue"))
+        axes.bar(place, 0.06, 0.1, bottom=height, color="tab:blue")
         axes.axvline(truth["target_position"], color="tab:red")
         axes.axhline(0.0, color="black")
         axes.set(xlim=(place - 0.6, place + 0.6), ylim=(-0.02, 0.3), yticks=[])
         axes.text(0.01, 0.85, "x [m]", transform=axes.transAxes)
-        canvas.draw()
-        return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+        figure.canvas.draw()
+        return np.asarray(figure.canvas.buffer_rgba())[..., :3].copy()  # type: ignore[attr-defined]
 
     def _begun(self, method: str) -> SensedSimulator:
         if self._device is None:

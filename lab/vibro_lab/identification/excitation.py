@@ -21,7 +21,7 @@ from vibro_lab.identification.recording import Channel, Recording
 from vibro_lab.identification.shooting import RESOLVED, TIGHT, Jacobian, Point, Shooting
 from vibro_lab.identification.unknowns import Unknowns
 from vibro_lab.identification.windows import Windows, state_names
-from vibro_ros import SAMPLE_FIELDS, Scene, SimulationError, Simulator, check_scene, core_count, in_processes, simulate
+from vibro_ros import SAMPLE_FIELDS, Scene, SimulationError, check_scene, core_count, in_processes, simulate
 
 Sensors = Mapping[str, tuple[float, float]]
 """By ``sensor.field``: measurements a second, and the standard deviation of their noise."""
@@ -137,7 +137,6 @@ def excite(scene: Scene, free: Sequence[str], duration: float = 5.0, sensors: Se
     if wrong := [name for name in chosen if name.partition(".")[2] not in SAMPLE_FIELDS]:
         raise ValueError(f"sensors: {wrong[0]} measures no field of a sample; give sensor.field, such as "
                          "tracking.body_position")
-    Simulator(scene)  # compiles the kernels, which the processes share
     told = in_processes(partial(_excited, unknowns, duration, chosen), candidates(scene, free, duration),
                         workers or core_count())
     found = [one for _, future in told if (one := future.result())]

@@ -13,7 +13,7 @@ from vibro_lab.identification.inference import REJECTED, Noise, covariance_of, i
 from vibro_lab.identification.recording import AT_MOST, IMU, Recording, read_recording
 from vibro_lab.identification.shooting import TIGHT, Point
 from vibro_lab.identification.unknowns import Unknowns
-from vibro_ros import BagError, Scene, check_scene, core_count, quoted
+from vibro_ros import PARAMETERS, BagError, Scene, check_scene, core_count, quoted
 
 WINDOW = np.dtype([("start", float), ("end", float), ("mean_square", float), ("used", bool)])
 """Start and end of a window [s], mean square of its residuals in standard deviations, and whether it counts: one whose
@@ -94,8 +94,8 @@ class Identification:
         Correlation of neighbouring residuals by channel, such as ``odom.body_position``.
     alternatives : tuple of Alternative
         Fits with one effect more, the best first.
-    scene : Scene
-        The scene with the values.
+    scene, given : Scene
+        The scene with the values, and the scene that the fit began with.
     windows : ndarray, dtype `WINDOW`
         The windows of the fit.
     passes : int
@@ -122,6 +122,7 @@ class Identification:
     autocorrelation: dict[str, float]
     alternatives: tuple[Alternative, ...]
     scene: Scene
+    given: Scene
     windows: np.ndarray
     passes: int
     said: tuple[str, ...]
@@ -152,10 +153,12 @@ class Identification:
 
     def words(self) -> list[str]:
         """Return the result in lines: values with intervals, what the recording does not tell, and the verdict."""
-        width = max(map(len, self.values))
+        labels = [f"{name} [{unit}]" if (unit := PARAMETERS[name].unit) else name for name in self.values]
+        width = max(map(len, labels))
         lines = list(self.said)
-        lines += [f"{name:{width}} = {value:.6g}   95 %: {low:.6g} to {high:.6g}" for (name, value), (low, high) in zip(
-            self.values.items(), self.intervals.values(), strict=True)]
+        lines += [f"{label:{width}} = {value:.6g}   95 %: {low:.6g} to {high:.6g}   scene: {self.given[name]:.6g}"
+                  for label, (name, value), (low, high) in zip(labels, self.values.items(), self.intervals.values(),
+                                                               strict=True)]
         lines += self.rank
         lines += [f"{sensor}: mean square of the residuals {square:.3f}" for sensor, square in self.chi_square.items()]
         if lost := int((~self.windows["used"]).sum()):
@@ -231,7 +234,7 @@ def identify(bag: str | Path, scene: Scene, free: Sequence[str],
         chi_square=_by_sensor(noises), p_value=p_value(noises),
         autocorrelation={f"{one.sensor}.{one.field}": one.correlation for one in noises},
         alternatives=tuple(sorted(alternatives, key=lambda one: (one.p_value, -one.gain))),
-        scene=unknowns.scene_of(fit.coordinates), windows=table, passes=fit.passes, said=said,
+        scene=unknowns.scene_of(fit.coordinates), given=unknowns.scene, windows=table, passes=fit.passes, said=said,
         recording=recording, residuals=_by_channel(fit, fit.at.found.residuals),
         simulated=_by_channel(fit, simulated), profiles=profiles)
 

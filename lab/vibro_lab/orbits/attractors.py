@@ -27,7 +27,7 @@ from vibro_lab.orbits.orbit import fixed_point, orbit_at
 from vibro_lab.orbits.recurrence import SettledMotion, number_among, settle
 from vibro_lab.orbits.starts import SETTLING, drawn_start
 from vibro_lab.orbits.turn_map import Stroboscope, TurnMap, at_cut, free_cut, free_phase, has_sampled_controller
-from vibro_ros import Scene, SimulationError, Simulator, core_count, in_processes, provide_kernels
+from vibro_ros import Scene, SimulationError, Simulator, core_count, in_processes
 
 MOST_STARTS = 10_000
 MOST_ATTRACTORS = 64
@@ -258,7 +258,6 @@ def attractors(scene: Scene, starts: int = 16) -> Attractors:
     if isinstance(starts, bool) or not isinstance(starts, int | np.integer) or not 1 <= starts <= MOST_STARTS:
         raise ValueError(f"starts: {starts!r} is out of range; give a whole number from 1 to {MOST_STARTS}")
     turn_map = free_cut(scene)
-    provide_kernels(scene["solver.method"])  # compile once, before the processes are forked
     jobs = in_processes(partial(_settled, scene, turn_map.phase), range(starts), min(core_count(), int(starts)))
     with closing(jobs):  # else an error's traceback would keep the workers alive until it is collected
         motions, speeds = zip(*(future.result() for _, future in jobs), strict=True)

@@ -1,4 +1,4 @@
-"""Parameter studies of a machine: sweeps, optimisation, branches of orbits, orbit diagrams, basins, command maps.
+"""Parameter studies of a machine: sweeps, optimisation, branches of orbits, orbit diagrams, basins, maps of motions.
 
 A command line comes in, ``study NAME ...``: a scene, and the parameters to vary with their values. Parquet files whose
 columns have units and meanings, a picture, and text on standard output go out.

@@ -10,9 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
-from matplotlib.axes import Axes
-from matplotlib.colors import BoundaryNorm, ListedColormap
-from matplotlib.patches import Patch
 
 from vibro_lab.orbits.attractors import MOST_ATTRACTORS, Attractors, group_starts, with_exponents
 from vibro_lab.orbits.chaos import sign_of
@@ -38,8 +35,14 @@ from vibro_lab.study.figures import (
     SKY,
     VERMILION,
     YELLOW,
+    Axes,
+    BoundaryNorm,
+    ListedColormap,
+    Patch,
+    default_settings,
     new_figure,
     png,
+    set_heading,
     style_axes,
 )
 from vibro_lab.study.table import NUMBERS, Field, Study, are, computed, file_of, table_of
@@ -479,6 +482,7 @@ _COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILION, YELLOW, BLACK)  # furth
 _GREY, _WHITE = "#a0a0a0", "#ffffff"  # for `UNSETTLED` and `OTHER`, and for `IMPOSSIBLE`
 
 
+@default_settings()
 def draw_basins(design: Design, table: pa.Table, found: Basins) -> bytes:
     """Draw the motions that the starts lead to; returns a PNG file."""
     figure, over = new_figure(9.0, 5.0), design.starts.over
@@ -490,8 +494,8 @@ def draw_basins(design: Design, table: pa.Table, found: Basins) -> bytes:
         _draw_dots(dots, table, over, found.numbers)
     else:
         _draw_shares(figure.subplots(), found)
-    figure.suptitle(f"{design.scene.name} at {command_in_words(design.scene)}: where {design.starts.count} starts lead",
-                    fontsize=11)
+    set_heading(figure, f"{design.scene.name} at {command_in_words(design.scene)}: where {design.starts.count} starts "
+                "lead")
     figure.legend(handles=_legend(found), loc="outside lower center", fontsize=8, frameon=False, ncols=2)
     return png(figure)
 
@@ -555,11 +559,11 @@ def _results(design: Design, folder: Path, execution: Execution) -> Iterator[Res
 def _design(options: argparse.Namespace) -> Design:
     scene = running(machine_of(options))
     count = options.starts if options.starts is not None else QUICK_STARTS if options.quick else STARTS_DRAWN
-    phase = Stroboscope(free_cut(scene)).turn_map.phase  # refuses a scene in which nothing moves
     starts = chosen_starts(scene, tuple(over_in_words(scene, text) for text in options.over), count,
                            whole_number("--seed", options.seed, 0, 2**63 - 1))
     if starts.is_grid and options.starts is not None:
         raise ValueError("--starts: a grid draws no starts; leave it out, or the counts of --over")
+    phase = Stroboscope(free_cut(scene)).turn_map.phase  # after the options: it simulates; refuses a scene at rest
     return Design(scene, phase, starts, options.turns, options.most_turns)
 
 

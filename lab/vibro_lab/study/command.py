@@ -50,7 +50,7 @@ STUDIES = {
     "orbits": "Follow branches of periodic orbits over a parameter, and locate where they change.",
     "diagram": "Sweep a parameter up and down: states once a turn, hysteresis, exponents, chaos.",
     "basins": "Tell which start leads to which motion.",
-    "map": "Find every motion over motor speed and gap: the command map that `controller` reads.",
+    "map": "Find every motion over motor speed and gap.",
     "identify": "Find the parameters of the robot that made a recording, with intervals.",
 }
 """Summary of each study by its name, which is also the name of its module; `main` there is a `StudyCommand`."""
@@ -62,6 +62,10 @@ def main(words: Sequence[str]) -> int:
 
 
 def _run(words: Sequence[str]) -> int:
+    name = next((word for word in words if word in STUDIES), "NAME")
+    if words and words[0] not in ("-h", "--help", "--version") and words[0].startswith("-"):
+        raise ValueError(f"{words[0]}: options come after the study's name; write "
+                         f"{' '.join(['study', name, *(word for word in words if word != name)])}")
     options = _front_parser().parse_args(words[:1])
     try:
         study = import_module(f"vibro_lab.study.{options.study}")
@@ -249,17 +253,25 @@ class Progress:
         Name of a counted unit, such as ``run``.
     total, done : int
         Number of units, and number of them that were done before [-].
+
+    Within another one it is silent, because two remaining times would contradict each other.
     """
 
+    _running = 0
+
     def __init__(self, what: str, unit: str, total: int, done: int = 0):
-        self._bar = tqdm(desc=what, total=total, initial=done, unit=unit, disable=None, delay=_BAR_DELAY, smoothing=0.1)
+        self._silent = Progress._running > 0
+        self._bar = tqdm(desc=what, total=total, initial=done, unit=unit, disable=self._silent or None,
+                         delay=_BAR_DELAY, smoothing=0.1)
         self._what, self._unit, self._total, self._first, self._done = what, unit, total, done, done
         self._begun_at = self._last_report = time.monotonic()
 
     def __enter__(self) -> "Progress":
+        Progress._running += 1
         return self
 
     def __exit__(self, *_: object) -> None:
+        Progress._running -= 1
         self._bar.close()
 
     def add(self, count: int) -> None:
@@ -267,7 +279,7 @@ class Progress:
         self._done += count
         self._bar.update(count)
         now = time.monotonic()
-        if self._bar.disable and now - self._last_report > _LINE_PERIOD:
+        if self._bar.disable and not self._silent and now - self._last_report > _LINE_PERIOD:
             left = (now - self._begun_at) / (self._done - self._first) * (self._total - self._done)
             say("study", f"{self._what}: {self._done} of {self._total} {self._unit}s, "
                          f"{tqdm.format_interval(left)} left")

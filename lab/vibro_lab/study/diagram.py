@@ -18,7 +18,6 @@ from typing import Any, cast
 
 import numpy as np
 import pyarrow as pa
-from matplotlib.axes import Axes
 
 from vibro_lab.orbits.chaos import LEAST_TURNS, sign_of, spectrum_of_cycle, spectrum_until_known
 from vibro_lab.orbits.chaos import MOST_TURNS as MOST_MEASURED
@@ -35,10 +34,20 @@ from vibro_lab.orbits.turn_map import (
 )
 from vibro_lab.study.command import Results, StudyCommand, machine_of
 from vibro_lab.study.execution import Execution, Rows, fingerprint
-from vibro_lab.study.figures import BLUE, VERMILION, new_figure, of_parameter, png, style_axes
+from vibro_lab.study.figures import (
+    BLUE,
+    VERMILION,
+    Axes,
+    default_settings,
+    new_figure,
+    of_parameter,
+    png,
+    set_heading,
+    style_axes,
+)
 from vibro_lab.study.table import KEY, Field, Study, are, computed, file_of, parameter_field, read_block, stored
 from vibro_lab.study.variation import Axis, at_the_edge, ends_at, varied_in_words, whole_number
-from vibro_ros import PARAMETERS, STATE_UNITS, Parser, Scene, prepare_kernels
+from vibro_ros import PARAMETERS, STATE_UNITS, Parser, Scene
 
 UP, DOWN = "up", "down"
 #: Largest value of `--most-turns`.
@@ -464,6 +473,7 @@ _WIDTH, _STATES, _PANEL = 9.0, 3.8, 1.8  # in
 _MOST, _LEAST, _CROWD = 5.0, 2.0, 450.0  # size of a ring [pt]: `_CROWD` / number of values, within these limits
 
 
+@default_settings()
 def draw_diagram(found: Diagram) -> bytes:
     """Draw a diagram; returns a PNG file."""
     design = found.design
@@ -476,8 +486,8 @@ def draw_diagram(found: Diagram) -> bytes:
         _shade(axes, found)
         style_axes(axes)
     rows[-1].set_xlabel(of_parameter(design.axis.name))
-    figure.suptitle(f"{design.scene.name}: once a turn, at the crank angle {design.phase:.3f} rad; "
-                    f"{len(design.axis.values)} values up and down", fontsize=11)
+    set_heading(figure, f"{design.scene.name}: once a turn, at the crank angle {design.phase:.3f} rad; "
+                f"{len(design.axis.values)} values up and down")
     return png(figure)
 
 
@@ -570,7 +580,6 @@ def _design(options: argparse.Namespace) -> Design:
     """Make the design from the options; unless `--phase` is given, the cut is chosen at the first value."""
     scene, axis = machine_of(options), _axis(options)
     first = scene.with_parameters({axis.name: axis.values[0]})
-    prepare_kernels("study", scene["solver.method"])
     if options.phase is None:
         phase = float(free_cut(first).phase)
     elif 0.0 <= options.phase < TURN:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from vibro_ros import Forks, InThisProcess, ToleranceWarning, in_order, prepare_kernels, provide_kernels, say, software
+from vibro_ros import Forks, InThisProcess, ToleranceWarning, in_order, say, software
 
 MOST_DEATHS = 3
 """Number of times in a row that processes may end before the next task is done."""
@@ -76,8 +76,6 @@ class Task:
         """
         with _one_at_a_time, warnings.catch_warnings():
             warnings.simplefilter("ignore", ToleranceWarning)  # the command has printed it, or a row contains it
-            for method in self.methods:
-                provide_kernels(method)
             return computes_with(), [self.rows(number) for number in numbers]
 
 
@@ -107,8 +105,6 @@ class Execution:
         RuntimeError
             If workers have other software than this machine, die repeatedly, or the scheduler disappears.
         """
-        for method in () if self.address else methods:
-            prepare_kernels("study", method)  # compile once, before the processes are forked
         task, (time, most) = Task(rows, methods), _CLUSTER_GROUP if self.address else _LOCAL_GROUP
         given = _groups(iter(numbers), max(1, min(most, int(time / run_time))))
         due: deque[tuple[int, ...]] = deque()

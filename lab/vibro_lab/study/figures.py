@@ -1,32 +1,24 @@
 """Common style of all studies' figures: white, without a window, with a light grid, and with units on the axes."""
 
-import io
-
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-
 from vibro_lab.study.variation import parameter_names
-from vibro_ros import PARAMETERS
+from vibro_ros import PARAMETERS, default_settings, new_figure, png, set_heading
+
+# isort: split
+# After `new_figure`, whose room imports matplotlib even if the user's settings would end the import.
+from matplotlib.axes import Axes
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+__all__ = ["BLACK", "BLUE", "GREEN", "GRID", "ORANGE", "PURPLE", "SKY", "VERMILION", "YELLOW", "Axes", "BoundaryNorm",
+           "Figure", "Line2D", "ListedColormap", "Patch", "default_settings", "new_figure", "of_parameter", "png",
+           "set_heading", "style_axes", "with_unit"]
 
 GRID, BLACK = "#e8e8e8", "#000000"
 BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, YELLOW = (
     "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#f0e442")
 """Okabe and Ito's colours, which colour-blind readers can distinguish."""
-
-
-def new_figure(width: float, height: float, dpi: int = 110) -> Figure:
-    """Return an empty figure; width and height in inches."""
-    figure = Figure(figsize=(width, height), dpi=dpi, layout="constrained", facecolor="white")
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def png(figure: Figure) -> bytes:
-    """Return the contents of a PNG file of the figure."""
-    sink = io.BytesIO()
-    figure.savefig(sink, format="png", metadata={"Software": None})
-    return sink.getvalue()
 
 
 def with_unit(name: str, unit: str) -> str:

@@ -6,14 +6,23 @@ from collections.abc import Iterable, Sequence
 from html import escape
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from scipy.stats import chi2
 
 from vibro_lab.identification.identify import Identification
 from vibro_lab.identification.inference import LEVEL, REJECTED
 from vibro_lab.identification.recording import Channel
-from vibro_lab.study.figures import BLACK, BLUE, VERMILION, new_figure, png, style_axes, with_unit
+from vibro_lab.study.figures import (
+    BLACK,
+    BLUE,
+    VERMILION,
+    Axes,
+    Figure,
+    default_settings,
+    new_figure,
+    png,
+    style_axes,
+    with_unit,
+)
 from vibro_ros import PARAMETERS
 
 _UNITS = {"position": "m", "height": "m", "velocity": "m/s", "angle": "rad", "speed": "rad/s", "current": "A"}
@@ -101,6 +110,7 @@ def _caption(found: Identification, channel: Channel) -> str:
             f"{found.chi_square[channel.sensor]:.3f}")
 
 
+@default_settings()
 def _overlay(found: Identification, channel: Channel) -> Figure:
     """Draw a channel as measured and as simulated, where it fits worst once more, and the residuals."""
     figure, windows = new_figure(6.4, 5.6), found.windows
@@ -133,6 +143,7 @@ def _shade(axes: Axes, found: Identification) -> None:
             axes.axvspan(max(window["start"], low), min(window["end"], high), color=_SHADE, lw=0.0)
 
 
+@default_settings()
 def _by_window(found: Identification) -> Figure:
     figure, windows = new_figure(6.4, 2.6), found.windows
     axes = figure.subplots()
@@ -150,6 +161,7 @@ def _by_window(found: Identification) -> Figure:
     return figure
 
 
+@default_settings()
 def _profile(found: Identification, name: str, quantile: float) -> Figure:
     figure, best, ends = new_figure(3.2, 2.4), found.values[name], np.array(found.intervals[name])
     axes, points = figure.subplots(), found.profiles[name]
@@ -170,6 +182,7 @@ def _profile(found: Identification, name: str, quantile: float) -> Figure:
     return figure
 
 
+@default_settings()
 def _correlations(found: Identification) -> Figure:
     figure, names = new_figure(6.4, 6.0), list(found.values)
     deviations = np.sqrt(np.maximum(np.diag(found.covariance), 1e-300))

@@ -1,4 +1,4 @@
-"""``study map``: the motions of a machine over motor speed and gap, as Parquet, a picture, and a controller's file.
+"""``study map``: the motions of a machine over motor speed and gap, as Parquet and a picture.
 
 Each row and column of the grid is swept up and down (`visits`). Each cell begins with the last state of the cell
 before, so that coexisting motions are found. Two visits of one cell have the same motion by the rule of
@@ -7,8 +7,7 @@ mean speeds are close. But two motions of one cell are never the same, even if a
 beyond the end of a fold, where its two sheets meet, nothing separates them.
 
 Where a motion ends, its branch is followed to the special point there (`end_point`), and these points are joined to
-curves. Random starts tell which share of them leads to each motion of a cell with several (`shares`). Finally, the
-commands that a controller would give are tried from random starts (`proved`).
+curves. Random starts tell which share of them leads to each motion of a cell with several (`shares`).
 """
 
 import argparse
@@ -16,47 +15,75 @@ import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
-from matplotlib.axes import Axes
-from matplotlib.colors import BoundaryNorm, ListedColormap
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from vibro_lab.orbits.attractors import steady_start
 from vibro_lab.orbits.continuation import CORNER, follow, special_points
 from vibro_lab.orbits.family import Family, LostError
 from vibro_lab.orbits.recurrence import SAME, SettledMotion, number_among, settle, tolerance_of
-from vibro_lab.orbits.starts import drawn_start
-from vibro_lab.orbits.turn_map import TURN, Stroboscope, TurnMap, check_closes, has_sampled_controller, state_names
+from vibro_lab.orbits.turn_map import Stroboscope, TurnMap, check_closes, has_sampled_controller, state_names
 from vibro_lab.study.command import Progress, Results, StudyCommand, machine_of
 from vibro_lab.study.execution import Execution
-from vibro_lab.study.figures import BLACK, BLUE, GREEN, ORANGE, SKY, VERMILION, YELLOW, new_figure, png
+from vibro_lab.study.figures import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    SKY,
+    VERMILION,
+    YELLOW,
+    Axes,
+    BoundaryNorm,
+    Figure,
+    Line2D,
+    ListedColormap,
+    default_settings,
+    new_figure,
+    png,
+)
 from vibro_lab.study.measures import MEASURES, REST, WORK, Window, observed
 from vibro_lab.study.table import NUMBERS, Field, Study, are, computed, file_of
 from vibro_lab.study.variation import whole_number
-from vibro_ros import Parser, Scene, SimulationError, Simulator, read_scalar, software
-from vibro_ros.configuration.command_choice import Choice, CommandChoice, has_choice
-from vibro_ros.configuration.command_map import (
-    LARGEST,
-    PATCHWORK,
-    SIDES,
-    Axis,
-    CommandMap,
-    Curve,
-    Found,
-    parameters_that_count,
-    written,
-)
+from vibro_ros import Parser, Scene, SimulationError, Simulator, read_scalar
 
 SPEED, GAP = "motor_speed", "gap"
+SIDES = ("upper", "inclined")
+"""Sides whose gaps a map may vary."""
+PATCHWORK = -1
+"""Motion number of cells that form no motion, because what was found changes from cell to cell."""
+# A settled motion does not depend on how plates, and a motor whose speed is prescribed, reach their commands, nor on
+# the commanded speed itself, nor on limits that only warn.
+_FREE = ("start.", "solver.", "gap_actuator.")
+_OF_MOTOR, _FREE_OF_DC = ("motor.", "effects.motor"), (
+    "motor.speed", "motor.max_speed", "motor.acceleration", "motor.time_constant", "motor.voltage",
+    "motor.continuous_current")
 MOST_CELLS = 25_000
 """Largest number of cells of a grid. Each cell is visited four times."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """At least two equally spaced values, in the unit of the command."""
+
+    low: float
+    high: float
+    count: int
+
+    @property
+    def step(self) -> float:
+        """Distance between neighbouring values, in the unit of the command."""
+        return (self.high - self.low) / (self.count - 1)
+
+    @property
+    def values(self) -> np.ndarray:
+        """All values, shape (count,)."""
+        return np.linspace(self.low, self.high, self.count)
 
 
 @dataclass(frozen=True)
@@ -122,6 +149,15 @@ class MapDesign:
         return {"parameters": parameters_that_count(self.scene, self.sides), "solver": solver, "gaps": list(self.sides),
                 **{name: [axis.low, axis.high, axis.count]
                    for name, axis in ((SPEED, self.speeds), (GAP, self.gaps))}}
+
+
+def parameters_that_count(scene: Scene, sides: tuple[str, ...]) -> dict[str, object]:
+    """Return the parameters that a scene's motions depend on: all but commands, actuators, start and solver.
+
+    The parameters of a dc motor are included, because the motions depend on it.
+    """
+    free = (*_FREE, *(_FREE_OF_DC if scene.has_rotor else _OF_MOTOR), *(f"{side}.gap" for side in sides))
+    return {name: value for name, value in scene.parameters.items() if not name.startswith(free)}
 
 
 BOTH = "both"
@@ -319,7 +355,21 @@ LEAST_CELLS = 8
 _FROM_CELL_TO_CELL = 3e-3, 0.25  # largest change of a motion's mean speed between cells: m/s, plus share of the speed
 
 
-def motions(visits: Iterable[Visit], tolerance: float = SAME) -> tuple[Found, list[Visit]]:
+class MotionTable(NamedTuple):
+    """The motions of a map, a row each: columns of shape (rows,)."""
+
+    speed_index: np.ndarray  # cell of the grid
+    gap_index: np.ndarray
+    motion: np.ndarray  # its number, the same in neighbouring cells between which it changes little; or `PATCHWORK`
+    turns: np.ndarray  # period in turns of the crank; 0 without a period
+    landings: np.ndarray  # of the body in a period; 0 without a period
+    mean_speed: np.ndarray  # of the body [m/s], forwards positive
+    cost_of_transport: np.ndarray  # mean power / (weight x speed), dimensionless; NaN where it is not defined
+    stick_share: np.ndarray  # share of the time in which the body sticks to the ground, dimensionless
+    air_share: np.ndarray  # share of the time in which the body is in the air, dimensionless
+
+
+def motions(visits: Iterable[Visit], tolerance: float = SAME) -> tuple[MotionTable, list[Visit]]:
     """Return the distinct motions of each cell, with their numbers, and for each a visit that found it."""
     in_cell: dict[tuple[int, int], list[Visit]] = defaultdict(list)
     for visit in visits:
@@ -331,13 +381,11 @@ def motions(visits: Iterable[Visit], tolerance: float = SAME) -> tuple[Found, li
         cell.sort(key=lambda visit: visit.mean_speed)
     rows = [visit for _, cell in sorted(in_cell.items()) for visit in cell]
     numbers = _numbers(rows)
-    columns = {name: np.array([getattr(visit, name) for visit in rows]) for name in Found.__dataclass_fields__
-               if name not in ("motion", "sure")}
+    columns = {name: np.array([getattr(visit, name) for visit in rows]) for name in MotionTable._fields
+               if name != "motion"}
     short = columns["turns"] <= LONG
     columns |= {name: np.where(short, columns[name], 0) for name in ("turns", "landings")}
-    alone = np.array([len(in_cell[visit.speed_index, visit.gap_index]) == 1 for visit in rows])
-    sure = alone & (columns["turns"] > 0) & (numbers > PATCHWORK)
-    return Found(motion=numbers, sure=sure.astype(int), **columns), rows
+    return MotionTable(motion=numbers, **columns), rows
 
 
 def _continues(one: Visit, other: Visit) -> bool:
@@ -437,7 +485,7 @@ class Point(NamedTuple):
     motor_speed: float
 
 
-def ends(found: Found, rows: list[Visit], speeds: Axis, gap_indices: range) -> list[End]:
+def ends(found: MotionTable, rows: list[Visit], speeds: Axis, gap_indices: range) -> list[End]:
     """Find the ends of motions in some rows of the grid, in both directions of the motor speed; not at its borders."""
     listed = []
     for gap_index in gap_indices:
@@ -489,6 +537,15 @@ def _point_at(design: MapDesign, ends: tuple[End, ...], number: int) -> Point | 
     return end_point(design, ends[number])
 
 
+class Curve(NamedTuple):
+    """Curve on which the motions with a period of `turns` turns end; `kind` is one of `orbits.continuation.KINDS`."""
+
+    kind: str
+    turns: int
+    motor_speed: tuple[float, ...]  # of its points [rad/s]
+    gap: tuple[float, ...]  # of its points [m]
+
+
 def curves(design: MapDesign, points: list[Point], gap_indices: range) -> tuple[Curve, ...]:
     """Join points of neighbouring gaps to curves, each of at least two points."""
     lines: list[list[Point]] = []
@@ -519,7 +576,7 @@ _SAME_SPEED = 0.05  # relative difference of mean speeds up to which a start has
 _LONGEST_SETTLING = 40.0  # simulated time [s] of a start, about
 
 
-def shares(design: MapDesign, found: Found, execution: Execution) -> np.ndarray:
+def shares(design: MapDesign, found: MotionTable, execution: Execution) -> np.ndarray:
     """Share of `HISTORIES` random starts that lead to each motion, shape (rows,); NaN for the only motion of its cell.
 
     The shares of a cell's motions add up to less than 1 if a start leads to a motion that no sweep has found.
@@ -564,126 +621,34 @@ def _place_among(motion: SettledMotion, motions: Sequence[tuple[int, float]]) ->
     return min(near)[1] if near else None
 
 
-PROOFS, QUICK_PROOFS = 185, 16
-"""Number of mean speeds that are tried, equally spaced over the range of a map; the same for a quick map."""
-STARTS = 8
-"""Random starts of each trial (`orbits.starts`): a first second at other motor speeds and gaps."""
-SETTLING, MEASURING = 10.0, 10.0
-"""Settling time and measuring time [s], the latter rounded to whole turns."""
-MET = 0.05
-"""Largest deviation of a successful trial, as a share of the requested mean speed."""
+@dataclass(frozen=True)
+class MotionMap:
+    """The motions of a design, and the curves on which they end; `share` has the shares of `shares`."""
+
+    design: MapDesign
+    found: MotionTable
+    curves: tuple[Curve, ...]
+    share: np.ndarray
 
 
-class Trial(NamedTuple):
-    """Trial of the commands for one mean speed.
-
-    Attributes
-    ----------
-    asked, got : float
-        Requested and obtained mean speed [m/s]; `got` is that of the start with the largest deviation.
-    choice : Choice
-        The commands.
-    """
-
-    asked: float
-    got: float
-    choice: Choice
-
-    @property
-    def error(self) -> float:
-        """Deviation as a share of the requested mean speed, dimensionless."""
-        return abs(self.got / self.asked - 1.0)
-
-
-def proved(command_map: CommandMap, design: MapDesign, count: int, execution: Execution
-           ) -> tuple[CommandMap, list[Trial]]:
-    """Try the map's commands; return the map, its failed cells no longer sure, and the trials, by mean speed.
-
-    Parameters
-    ----------
-    command_map : CommandMap
-        Map with the cells that are sure by the sweeps.
-    design : MapDesign
-        The machine and the grid.
-    count : int
-        Number of mean speeds to try.
-    execution : Execution
-        Workers that run the trials.
-    """
-    if not has_choice(command_map):
-        return command_map, []
-    offered = CommandChoice(command_map)
-    asked = np.linspace(offered.slowest, offered.fastest, count).tolist()
-    done: dict[tuple[float, ...], Trial] = {}
-    while True:
-        choices = {}
-        if has_choice(command_map):
-            choice = CommandChoice(command_map)
-            for speed in asked:
-                with suppress(ValueError):  # no sure commands for this speed
-                    chosen = choice.commands_for(speed)
-                    choices[(speed, *chosen.commands.values())] = (speed, chosen)
-        new = [key for key in choices if key not in done]
-        tried = partial(_trial, design, tuple(choices[key] for key in new))
-        with Progress("commands tried", "job", len(new)) as progress, closing(execution.rows(
-                tried, range(len(new)), STARTS * (SETTLING + MEASURING), ("exact",))) as trials:
-            for key, trial in zip(new, trials, strict=True):
-                done[key] = trial
-                progress.add(1)
-        failed = [trial for trial in done.values()
-                  if trial.error > MET and command_map.found.sure[list(trial.choice.rows)].all()]
-        if not failed:
-            return command_map, [done[key] for key in choices]
-        sure = command_map.found.sure.copy()
-        sure[[row for trial in failed for row in trial.choice.rows]] = 0
-        command_map = replace(command_map, found=replace(command_map.found, sure=sure))
-
-
-def _trial(design: MapDesign, every: tuple[tuple[float, Choice], ...], number: int) -> Trial:
-    """Run the trial of a number: measure the mean speed at its commands after each of the random starts."""
-    asked, choice = every[number]
-    motor, gap = list(choice.commands.values())[:2]
-    turn, speeds = TURN / motor, []
-    duration = turn * round(MEASURING / turn)
-    for start in range(STARTS):
-        device = drawn_start(design.scene_with(motor, gap), start)
-        device.advance_to(SETTLING)
-        begin = device.state.body_position
-        device.advance_to(SETTLING + duration)
-        speeds.append((device.state.body_position - begin) / duration)
-    return Trial(asked, max(speeds, key=lambda speed: abs(speed - asked)), choice)
-
-
-SHOWN = 22
-"""Approximate number of rows of the printed table of trials."""
-
-
-def map_in_words(command_map: CommandMap, visits: list[Visit], share: np.ndarray) -> list[str]:
-    """Return lines of text about the map: numbers of motions, mean speeds, curves, and sure commands.
-
-    `share` has the shares of `shares`.
-    """
-    found = command_map.found
+def map_in_words(motion_map: MotionMap, visits: list[Visit]) -> list[str]:
+    """Return lines of text about the map: numbers of motions, mean speeds and curves."""
+    design, found, share = motion_map.design, motion_map.found, motion_map.share
     cells, counts = np.unique(np.column_stack([found.speed_index, found.gap_index]), axis=0, return_counts=True)
     unsettled = sum(visit.turns == UNSETTLED for visit in visits)
     numbered = np.unique(found.motion[found.motion > PATCHWORK])
     periodic = float(np.mean(found.turns > 0))
     fastest, slowest = int(np.argmax(np.abs(found.mean_speed))), int(np.argmin(np.abs(found.mean_speed)))
     forwards = int(np.sum(found.mean_speed > 0.0))
-    place = (f"{command_map.speeds.values[found.speed_index[fastest]]:g} rad/s, gap "
-                  f"{command_map.gaps.values[found.gap_index[fastest]] * 1e3:g} mm")
+    place = (f"{design.speeds.values[found.speed_index[fastest]]:g} rad/s, gap "
+             f"{design.gaps.values[found.gap_index[fastest]] * 1e3:g} mm")
     if not math.isnan(share[fastest]):
         place += f", {round(share[fastest] * HISTORIES)} of {HISTORIES} random starts"
-    tried = _fastest(command_map, share)[~np.isnan(_fastest(command_map, share))]
-    kinds = [curve.kind for curve in command_map.curves]
+    tried = _fastest(motion_map, share)[~np.isnan(_fastest(motion_map, share))]
+    kinds = [curve.kind for curve in motion_map.curves]
     curves = ", ".join(f"{kinds.count(kind)} of {kind}" for kind in dict.fromkeys(kinds))
-    sure = "no sure commands for any mean speed"
-    if has_choice(command_map):
-        choice = CommandChoice(command_map)
-        sure = (f"sure commands for {choice.covered:.0%} of the mean speeds from {choice.slowest * 1e3:.1f} to "
-                f"{choice.fastest * 1e3:.1f} mm/s")
     return [
-        f"{len(cells)} of {command_map.speeds.count * command_map.gaps.count} cells have a motion, "
+        f"{len(cells)} of {design.speeds.count * design.gaps.count} cells have a motion, "
         f"{np.sum(counts > 1)} have more than one; {unsettled} of {len(visits)} visits did not settle",
         f"the fastest of several motions has most of {HISTORIES} random starts in {np.sum(tried > 0.5)} cells, and "
         f"none of them in {np.sum(tried == 0.0)}",
@@ -692,23 +657,7 @@ def map_in_words(command_map: CommandMap, visits: list[Visit], share: np.ndarray
         f"mean speeds from {found.mean_speed[slowest] * 1e3:.1f} to {found.mean_speed[fastest] * 1e3:.1f} mm/s "
         f"({place}); {forwards} go forwards",
         f"curves: {curves or 'none'}",
-        sure,
     ]
-
-
-def trials_in_words(trials: list[Trial]) -> list[str]:
-    """Return lines of text: a table of requested mean speeds with the worst start of each; the largest deviation."""
-    if not trials:
-        return []
-    lines = ["asked [mm/s]  motor speed [rad/s]  gap [mm]  got [mm/s]  off [%]"]
-    for trial in trials[::max(1, len(trials) // SHOWN)]:
-        motor, gap = list(trial.choice.commands.values())[:2]
-        lines.append(f"{trial.asked * 1e3:12.1f}  {motor:19.2f}  {gap * 1e3:8.2f}  {trial.got * 1e3:10.1f}  "
-                     f"{trial.error * 100.0:7.1f}")
-    worst = max(trials, key=lambda trial: trial.error)
-    median = np.median([trial.error for trial in trials])
-    return [*lines, f"{len(trials)} mean speeds from {STARTS} starts each: asked and got differ by {worst.error:.1%} "
-            f"at most, and by {median:.1%} in the median"]
 
 
 WIDTH, HEIGHT = 9.6, 11.4  # in
@@ -717,36 +666,34 @@ _STYLES = {"fold": (BLACK, "-"), "period doubling": (BLACK, "--"), "Neimark-Sack
            "grazing": (VERMILION, "-")}
 
 
-def draw_map(command_map: CommandMap, share: np.ndarray) -> bytes:
-    """Draw mean speed, share of the starts and period over motor speed and gap; returns a PNG file.
-
-    `share` has the shares of `shares`.
-    """
+@default_settings()
+def draw_map(motion_map: MotionMap) -> bytes:
+    """Draw mean speed, share of the starts and period over motor speed and gap; returns a PNG file."""
     figure = new_figure(WIDTH, HEIGHT)
     upper, middle, lower = figure.subplots(3, 1, sharex=True, sharey=True)
-    _draw_quantity(figure, upper, command_map, command_map.found.mean_speed * 1e3, "fastest mean speed [mm/s]",
+    _draw_quantity(figure, upper, motion_map, motion_map.found.mean_speed * 1e3, "fastest mean speed [mm/s]",
                    "viridis")
-    _draw_quantity(figure, middle, command_map, share * 100.0, f"share of {HISTORIES} random starts [%]", "magma",
-                   (0.0, 100.0))
-    _draw_periods(figure, lower, command_map)
+    _draw_quantity(figure, middle, motion_map, motion_map.share * 100.0, f"share of {HISTORIES} random starts [%]",
+                   "magma", (0.0, 100.0))
+    _draw_periods(figure, lower, motion_map)
     for axes in (upper, middle, lower):
-        _draw_curves(axes, command_map)
+        _draw_curves(axes, motion_map)
     handles = [Line2D([], [], color=colour, linestyle=style, label=kind) for kind, (colour, style) in _STYLES.items()
-               if any(curve.kind == kind for curve in command_map.curves)]
+               if any(curve.kind == kind for curve in motion_map.curves)]
     if handles:
         figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
-    sides = "both plates" if len(command_map.sides) > 1 else f"the {command_map.sides[0]} plate"
-    upper.set_title(f"{command_map.scene}: motions over motor speed and gap of {sides}")
+    sides = "both plates" if len(motion_map.design.sides) > 1 else f"the {motion_map.design.sides[0]} plate"
+    upper.set_title(f"{motion_map.design.scene.name}: motions over motor speed and gap of {sides}", wrap=True)
     middle.set_title("cells with more than one motion: random starts that lead to the fastest", fontsize="medium")
     lower.set_xlabel("motor speed [rad/s]")
     return png(figure)
 
 
-def _fastest(command_map: CommandMap, values: np.ndarray) -> np.ndarray:
+def _fastest(motion_map: MotionMap, values: np.ndarray) -> np.ndarray:
     """Value of the fastest motion of each cell, forwards or backwards, shape (gaps, speeds); NaN without a motion."""
-    order = np.argsort(np.abs(command_map.found.mean_speed), kind="stable")
-    cells = np.full((command_map.gaps.count, command_map.speeds.count), np.nan)
-    cells[command_map.found.gap_index[order], command_map.found.speed_index[order]] = values[order]
+    order = np.argsort(np.abs(motion_map.found.mean_speed), kind="stable")
+    cells = np.full((motion_map.design.gaps.count, motion_map.design.speeds.count), np.nan)
+    cells[motion_map.found.gap_index[order], motion_map.found.speed_index[order]] = values[order]
     return cells
 
 
@@ -754,32 +701,35 @@ def _edges(axis: Axis, factor: float = 1.0) -> np.ndarray:
     return factor * np.linspace(axis.low - axis.step / 2.0, axis.high + axis.step / 2.0, axis.count + 1)
 
 
-def _draw_quantity(figure: Figure, axes: Axes, command_map: CommandMap, values: np.ndarray, name: str,
+def _draw_quantity(figure: Figure, axes: Axes, motion_map: MotionMap, values: np.ndarray, name: str,
                    colours: str, limits: tuple[float | None, float | None] = (None, None)) -> None:
-    mesh = axes.pcolormesh(_edges(command_map.speeds), _edges(command_map.gaps, 1e3), _fastest(command_map, values),
-                           cmap=colours, vmin=limits[0], vmax=limits[1], rasterized=True)
+    mesh = axes.pcolormesh(_edges(motion_map.design.speeds), _edges(motion_map.design.gaps, 1e3),
+                           _fastest(motion_map, values), cmap=colours, vmin=limits[0],
+                           vmax=limits[1], rasterized=True)
     figure.colorbar(mesh, ax=axes, label=name, pad=0.01)
     axes.set_ylabel("gap [mm]")
     axes.set_facecolor("white")
 
 
-def _draw_periods(figure: Figure, axes: Axes, command_map: CommandMap) -> None:
-    turns = command_map.found.turns
-    classes = _fastest(command_map, np.where(turns > 4, 5, turns).astype(float))
+def _draw_periods(figure: Figure, axes: Axes, motion_map: MotionMap) -> None:
+    turns = motion_map.found.turns
+    classes = _fastest(motion_map, np.where(turns > 4, 5, turns).astype(float))
     colours = ListedColormap([colour for colour, _ in _PERIODS])
-    mesh = axes.pcolormesh(_edges(command_map.speeds), _edges(command_map.gaps, 1e3), classes, cmap=colours,
+    mesh = axes.pcolormesh(_edges(motion_map.design.speeds), _edges(motion_map.design.gaps, 1e3), classes, cmap=colours,
                            norm=BoundaryNorm(np.arange(-0.5, len(_PERIODS)), len(_PERIODS)), rasterized=True)
     axes.set_ylabel("gap [mm]")
     bar = figure.colorbar(mesh, ax=axes, pad=0.01, ticks=range(len(_PERIODS)), label="period [turns]")
     bar.ax.set_yticklabels([words for _, words in _PERIODS])
 
 
-def _draw_curves(axes: Axes, command_map: CommandMap) -> None:
-    for curve in command_map.curves:
+def _draw_curves(axes: Axes, motion_map: MotionMap) -> None:
+    for curve in motion_map.curves:
         colour, style = _STYLES[curve.kind]
-        axes.plot(curve.motor_speed, np.array(curve.gap) * 1e3, color=colour, linestyle=style, linewidth=1.1)
-    axes.set_xlim(*_edges(command_map.speeds)[[0, -1]])
-    axes.set_ylim(*_edges(command_map.gaps, 1e3)[[0, -1]])
+        gaps = np.array(curve.gap) * 1e3
+        axes.plot(curve.motor_speed, gaps, color="white", linewidth=2.6)  # else black lines vanish in dark cells
+        axes.plot(curve.motor_speed, gaps, color=colour, linestyle=style, linewidth=1.1)
+    axes.set_xlim(*_edges(motion_map.design.speeds)[[0, -1]])
+    axes.set_ylim(*_edges(motion_map.design.gaps, 1e3)[[0, -1]])
 
 
 TABLE, PICTURE = "motions.parquet", "map.png"
@@ -788,16 +738,15 @@ CURVES = 11
 
 
 class Asked(NamedTuple):
-    """Design of the study: the map, the indices of the gaps of its curves, and the number of mean speeds to try."""
+    """Design of the study: the map, and the indices of the gaps of its curves."""
 
     design: MapDesign
     gap_indices: range
-    proofs: int
 
 
 def _asked(options: argparse.Namespace) -> Asked:
     design = design_of(options)
-    return Asked(design, _rows_of_curves(design, options.curves), QUICK_PROOFS if options.quick else PROOFS)
+    return Asked(design, _rows_of_curves(design, options.curves))
 
 
 def _results(asked: Asked, folder: Path, execution: Execution) -> Iterator[Results]:
@@ -806,33 +755,19 @@ def _results(asked: Asked, folder: Path, execution: Execution) -> Iterator[Resul
     found, rows = motions(visits, tolerance_of(design.scene))
     if not rows:
         raise RuntimeError("no visit has settled, so that there is no map; give another scene or other speeds")
-    parameters = parameters_that_count(design.scene, design.sides)
-    command_map = CommandMap(design.scene.name, parameters, design.sides, design.speeds, design.gaps, found, ())
     points = points_of(design, ends(found, rows, design.speeds, asked.gap_indices), execution)
-    command_map = replace(command_map, curves=curves(design, points, asked.gap_indices))
-    share = shares(design, found, execution)
-    command_map, trials = proved(command_map, design, asked.proofs, execution)
-    yield Results(_files(command_map, rows, share),
-                  [*map_in_words(command_map, visits, share), *trials_in_words(trials)])
+    motion_map = MotionMap(design, found, curves(design, points, asked.gap_indices), shares(design, found, execution))
+    yield Results({TABLE: _table(motion_map, rows), PICTURE: draw_map(motion_map)}, map_in_words(motion_map, visits))
 
 
-def _files(command_map: CommandMap, rows: list[Visit], share: np.ndarray) -> dict[str, bytes]:
-    """Contents of command map, table and picture by file name."""
-    name, text = f"{command_map.scene}.json", written(command_map, f"vibro_ros {software()['version']}").encode()
-    if len(text) > LARGEST:
-        raise RuntimeError(f"{name}: {len(text)} bytes are more than the {LARGEST} that a controller reads; give a "
-                           "coarser grid")
-    return {name: text, TABLE: _table(command_map, rows, share), PICTURE: draw_map(command_map, share)}
-
-
-def _table(command_map: CommandMap, rows: list[Visit], share: np.ndarray) -> bytes:
+def _table(motion_map: MotionMap, rows: list[Visit]) -> bytes:
     """Return a Parquet file of all motions, with motor speeds and gaps in place of indices."""
-    found, speeds, gaps = command_map.found, command_map.speeds, command_map.gaps
+    found, speeds, gaps = motion_map.found, motion_map.design.speeds, motion_map.design.gaps
     columns = {"motor_speed": (speeds.values[found.speed_index], "rad/s"), "gap": (gaps.values[found.gap_index], "m"),
                "motion": (found.motion, "1"), "turns": ([visit.turns for visit in rows], "1"),
                "landings": ([visit.landings for visit in rows], "1"), "mean_speed": (found.mean_speed, "m/s"),
                "cost_of_transport": (found.cost_of_transport, "1"), "stick_share": (found.stick_share, "1"),
-               "air_share": (found.air_share, "1"), "share_of_starts": (share, "1")}
+               "air_share": (found.air_share, "1"), "share_of_starts": (motion_map.share, "1")}
     arrays = [pa.array(values) for values, _ in columns.values()]
     fields = [pa.field(name, array.type, metadata={"unit": unit})
               for (name, (_, unit)), array in zip(columns.items(), arrays, strict=True)]
@@ -843,8 +778,8 @@ def _add_options(parser: Parser) -> None:
     parser.add_argument("--motor-speed", metavar="LOW:HIGH:COUNT",
                         help=f"motor speeds [rad/s] (default: {MOTOR_SPEEDS})")
     parser.add_argument("--gap", metavar="LOW:HIGH:COUNT", help=f"gaps [m] (default: {GAPS})")
-    parser.add_argument("--quick", action="store_true", help=f"a coarse grid, {QUICK[0]} rad/s and {QUICK[1]} m, with "
-                        "few trials: a look within a minute")
+    parser.add_argument("--quick", action="store_true", help=f"a coarse grid, {QUICK[0]} rad/s and {QUICK[1]} m: "
+                        "a look within a minute")
     parser.add_argument("--gaps", choices=(BOTH, *SIDES), default=BOTH, help="gaps that are varied: of both plates "
                         f"alike, or of one (default: {BOTH})")
     parser.add_argument("--curves", type=int, metavar="N", help="gaps at which folds, doublings, Neimark-Sacker points "
@@ -855,5 +790,5 @@ def _add_options(parser: Parser) -> None:
 main = StudyCommand(
     "map", "Find the motions of a machine at each motor speed and gap: rows and columns of a grid are swept up and "
     "down, each cell beginning with the state of the one before, so that motions that exist together are found. "
-    "Writes the motions as Parquet, a picture, and a command map for `controller`.", _add_options, _asked, _results,
+    "Writes the motions as Parquet, and a picture.", _add_options, _asked, _results,
     failure="the disk is full, or nothing settles")

@@ -433,6 +433,9 @@ _NO_POWER = "NaN if that power is not above 0"
 #: Names of the exponent and of half its 95 % interval, which is always measured with it.
 LYAPUNOV = EXPONENT, SPREAD = "lyapunov_exponent", "lyapunov_spread"
 
+#: Measures whose sign is the direction of the motion: the largest is that of the fastest robot, forwards or backwards.
+DIRECTED = "mean_speed", "speed_per_power", "speed_per_delivered_power"
+
 MEASURES: dict[str, Measure] = {
     "mean_speed": Measure("m/s", "mean speed of the body, forward positive", (), _speed),
     "mean_power": Measure("W", "mean mechanical power of the motor, less what the springs return to it", (WORK,),

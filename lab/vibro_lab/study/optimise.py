@@ -19,13 +19,11 @@ from typing import Any, NamedTuple
 import cma
 import numpy as np
 import pyarrow as pa
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from vibro_lab.orbits.starts import running
 from vibro_lab.study.command import Progress, Results, StudyCommand, machine_of, settings_of
 from vibro_lab.study.execution import Execution, computes_with
-from vibro_lab.study.figures import BLACK, GRID, SKY, VERMILION, new_figure, png
+from vibro_lab.study.figures import BLACK, GRID, SKY, VERMILION, Axes, Figure, default_settings, new_figure, png
 from vibro_lab.study.space import Space, chosen_variables
 from vibro_lab.study.table import NUMBERS, Field, Study, are, stored
 from vibro_lab.study.trials import (
@@ -563,6 +561,13 @@ def _yield(row: Verified) -> str:
     return f" and {_with_spread(row.ratio)} m/J" if math.isfinite(row.cost) else ""
 
 
+def in_words(result: Result) -> list[str]:
+    """Return the optimum in lines: what its robot does, and its parameters with units."""
+    robot = ", ".join(f"{name} = {_number(value)}{f' {unit}' if (unit := PARAMETERS[name].unit) else ''}"
+                      for name, value in result.optimum.items())
+    return [_question_and_verdict(result)[-1], f"The optimum: {robot}."]
+
+
 def on_bounds(result: Result) -> str:
     """Sentence that names the parameters of the optimum that lie on a bound, beyond which the score may still rise."""
     ends = [f"{variable.name} ({_ENDS[end]})" for variable, end in zip(
@@ -629,18 +634,20 @@ def _figure(width: float, height: float) -> tuple[Figure, Axes]:
     return figure, axes
 
 
+@default_settings()
 def draw_convergence(plan: Plan, candidates: Candidates, title: str) -> Figure:
     """Draw the score of every candidate in turn, and the best so far."""
     figure, axes = _figure(8.0, 4.5)
     scores = np.array([plan.score(values) for values in candidates.values])
     scores, turns = np.where(scores > 0.0, scores, np.nan), np.arange(1, len(scores) + 1)
-    axes.plot(turns, scores, ".", ms=2.0, color=_ALL, label="a robot", rasterized=True)
+    axes.plot(turns, scores, ".", ms=5.0, color=_ALL, label="a robot", rasterized=True)
     axes.plot(turns, np.fmax.accumulate(scores), color=_BEST, label="best so far")
     axes.set(xlabel="robots tried", ylabel=f"score [{plan.unit}]", title=title)
     axes.legend(frameon=False)
     return figure
 
 
+@default_settings()
 def draw_front(result: Result, candidates: Candidates, title: str) -> Figure:
     """Draw cost of transport over speed: all candidates, the front from other starts, the motions of the optimum."""
     figure, axes = _figure(8.0, 5.5)
@@ -648,7 +655,7 @@ def draw_front(result: Result, candidates: Candidates, title: str) -> Figure:
     every = np.array([plan.speed_and_cost(point, values)
                       for point, values in zip(candidates.points, candidates.values, strict=True)])
     every = every[np.isfinite(every[:, 1]) & (every[:, 0] > _SLOWEST)]
-    axes.plot(1e3 * every[:, 0], every[:, 1], ".", ms=2.0, color=_ALL, label="a robot of the search", rasterized=True)
+    axes.plot(1e3 * every[:, 0], every[:, 1], ".", ms=5.0, color=_ALL, label="a robot of the search", rasterized=True)
     front = result.front
     axes.plot([1e3 * one.speed for one in front], [one.cost for one in front], "-o", ms=3.0, color=_BEST,
               label="front, from fresh starts")
@@ -667,7 +674,7 @@ _LEAST = {"budget": 1, "starts": 2, "seed": 0}
 
 def _results(plan: Plan, folder: Path, execution: Execution) -> Iterator[Results]:
     result, candidates = studied(plan, folder / FOLDER, execution)
-    yield Results(files_of(result, candidates), [on_bounds(result)])
+    yield Results(files_of(result, candidates), [*in_words(result), on_bounds(result)])
 
 
 def plan_of(options: argparse.Namespace) -> Plan:

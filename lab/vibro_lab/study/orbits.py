@@ -18,8 +18,6 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
 
 from vibro_lab.orbits.branch import (
     Branch,
@@ -45,9 +43,13 @@ from vibro_lab.study.figures import (
     ORANGE,
     PURPLE,
     VERMILION,
+    Axes,
+    Line2D,
+    default_settings,
     new_figure,
     of_parameter,
     png,
+    set_heading,
     style_axes,
 )
 from vibro_lab.study.table import NUMBERS, Field, Study, file_of, parameter_field, read_block, stored, table_of
@@ -523,6 +525,7 @@ _MOST_NAMES = 24  # largest number of labels in the picture
 _CELLS = 50.0  # cells along each axis of a panel; special points of one cell share a label
 
 
+@default_settings()
 def draw_orbits(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> bytes:
     """Draw all branches; returns a PNG file."""
     figure, branches = new_figure(9.0, 8.4), [branch for _, branch in done]
@@ -546,7 +549,7 @@ def draw_orbits(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> bytes:
     for axes in (upper, lower):
         style_axes(axes)
     figure.legend(handles=_legend(branches), loc="outside lower center", ncols=5, frameon=False, fontsize=9)
-    figure.suptitle(f"{plan.scene.name}: periodic orbits over {plan.name}, unstable ones dashed", fontsize=11)
+    set_heading(figure, f"{plan.scene.name}: periodic orbits over {plan.name}, unstable ones dashed")
     return png(figure)
 
 
@@ -581,6 +584,7 @@ def _legend(branches: Sequence[Branch]) -> list[Line2D]:
                     for kind, (mark, size) in MARKS.items() if kind in kinds]
 
 
+@default_settings()
 def draw_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]],
                 found: Sequence[tuple[CurveTask, Branch]]) -> bytes:
     """Draw all curves, and the special points of the branches that they begin with; returns a PNG file."""
@@ -602,7 +606,7 @@ def draw_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]],
     if kinds:
         axes.legend(handles=[Line2D([], [], ls=_STYLES[kind], color=_CURVE_COLOURS[kind], marker=MARKS[kind][0],
                                     ms=MARKS[kind][1], mfc="white", label=kind) for kind in kinds], frameon=False)
-    figure.suptitle(f"{asked.plan.scene.name}: special points over {' and '.join(asked.ranges)}", fontsize=11)
+    set_heading(figure, f"{asked.plan.scene.name}: special points over {' and '.join(asked.ranges)}")
     return png(figure)
 
 

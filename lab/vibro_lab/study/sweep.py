@@ -20,8 +20,6 @@ from typing import Any, cast
 
 import numpy as np
 import pyarrow as pa
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from vibro_lab.orbits.attractors import Attractor, Attractors, group_starts
 from vibro_lab.orbits.chaos import half_interval, sign_of
@@ -36,13 +34,18 @@ from vibro_lab.study.figures import (
     ORANGE,
     PURPLE,
     VERMILION,
+    Axes,
+    Figure,
+    default_settings,
     new_figure,
     of_parameter,
     png,
+    set_heading,
     style_axes,
     with_unit,
 )
 from vibro_lab.study.measures import (
+    DIRECTED,
     EXPONENT,
     LYAPUNOV,
     MEASURES,
@@ -527,10 +530,13 @@ def in_words(found: Summary) -> list[str]:
         if np.isnan(found.mean[name]).all():
             lines.append(f"{name}: no run has a value")
             continue
-        least, most = int(np.nanargmin(found.mean[name])), int(np.nanargmax(found.mean[name]))
+        sizes = np.abs(found.mean[name]) if name in DIRECTED else found.mean[name]
+        least, most = int(np.nanargmin(sizes)), int(np.nanargmax(sizes))
         lines.append(f"{name}: from {_extreme_in_words(found, name, least)} to {_extreme_in_words(found, name, most)}")
         for what, row, direction in (("least", least, "fall"), ("largest", most, "rise")):
-            lines.append(at_the_edge(f"the {what} {name}", ends_at(found.parameters, int(found.point[row])), direction))
+            quantity = f"magnitude of {name}" if name in DIRECTED else name
+            ends = ends_at(found.parameters, int(found.point[row]))
+            lines.append(at_the_edge(f"the {what} {quantity}", ends, direction))
         if name == EXPONENT and (unknown := _of_unknown_sign(found)):
             lines.append(f"{name}: sign not known of {unknown} of {len(found.point)} motions")
     for count, what, texts in ((found.failed.sum(), "runs could not go on", [
@@ -577,6 +583,7 @@ _STYLES = ((BLUE, "o"), (VERMILION, "^"), (GREEN, "s"), (PURPLE, "v"), (BLACK, "
 _WIDTH, _HEIGHT = 5.2, 3.6  # in, of a panel
 
 
+@default_settings()
 def draw_sweep(found: Summary) -> bytes:
     """Draw every measure of a sweep in a row of panels; returns a PNG file.
 
@@ -606,8 +613,8 @@ def draw_sweep(found: Summary) -> bytes:
     intervals = ", 95 % intervals" if is_lines else ""
     several = ", of several motions the one of most starts" if is_map else ", a mark a motion"
     starts = f"{found.design.starts} starts{several}{intervals}" if found.design.starts > 1 else "one start"
-    figure.suptitle(f"{found.design.scene.name}: {starts}, {found.design.duration:g} s after "
-                    f"{found.design.settling:g} s", fontsize=11)
+    set_heading(figure, f"{found.design.scene.name}: {starts}, {found.design.duration:g} s after "
+                f"{found.design.settling:g} s")
     return png(figure)
 
 

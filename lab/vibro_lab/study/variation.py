@@ -211,9 +211,10 @@ def sampling_in_words(text: str) -> Sampling:
 def ends_at(values: Mapping[str, Sequence[Value]], at: int) -> list[str]:
     """Names of the numeric scanned parameters that have their least or largest value at the point `at`.
 
-    `values` contains, by scanned parameter, its value at every point.
+    `values` contains, by scanned parameter, its value at every point. A parameter of two values has no ends, because
+    each of its points would be one.
     """
-    numbers = [name for name, every in values.items() if isinstance(every[0], float) and len(set(every)) > 1]
+    numbers = [name for name, every in values.items() if isinstance(every[0], float) and len(set(every)) > 2]
     return [name for name in numbers if values[name][at] in (min(values[name]), max(values[name]))]  # type: ignore
 
 

@@ -15,7 +15,6 @@ import time
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 
 from vibro_lab.executables import EXECUTABLES
 from vibro_lab.twin.estimator import Departure, Estimator
@@ -26,14 +25,12 @@ from vibro_ros import (
     COMMANDS,
     Parameter,
     Parser,
-    Preparation,
     Scene,
     SimulationError,
     StopRequest,
     ToleranceWarning,
     Value,
     checked_parameters,
-    compile_kernels,
     exit_code,
     load_scene,
     of_imu,
@@ -99,7 +96,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(words: Sequence[str]) -> int:
-    _parser().parse_args(own_arguments(words))
+    _parser().parse_args(own_arguments(words, PARAMETERS))
     files = check_arguments(words)
     os.nice(NICENESS)
     with StopRequest() as stop, node_running(NODE_NAME, words) as node:
@@ -108,11 +105,8 @@ def _run(words: Sequence[str]) -> int:
         settings, scene = _configure(node, words)
         check_qos_overrides(node, PUBLISHED, (*COMMANDS, *SENSORS, CLOCK))
         node.get_logger().info(f"scene {settings['scene']}")
-        preparation = Preparation(partial(_prepare, settings, scene), node.get_logger().info)
-        spin_until(node, lambda: bool(stop) or preparation.done())
-        if not stop:
-            estimator = preparation.result()
-            wait_for_time(node, lambda: bool(stop))
+        estimator = _new_estimator(settings, scene)
+        wait_for_time(node, lambda: bool(stop))
         if stop:
             say("twin", "stopped while starting")
             return 0
@@ -140,12 +134,6 @@ def _configure(node: GuardedNode, words: Sequence[str]) -> tuple[dict[str, Value
     declare(node, PARAMETERS, settings)
     declare(node, [replace(one, while_running=False) for one in SCENE_PARAMETERS.values()], scene.parameters)
     return settings, scene
-
-
-def _prepare(settings: Mapping[str, Value], scene: Scene) -> Estimator:
-    """Compile the kernels and make the estimator, in a thread, so that a signal need not wait for it."""
-    compile_kernels(scene["solver.method"])
-    return _new_estimator(settings, scene)
 
 
 def _new_estimator(settings: Mapping[str, Value], scene: Scene) -> Estimator:

@@ -2,9 +2,8 @@
 
 In comes a script, a YAML file, or with `--serve` a goal of an action; out go the commands `motor_speed`, `upper_gap`
 and `inclined_gap` to one robot. Read `controller.py` first: it checks everything, then plays. `script.py` unfolds the
-file into segments in time; `configuration/command_choice.py` turns a speed over ground into commands by a map.
-`player.py` waits for a robot, keeps time by the wall clock or /clock, and sends each change; on an abort the motor
-stops. `commanded_robot.py` asks the robot for its limits, so that a script beyond them is refused before it starts, and
-detects a second robot. The control laws of `feedback.py` hold a speed or reach a position with feedback from `odom`;
-`goals.py` offers the same as actions. `map_adviser.py` warns where several motions are possible at a command.
+file into segments in time. `player.py` waits for a robot, keeps time by the wall clock or /clock, and sends each
+change; on an abort the motor stops. `commanded_robot.py` asks the robot for its limits, so that a script beyond them is
+refused before it starts, and detects a second robot. The control laws of `feedback.py` hold a speed or reach a position
+with feedback from `odom`; `goals.py` offers the same as actions.
 """

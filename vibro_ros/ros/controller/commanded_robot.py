@@ -69,10 +69,7 @@ class CommandedRobot:
     def tick(self) -> None:
         """Search for subscribers and ask them for their parameters, if that is due; to be called often.
 
-        Raises
-        ------
-        RuntimeError
-            When the robot has refused the motor speed that was sent last, or two robots receive the commands.
+        RuntimeError when the robot has refused the motor speed that was sent last, or two robots receive the commands.
         """
         if self._refused:
             raise RuntimeError(self._refused)
@@ -143,13 +140,7 @@ class CommandedRobot:
         return ""
 
     def note(self, command: str, value: float) -> None:
-        """Check a command and note that it is sent.
-
-        Raises
-        ------
-        RuntimeError
-            When the robot would refuse it.
-        """
+        """Check a command and note that it is sent (RuntimeError when the robot would refuse it)."""
         if reason := self.refusal(command, value):
             raise RuntimeError(reason)
         if command == MOTOR:

@@ -11,22 +11,19 @@ import argparse
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 from rclpy.duration import Duration
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
-from vibro_ros.configuration.command_map import CommandMap, read_map
 from vibro_ros.configuration.shipped import find_file, shipped
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.model.parameters import Parameter, Value, checked_parameters
-from vibro_ros.process.entry_point import Parser, StopRequest, exit_code
+from vibro_ros.process.entry_point import LAUNCHED, Parser, StopRequest, exit_code
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.ros.controller.commanded_robot import ODOM, CommandedRobot, FaultService, OdometrySubscription
 from vibro_ros.ros.controller.feedback import check_reach
 from vibro_ros.ros.controller.goals import NAMES, GoalServer, action_types
-from vibro_ros.ros.controller.map_adviser import MapAdviser
 from vibro_ros.ros.controller.player import ACKNOWLEDGE_TIMEOUT, Player, ScriptSchedule, timeline
 from vibro_ros.ros.controller.script import MOTOR, Script, read_script
 from vibro_ros.ros.node import process, qos
@@ -42,8 +39,6 @@ PARAMETERS = (
     Parameter("rate", 50.0, "Hz", "commands a second along a ramp", minimum=0.0, maximum=1e4, positive=True),
     Parameter("reach", -0.06, "m/s", "mean speed that the robot holds at most where feedback asks for a speed or a "
               "position; negative for a robot that goes backwards", minimum=-1e3, maximum=1e3),
-    Parameter("map", "device", "", "command map, a shipped scene's name or a path: gives the commands for a speed over "
-              "ground, and says when commands cross into another motion, if it is the robot's"),
 )
 
 
@@ -60,7 +55,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(argv: Sequence[str] | None) -> int:
     words = sys.argv[1:] if argv is None else argv
-    arguments = _parser().parse_args(own_arguments(words))
+    arguments = _parser().parse_args(own_arguments(words, PARAMETERS))
     if arguments.serve and arguments.script:
         raise ValueError("--serve: takes goals from other programs, not from a script; leave one of the two out")
     files = check_arguments(words)
@@ -77,23 +72,19 @@ def _run(argv: Sequence[str] | None) -> int:
         if arguments.serve:
             return _serve(settings, node, stop)
         path = find_file("script", settings["script"])
-        map_path = find_file("map", settings["map"])
-        command_map = read_map(map_path)
-        script = read_script(path, command_map)
+        script = read_script(path)
         try:
             check_reach(script.goals, settings["reach"])
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
         longest = " at most" if script.goals else ""
         node.get_logger().info(f"script {path}: {script.duration:g} s{longest}, {', '.join(script.commands)}")
-        return _play(script, (command_map, map_path), settings, node, stop)
+        return _play(script, settings, node, stop)
 
 
-def _play(script: Script, known: tuple[CommandMap, Path], settings: Mapping[str, Value], node: GuardedNode,
-          stop: StopRequest) -> int:
+def _play(script: Script, settings: Mapping[str, Value], node: GuardedNode, stop: StopRequest) -> int:
     publishers = {name: node.create_publisher(Float64, name, qos.profile(name)) for name in script.commands}
     robot = CommandedRobot(node, publishers[script.commands[0]])
-    adviser = MapAdviser(node, *known, robot)
     faults = FaultService(node, robot) if script.needs_faults else None
 
     def prepare() -> None:
@@ -101,14 +92,11 @@ def _play(script: Script, known: tuple[CommandMap, Path], settings: Mapping[str,
         if stop:
             return
         check_limits(script, str(settings["script"]), robot)
-        if script.needs_map:
-            adviser.require()
         if faults:
             faults.wait(stop)
 
     def meanwhile(_: float) -> None:
         robot.tick()
-        adviser.judge()
         if faults:
             faults.check()
 
@@ -118,10 +106,9 @@ def _play(script: Script, known: tuple[CommandMap, Path], settings: Mapping[str,
 
     player = Player(node, publishers, meanwhile, prepare)
     odometer = OdometrySubscription(node) if script.goals else None
-    schedule = ScriptSchedule(script, settings["reach"], odometer, send, node.get_logger().info, adviser.advise, robot,
-                              faults)
+    schedule = ScriptSchedule(script, settings["reach"], odometer, send, node.get_logger().info, robot, faults)
     code = player.run(schedule.instants(settings["rate"]), settings["wait"], stop)
-    if not code:
+    if not (code or stop):
         _say_what_still_runs(node, robot)
     return code
 
@@ -144,10 +131,7 @@ def _serve(settings: Mapping[str, Value], node: GuardedNode, stop: StopRequest) 
 def check_limits(script: Script, file: str, robot: CommandedRobot) -> None:
     """Refuse a script, read from `file`, with a command that the robot would refuse.
 
-    Raises
-    ------
-    ValueError
-        The message names the entry, the topic, the limit and the robot.
+    ValueError: the message names the entry, the topic, the limit and the robot.
     """
     for segment in script.segments:
         values = [(name, value) for name in segment.given
@@ -170,23 +154,25 @@ def _say_what_still_runs(node: Node, robot: CommandedRobot) -> None:
                  f"{timeout:g} s")
     else:
         log.warning(f"script done, and the motor goes on: {topic} stays at {speed:g} rad/s until another command "
-                    f"comes; stop it with ros2 topic pub --once {topic} std_msgs/msg/Float64 '{{data: 0.0}}'")
+                    f"comes; stop it by the page of `view{robot.name and f' --robot {robot.name}'}`, or by "
+                    "a script that ends with motor_speed: 0.0")
 
 
 def _parser() -> Parser:
     parser = Parser(
         prog="controller",
-        description=f"{EXECUTABLES['controller'].does} Shipped scripts: " + ", ".join(shipped("script"))
-        + "; maps: " + ", ".join(shipped("map")),
+        description=f"{EXECUTABLES['controller'].does} Shipped scripts: " + ", ".join(shipped("script")),
         epilog="ROS parameters (--ros-args -p name:=value):\n"
         + parameter_lines(PARAMETERS, {parameter.name: parameter.default for parameter in PARAMETERS})
-        + "\n\nExit code 0: played to the end, or --serve ended by a signal; 1: no robot, two, or not the map's,\n"
-        "it went away or refuses a command, /clock jumped back, or a speed or a position was not held or reached,\n"
-        "with the motor told to stop; 2: bad script, parameter or map, out of reach, or beyond the robot's limits;\n"
+        + "\n\nExit code 0: played to the end, or --serve ended by a signal; 1: no robot, or two, it went\n"
+        "away or refuses a command, /clock jumped back, or a speed or a position was not held or reached, with the\n"
+        "motor told to stop; 2: bad script or parameter, out of reach, or beyond the robot's limits;\n"
         "129, 130, 143: aborted by SIGHUP, SIGINT or SIGTERM, and the motor told to stop.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("script", nargs="?", help="a shipped script's name, or the path of a YAML file")
     parser.add_argument("--serve", action="store_true", help="offer the actions go_to and hold_speed to other "
                         "programs, until a signal, instead of playing a script")
+    parser.add_argument(LAUNCHED, action="store_true", help="exit code 0 after a signal, for launch files, which "
+                        "report any other code as a process that has died")
     return parser

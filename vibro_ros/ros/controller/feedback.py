@@ -184,10 +184,7 @@ class SpeedLaw:
     def step(self, time: float, mean: MeanPosition) -> float:
         """Return the motor speed [rad/s] to command, `time` [s] after the beginning.
 
-        Raises
-        ------
-        GoalError
-            At the end, when the speed was not held.
+        GoalError at the end, when the speed was not held.
         """
         stamp, position = mean.stamp, mean.position
         assert stamp is not None and position is not None
@@ -293,10 +290,7 @@ class PositionLaw:
     def step(self, time: float, mean: MeanPosition) -> float:
         """Return the motor speed [rad/s] to command, `time` [s] after the beginning; 0 at the end.
 
-        Raises
-        ------
-        GoalError
-            When the position is out of reach, was passed, or was not reached in time.
+        GoalError when the position is out of reach, was passed, or was not reached in time.
         """
         assert mean.position is not None
         distance = (self._goal.position - mean.position) * (1.0 if self._reach > 0.0 else -1.0)
@@ -396,10 +390,7 @@ class GoalTracking:
     def motor_speed(self, time: float) -> float | None:
         """Return the motor speed [rad/s] to command at `time` [s]; None before the first sample of odometry.
 
-        Raises
-        ------
-        GoalError
-            When the goal is missed; the caller must then stop the motor.
+        GoalError when the goal is missed; the caller must then stop the motor.
         """
         mean = self._mean
         silence = time - max(self._began, self._began if mean.last_received is None else mean.last_received)

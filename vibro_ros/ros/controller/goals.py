@@ -87,14 +87,8 @@ class GoalServer:
     async def _pursue(self, kind: Any, name: str, handle: ServerGoalHandle) -> str:
         """Pursue a goal to its end and return in words what was reached.
 
-        Raises
-        ------
-        ValueError
-            For an invalid goal, or one that the robot cannot reach.
-        RuntimeError
-            When the goal was missed, or no robot is there.
-        _CancelledError
-            When the goal was cancelled.
+        ValueError for an invalid goal, or one that the robot cannot reach. RuntimeError when the goal was missed, or no
+        robot is there. _CancelledError when the goal was cancelled.
         """
         duration, goal = read_goal(_entry(name, handle.request))
         check_reach([(name, goal)], self._reach)

@@ -16,7 +16,6 @@ from vibro_ros.configuration.scene_file import NODE_NAME
 from vibro_ros.process.entry_point import StopRequest
 from vibro_ros.ros.controller.commanded_robot import CommandedRobot, FaultService, OdometrySubscription
 from vibro_ros.ros.controller.feedback import RATE, GoalError, GoalTracking
-from vibro_ros.ros.controller.map_adviser import STAY
 from vibro_ros.ros.controller.script import MOTOR, Script, Segment
 from vibro_ros.ros.node import process
 from vibro_ros.ros.node.node import GuardedNode
@@ -75,12 +74,7 @@ class RosTime:
         """Return the ROS time [s] since time 0; minus infinity until the first time is received on /clock.
 
         A script that began before that would begin at the first time that arrives from a running simulation, which
-        differs from run to run.
-
-        Raises
-        ------
-        RuntimeError
-            When ROS time jumped back.
+        differs from run to run. RuntimeError when ROS time jumped back.
         """
         if not self._node.clock_heard:
             self._say_standstill()
@@ -204,7 +198,7 @@ def topics_without_subscribers(publishers: Sequence[Publisher]) -> list[str]:
 def wait_for_listeners(node: GuardedNode, publishers: Sequence[Publisher], patience: float, stop: StopRequest) -> None:
     """Return when every one of `publishers` has a subscriber, or on `stop`.
 
-    A robot subscribes only when it is ready to obey, because commands sent while it compiles would be applied in a
+    A robot subscribes only when it is ready to obey, because commands sent while it starts would be applied in a
     burst. RuntimeError after `patience` [s]; 0 waits for ever, with a log line every `REPORT_PERIOD`.
     """
     begun, log = time.monotonic(), node.get_logger()
@@ -230,8 +224,8 @@ def _remedy(node: Node) -> str:
     robots = sorted(f"{space.rstrip('/')}/{name}" for name, space in node.get_node_names_and_namespaces()
                     if name == NODE_NAME)  # unless it is remapped
     if robots:
-        return (f"{', '.join(robots)} is there and does not: it compiles at its first start, or has another namespace "
-                "or other topics")
+        return (f"{', '.join(robots)} is there and does not: it is starting, or has another namespace or other "
+                "topics")
     return "start one (ros2 run vibro_ros robot), in the same ROS domain and namespace"
 
 
@@ -239,17 +233,15 @@ class ScriptSchedule:
     """Schedule of a script: passes each command to `send` when its value changes.
 
     `reach` is the largest mean speed [m/s] that the robot holds, with the sign of its direction. `say` is called with
-    each entry and its outcome in words. `advise` is called before commands are sent, with the number of the entry, all
-    commands then in force, and those in force `STAY` later; a motor speed given by feedback is NaN.
+    each entry and its outcome in words.
     """
 
     def __init__(self, script: Script, reach: float, odometer: OdometrySubscription | None,
-                 send: Callable[[str, float], None], say: Callable[[str], object],
-                 advise: Callable[[str, Mapping[str, float], Mapping[str, float]], object], robot: CommandedRobot,
+                 send: Callable[[str, float], None], say: Callable[[str], object], robot: CommandedRobot,
                  faults: FaultService | None = None):
         self._script, self._reach, self._odometer = script, reach, odometer
-        self._send, self._say, self._advise, self._robot = send, say, advise, robot
-        self._faults, self._sent = faults, dict[str, float]()
+        self._send, self._say, self._robot, self._faults = send, say, robot, faults
+        self._sent = dict[str, float]()
         self._segment: Segment | None = None
         self._time_saved = 0.0
 
@@ -285,12 +277,7 @@ class ScriptSchedule:
                 self._sent.pop(name, None)
             if segment.incident and self._faults:
                 self._faults.begin(segment.entry, segment.incident)
-        commands = self._script.command_at(instant)
-        if segment:
-            unknown = {MOTOR: math.nan} if self._script.goals else {}
-            later = self._script.command_at(instant + STAY)
-            self._advise(f"entry {segment.entry}", {**unknown, **commands}, {**unknown, **later})
-        for name, value in commands.items():
+        for name, value in self._script.command_at(instant).items():
             self._send_change(name, value)
 
     def _send_change(self, name: str, value: float) -> None:

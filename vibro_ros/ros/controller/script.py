@@ -2,10 +2,9 @@
 
 A script is a block: a list of `entries`, played `repeat` times. An entry says for how long (`for`) each command is held
 (`motor_speed: 100.0`) or ramped (`motor_speed: {from: 0.0, to: 100.0}`; without `from`, from its present value), or
-gives feedback a goal (`hold_speed: -0.05`, `go_to: -0.5`), or a mean speed for which a command map gives the commands
-(`speed_over_ground: -0.05`); it may also give the robot a fault for this time (`fault: motor_stall`). It begins when
-the previous entry ends, or `at` a time counted from the start of its block. An entry may itself be a block. A command
-keeps its value until another entry changes it.
+gives feedback a goal (`hold_speed: -0.05`, `go_to: -0.5`); it may also give the robot a fault for this time
+(`fault: motor_stall`). It begins when the previous entry ends, or `at` a time counted from the start of its block. An
+entry may itself be a block. A command keeps its value until another entry changes it.
 """
 
 import math
@@ -15,11 +14,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from vibro_ros.configuration.command_choice import CommandChoice
-from vibro_ros.configuration.command_map import CommandMap
 from vibro_ros.configuration.strict_yaml import read_yaml
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.model.faults import FAULTS, Incident, checked_incident
+from vibro_ros.model.parameters import nearest
 from vibro_ros.ros.controller.feedback import MOTOR_RANGE, WITHIN, Goal, PositionGoal, SpeedGoal
 
 MOTOR = "motor_speed"
@@ -33,7 +31,6 @@ GOAL_KEYS = ("hold_speed", "go_to")
 SHORTEST = 4.0
 """Shortest time [s] to hold a speed: half of it to settle, half of it to be measured over some turns of the crank."""
 _GAPS = tuple(name for name in COMMAND_UNITS if name.endswith("_gap"))
-_OVER_GROUND = "speed_over_ground"
 _FAULT_KEYS = tuple(name for name in Incident._fields if name != "duration")
 
 
@@ -51,38 +48,18 @@ class Ramp:
 
 @dataclass(frozen=True)
 class Segment:
-    """One entry of a script, with its start and duration.
+    """One entry of a script, with its start and duration."""
 
-    Attributes
-    ----------
-    entry : str
-        Number of the entry in the file, from 1; "2.1" inside a block.
-    start, duration : float
-        Start [s] from the start of the script, and duration [s]. An entry that goes to a position lasts this long at
-        most; if the position is reached sooner, the next entry begins sooner.
-    ramps : mapping of str to Ramp
-        Every command given so far, including those held from earlier entries.
-    given : tuple of str
-        The commands that this entry itself gives.
-    note : str
-        The author's note on the entry.
-    goal : Goal or None
-        Goal that feedback pursues by the motor's speed during the entry.
-    speed_over_ground : float or None
-        Mean speed [m/s] for which a command map gave the commands.
-    incident : Incident or None
-        Fault of the robot for the duration of the entry.
-    """
-
-    entry: str
+    entry: str  # number of the entry in the file, from 1; "2.1" inside a block
+    # start [s] from the start of the script, and duration [s]. An entry that goes to a position lasts this long
+    # at most; if the position is reached sooner, the next entry begins sooner
     start: float
     duration: float
-    ramps: Mapping[str, Ramp]
-    given: tuple[str, ...]
-    note: str
-    goal: Goal | None = None
-    speed_over_ground: float | None = None
-    incident: Incident | None = None
+    ramps: Mapping[str, Ramp]  # every command given so far, including those held from earlier entries
+    given: tuple[str, ...]  # the commands that this entry itself gives
+    note: str  # the author's note on the entry
+    goal: Goal | None = None  # goal that feedback pursues by the motor's speed during the entry
+    incident: Incident | None = None  # fault of the robot for the duration of the entry
 
     @property
     def end(self) -> float:
@@ -105,8 +82,6 @@ class Segment:
     def describe(self) -> str:
         """Return the segment in words."""
         words = [self.goal.describe()] if self.goal else []
-        if self.speed_over_ground is not None:
-            words = [f"{self.speed_over_ground:g} m/s over ground"]
         for name in self.given:
             ramp = self.ramps[name]
             start = f"{ramp.start:g} -> " if ramp.start != ramp.end else ""
@@ -147,11 +122,6 @@ class Script:
         """Whether any entry gives the robot a fault."""
         return any(segment.incident for segment in self.segments)
 
-    @property
-    def needs_map(self) -> bool:
-        """Whether a command map gave any command."""
-        return any(segment.speed_over_ground is not None for segment in self.segments)
-
     def segment_at(self, time: float) -> Segment | None:
         """Return the latest segment that has begun at `time` [s]; None before the first."""
         index = bisect_right(self._starts, time) - 1
@@ -171,17 +141,13 @@ class Script:
             yield from segment.instants(rate)
 
 
-def read_script(path: Path, command_map: CommandMap | None = None) -> Script:
-    """Read and check a script, a YAML file.
-
-    Without a `command_map` an entry with a speed over ground is refused, because its commands come from the map.
-    ValueError names the file, the entry and the reason.
-    """
+def read_script(path: Path) -> Script:
+    """Read and check a script, a YAML file (ValueError with the file, the entry and the reason)."""
     document = read_yaml(path)
     try:
         if document is None:
             raise ValueError("the file is empty; give a list of `entries`")
-        script = Script(tuple(_Unfolding(command_map).block(document, start=0.0, prefix="")))
+        script = Script(tuple(_Unfolding().block(document, start=0.0, prefix="")))
         if not script.commands:
             raise ValueError(f"no entry gives a command; give {', '.join(COMMAND_UNITS)}")
     except ValueError as error:
@@ -191,7 +157,7 @@ def read_script(path: Path, command_map: CommandMap | None = None) -> Script:
 
 def read_goal(entry: Mapping[str, object]) -> tuple[float, Goal]:
     """Return the longest time [s] and the goal of a single entry outside of a script (ValueError as in a script)."""
-    segment = _Unfolding(None).goal_segment(entry, [], 0.0, 0.0, "")
+    segment = _Unfolding().goal_segment(entry, [], 0.0, 0.0, "")
     assert segment.goal
     return segment.duration, segment.goal
 
@@ -203,9 +169,7 @@ class _EntryError(ValueError):
 class _Unfolding:
     """Unfolds blocks into segments, and keeps the present value of each command."""
 
-    def __init__(self, command_map: CommandMap | None):
-        self._map = command_map
-        self._choice: CommandChoice | None = None
+    def __init__(self):
         self._last: dict[str, float] = {}
         self._count = 0
         self._open_ends = 0  # entries so far whose end is not known in advance
@@ -260,25 +224,13 @@ class _Unfolding:
 
     def _command_segment(self, entry: Mapping, later: list[object], block_start: float, start: float, number: str
                          ) -> Segment:
-        speed = _finite_number(entry[_OVER_GROUND], _OVER_GROUND, "m/s") if _OVER_GROUND in entry else None
-        allowed = (*COMMAND_UNITS, *GOAL_KEYS) if speed is None else ()
-        _refuse_unknown(entry, ("at", "for", "note", *_FAULT_KEYS, _OVER_GROUND, *allowed))
+        _refuse_unknown(entry, ("at", "for", "note", *_FAULT_KEYS, *COMMAND_UNITS, *GOAL_KEYS))
         duration = _duration(entry, later, start - block_start)
-        given = self._commands_for_speed(speed) if speed is not None else {
-            name: self._ramp(name, entry[name]) for name in COMMAND_UNITS if name in entry}
+        given = {name: self._ramp(name, entry[name]) for name in COMMAND_UNITS if name in entry}
         ramps = {name: Ramp(value, value) for name, value in self._last.items()} | given
         self._last = {name: ramp.end for name, ramp in ramps.items()}
         return Segment(number, start, duration, ramps, tuple(given), str(entry.get("note", "")),
-                       speed_over_ground=speed, incident=_incident(entry, duration))
-
-    def _commands_for_speed(self, speed: float) -> dict[str, Ramp]:
-        try:
-            if self._map is None:
-                raise ValueError("there is no command map here; give motor_speed and gaps")
-            self._choice = self._choice or CommandChoice(self._map)
-            return {name: Ramp(level, level) for name, level in self._choice.commands_for(speed).commands.items()}
-        except ValueError as error:
-            raise ValueError(f"{_OVER_GROUND}: {error}") from None
+                       incident=_incident(entry, duration))
 
     def goal_segment(self, entry: Mapping, later: list[object], block_start: float, start: float, number: str
                      ) -> Segment:
@@ -396,7 +348,8 @@ def _finite_number(value: object, what: str, unit: str) -> float:
 def _refuse_unknown(given: Mapping, known: tuple[str, ...], where: str = "") -> None:
     for key in given:
         if key not in known:
-            raise ValueError(f"{where}{key}: unknown key; give {', '.join(known)}")
+            question = nearest(str(key), known)
+            raise ValueError(f"{where}{key}: unknown key; give {', '.join(known)}{question and f'; {question}'}")
 
 
 def _shown(value: object) -> str:

@@ -69,7 +69,7 @@ class LivePage:
         self._commands, self._requests = Commands(node), Requests(node, robot)
         self._robot_status = RobotStatus(node, robot)
         self._robot = LiveRobot(node, robot)  # last: a robot that answers it has discovered all clients
-        self._slow_motions = SlowMotions(node.get_logger().info)
+        self._slow_motions = SlowMotions()
         self._history, self._requested = History(), deque[tuple[int, Request]](maxlen=MOST_REQUESTED)
         self._presence = Presence("the view is starting", None, None, {})
         self._in_force = text_frame("commands", values={})
@@ -117,7 +117,6 @@ class LivePage:
         self._forward_reports(server)
         self._watch_commands(server)
         self._requests.tick()
-        self._slow_motions.watch()
 
     def _warn_of_absence(self, now: float) -> None:
         """Log once why there is nothing to show, if that lasts."""
@@ -138,7 +137,6 @@ class LivePage:
             return
         if presence.settings and presence.settings != before.settings:
             self._robot_status.begin(presence.settings.prefix)
-            self._slow_motions.prepare(presence.settings.scene["solver.method"])
         server.send(*self._frame(presence))
 
     def _forward_reports(self, server: Server) -> None:

@@ -116,7 +116,7 @@ class LiveRobot:
         if self.settings is None:
             return f"{self._robot} is there; waiting for its parameters"
         if self.origin is None and silent:
-            return f"{self._robot} is starting; the first start compiles for a minute"
+            return f"{self._robot} is starting"
         if self.origin is None and now < self._read_at + FIRST_SAMPLE_TIMEOUT:
             return f"{self._robot} is there; waiting for its first sample"
         if silent:

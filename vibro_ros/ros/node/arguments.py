@@ -11,6 +11,8 @@ from pathlib import Path
 from rclpy.node import Node
 
 from vibro_ros.configuration import parameter_file
+from vibro_ros.model.parameters import Parameter
+from vibro_ros.process.files import user_path
 
 OVERRIDE = ("--param", "-p")
 REMAP = ("--remap", "-r")
@@ -23,18 +25,28 @@ TAKEN = ("/diagnostics", "/clock", "/rosout", "/parameter_events")
 """Topics that nodes share, which no other topic may be remapped to."""
 
 
-def own_arguments(words: Sequence[str]) -> list[str]:
+def own_arguments(words: Sequence[str], table: Iterable[Parameter] = ()) -> list[str]:
     """Return `words` without the ROS arguments, which go from each `--ros-args` to `--` or the end.
 
     Raises
     ------
     ValueError
-        For an option of ROS outside of these parts.
+        For an option of ROS, a parameter of `table` or a remapping outside of these parts; the message says how to
+        write it.
     """
     own = [word for word, for_ros in _marked(words) if not for_ros and word != "--"]
-    if stray := next((word for word in own if word in (*OVERRIDE, *REMAP, FILE)), None):
-        raise ValueError(f"{stray}: is an option of ROS; write --ros-args before it, such as --ros-args {stray} "
-                         f"{EXAMPLES[stray]}")
+    parameters = {parameter.name for parameter in table}
+    for word, value in zip(own, [*own[1:], ""], strict=False):
+        if word in (*OVERRIDE, *REMAP, FILE):
+            raise ValueError(f"{word}: is an option of ROS; write --ros-args before it, such as --ros-args {word} "
+                             f"{EXAMPLES[word]}")
+        option, equals, given = word.partition("=")
+        name = option.lstrip("-").removesuffix(":")
+        if name in parameters and option != name:
+            raise ValueError(f"{word}: is a parameter of ROS; write --ros-args -p {name}:={given if equals else value}")
+        if ":=" in word:
+            how = f"-r {word}" if name.startswith("__") else f"-p {word} for a parameter, -r {word} for another name"
+            raise ValueError(f"{word}: is an argument of ROS; write --ros-args {how}")
     return own
 
 
@@ -105,10 +117,15 @@ def check_names(node: Node, names: Iterable[str]) -> None:
 
 def _pairs(words: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Yield option and value of each parameter file and parameter override among the ROS arguments."""
-    for_ros = iter([word for word, for_ros in _marked(words) if for_ros])
+    for_ros = iter([word for word, for_ros in _marked(with_user_paths(words)) if for_ros])
     for word in for_ros:
-        if word in (*OVERRIDE, FILE):
-            yield word, next(for_ros, "")  # rcl refuses an option without a value
+        if word in (*OVERRIDE, FILE) and (value := next(for_ros, "")):  # rcl refuses an option without a value
+            yield word, value
+
+
+def with_user_paths(words: Sequence[str]) -> list[str]:
+    """Return the words with `~` expanded in the paths of parameter files, which rcl reads as they are written."""
+    return [str(user_path(word)) if before == FILE else word for before, word in zip(("", *words), words, strict=False)]
 
 
 def _marked(words: Sequence[str]) -> Iterator[tuple[str, bool]]:

@@ -18,6 +18,7 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.callback_groups import CallbackGroup
 from rclpy.exceptions import InvalidParameterValueException
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -62,6 +63,14 @@ class GuardedNode(Node):
         for service in self.services:
             if service.srv_type is GetTypeDescription:  # made by rclpy without `create_service`
                 service.callback = partial(self._answer, service.service_name, service.callback)
+
+    def declare_parameters(self, namespace: str, parameters: Any, ignore_override: bool = False) -> list[Parameter]:
+        """As in `Node`; a value that is an empty list, which rclpy refuses without the parameter's name, is named."""
+        for name, value, *_ in parameters:
+            if value is None:
+                raise ValueError(f"{name}: its list is empty, which has no type in ROS; give a value, or leave the "
+                                 "parameter out")
+        return super().declare_parameters(namespace, parameters, ignore_override)
 
     def create_service(self, srv_type: type, srv_name: str, callback: Callable, **options: Any) -> Service:
         """As in `Node`; if `callback`, a function or a coroutine, raises, the request is answered as refused."""

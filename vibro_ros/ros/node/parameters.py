@@ -13,7 +13,7 @@ from rclpy.parameter import Parameter as ParameterOfRclpy
 
 from vibro_ros.configuration.parameter_file import own_parameters
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
-from vibro_ros.model.parameters import SCENE_PARAMETERS, Parameter, Value, checked_parameters
+from vibro_ros.model.parameters import SCENE_PARAMETERS, Parameter, Value, checked_parameters, nearest
 from vibro_ros.process.files import one_line
 from vibro_ros.ros.node.refusals import peer_text
 
@@ -76,7 +76,8 @@ def set_refusal(node: Node, asked: ParameterMessage) -> str:
     """Return why a parameter cannot be set as `asked`; empty if it can be, or has this value already."""
     shown = peer_text(asked.name)
     if not node.has_parameter(asked.name):
-        return f"{shown}: unknown parameter; `ros2 param list` shows what there is"
+        question = nearest(asked.name, node.get_parameters_by_prefix(""))
+        return f"{shown}: unknown parameter; {question or '`--help` of the executable lists what there is'}"
     if asked.value.type not in _TYPES:
         return f"{shown}: type {asked.value.type} does not exist; rcl_interfaces/msg/ParameterType lists the types"
     change = change_of(node, asked)

@@ -6,10 +6,16 @@ that the node can still seal the bag and stop the motor while ROS is up.
 """
 
 import os
+import re
+import resource
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from concurrent.futures import Future
+from contextlib import contextmanager, suppress
+from threading import Thread
+from typing import Generic, TypeVar
 from warnings import catch_warnings, simplefilter
 
 import rclpy
@@ -18,9 +24,13 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.signals import SignalHandlerOptions
 
+from vibro_ros.ros.node.arguments import with_user_paths
 from vibro_ros.ros.node.node import GuardedNode
 
+Result = TypeVar("Result")
+
 REMEDIES = {
+    "of same type": "write every number of a list with a point, such as [1.0, 2.5]",
     "security libraries": "ROS 2 from apt has them, its wheels from PyPI do not; without them, unset "
                           "ROS_SECURITY_ENABLE",
     "parameter override": "write name:=value, such as motor.speed:=100.0",
@@ -28,7 +38,11 @@ REMEDIES = {
              "with a digit",
     "namespace": "give one such as /r1, of letters, digits and _, no part beginning with a digit",
 }
-"""Remedy for the user, by words that occur in rcl's error message."""
+"""Remedy for the user, by words that occur in rcl's error message; the first that fits is given."""
+LAST_DOMAIN = 232
+"""Largest ROS domain: from the next one on, the ports that DDSI-RTPS computes are above 65535."""
+OPEN_FILES = 64
+"""Open files that suffice: a robot that records has 30, and with a few less the middleware loses endpoints silently."""
 POLL = 0.05
 """Longest wait [s] of the executor before the loop checks whether it should end."""
 CLOCK = "/clock"
@@ -45,26 +59,32 @@ def node_running(name: str, words: Sequence[str]) -> Iterator[GuardedNode]:
     Raises
     ------
     ValueError
-        For ROS arguments, a node name or a namespace that ROS refuses.
+        For ROS arguments, a node name, a namespace or an environment that ROS refuses.
     """
-    set_logger_level("rcl", LoggingSeverity.FATAL)  # else rcl logs the error that is raised here, too
+    if fault := _environment_fault():
+        raise ValueError(fault)
     fault = _log_folder_fault()
     no_file = ("--ros-args", "--disable-external-lib-logs", "--") if fault else ()
-    try:
-        rclpy.init(args=[*no_file, *words], signal_handler_options=SignalHandlerOptions.NO)
-        with catch_warnings():
-            simplefilter("ignore", RuntimeWarning)  # rclpy warns of a node that it refuses
-            node = GuardedNode(name)
-    except Exception as error:
-        rclpy.try_shutdown()
-        if not isinstance(error, RuntimeError | InvalidNodeNameException | InvalidNamespaceException):
-            raise
-        text = str(error).removeprefix("failed to initialize rcl: ")
-        sentence = text.split(", at /")[0].split(". Error: ")[0].splitlines()[0]  # without the places in rcl's source
-        message = "; ".join([sentence, *(remedy for about, remedy in REMEDIES.items() if about in sentence)])
-        raise ValueError(f"ROS refuses the arguments: {message}") from error
-    finally:
-        set_logger_level("rcl", LoggingSeverity.UNSET)
+    refusal = None
+    with _held_output() as said:
+        try:
+            set_logger_level("rcl", LoggingSeverity.FATAL)  # else rcl logs the error that is raised here, too
+            rclpy.init(args=[*no_file, *with_user_paths(words)], signal_handler_options=SignalHandlerOptions.NO)
+            with catch_warnings():
+                simplefilter("ignore", RuntimeWarning)  # rclpy warns of a node that it refuses
+                node = GuardedNode(name)
+        except Exception as error:
+            rclpy.try_shutdown()
+            if not isinstance(error, RuntimeError | InvalidNodeNameException | InvalidNamespaceException):
+                raise
+            refusal = error
+        finally:
+            with suppress(RuntimeError):  # where rcutils has no log at all
+                set_logger_level("rcl", LoggingSeverity.UNSET)
+    if refusal:
+        raise ValueError(f"ROS refuses the arguments: {_reason_of(refusal, said)}") from refusal
+    for line in said:
+        node.get_logger().warning(f"the middleware says: {line}")
     if fault:
         node.get_logger().warning(f"ROS writes no log file: {fault}; set ROS_LOG_DIR to a folder that can be written")
     executor = SingleThreadedExecutor()
@@ -75,6 +95,35 @@ def node_running(name: str, words: Sequence[str]) -> Iterator[GuardedNode]:
         executor.shutdown()
         node.destroy_node()
         rclpy.try_shutdown()
+
+
+class Work(Generic[Result]):
+    """A piece of work in a thread of its own, so that callbacks run and signals are heard meanwhile.
+
+    Parameters
+    ----------
+    work : callable
+        The function to call in the thread.
+    """
+
+    def __init__(self, work: Callable[[], Result]):
+        self._future: Future[Result] = Future()
+        Thread(target=self._run, args=(work,), name="work", daemon=True).start()
+
+    def _run(self, work: Callable[[], Result]) -> None:
+        try:
+            self._future.set_result(work())
+        except BaseException as error:  # the main thread raises it
+            self._future.set_exception(error)
+
+    @property
+    def done(self) -> bool:
+        """Whether the work has ended."""
+        return self._future.done()
+
+    def result(self) -> Result:
+        """Return the result of the work, or raise its error."""
+        return self._future.result()
 
 
 def spin_once(node: GuardedNode, timeout: float) -> None:
@@ -114,6 +163,64 @@ def wait_for_time(node: GuardedNode, stopped: Callable[[], bool]) -> None:
             "publishes it, or start this node without use_sim_time")
         due = began + waited + REMINDER
         spin_until(node, lambda: over() or time.monotonic() > due)  # noqa: B023 (called within this turn)
+
+
+def _environment_fault() -> str:
+    """Return why the environment lets no node start, in words with the remedy; empty if it does.
+
+    The middleware would print lines of its own about it, and go on without some of its endpoints.
+    """
+    domain = os.environ.get("ROS_DOMAIN_ID", "").strip()
+    if domain and not (domain.isdecimal() and int(domain) <= LAST_DOMAIN):
+        return f"ROS_DOMAIN_ID={domain}: no ROS domain; set it to a whole number from 0 to {LAST_DOMAIN}, or unset it"
+    files = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+    if files < OPEN_FILES:
+        return (f"this shell limits a process to {files} open files, and ROS needs {OPEN_FILES}; raise the limit with "
+                "`ulimit -n 1024`")
+    return ""
+
+
+@contextmanager
+def _held_output() -> Iterator[list[str]]:
+    """Context in which stdout and stderr go to a file; after it the list has what the C libraries of ROS wrote there.
+
+    They write errors in colours, with times and places in their sources, some of them several times. The list has the
+    sentences alone, each once.
+    """
+    said: list[str] = []
+    sys.stdout.flush()
+    sys.stderr.flush()
+    with tempfile.TemporaryFile() as file:
+        screens = [os.dup(stream) for stream in (1, 2)]
+        for stream in (1, 2):
+            os.dup2(file.fileno(), stream)
+        try:
+            yield said
+        finally:
+            for stream, screen in zip((1, 2), screens, strict=True):
+                os.dup2(screen, stream)
+                os.close(screen)
+            file.seek(0)
+            lines = (_sentence(line) for line in file.read().decode(errors="replace").splitlines())
+            said += dict.fromkeys(filter(None, lines))
+
+
+def _sentence(line: str) -> str:
+    """Return the sentence of a log line of Fast DDS, rmw or rcutils; empty for a line of another form."""
+    plain = re.sub(r"\x1b\[[0-9;]*m", "", line)
+    found = re.match(r"[-0-9:. ]*(?:\[[^]]*\][: ]*)+(.+?)(?: -> Function .*|, at /.*)?$", plain)
+    return found[1] if found else ""
+
+
+def _reason_of(error: Exception, said: Sequence[str]) -> str:
+    """Return rcl's own reason, which stands after "Error:", without the places in its source, and the remedy.
+
+    A reason that counts the tokens of an argument, by rcl's numbers for their kinds, is left out.
+    """
+    text = re.sub(r",? at /\S+:\d+", "", str(error).removeprefix("failed to initialize rcl: ")).splitlines()[0]
+    what, _, why = text.partition(". Error: ")
+    reason = what if not why or "lexeme" in why or "token" in why else f"{what}: {why}"
+    return "; ".join([reason, *said, *[remedy for about, remedy in REMEDIES.items() if about in reason][:1]])
 
 
 def _log_folder_fault() -> str:

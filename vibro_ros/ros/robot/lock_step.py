@@ -88,10 +88,7 @@ class LockStep:
 def checked_nodes(node: Node, names: Sequence[str]) -> tuple[str, ...]:
     """Return the full names of the nodes in `clock.lock_step`; none for the default.
 
-    Raises
-    ------
-    ValueError
-        For an invalid name, for the robot's own name, and for more than `MOST_NODES` names.
+    ValueError for an invalid name, for the robot's own name, and for more than `MOST_NODES` names.
     """
     if tuple(names) == NO_NODES:
         return ()

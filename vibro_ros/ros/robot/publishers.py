@@ -78,10 +78,7 @@ class RobotPublishers:
 def message_class(type_name: str) -> type:
     """Return the class of a message type such as ``nav_msgs/msg/Odometry``.
 
-    Raises
-    ------
-    ValueError
-        If it is not installed; the message names the package to install.
+    ValueError if it is not installed; the message names the package to install.
     """
     package, _, name = type_name.partition("/msg/")
     try:

@@ -16,7 +16,7 @@ from vibro_ros.bag.recorder import Recorder, Storage
 from vibro_ros.bag.stream import BagError
 from vibro_ros.messages.topics import CHECKPOINT, INPUTS, TOPICS
 from vibro_ros.model.parameters import Value
-from vibro_ros.process.files import one_line
+from vibro_ros.process.files import one_line, user_path
 from vibro_ros.recordings.recover import InUseError, recover, recovery_lines
 from vibro_ros.ros.node.refusals import Throttle
 from vibro_ros.ros.robot.publishers import RobotPublishers
@@ -62,7 +62,7 @@ def plan_recording(settings: Mapping[str, Value], received: Mapping[str, str], p
                       settings["record.max_duration"], int(settings["record.max_bytes"]))
     topics = {name: recorded_topic(name, resolved) for name, resolved in {**publishers.topics, **received}.items()}
     chosen = _chosen(settings["record.topics"], topics)
-    return Plan(Path(settings["record.directory"]).expanduser(), chosen, storage, about)
+    return Plan(user_path(settings["record.directory"]), chosen, storage, about)
 
 
 def recorded_topic(name: str, resolved: str) -> RecordedTopic:

@@ -68,8 +68,6 @@ from vibro_ros.ros.robot.services import (
 )
 from vibro_ros.ros.robot.subscriptions import CommandSubscriptions
 from vibro_ros.sensors.device import new_device
-from vibro_ros.simulation.kernels import compile_kernels
-from vibro_ros.simulation.preparation import Preparation
 from vibro_ros.simulation.provenance import provenance
 from vibro_ros.simulation.simulator import Simulator, ToleranceWarning
 
@@ -91,7 +89,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(words: Sequence[str]) -> int:
-    _parser().parse_args(own_arguments(words))
+    _parser().parse_args(own_arguments(words, (*DEVICE_PARAMETERS, *SCENE_PARAMETERS)))
     files = check_arguments(words)
     with StopRequest() as stop, process.node_running(NODE_NAME, words) as node:
         check_addressed(files, node.get_fully_qualified_name())
@@ -103,8 +101,8 @@ def _run(words: Sequence[str]) -> int:
                                      [settings[name] for name in VARIANCES], settings["ros2_control"])
         plan = _plan(node, settings, scene, publishers)
         node.get_logger().info(f"scene {settings['scene']}")
-        preparation = Preparation(partial(_prepare, node, settings, scene, plan), node.get_logger().info)
-        process.spin_until(node, lambda: bool(stop) or preparation.done())
+        preparation = process.Work(partial(_prepare, node, settings, scene, plan))
+        process.spin_until(node, lambda: bool(stop) or preparation.done)
         device = None if stop else preparation.result()
         if not settings["clock.publish"]:  # else the robot itself publishes the time
             wait_for_time(node, lambda: bool(stop))
@@ -148,12 +146,8 @@ def _plan(node: GuardedNode, settings: Mapping[str, Value], scene: Scene, publis
 
 
 def _prepare(node: GuardedNode, settings: Mapping[str, Value], scene: Scene, plan: Plan) -> Simulator:
-    """Compile the kernels, make the device, and handle unsealed bags.
-
-    All this takes long, and runs in a thread so that a signal need not wait for it.
-    """
+    """Make the device, and handle unsealed bags, which can take long: in a thread, so that a signal need not wait."""
     warnings.simplefilter("ignore", ToleranceWarning)  # the log says it below
-    compile_kernels(scene["solver.method"])
     if fault := scene.broken_promise:
         node.get_logger().warning(fault)
     device = new_device(scene)
@@ -176,8 +170,9 @@ def _operate(node: GuardedNode, settings: Mapping[str, Value], device: Simulator
         with run.start(begin):
             diagnostics = Diagnostics(node, run, partial(_now, node, settings, run))
             _offer_simulation(node, run, settings["frame_prefix"] + ODOM)
-            pause = (f"; paused until ros2 service call {node.get_fully_qualified_name()}/pause std_srvs/srv/SetBool "
-                     "'{data: false}'" if run.paused else "")
+            name = node.get_fully_qualified_name()
+            pause = (f"; paused until {name}/pause is called with false, by the page of `view --robot {name}` or by "
+                     f"`ros2 service call {name}/pause std_srvs/srv/SetBool '{{data: false}}'`" if run.paused else "")
             log.info(f"ready: {settings['rate.publish']:g} Hz, real-time factor "
                      f"{settings['rate.real_time_factor']:g}, {recording.destination()}{pause}")
 

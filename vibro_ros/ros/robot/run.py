@@ -171,12 +171,8 @@ class Run:
     def perform(self, operation: Operation) -> str:
         """Perform an operation now, after all commands that have arrived, and return the answer in words.
 
-        Raises
-        ------
-        ValueError
-            When the device refuses it; nothing is changed then.
-        RuntimeError
-            When the run has ended, or the operation ends it, or the lock is not free within `LOCK_TIMEOUT`.
+        ValueError when the device refuses it; nothing is changed then. RuntimeError when the run has ended, or the
+        operation ends it, or the lock is not free within `LOCK_TIMEOUT`.
         """
         with self._locked():
             words = self._handlers[operation.name](operation)
@@ -382,7 +378,8 @@ class Run:
         self._perform_and_record(operation)
         self.commands.recover()
         self.robot_time.restart()
-        words = f"reset: the sample at {self.robot_time.due:.9g} s of robot time is the start"
+        words = ("reset: the robot stands at its start; robot time goes on, and the sample at "
+                 f"{self.robot_time.due:.9g} s of robot time shows the start")
         if self.paused and not self._steps:  # so that peers see the start, although the robot is paused
             self._tick()
         return words

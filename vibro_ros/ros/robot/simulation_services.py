@@ -89,11 +89,8 @@ def current_state(paused: bool, at_start: bool, quitting: bool) -> int:
 def transition(current: int, wanted: int) -> tuple[str, ...]:
     """Return the operations that lead from the current state to the wanted one.
 
-    Raises
-    ------
-    RefusalError
-        When the number is no state, when this robot never has that state, when the robot is in it already, or when no
-        transition leads there.
+    RefusalError when the number is no state, when this robot never has that state, when the robot is in it already, or
+    when no transition leads there.
     """
     if wanted in (SimulationState.STATE_NO_WORLD, SimulationState.STATE_LOADING_WORLD):
         raise RefusalError(Result.RESULT_FEATURE_UNSUPPORTED, f"{wanted}: a robot is always in its scene; give one of "

@@ -34,6 +34,8 @@ MOST_TAKEN = 100
 """Most messages of a topic that are taken in one poll, so that a flood does not delay a tick."""
 MOST_LATE = 10_000
 """Most commands that are kept while the fault `late_commands` lasts."""
+MOST_TOLD = 100
+"""Most sentences on joints that are remembered, so that each is logged once."""
 GRAPH_PERIOD = 1.0
 """Time [s] between two searches of the graph for publishers whose messages cannot arrive."""
 
@@ -54,6 +56,7 @@ class CommandSubscriptions:
         self._delay, self._arrivals = 0, count()
         self._late: list[tuple[int, int, str, bytes]] = []  # a heap, ordered by the instant of effect
         self._throttles = {name: Throttle() for name in COMMANDS}
+        self._told: set[str] = set()
         self._subscriptions = {
             name: PollingSubscription(node, message_class(TOPICS[name].type), name, qos.profile(name))
             for name in commands_of(scene)}
@@ -113,8 +116,8 @@ class CommandSubscriptions:
             self._refuse(name, f"a message of {len(data)} bytes is no {TOPICS[name].type}; publish that type")
             return
         given, faults = commands_in(name, message, device.scene)
-        for fault in faults:
-            self._refuse(name, fault)
+        for fault in faults:  # of the joints that a message names, which the next one names again
+            self._refuse(name, fault, once=True)
         for argument, value in given.items():
             try:
                 device.command(**{argument: value})
@@ -124,10 +127,14 @@ class CommandSubscriptions:
             else:
                 self.accepted[argument] += 1
 
-    def _refuse(self, name: str, reason: str) -> None:
+    def _refuse(self, name: str, reason: str, once: bool = False) -> None:
         self.refused += 1
+        if once and reason in self._told:
+            return
         if text := self._throttles[name].admit(f"command refused: {self.topics[name]}: {reason}"):
             self._log.warning(text)
+            if once and len(self._told) < MOST_TOLD:
+                self._told.add(reason)
 
 
 def _warn_of_unheard(node: Node, subscribed: Mapping[str, tuple[str, QoSProfile]]) -> None:

@@ -119,6 +119,11 @@ class Knob {
     this.#until = performance.now() + REFUSED;
   }
 
+  /** Whether the robot's words are on a number that the knob itself has refused beside its field. */
+  saysAlready(words) {
+    return this.#words.textContent !== "" && words.includes(this.#knob.name);
+  }
+
   // Show what is in force.
   settle() {
     this.#typing = false;
@@ -156,6 +161,11 @@ export class Knobs {
     for (const [k, {value}] of machine.knobs.entries()) {
       this.#knobs[k].initial = value;
     }
+  }
+
+  /** Whether a knob says already why the robot refuses a number, so that the robot's own words would say it twice. */
+  sayAlready(words) {
+    return this.#knobs.some((knob) => knob.saysAlready(words));
   }
 
   /** Forget what was typed and refused: the robot is back at its start. */

@@ -43,12 +43,16 @@ class Live {
         this.#commands = values;
       },
       impacts: ({list}) => this.#impacts?.add(list), status: (message) => this.#tell(message),
-      log: ({level, words}) => say(level, words), answer: ({done, words}) => say(done ? "info" : "error", words),
+      log: ({level, words}) => this.#say(level, words), answer: ({done, words}) => say(done ? "info" : "error", words),
       samples: (rows) => this.#take(rows), motion: (header, payload) => this.#slow(header, payload),
       lost: (reason) => this.#miss(reason || AWAY),
     });
     this.#knobs = new Knobs(({name, parameter}, value) => {
-      this.#connection.ask({[parameter ? "parameter" : "command"]: name, value}, sayFailure);
+      this.#connection.ask({[parameter ? "parameter" : "command"]: name, value}, ({done, words}) => {
+        if (!done) {
+          this.#say("error", words);
+        }
+      });
     });
     this.#buttons = Object.fromEntries(["stop", "reset", "pause", "step", "record", "slow", "live", "save-samples"]
       .map((name) => [name, document.querySelector(`#${name}`)]));
@@ -129,6 +133,13 @@ class Live {
     this.#buttons.step.disabled = !(offers.step && this.#paused);
     this.#buttons.slow.disabled = !on;
     this.#buttons["save-samples"].disabled = !this.#samples;
+  }
+
+  // Say what the robot says, unless a knob says it beside its field.
+  #say(level, words) {
+    if (!this.#knobs.sayAlready(words)) {
+      say(level, words);
+    }
   }
 
   #take(rows) {

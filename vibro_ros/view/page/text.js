@@ -173,9 +173,18 @@ export function say(level, words) {
   while (said.childElementCount > MOST) {
     said.firstElementChild.remove();
   }
-  said.scrollTop = said.scrollHeight;
+  scrollToEnd(said);
   if (document.body.dataset.mode === "bag") {
     note(words);
+  }
+}
+
+// Show the last lines, also after the page has got narrower and the lines take more room.
+function scrollToEnd(said) {
+  said.scrollTop = said.scrollHeight;
+  if (!said.dataset.watched) {
+    said.dataset.watched = "true";
+    new ResizeObserver(() => scrollToEnd(said)).observe(said);
   }
 }
 

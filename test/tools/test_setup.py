@@ -1,0 +1,57 @@
+"""`make setup` replaces an environment only by one that is complete."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+OFFLINE = {"PIP_NO_INDEX": "1", "PIP_FIND_LINKS": ""}
+
+
+@pytest.fixture
+def checkout(tmp_path) -> Path:
+    """A folder with the Makefile, the locks, and an environment that another Python is said to have made."""
+    shutil.copy(ROOT / "Makefile", tmp_path)
+    shutil.copytree(ROOT / "requirements", tmp_path / "requirements")
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", tmp_path / ".venv"], check=True)
+    (tmp_path / ".venv" / "packages.done").write_text("3.11.0\n")
+    (tmp_path / ".venv" / "kept").touch()
+    return tmp_path
+
+
+def make(checkout: Path, python: str) -> subprocess.CompletedProcess:
+    """Make the environment's packages with an interpreter that the user names, without a network."""
+    return subprocess.run(["make", ".venv/packages.done", f"PYTHON={python}"], cwd=checkout, text=True,
+                          env={**os.environ, **OFFLINE}, capture_output=True)
+
+
+def says(checkout: Path) -> str:
+    return subprocess.run([checkout / ".venv" / "bin" / "python", "-c", "print('works')"], check=True, text=True,
+                          capture_output=True).stdout
+
+
+def test_an_environment_works_on_where_the_new_one_fails(checkout):
+    """The interpreter is missing or too old, or pip fails after the new environment has been made."""
+    (checkout / "old").write_text("#!/bin/sh\n[ $1 = -V ] && exec echo Python 3.8.10\nexit 1\n")
+    (checkout / "old").chmod(0o755)
+    for python, reason in (("python3.99", "python3.99 is missing"), ("./old", "./old is Python 3.8.10, and"),
+                           (sys.executable, "setup: .venv is as it was before")):
+        done = make(checkout, python)
+        assert done.returncode and reason in done.stderr, done.stderr
+        assert (checkout / ".venv" / "kept").exists() and says(checkout) == "works\n"
+
+
+def test_an_environment_is_exchanged_for_one_whose_scripts_run(checkout):
+    for lock in ("base.txt", "jazzy.txt"):
+        (checkout / "requirements" / lock).write_text("# nothing\n")
+    done = make(checkout, sys.executable)
+    assert not done.returncode, done.stderr
+    assert not (checkout / ".venv" / "kept").exists() and says(checkout) == "works\n"
+    pip = subprocess.run([checkout / ".venv" / "bin" / "pip", "--version"], check=True, text=True, capture_output=True)
+    assert str(checkout / ".venv") in pip.stdout
+    assert [path.name for path in checkout.iterdir() if path.name.startswith(".venv")] == [".venv"]
+    assert not [file for file in (checkout / ".venv" / "bin").iterdir() if b".venv-new" in file.read_bytes()]

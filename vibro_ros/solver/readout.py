@@ -1,0 +1,85 @@
+"""The readout: fields of samples from the channels at sampled instants.
+
+Most are linear forms of the channels. Power and torque are products of them: power = sum of drive force times the
+slider's speed, torque = power / the crank's speed; where the crank stands or changes its direction, torque = sum of
+drive force times ds/dtheta.
+"""
+
+import math
+
+from vibro_ros.solver.typed import Indices, Indices2, Indices3, Row, Rows, Rows3, entry, part
+
+_TURN = 2.0 * math.pi
+# A smaller value, of a motion that has died away, is reported as zero: below 2e-308 doubles lose their digits.
+_LEAST_VALUE = 1e-290
+#: A crank that turns more slowly [rad/s] counts as standing: this is rounding of the fastest speed, and power over
+#: speed is meaningless.
+STANDING = 1e-11
+
+#: Fields that are no linear forms, or that the readout reads or limits, in the order of `read_samples`'s `special`.
+SPECIAL = ("time", "crank_angle", "motor_speed", "motor_power", "motor_torque", "normal_force", "motor_voltage",
+           "motor_current", "electrical_power")
+_TIME, _ANGLE, _SPEED, _POWER, _TORQUE, _NORMAL, _VOLTAGE, _CURRENT, _ELECTRICAL = range(len(SPECIAL))
+
+
+@part
+def _form_at(form: Row, terms: Indices, point: Row) -> float:
+    total = 0.0
+    for channel in terms:
+        if channel < 0:
+            break
+        total += form[channel] * point[channel]
+    return total
+
+
+@entry
+def read_samples(linear: Indices, special: Indices, forms: Rows3, terms: Indices3, pressed_only: bool, drives: Indices2,
+                 linkage: Indices2, slopes: Rows, times: Row, points: Rows, modes: Indices, phases: Rows,
+                 values: Rows) -> None:
+    """Compute the values of all fields of samples at sampled instants.
+
+    Parameters
+    ----------
+    linear : ndarray of int, shape (outputs,)
+        The field of each of the leading `forms`.
+    special : ndarray of int, shape (len(SPECIAL),)
+        The fields that `SPECIAL` names.
+    forms, terms : ndarray, shape (m, outputs + linkage, channels)
+        Linear forms in each mode, and the channels that they read.
+    pressed_only : bool
+        Whether a negative normal force is reported as 0.
+    drives : ndarray of int, shape (sliders, 2)
+        The field of each slider's drive force, and the channel of its speed.
+    linkage : ndarray of int, shape (linkage, 3)
+        The row of each force that moves a mass of the linkage, the channel of the mass's speed, and its signal.
+    slopes : ndarray, shape (signals, n)
+        ds/dtheta [m/rad] of each signal where the crank stands.
+    times : ndarray, shape (n,)
+        Instants [s].
+    points, modes, phases : ndarray, shapes (n, channels), (n,) and (n, 3)
+        The samples, as `event_loop.advance` fills them in.
+    values : ndarray, shape (fields, n)
+        Receives the values.
+    """
+    normal = special[_NORMAL]
+    for k in range(len(times)):
+        mode, speed, power, torque = modes[k], phases[k, 2], 0.0, 0.0
+        for f in range(len(linear)):
+            value = _form_at(forms[mode, f], terms[mode, f], points[k])
+            values[linear[f], k] = value if abs(value) >= _LEAST_VALUE else 0.0
+        if pressed_only and values[normal, k] < 0.0:
+            values[normal, k] = 0.0
+        for drive in range(len(drives)):
+            force = values[drives[drive, 0], k]
+            power += force * points[k, drives[drive, 1]]
+            torque += force * slopes[drive, k]
+        for n in range(len(linkage)):
+            force = _form_at(forms[mode, linkage[n, 0]], terms[mode, linkage[n, 0]], points[k])
+            power += force * points[k, linkage[n, 1]]
+            torque += force * slopes[linkage[n, 2], k]
+        values[special[_TIME], k] = times[k]
+        values[special[_SPEED], k] = speed
+        values[special[_ANGLE], k] = phases[k, 1] + _TURN * phases[k, 0]
+        values[special[_POWER], k] = power
+        values[special[_TORQUE], k] = torque if abs(speed) <= STANDING else power / speed
+        values[special[_ELECTRICAL], k] = values[special[_VOLTAGE], k] * values[special[_CURRENT], k]
