@@ -45,7 +45,7 @@ CHOSEN = {
     "SensedSimulator": ("take_measurements",),
     "Simulator": ("advance_to", "checkpoint", "command", "disturbances", "fail", "push", "reset", "restore", "sample",
                   "set_parameters", "set_state", "state", "statistics", "take_events", "time"),
-    "Bag": ("arrays", "duration", "flaws", "metadata", "path", "start_ns", "to_pandas", "topics"),
+    "Bag": ("arrays", "duration", "flaws", "metadata", "path", "series", "start_ns", "to_pandas", "topics"),
 }
 """Public attributes of the classes that have others for the package's own use, or from their base; of each other class
 every attribute without a leading underscore is public."""

@@ -231,7 +231,7 @@ def test_what_is_not_measured_is_dropped_and_lateness_is_no_offset(hearing, benc
     assert angles == pytest.approx([3.0, math.tau - 3.0, math.tau - 1.0, 3.1])
     odom.twist.covariance[0] = 1e-6
     assert len(told(20.0, 19.8, ("odom", odom))) == 2  # this node had no time for it
-    assert hearing._node.refusals.count == 0 and hearing.longest_wait == pytest.approx(19.8)
+    assert hearing._node.refusals.count == 0 and hearing.waited == pytest.approx(19.8)
     assert told(20.0, 0.02, ("odom", odom)) == [] and hearing._node.refusals.count == 1  # it came with such a stamp
 
 

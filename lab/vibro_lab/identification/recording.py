@@ -43,7 +43,7 @@ LARGEST = 1e9
 LARGEST_SPREAD = 1.3
 """Largest spread of the estimates of noise, beyond which the motion is larger than the noise."""
 AT_MOST = "at most"
-_MOST_OF_MOTION = 0.1  # share of a channel's standard deviation up to which neighbours may tell its noise
+_MOST_OF_MOTION = 0.25  # share of a channel's standard deviation up to which neighbours may tell its noise
 LATEST = 1.0
 """Longest time [s] between a message's stamp and its recording; beyond it, two clocks disagree."""
 _CLOSE, _BEYOND = 3.0, 1.1  # standard deviations before an IMU's range where it may clip; and times it, never reached

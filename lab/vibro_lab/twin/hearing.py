@@ -43,8 +43,8 @@ class Hearing:
     """The subscriptions of a twin.
 
     `heard` counts the messages by topic; refusals are counted by the node. An `odom` whose variances are 0, which is a
-    simulated robot's truth or no statement, is not used. `longest_wait` is the longest time [s] between two polls of
-    the measurements, in which messages wait for this node; its owner sets it back.
+    simulated robot's truth or no statement, is not used. `waited` is the time [s] between the last two polls of the
+    measurements, in which messages wait for this node.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class Hearing:
     """
 
     def __init__(self, node: GuardedNode, scene: Scene, joint_noise: float):
-        self.heard, self.longest_wait, self._polled = Counter[str](), 0.0, 0
+        self.heard, self.waited, self._polled = Counter[str](), 0.0, 0
         self._node, self._scene, self._joint_noise = node, scene, joint_noise
         self._angle, self._angles, self._turns = math.nan, (math.inf, -math.inf), 0
         self._tick = (2.0 * math.pi / scene["sensors.encoder.ticks"])**2 / 12.0
@@ -70,13 +70,12 @@ class Hearing:
 
     def measurements(self, now: int) -> Iterator[tuple[int, Measurement]]:
         """Yield stamp [ns] and measurement, whose own time is 0, of all that has arrived; `now` is ROS time [ns]."""
-        waited = max(0.0, (now - (self._polled or now)) * 1e-9)
-        self._polled, self.longest_wait = now, max(self.longest_wait, waited)
+        self.waited, self._polled = max(0.0, (now - (self._polled or now)) * 1e-9), now
         for name, subscription in self._sensors.items():
             for data, _ in subscription.take(MOST_TAKEN):
                 try:
                     message = deserialised(data, TOPICS[name].type)
-                    stamp = _checked_stamp(message.header.stamp, now, waited)
+                    stamp = _checked_stamp(message.header.stamp, now, self.waited)
                     numbers = [one for one in SENSORS[name].read(self, message) if is_measured(one[2])]
                     for field, value, variance in numbers:
                         _check_number(field, value, variance)

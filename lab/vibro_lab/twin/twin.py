@@ -153,6 +153,7 @@ class Twin:
         self._start = self._now()  # ROS time [ns] of the estimator's time 0
         self._reported: Departure | None = None
         self._due, self._refused, self._late, self._measured = 0.0, 0, 0, 0
+        self._late_here: list[float] = []  # how long measurements had waited that are late only because of that
 
     def _now(self) -> int:
         return self._node.get_clock().now().nanoseconds
@@ -167,8 +168,11 @@ class Twin:
             waited = 0 if self._node.get_clock().ros_time_is_active else max(0, wall - arrived)
             self._estimator.command((now - self._start - waited) * 1e-9, **given)
         for stamp, measurement in self._hearing.measurements(now):
+            was_late, waited = self._estimator.late, self._hearing.waited
             self._estimator.measure(measurement._replace(time=(stamp - self._start) * 1e-9))
             self._measured += 1
+            if self._estimator.late > was_late and (now - stamp) * 1e-9 <= waited + self._settings["twin.delay"]:
+                self._late_here.append(waited)
         target = (now - self._start) * 1e-9 - self._settings["twin.delay"]
         while not stop and self._estimator.time + STEP <= target:
             try:
@@ -206,12 +210,12 @@ class Twin:
             troubles.append("no sensor of a robot is heard")
         if (late := estimator.late - self._late) > 0.5 * self._measured:
             why = ("give a longer one, or use_sim_time if the robot's time is not the clock's"
-                   if self._hearing.longest_wait < self._settings["twin.delay"] else
-                   f"they waited up to {self._hearing.longest_wait:.1f} s for this node, which lacks time to compute: "
-                   "give fewer twin.particles, or a computer with less to do")
+                   if len(self._late_here) < 0.5 * late else
+                   f"they waited up to {max(self._late_here):.1f} s for this node, which lacks time to compute: give "
+                   "fewer twin.particles, or a computer with less to do")
             troubles.append(f"{late} of {self._measured} measurements came later than twin.delay, and are not used; "
                             f"{why}")
-        self._hearing.longest_wait = 0.0
+        self._late_here.clear()
         self._refused, self._late, self._measured = refusals.count, estimator.late, 0
         departure = estimator.departure
         self._telling.report(now, departure, troubles, {
