@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from known_recording import known_run  # noqa: F401
-from real_processes import compiled, start  # noqa: F401
+from real_processes import start  # noqa: F401
 
 import vibro_ros
 from vibro_ros.configuration.shipped import FOLDERS, config_folder, find_file
