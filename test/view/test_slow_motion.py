@@ -51,6 +51,7 @@ def test_what_goes_wrong_is_said_and_the_next_one_is_computed(motions):
         return outcome
 
     asked = motions(compute)
+    assert answer(asked) == ("first", b"")
     assert answer(asked) == "there is no slow motion of these samples: ZeroDivisionError: by chance"
     assert answer(asked) == ("third", b"")
     assert answer(asked, {"time": np.array([1.0])}) == ("there are no samples of the last seconds; let the robot run")

@@ -48,7 +48,7 @@ class Laid:
 
 def _add_numbers(values: Any, numbers: list[int]) -> None:
     """Append address and shape of each array to `numbers`; of a record of records, the addresses of its parts."""
-    for value, (name, kind) in zip(values, kinds_of(type(values)).items(), strict=True):
+    for value, (name, kind, offsets) in zip(values, _fields_of(type(values)), strict=True):
         if kind is None:
             _add_numbers(value, numbers)
             continue
@@ -56,19 +56,24 @@ def _add_numbers(values: Any, numbers: list[int]) -> None:
             raise TypeError(f"{type(values).__name__}.{name} is not what kernels read: a contiguous array of "
                             f"{kind.dimensions} dimensions and {kind.dtype}")
         address = value.ctypes.data
-        parts = parts_of(kind)
-        numbers += [address + offset for offset in parts.values()] if parts else (address, *value.shape)
+        numbers += [address + offset for offset in offsets] if offsets else (address, *value.shape)
 
 
-_kinds: dict[type, dict[str, Kind | None]] = {}
+_fields: dict[type, list[tuple[str, Kind | None, tuple[int, ...]]]] = {}
+
+
+def _fields_of(record: type) -> list[tuple[str, Kind | None, tuple[int, ...]]]:
+    """Return name, kind and offsets of the parts of each field of a class of named tuples."""
+    if record not in _fields:
+        _fields[record] = [(name, kind, tuple(parts_of(kind).values()) if kind else ())
+                           for name, kind in kinds_of(record).items()]
+    return _fields[record]
 
 
 def kinds_of(record: type) -> dict[str, Kind | None]:
     """Return the kind of array of each field of a class of named tuples; None for a field that is such a tuple."""
-    if record not in _kinds:
-        _kinds[record] = {name: next(iter(getattr(annotation, "__metadata__", ())), None)
-                          for name, annotation in record.__annotations__.items()}
-    return _kinds[record]
+    return {name: next(iter(getattr(annotation, "__metadata__", ())), None)
+            for name, annotation in record.__annotations__.items()}
 
 
 def parts_of(kind: Kind) -> dict[str, int]:
