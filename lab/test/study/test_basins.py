@@ -57,7 +57,7 @@ def test_a_grid_gives_a_map_whose_files_tell_units_and_design(tmp_path, capsys):
     assert "basin entropy" in capsys.readouterr().out
     schema = pq.read_schema(tmp_path / "blocks" / "block_000000.parquet")
     assert schema.field("body_velocity").metadata[b"unit"] == b"m/s"
-    design = json.loads(schema.metadata[b"vibro_ros"])["design"]
+    design = json.loads((tmp_path / "blocks.json").read_text())["design"]
     assert design["starts"] == {"grid": [["body_velocity", -2.0, 2.0, 20], ["crank_angle", 0.0, 6.0, 15]]}
     assert design["set"]["mass.inclined"] == 0.25 and set(design["set"]) == set(
         vibro_ros.load_scene("damped").parameters)

@@ -47,27 +47,32 @@ def changed_study(study, **changes):
 
 
 def table_and_files(study, folder):
-    """Return the table of a study, computed in this process, and its files."""
+    """Return the table of a study, computed in this process, and its files, which are those beside the blocks too."""
     folder.mkdir(exist_ok=True)
-    return computed(study, folder, Execution(1)), {file.name: file.read_bytes() for file in folder.iterdir()}
+    return computed(study, folder / "blocks", Execution(1)), files_in(folder)
+
+
+def files_in(folder):
+    """Return the bytes of each file in the folder and in its `blocks` by name."""
+    return {file.name: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
 
 
 def test_only_what_is_missing_is_computed_and_the_bytes_stay(study, tmp_path):
     own, done = study
     table, files = table_and_files(own, tmp_path / "whole")
     assert table["point"].to_pylist() == sorted(2 * list(range(10))) and done == list(range(10)) and len(files) == 5
-    (tmp_path / "cut").mkdir()
-    for name in ("_design.json", "block_000001.parquet"):
-        (tmp_path / "cut" / name).write_bytes(files[name])
+    (tmp_path / "cut" / "blocks").mkdir(parents=True)
+    for name in ("blocks.json", "blocks/block_000001.parquet"):
+        (tmp_path / "cut" / name).write_bytes(files[name.rpartition("/")[2]])
     done.clear()
     assert table_and_files(own, tmp_path / "cut")[1] == files and done == [0, 1, 2, 6, 7, 8, 9]
 
 
 def test_columns_say_their_units_and_the_folder_its_origin(study, tmp_path):
     table_and_files(study[0], tmp_path)
-    schema = pq.read_schema(tmp_path / "block_000003.parquet")
+    schema = pq.read_schema(tmp_path / "blocks" / "block_000003.parquet")
     assert schema.field("root").metadata == {b"unit": b"m", b"meaning": b"of the number"}
-    origin = json.loads((tmp_path / "_design.json").read_text())
+    origin = json.loads((tmp_path / "blocks.json").read_text())
     assert origin["design"] == {"design": "roots"} and origin["version"] and origin["sources"]
 
 
@@ -75,11 +80,11 @@ def test_a_damaged_file_is_computed_again_or_has_its_values(study, tmp_path):
     """A changed byte may go undetected if no value depends on it, as in the file's own description of its columns."""
     own, draw = study[0], random.Random(3)
     table_and_files(own, tmp_path)
-    path = tmp_path / "block_000000.parquet"
+    path = tmp_path / "blocks" / "block_000000.parquet"
     data, table, damaged = path.read_bytes(), pq.read_table(path), 0
     for place in [0, len(data) - 1, *(draw.randrange(len(data)) for _ in range(600))]:
         path.write_bytes(data[:place] + bytes([data[place] ^ 1 << draw.randrange(8)]) + data[place + 1:])
-        found = tables.read_block(own, tmp_path, 0)
+        found = tables.read_block(own, tmp_path / "blocks", 0)
         damaged += found is None
         assert found is None or found.equals(table, check_metadata=True)
     assert damaged > 300  # at least half of them; all others are equal
@@ -95,7 +100,7 @@ def test_blocks_of_another_design_are_refused_and_stay(study, tmp_path, changes,
     _, files = table_and_files(study[0], tmp_path)
     with pytest.raises(ForeignBlockError, match=words):
         table_and_files(changed_study(study[0], **changes), tmp_path)
-    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == files
+    assert files_in(tmp_path) == files
 
 
 def test_blocks_of_another_version_are_refused(study, tmp_path, monkeypatch):
@@ -108,35 +113,37 @@ def test_blocks_of_another_version_are_refused(study, tmp_path, monkeypatch):
 @pytest.mark.parametrize("design", [None, b"", b"no JSON", b"[" * 100_000, b"\xff", b"[]"])
 def test_blocks_without_a_readable_design_are_refused_and_stay(study, tmp_path, design):
     _, files = table_and_files(study[0], tmp_path)
-    del files["_design.json"]
-    (tmp_path / "_design.json").unlink()
+    del files["blocks.json"]
+    (tmp_path / "blocks.json").unlink()
     if design is not None:
-        (tmp_path / "_design.json").write_bytes(design)
-    with pytest.raises(ForeignBlockError, match="give another --output, or delete that folder"):
+        (tmp_path / "blocks.json").write_bytes(design)
+    with pytest.raises(ForeignBlockError, match="give another --output, or delete blocks and blocks.json there"):
         table_and_files(study[0], tmp_path)
-    assert files.items() <= {file.name: file.read_bytes() for file in tmp_path.iterdir()}.items()
+    assert files.items() <= files_in(tmp_path).items()
 
 
 def test_files_of_others_are_refused_and_stay(study, tmp_path):
-    (tmp_path / "mine.parquet").write_text("mine")
+    (tmp_path / "blocks").mkdir()
+    (tmp_path / "blocks" / "mine.parquet").write_text("mine")
     with pytest.raises(ForeignBlockError, match=r"mine.parquet: is no block of this study"):
         table_and_files(study[0], tmp_path)
-    assert (tmp_path / "mine.parquet").read_text() == "mine"
+    assert (tmp_path / "blocks" / "mine.parquet").read_text() == "mine"
 
 
 @pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to("/etc/passwd")])
 def test_a_block_that_is_no_file_is_refused(study, tmp_path, make):
     table_and_files(study[0], tmp_path)
-    (tmp_path / "block_000000.parquet").unlink()
-    make(tmp_path / "block_000000.parquet")
+    (tmp_path / "blocks" / "block_000000.parquet").unlink()
+    make(tmp_path / "blocks" / "block_000000.parquet")
     with pytest.raises((OSError, ValueError), match=r"block_000000\.parquet"):
         table_and_files(study[0], tmp_path)
 
 
-def test_what_an_interrupted_write_left_is_cleared(study, tmp_path):
-    left = tmp_path / ".block_000000.parquet.0123456789abcdef"
-    left.write_text("half")
-    assert left.name not in table_and_files(study[0], tmp_path)[1]
+@pytest.mark.parametrize("left", ["blocks/.block_000000.parquet.0123456789abcdef", ".blocks.json.0123456789abcdef"])
+def test_what_an_interrupted_write_left_is_cleared(study, tmp_path, left):
+    (tmp_path / "blocks").mkdir()
+    (tmp_path / left).write_text("half")
+    assert left.rpartition("/")[2] not in table_and_files(study[0], tmp_path)[1]
 
 
 def test_a_full_disk_keeps_what_is_done_and_says_so(study, tmp_path, monkeypatch):
@@ -150,8 +157,7 @@ def test_a_full_disk_keeps_what_is_done_and_says_so(study, tmp_path, monkeypatch
     monkeypatch.setattr(tables, "replace_file", full_after_two)
     with pytest.raises(RuntimeError, match="No space left on device; free some room. The blocks before it are kept"):
         table_and_files(study[0], tmp_path)
-    assert sorted(file.name for file in tmp_path.iterdir()) == [
-        "block_000000.parquet", "block_000001.parquet", "_design.json"]
+    assert sorted(files_in(tmp_path)) == ["block_000000.parquet", "block_000001.parquet", "blocks.json"]
 
 
 #: Of each study one of its blocks, its `main`, and words that make it short.

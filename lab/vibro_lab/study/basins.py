@@ -228,8 +228,9 @@ def chosen_starts(scene: Scene, over: tuple[Over, ...], count: int, seed: int) -
 def everywhere(scene: Scene) -> tuple[Over, ...]:
     """All coordinates, each within one unit of the machine from rest: crank radius l, or l omega for velocities.
 
-    The body starts on the ground. If a rigid plate is nearer, the range of its mass ends at the plate. A dc motor's
-    crank turns forwards; current and integral are those of the scene's own start.
+    The body starts on the ground. If a plate is nearer, the range of its mass ends at the deepest penetration that a blow
+    can cause: none of a rigid plate. A dc motor's crank turns forwards; current and integral are those of the scene's
+    own start.
     """
     reach = scene["crank.radius"]
     speed, sides = reach * crank_speed(scene), []
@@ -240,8 +241,8 @@ def everywhere(scene: Scene) -> tuple[Over, ...]:
         elif name == "motor_speed":
             sides.append(Over(name, 0.0, crank_speed(scene)))
         elif side in scene.guides:
-            rigid = side in scene.plates and scene[f"effects.{side}_contact"] == "restitution"
-            high = scene[f"crank.{side}_rod"] + (min(reach, scene[f"{side}.gap"]) if rigid else reach)
+            room = scene[f"{side}.gap"] + scene.deepest_penetration(side) if side in scene.plates else reach
+            high = scene[f"crank.{side}_rod"] + min(reach, room)
             sides.append(Over(name, high - 2.0 * reach, high))
     return (*sides, Over(ANGLE, 0.0, TURN))
 

@@ -3,8 +3,9 @@
 `Study` defines the rows. `computed` returns its whole table: it reads the blocks that are complete, lets the others be
 computed, and writes each block as soon as it is complete.
 
-A folder has a file `_design.json` with the version and the whole design, and its blocks belong to this design: a study
-with another one refuses the folder. A block is a Parquet file whose bytes depend only on the study; every column has
+Beside a folder `blocks`, the file `blocks.json` has the version and the whole design, and the folder's blocks belong to
+this design: a study with another one refuses the folder. So the folder has nothing but blocks, and other programs read
+it as one table. A block is a Parquet file whose bytes depend only on the study; every column has
 its unit and meaning, and every page a checksum, by which damage is detected. A file is complete or absent: it is
 written under a temporary name, flushed to the disk and renamed.
 """
@@ -27,10 +28,6 @@ from vibro_lab.study.command import Progress
 from vibro_lab.study.execution import Execution, Rows, fingerprint
 from vibro_ros import PARAMETERS, is_temporary, read_file, replace_file, say
 
-DESIGN = "_design.json"
-"""File of a folder that has the version and the design of the study to which its blocks belong.
-
-The underscore makes pandas and pyarrow pass over it when they read the folder as one table."""
 NUMBERS = pa.list_(pa.field("element", pa.float64(), nullable=False))
 """Type of a list of numbers; the items are named as in a file that is read back."""
 _LARGEST, _MOST_ROWS = 2**28, 2**20  # largest file of a block [bytes], and its rows, because few bytes can encode many
@@ -152,6 +149,11 @@ def path_of(folder: Path, block: int) -> Path:
     return folder / f"block_{block:06d}.parquet"
 
 
+def design_of(folder: Path) -> Path:
+    """Return the file beside a folder of blocks that has the version and the design of their study."""
+    return folder.with_name(f"{folder.name}.json")
+
+
 def read_block(study: Study, folder: Path, block: int) -> pa.Table | None:
     """Read the table of a block; None if there is no file, or if it is damaged (OSError if it cannot be read)."""
     path = path_of(folder, block)
@@ -180,9 +182,10 @@ def check_folder(study: Study, folder: Path) -> None:
         As `computed`.
     """
     folder.mkdir(exist_ok=True)
-    identity, path, remedy = _identity(study), folder / DESIGN, "give another --output, or delete that folder"
-    names = sorted(os.listdir(folder))
-    if DESIGN in names:
+    identity, path = _identity(study), design_of(folder)
+    remedy = f"give another --output, or delete {folder.name} and {path.name} there"
+    has_design = path.exists()
+    if has_design:
         text = read_file(path, _LARGEST, follow=False)
         try:
             theirs = json.loads(text)
@@ -190,13 +193,16 @@ def check_folder(study: Study, folder: Path) -> None:
             raise ForeignBlockError(f"{path}: is damaged; {remedy}") from None
         if theirs != identity:
             raise ForeignBlockError(f"{path}: is of another study ({_difference(theirs, identity)}); {remedy}")
-    for name in names:
-        match = re.fullmatch(r"\.?(design\.json|block_(\d{6})\.parquet)(\.\w+)?", name)
+    for temporary in folder.parent.glob(f".{path.name}.*"):
+        if is_temporary(temporary.name):
+            temporary.unlink()
+    for name in sorted(os.listdir(folder)):
+        match = re.fullmatch(r"\.?(block_(\d{6})\.parquet)(\.\w+)?", name)
         if match and is_temporary(name):
             (folder / name).unlink()
-        elif not match or name != match[1] or match[2] and not (DESIGN in names and int(match[2]) < study.blocks):
+        elif not match or name != match[1] or not has_design or int(match[2]) >= study.blocks:
             raise ForeignBlockError(f"{folder / name}: is no block of this study; {remedy}")
-    if DESIGN not in names:
+    if not has_design:
         _replace(path, (json.dumps(identity, indent=1, ensure_ascii=False) + "\n").encode())
 
 
