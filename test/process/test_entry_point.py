@@ -215,7 +215,6 @@ def run_shell(command: str, folder: Path) -> subprocess.CompletedProcess:
 HELP = f"{sys.executable} -m vibro_ros.recordings.recover --help"
 STREAMS = {
     "closed pipe": (f"{HELP} | head -0", 0, ""),
-    "all closed": (f"{HELP} <&- >&- 2>&-", 0, ""),
     "full disk": (f"{HELP} > /dev/full", 1, "recover: standard output: No space left on device\n"),
     "closed pipe for errors": (f"{sys.executable} -m vibro_ros.recordings.recover none none 2>&1 | head -0", 2, ""),
 }
@@ -227,14 +226,6 @@ def test_streams_and_folders_that_are_not_there(tmp_path, command, code, said):
     assert (done.returncode, done.stderr) == (code, said.format(folder=tmp_path))
 
 
-def test_a_file_never_gets_the_number_of_a_closed_stream(tmp_path):
-    program = DOOR.format(main="file = open('number', 'w'); file.write(str(file.fileno()))")
-    (tmp_path / "program.py").write_text(program)
-    done = run_shell(f"{sys.executable} program.py <&- >&- 2>&-", tmp_path)
-    assert done.returncode == 0
-    assert int((tmp_path / "number").read_text()) > 2
-
-
 def test_without_ros_it_says_what_to_do(start):
     program = ("import sys; sys.modules['rclpy'] = None; from vibro_ros.process import entry_point; "
                "sys.exit(entry_point.enter('robot'))")
@@ -243,11 +234,3 @@ def test_without_ros_it_says_what_to_do(start):
     assert err == ("robot: rclpy: no such Python module here; ROS 2 is missing. Source an installation of it "
                    "(. /opt/ros/jazzy/setup.bash), or run `make setup` in a clone and then .venv/bin/robot, or add the "
                    "wheels to this Python: pip install '.[ros]' in a clone\n")
-
-
-def test_too_little_address_space_is_one_line(tmp_path):
-    """With 600 MB a robot hung, without reacting to signals, while it imported scipy."""
-    done = run_shell(f"ulimit -v 600000; exec {sys.executable} -m vibro_ros.ros.robot.robot --help", tmp_path)
-    assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == ("robot: the address space is limited to 614 MB, and 2000 MB are needed; "
-                           "raise it with `ulimit -v 2000000`, or `ulimit -v unlimited`\n")

@@ -24,7 +24,6 @@ from rcl_interfaces.srv import (
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from recorded_bag import by_rosbags
 from std_msgs.msg import Float32, Float64
-from type_description_interfaces.srv import GetTypeDescription
 
 import vibro_ros
 from vibro_ros.messages.codec import deserialised
@@ -187,11 +186,8 @@ def test_every_parameter_request_is_answered_and_changes_nothing_and_peers_of_an
         assert not ask(DescribeParameters, "describe_parameters", names=names).descriptors
         assert not ask(GetParameterTypes, "get_parameter_types", names=names).types
         assert not ask(ListParameters, "list_parameters", prefixes=names, depth=2**64 - 1).result.names or not names
-    for answer in (ask(GetTypeDescription, "get_type_description", type_name="x" * 10_000, type_hash="RIHS01_zz"),
-                   ask(GetTypeDescription, "get_type_description", type_name="x", type_hash=f"RIHS01_{'0' * 64}")):
-        assert not answer.successful and answer.failure_reason
     assert ask(GetParameters, "get_parameters", names=["mass.body", "use_sim_time", "scene"]).values == before
-    listener.wait_for_status("simulation", lambda status: value_of(status, "refused requests") >= 26.0)
+    listener.wait_for_status("simulation", lambda status: value_of(status, "refused requests") >= 24.0)
     bench.node.create_publisher(Float32, "motor_speed", 10)
     assert "[WARN]" in robot.wait_for("/motor_speed: /bench publishes std_msgs/msg/Float32, which cannot arrive; "
                                       "publish std_msgs/msg/Float64")

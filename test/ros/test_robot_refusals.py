@@ -15,8 +15,6 @@ BAD = {  # what a parameter of the table can be refused for, test/model asks
     "lock-step without a clock": (["-p", "clock.lock_step:=[/vibro_controller]"],
                                   "has no effect without robot time on /clock"),
     "lock-step with no node": (["-p", "clock.publish:=true", "-p", "clock.lock_step:=[a b]"], "a b is no node's name"),
-    "lock-step with a crowd": (["-p", "clock.publish:=true", "-p", f"clock.lock_step:=[{','.join(['/n'] * 3000)}]"],
-                               "clock.lock_step: 3000 nodes; name at most 20"),
     "lock-step with itself": (["-p", "clock.publish:=true", "-p", "clock.lock_step:=[vibro_robot]"],
                               "the robot cannot wait for itself"),
     "five variances": (["-p", "odom.pose_covariance_diagonal:=[1.0,2.0,3.0,4.0,5.0]"], "is not a list of 6 numbers"),

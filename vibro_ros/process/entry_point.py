@@ -18,7 +18,6 @@ import errno
 import io
 import os
 import re
-import resource
 import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -33,9 +32,6 @@ from vibro_ros.process.executables import EXECUTABLES, shows_live_robot
 from vibro_ros.process.files import one_line, user_path
 
 FAILURE, BAD_INPUT = 1, 2
-ADDRESS_SPACE = 2_000_000_000
-"""Address space [bytes] that suffices for every executable on two cores; with less, scipy's libraries wait for memory
-for ever, deaf to signals, or end the process without a helpful message."""
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 MIDDLEWARES = "share/ament_index/resource_index/rmw_typesupport"
 """Folder below an installation's prefix that has a file for each middleware."""
@@ -249,11 +245,6 @@ def _code_after(number: int) -> int:
 
 
 def _run(program: str, module: str) -> int:
-    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-    if limit != resource.RLIM_INFINITY and limit < ADDRESS_SPACE:
-        say(program, f"the address space is limited to {limit / 1e6:.0f} MB, and {ADDRESS_SPACE / 1e6:.0f} MB are "
-            f"needed; raise it with `ulimit -v {ADDRESS_SPACE // 1000}`, or `ulimit -v unlimited`")
-        return FAILURE
     if fault := _middleware_fault(program):
         say(program, fault)
         return BAD_INPUT
@@ -306,16 +297,7 @@ class _Output(io.FileIO):
 
 
 def _open_streams() -> None:
-    """Replace `sys.stdout` and `sys.stderr`, and open every closed standard descriptor on /dev/null.
-
-    Otherwise the next file that is opened would get the closed descriptor, and a log line could land in a bag.
-    A character that the stream's encoding lacks is written as an escape such as `\\u03c6`.
-    """
-    for descriptor in range(3):
-        try:
-            os.fstat(descriptor)
-        except OSError:
-            os.open(os.devnull, os.O_RDWR)  # gets the lowest free number: `descriptor`
+    """Replace `sys.stdout` and `sys.stderr`; a character that the encoding lacks is written as an escape."""
     for descriptor, name in ((1, "stdout"), (2, "stderr")):
         encoding = getattr(getattr(sys, name), "encoding", None) or "utf-8"
         setattr(sys, name, io.TextIOWrapper(

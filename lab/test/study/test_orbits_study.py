@@ -50,7 +50,7 @@ def test_columns_say_their_units_and_the_file_its_origin(short):
     schema = pq.read_schema(short / "branches" / "block_000000.parquet")
     assert schema.field("mean_speed").metadata[b"unit"] == b"m/s"
     assert schema.field("upper_position").metadata[b"unit"] == b"m"
-    origin = json.loads((short / "branches" / "design.json").read_text())
+    origin = json.loads((short / "branches" / "_design.json").read_text())
     assert origin["design"]["scene"] == "damped" and origin["version"] and origin["sources"]
 
 
@@ -58,7 +58,7 @@ def test_the_same_command_goes_on_where_it_was_and_more_processes_change_no_byte
                                                                                   capsys):
     """Missing or damaged branches are followed again; finished ones are not."""
     (tmp_path / "branches").mkdir()
-    for name in ("design.json", "block_000000.parquet", "block_000001.parquet"):
+    for name in ("_design.json", "block_000000.parquet", "block_000001.parquet"):
         (tmp_path / "branches" / name).write_bytes((short / "branches" / name).read_bytes())
     (tmp_path / "branches" / "block_000001.parquet").write_bytes(b"PAR1 nonsense")
     assert main([*SHORT, "--workers", "2", "--output", str(tmp_path)]) == 0

@@ -57,7 +57,7 @@ def test_only_what_is_missing_is_computed_and_the_bytes_stay(study, tmp_path):
     table, files = table_and_files(own, tmp_path / "whole")
     assert table["point"].to_pylist() == sorted(2 * list(range(10))) and done == list(range(10)) and len(files) == 5
     (tmp_path / "cut").mkdir()
-    for name in ("design.json", "block_000001.parquet"):
+    for name in ("_design.json", "block_000001.parquet"):
         (tmp_path / "cut" / name).write_bytes(files[name])
     done.clear()
     assert table_and_files(own, tmp_path / "cut")[1] == files and done == [0, 1, 2, 6, 7, 8, 9]
@@ -67,7 +67,7 @@ def test_columns_say_their_units_and_the_folder_its_origin(study, tmp_path):
     table_and_files(study[0], tmp_path)
     schema = pq.read_schema(tmp_path / "block_000003.parquet")
     assert schema.field("root").metadata == {b"unit": b"m", b"meaning": b"of the number"}
-    origin = json.loads((tmp_path / "design.json").read_text())
+    origin = json.loads((tmp_path / "_design.json").read_text())
     assert origin["design"] == {"design": "roots"} and origin["version"] and origin["sources"]
 
 
@@ -108,10 +108,10 @@ def test_blocks_of_another_version_are_refused(study, tmp_path, monkeypatch):
 @pytest.mark.parametrize("design", [None, b"", b"no JSON", b"[" * 100_000, b"\xff", b"[]"])
 def test_blocks_without_a_readable_design_are_refused_and_stay(study, tmp_path, design):
     _, files = table_and_files(study[0], tmp_path)
-    del files["design.json"]
-    (tmp_path / "design.json").unlink()
+    del files["_design.json"]
+    (tmp_path / "_design.json").unlink()
     if design is not None:
-        (tmp_path / "design.json").write_bytes(design)
+        (tmp_path / "_design.json").write_bytes(design)
     with pytest.raises(ForeignBlockError, match="give another --output, or delete that folder"):
         table_and_files(study[0], tmp_path)
     assert files.items() <= {file.name: file.read_bytes() for file in tmp_path.iterdir()}.items()
@@ -151,7 +151,7 @@ def test_a_full_disk_keeps_what_is_done_and_says_so(study, tmp_path, monkeypatch
     with pytest.raises(RuntimeError, match="No space left on device; free some room. The blocks before it are kept"):
         table_and_files(study[0], tmp_path)
     assert sorted(file.name for file in tmp_path.iterdir()) == [
-        "block_000000.parquet", "block_000001.parquet", "design.json"]
+        "block_000000.parquet", "block_000001.parquet", "_design.json"]
 
 
 #: Of each study one of its blocks, its `main`, and words that make it short.

@@ -3,7 +3,7 @@
 `Study` defines the rows. `computed` returns its whole table: it reads the blocks that are complete, lets the others be
 computed, and writes each block as soon as it is complete.
 
-A folder has a file `design.json` with the version and the whole design, and its blocks belong to this design: a study
+A folder has a file `_design.json` with the version and the whole design, and its blocks belong to this design: a study
 with another one refuses the folder. A block is a Parquet file whose bytes depend only on the study; every column has
 its unit and meaning, and every page a checksum, by which damage is detected. A file is complete or absent: it is
 written under a temporary name, flushed to the disk and renamed.
@@ -27,8 +27,10 @@ from vibro_lab.study.command import Progress
 from vibro_lab.study.execution import Execution, Rows, fingerprint
 from vibro_ros import PARAMETERS, is_temporary, read_file, replace_file, say
 
-DESIGN = "design.json"
-"""File of a folder that has the version and the design of the study to which its blocks belong."""
+DESIGN = "_design.json"
+"""File of a folder that has the version and the design of the study to which its blocks belong.
+
+The underscore makes pandas and pyarrow pass over it when they read the folder as one table."""
 NUMBERS = pa.list_(pa.field("element", pa.float64(), nullable=False))
 """Type of a list of numbers; the items are named as in a file that is read back."""
 _LARGEST, _MOST_ROWS = 2**28, 2**20  # largest file of a block [bytes], and its rows, because few bytes can encode many

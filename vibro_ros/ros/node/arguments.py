@@ -28,11 +28,8 @@ TAKEN = ("/diagnostics", "/clock", "/rosout", "/parameter_events")
 def own_arguments(words: Sequence[str], table: Iterable[Parameter] = ()) -> list[str]:
     """Return `words` without the ROS arguments, which go from each `--ros-args` to `--` or the end.
 
-    Raises
-    ------
-    ValueError
-        For an option of ROS, a parameter of `table` or a remapping outside of these parts; the message says how to
-        write it.
+    ValueError for an option of ROS, a parameter of `table` or a remapping outside of these parts; the message says how
+    to write it.
     """
     own = [word for word, for_ros in _marked(words) if not for_ros and word != "--"]
     parameters = {parameter.name for parameter in table}
@@ -53,10 +50,7 @@ def own_arguments(words: Sequence[str], table: Iterable[Parameter] = ()) -> list
 def check_arguments(words: Sequence[str]) -> tuple[Path, ...]:
     """Check the parameter files named in `words` and return their paths.
 
-    Raises
-    ------
-    ValueError
-        For a file that is missing, not YAML or without parameters.
+    ValueError for a file that is missing, not YAML or without parameters.
     """
     files = tuple(Path(value) for flag, value in _pairs(words) if flag == FILE)
     for path in files:
@@ -67,10 +61,7 @@ def check_arguments(words: Sequence[str]) -> tuple[Path, ...]:
 def check_addressed(files: Sequence[Path], node: str) -> None:
     """Refuse parameter files without a section that applies to `node`, a fully qualified name.
 
-    Raises
-    ------
-    ValueError
-        The message names the file, the nodes that it addresses, and the remedy.
+    ValueError: the message names the file, the nodes that it addresses, and the remedy.
     """
     for path in files:
         parameter_file.check_addressed(path, parameter_file.sections(path), node)
@@ -96,10 +87,7 @@ def folder_of(name: str, words: Sequence[str], node: str) -> Path:
 def check_names(node: Node, names: Iterable[str]) -> None:
     """Refuse remappings that make a full name too long, or give two topics the same name.
 
-    Raises
-    ------
-    ValueError
-        The message names the topics and the remedy.
+    ValueError: the message names the topics and the remedy.
     """
     names_of: dict[str, str] = {}
     for name in names:

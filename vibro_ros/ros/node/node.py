@@ -6,7 +6,6 @@ without an answer waits for ever, and such a message is refused.
 """
 
 import copy
-import re
 from collections.abc import Callable, Generator
 from functools import partial
 from importlib import import_module
@@ -26,13 +25,12 @@ from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.type_support import NoTypeSupportImportedException, check_for_type_support
 from rosgraph_msgs.msg import Clock
-from type_description_interfaces.srv import GetTypeDescription
 
 from vibro_ros.configuration.parameter_file import FIXED_OF_RCLPY
 from vibro_ros.process.files import one_line
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.parameters import change_of, set_refusal
-from vibro_ros.ros.node.refusals import LONGEST_SENTENCE, Refusals, peer_text
+from vibro_ros.ros.node.refusals import LONGEST_SENTENCE, Refusals
 
 LAST_SECOND = 2**31 - 1 - 10**7
 """Latest ROS time [s] that is accepted from /clock: a stamp's seconds end at 2**31 - 1, some months later."""
@@ -42,9 +40,8 @@ LONGEST_NAME = 1000
 """Longest name in such a request [characters]."""
 RESULT_TIMEOUT = 60
 """Time [s] for which the result of a finished goal is kept for its sender; it takes memory until then."""
-SENTENCES = ("message", "reason", "failure_reason", "error_message")
+SENTENCES = ("message", "reason", "error_message")
 """Fields of service responses that hold a sentence."""
-_HASH = re.compile(r"RIHS01_[0-9a-f]{64}")
 
 
 class GuardedNode(Node):
@@ -60,9 +57,6 @@ class GuardedNode(Node):
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
         for own, meaning in FIXED_OF_RCLPY.items():
             _make_read_only(self, own, meaning)
-        for service in self.services:
-            if service.srv_type is GetTypeDescription:  # made by rclpy without `create_service`
-                service.callback = partial(self._answer, service.service_name, service.callback)
 
     def declare_parameters(self, namespace: str, parameters: Any, ignore_override: bool = False) -> list[Parameter]:
         """As in `Node`; a value that is an empty list, which rclpy refuses without the parameter's name, is named."""
@@ -227,8 +221,6 @@ def _make_read_only(node: Node, name: str, meaning: str) -> None:
 
 def _fault(request: Any) -> str:
     """Return why a request of any service is malformed; empty if it is not."""
-    if isinstance(request, GetTypeDescription.Request):  # of a malformed hash rcl prints lines on stderr
-        return "" if _HASH.fullmatch(request.type_hash) else f"{peer_text(request.type_hash)}: no hash of a type"
     parameters = [one.name for one in getattr(request, "parameters", ())]
     names = [*parameters, *getattr(request, "names", ()), *getattr(request, "prefixes", ())]
     if len(names) > MOST_NAMES:
@@ -243,8 +235,6 @@ def _answer_to_set(reason: str) -> SetParametersResult:
 
 def _reason_of(response: Any) -> str:
     """Return the reason in a response that reports a failure; empty if it reports success, or neither."""
-    if isinstance(response, GetTypeDescription.Response):
-        return "" if response.successful else response.failure_reason
     if hasattr(response, "success"):  # of std_srvs and of the project's own
         return "" if response.success else response.message
     return getattr(getattr(response, "result", None), "error_message", "")  # of simulation_interfaces
@@ -266,8 +256,6 @@ def _fill_refusal(request: Any, response: Any, reason: str) -> Any:
         response.results = [_answer_to_set(reason)] * len(request.parameters)
     elif isinstance(request, SetParametersAtomically.Request):
         response.result = _answer_to_set(reason)
-    elif isinstance(request, GetTypeDescription.Request):
-        response.successful, response.failure_reason = False, reason
     elif hasattr(response, "success"):  # of std_srvs and of the project's own
         response.success, response.message = False, reason
     elif hasattr(getattr(response, "result", None), "error_message"):  # of simulation_interfaces

@@ -54,12 +54,8 @@ REMINDER = 2.0
 def node_running(name: str, words: Sequence[str]) -> Iterator[GuardedNode]:
     """Context with a node and its executor, from `rclpy.init` to a clean shutdown.
 
-    The node declares every parameter override that it is given, so that misspelt ones can be found.
-
-    Raises
-    ------
-    ValueError
-        For ROS arguments, a node name, a namespace or an environment that ROS refuses.
+    The node declares every parameter override that it is given, so that misspelt ones can be found. ValueError for ROS
+    arguments, a node name, a namespace or an environment that ROS refuses.
     """
     if fault := _environment_fault():
         raise ValueError(fault)

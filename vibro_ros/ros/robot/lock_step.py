@@ -25,8 +25,6 @@ from vibro_ros.ros.node.refusals import peer_text
 ROUNDS = 3
 ANSWER_TIMEOUT = 2.0
 """Time [s] without an answer after which the log names the node that the robot waits for, and it is called again."""
-MOST_NODES = 20
-"""Most nodes that a sample may wait for; each is called three times a sample."""
 _NAME = re.compile(r"(?:/[A-Za-z_][A-Za-z0-9_]*)+")
 
 
@@ -88,13 +86,11 @@ class LockStep:
 def checked_nodes(node: Node, names: Sequence[str]) -> tuple[str, ...]:
     """Return the full names of the nodes in `clock.lock_step`; none for the default.
 
-    ValueError for an invalid name, for the robot's own name, and for more than `MOST_NODES` names.
+    ValueError for an invalid name and for the robot's own name.
     """
     if tuple(names) == NO_NODES:
         return ()
     full = tuple(name if name.startswith("/") else f"{node.get_namespace().rstrip('/')}/{name}" for name in names)
-    if len(full) > MOST_NODES:
-        raise ValueError(f"clock.lock_step: {len(full)} nodes; name at most {MOST_NODES}")
     for name in full:
         if not _NAME.fullmatch(name):
             raise ValueError(f"clock.lock_step: {peer_text(name)} is no node's name; give one as /vibro_controller")
