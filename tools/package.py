@@ -16,7 +16,7 @@ from tools.demo import own_namespace, ros_environment
 ROOT = Path(__file__).resolve().parents[1]
 OUTPUT = ROOT / "out" / "dist"
 DEADLINE = 600.0
-"""Longest time [s] of each program: the installer downloads half a gigabyte, and the robot compiles its kernels."""
+"""Longest time [s] of each program: the installer downloads half a gigabyte, and the kernels are compiled."""
 SCRIPT = "entries:\n  - {for: 2.0, motor_speed: {from: 0.0, to: 100.0}}\n  - {for: 1.0, motor_speed: 0.0}\n"
 
 

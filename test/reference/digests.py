@@ -164,7 +164,7 @@ def record(folder: Path, scene: vibro_ros.Scene) -> Path:
     """Record 0.5 s of a robot that receives commands, and return the bag."""
     told = {20: {scene.motor_command: 60.0 if scene.motor_command == "motor_speed" else 9.0},
             50: {"upper_gap": 0.0005, "inclined_gap": -0.0002}}
-    return robot_bag(folder, scene, 100, told, checkpoints=(30,))
+    return robot_bag(folder, scene, 100, told, checkpoints=(0, 30))  # a robot writes one with its first sample
 
 
 def cases() -> dict[str, Callable[[], Iterator[bytes]]]:
