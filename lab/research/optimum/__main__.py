@@ -295,7 +295,7 @@ def number(value: float) -> str:
 def settled_motions(scene: vibro_ros.Scene, starts: int = MOTION_STARTS) -> list[Numbers]:
     """Find the motions to which drawn starts of an optimum lead, that of most starts first; speeds in m/s."""
     return [{"words": one.in_words(), "speed": one.mean_speed, "starts": one.starts, "low": one.low, "high": one.high}
-            for one in vibro_lab.attractors(scene, starts)]
+            for one in vibro_lab.attractors(scene, starts).drawn]
 
 
 def papers_robots(name: str, result: Numbers, folder: Path) -> list[Numbers]:

@@ -39,6 +39,7 @@ def test_a_motion_to_which_only_the_scenes_own_start_leads_is_named_and_has_no_s
     assert own.mean_speed == pytest.approx(settled.mean_speed, abs=1e-9) and own.turns == settled.turns
     assert round(1e3 * own.mean_speed, 2) == -76.41
     assert own.starts == 0 and own.share == own.low == 0.0 < own.high and sum(one.starts for one in led) == 4
+    assert [one.mean_speed for one in led.drawn] == [one.mean_speed for one in led if one is not own]
     assert led.in_words().endswith(", the scene's own start)") and math.isfinite(own.exponent)
 
 

@@ -119,6 +119,11 @@ class Attractors(tuple[Attractor, ...]):
         """The attractor that all starts lead to; None if there are several attractors."""
         return self[0] if len(self) == 1 else None
 
+    @property
+    def drawn(self) -> "Attractors":
+        """Those to which random starts lead."""
+        return Attractors(one for one in self if one.starts)
+
     def in_words(self) -> str:
         """Return the text for a user: each motion, and if there are several, the starts that lead to each."""
         if self.single:
