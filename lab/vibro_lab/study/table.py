@@ -191,7 +191,7 @@ def check_folder(study: Study, folder: Path) -> None:
         if theirs != identity:
             raise ForeignBlockError(f"{path}: is of another study ({_difference(theirs, identity)}); {remedy}")
     for name in names:
-        match = re.fullmatch(r"\.?(design\.json|block_(\d{6})\.parquet)(\.\w+)?", name)
+        match = re.fullmatch(rf"\.?({re.escape(DESIGN)}|block_(\d{{6}})\.parquet)(\.\w+)?", name)
         if match and is_temporary(name):
             (folder / name).unlink()
         elif not match or name != match[1] or match[2] and not (DESIGN in names and int(match[2]) < study.blocks):
