@@ -91,7 +91,7 @@ DOCUMENTS = {
         "docs/paper.md", ("research.paper",), 18.0, (*_PHYSICS, "lab/research/paper", "lab/research/starts.py")),
     "optimum": Document(
         "docs/optimum.md", ("research.optimum",), 30.0,
-        (*_PHYSICS, "lab/vibro_lab/orbits", "lab/vibro_lab/study/optimise.py", "lab/vibro_lab/study/trials.py",
+        (*_PHYSICS, "lab/vibro_lab/orbits", "lab/vibro_lab/study/optimise.py", "lab/vibro_lab/study/verification.py",
          "lab/research/optimum", "lab/research/starts.py")),
 }
 """Generated documents by name, the quick ones first."""

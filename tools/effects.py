@@ -129,7 +129,7 @@ def size(scene: Scene) -> Size:
 def motions(scene: Scene) -> str:
     """Text of the mean speeds [mm/s] of the motions that `STARTS` random starts lead to; if several, with their starts.
     """
-    found = vibro_lab.attractors(scene.with_parameters({"motor.speed": SPEED}), STARTS)
+    found = vibro_lab.attractors(scene.with_parameters({"motor.speed": SPEED}), STARTS).drawn
     speeds = [one.mean_speed for one in found]
     if max(map(abs, speeds)) > _RUNS_AWAY:
         return "runs away"

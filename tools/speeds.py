@@ -57,7 +57,7 @@ def motion_rows(name: str, scene: Scene, starts: int = STARTS) -> list[str]:
     """Return a row of the first table for each motion of a robot."""
     command, value = motor_command(scene)
     name = f"{name}, {value:.4g} {'V' if command == 'motor_voltage' else 'rad/s'}"
-    found = vibro_lab.attractors(scene, starts)
+    found = vibro_lab.attractors(scene, starts).drawn
     leads, others = led_to(scene, found)
     rows = [f"| {name} | {one.in_words()} | {one.starts} of {starts} ({100 * one.low:.0f} to {100 * one.high:.0f} %) | "
             f"{exponent_in_words(one)} | {lead} |" for one, lead in zip(found[:_MOST_NAMED], leads, strict=False)]

@@ -20,8 +20,8 @@ def docstrings(path: Path) -> dict[str, str]:
 
 def cited_numbers() -> dict[tuple[str, str], set[str]]:
     """Return the numbers in the docstring of each test of the repository, by file and test."""
-    found = {(path.name, test): set(NUMBER.findall(text)) for path in (ROOT / "test").rglob("test_*.py")
-             for test, text in docstrings(path).items()}
+    found = {(path.name, test): set(NUMBER.findall(text)) for folder in ("test", "lab/test")
+             for path in (ROOT / folder).rglob("test_*.py") for test, text in docstrings(path).items()}
     return {test: numbers for test, numbers in found.items() if numbers}
 
 
@@ -50,7 +50,7 @@ def test_the_tests_on_the_page_are_those_that_cite_its_numbers():
 
 
 def test_every_number_cited_in_the_code_is_on_the_page():
-    files = [path for folder in ("test", "vibro_ros") for path in (ROOT / folder).rglob("*.py")
+    files = [path for folder in ("test", "lab/test", "vibro_ros") for path in (ROOT / folder).rglob("*.py")
              if path != Path(__file__)]
     numbers = {number for path in files for number in NUMBER.findall(path.read_text(encoding="utf-8"))}
     assert numbers and numbers <= {number for number, _ in ROWS}

@@ -80,7 +80,7 @@ def motions(gap: float, motor: float, starts: int) -> list[Moved]:
     The impact speeds of a motion are those of the start whose mean speed is nearest to the motion's.
     """
     scene = robot_scene(gap, motor)
-    found = attractors(scene, starts)
+    found = attractors(scene, starts).drawn
     runs = [run(scene, number) for number in range(1 if found.single else starts)]
     moved = []
     for one in found:

@@ -1,6 +1,6 @@
 """Make docs/optimum.md: results of `study optimise`, and why V/P is unbounded by the paper's equations; `make optimum`.
 
-Each search is a command line that a reader can run; an interrupted search resumes when the report is made again.
+Each search is a command line that a reader can run.
 """
 
 import argparse
@@ -78,8 +78,8 @@ def main(words: Sequence[str]) -> int:
     """Run the searches and write the report; returns 0, or the exit code of the search that failed."""
     parser = argparse.ArgumentParser(prog="python -m research.optimum", description=__doc__)
     parser.add_argument("--output", type=Path, default=Path("docs"), help="where (default: %(default)s)")
-    parser.add_argument("--work", type=Path, default=Path("out/study/optimum"), help="records of the searches, from "
-                        "which they go on (default: %(default)s)")
+    parser.add_argument("--work", type=Path, default=Path("out/study/optimum"), help="results of the "
+                        "searches (default: %(default)s)")
     options = parser.parse_args(words)
     folder = options.output / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
@@ -295,7 +295,7 @@ def number(value: float) -> str:
 def settled_motions(scene: vibro_ros.Scene, starts: int = MOTION_STARTS) -> list[Numbers]:
     """Find the motions to which drawn starts of an optimum lead, that of most starts first; speeds in m/s."""
     return [{"words": one.in_words(), "speed": one.mean_speed, "starts": one.starts, "low": one.low, "high": one.high}
-            for one in vibro_lab.attractors(scene, starts)]
+            for one in vibro_lab.attractors(scene, starts).drawn]
 
 
 def papers_robots(name: str, result: Numbers, folder: Path) -> list[Numbers]:

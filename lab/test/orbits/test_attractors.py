@@ -27,8 +27,20 @@ def test_two_motions_are_two_attractors(two):
     assert [one.starts for one in two] == [6, 2] and [one.share for one in two] == [0.75, 0.25]
     assert [one.turns for one in two] == [3, 3] and [one.spread for one in two] == [0.0, 0.0]
     assert two.single is None and not hasattr(two, "mean_speed")
-    assert two.in_words() == ("-79.80 mm/s, again after 3 turns (6 of 8 starts, 41 to 93 %); "
+    assert two.in_words() == ("-79.80 mm/s, again after 3 turns (6 of 8 starts, 41 to 93 %, the scene's own start); "
                               "-53.58 mm/s, again after 3 turns (2 of 8 starts, 7 to 59 %)")
+
+
+def test_a_motion_to_which_only_the_scenes_own_start_leads_is_named_and_has_no_share():
+    """`device` at 100 rad/s goes -76.41 mm/s from its own start, which no drawn start finds."""
+    scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0})
+    led, settled = vibro_lab.attractors(scene, starts=4), vibro_lab.settled_motion(scene)
+    (own,) = (one for one in led if one.of_scene_start)
+    assert own.mean_speed == pytest.approx(settled.mean_speed, abs=1e-9) and own.turns == settled.turns
+    assert round(1e3 * own.mean_speed, 2) == -76.41
+    assert own.starts == 0 and own.share == own.low == 0.0 < own.high and sum(one.starts for one in led) == 4
+    assert [one.mean_speed for one in led.drawn] == [one.mean_speed for one in led if one is not own]
+    assert led.in_words().endswith(", the scene's own start)") and math.isfinite(own.exponent)
 
 
 def test_exponents_are_those_of_the_orbits_multipliers(two):

@@ -10,7 +10,7 @@ them here, and prints an `Attractors`, which has no mean:
 3. `Attractors.in_words` is the text for a user, `Attractors.single` the attractor if there is only one;
 4. `with_exponents` adds multipliers and Lyapunov exponents, which cost as much as some starts.
 
-`attractors` does all of this for random starts of a scene.
+`attractors` does all of this for random starts of a scene, and names the motion that the scene's own start leads to.
 """
 
 import math
@@ -37,6 +37,7 @@ MEASURED = 2000
 _SAME_SPEED = 1e-6  # relative: a motion and its orbit have the same mean speed
 _STEADY = 1e-9  # relative distance from the commanded speed at which the motor counts as steady
 _WAIT = 1.0  # s
+_OWN_START = ", the scene's own start"
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class Attractor:
     least, largest : float
         Least and largest mean speed of its starts [m/s].
     starts : int
-        Number of starts that lead to it.
+        Number of starts that lead to it; 0 if only the scene's own start does, which is not drawn.
     share, low, high : float
         Share of all starts that lead to it, and its 95 % confidence interval; dimensionless.
     exponent : float
@@ -70,6 +71,8 @@ class Attractor:
         controller takes samples, and if Newton's method does not close the orbit.
     states : ndarray, shape (m, n)
         States at successive cuts, in units of the machine, as `SettledMotion.states`; empty if not settled.
+    of_scene_start : bool
+        Whether the scene's own start leads to it; false where the own start was not run.
     """
 
     turns: int | None
@@ -85,6 +88,7 @@ class Attractor:
     exponent_spread: float = math.nan
     multipliers: np.ndarray = field(default_factory=lambda: np.empty(0, complex))
     states: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    of_scene_start: bool = False
 
     def in_words(self) -> str:
         """Return a text such as ``-79.80 mm/s, again after 3 turns``, or ``-45.468 ± 0.008 mm/s, without a period``.
@@ -115,13 +119,18 @@ class Attractors(tuple[Attractor, ...]):
         """The attractor that all starts lead to; None if there are several attractors."""
         return self[0] if len(self) == 1 else None
 
+    @property
+    def drawn(self) -> "Attractors":
+        """Those to which random starts lead."""
+        return Attractors(one for one in self if one.starts)
+
     def in_words(self) -> str:
         """Return the text for a user: each motion, and if there are several, the starts that lead to each."""
         if self.single:
             return self.single.in_words()
         total = sum(one.starts for one in self)
         return "; ".join(f"{one.in_words()} ({one.starts} of {total} starts, {100 * one.low:.0f} to "
-                         f"{100 * one.high:.0f} %)" for one in self)
+                         f"{100 * one.high:.0f} %{_OWN_START * one.of_scene_start})" for one in self)
 
 
 def share_of(starts: int, total: int) -> tuple[float, float, float]:
@@ -221,11 +230,12 @@ def _multipliers(attractor: Attractor, turn_map: TurnMap) -> np.ndarray:
 
 
 def attractors(scene: Scene, starts: int = 16) -> Attractors:
-    """Return the motions that a scene settles to, at `motor.speed` or `motor.voltage`, from random starts.
+    """Return the motions that a scene settles to, at `motor.speed` or `motor.voltage`, from random starts and its own.
 
     Each start goes through three stretches of random motor speeds and gaps within its first second. The random numbers
     depend only on the start's number, so a larger number of starts includes those of a smaller one. The starts are
-    computed on all cores.
+    computed on all cores. The scene's own start is one more: it names its motion (`Attractor.of_scene_start`), which is
+    added if no random start leads to it, but it does not count in the shares.
 
     Parameters
     ----------
@@ -258,18 +268,44 @@ def attractors(scene: Scene, starts: int = 16) -> Attractors:
     if isinstance(starts, bool) or not isinstance(starts, int | np.integer) or not 1 <= starts <= MOST_STARTS:
         raise ValueError(f"starts: {starts!r} is out of range; give a whole number from 1 to {MOST_STARTS}")
     turn_map = free_cut(scene)
-    jobs = in_processes(partial(_settled, scene, turn_map.phase), range(starts), min(core_count(), int(starts)))
+    jobs = in_processes(partial(_settled, scene, turn_map.phase), range(-1, starts), min(core_count(), int(starts) + 1))
     with closing(jobs):  # else an error's traceback would keep the workers alive until it is collected
         motions, speeds = zip(*(future.result() for _, future in jobs), strict=True)
-    found, places = group_starts(motions, speeds)
-    return Attractors(_measured_unsettled(one, scene, turn_map, int(np.argmax(places == place))) if one.turns is None
-                      else with_exponents(one, turn_map) for place, one in enumerate(found))
+    found, numbers = with_scene_start(motions, speeds)
+    return Attractors(_measured_unsettled(one, scene, turn_map, number) if one.turns is None
+                      else with_exponents(one, turn_map) for one, number in zip(found, numbers, strict=True))
+
+
+def with_scene_start(motions: Sequence[SettledMotion | None], mean_speeds: Sequence[float]
+                     ) -> tuple[list[Attractor], list[int]]:
+    """Group random starts, and name the motion of the scene's own start, which is the first of `motions`.
+
+    Returns
+    -------
+    list of Attractor
+        Those of `group_starts` from the random starts, and last the motion of the own start if none leads to it.
+    list of int
+        Number of a start of each, -1 for the own start.
+    """
+    drawn, places = group_starts(motions[1:], mean_speeds[1:])
+    found, numbers = list(drawn), [int(np.argmax(places == place)) for place in range(len(drawn))]
+    _, with_own = group_starts([*motions[1:], motions[0]], [*mean_speeds[1:], mean_speeds[0]])
+    same = np.flatnonzero(with_own[:-1] == with_own[-1])
+    if len(same):
+        place = int(places[same[0]])
+        found[place] = replace(found[place], of_scene_start=True)
+        return found, numbers
+    ((alone,), _), (share, low, high) = group_starts(motions[:1], mean_speeds[:1]), share_of(0, len(motions) - 1)
+    return [*found, replace(alone, starts=0, share=share, low=low, high=high, of_scene_start=True)], [*numbers, -1]
 
 
 def _settled(scene: Scene, phase: float, number: int) -> tuple[SettledMotion | None, float]:
-    """Motion of random start `number`, or None if it does not settle, and its mean speed [m/s], then over all turns."""
+    """Motion of a start, or None if it does not settle, and its mean speed [m/s], then over all turns.
+
+    `number` is that of a random start, or -1 for the scene's own start.
+    """
     stroboscope = Stroboscope(TurnMap(scene, phase))
-    begin = stroboscope.begin_with(steady_start(scene, number))
+    begin = stroboscope.begin_as() if number < 0 else stroboscope.begin_with(steady_start(scene, number))
     motion = settle(stroboscope)
     if motion:
         return motion, motion.mean_speed
@@ -291,7 +327,8 @@ def steady_start(scene: Scene, number: int) -> Simulator:
 
 
 def _measured_unsettled(attractor: Attractor, scene: Scene, turn_map: TurnMap, number: int) -> Attractor:
-    """Return the attractor of starts that have not settled with the exponent of one of them, start `number`."""
-    device = steady_start(scene, number)
+    """Return the attractor of starts that have not settled with the exponent of one of them, as `_settled` numbers it.
+    """
+    device = Simulator(scene) if number < 0 else steady_start(scene, number)
     exponent, spread = exponent_of_pairs(device, device.time, MEASURED * turn_map.period)
     return replace(attractor, exponent=exponent, exponent_spread=spread)

@@ -228,9 +228,9 @@ def chosen_starts(scene: Scene, over: tuple[Over, ...], count: int, seed: int) -
 def everywhere(scene: Scene) -> tuple[Over, ...]:
     """All coordinates, each within one unit of the machine from rest: crank radius l, or l omega for velocities.
 
-    The body starts on the ground. If a plate is nearer, the range of its mass ends at the deepest penetration that a blow
-    can cause: none of a rigid plate. A dc motor's crank turns forwards; current and integral are those of the scene's
-    own start.
+    The body starts on the ground. If a plate is nearer, the range of its mass ends at the deepest penetration that a
+    blow can cause: none of a rigid plate. A dc motor's crank turns forwards; current and integral are those of the
+    scene's own start.
     """
     reach = scene["crank.radius"]
     speed, sides = reach * crank_speed(scene), []

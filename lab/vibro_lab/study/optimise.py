@@ -1,17 +1,19 @@
 """``study optimise``: search for the best robot, verify it, and write the results.
 
-A search proposes groups of robots by CMA-ES (`proposals`); group n is block n of a `table.Study`. A search that is
-resumed proposes the same robots again, because every draw is seeded and scores are equal to the last bit, and reads
-their values. A robot's score is a quartile over its starts. A second set of starts selects among the best robots, and a
-third set verifies the optimum, with a row for each of its attractors under each reading of the forces.
+The search is `cma.fmin2` as it is, CMA-ES with its restarts at twice as many points a group (A. Auger and N. Hansen,
+CEC 2005, 1769), in the unit cube of the paper's seventeen parameters. A robot that cannot be built, or that cannot go
+on, has the score `FAILED`. A robot's values are the measures `MEASURED` from each of the same drawn starts, and its
+score is a quartile over these starts, so that a lucky start does not decide. A second set of starts selects among the
+best robots, and a third set verifies the optimum, with a row for each of its attractors under each reading of the
+forces.
 """
 
 import argparse
-import itertools
 import json
 import math
-from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,66 +24,78 @@ import pyarrow as pa
 
 from vibro_lab.orbits.starts import running
 from vibro_lab.study.command import Progress, Results, StudyCommand, machine_of, settings_of
-from vibro_lab.study.execution import Execution, computes_with
-from vibro_lab.study.figures import BLACK, GRID, SKY, VERMILION, Axes, Figure, default_settings, new_figure, png
-from vibro_lab.study.space import Space, chosen_variables
-from vibro_lab.study.table import NUMBERS, Field, Study, stored
-from vibro_lab.study.trials import (
-    AIR,
-    CHOOSING,
-    DIRECTIONS,
-    FAILED,
-    MEASURED,
-    OBJECTIVES,
-    POWERS,
-    QUANTILE,
-    Mean,
-    Reading,
-    Trials,
-    Verified,
-    check_reaction,
-    cost_of_transport,
-    has_supply,
-    readings,
-    speed,
-    values_of,
-    values_of_many,
-    verified,
-    went_on,
+from vibro_lab.study.execution import Execution, Rows
+from vibro_lab.study.figures import BLACK, SKY, VERMILION, default_settings, new_figure, png, set_heading, style_axes
+from vibro_lab.study.measures import MEASURES, measure
+from vibro_lab.study.page import finite, markdown_table, mean_in_words, number
+from vibro_lab.study.table import Field, file_of, parameter_field, table_of
+from vibro_lab.study.variation import Range, at_the_edge, values_at_shares, varied_in_words, whole_number
+from vibro_lab.study.verification import AIR, MEASURED, POWERS, SUPPLY, Trials, verified
+from vibro_ros import PARAMETERS, Parser, Scene, SimulationError, parameter_named, scene_as_file
+
+
+class Variable(NamedTuple):
+    """A parameter that is varied from `low` to `high`, in equal ratios if `logarithmic`; `reason` is of its bounds."""
+
+    name: str
+    symbol: str
+    low: float
+    high: float
+    logarithmic: bool
+    reason: str
+
+
+_TWICE, _MASS = "from half to twice the paper's", "from the lightest to the heaviest mass of the paper's Fig. 3(a)"
+_SPRING, _DAMPER = "a decade either way of the paper's", "from a tenth to ten times that of `device`"
+_PLATE, _GAP = "from hard rubber to the paper's steel", "a plate at the slider's mid-stroke, aside by one crank radius"
+VARIABLES = (
+    Variable("mass.upper", "m2", 0.02, 0.25, True, _MASS),
+    Variable("mass.inclined", "m3", 0.02, 0.25, True, _MASS),
+    Variable("crank.upper_rod", "l_AB", 0.03, 0.12, True, _TWICE),
+    Variable("crank.inclined_rod", "l_AC", 0.03, 0.12, True, _TWICE),
+    Variable("crank.radius", "l_DA", 0.003, 0.06, True, "up to the longest of the paper's Fig. 3(b), or to a rod"),
+    Variable("guide.angle", "φ", math.radians(10.0), math.radians(90.0), False, "beyond 90° the guide points into the "
+             "ground; at 0° nothing drives the body"),
+    Variable("inclined.plate.stiffness", "k1", 1e5, 1e7, True, _PLATE),
+    Variable("upper.spring.stiffness", "k2", 1e2, 1e4, True, _SPRING),
+    Variable("inclined.spring.stiffness", "k3", 1e2, 1e4, True, _SPRING),
+    Variable("upper.plate.stiffness", "k4", 1e5, 1e7, True, _PLATE),
+    Variable("inclined.plate.damping", "c1", 10.0, 1000.0, True, _DAMPER),
+    Variable("upper.spring.damping", "c2", 0.2, 20.0, True, _DAMPER),
+    Variable("inclined.spring.damping", "c3", 0.2, 20.0, True, _DAMPER),
+    Variable("upper.plate.damping", "c4", 10.0, 1000.0, True, _DAMPER),
+    Variable("motor.speed", "ω", 20.0, 200.0, True, "from a fifth to twice the paper's"),
+    Variable("inclined.gap", "ξ_H - l_AC", -0.06, 0.06, False, _GAP),
+    Variable("upper.gap", "ζ_E - l_AB", -0.06, 0.06, False, _GAP),
 )
-from vibro_lab.study.variation import Range, at_the_edge, varied_in_words
-from vibro_ros import PARAMETERS, Parser, Scene, scene_as_file
+"""The paper's parameters of F_opt; the rods come before the crank, and the crank before the gaps that it limits."""
+_MEANING = {"net": "the work of the motor less what the springs return to it, over time",
+            "delivered": "the work that the motor delivers, over time; what the springs return to it is lost",
+            "supply": "the energy that the supply gives to the dc motor, with the heat of its winding, over time"}
+DIRECTIONS = {"either": 0.0, "forward": 1.0, "backward": -1.0}
+SPEED, RATIO, FRONT = "speed", "speed_per_power", "front"
+OBJECTIVES = {SPEED: "mean speed", RATIO: "mean speed over mean power, the paper's F_opt = V/P",
+              FRONT: "the front of speed and cost of transport"}
+WEIGHTS = (0.5, 0.0, 1.0, 0.25, 0.75)
+"""Weights of the logarithm of the speed in a search for the front, each with a fifth of the budget."""
+QUANTILE, FAILED = 0.25, -1e3
+"""Quantile over the starts that gives the score, and the score of a robot that cannot be simulated."""
+_SIGMA, _FINE, _RESTARTS = 0.3, 1e-3, 99  # of CMA-ES, as shares of the cube's edge; the budget ends the restarts
+_ON_BOUND, _APART = 0.01, 0.05  # shares: a value on its bound; the least distance between two finalists
+_SHOWN = 24  # largest number of robots of a front
 
-#: The objective with two numbers, speed and cost; `OBJECTIVES` have one.
-FRONT = "front"
 
-
-@dataclass(frozen=True)
-class Effort:
-    """Amount of simulation.
-
-    Attributes
-    ----------
-    budget : int
-        Number of candidates of the search.
-    trials : Trials
-        The runs of a candidate.
-    finalists : int
-        Number of best candidates among which other starts select.
-    choosing, verifying : Trials
-        The runs of a finalist, and of the optimum.
-    """
+class Effort(NamedTuple):
+    """Number of robots of a search and of its finalists, and the trials of each robot, each finalist, the optimum."""
 
     budget: int = 3000
-    trials: Trials = Trials()
     finalists: int = 12
-    choosing: Trials = Trials(starts=8, settling=4.0, duration=8.0)
-    verifying: Trials = Trials(starts=16, settling=4.0, duration=10.0)
+    trials: Trials = Trials(0, 4, 2.0, 4.0)
+    choosing: Trials = Trials(10_000, 8, 4.0, 8.0)
+    verifying: Trials = Trials(20_000, 16, 4.0, 10.0)
 
 
-QUICK = Effort(budget=120, trials=Trials(starts=3, settling=1.5, duration=2.0), finalists=3,
-               choosing=Trials(starts=4, settling=2.0, duration=4.0),
-               verifying=Trials(starts=6, settling=2.0, duration=6.0))
+QUICK = Effort(120, 3, Trials(0, 3, 1.5, 2.0), Trials(10_000, 4, 2.0, 4.0), Trials(20_000, 6, 2.0, 6.0))
 """A demonstration of all steps within a minute or two; it does not find the optimum."""
 
 
@@ -91,662 +105,394 @@ class Plan:
 
     Attributes
     ----------
-    space : Space
-        Search space of robots.
-    objective : str
-        Name in `OBJECTIVES`, or `FRONT`.
-    reading : Reading
-        Definition of speed and power.
-    least_speed : float
-        Least speed [m/s] of an accepted robot.
-    most_air : float
-        Largest share of the time in the air of an accepted robot; dimensionless.
+    scene : Scene
+        Scene with the values of all parameters that are not varied.
+    variables : tuple of Variable
+        The varied parameters, in the order of `VARIABLES`.
+    objective, power, direction : str
+        Names in `OBJECTIVES`, `POWERS` and `DIRECTIONS`.
+    least_speed, most_air : float
+        Least speed [m/s], and largest share of the time in the air, of an accepted robot.
     effort : Effort
         Amount of simulation.
     seed : int
         Seed of the search.
     """
 
-    space: Space
+    scene: Scene
+    variables: tuple[Variable, ...]
     objective: str
-    reading: Reading
+    power: str
+    direction: str
     least_speed: float
     most_air: float
     effort: Effort
     seed: int
 
-    def __post_init__(self) -> None:
-        if self.reading.power == "supply" and not has_supply(self.space.scene):
-            raise ValueError(f"--power supply: {self.space.scene.name} has no dc motor that the method exact solves; "
-                             "give --power net or delivered, or a scene with effects.motor dc such as machine")
-        if self.objective == FRONT:
-            check_reaction(self.space.scene, "the cost of transport")
-        elif OBJECTIVES[self.objective].needs_reaction:
-            check_reaction(self.space.scene, "V/P")
+    def bounds(self, variable: Variable, values: Mapping[str, float]) -> tuple[float, float]:
+        """Bounds of a variable where other parameters have `values`: a crank longer than a rod jams, and a plate more
+        than a crank radius aside is never touched (ValueError if nothing is left).
+        """
+        length = {name: values.get(name, self.scene[name])
+                  for name in ("crank.radius", "crank.upper_rod", "crank.inclined_rod")}
+        low, high = variable.low, variable.high
+        if variable.name == "crank.radius":
+            high = min(high, length["crank.upper_rod"], length["crank.inclined_rod"])
+        elif variable.name.endswith(".gap"):
+            low, high = max(low, -length["crank.radius"]), min(high, length["crank.radius"])
+        if low > high:
+            raise ValueError(f"--vary {variable.name}: from {variable.low:g} to {variable.high:g} leaves no value "
+                             "where rods and crank are shortest; give bounds that the shortest rod and crank allow")
+        return low, high
 
-    @property
-    def unit(self) -> str:
-        """Unit of `score`."""
-        return OBJECTIVES[self.scored].unit
+    def parameters(self, point: Sequence[float] | np.ndarray) -> dict[str, float]:
+        """Values of the varied parameters at a point of the unit cube, shape (variables,)."""
+        values: dict[str, float] = {}
+        for variable, share in zip(self.variables, point, strict=True):
+            values[variable.name] = float(values_at_shares(
+                *self.bounds(variable, values), variable.logarithmic, np.array(share)))
+        return values
 
-    @property
-    def scored(self) -> str:
-        """Name of the objective with one number that gives the score; for a front, V/P."""
-        return "speed_per_power" if self.objective == FRONT else self.objective
+    def robot(self, point: Sequence[float] | np.ndarray) -> Scene:
+        """Return the scene at a point (ValueError where limits on combinations of parameters refuse it)."""
+        return self.scene.with_parameters(self.parameters(point))
 
-    @property
-    def run_time(self) -> float:
-        """Simulated time of a candidate [s]."""
-        return self.effort.trials.run_time
+    def values_at(self, points: Sequence[np.ndarray], trials: Trials, number: int) -> np.ndarray:
+        """Values of the robot at a point, shape (starts, measures); all are NaN if it cannot be built, or go on."""
+        try:
+            robot = self.robot(points[number])
+            rows = [measure(robot, MEASURED, trials.settling, trials.duration, trials.first + start)
+                    for start in range(trials.starts)]
+        except (ValueError, SimulationError):
+            return np.full((trials.starts, len(MEASURED)), np.nan)
+        return np.array([[row[name] for name in MEASURED] for row in rows])
+
+    def speeds(self, values: np.ndarray) -> np.ndarray:
+        """Mean speeds [m/s] of a robot's starts, positive in the direction that counts, shape (starts,)."""
+        return (DIRECTIONS[self.direction] or float(np.sign(values[:, 0].mean())) or 1.0) * values[:, 0]
+
+    def speed(self, values: np.ndarray) -> float:
+        """Lower quartile of the speeds of a robot [m/s]; the least speed if one is not above 0."""
+        if not np.isfinite(values[:, :SUPPLY]).all():
+            return FAILED
+        speeds = self.speeds(values)
+        return float(speeds.min() if speeds.min() <= 0.0 else np.quantile(speeds, QUANTILE))
 
     def score(self, values: np.ndarray) -> float:
-        """Score of a robot from its values; if it is too slow, or in the air for too long, minus the excess."""
-        quartile = speed(values, self.reading)
-        missing = self._flies(values) + (max(self.least_speed - quartile, 0.0) if self.least_speed > 0.0 else 0.0)
-        if missing > 0.0:
-            return max(-missing, FAILED)
-        return OBJECTIVES[self.scored].score(values, self.reading)
+        """Score of a robot from its values: speed or V/P; if it is too slow or flies too long, minus the excess."""
+        speed, excess = self.speed(values), self.excess(values)
+        missing = excess + (max(self.least_speed - speed, 0.0) if self.least_speed > 0.0 else 0.0)
+        if missing > 0.0 or speed <= 0.0 or self.objective == SPEED:
+            return max(-missing, FAILED) if missing > 0.0 else speed
+        power = values[:, POWERS[self.power]]
+        # Springs that returned stored energy: the time was too short for a mean.
+        return float(np.quantile(self.speeds(values) / power, QUANTILE)) if power.min() > 0.0 else 0.0
 
-    def _flies(self, values: np.ndarray) -> float:
+    def excess(self, values: np.ndarray) -> float:
         """Excess of the share of the time in the air over `most_air`, from the start with the largest share."""
         return max(float(values[:, AIR].max()) - self.most_air, 0.0) if self.most_air < 1.0 else 0.0
 
     def speed_and_cost(self, point: np.ndarray, values: np.ndarray) -> tuple[float, float]:
-        """Speed [m/s] and cost of transport [-] of the robot at a point; infinite cost if it is not accepted."""
-        if not went_on(values):
-            return FAILED, np.inf
-        if excess := self._flies(values):
-            return -excess, np.inf
-        robot = self.space.robot(point)
+        """Speed [m/s] of the robot at a point, and the upper quartile of its costs of transport P / (M g V).
+
+        The cost is infinite if the robot is not accepted, or if V, P or M g is not above 0.
+        """
+        speed, power = self.speed(values), values[:, POWERS[self.power]]
+        if speed == FAILED or (excess := self.excess(values)):
+            return (FAILED if speed == FAILED else -excess), math.inf
+        robot = self.robot(point)
         weight = robot.total_mass * robot["gravity"]
-        return speed(values, self.reading), cost_of_transport(values, self.reading, weight)
+        if speed <= 0.0 or power.min() <= 0.0 or weight <= 0.0:
+            return speed, math.inf
+        return speed, float(np.quantile(power / (weight * np.abs(values[:, 0])), 1.0 - QUANTILE))
 
-    def identity(self) -> dict[str, object]:
-        """Everything that the candidates and their values depend on, as numbers and texts, without the budget."""
-        return {"objective": self.objective, "reading": dict(self.reading._asdict()),
-                "least_speed": self.least_speed, "most_air": self.most_air, "seed": self.seed,
-                "trials": asdict(self.effort.trials),
-                "variables": [[one.name, one.low, one.high, one.logarithmic] for one in self.space.variables],
-                "scene": dict(self.space.scene.parameters), "cma": cma.__version__,
-                "computed_with": computes_with()}
+    def weighted(self, weight: float, point: np.ndarray, values: np.ndarray) -> float:
+        """Score of a robot for the front: weighted logarithms of speed and cost."""
+        speed, cost = self.speed_and_cost(point, values)
+        if speed <= 0.0 or not math.isfinite(cost):
+            return FAILED + max(speed, FAILED)
+        return weight * math.log(speed) - (1.0 - weight) * math.log(cost)
 
 
-#: Largest number of groups of candidates of a search, each of which is a file.
-MOST_GROUPS = 1_000_000
-FIELDS = [
-    Field("point", NUMBERS, "1", "coordinates in the unit cube of the varied parameters"),
-    Field("values", NUMBERS, "1", f"{', '.join(MEASURED)} of each start, one after the other, in SI units; NaN where a "
-          "run cannot go on")]
-#: Initial standard deviation of CMA-ES, in units of the cube's edge.
-SIGMA = 0.3
-# A run of CMA-ES ends when its steps are shorter than this part of the edge, or when the scores of a group differ by
-# less than this part of the first group's, because the noise is larger.
-_FINE = 1e-3
+def values_of(plan: Plan, points: Sequence[np.ndarray], trials: Trials, execution: Execution) -> Rows:
+    """Yield the values of the robot at each point."""
+    return execution.rows(partial(plan.values_at, tuple(points), trials), range(len(points)),
+                          trials.run_time, (plan.scene["solver.method"],))
 
 
 class Candidates(NamedTuple):
-    """Robots that were evaluated.
+    """Robots of a search."""
 
-    Attributes
-    ----------
-    points : ndarray, shape (n, dimension)
-        Points of the unit cube.
-    values : ndarray, shape (n, starts, measures)
-        Values of each start, with the columns `trials.MEASURED`.
-    """
-
-    points: np.ndarray
-    values: np.ndarray
+    points: np.ndarray  # of the cube, shape (n, variables)
+    values: np.ndarray  # shape (n, starts, measures)
 
 
-def proposals(dimension: int, seed: int) -> Generator[np.ndarray, np.ndarray, None]:
-    """Generate groups of points of the unit cube, shape (n, dimension), by CMA-ES; send the scores to be maximised.
-
-    A run begins in the middle of the cube. When it has ended, the next begins at a random point with twice as many
-    points per group (A. Auger and N. Hansen, CEC 2005, 1769).
-    """
-    draw, begin, options = np.random.default_rng(seed), np.full(dimension, 0.5), {
-        "bounds": [0.0, 1.0], "verbose": -9, "verb_log": 0, "tolx": _FINE, "tolfunrel": _FINE}
-    for number in itertools.count(seed + 1):  # cma takes 0 for a seed of the clock
-        strategy = cma.CMAEvolutionStrategy(begin, SIGMA, {**options, "seed": number})
-        while not strategy.stop():
-            points = strategy.ask()
-            strategy.tell(points, list(-(yield np.clip(points, 0.0, 1.0))))
-        begin, options = draw.random(dimension), {**options, "popsize": 2 * strategy.popsize}
-
-
-def searched(plan: Plan, folder: Path, execution: Execution, progress: Progress) -> Candidates:
-    """Search until the budget is spent; the last group is complete.
-
-    For the front, groups use the `WEIGHTS` in turn, so that each weight gets a fifth of any budget.
-
-    Raises
-    ------
-    ForeignBlockError
-        For files of another search.
-    OSError, RuntimeError
-        As `table.computed`.
-    """
+def searched(plan: Plan, execution: Execution) -> Candidates:
+    """Search until the budget is spent; the last group is complete."""
+    points, values = list[np.ndarray](), list[np.ndarray]()
     weights: Sequence[float | None] = WEIGHTS if plan.objective == FRONT else (None,)
-    searches = [proposals(plan.space.dimension, plan.seed + 1000 * k) for k in range(len(weights))]
-    points, found, count = [next(one) for one in searches], list[Candidates](), 0
-    for group in itertools.count():
-        if count >= plan.effort.budget:
-            return Candidates(*map(np.concatenate, zip(*found, strict=True)))
-        which = group % len(weights)
-        own = points[which]
-        values = evaluated(plan, group, own, folder, execution)
-        found.append(Candidates(own, values))
-        count += len(own)
-        progress.add(len(own))
-        points[which] = searches[which].send(_scores(plan, weights[which], own, values))
-    raise AssertionError  # not reached, because the loop has no end
 
+    def losses(weight: float | None, progress: Progress, group: Sequence[np.ndarray]) -> list[float]:
+        group = [np.clip(point, 0.0, 1.0) for point in group]
+        first = len(values)
+        with closing(values_of(plan, group, plan.effort.trials, execution)) as results:
+            for robot in results:
+                values.append(robot)
+                progress.add(1)
+        points.extend(group)
+        return [-(plan.score(robot) if weight is None else plan.weighted(weight, point, robot))
+                for point, robot in zip(group, values[first:], strict=True)]
 
-def evaluated(plan: Plan, group: int, points: np.ndarray, folder: Path, execution: Execution) -> np.ndarray:
-    """Values of a group of candidates, shape (n, starts, measures), read from its file, or computed and stored."""
-    study = Study("robots", plan.identity(), FIELDS, partial(_row_of, plan, points), plan.run_time,
-                  (plan.space.scene["solver.method"],), MOST_GROUPS)
-    table: pa.Table = stored(study, folder, {group: range(len(points))}, lambda numbers: execution.rows(
-        study.rows, numbers, study.run_time, study.methods))[group]
-    return np.array(table["values"].to_pylist()).reshape(len(points), plan.effort.trials.starts, -1)
-
-
-def _row_of(plan: Plan, points: np.ndarray, number: int) -> list[dict]:
-    values = values_of(plan.space.buildable(points[number]), plan.effort.trials)
-    return [{"point": points[number], "values": values.ravel()}]
-
-
-def _scores(plan: Plan, weight: float | None, points: np.ndarray, values: np.ndarray) -> np.ndarray:
-    if weight is None:
-        return np.array([plan.score(one) for one in values])
-    return _weighted(plan, weight, points, values)
-
-
-#: Largest number of robots of a front.
-SHOWN = 24
-#: Weights of the logarithm of the speed; the logarithm of the cost has 1 minus the weight.
-WEIGHTS = (0.5, 0.0, 1.0, 0.25, 0.75)
-
-
-@dataclass(frozen=True)
-class FrontRobot:
-    """A robot of the front, evaluated from starts that the search has not used.
-
-    Attributes
-    ----------
-    speed : float
-        Lower quartile of the mean speeds [m/s].
-    cost : float
-        Upper quartile of the costs of transport [-].
-    power : float
-        Upper quartile of the powers [W], as defined by the plan's reading.
-    robot : Scene
-        The robot.
-    """
-
-    speed: float
-    cost: float
-    power: float
-    robot: Scene
-
-
-def _weighted(plan: Plan, weight: float, points: np.ndarray, values: np.ndarray) -> np.ndarray:
-    scores = []
-    for point, one in zip(points, values, strict=True):
-        own_speed, cost = plan.speed_and_cost(point, one)
-        counts = own_speed > 0.0 and np.isfinite(cost)
-        scores.append(float(weight * np.log(own_speed) - (1.0 - weight) * np.log(cost)) if counts else
-                      FAILED + max(own_speed, FAILED))
-    return np.array(scores)
-
-
-def front_of(plan: Plan, candidates: Candidates, execution: Execution, progress: Progress) -> list[FrontRobot]:
-    """Return the front of a search's candidates, the slowest first, verified from other starts.
-
-    Parameters
-    ----------
-    plan : Plan
-        Plan of the search.
-    candidates : Candidates
-        All candidates that it has evaluated.
-    execution : Execution
-        Workers that run the verification.
-    progress : Progress
-        Counts the robots.
-    """
-    pairs = [plan.speed_and_cost(*one) for one in zip(candidates.points, candidates.values, strict=True)]
-    points = candidates.points[_spread(non_dominated(np.array(pairs)), pairs)]
-    robots, found = [plan.space.robot(point) for point in points], []
-    fresh = values_of_many(robots, replace(plan.effort.choosing, first=CHOOSING), execution)
-    for point, robot, values in zip(points, robots, fresh, strict=True):
-        power = float(np.quantile(values[:, POWERS[plan.reading.power]], 1.0 - QUANTILE))
-        found.append(FrontRobot(*plan.speed_and_cost(point, values), power, robot))
-        progress.add(1)
-    still = non_dominated(np.array([(one.speed, one.cost) for one in found]).reshape(-1, 2))
-    return [found[number] for number in still]
-
-
-def non_dominated(pairs: np.ndarray) -> list[int]:
-    """Indices of the rows (speed, cost) that no other row dominates, the slowest first.
-
-    Parameters
-    ----------
-    pairs : ndarray, shape (n, 2)
-        Speeds and costs. Rows whose speed is not positive or whose cost is not finite are left out.
-    """
-    counted = [number for number, (own_speed, cost) in enumerate(pairs) if own_speed > 0.0 and np.isfinite(cost)]
-    found, cheapest = [], np.inf
-    for number in sorted(counted, key=lambda one: (-pairs[one][0], pairs[one][1])):
-        if pairs[number][1] < cheapest:
-            found.append(number)
-            cheapest = pairs[number][1]
-    return found[::-1]
-
-
-def _spread(numbers: list[int], pairs: list[tuple[float, float]]) -> list[int]:
-    """Return at most `SHOWN` of the indices, spread evenly over the logarithm of their speeds."""
-    if len(numbers) <= SHOWN:
-        return numbers
-    logs = np.log([pairs[number][0] for number in numbers])
-    nearest = {int(np.argmin(np.abs(logs - wanted))) for wanted in np.linspace(logs[0], logs[-1], SHOWN)}
-    return [numbers[place] for place in sorted(nearest)]
-
-
-@dataclass(frozen=True)
-class Result:
-    """Result of a search.
-
-    Attributes
-    ----------
-    plan : Plan
-        Design of the search.
-    robots : int
-        Number of candidates.
-    optimum : mapping
-        Values of the varied parameters of the best robot.
-    robot : Scene
-        The best robot.
-    on_bound : tuple of str
-        Bound on which each variable lies, `low` or `high`, else an empty text.
-    verified : tuple of Verified
-        Attractors of the best robot under all readings of the forces, from other starts.
-    front : tuple of FrontRobot
-        Robots of which none is both faster and cheaper than another, from other starts; empty if the scene's energy
-        does not balance.
-    """
-
-    plan: Plan
-    robots: int
-    optimum: Mapping[str, float]
-    robot: Scene
-    on_bound: tuple[str, ...]
-    verified: tuple[Verified, ...]
-    front: tuple[FrontRobot, ...]
-
-
-def studied(plan: Plan, folder: Path, execution: Execution) -> tuple[Result, Candidates]:
-    """Search and verify; returns the result and all candidates of the search.
-
-    Parameters
-    ----------
-    plan : Plan
-        Design of the search.
-    folder : Path
-        Folder of the search's files, from which it resumes; no other process may write into it.
-    execution : Execution
-        Workers that run the trials.
-
-    Raises
-    ------
-    ValueError
-        If the files belong to another search, or no candidate moves.
-    OSError, RuntimeError
-        If files cannot be read, or written.
-    """
     with Progress("search", "robot", plan.effort.budget) as progress:
-        candidates = searched(plan, folder, execution, progress)
-    scores = np.array([plan.score(values) for values in candidates.values])
-    point = _chosen(plan, candidates, scores, execution)
-    optimum, effort, space = plan.space.parameters(point), plan.effort, plan.space
-    with Progress("verification", "reading", len(readings(space.scene))) as progress:
-        rows = verified(space, optimum, plan.reading, effort.verifying, execution, progress)
-    front: list[FrontRobot] = []
-    if space.scene["effects.reaction"]:
-        with Progress("front", "robot", SHOWN) as progress:
-            front = front_of(plan, candidates, execution, progress)
-    return Result(plan, len(scores), optimum, space.robot(point), tuple(space.on_bound(point)), tuple(rows),
-                  tuple(front)), candidates
+        for place, weight in enumerate(weights):
+            cma.fmin2(None, np.full(len(plan.variables), 0.5), _SIGMA, {
+                "bounds": [0.0, 1.0], "verbose": -9, "verb_log": 0, "tolx": _FINE, "tolfunrel": _FINE,
+                "eval_final_mean": False, "maxfevals": max(1, plan.effort.budget // len(weights)),
+                "seed": plan.seed + 1 + 1000 * place},  # cma takes 0 for a seed of the clock
+                parallel_objective=partial(losses, weight, progress), restarts=_RESTARTS)
+    return Candidates(np.array(points), np.array(values))
 
 
-def _chosen(plan: Plan, candidates: Candidates, scores: np.ndarray, execution: Execution) -> np.ndarray:
+def chosen(plan: Plan, candidates: Candidates, execution: Execution) -> np.ndarray:
     """Return the point that is best from other starts among the best of the search, whose scores were partly luck."""
-    scores = np.where(went_on(candidates.values), scores, -np.inf)
-    finalists = _apart(candidates.points, scores, plan.effort.finalists)
-    trials = replace(plan.effort.choosing, first=CHOOSING)
-    robots, fresh = [plan.space.robot(point) for point in finalists], []
-    with Progress("choice", "robot", len(robots)) as progress:
-        for values in values_of_many(robots, trials, execution):
-            fresh.append(plan.score(values))
-            progress.add(1)
-    best = int(np.argmax(fresh)) if fresh else 0
-    if not fresh or fresh[best] <= 0.0:
+    scores, finalists = np.array([plan.score(values) for values in candidates.values]), list[np.ndarray]()
+    for place in np.argsort(-scores, kind="stable"):
+        point = candidates.points[place]
+        if plan.speed(candidates.values[place]) > FAILED and len(finalists) < plan.effort.finalists and all(
+                np.abs(point - other).max() >= _APART for other in finalists):
+            finalists.append(point)
+    fresh = [plan.score(values) for values in values_of(plan, finalists, plan.effort.choosing, execution)]
+    if not fresh or max(fresh) <= 0.0:
         raise ValueError(f"--budget {plan.effort.budget}: no robot was found that goes the same way from all starts"
                          f"{' at the least speed' if plan.least_speed else ''}"
                          f"{' with so little time in the air' if plan.most_air < 1.0 else ''}; give a larger budget or "
                          "other bounds")
-    return finalists[best]
+    return finalists[int(np.argmax(fresh))]
 
 
-def _apart(points: np.ndarray, scores: np.ndarray, count: int, distance: float = 0.05) -> list[np.ndarray]:
-    """Return the `count` best points such that any two differ by at least `distance` in some coordinate."""
-    found: list[np.ndarray] = []
-    for number in np.argsort(-scores, kind="stable"):
-        if scores[number] == -np.inf:
-            break
-        if all(np.abs(points[number] - other).max() >= distance for other in found):
-            found.append(points[number])
-        if len(found) == count:
-            break
-    return found
+def front_of(plan: Plan, candidates: Candidates, execution: Execution) -> list[dict[str, Any]]:
+    """Return the robots of which none is both faster and cheaper than another, from other starts, the slowest first.
+
+    A robot has its speed [m/s], cost of transport, power [W] and parameters.
+    """
+    pairs = np.array([plan.speed_and_cost(*robot) for robot in zip(*candidates, strict=True)])
+    numbers = non_dominated(pairs)
+    if len(numbers) > _SHOWN:  # spread evenly over the logarithm of their speeds
+        logs = np.log(pairs[numbers, 0])
+        numbers = [numbers[k] for k in sorted({int(np.argmin(np.abs(logs - wanted)))
+                                               for wanted in np.linspace(logs[0], logs[-1], _SHOWN)})]
+    points, robots = [candidates.points[k] for k in numbers], list[dict[str, Any]]()
+    for point, values in zip(points, values_of(plan, points, plan.effort.choosing, execution), strict=True):
+        speed, cost = plan.speed_and_cost(point, values)
+        robots.append({"speed": speed, "cost": cost, "parameters": plan.parameters(point), "power": float(
+            np.quantile(values[:, POWERS[plan.power]], 1.0 - QUANTILE))})
+    return [robots[k] for k in non_dominated(np.array([(robot["speed"], robot["cost"]) for robot in robots]))]
 
 
-def result_file(result: Result) -> bytes:
-    """Return a result as JSON: the data of its tables and sentences, without its plan."""
-    front = [{"speed": one.speed, "cost": one.cost, "power": one.power,
-              "parameters": {variable.name: one.robot[variable.name] for variable in result.plan.space.variables}}
-             for one in result.front]
-    whole = {"robots": result.robots, "optimum": dict(result.optimum),
-             "verified": [asdict(row) for row in result.verified], "front": front}
-    return (json.dumps(_finite(whole), indent=1, allow_nan=False) + "\n").encode()
+def non_dominated(pairs: np.ndarray) -> list[int]:
+    """Indices of the pairs (speed, cost) that no other dominates, the slowest first, with speed > 0 and finite cost."""
+    kept, cheapest = list[int](), math.inf
+    for place in sorted(range(len(pairs)), key=lambda k: (-pairs[k][0], pairs[k][1])):
+        if pairs[place][0] > 0.0 and pairs[place][1] < cheapest:
+            kept.append(place)
+            cheapest = pairs[place][1]
+    return kept[::-1]
 
 
-def _finite(value: Any) -> Any:
-    """Replace numbers that are not finite by None, because JSON does not have them."""
-    if isinstance(value, dict):
-        return {name: _finite(one) for name, one in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(one) for one in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-POWER = {"net": "the work of the motor less what the springs return to it, over time",
-         "delivered": "the work that the motor delivers, over time; what the springs return to it is lost",
-         "supply": "the energy that the supply gives to the dc motor, with the heat of its winding, over time"}
-"""Definition of P for each reading of the power."""
-_DIRECTIONS = {"either": "in either direction", "forward": "forwards only", "backward": "backwards only"}
-_ENDS = {"low": "lower", "high": "upper", "": ""}
-
-
-def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
-    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)])
-
-
-def _number(value: float) -> str:
-    """Format `value` with three digits; a dash if it is not finite."""
-    if not math.isfinite(value):
-        return "-"
-    text = f"{value:.3g}"
-    return f"{float(text):.0f}" if 1e3 <= abs(float(text)) < 1e6 else text
-
-
-_SAME = 1e-5  # relative: a smaller interval belongs to starts of one periodic motion, and is not shown
-
-
-def _with_spread(found: Mean, factor: float = 1.0) -> str:
-    """Format a mean ± half its 95 % interval, times `factor`; a dash if it is not finite."""
-    if not math.isfinite(found.mean):
-        return "-"
-    spread = f" ± {factor * found.spread:.2g}" if found.spread > _SAME * abs(found.mean) else ""
-    return f"{_number(factor * found.mean)}{spread}"
-
-
-def _speed(row: Verified) -> str:
+def speed_in_words(row: Mapping[str, Any]) -> str:
     """Mean speed of a motion [mm/s], or the range of starts that have not settled; and its drift."""
-    if row.turns is None and math.isfinite(row.least):
-        ends = dict.fromkeys(_number(1e3 * speed) for speed in (row.least, row.largest))
-        return f"{' to '.join(ends)}{_drift(row)}"
-    return f"{_with_spread(row.speed, 1e3)}{_drift(row)}"
+    ends = dict.fromkeys(number(row[end], 1e3) for end in ("least", "largest"))
+    settled = row["turns"] is not None or not math.isfinite(row["least"])
+    return (mean_in_words(row["speed"], 1e3) if settled else " to ".join(ends)) + (
+        f", drifts by {number(row['drift'], 1e3)}" if row["drift"] else "")
 
 
-def _drift(row: Verified) -> str:
-    return f", drifts by {_number(1e3 * row.drift)}" if row.drift else ""
+@dataclass(frozen=True)
+class Result:
+    """Result of a search: the best point, the rows of its verification, and the robots of the front."""
+
+    plan: Plan
+    candidates: Candidates
+    point: np.ndarray
+    rows: list[dict[str, Any]]
+    front: list[dict[str, Any]]
+
+    @property
+    def title(self) -> str:
+        """Heading of page and pictures."""
+        return f"Optimum: {OBJECTIVES[self.plan.objective]}, scene {self.plan.scene.name}"
+
+    def in_words(self) -> list[str]:
+        """Return what the robot does, its parameters, and those on a bound, beyond which the score may still rise."""
+        values, effort = self.plan.parameters(self.point), self.plan.effort
+        ratios = [f" and {mean_in_words(row['ratio'])} m/J" if math.isfinite(row["cost"]) else "" for row in self.rows]
+        does = "; ".join(
+            f"{speed_in_words(row)} mm/s{ratio} from {row['starts']} of {effort.verifying.starts} starts"
+            for row, ratio in zip(self.rows, ratios, strict=True) if row["reading"] == self.rows[0]["reading"])
+        robot = ", ".join(f"{name} = {number(value)} {PARAMETERS[name].unit}".strip() for name, value in values.items())
+        ends = [f"{name} ({_end(share)})" for name, share in zip(values, self.point, strict=True) if _end(share)]
+        return [f"The optimum goes at {does}, forward positive.", f"The optimum: {robot}.",
+                at_the_edge("the best score", ends) or "The optimum lies within the range of every parameter."]
+
+    def document(self) -> str:
+        """Return the page."""
+        plan, (does, _, ends) = self.plan, self.in_words()
+        trials, verifying = plan.effort.trials, plan.effort.verifying
+        asked = (
+            f"P is mean power: {_MEANING[plan.power]}. CMA-ES tried {len(self.candidates.points)} robots from the same "
+            f"{trials.starts} drawn starts, over {trials.duration:g} s after {trials.settling:g} s. The score is the "
+            f"lower quartile of these starts. Direction: {plan.direction}; all starts must agree. Least speed: "
+            f"{number(plan.least_speed, 1e3)} mm/s. Most time in the air: {100 * plan.most_air:g} %.")
+        values = plan.parameters(self.point)
+        parameters = [[f"`{one.name}`", one.symbol, number(values[one.name]), number(PARAMETERS[one.name].default),
+                       PARAMETERS[one.name].unit, f"{number(one.low)} to {number(one.high)}", _end(share), one.reason]
+                      for one, share in zip(plan.variables, self.point, strict=True)]
+        motions = [[row["reading"], "not settled" if row["turns"] is None else f"{row['turns'] or 'no'} turns",
+                    f"{row['starts']} of {verifying.starts}", speed_in_words(row), number(row["load"]),
+                    f"{100 * row['unloaded']:.0f}", f"{100 * row['air']:.0f}",
+                    *(mean_in_words(row[name]) for name in ("power", "delivered", "supply")),
+                    mean_in_words(row["ratio"]) if math.isfinite(row["cost"]) else "-", number(row["cost"])]
+                   for row in self.rows]
+        said = (
+            f"{verifying.starts} drawn starts that the search has not seen, {verifying.duration:g} s each after "
+            f"{verifying.settling:g} s: a row for each motion, with its mean ± half the 95 % interval, or the range of "
+            "starts that have not settled. Mean N over the weight must be 1 on a real ground; a robot with more is "
+            "held down by the rule of its row, and would not do this.")
+        return "\n\n".join([
+            f"# {self.title}", asked, does, "## Parameters", ends, markdown_table(
+            ["parameter", "symbol", "optimum", "paper", "unit", "bounds", "on bound", "why these bounds"], parameters),
+            "## Verification", said, markdown_table(
+            ["reading", "repeats itself after", "starts", "speed, forward positive [mm/s]", "mean N over weight",
+             "time with N <= 0 [%]", "in the air [%]", "P net [W]", "P delivered [W]", "P from the supply [W]",
+             "V/P [m/J]", "cost of transport"], motions)]) + "\n"
+
+    def numbers(self) -> bytes:
+        """Return the data of the page as JSON, in SI units; numbers that are not finite are null."""
+        whole = {"robots": len(self.candidates.points), "optimum": self.plan.parameters(self.point),
+                 "verified": self.rows, "front": self.front}
+        return (json.dumps(finite(whole), indent=1, allow_nan=False) + "\n").encode()
+
+    def table(self) -> bytes:
+        """Return a Parquet file with a row for each robot that was tried and each of its starts, in their order."""
+        fields = [Field("robot", pa.int64(), "1", "number of the robot, in the order of the search"),
+                  *(parameter_field(variable.name) for variable in self.plan.variables),
+                  *(Field(name, pa.float64(), MEASURES[name].unit or "1", "NaN for a robot that cannot go on")
+                    for name in MEASURED)]
+        return file_of(table_of([
+            {"robot": place, **self.plan.parameters(point), **dict(zip(MEASURED, start, strict=True))}
+            for place, (point, values) in enumerate(zip(*self.candidates, strict=True)) for start in values.tolist()],
+            fields))
+
+    @default_settings()
+    def picture(self) -> bytes:
+        """Draw cost of transport over speed: all robots, the front and the optimum from other starts; a PNG file."""
+        figure = new_figure(8.0, 5.5)
+        axes = figure.subplots()
+        pairs = [self.plan.speed_and_cost(*robot) for robot in zip(*self.candidates, strict=True)]
+        best = [(abs(row["speed"]["mean"]), row["cost"]) for row in self.rows
+                if row["reading"] == self.rows[0]["reading"] and row["cost"] > 0.0]
+        for shown, style, size, colour, label in (
+                (pairs, ".", 5.0, SKY, "a robot of the search"), (best, "*", 9.0, VERMILION, "optimum"),
+                ([(robot["speed"], robot["cost"]) for robot in self.front], "-o", 3.0, BLACK, "front")):
+            drawn = np.array([pair for pair in shown if pair[0] > 1e-4 and math.isfinite(pair[1])]).reshape(-1, 2)
+            axes.plot(1e3 * drawn[:, 0], drawn[:, 1], style, ms=size, color=colour, label=label)
+        axes.set(xscale="log", yscale="log", xlabel="mean speed [mm/s]", ylabel="cost of transport P / (M g V)")
+        axes.legend(frameon=False)
+        style_axes(axes)
+        set_heading(figure, self.title)
+        return png(figure)
 
 
-def _motion(row: Verified) -> str:
-    return "not settled" if row.turns is None else f"every {row.turns} turns" if row.turns else "no period"
-
-
-def document(result: Result) -> str:
-    """Return the summary of a search as Markdown."""
-    parts = [f"# {title(result.plan)}", *_question_and_verdict(result), "## Parameters", *_parameters(result),
-             "## Verification", *_verification(result)]
-    if result.front:
-        parts += ["## Speed against cost of transport", *_front(result.front)]
-    return "\n\n".join(parts) + "\n"
-
-
-def title(plan: Plan) -> str:
-    """Heading of the summary, with the objective and the scene."""
-    what = "the front of speed and cost of transport" if plan.objective == FRONT else OBJECTIVES[plan.objective].does
-    return f"Optimum: {what}, scene {plan.space.scene.name}"
-
-
-def _question_and_verdict(result: Result) -> list[str]:
-    """Paragraphs on the method of the search, and on the speed of the optimum's attractors."""
-    plan, trials = result.plan, result.plan.effort.trials
-    floor = f" A robot slower than {_number(plan.least_speed * 1e3)} mm/s does not count." if plan.least_speed else ""
-    if plan.most_air < 1.0:
-        floor += f" A robot that is in the air for more than {100 * plan.most_air:g} % of the time does not count."
-    how = "CMA-ES, one weight of speed and cost after the other," if plan.objective == FRONT else (
-        "CMA-ES, restarted with twice as many robots a group,")
-    asked = (f"P is mean power: {POWER[plan.reading.power]}. {how} tried {result.robots} robots, each "
-            f"from the same {trials.starts} drawn starts over {trials.duration:g} s after {trials.settling:g} s. The "
-            f"score is the lower quartile of these starts. Speed counts {_DIRECTIONS[plan.reading.direction]}, and all "
-            f"starts must agree.{floor}")
-    own = [row for row in result.verified if row.reading == result.verified[0].reading]
-    moves = "; ".join(f"{_speed(row)} mm/s{_yield(row)} from {row.starts} of {plan.effort.verifying.starts} starts"
-                      for row in own)
-    return [asked, f"The optimum goes at {moves}, forward positive."]
-
-
-def _yield(row: Verified) -> str:
-    return f" and {_with_spread(row.ratio)} m/J" if math.isfinite(row.cost) else ""
-
-
-def in_words(result: Result) -> list[str]:
-    """Return the optimum in lines: what its robot does, and its parameters with units."""
-    robot = ", ".join(f"{name} = {_number(value)}{f' {unit}' if (unit := PARAMETERS[name].unit) else ''}"
-                      for name, value in result.optimum.items())
-    return [_question_and_verdict(result)[-1], f"The optimum: {robot}."]
-
-
-def on_bounds(result: Result) -> str:
-    """Sentence that names the parameters of the optimum that lie on a bound, beyond which the score may still rise."""
-    ends = [f"{variable.name} ({_ENDS[end]})" for variable, end in zip(
-        result.plan.space.variables, result.on_bound, strict=True) if end]
-    return at_the_edge("the best score", ends) or "The optimum lies within the range of every parameter."
-
-
-def _parameters(result: Result) -> list[str]:
-    """The sentence of `on_bounds`, and a table of all parameters."""
-    rows = []
-    for variable, end in zip(result.plan.space.variables, result.on_bound, strict=True):
-        parameter = PARAMETERS[variable.name]
-        rows.append([f"`{variable.name}`", variable.symbol, _number(result.optimum[variable.name]),
-                     _number(parameter.default), parameter.unit,
-                     f"{_number(variable.low)} to {_number(variable.high)}{', log' if variable.logarithmic else ''}",
-                     _ENDS[end], variable.reason])
-    heads = ["parameter", "symbol", "optimum", "paper", "unit", "bounds", "on bound", "why these bounds"]
-    return [on_bounds(result), _table(heads, rows)]
-
-
-def _verification(result: Result) -> list[str]:
-    trials = result.plan.effort.verifying
-    said = (f"{trials.starts} drawn starts that the search has not seen, {trials.duration:g} s each after "
-            f"{trials.settling:g} s: a row for each motion that they settle to, with its mean ± half the 95 % interval "
-            "where it has no period, and the least and the largest mean of starts that have not settled. Mean N over "
-            "the weight must be 1 on a real ground; a robot with more is held down by the rule of its row, and would "
-            "not do this.")
-    return [said, _table(
-        ["reading", "repeats itself", "starts", "speed, forward positive [mm/s]", "mean N over weight",
-         "time with N <= 0 [%]", "in the air [%]", "P net [W]", "P delivered [W]", "P from the supply [W]", "V/P [m/J]",
-         "cost of transport"],
-        ([row.reading, _motion(row), f"{row.starts} of {trials.starts}", _speed(row),
-          _number(row.load), f"{100 * row.unloaded:.0f}", f"{100 * row.air:.0f}", _with_spread(row.power),
-          _with_spread(row.delivered), _with_spread(row.supply),
-          _with_spread(row.ratio) if math.isfinite(row.cost) else "-", _number(row.cost)]
-         for row in result.verified))]
-
-
-def _front(front: Sequence[FrontRobot]) -> list[str]:
-    """Sentence on the extent of a front, and a table of its robots."""
-    text = (f"The front reaches from {_number(1e3 * front[0].speed)} mm/s at a cost of transport of "
-            f"{_number(front[0].cost)} to {_number(1e3 * front[-1].speed)} mm/s at {_number(front[-1].cost)}: of each "
-            "robot the poorer quarter of its starts.")
-    heads = ["speed [mm/s]", "cost of transport", "P [W]", "V/P [m/J]", "motor speed [rad/s]", "crank [mm]",
-             "guide angle [°]", "inclined mass [kg]"]
-    return [text, _table(
-        heads, ([_number(1e3 * one.speed), _number(one.cost), _number(one.power), _number(one.speed / one.power),
-                   _number(one.robot["motor.speed"]), _number(1e3 * one.robot["crank.radius"]),
-                   _number(math.degrees(one.robot["guide.angle"])), _number(one.robot["mass.inclined"])]
-                  for one in front))]
-
-
-# Speed [m/s] below which a robot is not drawn.
-_SLOWEST = 1e-4
-_COST = "cost of transport P / (M g V) [-]"
-_ALL, _BEST, _OTHER = SKY, BLACK, VERMILION
-
-
-def _figure(width: float, height: float) -> tuple[Figure, Axes]:
-    figure = new_figure(width, height)
-    axes = figure.subplots()
-    axes.grid(color=GRID)
-    axes.set_axisbelow(True)
-    return figure, axes
-
-
-@default_settings()
-def draw_convergence(plan: Plan, candidates: Candidates, title: str) -> Figure:
-    """Draw the score of every candidate in turn, and the best so far."""
-    figure, axes = _figure(8.0, 4.5)
-    scores = np.array([plan.score(values) for values in candidates.values])
-    scores, turns = np.where(scores > 0.0, scores, np.nan), np.arange(1, len(scores) + 1)
-    axes.plot(turns, scores, ".", ms=5.0, color=_ALL, label="a robot", rasterized=True)
-    axes.plot(turns, np.fmax.accumulate(scores), color=_BEST, label="best so far")
-    axes.set(xlabel="robots tried", ylabel=f"score [{plan.unit}]", title=title)
-    axes.legend(frameon=False)
-    return figure
-
-
-@default_settings()
-def draw_front(result: Result, candidates: Candidates, title: str) -> Figure:
-    """Draw cost of transport over speed: all candidates, the front from other starts, the motions of the optimum."""
-    figure, axes = _figure(8.0, 5.5)
-    plan = result.plan
-    every = np.array([plan.speed_and_cost(point, values)
-                      for point, values in zip(candidates.points, candidates.values, strict=True)])
-    every = every[np.isfinite(every[:, 1]) & (every[:, 0] > _SLOWEST)]
-    axes.plot(1e3 * every[:, 0], every[:, 1], ".", ms=5.0, color=_ALL, label="a robot of the search", rasterized=True)
-    front = result.front
-    axes.plot([1e3 * one.speed for one in front], [one.cost for one in front], "-o", ms=3.0, color=_BEST,
-              label="front, from fresh starts")
-    for row in result.verified:
-        if row.reading == result.verified[0].reading and row.cost > 0.0:
-            axes.plot(1e3 * abs(row.speed.mean), row.cost, "*", ms=8.0, color=_OTHER, label=f"optimum, {_motion(row)}")
-    axes.set(xscale="log", yscale="log", xlabel="mean speed [mm/s]", ylabel=_COST, title=title)
-    axes.legend(frameon=False)
-    return figure
-
-
-FOLDER, TEXT, SCENE, NUMBERS = "candidates", "optimum.md", "optimum.yaml", "optimum.json"
-_MOST = {"budget": 10**6, "starts": 1000, "seed": 2**31 - 2}
-_LEAST = {"budget": 1, "starts": 2, "seed": 0}
+def _end(share: float) -> str:
+    return "lower" if share < _ON_BOUND else "upper" if share > 1.0 - _ON_BOUND else ""
 
 
 def _results(plan: Plan, folder: Path, execution: Execution) -> Iterator[Results]:
-    result, candidates = studied(plan, folder / FOLDER, execution)
-    yield Results(files_of(result, candidates), [*in_words(result), on_bounds(result)])
+    candidates = searched(plan, execution)
+    point = chosen(plan, candidates, execution)
+    robot, pays = plan.robot(point), plan.scene["effects.reaction"]
+    result = Result(plan, candidates, point, verified(robot, plan.power, plan.effort.verifying, execution),
+                    front_of(plan, candidates, execution) if pays else [])
+    files = {"optimum.md": result.document().encode(), "optimum.json": result.numbers(),
+             "optimum.yaml": scene_as_file(robot, f"{result.title}; found by `study optimise`."),
+             "candidates.parquet": result.table()}
+    yield Results({**files, **({"front.png": result.picture()} if result.front else {})}, result.in_words())
+
+
+def chosen_variables(fixed: Sequence[str], words: Sequence[str]) -> tuple[Variable, ...]:
+    """Return `VARIABLES` without the fixed ones, and with the bounds of the options `--vary` (ValueError)."""
+    variables = {variable.name: variable for variable in VARIABLES}
+    ranges = dict(map(varied_in_words, words))
+    for option, name in [*(("--fix", name) for name in fixed), *(("--vary", name) for name in ranges)]:
+        if name not in variables:
+            parameter_named(name, PARAMETERS)
+            raise ValueError(f"{option} {name}: is not among the paper's parameters of F_opt, which are "
+                             f"{', '.join(variables)}; write it into a scene file")
+    for word, (name, over) in zip(words, ranges.items(), strict=True):
+        if not isinstance(over, Range) or over.log:
+            raise ValueError(f"--vary {word}: give NAME=LOW:HIGH, such as crank.radius=0.01:0.03")
+        if name in fixed:
+            raise ValueError(f"--vary {name}: is fixed as well; leave out --fix or --vary")
+        if variables[name].logarithmic and over.low <= 0.0:
+            raise ValueError(f"--vary {word}: is varied in equal ratios; give bounds above 0 {PARAMETERS[name].unit}")
+        variables[name] = variables[name]._replace(low=over.low, high=over.high, reason="as asked for")
+    kept = tuple(variable for name, variable in variables.items() if name not in fixed)
+    if not kept:
+        raise ValueError("--fix: nothing is left to vary; fix fewer parameters")
+    return kept
 
 
 def plan_of(options: argparse.Namespace) -> Plan:
-    """Make the plan from the options.
-
-    Raises
-    ------
-    ValueError
-        For an option that is out of range or contradicts another.
-    """
-    for name in _MOST:
-        value = getattr(options, name)
-        if value is not None and not _LEAST[name] <= value <= _MOST[name]:
-            raise ValueError(f"--{name} {value}: give a number from {_LEAST[name]} to {_MOST[name]}")
-    if not 0.0 <= options.least_speed <= 100.0:
-        raise ValueError(f"--least-speed {options.least_speed:g}: give a number from 0 to 100 m/s")
-    if not 0.0 <= options.most_air <= 1.0:
-        raise ValueError(f"--most-air {options.most_air:g}: give a share from 0 to 1")
-    varied, fixed = _asked_varied(options.vary), [word.partition("=")[0] for word in options.fix]
-    scene = sought(machine_of(options).with_parameters(settings_of([word for word in options.fix if "=" in word])))
+    """Make the plan from the options (ValueError for one that is out of range or contradicts another)."""
+    for name, least, most in (("budget", 1, 10**6), ("starts", 2, 1000), ("seed", 0, 2**31 - 10_000)):
+        if (value := getattr(options, name)) is not None:
+            whole_number(f"--{name}", value, least, most)
+    for name, limit, unit in (("least_speed", 100.0, " m/s"), ("most_air", 1.0, "")):
+        if not 0.0 <= (value := getattr(options, name)) <= limit:
+            raise ValueError(f"--{name.replace('_', '-')} {value:g}: give a number from 0 to {limit:g}{unit}")
+    scene = running(machine_of(options).with_parameters(settings_of([word for word in options.fix if "=" in word])))
+    variables = chosen_variables([word.partition("=")[0] for word in options.fix], options.vary)
     effort = QUICK if options.quick else Effort()
-    starts = options.starts or effort.trials.starts
-    effort = replace(effort, budget=options.budget or effort.budget, trials=replace(effort.trials, starts=starts))
-    power = options.power or ("supply" if has_supply(scene) else "net")
-    return Plan(Space(scene, chosen_variables(fixed, varied)), options.objective, Reading(power, options.direction),
-                options.least_speed, options.most_air, effort, options.seed)
+    effort = effort._replace(budget=options.budget or effort.budget,
+                             trials=effort.trials._replace(starts=options.starts or effort.trials.starts))
+    has_supply = scene.has_rotor and scene["solver.method"] == "exact"
+    if options.power == "supply" and not has_supply:
+        raise ValueError(f"--power supply: {scene.name} has no dc motor that the method exact solves; give --power net "
+                         "or delivered, or a scene with effects.motor dc such as machine")
+    if options.objective != SPEED and not scene["effects.reaction"]:
+        raise ValueError(f"--scene {scene.name}: has effects.reaction false, by which the masses do not pay for the "
+                         "body's friction, so that power can be 0 and V/P or the cost of transport has no bound; give "
+                         "a scene with effects.reaction true such as device, or --objective speed")
+    plan = Plan(scene.with_parameters({"solver.accounts": False}), variables, options.objective, options.power or (
+        "supply" if has_supply else "net"), options.direction, options.least_speed, options.most_air, effort,
+        options.seed)
+    for corner in (0.0, 1.0):
+        plan.robot([corner] * len(variables))  # refuses bounds within which no robot can be built
+    return plan
 
 
-def sought(scene: Scene) -> Scene:
-    """Return `scene` with its motor turning from the start, and without energy accounts, which cost time."""
-    return running(scene).with_parameters({"solver.accounts": False})
-
-
-def files_of(result: Result, candidates: Candidates) -> dict[str, bytes]:
-    """Contents of a result's text, scene, numbers and pictures by file name."""
-    head = title(result.plan)
-    pictures = {"convergence.png": draw_convergence(result.plan, candidates, head)}
-    if result.front:
-        pictures["front.png"] = draw_front(result, candidates, head)
-    return {TEXT: document(result).encode(), SCENE: scene_as_file(result.robot, f"{head}; found by `study optimise`."),
-            NUMBERS: result_file(result), **{name: png(figure) for name, figure in pictures.items()}}
-
-
-def _asked_varied(words: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Bounds of the options `--vary`, by parameter name."""
-    found = {}
-    for word in words:
-        name, over = varied_in_words(word)
-        if not isinstance(over, Range) or over.log:
-            raise ValueError(f"--vary {word}: give NAME=LOW:HIGH, such as crank.radius=0.01:0.03")
-        found[name] = over.low, over.high
-    return found
-
-
-def _add_options(own: Parser) -> None:
-    default = Effort()
-    objectives = "; ".join(f"{name}: {one.does}" for name, one in OBJECTIVES.items())
-    own.add_argument("--objective", choices=[*OBJECTIVES, FRONT], default="speed_per_power", help=f"{objectives}; "
-                        f"{FRONT}: speed and cost of transport (default: %(default)s)")
-    own.add_argument("--power", choices=POWERS, help="what P is; net: work of the motor less what springs return to "
-                        "it; delivered: without that; supply: what the supply gives to a dc motor (default: supply "
-                        "with a dc motor, else net)")
-    own.add_argument("--direction", choices=DIRECTIONS, default="either", help="which way counts; all starts must "
-                        "agree (default: %(default)s)")
-    own.add_argument("--least-speed", type=float, default=0.0, metavar="V", help="slower robots do not count [m/s] "
-                        "(default: %(default)s)")
-    own.add_argument("--most-air", type=float, default=1.0, metavar="SHARE", help="robots that are in the air for "
-                        "a larger share of the time do not count (default: %(default)s)")
-    own.add_argument("--fix", action="append", default=[], metavar="NAME[=VALUE]", help="do not vary this parameter")
-    own.add_argument("--vary", action="append", default=[], metavar="NAME=LOW:HIGH", help="vary it between these "
-                        "bounds, in its unit")
-    own.add_argument("--budget", type=int, metavar="N", help=f"robots that are tried (default: {default.budget})")
-    own.add_argument("--starts", type=int, metavar="N", help="drawn starts of each robot (default: "
-                        f"{default.trials.starts})")
-    own.add_argument("--seed", type=int, default=0, metavar="N", help="of the search (default: %(default)s)")
-    own.add_argument("--quick", action="store_true", help="a look at everything within two minutes, not an optimum")
+def _add_options(parser: Parser) -> None:
+    add, default = parser.add_argument, Effort()
+    add("--objective", choices=OBJECTIVES, default=RATIO, help=(
+        "; ".join(f"{name}: {does}" for name, does in OBJECTIVES.items()) + " (default: %(default)s)"))
+    add("--power", choices=POWERS, help="what P is; " + "; ".join(f"{name}: {does}" for name, does in _MEANING.items())
+        + " (default: supply with a dc motor, else net)")
+    add("--direction", choices=DIRECTIONS, default="either", help="which way counts; all starts must agree (default: "
+        "%(default)s)")
+    add("--least-speed", type=float, default=0.0, metavar="V", help="slower robots do not count [m/s] (default: "
+        "%(default)s)")
+    add("--most-air", type=float, default=1.0, metavar="SHARE", help="robots that are in the air for a larger share of "
+        "the time do not count (default: %(default)s)")
+    add("--fix", action="append", default=[], metavar="NAME[=VALUE]", help="do not vary this parameter")
+    add("--vary", action="append", default=[], metavar="NAME=LOW:HIGH", help="vary it between these bounds [its unit]")
+    add("--budget", type=int, metavar="N", help=f"robots that are tried (default: {default.budget})")
+    add("--starts", type=int, metavar="N", help=f"drawn starts of each robot (default: {default.trials.starts})")
+    add("--seed", type=int, default=0, metavar="N", help="of the search (default: %(default)s)")
+    add("--quick", action="store_true", help="a look at everything within two minutes, not an optimum")
 
 
 main = StudyCommand(
     "optimise", "Search for the fastest or thriftiest robot, verify the optimum from fresh starts, and write text, "
-    "pictures and a scene file.", _add_options, plan_of, _results, failure="a run failed")
+    "a table, a picture and a scene file.", _add_options, plan_of, _results, failure="a run failed", goes_on=False)
