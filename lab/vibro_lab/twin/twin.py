@@ -165,8 +165,8 @@ class Twin:
             self._node.get_logger().warning("the clock has jumped back; the estimate starts again")
             self._estimator, self._start, self._late = _new_estimator(self._settings, self._scene), now, 0
         for arrived, given in self._hearing.commands():
-            waited = 0 if self._node.get_clock().ros_time_is_active else max(0, wall - arrived)
-            self._estimator.command((now - self._start - waited) * 1e-9, **given)
+            delay = 0 if self._node.get_clock().ros_time_is_active else max(0, wall - arrived)
+            self._estimator.command((now - self._start - delay) * 1e-9, **given)
         for stamp, measurement in self._hearing.measurements(now):
             was_late, waited = self._estimator.late, self._hearing.waited
             self._estimator.measure(measurement._replace(time=(stamp - self._start) * 1e-9))
