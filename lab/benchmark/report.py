@@ -13,7 +13,8 @@ from benchmark import problems
 from vibro_lab.accuracy.chart import style
 from vibro_lab.accuracy.harness import ABSENT, OK, Row
 from vibro_lab.accuracy.programs import PLAIN, TUNED, UNIT_IN_WORDS, UNIT_STEP
-from vibro_lab.accuracy.report import BY_HAND, BY_HAND_IN_WORDS, Slope, fit_slope, line, two_digits
+from vibro_lab.accuracy.report import BY_HAND, BY_HAND_IN_WORDS, Slope, fit_slope, two_digits
+from vibro_lab.study.page import markdown_table
 
 PAGE, RESULTS = "benchmark.md", "results.json"
 #: Errors below this are rounding errors, and are drawn at this value.
@@ -150,7 +151,7 @@ def slope(rows: Sequence[Row]) -> Slope | None:
 
 def digit_table(rows: Sequence[Row], names: Sequence[str]) -> str:
     """Slopes, programs over problems, in Markdown."""
-    lines = [line(("program", *(problems.load(name).title for name in names))), "|---" * (len(names) + 1) + "|"]
+    lines = list[list[str]]()
     for program in dict.fromkeys(row.program for row in rows if row.outcome != ABSENT):
         cells = []
         for name in names:
@@ -160,16 +161,15 @@ def digit_table(rows: Sequence[Row], names: Sequence[str]) -> str:
             cells.append(f"× {found.factor:.3g} ({found.coarse:.0e} to {found.fine:.0e})" if found else
                          f"{only[0].share_error:.0e} at {only[0].cost:.2g}" if len(own) == len(only) == 1 else
                          "no digit gained" if only else own[0].outcome if own else "")
-        lines.append(line((program, *cells)))
-    return "\n".join(lines)
+        lines.append([program, *cells])
+    return markdown_table(["program", *(problems.load(name).title for name in names)], lines)
 
 
 def table(rows: Iterable[Row]) -> str:
     """One problem's results in Markdown."""
-    lines = ["| program | used | setting | error | cost, RK4 = 1 | what happened |", "|---|---|---|---|---|---|"]
-    return "\n".join(lines + [line((
+    return markdown_table(["program", "used", "setting", "error", "cost, RK4 = 1", "what happened"], [(
         row.program, row.use, row.setting, format(row.share_error, ".1e") if row.share_error == row.share_error else "",
-        format(row.cost, ".3g") if row.cost == row.cost else "", happened(row))) for row in rows
+        format(row.cost, ".3g") if row.cost == row.cost else "", happened(row)) for row in rows
         if row.outcome != ABSENT])
 
 

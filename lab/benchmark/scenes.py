@@ -31,7 +31,6 @@ from vibro_lab.accuracy.report import (
     cheapest,
     cost_range,
     finding,
-    line,
     quotients,
     reference_of,
     section,
@@ -42,6 +41,7 @@ from vibro_lab.accuracy.report import (
 from vibro_lab.accuracy.scene_rows import OWN_CHECK, lyapunov_time_in
 from vibro_lab.orbits.starts import STARTING, started_at_share
 from vibro_lab.study.figures import style_axes
+from vibro_lab.study.page import markdown_table
 from vibro_ros import Scene, load_scene, new_figure
 
 FOLDER, PATHS = "accuracy", "ways.png"
@@ -138,12 +138,12 @@ def summary_table(rows: Mapping[str, Sequence[Row]]) -> str:
     """Requirements over scenes, in Markdown."""
     advised = {name: advice(own) for name, own in rows.items()}
     heads = ["scene", "Lyapunov time", "RK4 = 1 is off by", *next(iter(advised.values()))]
-    lines = [line(heads), "|---" * len(heads) + "|"]
+    lines = list[tuple[str, ...]]()
     for name, uses in advised.items():
         lyapunov = lyapunov_time_in(rows[name]).time
-        lines.append(line((f"`{name}`", f"{lyapunov:.2g} s" if math.isfinite(lyapunov) else "no chaos",
-                           f"{unit_error(rows[name]):.1e} m", *uses.values())))
-    return "\n".join(lines)
+        lines.append((f"`{name}`", f"{lyapunov:.2g} s" if math.isfinite(lyapunov) else "no chaos",
+                      f"{unit_error(rows[name]):.1e} m", *uses.values()))
+    return markdown_table(heads, lines)
 
 
 def _about_chaos(rows: Mapping[str, Sequence[Row]]) -> list[str]:

@@ -13,6 +13,7 @@ from vibro_lab.accuracy.programs import UNIT_IN_WORDS, UNIT_STEP
 from vibro_lab.accuracy.scene_rows import LONG, SHORT, lyapunov_time_in
 from vibro_lab.orbits.chaos import half_interval
 from vibro_lab.orbits.starts import SETTLING
+from vibro_lab.study.page import markdown_table
 
 #: Largest relative error of a mean speed that counts as right.
 WITHIN = 0.05
@@ -58,15 +59,15 @@ def table(rows: Sequence[Row]) -> str:
     """Return the table of a scene's trajectories in Markdown."""
     reference = reference_of(rows)
     least = _errors(reference)
-    lines = [f"Trajectories, compared within {reference.horizon:g} s; errors are the largest within it.", "",
-             line(_HEADING), "|---" * len(_HEADING) + "|"]
+    lines = [f"Trajectories, compared within {reference.horizon:g} s; errors are the largest within it.", ""]
+    cells = list[tuple[object, ...]]()
     for row in rows:
         if row.compared == TRAJECTORY:
             errors = [BELOW if value <= known else "one kind missed" if math.isinf(value) else _number(value, unit)
                       for value, known, unit in zip(_errors(row), least, ("m", "m", "m", "s", "m/s"), strict=True)]
-            lines.append(line((row.program, row.setting, _number(row.cost), _number(row.wall_time, "s"), row.repeats,
-                               *errors, row.note)))
-    return "\n".join([*lines, "", unit_in_words({reference.problem: rows})])
+            cells.append((row.program, row.setting, _number(row.cost), _number(row.wall_time, "s"), row.repeats,
+                          *errors, row.note))
+    return "\n".join([*lines, markdown_table(_HEADING, cells), "", unit_in_words({reference.problem: rows})])
 
 
 def _errors(row: Row) -> tuple[float, ...]:
@@ -153,15 +154,14 @@ def speeds_table(rows: Sequence[Row]) -> str:
     if exact is None or not steps:
         return "No mean speeds were measured."
     heads = ("mean speed, mm/s", *(f"{step:.0e} s" for step in steps))
-    lines = [line(heads), "|---" * len(heads) + "|"]
-    lines += [line((method, *("; ".join(_cell(row, exact) for row in averages.get((method, step), []))
-                              for step in steps)))
-              for method in dict.fromkeys(method for method, _ in averages)]
+    whole = markdown_table(heads, [
+        (method, *("; ".join(_cell(row, exact) for row in averages.get((method, step), [])) for step in steps))
+        for method in dict.fromkeys(method for method, _ in averages)])
     judged = f"Bold: within {WITHIN:.0%}; (!): the wrong way."
     if exact.spread >= WITHIN * abs(exact.mean):
         judged = f"It is not known to {WITHIN:.0%}: no method can be judged by it."
     starts = sum(row.repeats for row in rows if row.compared == AVERAGE and row.program == "exact")
-    return "\n".join([*lines, "", f"By `exact`, {starts} starts of {exact.horizon:g} s: {speeds_of_exact(rows)}. "
+    return "\n".join([whole, "", f"By `exact`, {starts} starts of {exact.horizon:g} s: {speeds_of_exact(rows)}. "
                       f"Every interval is Student's, of 95 %, over independent starts. {judged}"])
 
 
@@ -196,11 +196,6 @@ def _speed(row: Row) -> str:
 
 def _number(value: float, unit: str = "") -> str:
     return f"{value:.2g} {unit}".strip() if not math.isnan(value) else "-"
-
-
-def line(cells: Sequence[object]) -> str:
-    """Return a line of a table in Markdown."""
-    return f"| {' | '.join(str(cell).replace('|', '/') for cell in cells)} |"
 
 
 @dataclass(frozen=True)

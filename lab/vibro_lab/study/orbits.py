@@ -43,6 +43,7 @@ from vibro_lab.study.figures import (
     set_heading,
     style_axes,
 )
+from vibro_lab.study.page import markdown_table
 from vibro_lab.study.table import NUMBERS, Field, Study, check_folder, file_of, parameter_field, stored, table_of
 from vibro_lab.study.variation import Range, varied_in_words, whole_number
 from vibro_ros import PARAMETERS, STATE_UNITS, Parser, Scene, read_scalar, say
@@ -326,15 +327,14 @@ def document(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> str:
         f"turns of the crank; looked for at {', '.join(f'{value:g}' for value in plan.begin)}, from {plan.starts} "
         "starts each.", "",
         "![Branches](orbits.png)", "", "## Branches", "",
-        f"| branch | turns | begins | orbits | {head} | stable for | mean speed, mm/s | ends |",
-        "|---|---|---|---|---|---|---|---|"]
-    lines += [_row(number, task, branch) for number, (task, branch) in enumerate(done)]
-    lines += ["", "## Special points", "",
-              f"| name | kind | branch | turns | {head} | known to | mean speed, mm/s | multipliers | what happens |",
-              "|---|---|---|---|---|---|---|---|---|"]
-    lines += [f"| {name} | {one.kind} | {number} | {branch.turns} | {one.value:.10g} | {one.width:.1g} | "
-              f"{1e3 * one.mean_speed:.4f} | {_multipliers(one.multipliers)} | {one.change} |"
-              for number, branch, name, one in special_points_of(done)]
+        markdown_table(["branch", "turns", "begins", "orbits", head, "stable for", "mean speed, mm/s", "ends"],
+                       [_row(number, task, branch) for number, (task, branch) in enumerate(done)]),
+        "", "## Special points", "",
+        markdown_table(["name", "kind", "branch", "turns", head, "known to", "mean speed, mm/s", "multipliers",
+                        "what happens"], [
+            (name, special.kind, number, branch.turns, f"{special.value:.10g}", f"{special.width:.1g}",
+             f"{1e3 * special.mean_speed:.4f}", _multipliers(special.multipliers), special.change)
+            for number, branch, name, special in special_points_of(done)])]
     return "\n".join(lines) + "\n"
 
 
@@ -364,13 +364,13 @@ def _begin(task: Task) -> str:
     return f"{task.direction} from {task.value:g}"
 
 
-def _row(number: int, task: Task, branch: Branch) -> str:
+def _row(number: int, task: Task, branch: Branch) -> tuple[object, ...]:
     if not len(branch):
-        return f"| {number} | {branch.turns} | {_begin(task)} | 0 | | | | {branch.end} |"
+        return number, branch.turns, _begin(task), 0, "", "", "", branch.end
     stable = ", ".join(f"{low:.6g} to {high:.6g}" for low, high in stable_ranges(branch))
     speeds = 1e3 * branch.mean_speeds
-    return (f"| {number} | {branch.turns} | {_begin(task)} | {len(branch)} | {branch.values.min():.6g} to "
-            f"{branch.values.max():.6g} | {stable} | {speeds.min():.2f} to {speeds.max():.2f} | {branch.end} |")
+    return (number, branch.turns, _begin(task), len(branch), f"{branch.values.min():.6g} to {branch.values.max():.6g}",
+            stable, f"{speeds.min():.2f} to {speeds.max():.2f}", branch.end)
 
 
 def _multipliers(values: np.ndarray) -> str:

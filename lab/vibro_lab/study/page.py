@@ -1,4 +1,4 @@
-"""Text of the studies' pages in Markdown: tables, and numbers with three digits."""
+"""Text of pages in Markdown: tables, and numbers with three digits."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -6,8 +6,9 @@ from typing import Any
 
 
 def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Return a table with a line for each row."""
-    return "\n".join(f"| {' | '.join(map(str, cells))} |" for cells in (heads, ["---"] * len(heads), *rows))
+    """Return a table with a line for each row; a bar within a cell is a slash, because it would end the cell."""
+    first, *others = (f"| {' | '.join(str(cell).replace('|', '/') for cell in cells)} |" for cells in (heads, *rows))
+    return "\n".join([first, "|---" * len(heads) + "|", *others])
 
 
 def number(value: float, factor: float = 1.0) -> str:
