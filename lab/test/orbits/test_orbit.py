@@ -58,8 +58,8 @@ def test_a_linear_machine_has_the_multipliers_of_its_eigenvalues(damping):
     of = lone_mass(**{"effects.upper_contact": "none", "upper.spring.damping": damping})
     found = vibro_lab.find_orbit(of)
     expected = in_order(np.exp(np.linalg.eigvals(matrix(of)) * PERIOD))
-    # Two equal eigenvalues part with the root of the derivative's error.
-    assert in_order(found.multipliers) == pytest.approx(expected, abs=1e-4 if damping == 20.0 else 1e-9)
+    # A turn's rounding of 1e-14 over a step of 1e-6; two equal eigenvalues part with the root of this error.
+    assert in_order(found.multipliers) == pytest.approx(expected, abs=1e-4 if damping == 20.0 else 1e-8)
     assert np.abs(in_order(found.multipliers) - expected).max() <= found.multiplier_error
     assert found.multiplier_error < (1e-4 if damping == 20.0 else 1e-8)
     assert found.stable and found.residual < 1e-13 and found.mean_speed == 0.0
@@ -118,7 +118,7 @@ def test_the_step_of_the_differences_suits_contacts_that_lie_close_together():
     pair = np.mean(pairs, axis=0)
     assert pair[1] == pytest.approx(-1.120327 + 1.154315j, abs=1e-6)
     assert np.abs(in_order(found.multipliers)[:2] - pair).max() < 1e-6
-    assert 1e-8 < found.multiplier_error < 2e-6
+    assert 1e-8 < found.multiplier_error < 2.0 * 1.6e-6  # twice the difference between two of these steps
 
 
 @pytest.mark.process
