@@ -67,7 +67,7 @@ def test_it_moves_its_own_robot_and_reports(demo, start, tmp_path, domain_id, mo
     shown.wait_for("entry 1, 2 s: motor_speed 100 rad/s")
     assert {discovery_range(pid) for pid in children(shown).values()} == {"LOCALHOST"}  # although a domain is chosen
     assert ends_leaving_nothing(shown) == 0, shown.text
-    assert f"ROS_DOMAIN_ID={domain_id}, for example: ros2 topic echo /demo_" in shown.text
+    assert f"ROS_DOMAIN_ID={domain_id}, for example: view --robot /demo_" in shown.text
     other.send(signal.SIGINT)
     assert other.end(PATIENCE) == 0
     (bag,) = (tmp_path / "other").iterdir()
@@ -83,7 +83,7 @@ def test_it_moves_its_own_robot_and_reports(demo, start, tmp_path, domain_id, mo
 def test_a_robot_that_stands_still_is_a_failure(demo):
     shown = demo("entries: [{for: 0.5, motor_speed: 0.0}]\n")
     assert shown.end(PATIENCE) == 1
-    assert shown.text.splitlines()[-1].startswith("demo: the robot did not move: 0.000 mm from its start")
+    assert shown.text.splitlines()[-1].startswith("make demo: the robot did not move: 0.000 mm from its start")
 
 
 def test_a_robot_that_dies_is_a_failure(demo):
@@ -91,7 +91,7 @@ def test_a_robot_that_dies_is_a_failure(demo):
     shown.wait_for("entry 1")
     os.kill(children(shown)["robot"], signal.SIGKILL)
     assert shown.end(PATIENCE) == 1
-    assert "demo: the robot ended before the script, with exit code -9" in shown.text
+    assert "make demo: the robot ended before the script, with exit code -9" in shown.text
     assert "Traceback" not in shown.text
 
 
@@ -100,7 +100,7 @@ def test_stopping_it_stops_everything_and_seals_the_bag(demo, tmp_path):
     shown.wait_for("entry 1")
     shown.send(signal.SIGTERM)
     assert ends_leaving_nothing(shown) == 130
-    assert shown.text.splitlines()[-1] == "demo: stopped"
+    assert shown.text.splitlines()[-1] == "make demo: stopped"
     (folder,) = (tmp_path / "out").iterdir()
     assert len(read_bag(folder)["odom"]["time"])
 
@@ -140,5 +140,5 @@ def test_when_one_of_them_is_killed_the_other_ends(tool):
     below = children(one)
     os.kill(below["robot"], signal.SIGKILL)
     assert one.end(PATIENCE) == 1
-    assert "look: robot has ended with exit code -9; it says why above" in one.text
+    assert "make view: robot has ended with exit code -9; it says why above" in one.text
     assert not any(Path(f"/proc/{pid}").exists() for pid in below.values())
