@@ -4,8 +4,8 @@ Processes are used, not threads, because a scene is compiled to its tables in Py
 seconds of robot time.
 
 `Forks` is a `concurrent.futures.Executor` in which each worker is a fork with a pipe of its own, served by a thread.
-The workers of `concurrent.futures.ProcessPoolExecutor` and of `loky` share one pipe for results: one that is killed
-while it sends 40 MB leaves half a result there, and the pool waits for ever (one to two of five kills).
+The workers of `concurrent.futures.ProcessPoolExecutor` share one pipe for results: one that is killed while it sends
+40 MB leaves half a result there, and the pool waits for ever (one of five kills).
 """
 
 import ctypes
