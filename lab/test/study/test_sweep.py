@@ -245,7 +245,7 @@ class KillingRows:
 
 def killing(at, folder, times, count):
     """Return the rows of `count` points, computed by two processes."""
-    return Execution(2).rows(KillingRows(at, folder, times), range(count), 64.0, ())
+    return Execution(2).rows(KillingRows(at, folder, times), range(count), 64.0)
 
 
 def test_a_killed_worker_is_replaced(tmp_path):

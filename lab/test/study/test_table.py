@@ -38,7 +38,7 @@ def rows_of(computed_points, number):
 def study():
     """Return a study of 10 points in blocks of 3, and the list of computed points."""
     done = []
-    return Study("points", {"design": "roots"}, FIELDS, partial(rows_of, done), 1000.0, (), 10, 3), done
+    return Study("points", {"design": "roots"}, FIELDS, partial(rows_of, done), 1000.0, 10, 3), done
 
 
 def changed_study(study, **changes):

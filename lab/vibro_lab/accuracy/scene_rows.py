@@ -169,7 +169,7 @@ def averages(scene: Scene, method: str, step: float, effort: Effort) -> list[Row
     scene = scene.with_parameters({"solver.method": method, "solver.accounts": False, **steps})
     began = time.perf_counter()
     runs = Execution(core_count()).rows(partial(_settled, scene, effort.duration), range(starts),
-                                        SETTLING + effort.duration, (method,))
+                                        SETTLING + effort.duration)
     try:
         with closing(runs):
             speeds, motions, drifts = zip(*runs, strict=True)

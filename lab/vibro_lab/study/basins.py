@@ -265,8 +265,7 @@ def study_of(design: Design) -> Study:
               "and crank radii times motor speed; of a dc motor see `vibro_lab.orbits.turn_map`"),
         Field("error", pa.string(), "1", "why the start leads nowhere; else null", True)]
     return Study("starts", design.document(), fields, partial(rows_of, design),
-                 design.turns * TURN / crank_speed(design.scene), (design.scene["solver.method"],), design.starts.count,
-                 _BLOCK_ROWS)
+                 design.turns * TURN / crank_speed(design.scene), design.starts.count, _BLOCK_ROWS)
 
 
 def rows_of(design: Design, number: int) -> list[dict]:

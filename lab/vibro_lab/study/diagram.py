@@ -200,7 +200,7 @@ def visit_table(design: Design, folder: Path) -> tuple[pa.Table, tuple[Visit, ..
             left, last = one.states[-1], number
             yield _rows_of(design, one)
 
-    study = Study("values", design.document(), fields, lambda number: [], 0.0, (), design.visits, _BLOCK)
+    study = Study("values", design.document(), fields, lambda number: [], 0.0, design.visits, _BLOCK)
     blocks = {block: study.points(block) for block in range(study.blocks)}
     tables = stored(study, folder, blocks, visits)
     whole = pa.concat_tables([tables[block].replace_schema_metadata() for block in blocks])
@@ -295,8 +295,7 @@ def period_table(design: Design, seen: Sequence[Visit], folder: Path, execution:
     settled = tuple((one.motion.turns, one.states[-1]) for one in seen)
     return computed(Study(
         "motions measured", design.document(), fields, partial(exponents_of, design, settled),
-        run_time, (design.scene["solver.method"],),
-        design.visits, _BLOCK), folder, execution)
+        run_time, design.visits, _BLOCK), folder, execution)
 
 
 @dataclass(frozen=True)

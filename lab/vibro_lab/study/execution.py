@@ -62,12 +62,9 @@ class Task:
     ----------
     rows : callable
         Returns the rows of a point by its number.
-    methods : tuple of str
-        Values of `solver.method` whose kernels are needed.
     """
 
     rows: Callable[[int], Any]
-    methods: tuple[str, ...]
 
     def __call__(self, numbers: tuple[int, ...]) -> tuple[dict[str, str], list]:
         """Return `computes_with` and the rows of each point.
@@ -94,8 +91,7 @@ class Execution:
     workers: int
     address: str | None = None
 
-    def rows(self, rows: Callable[[int], Any], numbers: Iterable[int], run_time: float,
-             methods: tuple[str, ...]) -> Rows:
+    def rows(self, rows: Callable[[int], Any], numbers: Iterable[int], run_time: float) -> Rows:
         """Yield the rows of each numbered point, in order; a point takes about `run_time` seconds of simulated time.
 
         Raises
@@ -105,7 +101,7 @@ class Execution:
         RuntimeError
             If workers have other software than this machine, die repeatedly, or the scheduler disappears.
         """
-        task, (time, most) = Task(rows, methods), _CLUSTER_GROUP if self.address else _LOCAL_GROUP
+        task, (time, most) = Task(rows), _CLUSTER_GROUP if self.address else _LOCAL_GROUP
         given = _groups(iter(numbers), max(1, min(most, int(time / run_time))))
         due: deque[tuple[int, ...]] = deque()
         deaths = 0

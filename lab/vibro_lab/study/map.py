@@ -318,7 +318,7 @@ def visits_of(design: MapDesign, lines: Path, execution: Execution) -> list[Visi
     lines_count, dimension = len(design.lines()), len(state_names(design.scene))
     run_time = _RUN_TIME * max(design.speeds.count, design.gaps.count)
     rows = computed(Study("lines visited", design.document(), _VISIT, partial(rows_of_line, design), run_time,
-                          ("exact",), lines_count), lines, execution).to_pylist()
+                          lines_count), lines, execution).to_pylist()
     return [Visit(**{**row, "states": np.array(row["states"]).reshape(-1, dimension)}) for row in rows]
 
 
@@ -424,8 +424,7 @@ def shares(design: MapDesign, found: MotionTable, execution: Execution) -> np.nd
                   for cell, rows in several.items())
     table = np.full(len(found.motion), math.nan)
     with Progress("random starts of cells with several motions", "cell", len(known)) as progress, closing(
-            execution.rows(partial(_led, design, known), range(len(known)), HISTORIES * _LONGEST_SETTLING,
-                           ("exact",))) as led:
+            execution.rows(partial(_led, design, known), range(len(known)), HISTORIES * _LONGEST_SETTLING)) as led:
         for rows, counts in zip(several.values(), led, strict=True):
             table[rows] = np.array(counts) / HISTORIES
             progress.add(1)

@@ -217,7 +217,7 @@ class Plan:
 def values_of(plan: Plan, points: Sequence[np.ndarray], trials: Trials, execution: Execution) -> Rows:
     """Yield the values of the robot at each point."""
     return execution.rows(partial(plan.values_at, tuple(points), trials), range(len(points)),
-                          trials.run_time, (plan.scene["solver.method"],))
+                          trials.run_time)
 
 
 class Candidates(NamedTuple):

@@ -217,7 +217,7 @@ def fields_of(plan: Plan) -> list[Field]:
 def study_of(plan: Plan, tasks: Mapping[int, Task]) -> Study:
     """Return the study of a plan's branches, each of which is a block."""
     return Study("branches followed", plan.document(), fields_of(plan), partial(_rows_of_task, plan, tasks), _RUN_TIME,
-                 (plan.scene["solver.method"],), MOST_BRANCHES)
+                 MOST_BRANCHES)
 
 
 def _rows_of_task(plan: Plan, tasks: Mapping[int, Task], number: int) -> list[dict]:
@@ -254,7 +254,7 @@ def followed_branches(plan: Plan, folder: Path, execution: Execution) -> list[tu
         def rows_of_blocks(numbers: Iterable[int]) -> Rows:
             for number in numbers:
                 say("study", said(number))
-            return execution.rows(study.rows, numbers, study.run_time, study.methods)
+            return execution.rows(study.rows, numbers, study.run_time)
 
         study = study_of(plan, numbered)
         tables = stored(study, folder, {number: [number] for number in numbered}, rows_of_blocks)
@@ -262,8 +262,8 @@ def followed_branches(plan: Plan, folder: Path, execution: Execution) -> list[tu
 
     check_folder(study_of(plan, {}), folder)  # refuses files of another study before the search
     found = list[list[Seed]]()
-    with contextlib.closing(execution.rows(partial(seeds_at, plan), range(len(plan.begin)), _RUN_TIME, (
-            plan.scene["solver.method"],))) as results, Progress("orbits looked for", "value", len(plan.begin)) as bar:
+    with contextlib.closing(execution.rows(partial(seeds_at, plan), range(len(plan.begin)), _RUN_TIME)) as results, \
+            Progress("orbits looked for", "value", len(plan.begin)) as bar:
         for seeds in results:
             found.append(seeds)
             bar.add(1)

@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -330,13 +330,11 @@ _TYPES = {float: pa.float64(), bool: pa.bool_(), str: pa.string()}
 
 def study_of(design: Design) -> Study:
     """Return the study of a sweep, with one row for each run, point by point, and within a point start by start."""
-    methods = next((axis.values for axis in design.axes if "solver.method" in axis.names),
-                   (design.scene["solver.method"],))
     starts = min(max(design.starts, 1), PART)
     run_time = (design.settling + design.duration) * starts
     block = max(1, min(_BLOCK_ROWS // starts, int(_BLOCK_TIME / run_time)))
     return Study("sweep", design.document(), fields_of(design), partial(rows_of, design), run_time,
-                 cast(tuple[str, ...], methods), design.points * design.parts, block)
+                 design.points * design.parts, block)
 
 
 def rows_of(design: Design, number: int) -> list[dict]:

@@ -71,8 +71,6 @@ class Study:
         processes.
     run_time : float
         Approximate simulated time of a point [s].
-    methods : tuple of str
-        Values of `solver.method` whose kernels are needed.
     count : int
         Number of points, or an upper limit.
     block : int
@@ -84,7 +82,6 @@ class Study:
     fields: Sequence[Field]
     rows: Callable[[int], list[dict]]
     run_time: float
-    methods: tuple[str, ...]
     count: int
     block: int = 1
 
@@ -112,7 +109,7 @@ def computed(study: Study, folder: Path, execution: Execution) -> pa.Table:
     """
     blocks = {block: study.points(block) for block in range(study.blocks)}
     tables = stored(study, folder, blocks, lambda numbers: execution.rows(
-        study.rows, numbers, study.run_time, study.methods))
+        study.rows, numbers, study.run_time))
     return pa.concat_tables([tables[block].replace_schema_metadata() for block in blocks])
 
 

@@ -55,8 +55,7 @@ def verified(scene: Scene, power: str, trials: Trials, execution: Execution) -> 
     """Return a row for each attractor of a robot under each of `readings`, that of most starts first; SI units."""
     scenes, rows = readings(scene), list[dict[str, Any]]()
     runs = execution.rows(partial(_settled_at, tuple(scenes.values()), trials), range(len(scenes)),
-                          trials.run_time,
-                          tuple({one["solver.method"]: None for one in scenes.values()}))
+                          trials.run_time)
     with closing(runs), Progress("verification", "reading", len(scenes)) as progress:
         for (words, reading), starts in zip(scenes.items(), runs, strict=True):
             values, motions, drifts = map(list, zip(*starts, strict=True))
