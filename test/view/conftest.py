@@ -1,85 +1,13 @@
-"""Pages of a real browser, which fail their test if they log an error or send a request to another host."""
+"""A page, and a view as a process of its own, for each test of the page."""
 
-import os
-from collections.abc import Callable, Iterator
-from urllib.parse import urlsplit
+from collections.abc import Iterator
 
 import pytest
+from browser_pages import browser, open_page, watch
 from live_view import LiveView
 from real_processes import bench, start, udp_only
 
-from tools.browser import NoBrowserError, Session, browser_program, running
-
-__all__ = ["bench", "start", "udp_only"]
-HERE = {"127.0.0.1", "localhost", "[::1]", "::1"}
-NO_HOST = {"about", "blob", "data", "file"}  # schemes by which nothing leaves the machine
-
-
-class Watch:
-    """Errors that a page logs, and its requests to other hosts.
-
-    A test that provokes a complaint takes it with `expect`; what is left fails the test.
-    """
-
-    def __init__(self) -> None:
-        self.complaints: list[str] = []
-
-    def follow(self, page) -> None:
-        page.on("console", lambda said: self._hear(said.type, said.text))
-        page.on("pageerror", lambda error: self.complaints.append(f"error: {error}"))
-        page.on("crash", lambda page: self.complaints.append(f"crash: {page.url}"))
-        page.on("request", lambda request: self._look(request.url))
-        page.on("websocket", lambda socket: self._look(socket.url))
-
-    def expect(self, words: str) -> None:
-        """Take the errors that contain `words` from the list; there must be at least one."""
-        left = [one for one in self.complaints if words not in one]
-        assert len(left) < len(self.complaints), f"no complaint holds {words!r}: {self.complaints}"
-        self.complaints = left
-
-    def _hear(self, kind: str, text: str) -> None:
-        if kind in ("error", "warning", "assert"):
-            self.complaints.append(f"{kind}: {text}")
-
-    def _look(self, url: str) -> None:
-        parts = urlsplit(url)
-        if parts.scheme not in NO_HOST and parts.hostname not in HERE:
-            self.complaints.append(f"asks another host: {url}")
-
-
-@pytest.fixture(scope="session")
-def browser() -> Iterator[str]:
-    """The address of a browser that all tests share, each with pages of its own.
-
-    Without a browser, tests are skipped on a developer's machine and fail where `CI` is set.
-    """
-    try:
-        program = browser_program()
-    except NoBrowserError as error:
-        if os.environ.get("CI"):
-            pytest.fail(str(error))
-        pytest.skip(str(error))
-    with running(program) as address:
-        yield address
-
-
-@pytest.fixture
-def watch() -> Iterator[Watch]:
-    """Fail the test if its pages logged an error or sent a request to another host."""
-    watch = Watch()
-    yield watch
-    assert watch.complaints == []
-
-
-@pytest.fixture
-def open_page(browser, watch) -> Iterator[Callable]:
-    """Open an empty page, `open_page(width, height, touch)`; it is closed at the end of the test."""
-    with Session(browser) as session:
-        def open_one(width: int = 1280, height: int = 720, touch: bool = False):
-            page = session.page(width, height, touch)
-            watch.follow(page)
-            return page
-        yield open_one
+__all__ = ["bench", "browser", "open_page", "start", "udp_only", "watch"]
 
 
 @pytest.fixture

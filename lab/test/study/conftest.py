@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from browser_pages import browser, open_page, watch  # noqa: F401
 
 
 @pytest.fixture

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import guide
 import pytest
-from known_recording import known_run, record_run  # noqa: F401 (fixtures)
 
 import vibro_lab
 import vibro_ros
@@ -40,7 +39,7 @@ def test_the_interface_is_looked_at():
 
 
 @pytest.mark.parametrize("name", PUBLIC)
-def test_every_name_has_an_example_that_is_true(name, record_run, tmp_path, monkeypatch):  # noqa: F811
+def test_every_name_has_an_example_that_is_true(name, record_run, tmp_path, monkeypatch):
     if name == "read_bag":
         record_run().rename(tmp_path / "vibro_robot_2026_11_21-10_29_21")
     if name == "identify":
