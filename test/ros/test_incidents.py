@@ -45,7 +45,7 @@ def test_a_run_through_a_state_a_push_and_faults_replays_to_the_last_bit(start, 
         pair.key == "lasting" and pair.value.startswith("motor_stall until") for pair in status.values))
     let("inject_fault", fault="motor_stall", duration=0.0)
     bench.spin_until(lambda: operator.joint("crank")[1] == 90.0, "the last command's speed")
-    assert "is the start" in let("set_state", names=["body_velocity"], values=[0.5], reset=True)
+    assert "the robot stands at its start" in let("set_state", names=["body_velocity"], values=[0.5], reset=True)
     bench.spin_until(lambda: operator.joint("crank")[1] == 100.0, "the motor as at the start")
     # while robot time stands still, and ended by a reset
     assert call(SetBool, "pause", data=True).success

@@ -122,7 +122,7 @@ BAD = {
     "NaN": ("entries: [{for: 1.0, motor_speed: .nan}]\n",
             "entry 1: motor_speed: nan is not finite; give a number in rad/s"),
     "unknown key": ("entries: [{for: 1.0, motor_sped: 1.0}]\n", "entry 1: motor_sped: unknown key; give at, for, note, "
-                    "fault, of, value, from_x, to_x, speed_over_ground, motor_speed, upper_gap, inclined_gap, "
+                    "fault, of, value, from_x, to_x, motor_speed, upper_gap, inclined_gap, "
                     "motor_voltage, hold_speed, go_to; did you mean motor_speed?"),
     "ramp without end": ("entries: [{for: 1.0, motor_speed: {from: 1.0}}]\n",
                          "entry 1: motor_speed: a ramp needs `to`"),
