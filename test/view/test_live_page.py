@@ -157,7 +157,7 @@ def test_what_a_page_asks_for_is_what_the_robot_does_and_what_it_shows_is_in_for
     assert "1000000 is refused; the robot takes -500 to 500" in page.inner_text("#motor_speed_words")
     until(page, lambda page: shown(page, "motor_speed") == [speed] * 3, "the speed in force")
     assert page.inner_text("#motor_speed_words") == ""  # gone with the number that was refused
-    assert robot_message(page) == ""  # nor is it said a second time
+    assert "refused" not in robot_message(page)  # nor is it said a second time
     page.fill("#motor_speed", "4.5.0")
     page.press("#motor_speed", "Enter")
     assert "“4.5.0” is no number" in page.inner_text("#motor_speed_words")
