@@ -23,6 +23,7 @@ from vibro_lab.accuracy.programs import (
     UnableError,
     drive_speed,
     event_array,
+    ordered_events,
     tolerances,
 )
 
@@ -53,7 +54,7 @@ def prepare(problem, setting):
             found = robot.integrate(problem.times, commands)
         except (RuntimeError, ValueError) as error:
             raise UnableError(f"heyoka: {error}") from error
-        return Answer(found.samples, event_array(zip(found.events["time"], found.events["kind"], strict=True)))
+        return Answer(found.samples, ordered_events(found.events))
 
     return run
 

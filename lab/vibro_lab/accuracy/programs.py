@@ -94,8 +94,19 @@ def tolerances(*values: float) -> tuple[Setting, ...]:
 
 def event_array(found: Iterable[tuple[float, str]]) -> np.ndarray:
     """Return pairs of instant [s] and kind as an array for `Answer.events`, ordered by time."""
-    events = np.array([(time, kind) for time, kind in found], dtype=EVENT_DTYPE)
-    return events[np.argsort(events["time"], kind="stable")]
+    return ordered_events(np.array([(time, kind) for time, kind in found], dtype=EVENT_DTYPE))
+
+
+def ordered_events(events: np.ndarray) -> np.ndarray:
+    """Return records with the fields `time` and `kind` as an array for `Answer.events`, ordered by time.
+
+    Whole columns are copied, because a loop over thousands of records would be timed as the program's own.
+    """
+    ordered = np.empty(len(events), EVENT_DTYPE)
+    order = np.argsort(events["time"], kind="stable")
+    for name in ("time", "kind"):
+        ordered[name] = events[name][order]
+    return ordered
 
 
 def drive_speed(scene: "Scene") -> float | None:
@@ -127,9 +138,9 @@ def _device_run(method: str, scene: "Scene", times: np.ndarray, value: float) ->
             samples = device.sample(times)
         except SimulationError as error:
             raise UnableError(str(error)) from error
-        events = [(event["time"], event["kind"]) for event in device.take_events()
-                  if event["kind"] not in _FORCING_EVENTS]
-        return Answer(np.stack([getattr(samples, column) for column in COLUMNS], axis=1), event_array(events))
+        events = device.take_events()
+        return Answer(np.stack([getattr(samples, column) for column in COLUMNS], axis=1),
+                      ordered_events(events[~np.isin(events["kind"], _FORCING_EVENTS)]))
 
     return run
 
