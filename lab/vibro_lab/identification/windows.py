@@ -139,7 +139,8 @@ class Windows:
         predicted, ends = np.empty((len(_QUANTITIES), len(self._times))), np.empty_like(states)
         try:
             device = Simulator(scene, self._bandwidth)
-            device.set_state(**start)
+            if start:
+                device.set_state(**start)
             commands = Commands(self.recording, device)
             for k, (begin, end) in enumerate(self.spans.tolist()):
                 commands.advance_to(begin, with_those_at_it=True)
@@ -165,7 +166,8 @@ class Windows:
     def course(self, scene: Scene, start: Mapping[str, float]) -> np.ndarray:
         """Return the states at the windows' starts, shape (windows, states), in one motion from the scene's start."""
         states, device = np.empty((len(self.spans), len(self._states))), Simulator(scene)
-        device.set_state(**start)
+        if start:
+            device.set_state(**start)
         commands = Commands(self.recording, device)
         for k, begin in enumerate(self.spans[:, 0].tolist()):
             commands.advance_to(begin)
