@@ -261,8 +261,8 @@ def test_the_derivatives_of_a_robot_that_strikes_are_central_differences(robot):
 
 def test_a_robot_without_masses_has_no_state_to_begin_with():
     """Its body stands, and its crank turns as it is commanded."""
-    scene = vibro_ros.load_scene("damped").with_parameters({"effects.upper_mass": False, "effects.inclined_mass": False})
-    times = np.arange(101) / 500.0
+    without = {"effects.upper_mass": False, "effects.inclined_mass": False}
+    scene, times = vibro_ros.load_scene("damped").with_parameters(without), np.arange(101) / 500.0
     channel = Channel("joint_states", "crank_angle", times, simulate(scene, times=times).crank_angle, 1e-3, "given")
     recording, spans = Recording(0.0, times[-1], (channel,), (), ()), np.array([[0.0, 0.1], [0.1, 0.2001]])
     windows = Windows(recording, state_names(scene), spans)
