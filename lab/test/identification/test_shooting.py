@@ -257,3 +257,15 @@ def test_the_derivatives_of_a_robot_that_strikes_are_central_differences(robot):
             central = (getattr(up, name) - getattr(down, name)) / (2.0 * step)
             assert_allclose(column, central, rtol=0, atol=0.01 * np.abs(central).max(), err_msg=f"{name} by {k}")
             assert np.abs(central).max() > 0.0
+
+
+def test_a_robot_without_masses_has_no_state_to_begin_with():
+    """Its body stands, and its crank turns as it is commanded."""
+    without = {"effects.upper_mass": False, "effects.inclined_mass": False}
+    scene, times = vibro_ros.load_scene("damped").with_parameters(without), np.arange(101) / 500.0
+    channel = Channel("joint_states", "crank_angle", times, simulate(scene, times=times).crank_angle, 1e-3, "given")
+    recording, spans = Recording(0.0, times[-1], (channel,), (), ()), np.array([[0.0, 0.1], [0.1, 0.2001]])
+    windows = Windows(recording, state_names(scene), spans)
+    states = windows.course(scene, {})
+    assert states.shape == (2, 0)
+    assert np.abs(windows.simulate(scene, {}, states).residuals).max() < 1e-6

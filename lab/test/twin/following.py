@@ -44,7 +44,7 @@ FAULTS = {
     "sensor_offset of imu": (Incident("sensor_offset", LASTS, "imu", 3.0), ()),
     "sensor_offset of tracking": (Incident("sensor_offset", LASTS, "tracking", 0.05), ()),
     "sensor_freeze of encoder": (Incident("sensor_freeze", LASTS, "encoder"), ()),
-    "none, but both plates move": (Incident("motor_stall", 0.0), tuple(GAPS)),
+    "none, but both plates move": (None, tuple(GAPS)),
 }
 """A fault, and the gaps that are commanded at its beginning, because a stuck plate shows only then."""
 
@@ -125,7 +125,8 @@ def print_faults(robot: str, seeds: int, names: list[str]) -> None:
             reading, writing = os.pipe()
             if not (child := os.fork()):  # goes on from here with the fault, and ends
                 fault, gaps = FAULTS[name]
-                device.fail(*fault)
+                if fault:
+                    device.fail(*fault)
                 if commands := {gap: GAPS[gap] for gap in gaps}:
                     estimator.command(device.time, **commands)
                     device.command(**commands)

@@ -139,11 +139,11 @@ class Windows:
         predicted, ends = np.empty((len(_QUANTITIES), len(self._times))), np.empty_like(states)
         try:
             device = Simulator(scene, self._bandwidth)
-            device.set_state(**start)
+            _put(device, start)
             commands = Commands(self.recording, device)
             for k, (begin, end) in enumerate(self.spans.tolist()):
                 commands.advance_to(begin, with_those_at_it=True)
-                device.set_state(**_possible(device, dict(zip(self.names, states[k].tolist(), strict=True))))
+                _put(device, _possible(device, dict(zip(self.names, states[k].tolist(), strict=True))))
                 done = self._first[k]
                 while (instant := commands.next_instant) < end:
                     upto = int(np.searchsorted(self._times, instant))
@@ -165,7 +165,7 @@ class Windows:
     def course(self, scene: Scene, start: Mapping[str, float]) -> np.ndarray:
         """Return the states at the windows' starts, shape (windows, states), in one motion from the scene's start."""
         states, device = np.empty((len(self.spans), len(self._states))), Simulator(scene)
-        device.set_state(**start)
+        _put(device, start)
         commands = Commands(self.recording, device)
         for k, begin in enumerate(self.spans[:, 0].tolist()):
             commands.advance_to(begin)
@@ -214,6 +214,12 @@ class Commands:
             self._device.command(**command)
             self._next += 1
         self._device.advance_to(time)
+
+
+def _put(device: Simulator, state: Mapping[str, float]) -> None:
+    """Put the device into a state; one without numbers, which `Simulator.set_state` refuses, changes nothing."""
+    if state:
+        device.set_state(**state)
 
 
 def _possible(device: Simulator, state: dict[str, float]) -> dict[str, float]:

@@ -27,7 +27,7 @@ from vibro_ros.simulation.samples import Samples
 PACKAGE = "simulation_interfaces"
 ABOUT = ("vibro_ros: a step is one publish period. A reset puts the state back and lets the clock go on; there is "
          "nothing to spawn.")
-ENTITY_CATEGORIES, ENTITY_INFO_GETTING, CATEGORY_ROBOT = 8, 12, 2
+ENTITY_CATEGORIES, ENTITY_INFO_GETTING, CATEGORY_ROBOT = 8, 12, 1
 """Constants of version 2.1.0, which types that were built for an earlier vibro_ros lack."""
 OFFERED: dict[str, tuple[str, tuple[int, ...]]] = {
     "GetSimulatorFeatures": ("~/get_simulator_features", ()),
