@@ -8,6 +8,7 @@ import numpy as np
 
 from vibro_ros.model.parameter_values import ParameterValues
 from vibro_ros.model.parameters import AS_FORWARD, AS_PRESET, BY_NAME
+from vibro_ros.solver.system import fastest_rates
 
 #: Fastest rate [1/s] of a mass on its springs and dampers that is simulated. A step lasts two of the mass's time
 #: constants, so at this rate a simulated second takes 5e6 steps, some ten seconds. 1 g on 1e9 N/m reaches 1e6 1/s.
@@ -264,16 +265,14 @@ def _shock_inertia(values: ParameterValues, free: Iterable[str]) -> np.ndarray:
 def fastest_rate(values: ParameterValues) -> float:
     """Largest magnitude of an eigenvalue [1/s] of the masses on a yielding body, over all states of plates and body.
 
-    Infinite where the body leaves the masses no inertia.
+    It is the rate that limits the segments of the solver, and infinite where the body leaves the masses no inertia.
     """
     inertias, loads, n = np.array(list(_inertias(values))), np.array(list(_loads(values))), len(values.guides)
-    companions = np.zeros((len(inertias), len(loads), 2 * n, 2 * n))
-    companions[..., :n, n:] = np.eye(n)
     try:
-        companions[..., n:, :] = -np.linalg.solve(inertias[:, None], loads)
+        rows = -np.linalg.solve(inertias[:, None], loads).reshape(-1, n, 2 * n)
     except np.linalg.LinAlgError:
         return np.inf
-    return float(abs(np.linalg.eigvals(companions)).max(initial=0.0))
+    return float(fastest_rates(rows[..., :n], rows[..., n:]).max(initial=0.0))
 
 
 def least_inertia(values: ParameterValues) -> float:

@@ -124,11 +124,14 @@ class Simulator:
     def controller_integral(self) -> float:
         """Integral of a dc motor's controller [V, or A with `speed_by_current`]; 0 without a controller.
 
+        It jumps at every sample of the controller. At the very instant of a sample, a multiple of
+        1 / `motor.control_rate`, rounding decides whether the integral is that before or after the sample.
+
         Examples
         --------
         >>> device = vibro_ros.Simulator(vibro_ros.load_scene("machine"))
         >>> device.command(motor_speed=100.0)
-        >>> device.advance_to(1.0)
+        >>> device.advance_to(0.9995)
         >>> f"{device.controller_integral:.3f} A"
         '1.529 A'
         """

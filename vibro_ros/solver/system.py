@@ -514,16 +514,33 @@ def longest_segments(acceleration: np.ndarray, channels: Channels) -> np.ndarray
     """
     positions, velocities = _own_rows(acceleration, channels)
     numbers = flow_numbers(np.concatenate([positions, velocities], axis=2))
-    first, coupled = np.unique(numbers, return_index=True)[1], couplings(acceleration, channels)
-    fastest = _fastest_rates(positions[first], velocities[first])
-    if coupled.any():
-        coupled = coupled[first]
-        fastest[coupled] = _fastest_coupled_rates(positions[first][coupled], velocities[first][coupled])
+    first = np.unique(numbers, return_index=True)[1]
     with np.errstate(divide="ignore"):
-        return (2.0 * RATE_LIMIT / fastest)[numbers]
+        return (2.0 * RATE_LIMIT / fastest_rates(positions[first], velocities[first]))[numbers]
 
 
-def _fastest_rates(positions: np.ndarray, velocities: np.ndarray) -> np.ndarray:
+def fastest_rates(positions: np.ndarray, velocities: np.ndarray) -> np.ndarray:
+    """Return the fastest eigenvalue of each mode [1/s], or a close upper bound where coordinates are coupled.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (m, n, n)
+        K [1/s²] of the equations q'' = K q + C q' of each mode's n coordinates.
+    velocities : ndarray, shape (m, n, n)
+        C [1/s] of these equations.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+        0 for a mode without an eigenvalue other than zero.
+    """
+    fastest, coupled = _fastest_own_rates(positions, velocities), _are_coupled(positions, velocities)
+    if coupled.any():
+        fastest[coupled] = _fastest_coupled_rates(positions[coupled], velocities[coupled])
+    return fastest
+
+
+def _fastest_own_rates(positions: np.ndarray, velocities: np.ndarray) -> np.ndarray:
     """Return the fastest eigenvalue of each mode [1/s], as if no coordinate entered the equation of another one.
 
     Coordinate i has the equation q'' = k q + c q', with k = positions[:, i, i] and c = velocities[:, i, i].
@@ -565,8 +582,12 @@ def _fastest_coupled_rates(positions: np.ndarray, velocities: np.ndarray) -> np.
 
 def couplings(acceleration: np.ndarray, channels: Channels) -> np.ndarray:
     """Return whether a dynamic coordinate of the mode enters the equation of another one; shape (m,)."""
-    different = ~np.eye(channels.dynamic, dtype=bool)
-    positions, velocities = _own_rows(acceleration, channels)
+    return _are_coupled(*_own_rows(acceleration, channels))
+
+
+def _are_coupled(positions: np.ndarray, velocities: np.ndarray) -> np.ndarray:
+    """Return whether a coordinate enters the equation of another one in each mode; shape (m,)."""
+    different = ~np.eye(positions.shape[1], dtype=bool)
     return np.asarray(positions[:, different].any(axis=1) | velocities[:, different].any(axis=1))
 
 

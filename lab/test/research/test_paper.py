@@ -230,13 +230,16 @@ def test_every_reading_has_a_verdict_for_each_of_its_spans():
     assert [(one.reading, one.span) for one in FOUND] == wanted
 
 
-@pytest.mark.parametrize("reading", [MISPRINT, MISPRINT._replace(equations="corrected", start=NEAR_ZERO),
-                                     MISPRINT._replace(equations="corrected", normal_force="unilateral")])
+@pytest.mark.parametrize(("reading", "spans"), [
+    (MISPRINT, SPANS[:2]), (MISPRINT._replace(equations="corrected", start=NEAR_ZERO), SPANS[:2]),
+    (MISPRINT._replace(equations="corrected", normal_force="unilateral"), SPANS[:1])])
 @pytest.mark.parametrize("point", [Point("angle", 80.0), Point("mass", 0.02)])
-def test_mean_speeds_of_the_first_seconds_are_found_again(reading, point):
-    """Chaos lets rounding grow by 150 in a second: another machine's mean is the same to five digits in two."""
+def test_mean_speeds_of_the_first_seconds_are_found_again(reading, spans, point):
+    """Over as long as chaos leaves five digits: two seconds, and one by `unilateral`, where a start that is moved by
+    1e-15 of itself changes its speed by up to 1e-11 m/s over one second, but by 3e-6 m/s over two.
+    """
     found = displacements(Batch(reading, point, full_effort().exact_starts))
-    for span in SPANS[:2]:
+    for span in spans:
         mean, spread = mean_of(speeds(found, span))
         told = of(reading, span).means[point]
         assert told.mean == pytest.approx(mean, rel=1e-5, abs=1e-8)
