@@ -89,7 +89,7 @@ def test_the_speeds_are_those_of_the_page_on_speeds():
 def test_an_optimum_that_does_not_settle_has_no_mean_on_the_page():
     """`printed` goes at 24 m/s over 10 s after 4 s and at 35 m/s over 256 s: the first number is a transient's."""
     assert WATCHED["printed"][0]["slowest"] > -22.0 and WATCHED["printed"][-1]["slowest"] < -34.0
-    assert "| -34.6 to -35.5 m/s |" in optimum.summary_table(RESULTS, WATCHED, PAPERS, MOTIONS)
+    assert "| -34.6 to -35.6 m/s |" in optimum.summary_table(RESULTS, WATCHED, PAPERS, MOTIONS)
     assert "which no start settles" in optimum.about_hills(RESULTS)
 
 
@@ -113,7 +113,12 @@ def test_power_vanishes_in_the_paper_and_speed_does_not():
 
 
 def test_what_is_watched_for_long_is_found_again(monkeypatch):
-    """In the scene `paper` the power vanishes over long times while the speed stays."""
+    """In the scene `paper` the power vanishes over long times while the speed stays.
+
+    Chaos has grown before the first of these seconds ends: a start moved by 1e-15 of itself changes its speed by
+    2e-2 m/s. The stored speeds are found again because the bits of a run are the same on every computer; when the
+    solver rounds otherwise than before, lasting.json is to be made again.
+    """
     monkeypatch.setattr(optimum, "DURATIONS", (4.0, 64.0))
     short, long = optimum.lasting(vibro_ros.load_scene("paper"))
     for end in ("slowest", "fastest"):
