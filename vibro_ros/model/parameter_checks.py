@@ -8,7 +8,6 @@ import numpy as np
 
 from vibro_ros.model.parameter_values import ParameterValues
 from vibro_ros.model.parameters import AS_FORWARD, AS_PRESET, BY_NAME
-from vibro_ros.solver.system import fastest_rates
 
 #: Fastest rate [1/s] of a mass on its springs and dampers that is simulated. A step lasts two of the mass's time
 #: constants, so at this rate a simulated second takes 5e6 steps, some ten seconds. 1 g on 1e9 N/m reaches 1e6 1/s.
@@ -267,6 +266,8 @@ def fastest_rate(values: ParameterValues) -> float:
 
     It is the rate that limits the segments of the solver, and infinite where the body leaves the masses no inertia.
     """
+    from vibro_ros.solver.system import fastest_rates  # imports compiled code, which readers of bags do not need
+
     inertias, loads, n = np.array(list(_inertias(values))), np.array(list(_loads(values))), len(values.guides)
     try:
         rows = -np.linalg.solve(inertias[:, None], loads).reshape(-1, n, 2 * n)
