@@ -20,7 +20,8 @@ CODE = "[...document.querySelectorAll('.highlight code')].filter(one => one.scro
 def site(tmp_path_factory) -> Path:
     """Give the folder of the site; a link, an anchor or a docstring that mkdocs complains of fails the build."""
     folder = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--config-file", "tools/mkdocs.yml", "--site-dir",
+               str(folder)]
     built = subprocess.run(command, cwd=ROOT, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"}, timeout=120,
                            capture_output=True, text=True)
     assert built.returncode == 0, built.stdout + built.stderr
