@@ -117,8 +117,10 @@ def test_a_clock_that_was_set_is_named_and_a_pause_beside_it(domain_id, monkeypa
 
             def told(condition) -> DiagnosticStatus:
                 """Return the next status that meets the condition."""
+                deadline = time.monotonic() + 60.0
                 while True:
-                    spin_until(node, lambda: heard)
+                    spin_until(node, lambda: heard or time.monotonic() > deadline)
+                    assert heard, "no such status within 60 s"
                     if condition(status := heard.pop(0).status[0]):
                         return status
 
