@@ -138,6 +138,7 @@ def shows_slow_motion_of_the_last_second(page) -> None:
     until(page, lambda page: drawn(page)["time"] > end, "live again")
 
 
+@pytest.mark.quiet  # beside three other tests its page falls behind the robot by more than the test waits
 def test_what_a_page_asks_for_is_what_the_robot_does_and_what_it_shows_is_in_force(start, view, open_page, bench,
                                                                                   tmp_path):
     robot = start("robot", "--ros-args", "-p", "record.enabled:=false")
