@@ -1,9 +1,11 @@
 """The robot's own services: reset, pause, step, record, set state, push, inject fault, and its live parameters.
 
-Each acts at once, in the executor's thread (`Run.perform`). Only steps are awaited, while the executor serves others.
+Each acts at once, in the executor's thread, by a method of `Run`. Only steps are awaited, while the executor serves
+others.
 """
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -11,7 +13,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.parameter import Parameter as ParameterOfRclpy
 from std_srvs.srv import SetBool, Trigger
 
-from vibro_ros.messages.operations import FAULT, PAUSE, PUSH, RESET, RESUME, SET, STATE, Operation
+from vibro_ros.messages.operations import PUSH, STATE, Operation
 from vibro_ros.model.faults import Incident
 from vibro_ros.model.parameters import checked_parameters
 from vibro_ros.ros.node.node import GuardedNode, installed_type
@@ -39,8 +41,8 @@ def offer_run_services(node: GuardedNode, run: Run) -> None:
 
     node.create_service(SetBool, "~/record", record)
     node.create_service(Trigger, "~/step", step, callback_group=ReentrantCallbackGroup())
-    _offer(node, run, Trigger, "~/reset", lambda _: Operation(RESET))
-    _offer(node, run, SetBool, "~/pause", lambda request: Operation(PAUSE if request.data else RESUME))
+    _offer(node, Trigger, "~/reset", lambda _: run.reset())
+    _offer(node, SetBool, "~/pause", lambda request: run.pause() if request.data else run.resume())
 
 
 def offer_disturbances(node: GuardedNode, run: Run) -> None:
@@ -49,15 +51,21 @@ def offer_disturbances(node: GuardedNode, run: Run) -> None:
     if len(types) < len(DISTURBANCES):
         node.get_logger().info(f"{OWN_PACKAGE} is not installed, or old: without "
                                f"{', '.join(path for name, path in DISTURBANCES.items() if name not in types)}")
+    act: dict[str, Callable[[Any], str]] = {
+        "SetState": partial(_set_state, run),
+        "Push": lambda request: run.disturb(Operation(PUSH, parameters={
+            name: getattr(request, name) for name in ("duration", "force_x", "force_z")})),
+        "InjectFault": lambda request: run.fail(Incident(**{  # an older type has fewer fields
+            name: getattr(request, name) for name in request.get_fields_and_field_types()}))}
     for name, kind in types.items():
-        _offer(node, run, kind, DISTURBANCES[name], _OPERATIONS[name])
+        _offer(node, kind, DISTURBANCES[name], act[name])
 
 
-def _offer(node: GuardedNode, run: Run, kind: type, name: str, meant: Callable[[Any], Operation]) -> None:
-    """Offer a service that performs an operation; `meant` returns it for a request, or raises ValueError."""
+def _offer(node: GuardedNode, kind: type, name: str, act: Callable[[Any], str]) -> None:
+    """Offer a service that is answered with the words that `act` returns, or with the error that it raises."""
     def answer(request: Any, response: Any) -> Any:
         try:
-            response.message = run.perform(meant(request))
+            response.message = act(request)
             response.success = True
         except (ValueError, RuntimeError) as error:
             response.message = str(error)
@@ -66,22 +74,14 @@ def _offer(node: GuardedNode, run: Run, kind: type, name: str, meant: Callable[[
     node.create_service(kind, name, answer)
 
 
-def _state_asked(request: Any) -> Operation:
+def _set_state(run: Run, request: Any) -> str:
     names = list(request.names)
     if len(names) != len(request.values) or len(set(names)) != len(names):
         raise ValueError(f"names, values: {len(names)} names, {len(set(names))} of them different, and "
                          f"{len(request.values)} values; give one value for each name")
+    given = dict(zip(names, map(float, request.values), strict=True))
     resets = getattr(request, "reset", False)  # which an older type lacks
-    return Operation(RESET if resets else STATE, parameters=dict(zip(names, map(float, request.values), strict=True)))
-
-
-_OPERATIONS: dict[str, Callable[[Any], Operation]] = {
-    "SetState": _state_asked,
-    "Push": lambda request: Operation(PUSH, parameters={
-        name: getattr(request, name) for name in ("duration", "force_x", "force_z")}),
-    "InjectFault": lambda request: Operation(FAULT, parameters=Incident(**{  # an older type has fewer fields
-        name: getattr(request, name) for name in request.get_fields_and_field_types()})._asdict()),
-}
+    return run.reset(given) if resets else run.disturb(Operation(STATE, parameters=given))
 
 
 def follow_parameters(node: GuardedNode, run: Run) -> None:
@@ -92,8 +92,7 @@ def follow_parameters(node: GuardedNode, run: Run) -> None:
     """
     def change(parameters: Sequence[ParameterOfRclpy]) -> SetParametersResult:
         try:
-            values = checked_parameters({one.name: one.value for one in parameters}, TABLE)
-            run.perform(Operation(SET, parameters=values))
+            run.change(checked_parameters({parameter.name: parameter.value for parameter in parameters}, TABLE))
         except (ValueError, RuntimeError) as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -119,5 +118,5 @@ async def finished(run: Run, steps: Steps) -> str:
 
 def installed_types(package: str, names: Iterable[str]) -> dict[str, Any]:
     """Return the types of `names` that are installed and have type support, by name."""
-    found = {name: installed_type(package, "action" if name == "SimulateSteps" else "srv", name) for name in names}
-    return {name: kind for name, kind in found.items() if kind}
+    types = {name: installed_type(package, "action" if name == "SimulateSteps" else "srv", name) for name in names}
+    return {name: kind for name, kind in types.items() if kind}
