@@ -1,4 +1,4 @@
-"""States that users give: their checks, and their conversion to the solver's state.
+"""States from which a segment begins: at the start, as a user gives them, and carried over to other equations.
 
 A given state contains no commands: plates, and a motor that is not `ideal`, go on from that state to their targets.
 """
@@ -226,11 +226,14 @@ def _first_mode(model: Model, point: np.ndarray) -> int:
 
 def _motor(model: Model, point: np.ndarray) -> tuple[str, str]:
     """Return the states of bearing and current loop by the crank's speed; the loop within its limits if it has any."""
-    every = {mode.motor for mode in model.modes}
-    bearing = ("stuck", "turns_forward", "turns_backward")[
-        int(np.sign(point[model.forms.channels.velocity(model.forms.phase)]))]
-    return next(motor for motor in sorted(every, key=lambda one: one[1] != "within_limits")
-                if motor[0] in (bearing, "turns"))
+    states = sorted({mode.motor for mode in model.modes}, key=lambda motor: motor[1] != "within_limits")
+    return next(motor for motor in states if motor[0] in (_bearing(model, point), "turns"))
+
+
+def _bearing(model: Model, point: np.ndarray) -> str:
+    """Return the state of a bearing with friction by the crank's speed."""
+    speed = point[model.forms.channels.velocity(model.forms.phase)]
+    return ("stuck", "turns_forward", "turns_backward")[int(np.sign(speed))]
 
 
 def _contact(scene: Scene, model: Model, side: str, point: np.ndarray) -> str:
@@ -249,7 +252,34 @@ def _friction(model: Model, state: str, point: np.ndarray) -> str:
     forms, at = model.forms, model.forms.channels
     if forms.body_hops and (point[at.position(forms.height)] > 0.0 or point[at.velocity(forms.height)] != 0.0):
         return "airborne"
-    if state == "grounded":
-        return state
-    speed = point[at.velocity(forms.body)] if forms.body_moves else 0.0
+    return state if state == "grounded" else _moving(model, point)
+
+
+def _moving(model: Model, point: np.ndarray) -> str:
+    """Return the state of a body on ground with friction by the body's speed."""
+    forms = model.forms
+    speed = point[forms.channels.velocity(forms.body)] if forms.body_moves else 0.0
     return ("stick", "slip_forward", "slip_backward")[int(np.sign(speed))]
+
+
+def carried_over(model: Model, state: State, point: np.ndarray, new_model: Model) -> tuple[State, np.ndarray]:
+    """Return state and channels of `new_model` that continue `state` and `point` of `model` at a segment's end.
+
+    The scenes of the two models differ only in friction coefficients, pushes and numbers of the motor, so that
+    coordinates, sliders and plates are the same. The states of the ground may differ, because a coefficient of 0 has
+    no states of friction. A state that does not hold any more, such as sticking, is left at the first event.
+    """
+    old = model.modes[int(state.now["automaton"]["mode"][0])]
+    contacts, bearing = old.states[:len(model.forms.plates)], _bearing(model, point) if model.forms.has_rotor else ""
+    new_mode = next(number for ground in (old.ground, _moving(model, point), "grounded")
+                    for turning in (old.motor[0], bearing, "turns")
+                    for number, mode in enumerate(new_model.modes) if mode.ground == ground
+                    and mode.states[:len(contacts)] == contacts and mode.motor == (turning, old.motor[1]))
+    new = new_state(new_model.system, 0.0, state.ramp["value"], new_mode)._replace(lowpass=state.lowpass)
+    for name in ("now", "ramp", "monitor"):
+        getattr(new, name)[...] = getattr(state, name)
+    new.now["automaton"]["mode"] = new_mode
+    channels, new_point = new_model.forms.channels, np.zeros(new_model.forms.channels.count)
+    kept = channels.ramp_rate(channels.ramps)  # later channels are set when the segment begins
+    new_point[:kept] = point[:kept]
+    return new, new_point

@@ -21,7 +21,8 @@ _ROOMS = ("model", "sensors", "solver")
 _MODULES = (
     *(("messages", name) for name in ("codec", "frames", "robot_messages", "topics", "urdf")),
     *(("simulation", name) for name in (
-        "disturbances", "given_state", "motion", "readout", "samples", "simulator", "statistics")))
+        "actuators", "checkpoint", "crank_angle", "disturbances", "given_state", "motion", "readout", "samples",
+        "simulator", "statistics")))
 
 
 def provenance(parameters: Mapping[str, Value], start: int) -> dict[str, str]:
