@@ -38,17 +38,8 @@ def find_file(kind: str, name_or_path: str, folder: Path | None = None) -> Path:
 def config_folder() -> Path:
     """Return the folder of the shipped configuration: scenes, scripts, sweeps and the robot's parameter file.
 
-    It is found in a source checkout, a pip installation and a colcon workspace.
-
-    Returns
-    -------
-    Path
-        Absolute; holds `robot.yaml`, `scenes/` and `controller/`.
-
-    Raises
-    ------
-    FileNotFoundError
-        If the package was installed without its data; one line that names the folders that were tried.
+    It is found in a source checkout, a pip installation and a colcon workspace. FileNotFoundError if the package was
+    installed without its data.
     """
     package = Path(__file__).resolve().parents[1]
     # <prefix>/lib/python3.x/site-packages/vibro_ros; Debian puts `local/` before `lib/`.

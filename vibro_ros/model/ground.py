@@ -22,17 +22,10 @@ from vibro_ros.model.shock import REST_SPEED, Landing, Shock
 
 
 class GroundState(NamedTuple):
-    """A state of the body on the ground.
+    """A state of the body on the ground."""
 
-    Attributes
-    ----------
-    friction : float or None
-        F_fr as a multiple of mu(v) N; None where F_fr balances the other forces along the ground.
-    begins, ends : str
-        Kinds of the events that are recorded when the state begins, or ends; empty for none.
-    """
-
-    friction: float | None
+    friction: float | None  # F_fr as a multiple of mu(v) N; None where F_fr balances the other forces along the ground
+    # kinds of the events that are recorded when the state begins, or ends; empty for none
     begins: str
     ends: str = ""
 
@@ -63,25 +56,7 @@ WITHOUT_LOAD = {"weight": (), "unilateral": ("unloaded",), "printed": ("rest",),
 class Ground:
     """The forces, states and guards of one scene's ground.
 
-    Parameters
-    ----------
-    scene : Scene
-        The scene whose friction law, coefficients and rule of the normal force count.
-    forms : Forms
-        The forms of the scene.
-    edges : (float, float)
-        The positions of the body [m] between which the scene's ground reaches; see `compile_scene`.
-
-    Attributes
-    ----------
-    has_dry_friction : bool
-        Whether friction can hold the body.
-    states : tuple of str
-        The names of `GROUND_STATES` that the scene can be in.
-    forces : dict of GroundForce to form
-        The forces along the ground that the scene has, except dry friction, F0 + c x' + k x [N].
-    driving_symbol : str
-        Symbol of F_in and these forces.
+    `edges` are the positions of the body [m] between which the ground reaches; see `compile_scene`.
     """
 
     def __init__(self, scene: Scene, forms: Forms, edges: tuple[float, float] = NO_EDGES):
@@ -89,7 +64,9 @@ class Ground:
         self._forms, self._edges = forms, edges
         self._kinetic, self._static = scene.kinetic_frictions, scene.resting_frictions
         self._rule, self._restitution = scene["effects.normal_force"], scene["ground.restitution"]
+        # whether friction can hold the body
         self.has_dry_friction = scene.has_dry_friction and forms.body_moves
+        # the forces along the ground that the scene has, except dry friction, F0 + c x' + k x [N]
         self.forces = {force: constant * forms.one + damping * forms.velocity(forms.body)
                        + stiffness * forms.position(forms.body)
                        for force, (constant, damping, stiffness) in scene.ground_laws.items()}

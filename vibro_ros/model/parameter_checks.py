@@ -29,13 +29,7 @@ LEAST_INERTIA = 1e-6
 
 
 def check_together(values: ParameterValues) -> None:
-    """Refuse values that contradict each other or that no method can simulate.
-
-    Raises
-    ------
-    ValueError
-        One sentence that names the parameter, its value, the limit and the remedy.
-    """
+    """Refuse values that contradict each other or that no method can simulate (ValueError)."""
     for check in (_check_mechanism, _check_motor, _check_friction, _check_blows, _check_rates, _check_reaction,
                   _check_misprint, _check_solver, _check_sensors):
         check(values)

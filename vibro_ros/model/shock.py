@@ -61,21 +61,12 @@ Jumps = tuple[tuple[int, Form], ...]
 
 
 class NonlinearShock(NamedTuple):
-    """A shock in which the crank's angle or the body's speed decides the inertia or the friction.
+    """A shock in which the crank's angle or the body's speed decides the inertia or the friction."""
 
-    Attributes
-    ----------
-    numbers : ndarray of SHOCK, shape (1,)
-        The shock as a record for the solver.
-    direction : ndarray, shape (dynamic, 2)
-        Directions of the masses that are free in the shock, 0 for the other coordinates.
-    speeds : tuple of int
-        Channels of the velocities that jump.
-    """
-
-    numbers: np.ndarray
+    numbers: np.ndarray  # shape (1,): the shock as a record for the solver
+    # shape (dynamic, 2): directions of the masses that are free in the shock, 0 for the other coordinates
     direction: np.ndarray
-    speeds: tuple[int, ...]
+    speeds: tuple[int, ...]  # channels of the velocities that jump
 
     def targets(self, forms: Forms, states: Iterable[str], **changes: Any) -> list[Target]:
         """Return the shock's targets: each of the `states` of the guard's effect with each state of the bearing."""
@@ -86,19 +77,7 @@ class NonlinearShock(NamedTuple):
 class Shock:
     """A change of the body's velocity, and the changes of the free masses' speeds that it brings.
 
-    Parameters
-    ----------
-    scene : Scene
-        The scene whose masses, guides and reaction count.
-    forms : Forms
-        The forms of the scene.
-    not_free : iterable of str
-        Guides whose masses move with the body or are struck themselves.
-
-    Attributes
-    ----------
-    inertia : ndarray, shape (2, 2)
-        A [kg], for x and y.
+    `not_free` are guides whose masses move with the body or are struck themselves. `inertia` is A [kg], for x and y.
     """
 
     def __init__(self, scene: Scene, forms: Forms, not_free: Iterable[str] = ()):
@@ -119,16 +98,9 @@ class Shock:
     def nonlinear(self, states: int, restitution: float, struck: str = "", lifts: bool = True) -> NonlinearShock:
         """Return the same shock with a crank that is struck, or with friction that changes with the speed.
 
-        Parameters
-        ----------
-        states : int
-            States of the body on the ground between which the shock decides, as `solver.system.SHOCK` has them.
-        restitution : float
-            Restitution of the plate or of the ground.
-        struck : str
-            Guide whose mass strikes its plate; empty for a landing.
-        lifts : bool
-            Whether the body lifts off in a blow.
+        `states` counts the states of the body on the ground between which the shock decides, as `solver.system.SHOCK`
+        has them. `restitution` is that of the plate or of the ground. `struck` is the guide whose mass strikes its
+        plate, empty for a landing. `lifts` says whether the body lifts off in a blow.
         """
         scene, forms = self._scene, self._forms
         has_friction = scene.has_dry_friction and forms.body_moves
@@ -212,14 +184,9 @@ class Blow:
 class Landing:
     """The targets of a landing, each with its jumps.
 
-    Parameters
-    ----------
-    kinetic, static : (float, float)
-        Friction coefficients while the body slips, forwards and backwards, and while it sticks.
-    resting : frozenset of str
-        Guides whose masses rest on rigid plates and stay there.
-    restitution : float
-        Impulse while the ground rebounds over that while it is compressed; 0 for an inelastic landing.
+    `kinetic` and `static` are the friction coefficients, forwards and backwards, while the body slips and while it
+    sticks. The masses of `resting` stay on their rigid plates. `restitution` is the impulse while the ground rebounds
+    over that while it is compressed; 0 for an inelastic landing.
     """
 
     def __init__(self, scene: Scene, forms: Forms, kinetic: tuple[float, float], static: tuple[float, float],

@@ -163,25 +163,11 @@ class Rerun:
         Yields the number of each sample, with the device at that sample, and the messages recorded with its stamp;
         `published` then returns the messages that the robot publishes there. If the bag `begins_late`, the simulation
         begins at its first checkpoint; messages recorded before, and with the checkpoint's sample, are yielded with
-        None as the number.
+        None as the number. `names` are the topics to read, by their keys in `TOPICS`, all by default. If the bag's
+        messages end before the sample `until`, the run is simulated up to it.
 
-        Parameters
-        ----------
-        stream : BagStream
-            The bag.
-        names : collection of str, optional
-            Topics to read, by their keys in `TOPICS`; all by default.
-        until : int
-            Number of the sample up to which the run is simulated if the bag's messages end before it.
-
-        Raises
-        ------
-        StampError
-            When a stamp is not that of a sample, or so far ahead that it would cost years of simulation.
-        BagError
-            When the bag's first checkpoint is not valid.
-        SimulationError
-            When the run cannot go on.
+        StampError when a stamp is not that of a sample, or so far ahead that it would cost years of simulation.
+        BagError when the bag's first checkpoint is not valid. SimulationError when the run cannot go on.
         """
         most, headed = most_ticks(stream, self._facts), self._are_headed(stream, names)
         is_late = begins_at_checkpoint(stream, self._facts)
@@ -251,14 +237,9 @@ class Rerun:
         self.tick, self.origin = tick, tick - since
 
     def receive(self, name: str, data: bytes) -> str:
-        """Pass a recorded command or operation to the device (SimulationError when the run cannot go on).
+        """Pass a recorded command or operation on the topic `name` to the device.
 
-        `name` is the topic, a key of `TOPICS`.
-
-        Returns
-        -------
-        str
-            Why the message cannot be read (the robot refused it for the same reason); else empty.
+        Return why the message cannot be read, for which reason the robot refused it; else an empty text.
         """
         try:
             message = deserialised(data, TOPICS[name].type)

@@ -72,10 +72,7 @@ def _shared(columns: Arrays) -> Arrays:
 def summarise(bag: Bag) -> dict[str, Any]:
     """Summarise a recording, ready for JSON; a number that is not defined is None.
 
-    Parameters
-    ----------
-    bag : Bag
-        A recording of the robot.
+    BagError when a topic or a joint of the robot is missing, or odometry, joint states or motor power is empty.
 
     Returns
     -------
@@ -90,11 +87,6 @@ def summarise(bag: Bag) -> dict[str, Any]:
         also if the bag does not state the robot's parameters; ``recorder``, the bag's custom data; ``topics``: type and
         ``messages`` of each, and for sampled topics ``period`` [s] (median), ``largest_gap`` [s] and ``gaps`` (number
         of pauses above `GAP` periods); ``flaw_lines``, sentences on the parts of the recording that cannot be read.
-
-    Raises
-    ------
-    BagError
-        When a topic or a joint of the robot is missing, or odometry, joint states or motor power is empty.
     """
     body, joints, power = (_samples(bag, name) for name in ("odom", "joint_states", "motor_power"))
     if lacking := [name for name in JOINT_COLUMNS if name not in joints]:

@@ -33,14 +33,7 @@ _TURN = 2.0 * math.pi
 
 
 def started(scene: Scene, model: Model, point: np.ndarray) -> State:
-    """Return the solver's state at t = 0, before its first segment.
-
-    Parameters
-    ----------
-    scene, model : Scene, Model
-        The scene, and its compiled model.
-    point : ndarray, shape (channels,)
-        All channels, overwritten: positions and velocities are those of the start.
+    """Return the solver's state at t = 0, before its first segment; the channels in `point` become those of the start.
     """
     system, forms, channels = model.system, model.forms, model.forms.channels
     plates = {side: scene[f"crank.{side}_rod"] + scene[f"{side}.gap"] for side in forms.plates}
@@ -74,20 +67,8 @@ def started(scene: Scene, model: Model, point: np.ndarray) -> State:
 def checked_state(scene: Scene, given: Mapping[str, object], now: Mapping[str, float]) -> dict[str, float]:
     """Return all numbers of `UNITS`, `given` or else as they are `now`, and the given ones of `OF_DC_MOTOR`.
 
-    Parameters
-    ----------
-    scene : Scene
-        The scene that is simulated.
-    given : mapping of str to number
-        Given numbers, by the names of `UNITS` and `OF_DC_MOTOR`.
-    now : mapping of str to float
-        All fields of the present sample.
-
-    Raises
-    ------
-    ValueError
-        For no number, an unknown name, a number that is not finite or beyond its limit, a part that the scene does not
-        have, and a mass too deep in a plate; the message names value, limit and remedy.
+    ValueError for no number, an unknown name, a number that is not finite or beyond its limit, a part that the scene
+    does not have, and a mass too deep in a plate.
     """
     if not given:
         raise ValueError(f"a state: no number is given; give any of {', '.join(STATE_UNITS)}")
@@ -130,20 +111,10 @@ def place(scene: Scene, model: Model, state: State, point: np.ndarray, values: M
           turned: bool) -> None:
     """Set positions, velocities and the mode to those of `values`; the caller begins a segment next.
 
-    Parameters
-    ----------
-    scene, model : Scene, Model
-        The scene, and its compiled model.
-    state : State
-        State that was interrupted now; changed in place. The plates' positions are set, but not the next motion of
-        plates and motor.
-    point : ndarray, shape (channels,)
-        All channels now, overwritten.
-    values : mapping of str to float
-        All numbers of `UNITS`, as the scene can have them; `motor_current`, if it is given.
-    turned : bool
-        Whether the crank's angle is given; else the angle keeps its bits, some of which are lost in `crank_angle`, the
-        sum of turns and angle.
+    The interrupted `state` and its channels `point` are changed. The plates' positions are set, but not the next motion
+    of plates and motor. `values` are all numbers of `UNITS`, and `motor_current`, if it is given. `turned` says whether
+    the crank's angle is given; else the angle keeps its bits, some of which are lost in `crank_angle`, the sum of turns
+    and angle.
     """
     forms, at, angle = model.forms, model.forms.channels, values["crank_angle"]
     for i, side in enumerate(forms.guides):
@@ -188,25 +159,13 @@ def _set_slider_rates(model: Model, point: np.ndarray, angle: float, speed: floa
         point[model.forms.channels.signal_rate(k)] = slider.slope(angle) * speed
 
 
-def book_given_state(scene: Scene, model: Model, state: State, before: np.ndarray, old_mode: int,
+def book_given_state(scene: Scene, model: Model, state: State, old_point: np.ndarray, old_mode: int,
                      point: np.ndarray) -> None:
-    """Exclude from the accounts the change of stored energy from `before`, in `old_mode`, to `point`.
-
-    Parameters
-    ----------
-    scene, model : Scene, Model
-        The scene, and its compiled model.
-    state : State
-        State at `point`; its accounts are changed in place.
-    before, point : ndarray, shape (channels,)
-        All channels, before and after.
-    old_mode : int
-        The mode before.
-    """
+    """Exclude from the accounts of `state` the change of stored energy from `old_point`, in `old_mode`, to `point`."""
     if scene["solver.accounts"]:
         mode = int(state.now["automaton"]["mode"][0])
         state.now["accounts"]["stored"] += (stored_on_accounts(model.system, mode, point)
-                                            - stored_on_accounts(model.system, old_mode, before))
+                                            - stored_on_accounts(model.system, old_mode, old_point))
 
 
 def _mode(scene: Scene, model: Model, point: np.ndarray) -> int:

@@ -17,13 +17,7 @@ _STANDING_HEIGHT = 1e-15
 
 
 class Readout:
-    """Computes a compiled scene's samples; for use by one thread.
-
-    Parameters
-    ----------
-    model : Model
-        The compiled scene.
-    """
+    """Computes a compiled scene's samples; for use by one thread."""
 
     def __init__(self, model: Model):
         self._model = model
@@ -37,15 +31,7 @@ class Readout:
         self._slopes, self._slopes_at = np.zeros((len(model.sliders), 1)), np.nan
 
     def values(self, times: np.ndarray, trace: Trace) -> np.ndarray:
-        """Return the values of all `FIELDS` at one instant, shape (fields,); the next call overwrites them.
-
-        Parameters
-        ----------
-        times : ndarray, shape (1,)
-            The instant [s].
-        trace : Trace
-            The solver's sample at that instant.
-        """
+        """Return the values of all `FIELDS` at one instant [s], shape (fields,); the next call overwrites them."""
         angle = trace.phases[0, 1]
         # Slopes count only where the crank stands, and stay the same as long as it stands at the same angle.
         if abs(trace.phases[0, 2]) <= STANDING and angle != self._slopes_at:
@@ -54,24 +40,16 @@ class Readout:
         return self._values[:, 0]
 
     def quantities(self, times: np.ndarray, trace: Trace) -> dict[str, np.ndarray]:
-        """Return the fields of `Samples` at several instants, as separate arrays, so that each can be kept by itself.
-
-        Parameters
-        ----------
-        times : ndarray, shape (n,)
-            Instants [s].
-        trace : Trace
-            The solver's samples at these instants.
-        """
-        found = {name: np.empty(len(times)) for name in FIELDS}
+        """Return the fields of `Samples` at instants [s], as separate arrays, so that each can be kept by itself."""
+        quantities = {name: np.empty(len(times)) for name in FIELDS}
         for first in range(0, len(times), _AT_ONCE):
             part = slice(first, min(first + _AT_ONCE, len(times)))
             sampled, values = trace.part(part.start, part.stop), np.empty((len(FIELDS), part.stop - first))
             slopes = self._slopes_where_standing(sampled.phases)
             read_samples(*self._arguments(times[part], sampled, slopes, values))
             for name, row in zip(FIELDS, values, strict=True):
-                found[name][part] = row
-        return found
+                quantities[name][part] = row
+        return quantities
 
     def _arguments(self, times: np.ndarray, trace: Trace, slopes: np.ndarray, values: np.ndarray) -> tuple:
         model = self._model

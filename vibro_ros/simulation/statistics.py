@@ -16,13 +16,7 @@ from vibro_ros.solver.state import State
 
 
 class EventLog:
-    """The events that were not taken yet, and the counts of all events by kind.
-
-    Parameters
-    ----------
-    plates : sequence of str
-        Sides that have a plate, in the solver's order.
-    """
+    """The events that were not taken yet, and the counts of all events by kind; `plates` is `Forms.plates`."""
 
     def __init__(self, plates: Sequence[str]):
         self._kinds = np.zeros(PHASE_KIND + 1, dtype=EVENT_DTYPE["kind"])  # names by the solver's numbers
@@ -74,21 +68,9 @@ class EventLog:
 
 
 def energy_accounts(model: Model, state: State, time: float) -> dict[str, float]:
-    """Return the energy accounts since t = 0 [J].
+    """Return the energy accounts since t = 0 [J] that `Simulator.statistics` describes.
 
-    Parameters
-    ----------
-    model : Model
-        A compiled scene with `solver.accounts`.
-    state : State
-        The solver's state by the method exact; not changed.
-    time : float
-        Instant [s] within the present segment.
-
-    Returns
-    -------
-    dict of str to float
-        The entries that `Simulator.statistics` describes.
+    The scene has `solver.accounts`; `time` [s] lies within the present segment of `state`, which is not changed.
     """
     # Interrupting the state books all work up to this instant; a copy is interrupted.
     ended = state._replace(**{name: getattr(state, name).copy()

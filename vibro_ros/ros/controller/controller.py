@@ -43,13 +43,7 @@ PARAMETERS = (
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Play a script.
-
-    Returns
-    -------
-    int
-        0 when done; 1 on failure, such as no robot; 2 for bad input; 128 + the signal's number when aborted.
-    """
+    """Play a script. Returns the exit code, which `--help` explains."""
     return exit_code("controller", lambda: _run(argv))
 
 

@@ -44,13 +44,7 @@ PARAMETERS = (
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Serve the page until SIGINT, SIGTERM or SIGHUP.
-
-    Returns
-    -------
-    int
-        0 after a signal; 1 when the server failed; 2 for bad input, or a port that is taken.
-    """
+    """Serve the page until SIGINT, SIGTERM or SIGHUP. Returns the exit code, which `--help` explains."""
     return exit_code("view", lambda: _run(sys.argv[1:] if words is None else words))
 
 

@@ -180,10 +180,7 @@ class Recording:
     def switch(self, on: bool) -> tuple[bool, str]:
         """Begin a new bag if `on`, else seal the present one, as the service `~/record` asks.
 
-        Returns
-        -------
-        bool, str
-            Whether it was done; where the bag is, or why it was not done.
+        Return whether it was done, and where the bag is, or why it was not done.
         """
         try:
             return self._start() if on else self._stop()

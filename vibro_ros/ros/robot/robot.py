@@ -73,13 +73,7 @@ WATCH = 0.2
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the robot until SIGINT, SIGTERM or SIGHUP.
-
-    Returns
-    -------
-    int
-        0 after a signal; 2 for bad input; 1 when the simulation or the recording failed.
-    """
+    """Run the robot until SIGINT, SIGTERM or SIGHUP. Returns the exit code, which `--help` explains."""
     return exit_code("robot", lambda: _run(sys.argv[1:] if argv is None else argv))
 
 
