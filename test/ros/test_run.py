@@ -22,15 +22,15 @@ from vibro_ros.messages.operations import STATE, Operation
 from vibro_ros.recordings import replay
 from vibro_ros.ros.robot.pacing import SUMMARY_PERIOD, StallReport
 from vibro_ros.ros.robot.publishers import RobotPublishers
-from vibro_ros.ros.robot.run import ENDED, Run, State
+from vibro_ros.ros.robot.run import ENDED, RobotRun, RunState
 
 
-def run_of(bench, record, scene=None, **settings) -> Run:
+def run_of(bench, record, scene=None, **settings) -> RobotRun:
     """Return a run as fast as it can, with other `settings` of the node; a name has _ for each point."""
     scene = scene or vibro_ros.load_scene("device")
     recording = SimpleNamespace(record=record, checkpoint=lambda *_: None, is_backlogged=False)
     given = {"rate_real_time_factor": 0.0} | settings
-    run = Run(bench.node, vibro_ros.Simulator(scene), {
+    run = RobotRun(bench.node, vibro_ros.Simulator(scene), {
         parameter.name: given.get(parameter.name.replace(".", "_"), parameter.default)
         for parameter in DEVICE_PARAMETERS}, RobotPublishers(bench.node, scene), recording)
     run.robot_time.start = 1_000
@@ -81,26 +81,26 @@ def test_each_operation_leads_to_the_state_that_the_table_of_transitions_names(b
     run = run_of(bench, lambda *_: None, rate_start_paused=True, clock_publish=True, clock_lock_step=("/nobody",))
     with run:
         run.recording.is_backlogged = True
-        assert run.state is State.PAUSED
+        assert run.state is RunState.PAUSED
         steps = run.begin_steps(2)
         assert run.state is steps and run.paused
         run.pause()
         assert run.state is steps
         run.resume()
-        assert run.state is State.RESUMING and run.paused and "stepped 0 of 2" in steps.result()
+        assert run.state is RunState.RESUMING and run.paused and "stepped 0 of 2" in steps.result()
         with pytest.raises(ValueError, match="not paused"):
             run.begin_steps(1)
         run.pause()
-        assert run.state is State.PAUSED
+        assert run.state is RunState.PAUSED
         cancelled = run.begin_steps(1)
         run.end_steps()
-        assert run.state is State.PAUSED and "stepped 0 of 1" in cancelled.result()
+        assert run.state is RunState.PAUSED and "stepped 0 of 1" in cancelled.result()
         run.resume()
         run._lock_step.all_answered = True
         run._notify()
-        bench.spin_until(lambda: run.state is State.RUNNING, "robot time goes on")
+        bench.spin_until(lambda: run.state is RunState.RUNNING, "robot time goes on")
         run.pause()
-        assert run.state is State.PAUSED and not run.is_ending
+        assert run.state is RunState.PAUSED and not run.is_ending
         run.end()
         assert run.is_ending
 

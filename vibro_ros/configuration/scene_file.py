@@ -116,10 +116,10 @@ def _load(path: Path, node: str | None, above: tuple[Path, ...]) -> Scene:
     if not node and len(robots) > 1:
         raise ValueError(f"{path}: holds parameters for {', '.join(robots)}; name one of them: "
                          f"load_scene(..., node={robots[0]!r})")
-    own = node or (robots[0] if robots else f"/{NODE_NAME}")
-    check_addressed(path, given, own)
+    robot = node or (robots[0] if robots else f"/{NODE_NAME}")
+    check_addressed(path, given, robot)
     try:
-        checked = checked_parameters(own_parameters(merged(given, own)), (*SCENE_PARAMETERS, *DEVICE_PARAMETERS))
+        checked = checked_parameters(own_parameters(merged(given, robot)), (*SCENE_PARAMETERS, *DEVICE_PARAMETERS))
         base = find_file("scene", checked["scene"], path.parent) if "scene" in checked else None
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None

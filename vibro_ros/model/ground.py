@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from vibro_ros.model.forms import NO_EDGES, Form, Forms, Guard, ModeForms, Target, without_jump
 from vibro_ros.model.scene import Scene
-from vibro_ros.model.shock import REST_SPEED, Landing, Shock
+from vibro_ros.model.shock import REST_SPEED, BodyShock, Landing
 
 
 class GroundState(NamedTuple):
@@ -117,11 +117,11 @@ class Ground:
 
     def _edge_guards(self, state: str) -> list[Guard]:
         """Guards of the edges towards which the body may move; past an edge the run continues with another system."""
-        (low, high), one = self._edges, self._forms.one
+        (low, high), unit = self._edges, self._forms.one
         position = self._forms.position(self._forms.body) if self._forms.body_moves else self._forms.zero
         at_rest = GROUND_STATES[state].friction is None
-        ahead = [Guard(high * one - position, (), f"x <= {high:g} m")] if high < math.inf else []
-        behind = [Guard(position - low * one, (), f"x >= {low:g} m")] if low > -math.inf else []
+        ahead = [Guard(high * unit - position, (), f"x <= {high:g} m")] if high < math.inf else []
+        behind = [Guard(position - low * unit, (), f"x >= {low:g} m")] if low > -math.inf else []
         return ahead * (not at_rest and state != "slip_backward") + behind * (not at_rest and state != "slip_forward")
 
     def _force_guards(self, state: str, normal: Form, inertial: Form, resting: frozenset[str]) -> list[Guard]:
@@ -186,13 +186,14 @@ class Ground:
     def _bounces(self) -> Iterable[Target]:
         """Targets of a landing after which the body is in the air again."""
         if self._landing_is_nonlinear:
-            return Shock(self._scene, self._forms).nonlinear(1, self._restitution).targets(self._forms, ["airborne"])
+            shock = BodyShock(self._scene, self._forms).nonlinear(1, self._restitution)
+            return shock.targets(self._forms, ["airborne"])
         return self._landing(frozenset()).bounces(self.has_dry_friction)
 
     def _inelastic_landing(self, resting: frozenset[str]) -> Iterable[Target]:
         if self._landing_is_nonlinear:
             states = ["slip_forward", "slip_backward", "stick"] if self.has_dry_friction else ["grounded"]
-            shock = Shock(self._scene, self._forms, resting).nonlinear(len(states), 0.0)
+            shock = BodyShock(self._scene, self._forms, resting).nonlinear(len(states), 0.0)
             return shock.targets(self._forms, states)
         landing = self._landing(resting)
         if not self.has_dry_friction:

@@ -338,12 +338,12 @@ class ModeSet:
                            for context in contexts}
         # kinds of events, by mode before and mode after
         self.event_kind = np.full((len(self.modes), len(self.modes)), NOTHING)
-        for before, after in itertools.permutations(range(len(self.modes)), 2):
-            old, new = self.modes[before].ground, self.modes[after].ground
+        for old_mode, new_mode in itertools.permutations(range(len(self.modes)), 2):
+            old, new = self.modes[old_mode].ground, self.modes[new_mode].ground
             event = GROUND_STATES[old].ends or GROUND_STATES[new].begins if old != new else _crank_event(
-                self.modes[before].motor[0], self.modes[after].motor[0])
+                self.modes[old_mode].motor[0], self.modes[new_mode].motor[0])
             if event:
-                self.event_kind[before, after] = MODE_EVENTS.index(event)
+                self.event_kind[old_mode, new_mode] = MODE_EVENTS.index(event)
         # the modes that follow when a plate's speed changes, because a mass may part from the plate
         self.mode_after_ramp_change = np.empty((len(self.modes), len(plates)), dtype=np.int64)
         for (m, mode), k in itertools.product(enumerate(self.modes), range(len(plates))):
@@ -365,11 +365,11 @@ class ModeSet:
         return self.number(tuple(states))
 
 
-def _crank_event(before: str, after: str) -> str:
+def _crank_event(old: str, new: str) -> str:
     """Return the kind of event that a change of the bearing's state records, or an empty text."""
-    if before == after:
+    if old == new:
         return ""
-    return "crank_stops" if after == "stuck" else "crank_turns"
+    return "crank_stops" if new == "stuck" else "crank_turns"
 
 
 def _contexts(mode: Mode, kinds: tuple[Kind, ...],

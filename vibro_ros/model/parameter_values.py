@@ -102,8 +102,8 @@ class ParameterValues:
 
         By the laws `static` and `stribeck` both are `ground.static_friction`.
         """
-        own = self["effects.friction"] in ("static", "stribeck")
-        return (self["ground.static_friction"],) * 2 if own else self.kinetic_frictions
+        has_static_law = self["effects.friction"] in ("static", "stribeck")
+        return (self["ground.static_friction"],) * 2 if has_static_law else self.kinetic_frictions
 
     @property
     def slipping_frictions(self) -> set[float]:

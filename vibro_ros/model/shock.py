@@ -74,7 +74,7 @@ class NonlinearShock(NamedTuple):
                 for state in states for bearing in forms.bearings_after_shock]
 
 
-class Shock:
+class BodyShock:
     """A change of the body's velocity, and the changes of the free masses' speeds that it brings.
 
     `not_free` are guides whose masses move with the body or are struck themselves. `inertia` is A [kg], for x and y.
@@ -155,7 +155,7 @@ class Blow:
     @cached
     def thrown_body_jumps(self, restitution: float, resting: frozenset[str] = frozenset()) -> Jumps:
         """Jumps of a body that nothing holds and of the free masses; the masses of `resting` move with the body."""
-        forms, shock = self._forms, Shock(self._scene, self._forms, (self._side, *resting))
+        forms, shock = self._forms, BodyShock(self._scene, self._forms, (self._side, *resting))
         impulse = self._scene[f"mass.{self._side}"] * np.array(self._scene.direction(self._side))
         change = solve(shock.inertia[None], impulse[None, :, None]).ravel()  # of x' and y', by a unit of the speed
         along_x, upwards = (part * self._speed_change(restitution) for part in change)
@@ -173,7 +173,7 @@ class Blow:
     def of_struck_crank(self, restitution: float, lifts: bool, states: int,
                         resting: frozenset[str]) -> NonlinearShock:
         """Return the blow with a crank that is struck; the body lifts off or, without `lifts`, stays on the ground."""
-        shock = Shock(self._scene, self._forms, (self._side, *resting))
+        shock = BodyShock(self._scene, self._forms, (self._side, *resting))
         return shock.nonlinear(states, restitution, self._side, lifts)
 
     def _speed_change(self, restitution: float) -> Form:
@@ -192,7 +192,7 @@ class Landing:
     def __init__(self, scene: Scene, forms: Forms, kinetic: tuple[float, float], static: tuple[float, float],
                  resting: frozenset[str] = frozenset(), restitution: float = 0.0):
         self._forms, self._restitution = forms, restitution
-        self._shock = Shock(scene, forms, resting)
+        self._shock = BodyShock(scene, forms, resting)
         (along, across), (_, up) = self._shock.inertia
         self._forwards, self._backwards = ((across + sign * friction * up) / (along + sign * friction * across)
                                            for sign, friction in zip((1.0, -1.0), kinetic, strict=True))
@@ -235,14 +235,15 @@ class Landing:
             entry = after if sign * slip >= 0.0 else speed  # a shock that drives the body on never stops it
             yield Target("airborne", self._jumps(after, -share * fall), entries=(sign * entry,))
         # The body stops when y' has changed by `until`, and sticks or slips the other way. P_y = (M_yy - c M_xy) dy'.
-        then = 0.0 if self._sticks else self._backwards if self._backwards > 0.0 else self._forwards
+        later_slip = 0.0 if self._sticks else self._backwards if self._backwards > 0.0 else self._forwards
         for sign, slip in zip((1.0, -1.0), slips, strict=True):
             if sign * slip > 0.0:
-                until, ratio = speed / slip, (self._up - slip * self._across) / (self._up - then * self._across)
+                until, ratio = speed / slip, (self._up - slip * self._across) / (self._up - later_slip * self._across)
                 left = -fall - until  # compression to come, below 0 if the ground already rebounds
                 for rise, entries in ((share * (ratio * until + left), (left,)),
                                       (ratio * (left - share * fall) - left, ())):
-                    yield Target("airborne", self._jumps(-then * (left + rise), rise), entries=(sign * speed, *entries))
+                    yield Target("airborne", self._jumps(-later_slip * (left + rise), rise),
+                                 entries=(sign * speed, *entries))
 
     def _jumps(self, speed_after: Form, rise_after: Form | None = None) -> Jumps:
         """Jumps of a landing that leaves the body with the speed `speed_after` [m/s] along the ground and `rise_after`

@@ -182,8 +182,8 @@ def _draw_blows(axes: Axes, bag: Bag, span: Span) -> None:
     impacts = _impacts(bag)
     shown = (impacts["stamp"] >= span[0]) & (impacts["stamp"] <= span[1])
     for guide, colour in _GUIDE_COLOURS.items():
-        own = shown & impacts_of(bag, guide)
-        time, force = impacts["stamp"][own], impacts["force"][own, 2]
+        of_guide = shown & impacts_of(bag, guide)
+        time, force = impacts["stamp"][of_guide], impacts["force"][of_guide, 2]
         if len(time):
             few = len(time) <= FEW  # many marks would hide those of the other guide
             axes.plot(time, force, _GUIDE_MARKS[guide] if few else ",", color=colour, ms=7 if _is_moment(span) else 3,

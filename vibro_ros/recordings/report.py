@@ -30,7 +30,7 @@ def write_report(bag_folder: Path, output: Path | None = None,
     summary as text, and the files written. BagError when a recording cannot be read or `output` lies inside it;
     OSError when `output` cannot be written.
     """
-    folders = [user_path(one).resolve() for one in (bag_folder, other) if one]
+    folders = [user_path(given).resolve() for given in (bag_folder, other) if given]
     ending = f"against_{folders[1].name}" if other else "report"
     output = user_path(output).resolve() if output else folders[0].with_name(f"{folders[0].name}_{ending}")
     if any(output.is_relative_to(folder) for folder in folders):

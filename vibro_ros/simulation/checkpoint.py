@@ -41,13 +41,13 @@ def checkpoint_of(motion: Motion) -> np.ndarray:
 
 def restore(motion: Motion, checkpoint: np.ndarray) -> None:
     """Go on from a checkpoint (ValueError for one that is not of this device; nothing is changed then)."""
-    before = checkpoint_of(motion)
+    kept = checkpoint_of(motion)
     try:
         _overwrite(motion, checkpoint)
         if not _is_possible(motion):
             raise ValueError(_IMPOSSIBLE)
     except ValueError:
-        _overwrite(motion, before)
+        _overwrite(motion, kept)
         raise
     motion.events.drop_untaken()
 

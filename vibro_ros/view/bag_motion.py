@@ -104,7 +104,7 @@ class _BagMotion:
         self._add_voltage(scene)
         names = [name for name in shown_quantities(scene) if self._scene or name in self._signals]
         rest = [interpolate(self._signals, names, span, self._resets()) for span in inexact]
-        instants = [times for one in self._exact for times in one.instants]
+        instants = [times for motion in self._exact for times in motion.instants]
         made = fitted_motion(names, self._intervals, instants, rest, LARGEST, self._part(_SIMULATED_SHARE, 1.0))
         if made.end < math.inf:
             self._notes.append(f"the motion after {made.end:.6g} s is left out: it would not fit into a page")
@@ -122,7 +122,7 @@ class _BagMotion:
 
     @property
     def _intervals(self) -> list[ExactInterval]:
-        return sorted((interval for one in self._exact for interval in one.intervals),
+        return sorted((interval for motion in self._exact for interval in motion.intervals),
                       key=lambda interval: interval.span)
 
     def _part(self, begin: float, end: float) -> Progress:
@@ -174,16 +174,16 @@ class _BagMotion:
         Its samples are all those that any topic has, and those after which the robot received an input.
         """
         is_known = not begins_late(self._stream, facts)
-        signals = {name: one for name, one in self._signals.items()
+        signals = {name: signal for name, signal in self._signals.items()
                    if name in state_of(facts.scene) or is_position(name)}
-        numbers = {name: np.rint(one.times * facts.rate).astype(np.int64) for name, one in signals.items()}
-        last = max(int(one[-1]) for one in numbers.values() if len(one))
+        numbers = {name: np.rint(signal.times * facts.rate).astype(np.int64) for name, signal in signals.items()}
+        last = max(int(ticks_of_signal[-1]) for ticks_of_signal in numbers.values() if len(ticks_of_signal))
         numbered: list[tuple[int, Input]] = []
-        for one in self._recorded.inputs:
-            if (tick := facts.tick(one.stamp)) is None:
-                self._faults.append(f"the stamp {one.stamp} of an input is not that of a sample")
+        for received in self._recorded.inputs:
+            if (tick := facts.tick(received.stamp)) is None:
+                self._faults.append(f"the stamp {received.stamp} of an input is not that of a sample")
             elif tick <= last:
-                numbered.append((tick, one))
+                numbered.append((tick, received))
         ticks = np.unique(np.concatenate([*numbers.values(), np.array([tick for tick, _ in numbered], np.int64),
                                           np.arange(int(is_known), dtype=np.int64)]))
         samples = {name: np.full(len(ticks), np.nan) for name in signals}
@@ -213,7 +213,7 @@ class _BagMotion:
     def _ends(self) -> Span:
         """Instants [s] of the first and the last sample."""
         times = [signal.times[[0, -1]] for signal in self._signals.values() if len(signal.times)]
-        return min(float(one[0]) for one in times), max(float(one[1]) for one in times)
+        return min(float(ends[0]) for ends in times), max(float(ends[1]) for ends in times)
 
     def _inexact_spans(self) -> list[Span]:
         """Return begin and end [s] of each span that is not exact, if there are samples to interpolate it from."""
@@ -235,18 +235,18 @@ class _BagMotion:
     def _impacts(self, end: float) -> list[dict[str, Any]]:
         """Return the computed impacts where the motion is exact, and elsewhere the recorded ones, if the bag has them.
         """
-        found = [impact for one in self._exact for impact in one.impacts]
+        impacts = [impact for motion in self._exact for impact in motion.impacts]
         start = (self._stream.start - self._facts.start) * 1e-9 if self._facts else 0.0
         recorded = [Impact(stamp + start, stamp + start, side, force)
                     for stamp, side, force in self._recorded.impacts()]
         borders = np.array(spans(self._intervals)).ravel()  # exact from each even one to the odd one after it
-        before = np.searchsorted(borders, [one.time for one in recorded], side="right")
-        found += [one for one, count in zip(recorded, before, strict=True) if count % 2 == 0]
-        found = [one for one in found if one.time <= end]
-        if len(found) > MOST_IMPACTS:
-            found = sorted(found, key=lambda one: one.peak_force)[-MOST_IMPACTS:]
+        borders_before = np.searchsorted(borders, [impact.time for impact in recorded], side="right")
+        impacts += [impact for impact, count in zip(recorded, borders_before, strict=True) if count % 2 == 0]
+        impacts = [impact for impact in impacts if impact.time <= end]
+        if len(impacts) > MOST_IMPACTS:
+            impacts = sorted(impacts, key=lambda impact: impact.peak_force)[-MOST_IMPACTS:]
             self._notes.append(f"of the impacts, only the hardest {MOST_IMPACTS} are marked")
-        return impacts_as_json(found)
+        return impacts_as_json(impacts)
 
     def _resets(self) -> list[float]:
         """Return the instants [s] of the first samples after resets."""
@@ -257,20 +257,20 @@ class _BagMotion:
 
 def pushes(facts: RecordedRun, inputs: Sequence[Input]) -> list[dict[str, float]]:
     """Return the recorded pushes of the body: ``begin``, ``end`` [s] of robot time, ``force_x``, ``force_z`` [N]."""
-    found: list[dict[str, float]] = []
-    for one in inputs:
-        tick = facts.tick(one.stamp)
-        if one.name != OPERATIONS or tick is None:
+    pushed: list[dict[str, float]] = []
+    for received in inputs:
+        tick = facts.tick(received.stamp)
+        if received.name != OPERATIONS or tick is None:
             continue
         try:
-            operation = read_operation(deserialised(one.data, TOPICS[OPERATIONS].type).data)
+            operation = read_operation(deserialised(received.data, TOPICS[OPERATIONS].type).data)
             if operation.name in (PUSH, RESET):
                 time = facts.time(tick)
-                if found:
-                    found[-1]["end"] = min(found[-1]["end"], time)
+                if pushed:
+                    pushed[-1]["end"] = min(pushed[-1]["end"], time)
                 if operation.name == PUSH and (duration := DURATION.checked(operation.parameters["duration"])):
                     forces = {name: FORCE.checked(operation.parameters[name]) for name in ("force_x", "force_z")}
-                    found.append({"begin": time, "end": time + duration, **forces})
+                    pushed.append({"begin": time, "end": time + duration, **forces})
         except ValueError:
             pass  # the robot refused it as well
-    return [push for push in found if push["force_x"] or push["force_z"]]
+    return [push for push in pushed if push["force_x"] or push["force_z"]]

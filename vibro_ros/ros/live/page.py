@@ -132,10 +132,10 @@ class LivePage:
         absence = robot.absence
         presence = (Presence(absence, None, None, {}) if absence
                     else Presence("", robot.settings, robot.origin, self._requests.offers))
-        before, self._presence = self._presence, presence
-        if presence == before:
+        last, self._presence = self._presence, presence
+        if presence == last:
             return
-        if presence.settings and presence.settings != before.settings:
+        if presence.settings and presence.settings != last.settings:
             self._robot_status.begin(presence.settings.prefix)
         server.send(*self._frame(presence))
 
@@ -145,14 +145,15 @@ class LivePage:
         run = robot.origin, robot.silences
         goes_on, self._run = run == self._run, run  # else earlier commands do not hold any more
         self._commands.take(robot.settings.scene if robot.settings and goes_on else None, operations)
-        if any(one.name == SET for one in operations):
+        if any(operation.name == SET for operation in operations):
             self._robot.reader.read()
         if operations and self._robot_status.status:
             server.send("status", self._status())
         last, origin = self._history.last(), self._presence.origin
-        impacts = [((one.stamp - origin) * 1e-9, one) for one in self._robot_status.impacts() if origin is not None]
+        impacts = [((impact.stamp - origin) * 1e-9, impact) for impact in self._robot_status.impacts()
+                   if origin is not None]
         if last is not None:
-            near = [{"time": time, "side": one.side, "peak_force": one.peak_force} for time, one in impacts
+            near = [{"time": time, "side": impact.side, "peak_force": impact.peak_force} for time, impact in impacts
                     if -IMPACT_MARGIN < time < last[_TIME] + IMPACT_MARGIN]
             if near:
                 server.send("impacts", text_frame("impacts", list=near))
@@ -182,11 +183,11 @@ class LivePage:
                 self._requests.ask(request, answer)
 
     def _slow_motion(self, page: int, request: Request, server: Server) -> None:
-        def done(found: Document | str) -> None:
-            if isinstance(found, str):
-                server.answer(page, request.id, False, found)
+        def done(motion: Document | str) -> None:
+            if isinstance(motion, str):
+                server.answer(page, request.id, False, motion)
             else:
-                server.send_motion(page, request.id, found)
+                server.send_motion(page, request.id, motion)
 
         if self._presence.settings is None:
             done(f"there is no robot: {self._presence.absence}")
@@ -238,29 +239,29 @@ class Requests:
         elif len(self._waiting) >= MOST_WAITING:
             answer(False, f"{MOST_WAITING} requests wait for the robot's answer already; ask again later")
         else:
-            one = _Waiting(client.srv_name, answer, monotonic(), client.call_async(_message(asked)))
-            self._waiting.append(one)
-            one.sent.add_done_callback(lambda done: self._take(one))
+            waiting = _Waiting(client.srv_name, answer, monotonic(), client.call_async(_message(asked)))
+            self._waiting.append(waiting)
+            waiting.sent.add_done_callback(lambda done: self._take(waiting))
 
     def tick(self) -> None:
         """Give up requests that have waited too long; to be called often."""
-        for one in [one for one in self._waiting if monotonic() > one.begun + ANSWER_TIMEOUT]:
-            self._waiting.remove(one)
-            one.sent.cancel()  # the client then forgets it
-            one.answer(False, f"{one.service} has not answered for {ANSWER_TIMEOUT:g} s; it may still do what was "
-                              "asked")
+        for late in [waiting for waiting in self._waiting if monotonic() > waiting.begun + ANSWER_TIMEOUT]:
+            self._waiting.remove(late)
+            late.sent.cancel()  # the client then forgets it
+            late.answer(False, f"{late.service} has not answered for {ANSWER_TIMEOUT:g} s; it may still do what was "
+                               "asked")
 
-    def _take(self, one: _Waiting) -> None:
-        if one not in self._waiting or one.sent.cancelled():
+    def _take(self, waiting: _Waiting) -> None:
+        if waiting not in self._waiting or waiting.sent.cancelled():
             return
-        self._waiting.remove(one)
-        response: Any = one.sent.result()
+        self._waiting.remove(waiting)
+        response: Any = waiting.sent.result()
         if hasattr(response, "results"):
             done = all(result.successful for result in response.results)
             words = " ".join(result.reason for result in response.results)
         else:
             done, words = response.success, response.message
-        one.answer(bool(done), one_line(words, 500))
+        waiting.answer(bool(done), one_line(words, 500))
 
 
 def _message(asked: Request) -> Any:

@@ -70,11 +70,11 @@ class LiveRobot:
         messages = self._samples.take(MOST)
         if self.settings is None:
             return _NO_ROWS
-        found = [read for data, _ in messages if (read := read_sample(data))]
-        if refused := len(messages) - len(found):
+        samples = [read for data, _ in messages if (read := read_sample(data))]
+        if refused := len(messages) - len(samples):
             self._node.refusals.refuse(self._samples.topic, f"{refused} messages that are no samples of a robot of "
                                        "this version")
-        return self._of_this_run([start for start, _ in found], np.array([row for _, row in found]))
+        return self._of_this_run([start for start, _ in samples], np.array([row for _, row in samples]))
 
     def hear(self) -> None:
         """Note that a message of the robot was received.
@@ -90,14 +90,14 @@ class LiveRobot:
 
     def look(self) -> None:
         """Look up who publishes samples, and read the parameters again after a change or a fault; called often."""
-        found = frozenset(bytes(one.endpoint_gid)
-                          for one in self._node.get_publishers_info_by_topic(self._samples.topic))
+        publishers = frozenset(bytes(publisher.endpoint_gid)
+                          for publisher in self._node.get_publishers_info_by_topic(self._samples.topic))
         ask_again = self._fault and not self.reader.reading and time.monotonic() > self._read_at + READ_PERIOD
-        if found - self._publishers or ask_again:
+        if publishers - self._publishers or ask_again:
             self.reader.read()
-        if self._publishers and not found:  # the robot has gone; the next one must give its parameters
+        if self._publishers and not publishers:  # the robot has gone; the next one must give its parameters
             self.settings, self.origin, self._fault = None, None, ""
-        self._publishers = found
+        self._publishers = publishers
         self._others = [] if self.settings else self._robots_seen()
 
     @property
@@ -156,11 +156,11 @@ class LiveRobot:
                 return rows
         return _NO_ROWS
 
-    def _take_settings(self, found: Settings | str) -> None:
+    def _take_settings(self, answer: Settings | str) -> None:
         """Take the settings, or the reason why there are none, from the reader."""
         self._read_at = time.monotonic()
-        self._fault = found if isinstance(found, str) else ""
-        self.settings = None if isinstance(found, str) else found
+        self._fault = answer if isinstance(answer, str) else ""
+        self.settings = None if isinstance(answer, str) else answer
 
 
 def read_sample(data: bytes) -> tuple[int, np.ndarray] | None:
@@ -172,7 +172,7 @@ def read_sample(data: bytes) -> tuple[int, np.ndarray] | None:
         message = deserialised(data if len(data) <= LONGEST else b"", TOPICS[SAMPLES].type)
     except ValueError:
         return None
-    if [one.label for one in message.layout.dim] != [_LABEL] or len(message.data) != len(SAMPLE_LABELS):
+    if [dimension.label for dimension in message.layout.dim] != [_LABEL] or len(message.data) != len(SAMPLE_LABELS):
         return None
     (seconds, nanoseconds), values = message.data[:2], message.data[2:]
     if not (np.isfinite(values).all() and 0.0 <= values[TIME] < LONGEST_RUN
@@ -201,10 +201,10 @@ class Runs:
 
     def restarted(self, starts: Sequence[int], times: Sequence[float]) -> bool:
         """Note the starts [ns] and times [s] of samples; return whether another run has begun with one of them."""
-        found = False
+        has_restarted = False
         for start, time_of_sample in zip(starts, times, strict=True):
-            before, self._last = self._last, (start, time_of_sample)
-            if before and not (start == before[0] and time_of_sample > before[1]):
+            last, self._last = self._last, (start, time_of_sample)
+            if last and not (start == last[0] and time_of_sample > last[1]):
                 self._changes.append(self._now())
-                found = True
-        return found
+                has_restarted = True
+        return has_restarted

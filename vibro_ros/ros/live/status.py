@@ -37,7 +37,7 @@ WARNING, ERROR = 30, 40
 _LOG = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 
 
-class Impact(NamedTuple):
+class ReportedImpact(NamedTuple):
     """One contact: stamp of its first instant [ns], side of the mass, peak force [N]."""
 
     stamp: int
@@ -66,35 +66,35 @@ class RobotStatus:
         self._frames = {prefix + frame: frame.partition("_")[0] for frame in PLATES.values()}
         self.status = {}
 
-    def impacts(self) -> list[Impact]:
+    def impacts(self) -> list[ReportedImpact]:
         """Return the contacts received since the last call."""
-        found = []
+        contacts = []
         for message in _read(self._impacts, TOPICS["impacts"].type):
             stamp, side = message.header.stamp, self._frames.get(message.header.frame_id)
             force = message.wrench.force.z
             if side and math.isfinite(force) and stamp.sec >= 0 and 0 <= stamp.nanosec < SECOND:
-                found.append(Impact(stamp.sec * SECOND + stamp.nanosec, side, float(force)))
-        return found
+                contacts.append(ReportedImpact(stamp.sec * SECOND + stamp.nanosec, side, float(force)))
+        return contacts
 
     def operations(self) -> list[Operation]:
         """Return the operations since the last call; a pause or its end is noted in `status`."""
-        found = []
+        operations = []
         for message in _read(self._operations, TOPICS[OPERATIONS].type):
             try:
-                found.append(read_operation(message.data))
+                operations.append(read_operation(message.data))
             except ValueError:
                 continue
-            if found[-1].name in (PAUSE, RESUME) and self.status:
-                self.status["paused"] = found[-1].name == PAUSE
-        return found
+            if operations[-1].name in (PAUSE, RESUME) and self.status:
+                self.status["paused"] = operations[-1].name == PAUSE
+        return operations
 
     def diagnostics(self) -> bool:
         """Update `status` from the diagnostics since the last call; return whether there were any."""
         received = False
         for message in _read(self._diagnostics, "diagnostic_msgs/msg/DiagnosticArray"):
-            for one in message.status:
-                if one.hardware_id == self._robot:
-                    self._take(one)
+            for status in message.status:
+                if status.hardware_id == self._robot:
+                    self._take(status)
                     received = True
         return received
 
@@ -125,14 +125,14 @@ class RobotStatus:
 
 def _read(subscription: PollingSubscription, type_name: str) -> list[Any]:
     """Take the messages that have arrived, and return those that can be read."""
-    found = []
+    messages = []
     for data, _ in subscription.take(MOST):
         if len(data) <= LONGEST:
             try:
-                found.append(deserialised(data, type_name))
+                messages.append(deserialised(data, type_name))
             except ValueError:
                 continue
-    return found
+    return messages
 
 
 def _number(values: Mapping[str, str], name: str) -> float:

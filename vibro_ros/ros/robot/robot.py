@@ -55,7 +55,7 @@ from vibro_ros.ros.robot.recording import (
     plan_recording,
     recorded_topic,
 )
-from vibro_ros.ros.robot.run import Run
+from vibro_ros.ros.robot.run import RobotRun
 from vibro_ros.ros.robot.services import (
     follow_parameters,
     offer_disturbances,
@@ -150,7 +150,7 @@ def _operate(node: GuardedNode, settings: Mapping[str, Value], device: Simulator
     plan = replace(plan, metadata={**plan.metadata, **provenance(parameters, _now(node, settings))})
     stop.hold()  # before the bag is opened, so that no signal can come between its opening and its sealing
     with open_recording(plan, settings["record.enabled"], log) as recording:
-        run = Run(node, device, settings, publishers, recording, lambda: bool(stop))
+        run = RobotRun(node, device, settings, publishers, recording, lambda: bool(stop))
         offer_run_services(node, run)
         offer_disturbances(node, run)
         follow_parameters(node, run)
@@ -184,7 +184,7 @@ def _operate(node: GuardedNode, settings: Mapping[str, Value], device: Simulator
     return 0
 
 
-def _offer_simulation(node: GuardedNode, run: Run, frame: str) -> None:
+def _offer_simulation(node: GuardedNode, run: RobotRun, frame: str) -> None:
     """Offer the services of `simulation_interfaces` if that package is installed; else log that it is not."""
     if installed_type("simulation_interfaces", "msg", "Result"):
         from vibro_ros.ros.robot.simulation_services import SimulationServices
@@ -194,7 +194,7 @@ def _offer_simulation(node: GuardedNode, run: Run, frame: str) -> None:
         node.get_logger().info("simulation_interfaces is not installed: without its services")
 
 
-def _now(node: Node, settings: Mapping[str, Value], run: Run | None = None) -> int:
+def _now(node: Node, settings: Mapping[str, Value], run: RobotRun | None = None) -> int:
     """Return the ROS time [ns]; where the robot publishes /clock, this is robot time, from which all stamps come."""
     if settings["clock.publish"]:
         return run.robot_time.stamp if run else 0

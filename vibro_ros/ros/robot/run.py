@@ -4,7 +4,7 @@ Between two ticks the device's time is the last sample's instant. So a thread th
 and its operation is published and recorded with that stamp, after all commands that had arrived before. Services act at
 once, in the executor's thread, and a replay finds the same instants. Only a request for steps waits for its answer.
 
-`Run.state` is one value, which only a thread that holds the lock changes:
+`RobotRun.state` is one value, which only a thread that holds the lock changes:
 
     RUNNING    pause: PAUSED
     PAUSED     resume: RUNNING or, with nodes of `clock.lock_step`, RESUMING; step: a `Steps`
@@ -69,7 +69,7 @@ MOST_TURNS = 100.0
 """Most turns of the crank between two checks whether the run must end; they cost some milliseconds."""
 
 
-class State(Enum):
+class RunState(Enum):
     """What a run does while it takes no steps; the table of transitions is at the head of this file."""
 
     RUNNING = auto()
@@ -89,7 +89,7 @@ class Steps(Future):
         self.asked, self.completed, self.counted = asked, 0, counted
 
 
-class Run:
+class RobotRun:
     """One run of the robot; a context manager within which a thread steps the device.
 
     `settings` are the node's parameters. `device` is used only while `lock` is held. `stop_requested` returns whether a
@@ -103,7 +103,7 @@ class Run:
         self.pacing = Pacing(settings["rate.real_time_factor"], settings["rate.max_catch_up"])
         self.commands = CommandSubscriptions(node, device.scene)  # commands are heard from now on
         self.lock = threading.Condition()  # notified when something has changed for a stepping thread that waits
-        self.state: State | Steps = State.PAUSED if settings["rate.start_paused"] else State.RUNNING
+        self.state: RunState | Steps = RunState.PAUSED if settings["rate.start_paused"] else RunState.RUNNING
         self.error: Exception | None = None  # the error that ended the run
         self.waiting = 0  # requests for steps whose answers have not been sent
         self.busy = 0.0  # total wall time [s] of all ticks, without publishing
@@ -129,12 +129,12 @@ class Run:
         self._begin: float | None = None
         self._thread = threading.Thread(target=self._step_until_ended, name="stepping")
 
-    def start(self, begin: float) -> "Run":
+    def start(self, begin: float) -> "RobotRun":
         """Set the instant `begin` [s] of the pacing's clock that is robot time 0; returns this run, to be entered."""
         self._begin = begin
         return self
 
-    def __enter__(self) -> "Run":
+    def __enter__(self) -> "RobotRun":
         self._thread.start()
         return self
 
@@ -145,7 +145,7 @@ class Run:
     @property
     def paused(self) -> bool:
         """Whether robot time stands still."""
-        return self.state is not State.RUNNING
+        return self.state is not RunState.RUNNING
 
     @property
     def steps(self) -> Steps | None:
@@ -181,10 +181,10 @@ class Run:
     def pause(self) -> str:
         """Let robot time stand still; steps that are being taken go on."""
         with self._locked():
-            if self.state is State.RUNNING:
+            if self.state is RunState.RUNNING:
                 self._perform(Operation(PAUSE))
             if not self.steps:
-                self._enter(State.PAUSED)
+                self._enter(RunState.PAUSED)
             return (f"paused at {self.robot_time.time:.9g} s of robot time; meanwhile stamps fall behind the wall "
                     "clock, unless clock.publish gives all nodes robot time")
 
@@ -193,7 +193,7 @@ class Run:
         with self._locked():
             if self.paused and self._lock_step:
                 self._lock_step.ask()
-                self._enter(State.RESUMING)
+                self._enter(RunState.RESUMING)
                 return "running, as soon as the nodes of clock.lock_step are ready"
             if self.paused:
                 self._let_time_go_on()
@@ -202,7 +202,7 @@ class Run:
     def begin_steps(self, steps: int, counted: Callable[[int], object] | None = None) -> Steps:
         """Let the paused robot take `steps` samples."""
         with self._locked():
-            if self.state in (State.RUNNING, State.RESUMING):
+            if self.state in (RunState.RUNNING, RunState.RESUMING):
                 raise ValueError("the robot is not paused; call ~/pause with true first")
             if taken := self.steps:
                 raise ValueError(f"{taken.asked} steps are being taken, {taken.completed} so far; wait for their end, "
@@ -216,7 +216,7 @@ class Run:
         """End the present steps early, if there are any; their answer says how many samples were taken."""
         with self.lock:
             if self.steps:
-                self._enter(State.PAUSED)
+                self._enter(RunState.PAUSED)
 
     def change(self, parameters: Mapping[str, Value]) -> str:
         """Change parameters of the scene, and the real-time factor."""
@@ -284,21 +284,21 @@ class Run:
 
     # With the lock held.
 
-    def _enter(self, state: State | Steps) -> None:
+    def _enter(self, state: RunState | Steps) -> None:
         """Enter a state: the one place where it changes. Steps that it ends are answered."""
-        before, self.state = self.state, state
-        if state is State.RUNNING:
+        left, self.state = self.state, state
+        if state is RunState.RUNNING:
             self.pacing.follow(self.robot_time.time)
-        if State.RUNNING in (before, state):
+        if RunState.RUNNING in (left, state):
             set_real_time_priority(self.pacing.factor, self.paused)
-        if isinstance(before, Steps):
-            before.set_result(f"stepped {before.completed} of {before.asked} periods, to {self.robot_time.time:.9g} s "
-                              "of robot time")
+        if isinstance(left, Steps):
+            left.set_result(f"stepped {left.completed} of {left.asked} periods, to {self.robot_time.time:.9g} s of "
+                            "robot time")
             self._wake()
 
     def _let_time_go_on(self) -> None:
         self._perform(Operation(RESUME))
-        self._enter(State.RUNNING)
+        self._enter(RunState.RUNNING)
 
     def _perform(self, operation: Operation) -> None:
         """Perform an operation on the device (ValueError if refused), then publish and record it."""
@@ -332,7 +332,7 @@ class Run:
             with self.lock:
                 self._end.set()
                 if steps := self.steps:
-                    self.state = State.PAUSED
+                    self.state = RunState.PAUSED
                     steps.set_exception(RuntimeError(ENDED))
                     self._wake()
 
@@ -347,7 +347,7 @@ class Run:
         """
         while not self._end.is_set():
             with self.lock:
-                if self.state is State.RESUMING and self._lock_step and self._lock_step.all_answered:
+                if self.state is RunState.RESUMING and self._lock_step and self._lock_step.all_answered:
                     self._take_commands()
                     self._let_time_go_on()
                 if self._must_wait():
@@ -393,7 +393,7 @@ class Run:
             if steps.counted:
                 steps.counted(steps.completed)
             if steps.completed == steps.asked:
-                self._enter(State.PAUSED)
+                self._enter(RunState.PAUSED)
 
     def _advance(self, until: float) -> bool:
         """Advance the device to a time [s], in parts if its crank spins so fast that a tick would take seconds.

@@ -1,7 +1,7 @@
 """The robot's own services: reset, pause, step, record, set state, push, inject fault, and its live parameters.
 
-Each acts at once, in the executor's thread, by a method of `Run`. Only steps are awaited, while the executor serves
-others.
+Each acts at once, in the executor's thread, by a method of `RobotRun`. Only steps are awaited, while the executor
+serves others.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -18,14 +18,14 @@ from vibro_ros.model.faults import Incident
 from vibro_ros.model.parameters import checked_parameters
 from vibro_ros.ros.node.node import GuardedNode, installed_type
 from vibro_ros.ros.node.parameters import TABLE
-from vibro_ros.ros.robot.run import Run, Steps
+from vibro_ros.ros.robot.run import RobotRun, Steps
 
 OWN_PACKAGE = "vibro_ros_interfaces"
 DISTURBANCES = {"SetState": "~/set_state", "Push": "~/push", "InjectFault": "~/inject_fault"}
 """Names of the services with types of the project's own package, by type."""
 
 
-def offer_run_services(node: GuardedNode, run: Run) -> None:
+def offer_run_services(node: GuardedNode, run: RobotRun) -> None:
     """Offer `~/record`, `~/reset`, `~/pause` and `~/step`."""
     def record(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         response.success, response.message = run.recording.switch(request.data)
@@ -45,7 +45,7 @@ def offer_run_services(node: GuardedNode, run: Run) -> None:
     _offer(node, SetBool, "~/pause", lambda request: run.pause() if request.data else run.resume())
 
 
-def offer_disturbances(node: GuardedNode, run: Run) -> None:
+def offer_disturbances(node: GuardedNode, run: RobotRun) -> None:
     """Offer the services of `DISTURBANCES` whose types are installed; the log names the others in one line."""
     types = installed_types(OWN_PACKAGE, DISTURBANCES)
     if len(types) < len(DISTURBANCES):
@@ -74,7 +74,7 @@ def _offer(node: GuardedNode, kind: type, name: str, act: Callable[[Any], str]) 
     node.create_service(kind, name, answer)
 
 
-def _set_state(run: Run, request: Any) -> str:
+def _set_state(run: RobotRun, request: Any) -> str:
     names = list(request.names)
     if len(names) != len(request.values) or len(set(names)) != len(names):
         raise ValueError(f"names, values: {len(names)} names, {len(set(names))} of them different, and "
@@ -84,7 +84,7 @@ def _set_state(run: Run, request: Any) -> str:
     return run.reset(given) if resets else run.disturb(Operation(STATE, parameters=given))
 
 
-def follow_parameters(node: GuardedNode, run: Run) -> None:
+def follow_parameters(node: GuardedNode, run: RobotRun) -> None:
     """Apply changes of the ROS parameters to the robot from now on.
 
     The parameters of a request are checked together and change at one instant of robot time; refused ones stay as they
@@ -107,7 +107,7 @@ def refuse_while_starting(parameters: Sequence[ParameterOfRclpy]) -> SetParamete
     return SetParametersResult(successful=False, reason=reason)
 
 
-async def finished(run: Run, steps: Steps) -> str:
+async def finished(run: RobotRun, steps: Steps) -> str:
     """Wait for steps and return their answer in words (RuntimeError if the run ends); `run.waiting` counts the wait."""
     run.waiting += 1
     try:

@@ -1,7 +1,7 @@
 """The robot as a simulator: the services and the action of `simulation_interfaces` 2.1.0, with its own constants.
 
-Imported only where that package is installed. Methods of `Run` carry out the requests; pure functions decide what a
-request means, or why it is refused.
+Imported only where that package is installed. Methods of `RobotRun` carry out the requests; pure functions decide what
+a request means, or why it is refused.
 """
 
 import math
@@ -20,7 +20,7 @@ from vibro_ros.messages.frames import fill_header
 from vibro_ros.messages.operations import PAUSE, RESET, RESUME, STATE, Operation
 from vibro_ros.model.parameters import quoted
 from vibro_ros.ros.node.node import RESULT_TIMEOUT, GuardedNode
-from vibro_ros.ros.robot.run import Run, Steps
+from vibro_ros.ros.robot.run import RobotRun, Steps
 from vibro_ros.ros.robot.services import finished, installed_types
 from vibro_ros.simulation.samples import Samples
 
@@ -190,7 +190,7 @@ def is_chosen(filters: Any, entity: str) -> bool:
         is_named = re.search(text, entity) is not None
     except (re.error, OverflowError) as error:
         raise ValueError(f"filter: {quoted(text)} is no regular expression: {error}; leave it empty for all") from None
-    categories = [one.category for one in filters.categories]
+    categories = [category.category for category in filters.categories]
     return is_named and not filters.tags.tags and (not categories or CATEGORY_ROBOT in categories)
 
 
@@ -210,7 +210,7 @@ class SimulationServices:
     which the robot's state as an entity is given.
     """
 
-    def __init__(self, node: GuardedNode, run: Run, frame: str):
+    def __init__(self, node: GuardedNode, run: RobotRun, frame: str):
         self._node, self._run, self._frame = node, run, frame
         self._entity = node.get_fully_qualified_name().lstrip("/")
         types = installed_types(PACKAGE, OFFERED)
