@@ -21,7 +21,7 @@ from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.messages.operations import STATE, Operation
 from vibro_ros.recordings import replay
 from vibro_ros.ros.robot.pacing import SUMMARY_PERIOD, StallReport
-from vibro_ros.ros.robot.publishers import RobotPublishers
+from vibro_ros.ros.robot.recording import RobotPublishers
 from vibro_ros.ros.robot.run import ENDED, RobotRun, RunState
 
 

@@ -15,9 +15,8 @@ from vibro_ros.model.tables import Model, compile_scene
 from vibro_ros.simulation.actuators import Actuators
 from vibro_ros.simulation.disturbances import PATCH, PUSH, SAG, STALL, Disturbances
 from vibro_ros.simulation.given_state import book_given_state, carried_over, checked_state, place, started
-from vibro_ros.simulation.readout import Readout, cut_to_laws
+from vibro_ros.simulation.readout import EventLog, Readout, cut_to_laws, energy_accounts
 from vibro_ros.simulation.samples import FIELDS, Trace
-from vibro_ros.simulation.statistics import EventLog, energy_accounts
 from vibro_ros.solver import event_loop
 from vibro_ros.solver.events import EVENT_COLUMNS
 from vibro_ros.solver.lowpass import filtered_rates, new_filters

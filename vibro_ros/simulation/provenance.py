@@ -22,7 +22,7 @@ _MODULES = (
     *(("messages", name) for name in ("codec", "frames", "robot_messages", "topics", "urdf")),
     *(("simulation", name) for name in (
         "actuators", "checkpoint", "crank_angle", "disturbances", "given_state", "motion", "readout", "samples",
-        "simulator", "statistics")))
+        "simulator")))
 
 
 def provenance(parameters: Mapping[str, Value], start: int) -> dict[str, str]:

@@ -5,6 +5,6 @@ diagnostics, operations and log (`status.py`); its parameters (`ros/node/robot_p
 pages.
 
 Out go rows and texts to the pages by `view/server.py`, commands (`commands.py`, which is also the dead man's switch)
-and service calls to the robot. Read `page.py` first: it connects all of these. `view.py` is the executable. All of it
-runs in one thread, except the server and slow motion.
+and service calls to the robot. Read `view.py` first: the executable, and `LivePage`, which connects all of these. All
+of it runs in one thread, except the server and slow motion.
 """

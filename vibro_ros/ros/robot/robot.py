@@ -46,9 +46,9 @@ from vibro_ros.ros.node.process import CLOCK, wait_for_time
 from vibro_ros.ros.robot.diagnostics import Diagnostics
 from vibro_ros.ros.robot.lock_step import checked_nodes
 from vibro_ros.ros.robot.pacing import set_real_time_priority
-from vibro_ros.ros.robot.publishers import RobotPublishers
 from vibro_ros.ros.robot.recording import (
     Plan,
+    RobotPublishers,
     check_directory,
     offer_recovery,
     open_recording,

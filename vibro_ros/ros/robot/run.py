@@ -48,8 +48,7 @@ from vibro_ros.ros.robot.pacing import (
     StallReport,
     set_real_time_priority,
 )
-from vibro_ros.ros.robot.publishers import RobotPublishers
-from vibro_ros.ros.robot.recording import Recording
+from vibro_ros.ros.robot.recording import Recording, RobotPublishers
 from vibro_ros.ros.robot.subscriptions import CommandSubscriptions
 from vibro_ros.sensors.device import SensedSimulator
 from vibro_ros.simulation.samples import CRANK_ANGLE, FIELDS, MOTOR_SPEED, NORMAL_FORCE, Samples

@@ -25,7 +25,7 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.node import PollingSubscription
 from vibro_ros.ros.node.refusals import Throttle, peer_text
-from vibro_ros.ros.robot.publishers import Record, message_class
+from vibro_ros.ros.robot.recording import Record, message_class
 from vibro_ros.simulation.simulator import Simulator
 
 LONGEST = 1024
