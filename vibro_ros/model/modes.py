@@ -375,7 +375,8 @@ def _crank_event(old: str, new: str) -> str:
 def _contexts(mode: Mode, kinds: tuple[Kind, ...],
               contact_changes_ground_force: bool) -> Iterator[Context]:
     for k, kind in enumerate(kinds):
-        yield Context(k, mode.states[k], kind.context(mode.ground, mode.resting))
+        on_others = kind is RigidContact  # the guards of all other kinds depend on the effect's own state alone
+        yield Context(k, mode.states[k], RigidContact.context(mode.ground, mode.resting) if on_others else ())
     closed = mode.closed & {"inclined"} if contact_changes_ground_force else frozenset[str]()
     yield Context(len(kinds), mode.ground, Ground.context(mode.ground, mode.resting, closed))
 

@@ -102,11 +102,6 @@ class Bearing:
         self._motor, self._forms = motor, forms
         self.states = ("stuck", "turns_forward", "turns_backward") if motor.static_friction > 0.0 else ("turns",)
 
-    @staticmethod
-    def context(ground: str, resting: frozenset[str]) -> tuple:
-        """Return the states of other effects on which the guards depend: none."""
-        return ()
-
     def guards(self, state: str) -> list[Guard]:
         """Guards of `state`."""
         if state == "turns":
@@ -130,11 +125,6 @@ class CurrentLoop:
     def __init__(self, motor: Motor, forms: Forms):
         self._motor = motor
         self._limit = motor.supply_voltage * forms.one
-
-    @staticmethod
-    def context(ground: str, resting: frozenset[str]) -> tuple:
-        """Return the states of other effects on which the guards depend: none."""
-        return ()
 
     def guards(self, state: str) -> list[Guard]:
         """Guards of `state`."""

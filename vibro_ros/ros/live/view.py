@@ -40,8 +40,7 @@ from vibro_ros.process.entry_point import Parser, StopRequest, exit_code
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.files import one_line
 from vibro_ros.ros.live.commands import RETURN_TIMEOUT, Commands
-from vibro_ros.ros.live.robot import LiveRobot
-from vibro_ros.ros.live.status import RobotStatus
+from vibro_ros.ros.live.robot import LiveRobot, RobotStatus
 from vibro_ros.ros.node import process
 from vibro_ros.ros.node.arguments import check_addressed, check_arguments, check_names, own_arguments
 from vibro_ros.ros.node.node import GuardedNode
