@@ -14,7 +14,7 @@ from vibro_ros.messages.frames import ALL, JOINTS, NONE, joints_of
 from vibro_ros.messages.robot_messages import RobotMessages
 from vibro_ros.messages.topics import SAMPLES, TOPICS
 from vibro_ros.ros.robot.pacing import RobotTime
-from vibro_ros.ros.robot.publishers import RobotPublishers, message_class
+from vibro_ros.ros.robot.recording import RobotPublishers, message_class
 from vibro_ros.sensors.device import Measurement
 from vibro_ros.simulation.samples import EVENT_DTYPE, FIELDS, TIME, Samples
 

@@ -150,8 +150,8 @@ class StopRequest:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for number, before in self._before.items():
-            signal.signal(number, signal.SIG_IGN if self else before)
+        for number, handler in self._before.items():
+            signal.signal(number, signal.SIG_IGN if self else handler)
 
     @property
     def exit_code(self) -> int:
@@ -208,12 +208,12 @@ def interrupted_afterwards() -> Iterator[None]:
 
     For callbacks from which Python ignores exceptions, such as the hooks of a fork.
     """
-    before, _process.defers = _process.signal, True
+    earlier_signal, _process.defers = _process.signal, True
     try:
         yield
     finally:
         _process.defers = False
-    if _process.signal != before:
+    if _process.signal != earlier_signal:
         raise KeyboardInterrupt
 
 

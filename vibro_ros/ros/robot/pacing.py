@@ -78,10 +78,7 @@ class Pacing:
     def wait_until(self, simulated_time: float, stopped: Callable[[], bool] = lambda: False) -> float:
         """Sleep until `simulated_time` [s] is due or `stopped()`, which may also change the factor.
 
-        Returns
-        -------
-        float
-            Simulated time [s] dropped because the deadline passed more than `max_catch_up` ago; else 0.
+        Return the simulated time [s] that is dropped because the deadline passed more than `max_catch_up` ago; else 0.
         """
         if self.factor == 0.0:
             self._sleep(0.0)  # offers the interpreter lock to the executor's thread
