@@ -72,7 +72,7 @@ DOCUMENTS = {
         "docs/literature.md", ("research.literature",), 4.0,
         (*_PHYSICS, "lab/vibro_lab/orbits", "lab/research/literature", "lab/research/starts.py")),
     "map": Document(
-        "docs/guide/command_map.md", (
+        "docs/guide/motions.md", (
             "vibro_lab.study.command map --output out/study/map",
             "vibro_lab.study.command map --scene machine --motor-speed 90:165:16 --gap 0:0.006:4 "
             "--output out/study/map_machine"), 18.0,
@@ -87,7 +87,7 @@ DOCUMENTS = {
     "paper": Document(
         "docs/paper.md", ("research.paper",), 18.0, (*_PHYSICS, "lab/research/paper", "lab/research/starts.py")),
     "optimum": Document(
-        "docs/optimum.md", ("research.optimum",), 30.0,
+        "docs/speeds.md", ("research.optimum",), 30.0,
         (*_PHYSICS, "lab/vibro_lab/orbits", "lab/vibro_lab/study/optimise.py", "lab/vibro_lab/study/verification.py",
          "lab/research/optimum", "lab/research/starts.py")),
 }
