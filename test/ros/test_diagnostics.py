@@ -89,7 +89,7 @@ def test_diagnostics_tell_how_it_goes(start, listener, bench, tmp_path):
     status, values = listener.wait_for_status("simulation", lambda status: "dropped" in status.message)
     assert status.level == DiagnosticStatus.WARN and float(values["dropped time [s]"]) > 0.3
     stop(robot)
-    assert "because the computer did not let the robot run in time; leave it a core" in robot.wait_for("stalled: ")
+    assert "because the computer did not let the robot run in time; " in robot.wait_for("stalled: ")
     stamps = stamps_of(bags(tmp_path)[0])
     assert {after - one for one, after in zip(stamps, stamps[1:], strict=False)} == {5_000_000}  # [ns]
 

@@ -68,7 +68,7 @@ def source(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def colcon(source) -> Installation:
-    """Build all three packages in a colcon workspace, with the command of docs/guide/installation.md."""
+    """Build all three packages in a colcon workspace, with the command of docs/guide/begin.md."""
     workspace = source.parents[1]
     wheels = ["--cmake-args", *cmake_arguments()]  # a sourced ROS 2 needs none of these
     run(["colcon", "build", "--base-paths", "src", "src/vibro_ros/interfaces", "src/vibro_ros/lab", "--executor",

@@ -77,6 +77,8 @@ def enter(program: str, executables: Mapping[str, Any] = EXECUTABLES) -> int:
     """
     _process.program, _process.endless = program, executables[program].endless
     _process.package = executables[program].module.partition(".")[0]
+    if _process.package == "vibro_ros":  # no program of the device needs BLAS, whose second thread would spin for 0.1 s
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _on_stop_signals(_end_at_once)
     _open_streams()
     interrupted: list[int] = []

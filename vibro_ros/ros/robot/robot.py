@@ -90,7 +90,7 @@ def _run(words: Sequence[str]) -> int:
                                      [settings[name] for name in VARIANCES], settings["ros2_control"])
         plan = _plan(node, settings, scene, publishers)
         node.get_logger().info(f"scene {settings['scene']}")
-        preparation = process.Work(partial(_prepare, node, settings, scene, plan))
+        preparation = process.Work(partial(_prepare, node, settings, scene, plan), node.executor.wake)
         process.spin_until(node, lambda: bool(stop) or preparation.done)
         device = None if stop else preparation.result()
         if not settings["clock.publish"]:  # else the robot itself publishes the time
