@@ -283,7 +283,7 @@ def test_nothing_runs_once_the_last_result_is_there():
 INTERRUPTED = """
 import os, signal
 from vibro_ros.process import entry_point
-from vibro_ros.simulation.processes import in_processes
+from vibro_ros.simulation.runs import in_processes
 entry_point.interrupt_on_signals()
 def swallowing():
     for number in range(100):
