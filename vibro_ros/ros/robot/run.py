@@ -7,12 +7,12 @@ once, in the executor's thread, and a replay finds the same instants. Only a req
 `RobotRun.state` is one value, which only a thread that holds the lock changes:
 
     RUNNING    pause: PAUSED
-    PAUSED     resume: RUNNING or, with nodes of `clock.lock_step`, RESUMING; step: a `Steps`
+    PAUSED     resume: RUNNING or, with nodes of `clock.lock_step`, RESUMING; a request for n steps: Steps(n)
     RESUMING   the nodes have answered: RUNNING; pause: PAUSED
-    a `Steps`  its samples are taken, or it is cancelled: PAUSED; resume: as in PAUSED
+    Steps(n)   n samples are taken, or the steps are cancelled: PAUSED; resume: as in PAUSED
 
-Robot time goes on in RUNNING alone; in a `Steps` samples are taken as fast as the computer and the recording allow. The
-run ends from every state.
+Robot time goes on in RUNNING alone; in Steps(n) samples are taken as fast as the computer and the recording allow. The
+run can end in every state.
 """
 
 import math
