@@ -293,16 +293,20 @@ class RobotRun:
 
     # With the lock held.
 
-    def _enter(self, state: RunState | Steps) -> None:
-        """Enter a state: the one place where it changes. Steps that it ends are answered."""
+    def _enter(self, state: RunState | Steps, error: Exception | None = None) -> None:
+        """Enter a state: the one place where it changes. Steps that end so are answered, by an `error` if one is given.
+        """
         left, self.state = self.state, state
         if state is RunState.RUNNING:
             self.pacing.follow(self.robot_time.time)
         if RunState.RUNNING in (left, state):
             set_real_time_priority(self.pacing.factor, self.paused)
         if isinstance(left, Steps):
-            left.set_result(f"stepped {left.completed} of {left.asked} periods, to {self.robot_time.time:.9g} s of "
-                            "robot time")
+            if error:
+                left.set_exception(error)
+            else:
+                left.set_result(f"stepped {left.completed} of {left.asked} periods, to {self.robot_time.time:.9g} s of "
+                                "robot time")
             self._wake()
 
     def _let_time_go_on(self) -> None:
@@ -340,10 +344,8 @@ class RobotRun:
         finally:
             with self.lock:
                 self._end.set()
-                if steps := self.steps:
-                    self.state = RunState.PAUSED
-                    steps.set_exception(RuntimeError(ENDED))
-                    self._wake()
+                if self.steps:
+                    self._enter(RunState.PAUSED, RuntimeError(ENDED))
 
     def _fail_with(self, error: Exception) -> None:
         self.error = self.error or error
