@@ -18,8 +18,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from benchmark.problems import names as problem_names
-
 ROOT = Path(__file__).resolve().parents[1]
 _PHYSICS = ("vibro_ros/solver", "vibro_ros/model", "vibro_ros/simulation", "config/scenes")
 _SUFFIXES = {".py", ".yaml"}
@@ -74,23 +72,22 @@ DOCUMENTS = {
         "docs/literature.md", ("research.literature",), 4.0,
         (*_PHYSICS, "lab/vibro_lab/orbits", "lab/research/literature", "lab/research/starts.py")),
     "map": Document(
-        "docs/guide/command_map.md", (
+        "docs/guide/motions.md", (
             "vibro_lab.study.command map --output out/study/map",
             "vibro_lab.study.command map --scene machine --motor-speed 90:165:16 --gap 0:0.006:4 "
             "--output out/study/map_machine"), 18.0,
         (*_PHYSICS, "lab/vibro_lab/orbits", "lab/vibro_lab/study/map.py"),
         {"out/study/map/map.png": "docs/map.png", "out/study/map_machine/map.png": "docs/map_machine.png"}),
     "accuracy": Document(
-        "docs/accuracy.md", ("benchmark.scenes",), 15.0,
+        "docs/accuracy.md", ("benchmark.run scenes --output docs",), 15.0,
         (*_PHYSICS, "lab/vibro_lab/accuracy", "lab/benchmark")),
     "benchmark": Document(
-        "docs/benchmark/benchmark.md", ("benchmark.run --quick",), 20.0, (*_PHYSICS, "lab/benchmark"),
-        {f"out/benchmark/{file}": f"docs/benchmark/{file}" for file in
-         ("benchmark.md", "results.json", *(f"{problem}.png" for problem in problem_names()))}),
+        "docs/benchmark/benchmark.md", ("benchmark.run problems --quick --output docs",), 20.0,
+        (*_PHYSICS, "lab/vibro_lab/accuracy", "lab/benchmark")),
     "paper": Document(
         "docs/paper.md", ("research.paper",), 18.0, (*_PHYSICS, "lab/research/paper", "lab/research/starts.py")),
     "optimum": Document(
-        "docs/optimum.md", ("research.optimum",), 30.0,
+        "docs/speeds.md", ("research.optimum",), 30.0,
         (*_PHYSICS, "lab/vibro_lab/orbits", "lab/vibro_lab/study/optimise.py", "lab/vibro_lab/study/verification.py",
          "lab/research/optimum", "lab/research/starts.py")),
 }

@@ -288,7 +288,7 @@ def moving(tmp_path_factory):
 
 
 @pytest.mark.parametrize(("arguments", "words"), [
-    ({"free": ("mass.bodi",)}, ["mass.bodi", "no number of the robot", "docs/parameters.md"]),
+    ({"free": ("mass.bodi",)}, ["mass.bodi", "no number of the robot", "docs/guide/parameters.md"]),
     ({"free": ()}, ["free", "give a list of names"]),
     ({"free": "mass.body"}, ["mass.body", "give a list of names"]),
     ({"free": ("mass.body", "mass.body")}, ["each once"]),
