@@ -106,7 +106,7 @@ def test_covariance_is_honest(ordinary):
     ("damped at 100 rad/s", "viscous friction of 5 N·s/m"), ("damped at 100 rad/s", "parameters 8 % farther off"),
     ("device at 60 rad/s", "ground's restitution of 0.3")])
 def test_variance_grows_with_what_the_scene_lacks(robot, difference):
-    """Particles that agree are no proof: from their spread alone 34 to 48 % of these errors lay within 2.5 deviations."""
+    """From the spread of the particles alone, 34 to 48 % of these errors lay within 2.5 deviations."""
     estimator, device = begun(robot, 0, difference)
     ratios = np.array([abs(true.body_velocity - estimate.mean[INDEX["body_velocity"]])
                        / np.sqrt(estimate.variance[INDEX["body_velocity"]])
