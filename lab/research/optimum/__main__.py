@@ -81,14 +81,15 @@ Numbers = dict[str, Any]
 def main(words: Sequence[str]) -> int:
     """Run the searches and write the report; returns 0, or the exit code of the search that failed."""
     parser = argparse.ArgumentParser(prog="python -m research.optimum", description=__doc__)
-    parser.add_argument("--work", type=Path, default=Path("out/study/optimum"), help="results of the "
-                        "searches (default: %(default)s)")
+    parser.add_argument("--work", type=Path, default=Path("out/study/optimum"), help="results of the searches; one "
+                        "that is finished there is not repeated (default: %(default)s)")
     options = parser.parse_args(words)
     folder = PAGE.parent / FOLDER
     for name, search in SEARCHES.items():
         command = [sys.executable, "-m", "vibro_lab.study.command", "optimise", *search.words.split(), "--output",
                    str(options.work / name)]
-        if code := subprocess.run(command, check=False).returncode:
+        finished = (options.work / name / "optimum.json").is_file()
+        if not finished and (code := subprocess.run(command, check=False).returncode):
             return code
         for ending in ("json", "yaml"):
             shutil.copy(options.work / name / f"optimum.{ending}", folder / f"{name}.{ending}")
