@@ -20,7 +20,7 @@ from xml.etree import ElementTree
 import vibro_ros
 from tools.generated_text import replaced
 from vibro_ros.bag.reader import Bag
-from vibro_ros.configuration.shipped import shipped
+from vibro_ros.configuration.scene_file import shipped
 from vibro_ros.messages.topics import BAG, COMMAND, NODE, TOPICS, full_name
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.ros.controller.controller import PARAMETERS as OF_CONTROLLER

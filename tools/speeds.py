@@ -19,8 +19,7 @@ from vibro_lab.orbits.recurrence import NotSettledError, SettledMotion, number_a
 from vibro_lab.orbits.starts import motor_command, running
 from vibro_lab.orbits.turn_map import Stroboscope, free_cut
 from vibro_lab.study.measures import device_at_start, measure
-from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.configuration.shipped import shipped
+from vibro_ros.configuration.scene_file import load_scene, shipped
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.processes import core_count, in_processes

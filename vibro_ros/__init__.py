@@ -17,8 +17,7 @@ TYPE_CHECKING = False  # type checkers know the name; to import `typing` would d
 if TYPE_CHECKING:
     from vibro_ros.bag.reader import read_bag
     from vibro_ros.bag.stream import BagError, BagStream, bag_errors, robot_topics
-    from vibro_ros.configuration.scene_file import load_scene, scene_as_file, scene_origin
-    from vibro_ros.configuration.shipped import find_file, shipped
+    from vibro_ros.configuration.scene_file import find_file, load_scene, scene_as_file, scene_origin, shipped
     from vibro_ros.configuration.strict_yaml import read_scalar, read_settings, read_yaml
     from vibro_ros.messages.codec import deserialised
     from vibro_ros.messages.frames import JOINTS, joints_of
@@ -58,11 +57,11 @@ _HOMES = {  # of each public name its module, and after a colon its name there i
     # scenes, and where the shipped files are
     "Scene": "model.scene",
     "check_scene": "model.scene",
-    "find_file": "configuration.shipped",
+    "find_file": "configuration.scene_file",
     "load_scene": "configuration.scene_file",
     "scene_as_file": "configuration.scene_file",
     "scene_origin": "configuration.scene_file",
-    "shipped": "configuration.shipped",
+    "shipped": "configuration.scene_file",
     # parameters: their table, and checked values
     "PARAMETERS": "model.parameters:BY_NAME",
     "Parameter": "model.parameters",

@@ -7,7 +7,7 @@ import pytest
 
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.recordings import plots
-from vibro_ros.recordings.plots import MOMENT, plot_run
+from vibro_ros.recordings.report import MOMENT, plot_run
 
 ROWS = ["body displacement [mm]", "upper mass [mm]", "inclined mass [mm]", "peak force [N]", "ground force N [N]",
         "motor [rad/s]", "motor power [W]"]

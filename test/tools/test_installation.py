@@ -142,7 +142,7 @@ def test_configuration_is_installed_and_found(installation, tmp_path):
         assert (share / file).read_bytes() == (ROOT / file).read_bytes()
     assert {file.name for file in (share / "launch").glob("*.py")} == {
         file.name for file in (ROOT / "examples" / "launch").glob("*.py")}
-    program = "from vibro_ros.configuration.shipped import config_folder; print(config_folder())"
+    program = "from vibro_ros.configuration.scene_file import config_folder; print(config_folder())"
     found = installation.run(f'"{sys.executable}" -c "{program}"', tmp_path)
     assert Path(found.strip()) == share / "config"
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from vibro_ros.messages.codec import new_message
-from vibro_ros.messages.urdf import BASE, CONTINUOUS, FIXED, FLOATING, robot_joints, rod_angle, slider
+from vibro_ros.messages.urdf import BASE, CONTINUOUS, FIXED, FLOATING, robot_joints, slider
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.samples import FIELDS
 
@@ -54,32 +54,34 @@ class Frames:
 
     def __init__(self, scene: Scene, stamp: Any, prefix: str = "", published: str = ALL):
         self.moving, self.fixed = [_transform(prefix + ODOM, prefix + BASE)], list[Any]()
-        self._sliders, turning = list[tuple[Any, int]](), list[Any]()
+        self._sliders, self._turning = list[tuple[Any, int]](), list[Any]()
         for joint in robot_joints(scene) if published == ALL else ():
             message = _transform(prefix + joint.parent, prefix + joint.child)
             message.transform.translation.z = joint.height
             (self.fixed if joint.kind == FIXED else self.moving).append(message)
             if joint.kind == FIXED:
-                _turn(message.transform.rotation, joint.angle)
+                [(message.transform.rotation.y, message.transform.rotation.w)] = _turns([joint.angle])
             elif joint.kind in (CONTINUOUS, FLOATING):
-                turning.append(message.transform.rotation)
+                self._turning.append(message.transform.rotation)
             else:
                 self._sliders.append((message.transform.translation, FIELDS.index(JOINTS[joint.child][0])))
         for message in self.moving:
             message.header.stamp = stamp
-        self._crank, rods = turning[:1], turning[1:]
-        self._rods = [(rod, slider(scene, side)) for rod, side in zip(rods, scene.guides, strict=False)]
+        self._rods = [slider(scene, side) for side in scene.guides] if self._turning else []
 
-    def fill(self, values: Sequence[float]) -> None:
-        """Set the transforms in `moving` from the `values` of a sample, in the order of `FIELDS`."""
-        base, angle = self.moving[0].transform.translation, values[_ANGLE]
+    def turns(self, values: Sequence[float]) -> list[float]:
+        """Return y and w of the quaternions of the crank and of each rod, at the `values` of a sample."""
+        angles = [values[_ANGLE], *(rod.rod_angle(values[_ANGLE]) for rod in self._rods)]
+        return [part for turn in _turns(angles[:len(self._turning)]) for part in turn]
+
+    def fill(self, values: Sequence[float], turns: Sequence[float]) -> None:
+        """Set the transforms in `moving` from the `values` of a sample, in the order of `FIELDS`, and its `turns`."""
+        base = self.moving[0].transform.translation
         base.x, base.z = values[_POSITION], values[_HEIGHT]
         for translation, index in self._sliders:
             translation.z = values[index]
-        for rotation in self._crank:
-            _turn(rotation, angle)
-        for rotation, rod in self._rods:
-            _turn(rotation, rod_angle(rod, angle))
+        for i, rotation in enumerate(self._turning):
+            rotation.y, rotation.w = turns[2 * i:2 * i + 2]
 
 
 def _transform(parent: str, child: str) -> Any:
@@ -88,8 +90,8 @@ def _transform(parent: str, child: str) -> Any:
     return message
 
 
-def _turn(rotation: Any, angle: float) -> None:
-    """Set a quaternion to the rotation from z towards -x by an angle [rad]."""
+def _turns(angles: Sequence[float]) -> list[tuple[float, float]]:
+    """Return y and w of the quaternion of each rotation from z towards -x by an angle [rad]."""
     from vibro_ros.solver.elementary import cos, sin  # imports compiled code, which readers of bags do not need
 
-    rotation.y, rotation.w = -sin(0.5 * angle), cos(0.5 * angle)
+    return [(-sin(0.5 * angle), cos(0.5 * angle)) for angle in angles]

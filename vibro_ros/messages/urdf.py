@@ -123,7 +123,7 @@ def robot_joints(scene: Scene) -> tuple[Joint, ...]:
     found = [Joint(BODY, BASE, FIXED)]
     found += [Joint(f"{side}_guide", BASE, FIXED, hub, scene.guide_angle(side)) for side in scene.guides]
     found.append(Joint(CRANK, BASE, CONTINUOUS, hub))
-    found += [Joint(f"{side}_rod", CRANK, FLOATING, scene["crank.radius"], rod_angle(slider(scene, side), 0.0))
+    found += [Joint(f"{side}_rod", CRANK, FLOATING, scene["crank.radius"], slider(scene, side).rod_angle(0.0))
               for side in scene.guides]
     found += [Joint(f"{side}_mass", f"{side}_guide", PRISMATIC) for side in scene.guides]
     found += [Joint(f"{side}_plate", f"{side}_guide", PRISMATIC) for side in scene.plates]
@@ -136,18 +136,6 @@ def slider(scene: Scene, side: str) -> "Slider":
     from vibro_ros.model.slider import Slider  # imports compiled code, which readers of bags do not need
 
     return Slider(scene["crank.radius"], scene[f"crank.{side}_rod"], scene.guide_angle(side))
-
-
-def rod_angle(driven: "Slider", crank_angle: float) -> float:
-    """Return the angle [rad] of a rod in the frame `crank`, at the crank's angle [rad].
-
-    The rod leads from the pin to the slider. In the guide's frame the pin is at l (-sin psi, cos psi) and the slider on
-    the z axis, so that the rod leans back by asin(l sin(psi) / L); psi is the crank's angle from the guide.
-    """
-    from vibro_ros.solver.elementary import atan, sin  # as in `slider`
-
-    psi = crank_angle - driven.angle
-    return -psi - 2.0 * atan(driven.radius * sin(psi) / (driven.rod + driven.root(psi)))  # asin(z), by half its angle
 
 
 def guide_end(scene: Scene, side: str) -> float:

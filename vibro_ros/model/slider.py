@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_ros.solver.elementary import cos, log1p, sin
+from vibro_ros.solver.elementary import atan, cos, log1p, sin
 from vibro_ros.solver.polynomial import economized_powers
 from vibro_ros.solver.system import CELL_STRIDE, SignalTable
 from vibro_ros.solver.vector import LENGTH
@@ -36,21 +36,11 @@ _cosine, _sine = np.vectorize(cos, otypes=[float]), np.vectorize(sin, otypes=[fl
 
 @dataclass(frozen=True)
 class Slider:
-    """One slider.
+    """One slider."""
 
-    Attributes
-    ----------
-    radius : float
-        Crank radius l [m].
-    rod : float
-        Rod length L [m], at least l; 0 for the crank pin itself, whose s is l cos(theta - psi).
-    angle : float
-        Angle psi of its guide from the vertical [rad].
-    """
-
-    radius: float
-    rod: float
-    angle: float
+    radius: float  # crank radius l [m]
+    rod: float  # rod length L [m], at least l; 0 for the crank pin itself, whose s is l cos(theta - psi)
+    angle: float  # angle psi of its guide from the vertical [rad]
 
     def position(self, theta: float | np.ndarray) -> float | np.ndarray:
         """s [m] at crank angle theta [rad]; scalar or array."""
@@ -96,8 +86,20 @@ class Slider:
         """
         if self.rod == 0.0:
             return 0.0 * psi
-        along = self.radius * _cosine(psi)
-        return np.sqrt((self.rod - self.radius) * (self.rod + self.radius) + along * along)
+        is_number = isinstance(psi, float)  # a hundredth of the time of an array's
+        along = self.radius * (cos(psi) if is_number else _cosine(psi))
+        return (math.sqrt if is_number else np.sqrt)(
+            (self.rod - self.radius) * (self.rod + self.radius) + along * along)
+
+    def rod_angle(self, theta: float) -> float:
+        """Return the angle [rad] of the rod in the frame `crank` at crank angle theta [rad], from z towards -x.
+
+        The rod leads from the pin to the slider. In the guide's frame the pin is at l (-sin psi, cos psi) and the
+        slider on the z axis, so that the rod leans back by asin(l sin(psi) / L); psi is the crank's angle from the
+        guide.
+        """
+        psi = theta - self.angle
+        return -psi - 2.0 * atan(self.radius * sin(psi) / (self.rod + self.root(psi)))  # asin(z), by half its angle
 
 
 def _series(sliders: tuple[Slider, ...], middle: np.ndarray, half: np.ndarray) -> np.ndarray:

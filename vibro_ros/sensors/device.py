@@ -369,7 +369,7 @@ class SensedSimulator(Simulator):
     def restore(self, checkpoint: np.ndarray) -> None:
         """Restore as `Simulator.restore`, with the sensors; measurements that were not taken are dropped."""
         memories = [sensor.memory() for sensor in self._sensors.values()]
-        before = super().checkpoint()
+        kept = super().checkpoint()
         if np.ndim(checkpoint) != 1:
             raise ValueError(f"the checkpoint has shape {np.shape(checkpoint)}, this device's have one dimension; give "
                              "one of the same scene and version")
@@ -379,7 +379,7 @@ class SensedSimulator(Simulator):
             for sensor, begin, end in zip(self._sensors.values(), ends, ends[1:], strict=False):
                 sensor.restore(checkpoint[begin:end], self.time)
         except ValueError:
-            super().restore(before)
+            super().restore(kept)
             for sensor, memory in zip(self._sensors.values(), memories, strict=True):
                 sensor.restore(memory, self.time)
             raise

@@ -5,7 +5,8 @@ seconds of robot time.
 
 `Forks` is a `concurrent.futures.Executor` in which each worker is a fork with a pipe of its own, served by a thread.
 The workers of `concurrent.futures.ProcessPoolExecutor` share one pipe for results: one that is killed while it sends
-40 MB leaves half a result there, and the pool waits for ever (one of five kills).
+40 MB leaves half a result there, and the pool waits for ever (one of five kills). So does the pool of loky (one of
+ten), whose workers also take 2 s to start.
 """
 
 import ctypes
@@ -45,15 +46,8 @@ def in_order(executor: Executor, function: Callable, items: Iterable, ahead: int
     `when_done` is called when all results are computed, before the last is yielded, because a caller that knows their
     number, as ``zip(names, runs)`` does, does not ask for one more.
 
-    Yields
-    ------
-    tuple of (object, Future)
-        Each item and its future, in the items' order. An error of the iterable is raised after all items before it.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        Before the next item, if a stop signal came, even if its own KeyboardInterrupt was swallowed elsewhere.
+    Yields each item and its future, in the items' order. An error of the iterable is raised after all items before it;
+    a KeyboardInterrupt before the next item, if a stop signal came, even if its own was swallowed elsewhere.
     """
     due: deque[tuple[Any, Future]] = deque()
     source, error = iter(items), None
@@ -106,12 +100,7 @@ class InThisProcess(Executor):
 class Forks(Executor):
     """Processes that are forked from this one, and end with the context, with this process, or when they are killed.
 
-    Parameters
-    ----------
-    workers : int
-        Number of processes.
-    inherited : callable
-        A function that the forks inherit, so that it may be a closure; other submitted functions are pickled by name.
+    `inherited` is a function that the forks inherit, so that it may be a closure; other functions are pickled by name.
     """
 
     def __init__(self, workers: int, inherited: Callable):

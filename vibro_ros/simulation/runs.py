@@ -189,10 +189,10 @@ def _results(scenes: Iterator[Scene], simulation: Callable, workers: int, method
         return
     jobs = in_processes(simulation, itertools.chain([first], scenes), workers)
     try:
-        for number, (own, future) in enumerate(jobs):
+        for number, (scene_of_run, future) in enumerate(jobs):
             if error := future.exception():
-                different = {name: value for name, value in own.parameters.items() if value != first[name]}
-                scene = ", ".join([own.name, *(f"{name} = {value!r}" for name, value in different.items())])
+                different = {name: value for name, value in scene_of_run.parameters.items() if value != first[name]}
+                scene = ", ".join([scene_of_run.name, *(f"{name} = {value!r}" for name, value in different.items())])
                 kind = "" if isinstance(error, SimulationError | WorkerError) else f"{type(error).__name__}: "
                 raise SimulationError(f"scene {number} ({scene}): {kind}{error}")
             yield future.result()

@@ -27,8 +27,8 @@ from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.model.parameters import SCENE_PARAMETERS
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.ros.controller.script import read_script
+from vibro_ros.simulation.readout import EventLog
 from vibro_ros.simulation.samples import Samples
-from vibro_ros.simulation.statistics import EventLog
 
 MODULES = {name: one.module for name, one in (*OF_THE_LAB.items(), *EXECUTABLES.items())}
 INSTALLED = {*OF_THE_LAB, *(name for name, one in EXECUTABLES.items() if one.installed)}

@@ -1,4 +1,4 @@
-"""How well a twin follows simulated robots, and which of their faults it names: tables of docs/guide/identification.md.
+"""How well a twin follows simulated robots, and which of their faults it names: the tables of its guide.
 
 `python lab/test/twin/following.py errors|faults [ROBOT ...] [--seeds N]` prints a row for each of `ROBOTS`, or
 for each fault. A robot's free parameters are drawn from what the twin believes of them, 2 % around the scene's.

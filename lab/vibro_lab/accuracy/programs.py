@@ -46,22 +46,15 @@ class Setting(NamedTuple):
 
 @dataclass(frozen=True)
 class Answer:
-    """Result of a run of a program.
+    """Result of a run of a program."""
 
-    Attributes
-    ----------
-    samples : ndarray, shape (n, 8)
-        Positions and velocities at the requested instants [m, m/s], in the columns `COLUMNS`; zero for coordinates that
-        the problem does not have.
-    events : structured ndarray, shape (events,), or None
-        `time` [s] and `kind` of the contacts and of the body's changes of state, ordered by time; None from a program
-        that locates no events.
-    callbacks : callable, or None
-        Returns the part of the run's wall time [s] spent in Python functions that the program calls back.
-    """
-
+    # Positions and velocities at the requested instants [m, m/s], shape (n, 8), in the columns `COLUMNS`; zero for
+    # coordinates that the problem does not have.
     samples: np.ndarray
+    # `time` [s] and `kind` of the contacts and of the body's changes of state, ordered by time; None from a program
+    # that locates no events.
     events: np.ndarray | None = None
+    # Returns the part of the run's wall time [s] spent in Python functions that the program calls back.
     callbacks: Callable[[], float] | None = None
 
 
@@ -92,9 +85,9 @@ def tolerances(*values: float) -> tuple[Setting, ...]:
     return tuple(Setting(value, f"tolerance {value:g}") for value in values)
 
 
-def event_array(found: Iterable[tuple[float, str]]) -> np.ndarray:
+def event_array(events: Iterable[tuple[float, str]]) -> np.ndarray:
     """Return pairs of instant [s] and kind as an array for `Answer.events`, ordered by time."""
-    return ordered_events(np.array([(time, kind) for time, kind in found], dtype=EVENT_DTYPE))
+    return ordered_events(np.array([(time, kind) for time, kind in events], dtype=EVENT_DTYPE))
 
 
 def ordered_events(events: np.ndarray) -> np.ndarray:
@@ -161,6 +154,3 @@ DEVICE: dict[str, Program] = {
     "exact": Program("exact", (Setting(1e-9, "as it comes", PLAIN),), _prepared("exact"), _version),
     **{name: Program(name, steps(*_decades(1e-3, 1e-7)), _prepared(name), _version)
        for name in ("rk4", "rk4_located")}}
-#: The unit of cost: the device's own Runge-Kutta 4 with steps of 1e-5 s.
-UNIT, UNIT_STEP = "rk4", 1e-5
-UNIT_IN_WORDS = "the device's own Runge-Kutta 4 (`solver.method: rk4`) of 1e-5 s"

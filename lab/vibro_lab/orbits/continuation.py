@@ -320,24 +320,13 @@ def _entered(before: BranchPoint, direction: np.ndarray, arc: float, depth: floa
 
 @dataclass(frozen=True)
 class SpecialPoint:
-    """A special point of a branch.
+    """A special point of a branch."""
 
-    Attributes
-    ----------
-    kind : str
-        One of `KINDS`.
-    point : BranchPoint
-        Point of the branch there.
-    width : float
-        Width of the interval of the parameter [its unit] in which it was found.
-    change : str
-        Change of the order of events, such as ``stick vanishes``, and whether the branch turns back there; empty if the
-        order does not change.
-    """
-
-    kind: str
-    point: BranchPoint
-    width: float
+    kind: str  # one of `KINDS`
+    point: BranchPoint  # point of the branch there
+    width: float  # width of the interval of the parameter [its unit] in which it was found
+    # Change of the order of events, such as ``stick vanishes``, and whether the branch turns back there; empty if the
+    # order does not change.
     change: str = ""
 
 

@@ -47,11 +47,6 @@ class Family:
         The parameters.
     units : ndarray, shape (n,)
         Unit of each coordinate [m, m/s, rad/s or A], the same for all values of the parameter.
-
-    Raises
-    ------
-    ValueError
-        For a parameter that is not numeric, an empty range, or a value that the scene refuses.
     """
 
     def __init__(self, scene: Scene, name: str, limits: tuple[float, float], turns: int, phase: float):
@@ -197,33 +192,16 @@ def _check_range(scene: Scene, name: str, low: float, high: float) -> None:
 
 @dataclass(frozen=True)
 class BranchPoint:
-    """One orbit of a branch.
+    """One orbit of a branch."""
 
-    Attributes
-    ----------
-    family : Family
-        The equations, with the cut that was used.
-    unknowns : ndarray, shape (n + 1,)
-        State and share of the parameter.
-    tangent : ndarray, shape (n + 1,)
-        Unit vector along the branch.
-    multipliers : ndarray of complex, shape (n,)
-        Floquet multipliers, the largest first.
-    mean_speed : float
-        Mean speed of the body [m/s].
-    passage : Passage
-        Events of the orbit.
-    width : float
-        If the order of events changes just beyond this point: width of the interval of the parameter [its unit] in
-        which it changes; else 0.
-    """
-
-    family: Family
-    unknowns: np.ndarray
-    tangent: np.ndarray
-    multipliers: np.ndarray
-    mean_speed: float
-    passage: Passage
+    family: Family  # the equations, with the cut that was used
+    unknowns: np.ndarray  # shape (n + 1,): state and share of the parameter
+    tangent: np.ndarray  # shape (n + 1,): unit vector along the branch
+    multipliers: np.ndarray  # shape (n,): floquet multipliers, the largest first
+    mean_speed: float  # mean speed of the body [m/s]
+    passage: Passage  # events of the orbit
+    # If the order of events changes just beyond this point: width of the interval of the parameter [its unit] in which
+    # it changes; else 0.
     width: float = 0.0
 
     @property

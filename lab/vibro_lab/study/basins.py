@@ -62,22 +62,12 @@ ANGLE = "crank_angle"
 
 @dataclass(frozen=True)
 class Over:
-    """A coordinate of the start that varies.
+    """A coordinate of the start that varies."""
 
-    Attributes
-    ----------
-    name : str
-        Name of an argument of `Simulator.set_state`.
-    low, high : float
-        Its range, in its SI unit.
-    count : int
-        Number of values on a grid, both ends included; 0 if starts are random.
-    """
-
-    name: str
-    low: float
+    name: str  # name of an argument of `Simulator.set_state`
+    low: float  # its range, in its SI unit
     high: float
-    count: int = 0
+    count: int = 0  # number of values on a grid, both ends included; 0 if starts are random
 
     @property
     def unit(self) -> str:
@@ -95,17 +85,10 @@ class Starts:
     """A grid of starts over two coordinates, of which the second changes fastest, or random starts, uniform in a box.
 
     A random start depends only on seed and number, so a larger count includes the starts of a smaller one.
-
-    Attributes
-    ----------
-    over : tuple of Over
-        The coordinates of a grid, or the sides of the box.
-    count, seed : int
-        Number of starts, and seed of the random ones.
     """
 
-    over: tuple[Over, ...]
-    count: int
+    over: tuple[Over, ...]  # the coordinates of a grid, or the sides of the box
+    count: int  # number of starts, and seed of the random ones
     seed: int = 0
 
     @property
@@ -135,32 +118,13 @@ class Starts:
 
 @dataclass(frozen=True)
 class Design:
-    """A checked design of a study of basins.
+    """A checked design of a study of basins."""
 
-    Attributes
-    ----------
-    scene : Scene
-        Scene that is started.
-    phase : float
-        Crank angle at the cut [rad].
-    starts : Starts
-        Its starts.
-    turns : int
-        Turns of the crank after which a start is judged for the first time.
-    most_turns : int
-        Turns after which a start counts as not settled.
-
-    Raises
-    ------
-    ValueError
-        For numbers of turns that are out of range or in the wrong order.
-    """
-
-    scene: Scene
-    phase: float
-    starts: Starts
-    turns: int
-    most_turns: int
+    scene: Scene  # scene that is started
+    phase: float  # crank angle at the cut [rad]
+    starts: Starts  # its starts
+    turns: int  # turns of the crank after which a start is judged for the first time
+    most_turns: int  # turns after which a start counts as not settled
 
     def __post_init__(self) -> None:
         if not _FEWEST_TURNS <= self.turns <= self.most_turns <= _LARGEST_TURNS:
@@ -174,13 +138,7 @@ class Design:
 
 
 def over_in_words(scene: Scene, text: str) -> Over:
-    """Parse a coordinate from ``NAME=LOW:HIGH`` or ``NAME=LOW:HIGH:COUNT``.
-
-    Raises
-    ------
-    ValueError
-        For text that is not of this form, with the value, the limit and the remedy.
-    """
+    """Parse a coordinate from ``NAME=LOW:HIGH`` or ``NAME=LOW:HIGH:COUNT``."""
     name, equals, values = text.partition("=")
     parts = [read_scalar(part) for part in values.split(":")]
     if not equals or len(parts) not in (2, 3):
@@ -205,13 +163,7 @@ def _number(name: str, value: object) -> float:
 
 
 def chosen_starts(scene: Scene, over: tuple[Over, ...], count: int, seed: int) -> Starts:
-    """Return the starts of the options `--over`, `--starts` and `--seed`.
-
-    Raises
-    ------
-    ValueError
-        For options that contradict each other, or too many starts.
-    """
+    """Return the starts of the options `--over`, `--starts` and `--seed`."""
     if len({one.name for one in over}) < len(over):
         raise ValueError("--over: a coordinate is given twice; keep one")
     if not any(one.count for one in over):
@@ -302,17 +254,10 @@ motion is not among the first `MOST_ATTRACTORS`."""
 
 @dataclass(frozen=True)
 class Basins:
-    """The attractors of all starts, and the attractor of each start.
+    """The attractors of all starts, and the attractor of each start."""
 
-    Attributes
-    ----------
-    attractors : Attractors
-        The settled motions, that of most starts first.
-    numbers : ndarray of int, shape (starts,)
-        Number of each start's attractor, counted from 1; or `UNSETTLED`, `IMPOSSIBLE`, `OTHER`.
-    """
-
-    attractors: Attractors
+    attractors: Attractors  # the settled motions, that of most starts first
+    # Shape (starts,): number of each start's attractor, counted from 1; or `UNSETTLED`, `IMPOSSIBLE`, `OTHER`.
     numbers: np.ndarray
 
 
@@ -342,22 +287,14 @@ def basins_in(design: Design, table: pa.Table) -> Basins:
 
 
 class BasinEntropy(NamedTuple):
-    """Basin entropy: a measure of the uncertainty of the motion that a start leads to.
+    """Basin entropy: a measure of the uncertainty of the motion that a start leads to."""
 
-    Attributes
-    ----------
-    entropy : float
-        Mean over all boxes of the entropy of the motions within a box [nat]: 0 if every box has one motion.
-    boundary : float
-        Mean over the boxes with more than one motion [nat]; NaN without such boxes. In the limit of small boxes with
-        many starts, a value above log 2 proves a fractal boundary; with the boxes of a grid it is only a hint.
-    boxes, mixed : int
-        Number of boxes, and of those with more than one motion.
-    """
-
+    # Mean over all boxes of the entropy of the motions within a box [nat]: 0 if every box has one motion.
     entropy: float
+    # Mean over the boxes with more than one motion [nat]; NaN without such boxes. In the limit of small boxes with many
+    # starts, a value above log 2 proves a fractal boundary; with the boxes of a grid it is only a hint.
     boundary: float
-    boxes: int
+    boxes: int  # number of boxes, and of those with more than one motion
     mixed: int
 
 

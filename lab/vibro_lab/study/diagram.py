@@ -57,35 +57,14 @@ _BLOCK = 8  # visits of a block: the most that an interruption loses
 
 @dataclass(frozen=True)
 class Design:
-    """A checked design of a diagram.
+    """A checked design of a diagram."""
 
-    Attributes
-    ----------
-    scene : Scene
-        Scene whose parameter is varied, and whose start is used at the first value.
-    axis : Axis
-        The parameter and its values, ascending.
-    phase : float
-        Crank angle [rad] of the cut, at which states are recorded.
-    coordinate : str
-        Coordinate of the state that the picture shows.
-    most_turns : int
-        Largest number of turns of the crank in which a motion may settle.
-    exponents : int
-        Turns over which Lyapunov exponents are measured; 0 for no exponents.
-
-    Raises
-    ------
-    ValueError
-        For values that are out of range or contradict each other; one line that names the remedy.
-    """
-
-    scene: Scene
-    axis: Axis
-    phase: float
-    coordinate: str
-    most_turns: int
-    exponents: int
+    scene: Scene  # scene whose parameter is varied, and whose start is used at the first value
+    axis: Axis  # the parameter and its values, ascending
+    phase: float  # crank angle [rad] of the cut, at which states are recorded
+    coordinate: str  # coordinate of the state that the picture shows
+    most_turns: int  # largest number of turns of the crank in which a motion may settle
+    exponents: int  # turns over which Lyapunov exponents are measured; 0 for no exponents
 
     def __post_init__(self) -> None:
         whole_number("--most-turns", self.most_turns, FIRST_TURNS, MOST_SETTLING)
@@ -148,34 +127,16 @@ class Design:
 
 @dataclass(frozen=True)
 class Visit:
-    """The motion at a value in one direction.
+    """The motion at a value in one direction."""
 
-    Attributes
-    ----------
-    number : int
-        Number of the visit.
-    motion : SettledMotion
-        The motion, with states in units of the machine.
-    settled : bool
-        False for a motion that still changes; its states are the last `CLOUD`.
-    states : ndarray, shape (m, n)
-        The same states in SI units.
-    """
-
-    number: int
-    motion: SettledMotion
-    settled: bool
-    states: np.ndarray
+    number: int  # number of the visit
+    motion: SettledMotion  # the motion, with states in units of the machine
+    settled: bool  # false for a motion that still changes; its states are the last `CLOUD`
+    states: np.ndarray  # shape (m, n): the same states in SI units
 
 
 def visit_table(design: Design, folder: Path) -> tuple[pa.Table, tuple[Visit, ...]]:
-    """Return the table of all states, and all visits; blocks that are missing in the folder are computed.
-
-    Raises
-    ------
-    SimulationError
-        If a run cannot go on.
-    """
+    """Return the table of all states, and all visits; blocks that are missing in the folder are computed."""
     fields = [
         Field("visit", pa.int64(), "1", "number of the visit"),
         Field("direction", pa.string(), "1", "whether the values went up or down"),
@@ -300,21 +261,11 @@ def period_table(design: Design, seen: Sequence[Visit], folder: Path, execution:
 
 @dataclass(frozen=True)
 class Diagram:
-    """Results of a diagram.
+    """Results of a diagram."""
 
-    Attributes
-    ----------
-    design : Design
-        The design.
-    visits : tuple of Visit
-        All visits, in the order of their numbers.
-    exponents : Table or None
-        Table of `period_table`; None if no exponents were measured.
-    """
-
-    design: Design
-    visits: tuple[Visit, ...]
-    exponents: pa.Table | None
+    design: Design  # the design
+    visits: tuple[Visit, ...]  # all visits, in the order of their numbers
+    exponents: pa.Table | None  # table of `period_table`; None if no exponents were measured
 
     def of(self, direction: str) -> tuple[Visit, ...]:
         """Visits of a direction, in ascending order of the values."""

@@ -82,40 +82,20 @@ class Axis:
 
 @dataclass(frozen=True)
 class Line:
-    """A row or a column of the grid, swept from one end to the other.
+    """A row or a column of the grid, swept from one end to the other."""
 
-    Attributes
-    ----------
-    along : str
-        `SPEED` or `GAP`: the parameter that changes.
-    place : int
-        Index of the other parameter, which is constant.
-    upwards : bool
-        Whether the smallest value comes first.
-    """
-
-    along: str
-    place: int
-    upwards: bool
+    along: str  # `SPEED` or `GAP`: the parameter that changes
+    place: int  # index of the other parameter, which is constant
+    upwards: bool  # whether the smallest value comes first
 
 
 @dataclass(frozen=True)
 class MapDesign:
-    """Design of a map.
+    """Design of a map."""
 
-    Attributes
-    ----------
-    scene : Scene
-        The machine; its own motor speed and gaps of `sides` are not used.
-    sides : tuple of str
-        Sides whose gaps are varied; two sides have equal gaps.
-    speeds, gaps : Axis
-        Motor speeds [rad/s] and gaps [m].
-    """
-
-    scene: Scene
-    sides: tuple[str, ...]
-    speeds: Axis
+    scene: Scene  # the machine; its own motor speed and gaps of `sides` are not used
+    sides: tuple[str, ...]  # sides whose gaps are varied; two sides have equal gaps
+    speeds: Axis  # motor speeds [rad/s] and gaps [m]
     gaps: Axis
 
     def scene_at(self, speed_index: int, gap_index: int) -> Scene:
@@ -161,13 +141,7 @@ QUICK = "60:180:13", "0:0.006:4"
 
 
 def design_of(options: argparse.Namespace) -> MapDesign:
-    """Make the design of a map from the options.
-
-    Raises
-    ------
-    ValueError
-        For options that give no grid or no scene; the message names value, limit and remedy.
-    """
+    """Make the design of a map from the options."""
     scene = machine_of(options)
     if scene["solver.method"] != "exact":
         raise ValueError(f"solver.method: {scene['solver.method']} has no map; take exact, whose states repeat to "
@@ -222,32 +196,18 @@ commands destroys it, and visits that settle slowly do not find it reliably."""
 
 
 class Visit(NamedTuple):
-    """The motion that a sweep found in a cell.
+    """The motion that a sweep found in a cell."""
 
-    Attributes
-    ----------
-    speed_index, gap_index : int
-        Cell of the grid.
-    turns : int
-        Period [turns of the crank]; 0 for a motion without a period, `UNSETTLED` if none was found.
-    landings : int
-        Landings of the body within these turns; 0 without a period.
-    mean_speed : float
-        Mean speed of the body [m/s], forwards positive.
-    cost_of_transport, stick_share, air_share : float
-        Measures as defined in `study.measures`, dimensionless.
-    states : ndarray, shape (m, n)
-        States at successive cuts, in units of the machine: one period, or the last `_KEPT`; empty if none was found.
-    """
-
-    speed_index: int
+    speed_index: int  # cell of the grid
     gap_index: int
-    turns: int
-    landings: int
-    mean_speed: float
-    cost_of_transport: float
+    turns: int  # period [turns of the crank]; 0 for a motion without a period, `UNSETTLED` if none was found
+    landings: int  # landings of the body within these turns; 0 without a period
+    mean_speed: float  # mean speed of the body [m/s], forwards positive
+    cost_of_transport: float  # measures as defined in `study.measures`, dimensionless
     stick_share: float
     air_share: float
+    # Shape (m, n): states at successive cuts, in units of the machine: one period, or the last `_KEPT`; empty if none
+    # was found.
     states: np.ndarray
 
     def settled(self, tolerance: float) -> SettledMotion:

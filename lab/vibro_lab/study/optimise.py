@@ -101,33 +101,17 @@ QUICK = Effort(120, 3, Trials(0, 3, 1.5, 2.0), Trials(10_000, 4, 2.0, 4.0), Tria
 
 @dataclass(frozen=True)
 class Plan:
-    """Design of a search.
+    """Design of a search."""
 
-    Attributes
-    ----------
-    scene : Scene
-        Scene with the values of all parameters that are not varied.
-    variables : tuple of Variable
-        The varied parameters, in the order of `VARIABLES`.
-    objective, power, direction : str
-        Names in `OBJECTIVES`, `POWERS` and `DIRECTIONS`.
-    least_speed, most_air : float
-        Least speed [m/s], and largest share of the time in the air, of an accepted robot.
-    effort : Effort
-        Amount of simulation.
-    seed : int
-        Seed of the search.
-    """
-
-    scene: Scene
-    variables: tuple[Variable, ...]
-    objective: str
+    scene: Scene  # scene with the values of all parameters that are not varied
+    variables: tuple[Variable, ...]  # the varied parameters, in the order of `VARIABLES`
+    objective: str  # names in `OBJECTIVES`, `POWERS` and `DIRECTIONS`
     power: str
     direction: str
-    least_speed: float
+    least_speed: float  # least speed [m/s], and largest share of the time in the air, of an accepted robot
     most_air: float
-    effort: Effort
-    seed: int
+    effort: Effort  # amount of simulation
+    seed: int  # seed of the search
 
     def bounds(self, variable: Variable, values: Mapping[str, float]) -> tuple[float, float]:
         """Bounds of a variable where other parameters have `values`: a crank longer than a rod jams, and a plate more

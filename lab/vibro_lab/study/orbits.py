@@ -60,34 +60,16 @@ UP, DOWN, DOUBLED = "upwards", "downwards", "doubled"
 
 @dataclass(frozen=True)
 class Plan:
-    """Design of a study of branches.
+    """Design of a study of branches."""
 
-    Attributes
-    ----------
-    scene : Scene
-        The machine, its motor running.
-    name : str
-        Name of the varied parameter.
-    low, high : float
-        Its range, in its unit.
-    begin : tuple of float
-        Values at which orbits are searched for, in its unit.
-    turns : int
-        Longest period of orbits [turns].
-    starts : int
-        Number of starts at each of these values.
-    points : int
-        Largest number of orbits of a branch.
-    """
-
-    scene: Scene
-    name: str
-    low: float
+    scene: Scene  # the machine, its motor running
+    name: str  # name of the varied parameter
+    low: float  # its range, in its unit
     high: float
-    begin: tuple[float, ...]
-    turns: int
-    starts: int
-    points: int
+    begin: tuple[float, ...]  # values at which orbits are searched for, in its unit
+    turns: int  # longest period of orbits [turns]
+    starts: int  # number of starts at each of these values
+    points: int  # largest number of orbits of a branch
 
     def document(self) -> dict[str, object]:
         """Everything that determines the branches, for JSON."""
@@ -102,30 +84,14 @@ class Plan:
 
 
 class Task(NamedTuple):
-    """A branch to follow.
+    """A branch to follow."""
 
-    Attributes
-    ----------
-    direction : str
-        `UP` or `DOWN` from an orbit, or `DOUBLED` from a period doubling.
-    turns : int
-        Period of the first orbit [turns].
-    phase : float
-        Crank angle at the cut [rad].
-    state : ndarray, shape (n,)
-        State of the first orbit at the cut, in units of the machine.
-    value : float
-        Value of the parameter there, in its unit.
-    parent : int or None
-        Number of the branch whose period doubles.
-    """
-
-    direction: str
-    turns: int
-    phase: float
-    state: np.ndarray
-    value: float
-    parent: int | None
+    direction: str  # `UP` or `DOWN` from an orbit, or `DOUBLED` from a period doubling
+    turns: int  # period of the first orbit [turns]
+    phase: float  # crank angle at the cut [rad]
+    state: np.ndarray  # shape (n,): state of the first orbit at the cut, in units of the machine
+    value: float  # value of the parameter there, in its unit
+    parent: int | None  # number of the branch whose period doubles
 
 
 def seeds_at(plan: Plan, number: int) -> list[Seed]:
@@ -457,13 +423,7 @@ def _results(plan: Plan, folder: Path, execution: Execution) -> Iterator[Results
 
 
 def plan_of(options: argparse.Namespace) -> Plan:
-    """Make the plan from the options.
-
-    Raises
-    ------
-    ValueError
-        For an option that is missing or out of range, or a range that the scene refuses.
-    """
+    """Make the plan from the options."""
     vary = options.vary or (_QUICK_VARY if options.quick else None)
     if vary is None:
         raise ValueError("--vary: is missing; give NAME=LOW:HIGH, such as motor.speed=60:130")

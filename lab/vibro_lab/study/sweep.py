@@ -100,35 +100,14 @@ _BLOCK_TIME, _BLOCK_ROWS = 4096.0, 1024
 
 @dataclass(frozen=True)
 class Design:
-    """A checked design of a sweep.
+    """A checked design of a sweep."""
 
-    Attributes
-    ----------
-    scene : Scene
-        Scene with the values of all other parameters.
-    varied : tuple of Axis or Range
-        The varied parameters.
-    sampling : Sampling or None
-        Sampling of the ranges; None without a range.
-    measures : tuple of str
-        Names of the measures.
-    starts : int
-        Number of random starts of each point; 0 for one run from the scene's own start.
-    settling, duration : float
-        Settling time and measuring time of a run [s].
-
-    Raises
-    ------
-    ValueError
-        For values that are out of range or contradict each other; one line that names the remedy.
-    """
-
-    scene: Scene
-    varied: tuple[Axis | Range, ...]
-    sampling: Sampling | None
-    measures: tuple[str, ...]
-    starts: int
-    settling: float
+    scene: Scene  # scene with the values of all other parameters
+    varied: tuple[Axis | Range, ...]  # the varied parameters
+    sampling: Sampling | None  # sampling of the ranges; None without a range
+    measures: tuple[str, ...]  # names of the measures
+    starts: int  # number of random starts of each point; 0 for one run from the scene's own start
+    settling: float  # settling time and measuring time of a run [s]
     duration: float
 
     def __post_init__(self) -> None:
@@ -231,13 +210,7 @@ KEYS = ("scene", *DEFAULTS)
 
 
 def read_sweep(path: Path) -> dict[str, Any]:
-    """Read the checked entries of a sweep's file, for `design_of`; a relative path of its scene starts at the file.
-
-    Raises
-    ------
-    ValueError
-        For an invalid entry, with the file, the key, the value and the remedy.
-    """
+    """Read the checked entries of a sweep's file, for `design_of`; a relative path of its scene starts at the file."""
     document = read_yaml(path)
     try:
         if not isinstance(document, dict):
@@ -299,11 +272,6 @@ def design_of(file: Mapping[str, Any], words: Mapping[str, Any]) -> Design:
     ----------
     file, words : mapping
         From `read_sweep`, or empty, and `given_in_words`.
-
-    Raises
-    ------
-    ValueError
-        For entries that are missing, invalid or contradict each other.
     """
     entries = {**DEFAULTS, **file, **words}
     given = {name for key in ("set", "vary") for linked in words.get(key, {}) for name in parameter_names(linked)}
@@ -384,45 +352,25 @@ SPEED = "mean_speed"
 
 @dataclass(frozen=True)
 class Summary:
-    """Summary of a sweep, with one row for each point and attractor, because several motions have no common mean.
+    """Summary of a sweep, with one row for each point and attractor, because several motions have no common mean."""
 
-    Attributes
-    ----------
-    design : Design
-        Design of the sweep.
-    parameters : dict of str to list
-        Values of each varied parameter at all points, in SI units, by name.
-    attractors : list of Attractors
-        Attractors of each point; empty if no run has values.
-    point, place : ndarray of int, shape (rows,)
-        Point of each row, and the index of its attractor there, from 0.
-    mean, spread : dict of str to ndarray, shape (rows,)
-        By measure, in its unit: the mean over the attractor's starts that have a value, NaN without any; and half of
-        its 95 % interval by Student's distribution, NaN for fewer than two. The exponent of a single start, or of
-        starts whose exponents are all equal, has the interval that was measured with it.
-    count : dict of str to ndarray, shape (rows,)
-        Number of starts that have a value, by measure.
-    drift : ndarray, shape (rows,)
-        Mean speed in the second half of the time minus that in the first [m/s], if significant, so that the mean
-        describes a transient; else 0, and for a periodic motion.
-    failed, refused : ndarray, shape (points,)
-        Number of runs that could not go on, and of runs whose scene was refused.
-    errors, warnings : list of str
-        Texts of all rows, without repetition.
-    """
-
-    design: Design
-    parameters: dict[str, list]
-    attractors: list[Attractors]
-    point: np.ndarray
+    design: Design  # design of the sweep
+    parameters: dict[str, list]  # values of each varied parameter at all points, in SI units, by name
+    attractors: list[Attractors]  # attractors of each point; empty if no run has values
+    point: np.ndarray  # shape (rows,): point of each row, and the index of its attractor there, from 0
     place: np.ndarray
+    # Shape (rows,): by measure, in its unit: the mean over the attractor's starts that have a value, NaN without any;
+    # and half of its 95 % interval by Student's distribution, NaN for fewer than two. The exponent of a single start,
+    # or of starts whose exponents are all equal, has the interval that was measured with it.
     mean: dict[str, np.ndarray]
     spread: dict[str, np.ndarray]
-    count: dict[str, np.ndarray]
+    count: dict[str, np.ndarray]  # shape (rows,): number of starts that have a value, by measure
+    # Shape (rows,): mean speed in the second half of the time minus that in the first [m/s], if significant, so that
+    # the mean describes a transient; else 0, and for a periodic motion.
     drift: np.ndarray
-    failed: np.ndarray
+    failed: np.ndarray  # shape (points,): number of runs that could not go on, and of runs whose scene was refused
     refused: np.ndarray
-    errors: list[str]
+    errors: list[str]  # texts of all rows, without repetition
     warnings: list[str]
 
     def of_row(self, row: int) -> Attractor:
@@ -671,13 +619,7 @@ def _results(design: Design, folder: Path, execution: Execution) -> Iterator[Res
 
 
 def check_points(design: Design) -> None:
-    """Check all points; print the number of refused ones.
-
-    Raises
-    ------
-    ValueError
-        If the scene refuses the values of any point of a grid, or of all points of samples.
-    """
+    """Check all points; print the number of refused ones."""
     refused = 0
     with Progress("points checked", "point", design.points) as progress:
         for point, scene, reason in design.scenes():

@@ -16,7 +16,7 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
-from vibro_ros.configuration.shipped import find_file, shipped
+from vibro_ros.configuration.scene_file import find_file, shipped
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.model.parameters import Parameter, Value, checked_parameters
 from vibro_ros.process.entry_point import LAUNCHED, Parser, StopRequest, exit_code
@@ -43,13 +43,7 @@ PARAMETERS = (
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Play a script.
-
-    Returns
-    -------
-    int
-        0 when done; 1 on failure, such as no robot; 2 for bad input; 128 + the signal's number when aborted.
-    """
+    """Play a script. Returns the exit code, which `--help` explains."""
     return exit_code("controller", lambda: _run(argv))
 
 
