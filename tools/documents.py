@@ -85,7 +85,7 @@ DOCUMENTS = {
     "effects": Document(
         "docs/robot.md", ("tools.effects",), 6.0, ("tools.effects:tables", "tools.effects:EFFECTS",
                                                    "tools.effects:cost_ratio"), (*BITS, "effect/")),
-    "literature": Document("docs/literature.md", ("research.literature",), 4.0, ("research.literature.__main__:main",)),
+    "literature": Document("docs/literature.md", ("research.literature",), 4.0, ("research.literature.__main__:PUBLISHED",)),
     "map": Document(
         "docs/guide/motions.md", (
             f"vibro_lab.study.command map --output {WORK}/map",

@@ -49,6 +49,15 @@ def blocks(language):
     return pytest.mark.parametrize(("text", "output"), found, ids=names)
 
 
+def test_the_pages_are_few_and_the_first_one_is_short():
+    """Pages in the site's menu, tables behind a page aside; README's limits are lines and words."""
+    readme = DOCUMENTS["README.md"]
+    assert len(readme.splitlines()) <= 90 and len(readme.split()) <= 800
+    menu = (ROOT / "tools" / "mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:")[2]
+    pages = {str(path.relative_to(ROOT / "docs")) for path in ROOT.glob("docs/**/*.md")}
+    assert len(pages & set(re.findall(r"[\w/]+\.md", menu))) <= 22
+
+
 @blocks("python")
 def test_python_runs_and_prints_what_is_shown(text, output, tmp_path, monkeypatch, record_run):
     record_run("out/vibro_robot_2026_01_02-03_04_05")
