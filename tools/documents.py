@@ -85,7 +85,8 @@ DOCUMENTS = {
     "effects": Document(
         "docs/robot.md", ("tools.effects",), 6.0, ("tools.effects:tables", "tools.effects:EFFECTS",
                                                    "tools.effects:cost_ratio"), (*BITS, "effect/")),
-    "literature": Document("docs/literature.md", ("research.literature",), 4.0, ("research.literature.__main__:PUBLISHED",)),
+    "literature": Document("docs/literature.md", ("research.literature",), 4.0,
+                           ("research.literature.__main__:PUBLISHED",)),
     "map": Document(
         "docs/guide/motions.md", (
             f"vibro_lab.study.command map --output {WORK}/map",
@@ -113,11 +114,11 @@ def main(words: Sequence[str]) -> int:
     """Make documents, or check them; returns 1 if one of them failed or a page is stale, else 0."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", choices=[[], *DOCUMENTS], metavar="NAME",
-                        help=f"of {', '.join(DOCUMENTS)} (default: those that are stale)")
+                        help=f"of {', '.join(DOCUMENTS)} (default: those that are stale or take no time)")
     parser.add_argument("--check", action="store_true", help="only name the stale pages")
     options = parser.parse_args(words)
     if not options.check:
-        return make(options.names or stale())
+        return make(options.names or [*(name for name, one in DOCUMENTS.items() if not one.measured), *stale()])
     for name in stale():
         document = DOCUMENTS[name]
         print(f"{document.page}: what decides the numbers of {name} has changed; `make documents ONLY={name}` makes "

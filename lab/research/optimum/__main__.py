@@ -258,8 +258,8 @@ def about_undamped(results: Mapping[str, Numbers], watched: Mapping[str, Sequenc
     found = []
     for name in ("printed", "unilateral"):
         short, long = watched[name][0], watched[name][-1]
-        found.append(f"The starts of `{name}` go at {ends(long)} m/s over {long['duration']:g} s ({ends(short)} m/s "
-                     f"over the first {short['duration']:g} s), with a mean N of "
+        found.append(f"{STARTS} starts of `{name}` go at {ends(long)} m/s over {long['duration']:g} s ({ends(short)} "
+                     f"m/s over the first {short['duration']:g} s), with a mean N of "
                      f"{number(results[name]['verified'][0]['load'])} times the weight; with every effect of `device` "
                      f"they go at {range_of(rows_of(results[name], 'every effect of `device`'))} m/s.")
     return ("Speed has an optimum by the paper's own rules, too, but nobody should build it: without dampers and "
