@@ -158,6 +158,9 @@ BOTH := vibro_ros vibro_lab
 # The kernels are built from the modules of the solver.
 $(READY): $(PACKAGES) setup.py setup.cfg package.xml vibro_ros/process/executables.py examples/launch $(addprefix lab/,setup.py setup.cfg package.xml vibro_lab/executables.py) $(wildcard vibro_ros/solver/*.py vibro_ros/solver/*.h)
 	@echo "setup: installing vibro_ros and vibro_lab from this folder, and building the kernels (half a minute)"
+	@command -v $(firstword $(CXX)) >/dev/null || { \
+		echo "setup: no C++ compiler ($(firstword $(CXX))); installing ziglang in its place (100 MB to load)"; \
+		$(PIP) install --no-deps --requirement requirements/compiler.txt; }
 	@$(PIP) install --use-pep517 --no-build-isolation --no-deps --editable . --editable lab
 	@$(LINK_PACKAGES)
 	@touch $@
