@@ -1,4 +1,9 @@
-"""The `view` executable: writes a recording as one HTML file, or shows a live robot in the browser."""
+"""The `view` executable: writes a recording as one HTML file, or shows a live robot in the browser.
+
+The file has the motion at every instant, not only when the robot published. The recording of a robot's own recorder is
+simulated again from its commands or, where that is not possible, from sample to sample. The motion is exact wherever
+the simulation passes through the recorded positions; the rest is interpolated between the samples, and marked so.
+"""
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
     import sys
