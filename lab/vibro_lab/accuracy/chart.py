@@ -7,26 +7,13 @@ import numpy as np
 
 from vibro_lab.accuracy.harness import AVERAGE, REFERENCE, TRAJECTORY, Row
 from vibro_lab.accuracy.report import WITHIN, averages_of
-from vibro_lab.study.figures import (
-    BLACK,
-    BLUE,
-    GREEN,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-    Axes,
-    Figure,
-    default_settings,
-    new_figure,
-    set_heading,
-    style_axes,
-)
+from vibro_lab.study import figures
 
 # Colours, and markers for readers who cannot distinguish them.
-_STYLES = {"exact": (BLACK, "*"), "rk4": (BLUE, "o"), "rk4_located": ("#882255", "P"), "rk4_by_hand": ("#777777", "X"),
-           "heyoka": (SKY, "D"), "scipy": (PURPLE, "v"), "cvode": (ORANGE, "<"), "diffrax": (GREEN, "s"),
-           "drake": (VERMILION, "^"), "mujoco": ("#8c564b", "h"), "siconos": ("#5b2c83", ">")}
+_STYLES = {"exact": (figures.BLACK, "*"), "rk4": (figures.BLUE, "o"), "rk4_located": ("#882255", "P"),
+           "rk4_by_hand": ("#777777", "X"), "heyoka": (figures.SKY, "D"), "scipy": (figures.PURPLE, "v"),
+           "cvode": (figures.ORANGE, "<"), "diffrax": (figures.GREEN, "s"), "drake": (figures.VERMILION, "^"),
+           "mujoco": ("#8c564b", "h"), "siconos": ("#5b2c83", ">")}
 _OTHER_STYLE, _BAND_COLOUR, _NEAR_COLOUR = ("#999999", "."), "#dddddd", "#f6e58d"
 # m or s, more than the robot's length or the horizon: a method with a larger error has diverged, and is not shown.
 _LARGEST_ERROR = 1.0
@@ -41,10 +28,10 @@ def style(name: str) -> dict[str, object]:
     return {"color": colour, "marker": marker, "ms": 14 if marker == "*" else 5}
 
 
-@default_settings()
-def draw_scene(rows: Sequence[Row], caption: str) -> Figure:
+@figures.default_settings()
+def draw_scene(rows: Sequence[Row], caption: str) -> figures.Figure:
     """Draw three panels of errors of trajectories in one scene, and one of mean speeds."""
-    figure = new_figure(13.0, 9.3, 100)
+    figure = figures.new_figure(13.0, 9.3, 100)
     axes = figure.subplots(2, 2)
     reference = next((row for row in rows if row.compared == REFERENCE), None)
     trajectories = [row for row in rows if row.compared == TRAJECTORY]
@@ -57,11 +44,11 @@ def draw_scene(rows: Sequence[Row], caption: str) -> Figure:
     handles, labels = axes[0, 0].get_legend_handles_labels()
     if handles:
         figure.legend(handles, labels, loc="outside lower center", ncols=6, frameon=False, fontsize=9)
-    set_heading(figure, f"{rows[0].problem}: accuracy and its cost\n{caption}")
+    figures.set_heading(figure, f"{rows[0].problem}: accuracy and its cost\n{caption}")
     return figure
 
 
-def draw_errors(axes: Axes, rows: Sequence[Row], column: str, floor: float) -> None:
+def draw_errors(axes: figures.Axes, rows: Sequence[Row], column: str, floor: float) -> None:
     """Draw error over cost of each program; errors below `floor`, the reference's own, are drawn at it."""
     touched = [row for row in rows if math.isfinite(getattr(row, column))]
     for name in dict.fromkeys(row.program for row in touched):
@@ -75,10 +62,10 @@ def draw_errors(axes: Axes, rows: Sequence[Row], column: str, floor: float) -> N
     elif floor > 0.0:
         axes.axhspan(floor / 10.0, floor, color=_BAND_COLOUR, lw=0)
         axes.text(0.99, 0.02, "below the reference's own error", transform=axes.transAxes, fontsize=8, ha="right")
-    style_axes(axes)
+    figures.style_axes(axes)
 
 
-def _draw_speeds(axes: Axes, rows: Sequence[Row]) -> None:
+def _draw_speeds(axes: figures.Axes, rows: Sequence[Row]) -> None:
     """Draw mean speeds over the step, with the exact mean speed and the range of nine of ten starts as a band."""
     exact = averages_of(rows, "exact")
     for row in exact:
@@ -99,4 +86,4 @@ def _draw_speeds(axes: Axes, rows: Sequence[Row]) -> None:
         axes.set_title(f"averages over {exact[0].horizon:g} s of drawn starts, nine of ten within the bars\n"
                        "black: exact; coloured band: ± 5 %", fontsize=10, loc="left")
     axes.set(xscale="log", xlabel="step [s]", ylabel="mean speed [m/s]")
-    style_axes(axes)
+    figures.style_axes(axes)

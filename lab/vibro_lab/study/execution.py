@@ -117,12 +117,12 @@ def _note_due(groups: Iterable[tuple[int, ...]], due: deque[tuple[int, ...]]) ->
         yield group
 
 
-def _check_worker(theirs: dict[str, str], found: list) -> list:
+def _check_worker(theirs: dict[str, str], rows: list) -> list:
     for key, ours in computes_with().items():
         if theirs.get(key) != ours:
             raise RuntimeError(f"a worker of the cluster has another {key} ({theirs.get(key)}) than this machine "
                                f"({ours}), so that bits may differ; start workers from the same environment")
-    return found
+    return rows
 
 
 class _LocalPool:

@@ -232,15 +232,15 @@ def _cuts(device: Simulator, measured: Window) -> tuple[np.ndarray | None, float
     numbers = sorted({*halves, *range(last + 1 - count, last + 1)})
     if device.scene.has_rotor:
         first = math.ceil((angle - PHASE) / TURN)
-        found = turn_map.cuts_at_turns(device, [first + number for number in numbers])
+        cuts = turn_map.cuts_at_turns(device, [first + number for number in numbers])
     else:
         ahead = share_of_turn(device.scene, angle, PHASE)
-        found = turn_map.cuts_at_times(device, device.time + (ahead + np.array(numbers)) * turn_map.period)
+        cuts = turn_map.cuts_at_times(device, device.time + (ahead + np.array(numbers)) * turn_map.period)
     if not half:
-        return found.states[-count:], math.nan
+        return cuts.states[-count:], math.nan
     places = np.searchsorted(numbers, halves)
-    before, after = np.diff(found.positions[places]) / np.diff(found.times[places])
-    return found.states[-count:], float(after - before)
+    before, after = np.diff(cuts.positions[places]) / np.diff(cuts.times[places])
+    return cuts.states[-count:], float(after - before)
 
 
 @lru_cache(maxsize=1)

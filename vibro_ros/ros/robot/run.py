@@ -425,7 +425,7 @@ class RobotRun:
         self._speed = values.item(MOTOR_SPEED)
         measurements = device.take_measurements() if isinstance(device, SensedSimulator) else ()
         self.publishers.publish(values, device.take_events(), self.robot_time, self.recording.record, measurements)
-        self.recording.checkpoint(self.robot_time.stamp, lambda: checkpoint_message(device))
+        self.recording.checkpoint(self.robot_time, lambda: checkpoint_message(device))
         self._publish_clock()
         if self._lock_step:
             self._lock_step.ask()
