@@ -35,9 +35,16 @@ if TYPE_CHECKING:
     from vibro_ros.sensors.noise import FORGETTING as IMU_FORGETTING
     from vibro_ros.simulation.given_state import STATE_UNITS, motor_coordinates
     from vibro_ros.simulation.motion import SimulationError
-    from vibro_ros.simulation.processes import Forks, InThisProcess, core_count, in_order, in_processes
     from vibro_ros.simulation.provenance import software
-    from vibro_ros.simulation.runs import simulate, simulate_many
+    from vibro_ros.simulation.runs import (
+        Forks,
+        InThisProcess,
+        core_count,
+        in_order,
+        in_processes,
+        simulate,
+        simulate_many,
+    )
     from vibro_ros.simulation.samples import FIELDS as SAMPLE_FIELDS
     from vibro_ros.simulation.samples import LATEST as LATEST_TIME
     from vibro_ros.simulation.samples import Samples
@@ -82,11 +89,11 @@ _HOMES = {  # of each public name its module, and after a colon its name there i
     "simulate": "simulation.runs",
     "simulate_many": "simulation.runs",
     # many runs at once, and what decides their bits
-    "Forks": "simulation.processes",
-    "InThisProcess": "simulation.processes",
-    "core_count": "simulation.processes",
-    "in_order": "simulation.processes",
-    "in_processes": "simulation.processes",
+    "Forks": "simulation.runs",
+    "InThisProcess": "simulation.runs",
+    "core_count": "simulation.runs",
+    "in_order": "simulation.runs",
+    "in_processes": "simulation.runs",
     "software": "simulation.provenance",
     # sensors
     "ACCELERATIONS": "sensors.noise",

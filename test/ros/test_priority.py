@@ -63,7 +63,8 @@ def test_a_robot_without_the_priority_says_at_its_first_stall_how_to_allow_it(st
     robot.send(signal.SIGSTOP)
     time.sleep(0.5)  # the stall itself
     robot.send(signal.SIGCONT)
-    assert f"run in time; {'' if STARTED else ALLOW}leave it a core, or raise rate.max_catch_up" in robot.wait_for("stalled: ")
+    remedy = f"run in time; {'' if STARTED else ALLOW}leave it a core, or raise rate.max_catch_up"
+    assert remedy in robot.wait_for("stalled: ")
     stop(robot)
 
 

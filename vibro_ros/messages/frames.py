@@ -6,8 +6,10 @@ Frames and signs are those of `messages.urdf`. All rotations are about y, so tha
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from vibro_ros.messages.codec import new_message
-from vibro_ros.messages.urdf import BASE, CONTINUOUS, FIXED, FLOATING, robot_joints, slider
+from vibro_ros.messages.urdf import BASE, CONTINUOUS, FIXED, FLOATING, robot_joints, rods
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.samples import FIELDS
 
@@ -53,26 +55,30 @@ class Frames:
     """
 
     def __init__(self, scene: Scene, stamp: Any, prefix: str = "", published: str = ALL):
+        from vibro_ros.solver.readout import write_turns  # compiled code, which readers of bags do not need
+
+        self._write_turns, self._rods = write_turns, np.array(rods(scene)).reshape(-1, 3)
         self.moving, self.fixed = [_transform(prefix + ODOM, prefix + BASE)], list[Any]()
-        self._sliders, self._turning = list[tuple[Any, int]](), list[Any]()
+        self._sliders, self._turning, turn = list[tuple[Any, int]](), list[Any](), np.empty(2)
         for joint in robot_joints(scene) if published == ALL else ():
             message = _transform(prefix + joint.parent, prefix + joint.child)
             message.transform.translation.z = joint.height
             (self.fixed if joint.kind == FIXED else self.moving).append(message)
             if joint.kind == FIXED:
-                [(message.transform.rotation.y, message.transform.rotation.w)] = _turns([joint.angle])
+                write_turns(self._rods, joint.angle, turn)
+                message.transform.rotation.y, message.transform.rotation.w = turn.tolist()
             elif joint.kind in (CONTINUOUS, FLOATING):
                 self._turning.append(message.transform.rotation)
             else:
                 self._sliders.append((message.transform.translation, FIELDS.index(JOINTS[joint.child][0])))
         for message in self.moving:
             message.header.stamp = stamp
-        self._rods = [slider(scene, side) for side in scene.guides] if self._turning else []
+        self._turns = np.empty(2 * len(self._turning))
 
     def turns(self, values: Sequence[float]) -> list[float]:
         """Return y and w of the quaternions of the crank and of each rod, at the `values` of a sample."""
-        angles = [values[_ANGLE], *(rod.rod_angle(values[_ANGLE]) for rod in self._rods)]
-        return [part for turn in _turns(angles[:len(self._turning)]) for part in turn]
+        self._write_turns(self._rods, values[_ANGLE], self._turns)
+        return self._turns.tolist()
 
     def fill(self, values: Sequence[float], turns: Sequence[float]) -> None:
         """Set the transforms in `moving` from the `values` of a sample, in the order of `FIELDS`, and its `turns`."""
@@ -88,10 +94,3 @@ def _transform(parent: str, child: str) -> Any:
     message = new_message("geometry_msgs/msg/TransformStamped")
     message.header.frame_id, message.child_frame_id, message.transform.rotation.w = parent, child, 1.0
     return message
-
-
-def _turns(angles: Sequence[float]) -> list[tuple[float, float]]:
-    """Return y and w of the quaternion of each rotation from z towards -x by an angle [rad]."""
-    from vibro_ros.solver.elementary import cos, sin  # imports compiled code, which readers of bags do not need
-
-    return [(-sin(0.5 * angle), cos(0.5 * angle)) for angle in angles]

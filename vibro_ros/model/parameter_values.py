@@ -32,15 +32,7 @@ _ANGLE_ROUNDING = 2.0 * math.pi * np.finfo(float).eps
 
 @dataclass(frozen=True)
 class ParameterValues:
-    """A value for each parameter, unchecked; a `Scene` is checked.
-
-    Attributes
-    ----------
-    name : str
-        Name of the scene in logs and recordings.
-    parameters : Mapping
-        Name to value; SI units. `SCENE_PARAMETERS` describes each.
-    """
+    """A value for each parameter, unchecked; a `Scene`, which has the same attributes, is checked."""
 
     name: str = "paper"
     parameters: Mapping[str, Value] = field(default_factory=dict)

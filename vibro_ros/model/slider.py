@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_ros.solver.elementary import atan, cos, log1p, sin
+from vibro_ros.solver.elementary import cos, log1p, sin
 from vibro_ros.solver.polynomial import economized_powers
 from vibro_ros.solver.system import CELL_STRIDE, SignalTable
 from vibro_ros.solver.vector import LENGTH
@@ -86,20 +86,8 @@ class Slider:
         """
         if self.rod == 0.0:
             return 0.0 * psi
-        is_number = isinstance(psi, float)  # a hundredth of the time of an array's
-        along = self.radius * (cos(psi) if is_number else _cosine(psi))
-        return (math.sqrt if is_number else np.sqrt)(
-            (self.rod - self.radius) * (self.rod + self.radius) + along * along)
-
-    def rod_angle(self, theta: float) -> float:
-        """Return the angle [rad] of the rod in the frame `crank` at crank angle theta [rad], from z towards -x.
-
-        The rod leads from the pin to the slider. In the guide's frame the pin is at l (-sin psi, cos psi) and the
-        slider on the z axis, so that the rod leans back by asin(l sin(psi) / L); psi is the crank's angle from the
-        guide.
-        """
-        psi = theta - self.angle
-        return -psi - 2.0 * atan(self.radius * sin(psi) / (self.rod + self.root(psi)))  # asin(z), by half its angle
+        along = self.radius * _cosine(psi)
+        return np.sqrt((self.rod - self.radius) * (self.rod + self.radius) + along * along)
 
 
 def _series(sliders: tuple[Slider, ...], middle: np.ndarray, half: np.ndarray) -> np.ndarray:

@@ -1,4 +1,8 @@
-"""The `report` executable: summarises a recording, or compares two, in words, numbers and a picture."""
+"""The `report` executable: summarises a recording, or compares two, in words, numbers and a picture.
+
+The picture has the whole run, and beside it a close-up in which every oscillation can be seen. All samples are drawn,
+so that no peak is lost however long the recording is; gaps in the stream stay gaps.
+"""
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
     import sys

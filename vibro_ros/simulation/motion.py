@@ -352,17 +352,17 @@ class Motion:
     def advance_at_once(self, times: np.ndarray, trace: Trace) -> int:
         """Advance as `advance` does, but in one part, during which Python handles no signal."""
         self._sampled, self._values = False, None
-        end, status, sampled = float(times[-1]), event_loop.EVENTS_FULL, 0
+        end, status, sampled, before = float(times[-1]), event_loop.EVENTS_FULL, 0, -math.inf
         while status == event_loop.EVENTS_FULL:
-            begun = self._mode_began()
             status, taken, count = self.stepper.advance(self.state, times, self.point, *trace, self._new_events)
             sampled += taken
             if count:
                 self.events.add(self._new_events[:count])
             if status == event_loop.EVENTS_FULL:
                 times, trace = times[taken:], trace.part(taken, len(times))
-                if self._mode_began() - begun < _PROGRESS:
+                if (began := self._mode_began()) - before < _PROGRESS:
                     status = event_loop.STUCK
+                before = began
         if status == event_loop.SYSTEM_ENDS:
             return sampled
         if status != event_loop.REACHED:

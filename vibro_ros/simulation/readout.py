@@ -18,6 +18,7 @@ from vibro_ros.solver.readout import SPECIAL, STANDING, read_samples
 from vibro_ros.solver.state import State
 
 _LINEAR, _SPECIAL = (np.array([FIELDS.index(name) for name in names]) for names in (OUTPUTS, SPECIAL))
+_NO_EVENTS = np.empty(0, dtype=EVENT_DTYPE)
 _AT_ONCE = 4096  # instants; their values are small enough for the processor's cache
 # Height [m] that rounding may give to a body that stands on the ground.
 _STANDING_HEIGHT = 1e-15
@@ -117,7 +118,7 @@ class EventLog:
     def take(self) -> np.ndarray:
         """Return the events added since the last call, in the order in which they ended; dtype `EVENT_DTYPE`."""
         if not self._untaken:
-            return np.empty(0, dtype=EVENT_DTYPE)
+            return _NO_EVENTS
         raw = np.concatenate(self._untaken)
         self._untaken.clear()
         events = np.empty(len(raw), dtype=EVENT_DTYPE)

@@ -24,7 +24,8 @@ class ToleranceWarning(UserWarning):
 class Simulator:
     """The virtual device, stepped in simulated time.
 
-    Its memory does not grow with time, except for events, which are kept until `take_events` returns them.
+    Its memory does not grow with time, except for events, which are kept until `take_events` returns them. A method
+    that advances the device or changes its motion raises a SimulationError if the run cannot go on.
 
     Parameters
     ----------
@@ -207,8 +208,6 @@ class Simulator:
         ValueError
             For a parameter that may not change while running, a value beyond its limit, or a `motor.max_speed` below
             the commanded speed; nothing is changed then.
-        SimulationError
-            If the run cannot go on.
 
         Examples
         --------
@@ -250,8 +249,6 @@ class Simulator:
             For no number, an unknown name, a number that is not finite or beyond its limit, a part that the scene does
             not have, or a mass beyond a rigid plate or deeper in a compliant one than a blow of this machine could
             drive it (`Scene.deepest_penetration`). Nothing is changed then.
-        SimulationError
-            If the run cannot go on.
 
         Examples
         --------
@@ -451,8 +448,6 @@ class Simulator:
         ------
         ValueError
             If `time` is not finite, lies before `self.time`, or beyond `LATEST`.
-        SimulationError
-            If the run cannot go on.
 
         Examples
         --------
@@ -491,8 +486,6 @@ class Simulator:
         ValueError
             For a motor whose angle is given in time, or a `solver.method` of fixed step, and for an instant out of
             range.
-        SimulationError
-            If the run cannot go on.
 
         Examples
         --------
@@ -516,8 +509,6 @@ class Simulator:
         ------
         ValueError
             If `times` is not one-dimensional, ascending and from `self.time` to `LATEST`.
-        SimulationError
-            If the run cannot go on.
 
         Examples
         --------
@@ -536,8 +527,6 @@ class Simulator:
         ------
         ValueError
             As `sample`, and for a device without a filter.
-        SimulationError
-            If the run cannot go on.
 
         Examples
         --------

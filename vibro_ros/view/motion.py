@@ -298,14 +298,8 @@ def fit_pieces(sample: Sampler, borders: np.ndarray, allowed: np.ndarray,
     borders, and may be called repeatedly. `allowed` are the largest coefficients that may be neglected (SI); once there
     would be more than `most` pieces, none is halved any more.
 
-    Returns
-    -------
-    borders : ndarray, shape (n, 2)
-        Borders of all pieces, ascending [s].
-    coefficients : ndarray, shape (n, quantities, NODES)
-        Coefficients of the Chebyshev polynomials (SI).
-    resolved : ndarray of bool, shape (quantities,)
-        Whether the last coefficients of a quantity are negligible in every piece.
+    Return the borders of all pieces, ascending [s], shape (n, 2); the coefficients of the Chebyshev polynomials (SI),
+    shape (n, quantities, NODES); and whether the last coefficients of each quantity are negligible in every piece.
     """
     done: list[tuple[np.ndarray, np.ndarray]] = []
     total, resolved = len(borders), np.full(len(allowed), True)

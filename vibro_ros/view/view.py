@@ -1,4 +1,9 @@
-"""The `view` executable: writes a recording as one HTML file, or shows a live robot in the browser."""
+"""The `view` executable: writes a recording as one HTML file, or shows a live robot in the browser.
+
+The file has the motion at every instant, not only when the robot published. The recording of a robot's own recorder is
+simulated again from its commands or, where that is not possible, from sample to sample. The motion is exact wherever
+the simulation passes through the recorded positions; the rest is interpolated between the samples, and marked so.
+"""
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
     import sys
@@ -31,7 +36,6 @@ from vibro_ros.process.executables import EXECUTABLES, shows_live_robot
 from vibro_ros.process.files import one_line, open_to_read, replace_file, user_path
 from vibro_ros.recordings.comparison import notes
 from vibro_ros.recordings.rerun import RecordedRun, Rerun, begins_late, recorded_run
-from vibro_ros.view.drawing import drawing, shown_quantities
 from vibro_ros.view.exact import ExactMotion, common_samples, evenly_spaced, inexact_spans, spans, state_of
 from vibro_ros.view.motion import (
     ExactInterval,
@@ -45,6 +49,7 @@ from vibro_ros.view.motion import (
     without_tolerance_warning,
 )
 from vibro_ros.view.page import MARK, page_text
+from vibro_ros.view.protocol import drawing, shown_quantities
 from vibro_ros.view.recorded import Input, Recorded, Signal, interpolate, reset_instants
 
 _HEAD = 4096  # bytes at the beginning of a file in which a page has its mark

@@ -81,14 +81,15 @@ Numbers = dict[str, Any]
 def main(words: Sequence[str]) -> int:
     """Run the searches and write the report; returns 0, or the exit code of the search that failed."""
     parser = argparse.ArgumentParser(prog="python -m research.optimum", description=__doc__)
-    parser.add_argument("--work", type=Path, default=Path("out/study/optimum"), help="results of the "
-                        "searches (default: %(default)s)")
+    parser.add_argument("--work", type=Path, default=Path("out/study/optimum"), help="results of the searches; one "
+                        "that is finished there is not repeated (default: %(default)s)")
     options = parser.parse_args(words)
     folder = PAGE.parent / FOLDER
     for name, search in SEARCHES.items():
         command = [sys.executable, "-m", "vibro_lab.study.command", "optimise", *search.words.split(), "--output",
                    str(options.work / name)]
-        if code := subprocess.run(command, check=False).returncode:
+        finished = (options.work / name / "optimum.json").is_file()
+        if not finished and (code := subprocess.run(command, check=False).returncode):
             return code
         for ending in ("json", "yaml"):
             shutil.copy(options.work / name / f"optimum.{ending}", folder / f"{name}.{ending}")
@@ -257,8 +258,8 @@ def about_undamped(results: Mapping[str, Numbers], watched: Mapping[str, Sequenc
     found = []
     for name in ("printed", "unilateral"):
         short, long = watched[name][0], watched[name][-1]
-        found.append(f"The starts of `{name}` go at {ends(long)} m/s over {long['duration']:g} s ({ends(short)} m/s "
-                     f"over the first {short['duration']:g} s), with a mean N of "
+        found.append(f"{STARTS} starts of `{name}` go at {ends(long)} m/s over {long['duration']:g} s ({ends(short)} "
+                     f"m/s over the first {short['duration']:g} s), with a mean N of "
                      f"{number(results[name]['verified'][0]['load'])} times the weight; with every effect of `device` "
                      f"they go at {range_of(rows_of(results[name], 'every effect of `device`'))} m/s.")
     return ("Speed has an optimum by the paper's own rules, too, but nobody should build it: without dampers and "

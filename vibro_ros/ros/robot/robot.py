@@ -17,7 +17,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
+from rclpy.parameter import Parameter as ParameterOfRclpy
 
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, NODE_NAME, load_scene, scene_origin, shipped_scenes
 from vibro_ros.messages.frames import ODOM
@@ -56,12 +58,7 @@ from vibro_ros.ros.robot.recording import (
     recorded_topic,
 )
 from vibro_ros.ros.robot.run import RobotRun
-from vibro_ros.ros.robot.services import (
-    follow_parameters,
-    offer_disturbances,
-    offer_run_services,
-    refuse_while_starting,
-)
+from vibro_ros.ros.robot.services import offer_disturbances, offer_run_services
 from vibro_ros.sensors.device import new_device
 from vibro_ros.simulation.provenance import provenance
 from vibro_ros.simulation.simulator import Simulator, ToleranceWarning
@@ -115,10 +112,16 @@ def _configure(node: GuardedNode, words: Sequence[str]) -> tuple[dict[str, Value
     scene = load_scene(settings["scene"], own_name).with_parameters(overrides)
     declare(node, DEVICE_PARAMETERS, settings)
     declare(node, SCENE_PARAMETERS, scene.parameters)
-    node.add_on_set_parameters_callback(refuse_while_starting)
+    node.add_on_set_parameters_callback(_refuse_while_starting)
     if checked_nodes(node, settings["clock.lock_step"]) and not settings["clock.publish"]:
         raise ValueError("clock.lock_step: has no effect without robot time on /clock; set clock.publish to true")
     return settings, scene
+
+
+def _refuse_while_starting(parameters: Sequence[ParameterOfRclpy]) -> SetParametersResult:
+    """Refuse every change of parameters while the robot has no device yet."""
+    reason = f"{parameters[0].name}: the robot is still starting; set it when it is ready"
+    return SetParametersResult(successful=False, reason=reason)
 
 
 def _plan(node: GuardedNode, settings: Mapping[str, Value], scene: Scene, publishers: RobotPublishers) -> Plan:
@@ -153,7 +156,8 @@ def _operate(node: GuardedNode, settings: Mapping[str, Value], device: Simulator
         run = RobotRun(node, device, settings, publishers, recording, lambda: bool(stop))
         offer_run_services(node, run)
         offer_disturbances(node, run)
-        follow_parameters(node, run)
+        node.remove_on_set_parameters_callback(_refuse_while_starting)
+        node.add_on_set_parameters_callback(run.set_parameters)
         # the clocks are read last, after everything that takes time; the bag is open by then
         run.robot_time.start, begin = _now(node, settings, run), time.monotonic()
         recording.describe({"start": str(run.robot_time.start)})

@@ -7,19 +7,19 @@ once, in the executor's thread, and a replay finds the same instants. Only a req
 `RobotRun.state` is one value, which only a thread that holds the lock changes:
 
     RUNNING    pause: PAUSED
-    PAUSED     resume: RUNNING or, with nodes of `clock.lock_step`, RESUMING; step: a `Steps`
+    PAUSED     resume: RUNNING or, with nodes of `clock.lock_step`, RESUMING; a request for n steps: Steps(n)
     RESUMING   the nodes have answered: RUNNING; pause: PAUSED
-    a `Steps`  its samples are taken, or it is cancelled: PAUSED; resume: as in PAUSED
+    Steps(n)   n samples are taken, or the steps are cancelled: PAUSED; resume: as in PAUSED
 
-Robot time goes on in RUNNING alone; in a `Steps` samples are taken as fast as the computer and the recording allow. The
-run ends from every state.
+Robot time goes on in RUNNING alone; in Steps(n) samples are taken as fast as the computer and the recording allow. The
+run can end in every state.
 """
 
 import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from enum import Enum, auto
 from types import MappingProxyType
@@ -27,7 +27,9 @@ from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
+from rclpy.parameter import Parameter as ParameterOfRclpy
 from rclpy.task import Future
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
@@ -36,8 +38,9 @@ from vibro_ros.messages.codec import new_message, serialised
 from vibro_ros.messages.operations import FAULT, PAUSE, RESET, RESUME, SET, STEP, TIMEOUT, Operation, perform
 from vibro_ros.messages.topics import CHECKPOINT, JOINT_COMMANDS, OPERATIONS, TOPICS, full_name
 from vibro_ros.model.faults import COMMANDS, FAULTS, Incident, check_lasting, checked_incident
-from vibro_ros.model.parameters import Value
+from vibro_ros.model.parameters import Value, checked_parameters
 from vibro_ros.ros.node import qos
+from vibro_ros.ros.node.parameters import TABLE
 from vibro_ros.ros.node.process import CLOCK
 from vibro_ros.ros.robot.lock_step import LockStep, checked_nodes
 from vibro_ros.ros.robot.pacing import (
@@ -217,14 +220,21 @@ class RobotRun:
             if self.steps:
                 self._enter(RunState.PAUSED)
 
-    def change(self, parameters: Mapping[str, Value]) -> str:
-        """Change parameters of the scene, and the real-time factor."""
-        with self._locked():
-            self._perform(Operation(SET, parameters=parameters))
-            if FACTOR in parameters:
-                self.pacing.change_factor(parameters[FACTOR], self.robot_time.time)
-                set_real_time_priority(self.pacing.factor, self.paused)
-            return "set"
+    def set_parameters(self, parameters: Sequence[ParameterOfRclpy]) -> SetParametersResult:
+        """Change parameters of the scene, and the real-time factor, at one instant of robot time; all of them, or none.
+
+        The node calls this for each request, and answers with the result.
+        """
+        try:
+            values = checked_parameters({parameter.name: parameter.value for parameter in parameters}, TABLE)
+            with self._locked():
+                self._perform(Operation(SET, parameters=values))
+                if FACTOR in values:
+                    self.pacing.change_factor(values[FACTOR], self.robot_time.time)
+                    set_real_time_priority(self.pacing.factor, self.paused)
+        except (ValueError, RuntimeError) as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
 
     def disturb(self, operation: Operation) -> str:
         """Push the body, set its state, or begin or end a fault of the device."""
@@ -283,16 +293,20 @@ class RobotRun:
 
     # With the lock held.
 
-    def _enter(self, state: RunState | Steps) -> None:
-        """Enter a state: the one place where it changes. Steps that it ends are answered."""
+    def _enter(self, state: RunState | Steps, error: Exception | None = None) -> None:
+        """Enter a state: the one place where it changes. Steps that end so are answered, by an `error` if one is given.
+        """
         left, self.state = self.state, state
         if state is RunState.RUNNING:
             self.pacing.follow(self.robot_time.time)
         if RunState.RUNNING in (left, state):
             set_real_time_priority(self.pacing.factor, self.paused)
         if isinstance(left, Steps):
-            left.set_result(f"stepped {left.completed} of {left.asked} periods, to {self.robot_time.time:.9g} s of "
-                            "robot time")
+            if error:
+                left.set_exception(error)
+            else:
+                left.set_result(f"stepped {left.completed} of {left.asked} periods, to {self.robot_time.time:.9g} s of "
+                                "robot time")
             self._wake()
 
     def _let_time_go_on(self) -> None:
@@ -330,10 +344,8 @@ class RobotRun:
         finally:
             with self.lock:
                 self._end.set()
-                if steps := self.steps:
-                    self.state = RunState.PAUSED
-                    steps.set_exception(RuntimeError(ENDED))
-                    self._wake()
+                if self.steps:
+                    self._enter(RunState.PAUSED, RuntimeError(ENDED))
 
     def _fail_with(self, error: Exception) -> None:
         self.error = self.error or error
@@ -413,7 +425,7 @@ class RobotRun:
         self._speed = values.item(MOTOR_SPEED)
         measurements = device.take_measurements() if isinstance(device, SensedSimulator) else ()
         self.publishers.publish(values, device.take_events(), self.robot_time, self.recording.record, measurements)
-        self.recording.checkpoint(self.robot_time.stamp, lambda: checkpoint_message(device))
+        self.recording.checkpoint(self.robot_time, lambda: checkpoint_message(device))
         self._publish_clock()
         if self._lock_step:
             self._lock_step.ask()

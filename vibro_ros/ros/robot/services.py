@@ -1,23 +1,19 @@
-"""The robot's own services: reset, pause, step, record, set state, push, inject fault, and its live parameters.
+"""The robot's own services: reset, pause, step, record, set state, push, inject fault.
 
 Each acts at once, in the executor's thread, by a method of `RobotRun`. Only steps are awaited, while the executor
 serves others.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.parameter import Parameter as ParameterOfRclpy
 from std_srvs.srv import SetBool, Trigger
 
 from vibro_ros.messages.operations import PUSH, STATE, Operation
 from vibro_ros.model.faults import Incident
-from vibro_ros.model.parameters import checked_parameters
 from vibro_ros.ros.node.node import GuardedNode, installed_type
-from vibro_ros.ros.node.parameters import TABLE
 from vibro_ros.ros.robot.run import RobotRun, Steps
 
 OWN_PACKAGE = "vibro_ros_interfaces"
@@ -82,29 +78,6 @@ def _set_state(run: RobotRun, request: Any) -> str:
     given = dict(zip(names, map(float, request.values), strict=True))
     resets = getattr(request, "reset", False)  # which an older type lacks
     return run.reset(given) if resets else run.disturb(Operation(STATE, parameters=given))
-
-
-def follow_parameters(node: GuardedNode, run: RobotRun) -> None:
-    """Apply changes of the ROS parameters to the robot from now on.
-
-    The parameters of a request are checked together and change at one instant of robot time; refused ones stay as they
-    are.
-    """
-    def change(parameters: Sequence[ParameterOfRclpy]) -> SetParametersResult:
-        try:
-            run.change(checked_parameters({parameter.name: parameter.value for parameter in parameters}, TABLE))
-        except (ValueError, RuntimeError) as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
-
-    node.remove_on_set_parameters_callback(refuse_while_starting)
-    node.add_on_set_parameters_callback(change)
-
-
-def refuse_while_starting(parameters: Sequence[ParameterOfRclpy]) -> SetParametersResult:
-    """Refuse every change of parameters while the robot has no device yet."""
-    reason = f"{parameters[0].name}: the robot is still starting; set it when it is ready"
-    return SetParametersResult(successful=False, reason=reason)
 
 
 async def finished(run: RobotRun, steps: Steps) -> str:
