@@ -6,18 +6,26 @@ VENV := .venv$(patsubst %,-%,$(filter-out jazzy,$(ROS)))
 BIN := $(VENV)/bin
 NEW := $(abspath $(VENV))-new
 OLD := $(VENV)-old
-LOCKS := requirements/base.txt requirements/$(ROS).txt
+# What a robot needs, and builds its kernels and types. Each of SETS adds what serves one purpose, from requirements/SET.txt.
+LOCKS := $(addprefix requirements/,run.txt $(ROS).txt $(ROS)-types.txt)
+SETS := test lint study site browser bench
 PACKAGES := $(VENV)/packages.done
 READY := $(VENV)/ready.done
-HEYOKA := $(VENV)/peer.done
-COMPARED := $(VENV)/compared.done
-STUDY := $(VENV)/study.done
-BROWSER := $(VENV)/browser.done
-SITE := $(VENV)/site.done
 TYPES := $(VENV)/interface_types.done
-BUILDERS := $(VENV)/builders.done
+LAB := $(VENV)/lab.done
+TEST := $(VENV)/test.done
+LINT := $(VENV)/lint.done
+STUDY := $(VENV)/study.done
+SITE := $(VENV)/site.done
+BROWSER := $(VENV)/browser.done
+HEYOKA := $(VENV)/bench.done
+COMPARED := $(VENV)/compared.done
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet --quiet
 PYTHON ?= python3
+
+# Kernels and types are built at the same time; packages are installed one list after the other (LOCKED).
+MAKEFLAGS += --jobs=2
+LOCKED := flock $(VENV)/pip.lock
 
 # .venv holds its own ROS 2: a sourced installation must not be mixed in, nor another venv's mark that its libraries are found.
 ifdef AMENT_PREFIX_PATH
@@ -38,7 +46,7 @@ endif
 help:  ## list these commands
 	@sed -n 's/^\([a-z -]*\):[^#]*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
 
-setup: $(READY) $(TYPES)  ## make .venv with every pinned package; quick when nothing has changed
+setup: $(READY) $(TYPES) $(LAB) $(TEST) $(LINT)  ## make .venv for work on the code, with tests and lab; quick when nothing has changed
 	@echo "setup: $(VENV) is ready, with Python $$(cat $(PACKAGES))"
 
 demo: $(READY) $(TYPES)  ## run robot and controller for about 20 s, record, report into out/
@@ -49,7 +57,7 @@ view: $(READY) $(TYPES)  ## run a robot and show it in the browser, at the addre
 
 # With another ROS 2 than Jazzy only the tests of ROS run, without the packages whose absence they skip.
 TESTS := $(if $(filter jazzy,$(ROS)),test lab/test,test/ros lab/test/twin)
-NEEDED := $(if $(filter jazzy,$(ROS)),$(HEYOKA) $(STUDY) $(BROWSER) $(SITE))
+NEEDED := $(LAB) $(TEST) $(if $(filter jazzy,$(ROS)),$(LINT) $(HEYOKA) $(STUDY) $(BROWSER) $(SITE))
 
 # Four workers on two cores, because half of the tests wait for processes.
 test: $(READY) $(TYPES) $(NEEDED)  ## run the tests, four at a time, and those that need a quiet machine alone; with ROS=kilted those of ROS
@@ -63,12 +71,12 @@ test-slow: $(READY) $(TYPES) $(NEEDED)  ## run the tests of installation, docume
 # the folder's sitecustomize.py refuses the lab and what only the lab needs, in every Python that they start.
 QUICK := $(addprefix test/,test_rings.py solver model configuration simulation messages bag ros)
 
-check: lint  ## the fast loop, a minute: lint, and the device's quick tests from solver to ros, without the lab's packages; says what it leaves out
+check: lint $(TEST)  ## the fast loop, a minute: lint, and the device's quick tests from solver to ros, without the lab's packages; says what it leaves out
 	@PYTHONPATH=$(CURDIR)/test/without_lab $(BIN)/python -m pytest --numprocesses 2 --dist worksteal --quiet -m "not process and not quiet and not slow" $(QUICK)
 	@echo "check: rooms left out: $(filter-out $(QUICK),$(patsubst %/,%,$(filter-out %__pycache__/ %without_lab/,$(wildcard test/*/ lab/test/*/))))"
 	@echo "check: \`make test\` runs them and all of the above but installation and documents, which \`make test-slow\` runs"
 
-lint: $(READY) conflict-markers site  ## check style, spelling, types, links and promised names; name generated pages that are stale
+lint: $(READY) $(LAB) $(LINT) conflict-markers site  ## check style, spelling, types, links and promised names; name generated pages that are stale
 	@$(BIN)/ruff check
 	@$(BIN)/oxlint --config=tools/oxlint.json --format=unix vibro_ros/view/page
 	@$(BIN)/codespell *.md .github Makefile setup.py config docs examples lab test tools vibro_ros
@@ -78,7 +86,7 @@ lint: $(READY) conflict-markers site  ## check style, spelling, types, links and
 
 # The theme would print in every build that its end of life is in May 2027, and that Zensical then takes mkdocs.yml over.
 site: export NO_MKDOCS_2_WARNING := 1
-site: $(READY) $(SITE)  ## build the documents as web pages into out/site; a link that leads nowhere is an error
+site: $(READY) $(LAB) $(SITE)  ## build the documents as web pages into out/site; a link that leads nowhere is an error
 	@said=$$($(BIN)/python -m mkdocs build --strict --config-file tools/mkdocs.yml 2>&1) || { echo "$$said" >&2; exit 1; }  # with --quiet it counts no warnings
 
 # 1 of git's exit codes is "found nothing"; without a repository it looks at all files that .gitignore does not name.
@@ -87,16 +95,16 @@ conflict-markers:
 		echo "lint: a merge has left its marks in these lines; write what they should say" >&2; \
 		exit 1; }
 
-package: $(READY)  ## build wheel and sdist into out/dist, and try the wheel's robot from an empty folder; two minutes
+package: $(READY) $(LAB)  ## build wheel and sdist into out/dist, and try the wheel's robot from an empty folder; two minutes
 	@$(BIN)/python -m tools.package
 
-bench: $(READY) $(HEYOKA)  ## compare the exact solver's cost with fixed-step Runge-Kutta and heyoka
+bench: $(READY) $(LAB) $(HEYOKA)  ## compare the exact solver's cost with fixed-step Runge-Kutta and heyoka
 	@$(BIN)/python -m benchmark.costs
 
-benchmark: $(READY) $(HEYOKA) $(COMPARED)  ## price accuracy against MuJoCo, Drake, SUNDIALS and others, half an hour; ONLY="6_device mujoco --quick" limits it
+benchmark: $(READY) $(LAB) $(HEYOKA) $(COMPARED)  ## price accuracy against MuJoCo, Drake, SUNDIALS and others, half an hour; ONLY="6_device mujoco --quick" limits it
 	@$(BIN)/python -m benchmark.run $(ONLY)
 
-study: $(READY) $(STUDY)  ## short versions of all studies, figures and tables in out/study/short; ten minutes at most
+study: $(READY) $(LAB) $(STUDY)  ## short versions of all studies, figures and tables in out/study/short; ten minutes at most
 	@$(BIN)/python -m research.paper --quick --output out/study/short/paper
 	@$(BIN)/study sweep guide_angle --output out/study/short/sweep
 	@$(BIN)/study optimise --quick --output out/study/short/optimise
@@ -106,10 +114,10 @@ study: $(READY) $(STUDY)  ## short versions of all studies, figures and tables i
 	@$(BIN)/study basins --quick --set motor.speed=160 --output out/study/short/basins
 	@$(BIN)/study map --quick --output out/study/short/map
 
-documents: $(READY) $(HEYOKA) $(STUDY) $(COMPARED)  ## make the generated pages and pictures that are stale, up to two hours; ONLY="effects map" makes some
+documents: $(READY) $(LAB) $(HEYOKA) $(STUDY) $(COMPARED)  ## make the generated pages and pictures that are stale, up to two hours; ONLY="effects map" makes some
 	@$(BIN)/python -m tools.documents $(ONLY)
 
-accuracy paper literature map picture: $(READY) $(HEYOKA) $(STUDY)  ## make one of them: the same as make documents ONLY=...
+accuracy paper literature map picture: $(READY) $(LAB) $(HEYOKA) $(STUDY)  ## make one of them: the same as make documents ONLY=...
 	@$(BIN)/python -m tools.documents $@
 
 clean:  ## remove every .venv and all that is built; out/ stays
@@ -118,22 +126,22 @@ clean:  ## remove every .venv and all that is built; out/ stays
 	@echo "clean: done"
 
 # What pip leaves out of an editable installation, and `ros2 run`, `ros2 launch` and `ros2 pkg` look for: `ros2 launch` follows no
-# link to a folder.
-define LINK_PACKAGES
-rm -rf $(addprefix $(VENV)/lib/,$(BOTH)) $(addprefix $(VENV)/share/,$(BOTH))
-mkdir -p $(addprefix $(VENV)/lib/,$(BOTH)) $(addprefix $(VENV)/share/,$(BOTH)) $(VENV)/share/vibro_ros/launch $(VENV)/share/ament_index/resource_index/packages
-ln -sf $(CURDIR)/resource/vibro_ros $(CURDIR)/lab/resource/vibro_lab $(VENV)/share/ament_index/resource_index/packages/
-ln -s $(CURDIR)/package.xml $(CURDIR)/config $(VENV)/share/vibro_ros/
-ln -s $(CURDIR)/lab/package.xml $(VENV)/share/vibro_lab/
-ln -s $(CURDIR)/examples/launch/*.launch.py $(VENV)/share/vibro_ros/launch/
-for package in $(BOTH); do \
-	for name in $$($(BIN)/python -c "from importlib.metadata import distribution; print(*distribution('$$package').entry_points.names)"); do \
-		ln -s ../../bin/$$name $(VENV)/lib/$$package/$$name || exit; done; done
+# link to a folder. $(1) is the package, $(2) its folder here.
+define LINK_PACKAGE
+rm -rf $(VENV)/lib/$(1) $(VENV)/share/$(1)
+mkdir -p $(VENV)/lib/$(1) $(VENV)/share/$(1)/launch $(VENV)/share/ament_index/resource_index/packages
+ln -sf $(CURDIR)/$(2)/resource/$(1) $(VENV)/share/ament_index/resource_index/packages/
+for file in $(CURDIR)/$(2)/package.xml $(wildcard $(CURDIR)/$(2)/config); do ln -s $$file $(VENV)/share/$(1)/; done
+for file in $(wildcard $(CURDIR)/$(2)/examples/launch/*.launch.py); do ln -s $$file $(VENV)/share/$(1)/launch/; done
+for name in $$($(BIN)/python -c "from importlib.metadata import distribution; print(*distribution('$(1)').entry_points.names)"); do \
+	ln -s ../../bin/$$name $(VENV)/lib/$(1)/$$name || exit; done
 endef
 
 # The stamps are written last, so that an interrupted setup starts anew. A new environment is made beside the old one, which works
-# until all packages are there; the paths that pip has written into the new one's scripts then get its name.
-$(PACKAGES): export PIP_CONSTRAINT := requirements/base.txt  # empy comes as source; pip builds it with the pinned setuptools
+# until all packages are there; the paths that pip has written into the new one's scripts then get its name. It gets each of SETS
+# that the old one has.
+HAS = $(foreach set,$(SETS),$(if $(wildcard $(VENV)/$(set).done),$(set)))
+$(PACKAGES): export PIP_CONSTRAINT := requirements/run.txt  # empy comes as source; pip builds it with the pinned setuptools
 $(PACKAGES): $(LOCKS)
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 14))' 2>/dev/null || { \
 		echo "setup: $(PYTHON) is $$($(PYTHON) -V 2>/dev/null || echo missing), and Python 3.11 to 3.14 is needed;" \
@@ -142,8 +150,13 @@ $(PACKAGES): $(LOCKS)
 	@echo "setup: making $(VENV) with $$($(PYTHON) -V)"
 	@test -e $(VENV) || test ! -e $(OLD) || mv $(OLD) $(VENV)  # of a setup that was killed between the two moves below
 	@$(PYTHON) -m venv --clear --prompt $(VENV) $(NEW)
-	@echo "setup: installing $$(cat $(LOCKS) | grep -c ==) pinned packages (800 MB on disk; a minute or two)"
-	@$(PIP:$(BIN)/%=$(NEW)/bin/%) install --use-pep517 --no-deps $(addprefix --requirement=,$(LOCKS)) || { \
+	@echo "setup: step 1 of 2: installing the $$(cat $(LOCKS) | grep -c ==) pinned packages that a robot needs (500 MB on disk)$(HAS:%=, and those of %)"
+	@{ $(NEW)/bin/python -m pip --disable-pip-version-check install --progress-bar off --use-pep517 --no-deps \
+			$(addprefix --requirement=,$(LOCKS) $(HAS:%=requirements/%.txt)) 2>&1 || touch $(NEW)/failed; } | tee $(NEW)/pip.log | awk \
+		'/^(Collecting|Processing|Requirement)/ && ++n % 25 == 0 {print "setup: " n " packages loaded"; fflush()} \
+		/^Installing collected/ {print "setup: all " n " packages loaded; unpacking them"; fflush()}'
+	@test ! -e $(NEW)/failed || { \
+		grep --invert-match --extended-regexp '^(WARNING|Collecting| )' $(NEW)/pip.log | tail -n 20 >&2; \
 		test ! -e $(VENV) || echo "setup: $(VENV) is as it was before" >&2; \
 		exit 1; }
 	@$(NEW)/bin/python -m pip check >/dev/null || { $(NEW)/bin/python -m pip check; exit 1; }
@@ -154,59 +167,43 @@ $(PACKAGES): $(LOCKS)
 	@mv $(NEW) $(VENV)
 	@rm -rf $(OLD)
 	@$(BIN)/python -c 'import platform; print(platform.python_version())' > $@
+	@touch $@ $(HAS:%=$(VENV)/%.done)
 
-BOTH := vibro_ros vibro_lab
 # The kernels are built from the modules of the solver.
-$(READY): $(PACKAGES) setup.py setup.cfg package.xml vibro_ros/process/executables.py examples/launch $(addprefix lab/,setup.py setup.cfg package.xml vibro_lab/executables.py) $(wildcard vibro_ros/solver/*.py vibro_ros/solver/*.h)
-	@echo "setup: installing vibro_ros and vibro_lab from this folder, and building the kernels (half a minute)"
+$(READY): $(PACKAGES) setup.py setup.cfg package.xml vibro_ros/process/executables.py examples/launch $(wildcard vibro_ros/solver/*.py vibro_ros/solver/*.h)
+	@echo "setup: step 2 of 2: installing vibro_ros from this folder, and building its kernels (half a minute on two cores)"
 	@command -v $(firstword $(CXX)) >/dev/null || { \
 		echo "setup: no C++ compiler ($(firstword $(CXX))); installing ziglang in its place (100 MB to load)"; \
-		$(PIP) install --no-deps --requirement requirements/compiler.txt; }
-	@$(PIP) install --use-pep517 --no-build-isolation --no-deps --editable . --editable lab
-	@$(LINK_PACKAGES)
-	@touch $@
-
-# Only the build of types needs them; 30 MB to load.
-$(BUILDERS): requirements/$(ROS)-types.txt $(PACKAGES)
-	@echo "setup: installing cmake and ament, to build types"
-	@$(PIP) install --only-binary :all: --no-deps --requirement $<
+		$(LOCKED) $(PIP) install --no-deps --requirement requirements/compiler.txt; }
+	@$(LOCKED) $(PIP) install --use-pep517 --no-build-isolation --no-deps --editable .
+	@$(call LINK_PACKAGE,vibro_ros,.)
 	@touch $@
 
 # The command writes the stamp, unless there is no compiler that works: it then says so, and the robot runs without.
-$(TYPES): $(BUILDERS) $(shell find tools/interfaces interfaces -type f -not -name '*.pyc')
+$(TYPES): $(PACKAGES) $(shell find tools/interfaces interfaces -type f -not -name '*.pyc')
 	@$(BIN)/python -m tools.interfaces.command
 
-# Only the studies need them.
-$(STUDY): requirements/study.txt $(PACKAGES)
-	@echo "setup: installing what the studies need"
-	@$(PIP) install --only-binary :all: --no-deps --requirement $<
-	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
+$(LAB): requirements/lab.txt $(PACKAGES) $(addprefix lab/,setup.py setup.cfg package.xml vibro_lab/executables.py)
+	@echo "setup: installing vibro_lab from the folder lab, and scipy"
+	@$(LOCKED) $(PIP) install --use-pep517 --no-build-isolation --no-deps --requirement $< --editable lab
+	@$(call LINK_PACKAGE,vibro_lab,lab)
 	@touch $@
 
-# Only tests and screenshots of the view need them; 53 MB to load.
-$(BROWSER): requirements/browser.txt $(PACKAGES)
-	@echo "setup: installing Playwright, to steer a browser"
-	@$(PIP) install --only-binary :all: --no-deps --requirement $<
-	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
-	@touch $@
-
-# Only the web pages of the documents need them; 110 MB on disk.
-$(SITE): requirements/site.txt $(PACKAGES)
-	@echo "setup: installing what makes web pages of the documents"
-	@$(PIP) install --only-binary :all: --no-deps --requirement $<
-	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
-	@touch $@
-
-# Only what compares needs it, and the test with another vendor's DDS: 115 MB to load.
-$(HEYOKA): requirements/bench.txt $(PACKAGES)
-	@echo "setup: installing heyoka, to compare with, and Cyclone DDS, to talk with"
-	@$(PIP) install --only-binary :all: --no-deps --requirement $<
-	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
+test_HAS := pytest, colcon, and what else the tests need
+lint_HAS := what checks style, spelling and types
+study_HAS := what the studies need
+site_HAS := what makes web pages of the documents (110 MB on disk)
+browser_HAS := Playwright, to steer a browser (53 MB to load)
+bench_HAS := heyoka, to compare with, and Cyclone DDS, to talk with (115 MB to load)
+$(SETS:%=$(VENV)/%.done): $(VENV)/%.done: requirements/%.txt $(PACKAGES)
+	@echo "setup: installing $($*_HAS)"
+	@$(LOCKED) $(PIP) install --only-binary :all: --no-deps --requirement $<
+	@$(LOCKED) $(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
 	@touch $@
 
 # Only `make benchmark` needs them, and it goes on without those that do not install here; 400 MB to load.
 $(COMPARED): requirements/benchmark.txt $(PACKAGES)
 	@echo "setup: installing the programs of the benchmark"
-	@for one in $$(sed 's/#.*//' $<); do $(PIP) install --prefer-binary --no-deps $$one 2>/dev/null || \
+	@for one in $$(sed 's/#.*//' $<); do $(LOCKED) $(PIP) install --prefer-binary --no-deps $$one 2>/dev/null || \
 		echo "setup: the benchmark goes on without $$one, which does not install here" >&2; done
 	@touch $@

@@ -117,7 +117,7 @@ setup(
     setup_requires=[] if HAS_COMPILER or "setuptools.build_meta" not in sys.modules else ["ziglang"],  # pip asks
     python_requires=">=3.11,<3.15",
     install_requires=["lz4", "matplotlib", "mcap>=1.5", "numpy", "pillow", "PyYAML", "rosbags>=0.11",
-                      "scipy", "tornado", "tqdm", "zstandard"],
+                      "tornado", "tqdm", "zstandard"],
     extras_require={
         # ROS 2 Jazzy as wheels; not asked for by default, so that an apt installation is never shadowed.
         "ros": [
@@ -151,6 +151,7 @@ setup(
             "pytest-xdist",
             "python-flint",
             "ruff",
+            "scipy",
             "setuptools",  # colcon-core asks for one below 80
         ],
     },

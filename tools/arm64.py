@@ -20,7 +20,7 @@ DIGESTS = ROOT / "test" / "reference" / "digests.py"
 RELEASE, PYTHON = "bookworm", "3.11"  # of Debian, and its Python
 PACKAGES = ("python3-minimal", f"libpython{PYTHON}-dev", "libstdc++6")
 PLATFORMS = ("manylinux2014_aarch64", "manylinux_2_27_aarch64", "manylinux_2_28_aarch64")
-NEEDED = ("lz4", "mcap", "numpy", "pyyaml", "rosbags", "scipy", "zstandard")
+NEEDED = ("lz4", "mcap", "numpy", "pyyaml", "rosbags", "zstandard")
 
 
 def main(names: Sequence[str]) -> int:
@@ -41,7 +41,7 @@ def _digests(folder: Path, names: Sequence[str]) -> str:
           RELEASE, debian])
     _run([sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet", "install", "--only-binary=:all:",
           *(f"--platform={platform}" for platform in PLATFORMS), f"--python-version={PYTHON}", f"--target={site}",
-          f"--constraint={ROOT / 'requirements' / 'base.txt'}", *NEEDED])
+          f"--constraint={ROOT / 'requirements' / 'run.txt'}", *NEEDED])
     for name in ("vibro_ros", "config"):
         shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("*.so", "__pycache__"))
     shutil.copy(ROOT / "package.xml", copy)  # beside which `config` is looked for

@@ -10,6 +10,7 @@ from asking import call
 from observation import Listener
 from random_run import FASTER, record_run
 from real_processes import bench, refusal, start, udp_only
+from simulation_types import require_types
 from simulator_user import Simulator
 from std_srvs.srv import SetBool
 
@@ -48,6 +49,7 @@ def recorded(request, shelf, tmp_path) -> Path:
 @pytest.fixture
 def types() -> SimpleNamespace:
     """The modules of simulation_interfaces, which are not installed without a compiler."""
+    require_types()
     return SimpleNamespace(**{name: pytest.importorskip(f"simulation_interfaces.{name}")
                               for name in ("msg", "srv", "action")})
 

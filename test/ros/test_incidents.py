@@ -7,6 +7,7 @@ import math
 import pytest
 from observation import value_of
 from operated_robot import Operator, stop
+from simulation_types import require_types
 from simulator_user import Code
 from std_srvs.srv import SetBool, Trigger
 from test_operations import assert_replays, operations_in
@@ -14,6 +15,7 @@ from test_operations import assert_replays, operations_in
 from vibro_ros.recordings.summary import as_text, load_samples, summarise
 
 own = pytest.importorskip("vibro_ros_interfaces.srv", reason="the project's own types are not built")
+require_types()
 entity_types = pytest.importorskip("simulation_interfaces.srv", reason="simulation_interfaces is not built")
 RUNNING = ("robot", "--ros-args", "-p", "motor.speed:=100.0")
 

@@ -1,13 +1,15 @@
 """The meaning of requests of simulation_interfaces, and the results for requests that cannot be done."""
 
 import pytest
+from simulation_types import require_types
 from simulator_user import Code, State
 
 from vibro_ros.messages.operations import PAUSE, RESET, RESUME
 
+require_types()
 pytest.importorskip("simulation_interfaces.msg", reason="types of simulation_interfaces are not built: no compiler")
 
-from vibro_ros.ros.robot.simulation_services import (
+from vibro_ros.ros.robot.simulation_services import (  # noqa: E402  (needs the types)
     STATES,
     TRANSITIONS,
     RefusalError,

@@ -111,7 +111,8 @@ def test_a_workspace_has_the_types_of_the_interfaces(colcon, tmp_path):
 
 def test_ros2_launch_finds_the_files_of_a_checkout(tmp_path):
     """`ros2 launch` searches the share folder with `os.walk`, which follows no link to a folder."""
-    recipe = ["make", "--eval", "linked: ; @$(LINK_PACKAGES)", f"VENV={tmp_path}", f"BIN={Path(sys.executable).parent}"]
+    recipe = ["make", "--eval", "linked: ; @$(call LINK_PACKAGE,vibro_ros,.)", f"VENV={tmp_path}",
+              f"BIN={Path(sys.executable).parent}"]
     run([*recipe, "linked"], ROOT)
     found = {name for _, _, names in os.walk(tmp_path / "share" / "vibro_ros") for name in names}
     assert found >= {file.name for file in (ROOT / "examples" / "launch").glob("*.py")}

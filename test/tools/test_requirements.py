@@ -4,6 +4,7 @@ import ast
 import re
 import subprocess
 import sys
+from collections.abc import Iterable
 from importlib.metadata import Distribution, requires
 from pathlib import Path
 
@@ -18,7 +19,9 @@ ROSDEP_KEYS = {"PIL": "python3-pil", "mcap": "mcap-ros2-support", "rosbags": "py
                "lz4": "python3-rosbags-pip",  # these are brought by others
                "zstandard": "mcap-ros2-support"}
 ROSDEP_KEYS |= {name: f"python3-{name}" for name in ("matplotlib", "numpy", "scipy", "tornado", "tqdm")}
-LOCKS = [f"requirements/{part}.txt" for part in ("base", "jazzy", "bench", "browser", "site", "study")]
+OF_A_ROBOT = ("run", "jazzy")
+LOCKS = (*OF_A_ROBOT, "lab", "test", "lint", "bench", "browser", "site", "study")
+BUILDERS = {"cython", "setuptools"}  # of the kernels
 # Of the extra `test`, for `Bag.to_pandas`, and of the lab's extras `study`, `cluster` and `gym`.
 NO_ROSDEP_KEY = {"cma", "distributed", "gymnasium", "pandas", "pyarrow"}
 PACKAGES = {"vibro_ros": ROOT, "vibro_lab": ROOT / "lab"}
@@ -29,10 +32,9 @@ def canonical(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
-@pytest.fixture(scope="module")
-def pins() -> dict[str, Version]:
-    """Return the pinned version of each package that this interpreter needs."""
-    text = "\n".join((ROOT / lock).read_text() for lock in LOCKS)
+def pinned(locks: Iterable[str]) -> dict[str, Version]:
+    """Return the version in some of `LOCKS` of each package that this interpreter needs."""
+    text = "\n".join((ROOT / "requirements" / f"{lock}.txt").read_text() for lock in locks)
     lines = [line.partition("#")[0].strip() for line in text.splitlines()]
     wanted = [Requirement(line) for line in lines if line]
     applying = [pin for pin in wanted if pin.marker is None or pin.marker.evaluate()]
@@ -40,17 +42,18 @@ def pins() -> dict[str, Version]:
 
 
 @pytest.fixture(scope="module")
-def asked(tmp_path_factory) -> list[Requirement]:
-    """Return the requirements of both setup.py for this interpreter, extras included."""
-    wanted = []
+def asked(tmp_path_factory) -> dict[tuple[str, str], set[Requirement]]:
+    """Return what each setup.py requires for this interpreter, by package and extra, which is empty for all users."""
+    wanted = {}
     for package, source in PACKAGES.items():
         folder = tmp_path_factory.mktemp("metadata")
         command = [sys.executable, "setup.py", "--quiet", "egg_info", "--egg-base", str(folder)]
         subprocess.run(command, cwd=source, check=True, timeout=60)
-        found = Distribution.at(folder / f"{package}.egg-info")
-        extras = found.metadata.get_all("Provides-Extra")
-        wanted += [one for one in map(Requirement, found.requires) if canonical(one.name) != "vibro-ros"
-                   and (one.marker is None or any(one.marker.evaluate({"extra": extra}) for extra in extras))]
+        metadata = Distribution.at(folder / f"{package}.egg-info")
+        required = {one for one in map(Requirement, metadata.requires) if canonical(one.name) != "vibro-ros"}
+        for extra in ("", *metadata.metadata.get_all("Provides-Extra")):
+            wanted[package, extra] = {one for one in required if one.marker is None or one.marker.evaluate(
+                {"extra": extra})}
     return wanted
 
 
@@ -59,7 +62,8 @@ def applies(requirement: Requirement) -> bool:
     return requirement.marker is None or requirement.marker.evaluate({"extra": ""})
 
 
-def test_pins_are_complete(pins, asked):
+def needed(asked: Iterable[Requirement], pins: dict[str, Version]) -> set[str]:
+    """Return the names of all packages that requirements need, each of which must be pinned."""
     waiting, seen = list(asked), set()
     while waiting:
         wanted = waiting.pop()
@@ -69,6 +73,21 @@ def test_pins_are_complete(pins, asked):
         if name not in seen:
             seen.add(name)
             waiting += filter(applies, map(Requirement, requires(name) or []))
+    return seen
+
+
+def test_pins_are_complete(asked):
+    assert needed(set().union(*asked.values()), pinned(LOCKS)) >= {"numpy", "pytest", "scipy"}
+
+
+def test_a_demonstration_installs_what_a_robot_needs_and_nothing_else(asked):
+    """Set-up of tests, style, lab and studies is not what a user waits for."""
+    pins = pinned(OF_A_ROBOT)
+    assert needed(asked["vibro_ros", "ros"], pins) | BUILDERS == set(pins)
+
+
+def test_the_lab_adds_only_its_own_pins(asked):
+    assert needed(asked["vibro_lab", ""], pinned((*OF_A_ROBOT, "lab")))
 
 
 @pytest.mark.parametrize("name", PACKAGES)

@@ -1,6 +1,7 @@
 """`make setup` replaces an environment only by one that is complete."""
 
 import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -46,12 +47,24 @@ def test_an_environment_works_on_where_the_new_one_fails(checkout):
 
 
 def test_an_environment_is_exchanged_for_one_whose_scripts_run(checkout):
-    for lock in ("base.txt", "jazzy.txt"):
+    """The new one has the sets that the old one had, so that tests and studies run on."""
+    for lock in ("run.txt", "jazzy.txt", "jazzy-types.txt", "study.txt"):
         (checkout / "requirements" / lock).write_text("# nothing\n")
+    (checkout / ".venv" / "study.done").touch()
     done = make(checkout, sys.executable)
     assert not done.returncode, done.stderr
     assert not (checkout / ".venv" / "kept").exists() and says(checkout) == "works\n"
+    assert ", and those of study" in done.stdout and (checkout / ".venv" / "study.done").exists()
+    assert not (checkout / ".venv" / "lint.done").exists()
     pip = subprocess.run([checkout / ".venv" / "bin" / "pip", "--version"], check=True, text=True, capture_output=True)
     assert str(checkout / ".venv") in pip.stdout
     assert [path.name for path in checkout.iterdir() if path.name.startswith(".venv")] == [".venv"]
     assert not [file for file in (checkout / ".venv" / "bin").iterdir() if b".venv-new" in file.read_bytes()]
+
+
+def test_pins_of_tests_and_studies_leave_the_environment_of_the_robot_alone(checkout):
+    for lock in (checkout / "requirements").glob("*.txt"):
+        if lock.name not in ("run.txt", "jazzy.txt", "jazzy-types.txt"):
+            lock.write_text("changed\n")
+    (checkout / ".venv" / "packages.done").write_text(f"{platform.python_version()}\n")
+    assert "up to date" in make(checkout, sys.executable).stdout

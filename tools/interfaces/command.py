@@ -1,9 +1,10 @@
-"""`make setup`: build the Python types that PyPI lacks into the environment, with colcon, as a workspace does.
+"""`make setup`: build the Python types that PyPI lacks into the environment, by cmake.
 
 `vibro_ros_interfaces` is an ordinary package in the folder `interfaces`. `tf2_msgs` and `simulation_interfaces` are
 packages in the folder `declared`, with only the types that the robot serves. A type's hash does not depend on comments,
 so equal hashes show that a declaration agrees with the package's own. The robot runs without these types, so that a
-missing or broken compiler is reported in one line and is not a failure.
+missing or broken compiler is reported in one line and is not a failure. `make setup` builds what a robot publishes and
+serves everywhere, `PACKAGES`; tests of `simulation_interfaces` build that package when they need it.
 """
 
 import os
@@ -11,7 +12,9 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+from argparse import Namespace
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -19,11 +22,12 @@ from vibro_ros.process.entry_point import Parser, exit_code
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = (ROOT / "tools" / "interfaces" / "declared", ROOT / "interfaces")
-NAMES = "tf2_msgs, simulation_interfaces and vibro_ros_interfaces"
+PACKAGES = ("tf2_msgs", "vibro_ros_interfaces")
+"""The packages that `make setup` builds."""
 STAMP = "interface_types.done"
 """File in the environment that `make` compares with the sources; written last."""
 LOG = "interface_types.log"
-"""File in the environment with all that colcon printed when it last failed."""
+"""File in the environment with all that was printed by the last build that failed."""
 COMPILERS = ("c++", "g++", "clang++")
 
 
@@ -33,22 +37,26 @@ class BuildError(RuntimeError):
 
 def main(words: Sequence[str]) -> int:
     """Build the types; returns 0 also if there is no working compiler."""
-    return exit_code("setup", lambda: _provide(_parser().parse_args(words).prefix))
+    return exit_code("setup", lambda: _provide(_parser().parse_args(words)))
 
 
-def _provide(prefix: Path) -> int:
+def _provide(options: Namespace) -> int:
+    names = " and ".join(options.packages)
     try:
         require_compiler()
-        print(f"setup: building the Python types of {NAMES} (a minute)", flush=True)
-        build(prefix)
-        (prefix / STAMP).touch()
+        print(f"setup: building the Python types of {names} (a minute on two cores)", flush=True)
+        build(options.prefix, options.packages)
+        if {*PACKAGES} <= {*options.packages}:
+            (options.prefix / STAMP).touch()
     except BuildError as error:
-        print(f"setup: types of {NAMES} not built: {error}; the robot runs without them", flush=True)
+        print(f"setup: types of {names} not built: {error}; the robot runs without them", flush=True)
     return 0
 
 
 def _parser() -> Parser:
     parser = Parser(prog="interface_types", description=__doc__)
+    parser.add_argument("packages", nargs="*", default=PACKAGES, metavar="PACKAGE",
+                        help=f"packages to build (default: {' '.join(PACKAGES)})")
     parser.add_argument("--prefix", type=Path, default=Path(sys.prefix), metavar="FOLDER",
                         help="the environment that gets them (default: the one of this Python)")
     return parser
@@ -69,19 +77,30 @@ def require_compiler() -> None:
         raise BuildError(f"{header} is missing; install python3-dev")
 
 
-def build(prefix: Path) -> None:
-    """Build and install all packages; of a package that fails nothing is installed (BuildError)."""
-    with TemporaryDirectory(prefix="interface_types_") as folder:
-        done = subprocess.run(
-            ["colcon", f"--log-base={folder}/log", "build", "--merge-install", f"--install-base={prefix}",
-             f"--build-base={folder}/build", "--base-paths", *map(str, FOLDERS), "--cmake-args", *cmake_arguments()],
-            env=environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace")
-    log = prefix / LOG
-    log.unlink(missing_ok=True)
-    if done.returncode:
-        log.write_text(done.stdout)
-        lines = [line.strip() for line in done.stdout.splitlines() if "error" in line.lower()]
-        raise BuildError(f"{lines[0] if lines else f'colcon ended with {done.returncode}'} (all of it in {log})")
+def build(prefix: Path, packages: Sequence[str]) -> None:
+    """Build and install packages, all at once; of a package that fails nothing is installed (BuildError)."""
+    (prefix / LOG).unlink(missing_ok=True)
+    with TemporaryDirectory(prefix="interface_types_") as folder, ThreadPoolExecutor() as pool:
+        for package, _ in zip(packages, pool.map(lambda name: _build_one(prefix, name, Path(folder, name)), packages),
+                              strict=True):
+            print(f"setup: {package} is built", flush=True)
+
+
+def _build_one(prefix: Path, package: str, folder: Path) -> None:
+    (source,) = (parent / package for parent in FOLDERS if (parent / package).is_dir())
+    cmake = f"{sys.prefix}/bin/cmake"
+    said = ""
+    for step in (["-S", str(source), "-B", str(folder), f"-DCMAKE_INSTALL_PREFIX={prefix}", *cmake_arguments()],
+                 ["--build", str(folder), "--parallel", str(len(os.sched_getaffinity(0)))],
+                 ["--install", str(folder)]):
+        done = subprocess.run([cmake, *step], env=environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                              text=True, errors="replace")
+        said += done.stdout
+        if done.returncode:
+            (prefix / LOG).write_text(said)
+            lines = [line.strip() for line in said.splitlines() if "error" in line.lower()]
+            raise BuildError(f"{lines[0] if lines else f'cmake ended with {done.returncode}'} (all of it in "
+                             f"{prefix / LOG})")
 
 
 def cmake_arguments() -> list[str]:
@@ -92,8 +111,11 @@ def cmake_arguments() -> list[str]:
 
 
 def environment() -> dict[str, str]:
-    """Return the environment in which colcon and cmake find the ROS wheels of this Python, and no other ROS."""
-    hidden = {"PYTHONPATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "COLCON_PREFIX_PATH"}
+    """Return the environment in which colcon and cmake find the ROS wheels of this Python, and no other ROS.
+
+    The settings of a `make` that runs this program are left out: they would limit the build to one job.
+    """
+    hidden = {"PYTHONPATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "COLCON_PREFIX_PATH", "MAKEFLAGS", "MAKELEVEL"}
     others = {name: value for name, value in os.environ.items() if name not in hidden}
     path = os.pathsep.join([f"{sys.prefix}/bin", os.environ.get("PATH", os.defpath)])
     return others | {"PATH": path, "AMENT_PREFIX_PATH": sys.prefix, "CMAKE_PREFIX_PATH": sys.prefix}

@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 
 from vibro_ros.bag.reader import Arrays, Bag
 from vibro_ros.bag.stream import BagError, bag_errors
@@ -395,7 +394,8 @@ def mean_over_turns(time: np.ndarray, values: np.ndarray, angle_time: np.ndarray
     turned = np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(angle), 0.0))]) / math.tau  # without resets
     turns = np.arange(0.0, turned[-1] + 1e-9, max(1.0, np.ceil(turned[-1] / MOST_MEANS)))
     ends = np.unique(np.clip(np.interp(turns, turned, angle_time), time[0], time[-1]))
-    work = np.interp(ends, time, cumulative_trapezoid(values, time, initial=0.0))
+    by_trapezoids = np.cumsum(np.diff(time) * (values[1:] + values[:-1]) / 2.0)
+    work = np.interp(ends, time, np.concatenate([[0.0], by_trapezoids]))
     means = np.diff(work) / np.diff(ends)
     for after in gaps(time):
         means[(ends[:-1] < time[after]) & (ends[1:] > time[after - 1])] = np.nan

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from tools.interfaces.command import LOG, NAMES, STAMP
+from tools.interfaces.command import LOG, PACKAGES, STAMP
 
 PATIENCE = 60.0  # [s] deadline of what takes some seconds on an idle machine
 WITHOUT = "; the robot runs without them"
+NAMES = " and ".join(PACKAGES)
 
 
 def run(prefix: Path, **variables: str) -> list[str]:

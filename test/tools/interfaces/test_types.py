@@ -1,4 +1,4 @@
-"""The types that `make setup` has built, as ROS finds them; test/ros talks by them between processes."""
+"""The types that `make setup` and tests have built, as ROS finds them; test/ros talks by them between processes."""
 
 import json
 import sys
@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from ament_index_python import get_package_share_directory, get_resource
 from official_hashes import OFFICIAL
+from simulation_types import require_types
 
 from tools.interfaces.command import FOLDERS, STAMP, BuildError, require_compiler
 
@@ -21,6 +22,7 @@ def built() -> None:
     except BuildError as error:
         pytest.skip(str(error))
     assert Path(sys.prefix, STAMP).exists(), "types not built; run make setup"
+    require_types()
 
 
 @pytest.fixture(params=PACKAGES, ids=lambda folder: folder.name)
