@@ -1,9 +1,9 @@
 """Make the generated documents that are stale: `make documents`, or some of them, `make documents ONLY="effects map"`.
 
 Each measured page has, in a comment at its end, the fingerprint of what decides its numbers: the reference digests of
-the device's results (`test/reference/digests.json`, which tests hold), and the statements, without comments,
-docstrings and annotations, of every definition that its generator reaches in the packages beside the device. So a
-change of the device that changes no bit, and a change of code that the page does not use, leave the page valid.
+the device's results (`test/reference/digests.json`, which tests hold), and the statements of every definition that its
+generator reaches in the packages beside the device, without comments, docstrings, annotations and names of variables.
+So a change of the device that changes no bit, and a change of code that the page does not use, leave the page valid.
 `--check`, used by `make lint`, names the stale pages. The tests compare pages without measured numbers with their
 generators.
 
@@ -181,7 +181,7 @@ def reached(numbers: Sequence[str]) -> dict[tuple[str, str], str]:
             continue
         elif name in module.definitions:
             nodes = module.definitions[name]
-            texts[place] = " ".join(_structure(node) for node in nodes)
+            texts[place] = " ".join(_structure(node, _local_names(node)) for node in nodes)
             waiting += [used for node in nodes for used in _used(module, node)]
         elif name in module.imports:
             waiting.append(module.imports[name])
@@ -257,13 +257,27 @@ def _used(module: Module, statement: ast.stmt) -> Iterator[tuple[str, str]]:
 _WORDS = {"annotation", "returns", "ctx", "kind", "type_comment", "type_params", "type_ignores"}
 
 
-def _structure(node: object) -> str:
-    """Return a syntax tree as text, without docstrings, annotations and positions; the same for every Python."""
+def _local_names(statement: ast.stmt) -> dict[str, str]:
+    """Return numbers for the parameters and variables within a statement in their order, so that names do not count."""
+    names = (node.arg if isinstance(node, ast.arg) else node.id for node in ast.walk(statement)
+             if isinstance(node, ast.arg) or isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store))
+    return {name: f"v{number}" for number, name in enumerate(dict.fromkeys(names)) if name not in _defined(statement)}
+
+
+def _structure(node: object, local: Mapping[str, str]) -> str:
+    """Return a syntax tree as text, without docstrings, annotations and positions, and with numbers for `local` names;
+    the same for every Python.
+    """
     if isinstance(node, list):
-        return f"[{' '.join(_structure(one) for one in node if not _is_docstring(one))}]"
+        return f"[{' '.join(_structure(one, local) for one in node if not _is_docstring(one))}]"
+    if isinstance(node, ast.arg):
+        return local[node.arg]
+    if isinstance(node, ast.Name):
+        return local.get(node.id, node.id)
     if not isinstance(node, ast.AST):
         return repr(node)
-    fields = (_structure(value) for name, value in ast.iter_fields(node) if name not in _WORDS and value is not None)
+    fields = (_structure(value, local) for name, value in ast.iter_fields(node)
+              if name not in _WORDS and value is not None)
     return f"({type(node).__name__} {' '.join(fields)})"
 
 

@@ -218,8 +218,8 @@ HELPER = "def factor(x):\n    return 2.0 * x\n"
 
 
 @pytest.mark.parametrize(("file", "text", "changes"), [
-    ("made.py", '"""Z."""\n# c\nfrom tools.helper import factor\n\n\ndef table(x: float) -> float:\n'
-                '    """Y."""\n    return factor(x)  # d\n', False),
+    ("made.py", '"""Z."""\n# c\nfrom tools.helper import factor\n\n\ndef table(length: float) -> float:\n'
+                '    """Y."""\n    return factor(length)  # d\n', False),
     ("helper.py", f'"""W."""\n{HELPER}\n\ndef of_another_page():\n    return 3\n', False),
     ("made.py", "from tools.helper import factor\n\n\ndef table(x):\n    return factor(x) + 1.0\n", True),
     ("helper.py", HELPER.replace("2.0", "3.0"), True),
