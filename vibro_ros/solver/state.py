@@ -127,6 +127,8 @@ class Scratch(NamedTuple):
         For `flow`: components of the free motion at the segment's start ...
     free_at_middle : ndarray, shape (2 * MOST_DYNAMIC,)
         ... and in its middle.
+    terms : ndarray, shape (2, 2 * MOST_DYNAMIC)
+        One term of each component's series, and the next.
     shift : ndarray, shape (LENGTH,)
         Shift of the phase by the change of its speed ...
     displaced : ndarray, shape (2 * LENGTH,)
@@ -164,6 +166,7 @@ class Scratch(NamedTuple):
     load: Rows
     free_at_start: Row
     free_at_middle: Row
+    terms: Rows
     shift: Row
     displaced: Row
     acceleration: Row
@@ -303,6 +306,7 @@ def _scratch(channels: int) -> Scratch:
         load=np.zeros((MOST_DYNAMIC, LENGTH)),
         free_at_start=np.zeros(2 * MOST_DYNAMIC),
         free_at_middle=np.zeros(2 * MOST_DYNAMIC),
+        terms=np.zeros((2, 2 * MOST_DYNAMIC)),
         shift=np.zeros(LENGTH),
         displaced=np.zeros(2 * LENGTH),
         acceleration=np.zeros(LENGTH),

@@ -23,6 +23,7 @@ import math
 
 import numpy as np
 
+from vibro_ros.solver.drive import resolved_time
 from vibro_ros.solver.elementary import exp, log
 from vibro_ros.solver.guards import NO_ROOT, NOISE, first_root
 from vibro_ros.solver.polynomial import differentiate, recentre, scale_argument
@@ -368,7 +369,8 @@ def solve_by_taylor(system: System, state: State, point: Row) -> None:
         segment.mode_start = -1.0
     else:
         choose_segment(system, state)
-        longest = trial = 2.0 * segment.half
+        longest = trial = min(2.0 * segment.half, resolved_time(state.drive, system.signals.reach[state.drive.cell]))
+        segment.half = 0.5 * trial
         _fill_known_forcing(system, state, trial)
     for channel in range(2 * counts.coordinates):
         z[channel, 0] = point[channel]
