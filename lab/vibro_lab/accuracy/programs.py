@@ -12,7 +12,7 @@ because a program may need another Python.
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -44,9 +44,11 @@ class Setting(NamedTuple):
     is_step: bool = False
 
 
-@dataclass(frozen=True)
 class Answer:
     """Result of a run of a program.
+
+    A program may give `samples` and `events` as functions without arguments, which are called when the attribute is
+    first read, so that converting a result to this form is not timed as part of the run.
 
     Attributes
     ----------
@@ -60,9 +62,20 @@ class Answer:
         Returns the part of the run's wall time [s] spent in Python functions that the program calls back.
     """
 
-    samples: np.ndarray
-    events: np.ndarray | None = None
-    callbacks: Callable[[], float] | None = None
+    def __init__(self, samples: np.ndarray | Callable[[], np.ndarray],
+                 events: np.ndarray | Callable[[], np.ndarray] | None = None,
+                 callbacks: Callable[[], float] | None = None):
+        self._samples, self._events, self.callbacks = samples, events, callbacks
+
+    @cached_property
+    def samples(self) -> np.ndarray:
+        """See the class."""
+        return self._samples() if callable(self._samples) else self._samples
+
+    @cached_property
+    def events(self) -> np.ndarray | None:
+        """See the class."""
+        return self._events() if callable(self._events) else self._events
 
 
 class Program(NamedTuple):
@@ -98,10 +111,7 @@ def event_array(found: Iterable[tuple[float, str]]) -> np.ndarray:
 
 
 def ordered_events(events: np.ndarray) -> np.ndarray:
-    """Return records with the fields `time` and `kind` as an array for `Answer.events`, ordered by time.
-
-    Whole columns are copied, because a loop over thousands of records would be timed as the program's own.
-    """
+    """Return records with the fields `time` and `kind` as an array for `Answer.events`, ordered by time."""
     ordered = np.empty(len(events), EVENT_DTYPE)
     order = np.argsort(events["time"], kind="stable")
     for name in ("time", "kind"):
@@ -139,8 +149,8 @@ def _device_run(method: str, scene: "Scene", times: np.ndarray, value: float) ->
         except SimulationError as error:
             raise UnableError(str(error)) from error
         events = device.take_events()
-        return Answer(np.stack([getattr(samples, column) for column in COLUMNS], axis=1),
-                      ordered_events(events[~np.isin(events["kind"], _FORCING_EVENTS)]))
+        return Answer(lambda: np.stack([getattr(samples, column) for column in COLUMNS], axis=1),
+                      lambda: ordered_events(events[~np.isin(events["kind"], _FORCING_EVENTS)]))
 
     return run
 
