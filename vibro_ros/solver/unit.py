@@ -82,6 +82,15 @@ cdef size_t address_of(array, long* lengths, int dimensions, Py_ssize_t size) ex
     return address
 
 
+def address(array):
+    """Return the address of a contiguous array."""
+    cdef Py_buffer buffer
+    PyObject_GetBuffer(array, &buffer, PyBUF_ND)
+    cdef size_t result = <size_t> buffer.buf
+    PyBuffer_Release(&buffer)
+    return result
+
+
 def has_wide_registers():
     """Return whether the processor can run `core_v3`."""
     return wide()
