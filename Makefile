@@ -68,7 +68,7 @@ check: lint  ## the fast loop, a minute: lint, and the device's quick tests from
 	@echo "check: rooms left out: $(filter-out $(QUICK),$(patsubst %/,%,$(filter-out %__pycache__/ %without_lab/,$(wildcard test/*/ lab/test/*/))))"
 	@echo "check: \`make test\` runs them and all of the above but installation and documents, which \`make test-slow\` runs"
 
-lint: $(READY) conflict-markers site  ## check style, spelling, types and links; name generated pages that are older than their code
+lint: $(READY) conflict-markers site  ## check style, spelling, types and links; name generated pages that are stale
 	@$(BIN)/ruff check
 	@$(BIN)/oxlint --config=tools/oxlint.json --format=unix vibro_ros/view/page
 	@$(BIN)/codespell *.md .github Makefile setup.py config docs examples lab test tools vibro_ros
@@ -105,7 +105,7 @@ study: $(READY) $(STUDY)  ## short versions of all studies, figures and tables i
 	@$(BIN)/study basins --quick --set motor.speed=160 --output out/study/short/basins
 	@$(BIN)/study map --quick --output out/study/short/map
 
-documents: $(READY) $(HEYOKA) $(STUDY) $(COMPARED)  ## make every generated page and picture, an hour and a half; ONLY="effects map" makes some
+documents: $(READY) $(HEYOKA) $(STUDY) $(COMPARED)  ## make the generated pages and pictures that are stale, up to two hours; ONLY="effects map" makes some
 	@$(BIN)/python -m tools.documents $(ONLY)
 
 accuracy paper literature map picture: $(READY) $(HEYOKA) $(STUDY)  ## make one of them: the same as make documents ONLY=...
@@ -158,6 +158,9 @@ BOTH := vibro_ros vibro_lab
 # The kernels are built from the modules of the solver.
 $(READY): $(PACKAGES) setup.py setup.cfg package.xml vibro_ros/process/executables.py examples/launch $(addprefix lab/,setup.py setup.cfg package.xml vibro_lab/executables.py) $(wildcard vibro_ros/solver/*.py vibro_ros/solver/*.h)
 	@echo "setup: installing vibro_ros and vibro_lab from this folder, and building the kernels (half a minute)"
+	@command -v $(firstword $(CXX)) >/dev/null || { \
+		echo "setup: no C++ compiler ($(firstword $(CXX))); installing ziglang in its place (100 MB to load)"; \
+		$(PIP) install --no-deps --requirement requirements/compiler.txt; }
 	@$(PIP) install --use-pep517 --no-build-isolation --no-deps --editable . --editable lab
 	@$(LINK_PACKAGES)
 	@touch $@

@@ -2,10 +2,12 @@
 
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
 import sysconfig
+from importlib.util import find_spec
 from pathlib import Path
 from runpy import run_path
 from xml.etree import ElementTree
@@ -18,6 +20,9 @@ PACKAGE = ElementTree.parse("package.xml").getroot()  # name, version and the li
 NAME = PACKAGE.findtext("name")
 SHARE = f"share/{NAME}"
 EXECUTABLES = run_path(f"{NAME}/process/executables.py")["EXECUTABLES"]  # not imported: what they need may be missing
+CYTHON = [3, 0, 8]  # the oldest that translates the kernels: Ubuntu 24.04's
+#: Whether the compiler that setuptools calls exists; where there is none, pip brings ziglang for its isolated build.
+HAS_COMPILER = shutil.which((os.environ.get("CXX") or sysconfig.get_config_var("CXX") or "c++").split()[0]) is not None
 
 
 def config_files() -> list[tuple[str, list[str]]]:
@@ -34,7 +39,15 @@ class BuildKernels(build_ext):
         folder = Path(self.build_temp, "kernels")
         if not Path(sysconfig.get_paths()["include"], "Python.h").exists():
             raise CompileError("the kernels need Python's headers; Debian, Ubuntu: apt install python3-dev")
+        if not (HAS_COMPILER or find_spec("ziglang")):
+            raise CompileError("the kernels need a C++ compiler; Debian, Ubuntu: apt install g++; without root: pip "
+                               "install ziglang")
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join([os.getcwd(), *filter(None, sys.path)])}
+        version = subprocess.run([sys.executable, "-c", "import Cython; print(Cython.__version__)"], env=environment,
+                                 capture_output=True, text=True).stdout.strip() or "none"
+        if [int(number) for number in re.findall(r"\d+", version)] < CYTHON:
+            raise CompileError(f"the kernels need Cython {'.'.join(map(str, CYTHON))} or newer, and this Python has "
+                               f"{version}; pip install --upgrade Cython")
         subprocess.run([sys.executable, "-m", "vibro_ros.solver.unit", str(folder)], env=environment, check=True)
         subprocess.run([sys.executable, "-m", "cython", "-3", "--cplus", str(folder / "core.pyx")], env=environment,
                        check=True)
@@ -48,11 +61,18 @@ class BuildKernels(build_ext):
         super().run()
 
     def build_extensions(self) -> None:
-        """Compile; without a compiler, say in one line what is missing."""
-        try:
-            super().build_extensions()
-        except CompileError as error:
-            raise CompileError(f"the kernels need a C++ compiler ({error}); Debian, Ubuntu: apt install g++") from None
+        """Compile; where there is no compiler, by zig."""
+        if not HAS_COMPILER:
+            zig = str(Path(find_spec("ziglang").origin).with_name("zig"))
+            calls = {"compiler_so": [zig, "c++", "-fPIC", "-DNDEBUG"], "linker_so": [zig, "cc", "-shared"]}
+            if "compiler_so_cxx" in self.compiler.executables:  # of setuptools from 75 on
+                calls["compiler_so_cxx"] = calls["compiler_so"]
+            self.compiler.set_executables(**calls)
+            for extension in self.extensions:
+                extension.language = "c"  # linked so: kernels need nothing of C++'s library, which zig would compile
+                extension.extra_compile_args = [flag.replace("x86-64-", "x86_64_")  # zig's names of processors
+                                                for flag in extension.extra_compile_args]
+        super().build_extensions()
 
 
 # Products are not fused with sums, so that all builds have the same bits.
@@ -94,6 +114,7 @@ setup(
         *config_files(),
     ],
     zip_safe=False,
+    setup_requires=[] if HAS_COMPILER or "setuptools.build_meta" not in sys.modules else ["ziglang"],  # pip asks
     python_requires=">=3.11,<3.15",
     install_requires=["lz4", "matplotlib", "mcap>=1.5", "numpy", "pillow", "PyYAML", "rosbags>=0.11",
                       "scipy", "tornado", "tqdm", "zstandard"],

@@ -29,6 +29,6 @@ def test_a_notebook_prints_what_it_shows(name, monkeypatch, capsys):
 
 
 def test_the_last_cells_of_the_tutorials_notebook_are_the_tutorials():
-    tutorial = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
+    tutorial = (ROOT / "docs" / "guide" / "begin.md").read_text(encoding="utf-8")
     for cell in code_cells("tutorial")[-2:]:  # the search for the best speed, and the start from standstill
         assert shown(cell) and shown(cell) in tutorial

@@ -18,7 +18,8 @@ from vibro_ros.simulation.samples import Run, Samples
 
 OUTPUT = Path("docs/robot.gif")
 SPEED = 100.0  # motor speed [rad/s], which must be commanded in `device`
-SETTLED, TURNS = 36, 4  # crank turns until `device` has settled, and its period
+SETTLED = 20.0  # s after which a robot that stood when it got its command has its usual motion, of two turns
+TURNS = 4  # of the crank
 FRAMES_PER_TURN = 40
 SIZE = (8.4, 5.3)  # inches of 100 pixels
 STAGE = 0.56  # share of the width
@@ -29,15 +30,15 @@ COLOURS_IN_GIF = 128
 
 
 class Animation:
-    """Frames of the scene `device` over `TURNS` crank turns, after `SETTLED` turns that are not shown."""
+    """Frames of the usual motion of the scene `device`, over `TURNS` crank turns."""
 
     def __init__(self) -> None:
-        scene = load_scene("device").with_parameters({"motor.speed": SPEED})
+        scene = load_scene("device")
         turn = math.tau / SPEED
         self.frames = TURNS * FRAMES_PER_TURN
-        self._start = SETTLED * turn
+        self._start = SETTLED
         times = np.linspace(0.0, TURNS * turn, SAMPLES_PER_FRAME * self.frames + 1)
-        self._fine = simulate(scene, times=self._start + times)
+        self._fine = simulate(scene, times=self._start + times, commands=[(0.0, {"motor_speed": SPEED})])
         self._figure = Figure(figsize=SIZE, dpi=100, facecolor="white")
         self._canvas = FigureCanvasAgg(self._figure)
         slowdown = self.frames * FRAME_TIME / (TURNS * turn)

@@ -20,11 +20,11 @@ from xml.etree import ElementTree
 import vibro_ros
 from tools.generated_text import replaced
 from vibro_ros.bag.reader import Bag
-from vibro_ros.configuration.shipped import shipped
+from vibro_ros.configuration.scene_file import shipped
 from vibro_ros.messages.topics import BAG, COMMAND, NODE, TOPICS, full_name
 from vibro_ros.process.executables import EXECUTABLES
+from vibro_ros.ros.controller.controller import NAMES as ACTIONS
 from vibro_ros.ros.controller.controller import PARAMETERS as OF_CONTROLLER
-from vibro_ros.ros.controller.goals import NAMES as ACTIONS
 from vibro_ros.ros.live.view import PARAMETERS as OF_VIEW
 from vibro_ros.ros.node.parameters import TABLE as OF_ROBOT
 from vibro_ros.simulation.samples import Run

@@ -1,4 +1,5 @@
-"""Hooks of mkdocs for this repository: pages outside docs/, and links to files that are not pages.
+"""Hooks of mkdocs for this repository: pages outside docs/, pages that are made here, and links to files that are not
+pages.
 
 `mkdocs.yml` names this file as its hook. README is the site's first page. A link to another file of the repository is
 checked, and becomes plain text on the site.
@@ -12,10 +13,20 @@ from typing import Any
 
 from mkdocs.structure.files import File, Files
 
+import vibro_lab
+import vibro_ros
+
 ROOT = Path(__file__).resolve().parents[1]
 #: Pages outside docs/, by their names on the site.
 OUTSIDE = {"README.md": "index.md", "CHANGELOG.md": "changelog.md", ".github/CONTRIBUTING.md": "contributing.md",
-           ".github/SECURITY.md": "security.md", ".github/CODE_OF_CONDUCT.md": "code_of_conduct.md"}
+           ".github/SECURITY.md": "security.md", ".github/CODE_OF_CONDUCT.md": "code_of_conduct.md",
+           "QUALITY_DECLARATION.md": "quality_declaration.md"}
+#: Classes of what public functions return, which a program does not import by name.
+RESULTS = ("vibro_ros.simulation.samples.Run", "vibro_ros.bag.reader.Bag", "vibro_lab.orbits.orbit.Orbit",
+           "vibro_lab.orbits.branch.Branch", "vibro_lab.orbits.branch.Special",
+           "vibro_lab.orbits.recurrence.SettledMotion", "vibro_lab.orbits.attractors.Attractors",
+           "vibro_lab.orbits.attractors.Attractor", "vibro_lab.orbits.chaos.LyapunovSpectrum",
+           "vibro_lab.identification.identify.Identification", "vibro_lab.identification.identify.Alternative")
 _LINK = re.compile(r"(?P<shown>!?\[[^]]*\])\((?P<path>[^)#:\s]+)(?P<anchor>#[^)\s]*)?\)")
 #: Code, in which no link is changed, or a link, whose text may contain code.
 _CODE_OR_LINK = re.compile(rf"^```.*?^```|`[^`\n]+`|{_LINK.pattern}", re.MULTILINE | re.DOTALL)
@@ -23,11 +34,21 @@ _log = logging.getLogger("mkdocs.hooks.site")
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Add the pages outside docs/, and the page of all pictures."""
+    """Add the pages outside docs/, the page of all docstrings, and the page of all pictures."""
     for name, page in OUTSIDE.items():
         files.append(File.generated(config, page, content=(ROOT / name).read_text(encoding="utf-8")))
+    files.append(File.generated(config, "python_interface.md", content=python_interface()))
     files.append(File.generated(config, "gallery.md", content=gallery()))
     return files
+
+
+def python_interface() -> str:
+    """Return the page with the docstring of every public name, which mkdocstrings fills."""
+    names = {"Device": [f"vibro_ros.{name}" for name in sorted(vibro_ros.__all__)],
+             "Lab": [f"vibro_lab.{name}" for name in sorted(vibro_lab.__all__)], "What functions return": RESULTS}
+    sections = ["\n".join([f"## {title}\n", *(f"::: {name}" for name in listed)]) for title, listed in names.items()]
+    return "\n\n".join(["# Python interface", "Every public name with units, shapes and errors, as `help` shows it. "
+                        "[Python](guide/python.md) shows how the names work together.", *sections]) + "\n"
 
 
 def gallery() -> str:

@@ -1,5 +1,6 @@
-"""The tables of docs/speeds.md: the motions of each robot that a page names, and what it costs them to move."""
+"""The tables of docs/speeds.md: the motions of each robot that a page names, and what a metre costs."""
 
+import math
 import sys
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
@@ -18,11 +19,10 @@ from vibro_lab.orbits.recurrence import NotSettledError, SettledMotion, number_a
 from vibro_lab.orbits.starts import motor_command, running
 from vibro_lab.orbits.turn_map import Stroboscope, free_cut
 from vibro_lab.study.measures import device_at_start, measure
-from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.configuration.shipped import shipped
+from vibro_ros.configuration.scene_file import load_scene, shipped
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.motion import SimulationError
-from vibro_ros.simulation.processes import core_count, in_processes
+from vibro_ros.simulation.runs import core_count, in_processes
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.validity import validity_of
 
@@ -30,10 +30,15 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs/speeds.md"
 MOTIONS = "<!-- motions: written by `make documents` -->", "<!-- end of motions -->"
 COSTS = "<!-- costs: written by `make documents` -->", "<!-- end of costs -->"
+DISTRIBUTIONS = "<!-- distributions: written by `make documents` -->", "<!-- end of distributions -->"
 OPTIMA = sorted((ROOT / "docs/optimum").glob("*.yaml"))
 #: What `study optimise` found in `device`, with the motors that pay differently.
 ADVISED = ("thriftiest", "thrifty", "fastest", "thrifty_grounded", "fastest_grounded")
 STARTS, COSTED_STARTS = 64, 8
+#: Settling and measuring time [s] of a start that keeps its energy.
+KEEPS_SETTLING, KEEPS_MEASURED = 4.0, 64.0
+#: Starts about which a robot that keeps its energy is started.
+ABOUT = ("rest", "zero")
 #: Speeds of the body [m/s] with which a robot is started as well.
 PUSHED = (0.5, -0.5, 1.0, -1.0, 2.0, -2.0)
 #: Settling and measuring time of a cost [s], and period of the samples that judge a flight [s].
@@ -50,13 +55,42 @@ _COSTS = ("mean_speed", "cost_of_transport", "delivered_cost_of_transport", "sup
 def robots() -> dict[str, Scene]:
     """Return every robot that a page names, by its name there, with its motor turning."""
     return {**{f"`{name}`": running(load_scene(name)) for name in shipped("scene")},
-            **{f"[`{path.stem}`](optimum.md)": load_scene(path) for path in OPTIMA}}
+            **{f"`optimum/{path.stem}`": load_scene(path) for path in OPTIMA}}
+
+
+def keeps_energy(scene: Scene) -> bool:
+    """Whether nothing takes energy from the masses: no damper, no rebound slower than the blow, and a body whose
+    friction does not act back on them. Such a robot does not forget its start: no two starts need settle to one motion.
+    """
+    rebounds = all(scene[f"effects.{side}_contact"] != "restitution" or scene[f"{side}.plate.restitution"] == 1.0
+                   for side in scene.guides)
+    dampers = any(scene[f"{side}.{part}.damping"] for side in scene.guides for part in ("spring", "plate"))
+    return rebounds and not dampers and not scene["effects.reaction"]
+
+
+def named(name: str, scene: Scene) -> str:
+    """Return the first cell of a row: the robot and its command."""
+    command, value = motor_command(scene)
+    return f"{name}, {value:.4g} {'V' if command == 'motor_voltage' else 'rad/s'}"
+
+
+def distribution_rows(name: str, scene: Scene) -> list[str]:
+    """Return a row for the starts about each of `ABOUT` of a robot that keeps its energy: the range of their speeds."""
+    rows = []
+    for about in ABOUT:
+        begun = scene.with_parameters({"start.state": about})
+        runs = in_processes(partial(measure, begun, ("mean_speed",), KEEPS_SETTLING, KEEPS_MEASURED), range(STARTS),
+                            core_count())
+        speeds = 1e3 * np.array([future.result()["mean_speed"] for _, future in runs])
+        digits = max(0, 2 - math.floor(math.log10(np.abs(speeds).max())))
+        ends = [f"{value:.{digits}f}" for value in np.quantile(speeds, (0.0, 0.25, 0.5, 0.75, 1.0))]
+        rows.append(f"| {named(name, scene)} | near `{about}` | {' | '.join(ends)} |")
+    return rows
 
 
 def motion_rows(name: str, scene: Scene, starts: int = STARTS) -> list[str]:
     """Return a row of the first table for each motion of a robot."""
-    command, value = motor_command(scene)
-    name = f"{name}, {value:.4g} {'V' if command == 'motor_voltage' else 'rad/s'}"
+    name = named(name, scene)
     found = vibro_lab.attractors(scene, starts).drawn
     leads, others = led_to(scene, found)
     rows = [f"| {name} | {one.in_words()} | {one.starts} of {starts} ({100 * one.low:.0f} to {100 * one.high:.0f} %) | "
@@ -187,7 +221,16 @@ def motion_table() -> str:
     lines = ["| robot and command | motion | share of starts [%] (95 %) | exponent [1/s] | a start that leads there |",
              "|---|---|---|---|---|"]
     for name, scene in tqdm(robots().items(), disable=None):
-        lines += motion_rows(name, scene)
+        lines += [] if keeps_energy(scene) else motion_rows(name, scene)
+    return "\n".join(lines)
+
+
+def distribution_table() -> str:
+    """Markdown of the table of robots that keep their energy."""
+    lines = [f"| robot and command | {STARTS} starts | least | a quarter is below | half are below | three quarters "
+             "are below | largest |", "|---" * 7 + "|"]
+    for name, scene in tqdm(robots().items(), disable=None):
+        lines += distribution_rows(name, scene) if keeps_energy(scene) else []
     return "\n".join(lines)
 
 
@@ -203,9 +246,9 @@ def cost_table() -> str:
 
 
 def main() -> int:
-    """Write both tables into the page."""
-    write_between(PAGE, *MOTIONS, motion_table)
-    write_between(PAGE, *COSTS, cost_table)
+    """Write the tables into the page."""
+    for marks, table in ((DISTRIBUTIONS, distribution_table), (MOTIONS, motion_table), (COSTS, cost_table)):
+        write_between(PAGE, *marks, table)
     return 0
 
 

@@ -17,8 +17,7 @@ TYPE_CHECKING = False  # type checkers know the name; to import `typing` would d
 if TYPE_CHECKING:
     from vibro_ros.bag.reader import read_bag
     from vibro_ros.bag.stream import BagError, BagStream, bag_errors, robot_topics
-    from vibro_ros.configuration.scene_file import load_scene, scene_as_file, scene_origin
-    from vibro_ros.configuration.shipped import find_file, shipped
+    from vibro_ros.configuration.scene_file import find_file, load_scene, scene_as_file, scene_origin, shipped
     from vibro_ros.configuration.strict_yaml import read_scalar, read_settings, read_yaml
     from vibro_ros.messages.codec import deserialised
     from vibro_ros.messages.frames import JOINTS, joints_of
@@ -36,9 +35,16 @@ if TYPE_CHECKING:
     from vibro_ros.sensors.noise import FORGETTING as IMU_FORGETTING
     from vibro_ros.simulation.given_state import STATE_UNITS, motor_coordinates
     from vibro_ros.simulation.motion import SimulationError
-    from vibro_ros.simulation.processes import Forks, InThisProcess, core_count, in_order, in_processes
     from vibro_ros.simulation.provenance import software
-    from vibro_ros.simulation.runs import simulate, simulate_many
+    from vibro_ros.simulation.runs import (
+        Forks,
+        InThisProcess,
+        core_count,
+        in_order,
+        in_processes,
+        simulate,
+        simulate_many,
+    )
     from vibro_ros.simulation.samples import FIELDS as SAMPLE_FIELDS
     from vibro_ros.simulation.samples import LATEST as LATEST_TIME
     from vibro_ros.simulation.samples import Samples
@@ -58,11 +64,11 @@ _HOMES = {  # of each public name its module, and after a colon its name there i
     # scenes, and where the shipped files are
     "Scene": "model.scene",
     "check_scene": "model.scene",
-    "find_file": "configuration.shipped",
+    "find_file": "configuration.scene_file",
     "load_scene": "configuration.scene_file",
     "scene_as_file": "configuration.scene_file",
     "scene_origin": "configuration.scene_file",
-    "shipped": "configuration.shipped",
+    "shipped": "configuration.scene_file",
     # parameters: their table, and checked values
     "PARAMETERS": "model.parameters:BY_NAME",
     "Parameter": "model.parameters",
@@ -83,11 +89,11 @@ _HOMES = {  # of each public name its module, and after a colon its name there i
     "simulate": "simulation.runs",
     "simulate_many": "simulation.runs",
     # many runs at once, and what decides their bits
-    "Forks": "simulation.processes",
-    "InThisProcess": "simulation.processes",
-    "core_count": "simulation.processes",
-    "in_order": "simulation.processes",
-    "in_processes": "simulation.processes",
+    "Forks": "simulation.runs",
+    "InThisProcess": "simulation.runs",
+    "core_count": "simulation.runs",
+    "in_order": "simulation.runs",
+    "in_processes": "simulation.runs",
     "software": "simulation.provenance",
     # sensors
     "ACCELERATIONS": "sensors.noise",

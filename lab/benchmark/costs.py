@@ -1,4 +1,4 @@
-"""`make bench`: what a run by `exact` and by heyoka costs, as ratios to Runge-Kutta 4 by hand."""
+"""`make bench`: what a run by `exact`, by heyoka and by Runge-Kutta 4 by hand costs, in seconds a simulated second."""
 
 import argparse
 import itertools
@@ -7,46 +7,47 @@ import os
 import platform
 import statistics
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from importlib import metadata
 
 import numpy as np
 
 from benchmark import rk4_by_hand
-from vibro_lab.accuracy.harness import LEAST_TIME, SceneProblem, median_time, seconds
-from vibro_lab.accuracy.programs import DEVICE, DRIVE_SPEED, UNIT_STEP, Program, Setting, UnableError
+from vibro_lab.accuracy.harness import Effort, SceneProblem, cost_of, median_time, seconds
+from vibro_lab.accuracy.programs import DEVICE, DRIVE_SPEED, Program, Setting, UnableError
 from vibro_ros import Scene, Simulator, in_processes, load_scene, simulate, simulate_many
 
 SCENES = ("unilateral", "paper", "damped", "frictionless", "no_impact", "rigid", "device", "machine")
 #: Heading of each column, and the format of its value from `measure`.
 COLUMNS = {
     "scene": "`{scene}`",
-    "cost, RK4 = 1": "{ratio:.4f}",
-    "heyoka, RK4 = 1": "{heyoka}",
-    "times faster than real time": "{real_time:.0f}",
+    "exact [s/s]": "{exact:.2g}",
+    "its set-up [s]": "{set_up:.2g}",
+    "heyoka [s/s]": "{heyoka:.2g}",
+    "RK4 [s/s]": "{rk4:.2g}",
     "segments a turn": "{segments:.1f}",
     "an event": "{event:.2f} µs",
     "1 ms of robot time": "{tick:.1f} µs",
-    "RK4, 1 s": "{unit:.1f} ms",
 }
 #: Samples of a run per second of robot time.
 RATE = 200.0
 _PACKAGES = ("numpy", "numba", "heyoka")
 _TOLERANCE = 1e-9  # heyoka's: over 10 s of each scene, its errors are below those of Runge-Kutta
+_STEP = 1e-5  # s, of Runge-Kutta 4
 _COMPILED = ("no_impact", "unilateral", "device")
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 
 def main(words: Sequence[str]) -> int:
-    """Print the table that docs/accuracy.md has."""
+    """Print the table of costs."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--duration", type=float, default=10.0, help="robot time [s] (default 10)")
     parser.add_argument("--repeats", type=int, default=7, help="rounds (default 7)")
     parser.add_argument("--many", type=int, default=200, help="scenes of `simulate_many` (default 200)")
     options = parser.parse_args(words)
-    print(f"{options.duration:g} s of robot time sampled at {RATE:g} Hz, medians of {options.repeats}, each over "
-          f"{LEAST_TIME:g} s of runs; RK4: dt = {UNIT_STEP:g} s, `rk4_by_hand`, in `machine` the device's own `rk4`, "
-          f"because the other has no dc motor; heyoka: tolerance {_TOLERANCE:g}, in the same run")
+    print(f"Wall time [s] for each simulated second, without set-up, over {options.duration:g} s sampled at {RATE:g} "
+          f"Hz; medians of {options.repeats} rounds. RK4: step {_STEP:g} s, `rk4_by_hand`, in `machine` the device's "
+          f"own `rk4`, because the other has no dc motor; heyoka: tolerance {_TOLERANCE:g}")
     print(f"{machine()}\n")
     print(f"| {' | '.join(COLUMNS)} |\n{'|---' * len(COLUMNS)}|")
     for name in SCENES:
@@ -60,33 +61,45 @@ def main(words: Sequence[str]) -> int:
 
 
 def measure(name: str, duration: float, repeats: int) -> dict[str, str | float]:
-    """Medians over `repeats` rounds: exact, Runge-Kutta and heyoka in turn, all compiled before, each for `LEAST_TIME`.
-
-    Returns
-    -------
-    dict
-        `scene`; `ratio` of exact to Runge-Kutta; `heyoka`, its ratio as text, `-` without it; `real_time`, simulated
-        seconds per second; `segments`, segments a turn; `event`, microseconds an event; `tick`, microseconds of a 1 ms
-        `advance_to`; `unit`, milliseconds of Runge-Kutta per simulated second.
-    """
+    """Return the values of the columns `COLUMNS` of a scene; NaN for heyoka where it is not installed or fails."""
     scene = load_scene(name)
     problem = SceneProblem(scene, np.arange(round(duration * RATE) + 1) / RATE)
-    runs = [_run(problem, DEVICE["exact"], DEVICE["exact"].settings[0]), _unit(problem), *_heyoka(problem)]
-    rounds = np.array([[median_time(run) for run in runs] for _ in range(repeats)])
-    exact, unit, *_ = np.median(rounds, axis=0)
-    ratio, _, *heyoka = np.median(rounds / rounds[:, 1:2], axis=0)
+    effort = Effort(repeats=repeats, patience=math.inf)
+    exact, set_up = _cost(problem, DEVICE["exact"], DEVICE["exact"].settings[0], effort)
     device = moving(scene)
     device.advance_to(duration)
     return {
-        "scene": name,
-        "ratio": ratio,
-        "heyoka": f"{heyoka[0]:.4f}" if heyoka else "-",
-        "real_time": duration / exact,
+        "scene": name, "exact": exact, "set_up": set_up, "heyoka": _heyoka(problem, effort),
+        "rk4": _rk4(problem, effort),
         "segments": device.statistics["steps"] * 2.0 * math.pi / abs(device.state.crank_angle),
-        "event": exact / max(1, len(device.take_events())) * 1e6,
+        "event": exact * duration / max(1, len(device.take_events())) * 1e6,
         "tick": _tick(scene) * 1e6,
-        "unit": unit / duration * 1e3,
     }
+
+
+def _cost(problem: SceneProblem, program: Program, setting: Setting, effort: Effort) -> tuple[float, float]:
+    """Cost [s for each simulated second] and set-up [s] of a program, compiled before."""
+    whole, short = program.prepare(problem, setting), program.prepare(problem.at(problem.times[:2]), setting)
+    whole()
+    return cost_of(problem, whole, short, effort)[:2]
+
+
+def _rk4(problem: SceneProblem, effort: Effort) -> float:
+    try:
+        return _cost(problem, rk4_by_hand.PROGRAM, Setting(_STEP, ""), effort)[0]
+    except UnableError:
+        return _cost(problem, DEVICE["rk4"], Setting(_STEP, ""), effort)[0]
+
+
+def _heyoka(problem: SceneProblem, effort: Effort) -> float:
+    """Return heyoka's cost, or NaN, with the reason on stderr, if heyoka is not installed or fails."""
+    try:
+        from benchmark.programs.heyoka import ON_SCENES
+
+        return _cost(problem, ON_SCENES, Setting(_TOLERANCE, ""), effort)[0]
+    except (ModuleNotFoundError, UnableError) as error:
+        print(f"bench: {problem.name} without heyoka: {error}", file=sys.stderr)
+        return math.nan
 
 
 def moving(scene: Scene) -> Simulator:
@@ -95,31 +108,6 @@ def moving(scene: Scene) -> Simulator:
     if scene["motor.speed"] == 0.0:
         device.command(motor_speed=DRIVE_SPEED)
     return device
-
-
-def _run(problem: SceneProblem, program: Program, setting: Setting) -> Callable[[], object]:
-    """Return a run that has already been made once, so that everything is compiled."""
-    run = program.prepare(problem, setting)
-    run()
-    return run
-
-
-def _unit(problem: SceneProblem) -> Callable[[], object]:
-    try:
-        return _run(problem, rk4_by_hand.PROGRAM, Setting(UNIT_STEP, ""))
-    except UnableError:
-        return _run(problem, DEVICE["rk4"], Setting(UNIT_STEP, ""))
-
-
-def _heyoka(problem: SceneProblem) -> list[Callable[[], object]]:
-    """Return heyoka's run, or None, with the reason on stderr, if heyoka is not installed or fails."""
-    try:
-        from benchmark.programs.heyoka import ON_SCENES
-
-        return [_run(problem, ON_SCENES, Setting(_TOLERANCE, ""))]
-    except (ModuleNotFoundError, UnableError) as error:
-        print(f"bench: {problem.name} without heyoka: {error}", file=sys.stderr)
-        return []
 
 
 def _tick(scene: Scene) -> float:

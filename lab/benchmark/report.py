@@ -1,132 +1,363 @@
-"""Write the rows of the benchmark as a table (results.json), a page (benchmark.md) and a chart for each problem."""
+"""The pages of the benchmark and of accuracy, made from their rows by `publish`.
 
-import json
+| file in the folder | made from |
+|---|---|
+| `accuracy.md`, the answer on one screen, and `accuracy/scenes.md`, a section a scene | `accuracy/accuracy.csv` |
+| `benchmark/benchmark.md`, the comparison, and `benchmark/settings.md`, a row a setting | `benchmark/results.csv` |
+"""
+
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
-from matplotlib.figure import Figure
+import numpy as np
 
 from benchmark import problems
-from vibro_lab.accuracy.chart import style
-from vibro_lab.accuracy.harness import ABSENT, OK, Row
-from vibro_lab.accuracy.programs import PLAIN, TUNED, UNIT_IN_WORDS, UNIT_STEP
-from vibro_lab.accuracy.report import BY_HAND, BY_HAND_IN_WORDS, Slope, fit_slope, two_digits
+from vibro_lab.accuracy.accuracy import draw
+from vibro_lab.accuracy.chart import COST_AXIS, draw_errors, style
+from vibro_lab.accuracy.harness import ABSENT, OK, REFERENCE, REQUIRED, Effort, Row, read_rows
+from vibro_lab.accuracy.programs import PLAIN, TUNED
+from vibro_lab.accuracy.report import (
+    COST,
+    REQUIREMENTS,
+    Requirement,
+    advice,
+    averages_of,
+    cheapest,
+    digit_factor,
+    finding,
+    goes_wrong_way,
+    how_measured,
+    is_one_speed,
+    section,
+    two_digits,
+)
+from vibro_lab.accuracy.scene_rows import LONG, SHORT, lyapunov_time_in
+from vibro_lab.orbits.starts import SETTLING, STARTING, started_at_share
+from vibro_lab.study.figures import Figure, default_settings, new_figure, png, set_heading, style_axes
 from vibro_lab.study.page import markdown_table
+from vibro_ros import Scene, load_scene
 
-PAGE, RESULTS = "benchmark.md", "results.json"
+SCENE_ROWS, PROBLEM_ROWS = Path("accuracy/accuracy.csv"), Path("benchmark/results.csv")
+ACCURACY, SCENES_PAGE = Path("accuracy.md"), Path("accuracy/scenes.md")
+BENCHMARK, SETTINGS = Path("benchmark/benchmark.md"), Path("benchmark/settings.md")
+PRICED, PATHS = Path("accuracy/cost.png"), Path("accuracy/ways.png")
+#: The scene of the picture and the table; the scene on which a Runge-Kutta of fixed step goes the wrong way, the steps
+#: [s] of the paths that are drawn, and the step of the sentence.
+SHOWN, CLOSER, STEPS, BLIND = "device", "paper", (2e-4, 1e-4, 5e-5, 1e-5), 2e-4
+#: The five programs of the picture, in the order of their labels.
+LABELLED = ("exact", "heyoka", "rk4_located", "rk4_by_hand", "rk4")
+BY_HAND, HAND_STEP = "rk4_by_hand", 1e-5
 #: Errors below this are rounding errors, and are drawn at this value.
 FLOOR = 1e-16
-#: A program is as accurate as `exact` if its error, as a share of the span, is below this or below that of `exact`.
-AS_ACCURATE = 1e-12
-#: Settings that gain less than this many digits have no slope.
-_LEAST_DIGITS = 0.5
+#: A program is as accurate as `exact` if its error, as a share of the span, is below this or below that of `exact`; on
+#: scenes, if no position is off by more than the tolerance of `exact`.
+AS_ACCURATE, EXACT_TOLERANCE = 1e-12, 1e-9
+MILLIMETRE, MICROMETRE = REQUIREMENTS[3], REQUIREMENTS[4]
+_EFFORT = Effort(repeats=3)
 
 
-def write(folder: Path, rows: Sequence[Row], machine: str) -> None:
-    """Write table, page and charts into `folder`; rows of other programs and problems in the folder are kept."""
-    if (folder / RESULTS).exists():
-        before, measured_on, unit = read(folder / RESULTS)
-        again = {(row.problem, row.program) for row in rows}
-        if (measured_on, unit) == (machine, UNIT_IN_WORDS):
-            order = list(dict.fromkeys(row.program for row in [*before, *rows]))
-            rows = [row for row in before if (row.problem, row.program) not in again] + list(rows)
-            rows.sort(key=lambda row: (row.problem, order.index(row.program)))
-    (folder / RESULTS).write_text(stored(rows, machine, UNIT_IN_WORDS), encoding="utf-8")
-    publish(folder)
+def by_problem(rows: Iterable[Row]) -> dict[str, list[Row]]:
+    """Return the rows by problem or scene."""
+    groups: dict[str, list[Row]] = {}
+    for row in rows:
+        groups.setdefault(row.problem, []).append(row)
+    return groups
 
 
-def publish(folder: Path) -> None:
-    """Write page and charts from the rows in `folder`."""
-    rows, machine, unit = read(folder / RESULTS)
-    for name in dict.fromkeys(row.problem for row in rows):
-        own = [row for row in rows if row.problem == name]
-        draw(own, problems.load(name).title).savefig(folder / f"{name}.png", dpi=110)
-    (folder / PAGE).write_text(page(rows, machine, unit), encoding="utf-8")
+def publish(folder: Path, measured: Path) -> list[Path]:
+    """Write the pages and charts that are made of the rows in `SCENE_ROWS` or `PROBLEM_ROWS`; returns the pages."""
+    if measured == SCENE_ROWS:
+        scenes = by_problem(read_rows(folder / SCENE_ROWS))
+        draw(scenes, _EFFORT, folder / SCENE_ROWS.parent)
+        if SHOWN in scenes:
+            (folder / PRICED).write_bytes(png(draw_cost(scenes[SHOWN])))
+        if CLOSER in scenes:
+            (folder / PATHS).write_bytes(png(draw_paths(load_scene(CLOSER), STEPS)))
+        pages = {ACCURACY: accuracy_page(scenes), SCENES_PAGE: scenes_page(scenes)}
+    else:
+        rows = read_rows(folder / PROBLEM_ROWS)
+        for name, of_problem in by_problem(rows).items():
+            (folder / PROBLEM_ROWS.parent / f"{name}.png").write_bytes(png(
+                draw_problem(of_problem, problems.load(name).title)))
+        pages = {BENCHMARK: benchmark_page(rows), SETTINGS: settings_page(rows)}
+    for page, text in pages.items():
+        (folder / page).write_text(text, encoding="utf-8")
+    return [folder / page for page in pages]
 
 
-def stored(rows: Sequence[Row], machine: str, unit: str) -> str:
-    """Return the table as JSON: the rows without fields that do not apply to them, the machine, and the unit of cost.
-    """
-    return json.dumps({"machine": machine, "unit": unit, "rows": [
-        {name: cell for name, cell in asdict(row).items() if cell == cell and cell != ""} for row in rows]},
-                      indent=1) + "\n"
+# Which method, which step, what it costs
 
 
-def read(file: Path) -> tuple[list[Row], str, str]:
-    """Rows, machine and unit of cost of a table."""
-    found = json.loads(file.read_text(encoding="utf-8"))
-    rows = [Row(**{"setting": "", "value": math.nan, **row}) for row in found["rows"]]
-    return rows, found["machine"], found["unit"]
+def accuracy_page(scenes: Mapping[str, Sequence[Row]]) -> str:
+    """Return the page that says which method to take and what it costs, from the rows of scenes."""
+    rows = scenes.get(SHOWN, [])
+    return "\n\n".join([
+        "<!-- Generated by `make accuracy`. -->\n# Which method, which step, what it costs", *answer(scenes),
+        *([f"![Error in metres over cost, on {SHOWN}]({PRICED})",
+           f"Scene `{SHOWN}`, {LONG:g} s, set-up apart. The coarsest setting that keeps 1 mm is labelled, else the "
+           "finest that was measured.", need_table(scenes)] if rows else []),
+        heyoka_sentence(scenes),
+        f"The error is the largest of every position within the horizon, against `exact` at its finest tolerance. "
+        f"{known_to(scenes)}",
+        how_measured([row for measured in scenes.values() for row in measured], _EFFORT),
+        f"Every shipped scene, with mean speeds and the paths that go the wrong way: [scenes]({SCENES_PAGE}). All "
+        f"rows: [{SCENE_ROWS.name}]({SCENE_ROWS}). Other programs on problems with reference values of 60 digits: "
+        f"[the benchmark]({BENCHMARK}). `.venv/bin/accuracy --scene my.yaml` measures a scene of your own. What each "
+        "effect costs: [the robot](robot.md)."]) + "\n"
 
 
-def page(rows: Sequence[Row], machine: str, unit: str) -> str:
-    """The page in Markdown, its charts beside it."""
-    names = list(dict.fromkeys(row.problem for row in rows))
-    head = "<!-- Generated by `make benchmark`. -->\n# The benchmark: impacts with dry friction, priced"
-    parts = [head, winners(rows, names), sentence(rows, unit),
-             "An error is the largest error of the body's position at the sampled instants (in problems whose body "
-             "does not move, of the masses' motion; of the ball, of its height and speed), as a share of the span of "
-             "the reference values, which have 60 digits. "
-             f"A cost is a ratio to {unit}, timed on the same problem; compilation does not "
-             f"count. Each program is used as its documentation recommends ({PLAIN}) and with settings for which its "
-             f"module in `lab/benchmark/programs` gives the reasons ({TUNED}). As documented, cvode, scipy and diffrax "
-             "do not locate events, and friction is smoothed over 1e-3 m/s; we chose this width, and it limits their "
-             f"error. Measured on {machine}; {versions(rows)}.",
-             f"A run *{problems.FALLS}* if its body, which may leave the ground, is at a sampled instant deeper below "
-             "the ground than the body of the reference ever rises above it. A run has the *wrong sign* if the body "
-             f"ends on the wrong side of its start, and *diverges* if its error exceeds {problems.DIVERGED:g} spans. "
-             "Such runs do not enter the slopes.",
-             "Equations, data and how to add a program: `lab/benchmark/README.md` in the repository; `make benchmark` "
-             "measures it again.",
-             "## What one more digit costs", "The factor by which one more digit multiplies the cost: ten to the power "
-             "of minus the slope of log cost over log error, fitted to a program's tuned settings between the errors "
-             "in brackets. `exact` has only one setting, and therefore one error and one cost.",
-             digit_table(rows, names)]
-    for name in names:
-        parts += [f"## {problems.load(name).title}", f"![Error over cost of each program]({name}.png)",
-                  table([row for row in rows if row.problem == name])]
-    missing = [f"- {row.program}: {row.note}" for row in rows if row.outcome == ABSENT]
-    if missing:
-        parts += ["## Not installed", "\n".join(dict.fromkeys(missing))]
+def answer(scenes: Mapping[str, Sequence[Row]]) -> list[str]:
+    """Return the three sentences: what to take, what set-up does, and what a blind Runge-Kutta draws."""
+    rows, sentences = scenes.get(SHOWN, []), list[str]()
+    able = cheapest(rows, MILLIMETRE)
+    if exact := able.get("exact"):
+        fixed = [able[name] for name in (BY_HAND, "rk4") if name in able]
+        against = f", {two_digits(fixed[0].cost / exact.cost)} times less than {fixed[0].program} with " \
+            f"{fixed[0].setting}, the cheapest Runge-Kutta 4 of fixed step that keeps 1 mm" if fixed else ""
+        sentences.append(
+            f"**Take `exact`: there is no step to choose.** On `{SHOWN}` it costs {two_digits(exact.cost)} s for each "
+            f"simulated second and {two_digits(exact.set_up)} s of set-up, and keeps every position to rounding for "
+            f"{LONG:g} s{against}.")
+        sentences.append(
+            f"**Below a second the set-up dominates**: a run of `exact` over {SHORT:g} s on `{SHOWN}` spends "
+            f"{_share_of_set_up(rows):.0%} of its time in it, and heyoka may be cheaper.")
+    truth, blind = averages_of(scenes.get(CLOSER, []), "exact"), [
+        row for row in averages_of(scenes.get(CLOSER, []), "rk4") if math.isclose(row.value, BLIND)]
+    if truth and blind and goes_wrong_way(blind[0], truth[0]):
+        forwards, of_exact = blind[0].starts_forwards, truth[0].starts_forwards
+        sentences.append(
+            f"**A blind Runge-Kutta 4 of {1e3 * BLIND:g} ms draws smooth curves in the wrong direction**: on "
+            f"`{CLOSER}` it sends {forwards} of {blind[0].repeats} starts forwards, `exact` {of_exact} of "
+            f"{truth[0].repeats}.")
+    return sentences
+
+
+def _share_of_set_up(rows: Sequence[Row]) -> float:
+    """Share of the time of a run of `exact` over the short horizon that is set-up; NaN if it was not measured."""
+    return next((row.set_up / row.wall_time for row in rows
+                 if (row.program, row.compared, row.horizon) == ("exact", REQUIRED, SHORT)), math.nan)
+
+
+def need_table(scenes: Mapping[str, Sequence[Row]]) -> str:
+    """Return the table of what you need, what to take, and what it costs; its rows are those of `SHOWN`."""
+    rows, lines = scenes[SHOWN], list[tuple[str, str, str]]()
+
+    def line(need: str, row: Row | None) -> None:
+        setting = "" if row is None or row.program == "exact" else f", {row.setting}"
+        lines.append((need, f"`{row.program}`{setting}", f"{two_digits(row.cost)} ({two_digits(row.set_up)})")
+                     if row else (need, "nothing that was measured", ""))
+
+    for asked in (MILLIMETRE, MICROMETRE):
+        line(asked.words, next(iter(cheapest(rows, asked).values()), None))
+    line(REQUIREMENTS[2].words, next(iter(cheapest(rows, REQUIREMENTS[2]).values()), None))
+    for need, program in (("the same by a Runge-Kutta 4 whose steps end at events", "rk4_located"),
+                          ("the same by a Runge-Kutta 4 of fixed step, written for one scene", BY_HAND),
+                          ("the same by a general integrator with events", "heyoka")):
+        line(f"{MILLIMETRE.words}: {need.removeprefix('the same ')}", cheapest(rows, MILLIMETRE).get(program))
+    settled = [name for name, own in scenes.items() if (exact := averages_of(own, "exact")) and is_one_speed(exact[0])]
+    lines.append((f"the mean speed of {', '.join(f'`{name}`' for name in settled) or 'a robot that settles'}",
+                  f"`exact`, one start of 5 s after {SETTLING:g} s", "as above"))
+    lines.append(("the mean speed of a robot without losses, or with several motions",
+                  "`exact`, many starts: a distribution, no number", "as above, a start"))
+    return markdown_table(("you need", "take", f"{COST} (set-up [s])"), lines)
+
+
+def heyoka_sentence(scenes: Mapping[str, Sequence[Row]]) -> str:
+    """Return the sentence that says where heyoka is as accurate as `exact` and cheaper, in whole runs with set-up."""
+    parts = []
+    for horizon in (SHORT, LONG):
+        asked = Requirement("", horizon, "position_error", EXACT_TOLERANCE)
+        able = {name: cheapest(rows, asked) for name, rows in scenes.items()}
+        both = {name: rows["heyoka"].wall_time / rows["exact"].wall_time for name, rows in able.items()
+                if {"heyoka", "exact"} <= rows.keys()}
+        cheaper = {name: ratio for name, ratio in both.items() if ratio < 1.0}
+        where = ", ".join(f"`{name}` ({two_digits(ratio)} of the time)" for name, ratio in sorted(cheaper.items()))
+        parts.append(f"over {horizon:g} s on {where or 'none'} of {len(both)} scenes")
+    return (f"heyoka, a general Taylor integrator, keeps every position to {EXACT_TOLERANCE:g} m as `exact` does and "
+            f"takes less time, set-up included, {'; '.join(parts)}.")
+
+
+def known_to(scenes: Mapping[str, Sequence[Row]]) -> str:
+    """Return the uncertainty of the references of all scenes."""
+    checked = [row for rows in scenes.values() for row in rows
+               if row.compared == REFERENCE and math.isfinite(row.position_error)]
+    if not checked:
+        return "No independent program has checked it."
+    worst = max(checked, key=lambda row: row.position_error)
+    return (f"That run agrees with {worst.program}, another method by other authors, to {worst.position_error:.0e} m "
+            f"or better (worst in `{worst.problem}`, within {worst.horizon:g} s).")
+
+
+@default_settings()
+def draw_cost(rows: Sequence[Row]) -> Figure:
+    """Draw error over cost of `LABELLED` within the long horizon, with lines at 1 mm and 1 µm and five labels."""
+    figure = new_figure(8.0, 5.0, 110)
+    axes = figure.subplots()
+    measured = [row for row in rows if (row.compared, row.horizon) == (REQUIRED, LONG) and row.program in LABELLED]
+    floor = next((row.position_error for row in rows if (row.compared, row.horizon) == (REFERENCE, LONG)), math.nan)
+    draw_errors(axes, measured, "position_error", floor)
+    for limit, words in ((1e-3, "1 mm"), (1e-6, "1 µm")):
+        axes.axhline(limit, color="black", lw=0.8, ls="--")
+        axes.text(0.995, limit * 1.2, words, transform=axes.get_yaxis_transform(), ha="right", fontsize=9)
+    able = cheapest(rows, MILLIMETRE)
+    for name in LABELLED:
+        ladder = [row for row in measured if row.program == name and math.isfinite(row.position_error)]
+        if ladder:
+            row = able.get(name) or min(ladder, key=lambda row: row.position_error)
+            label = name if name == "exact" else f"{name}, {row.setting}"
+            axes.annotate(label, (row.cost, max(row.position_error, floor)), xytext=(8, 8),
+                          textcoords="offset points", fontsize=9)
+    axes.set(xlabel=COST_AXIS, ylabel=f"largest error of a position within {LONG:g} s [m]")
+    axes.margins(x=0.2)
+    set_heading(figure, f"{SHOWN}: what accuracy costs")
+    return figure
+
+
+# A section for each scene
+
+
+def scenes_page(scenes: Mapping[str, Sequence[Row]]) -> str:
+    """Return the page with a section for each scene."""
+    advised = {name: advice(rows) for name, rows in scenes.items()}
+    cells = [(f"`{name}`", _lyapunov(scenes[name]), *uses.values()) for name, uses in advised.items()]
+    parts = ["<!-- Generated by `make accuracy`. -->\n# Accuracy in every scene",
+             "The coarsest setting of each program that meets the requirement together with all finer settings that "
+             "were measured, the cheapest first; in brackets its cost in seconds for each simulated second.",
+             markdown_table(["scene", "Lyapunov time", *next(iter(advised.values()))], cells)]
+    if chaotic := [f"`{name}`" for name, rows in scenes.items() if lyapunov_time_in(rows).chaotic]:
+        parts.append(f"{', '.join(chaotic)} {'is' if len(chaotic) == 1 else 'are'} chaotic: an error of rounding grows "
+                     "e-fold in each Lyapunov time, so that no method can predict where the body is after 10 s. "
+                     "Trajectories are compared only within 5 Lyapunov times.")
+    if CLOSER in scenes:
+        parts += ["## Smooth curves in the wrong direction", f"Scene `{CLOSER}`. {finding(scenes[CLOSER])}",
+                  f"![Path of the body from the same starts by rk4 with four steps, and exact]({PATHS.name})",
+                  "Nothing in such a curve shows that it is wrong: no jump, no noise, no error message."]
+    parts += [section(rows, f"{name}.png") for name, rows in scenes.items()]
     return "\n\n".join(parts) + "\n"
 
 
-def winners(rows: Sequence[Row], names: Iterable[str]) -> str:
-    """Return which programs are as accurate as `exact` on a problem and cheaper, with their costs relative to it."""
-    said = []
+def _lyapunov(rows: Sequence[Row]) -> str:
+    time = lyapunov_time_in(rows).time
+    return f"{time:.2g} s" if math.isfinite(time) else "no chaos"
+
+
+@default_settings()
+def draw_paths(scene: Scene, steps: Sequence[float]) -> Figure:
+    """Draw the body's path from 1 s to 10 s, from the same eight starts, by `rk4` with each step [s] and by `exact`."""
+    figure = new_figure(3.0 * (len(steps) + 1), 3.6)
+    times = np.arange(round(200 * STARTING), 2001) / 200.0
+    tried: list[tuple[str, dict[str, object]]] = [
+        (f"rk4, step {step:g} s", {"solver.method": "rk4", "solver.step": step}) for step in steps]
+    tried.append(("exact", {"solver.method": "exact"}))
+    panels = figure.subplots(1, len(steps) + 1, sharey=True)
+    for axes, (title, parameters) in zip(panels, tried, strict=True):
+        robot = scene.with_parameters(parameters)
+        for k in range(8):
+            path = started_at_share(robot, k / 8, scene["motor.speed"]).sample(times).body_position
+            axes.plot(times, path - path[0], color=style(title.partition(",")[0])["color"], lw=1.0, alpha=0.7)
+        axes.axhline(0.0, color="#777777", lw=0.8, ls=":")
+        axes.set_title(title, fontsize=10, loc="left")
+        axes.set_xlabel("time [s]")
+        style_axes(axes)
+    panels[0].set_ylabel("position of the body since 1 s [m]")
+    set_heading(figure, f"{scene.name}: the same eight starts")
+    return figure
+
+
+# The benchmark
+
+
+class Winner(NamedTuple):
+    """A program that is as accurate as `exact` on a problem and cheaper, and its time as a share of that of `exact`."""
+
+    program: str
+    problem: str
+    share: float
+
+
+def winners(rows: Sequence[Row]) -> list[Winner]:
+    """Return the programs that are as accurate as `exact` on a problem and cheaper in a whole run, set-up included."""
+    best = dict[tuple[str, str], float]()
+    for name, measured in by_problem(row for row in rows if row.outcome == OK).items():
+        for exact in (row for row in measured if row.program == "exact"):
+            for row in measured:
+                if row.share_error <= max(exact.share_error, AS_ACCURATE) and row.wall_time < exact.wall_time:
+                    share = row.wall_time / exact.wall_time
+                    best[row.program, name] = min(share, best.get((row.program, name), math.inf))
+    return [Winner(program, name, share) for (program, name), share in best.items()]
+
+
+def benchmark_page(rows: Sequence[Row]) -> str:
+    """Return the page of the benchmark in Markdown, its charts beside it."""
+    names = list(by_problem(rows))
+    cheaper = "; ".join(f"{one.program} on `{one.problem}`, in {two_digits(one.share)} of its time"
+                        for one in winners(rows))
+    absent = dict.fromkeys(f"{row.program} ({row.note})" for row in rows if row.outcome == ABSENT)
+    machines = "; and on ".join(dict.fromkeys(row.measured_on for row in rows if row.measured_on))
+    parts = ["<!-- Generated by `make benchmark`. -->\n# The benchmark: impacts with dry friction, priced",
+             f"Programs that are as accurate as `exact` (within {AS_ACCURATE:g} of the span, or within the error of "
+             f"`exact`) and cheaper in a whole run, set-up included: {cheaper or 'none on any problem'}.",
+             sentence(rows),
+             "An error is the largest error of the body's position at the sampled instants (in problems whose body "
+             "does not move, of the masses' motion; of the ball, of its height and speed), as a share of the span of "
+             "the reference values, which have 60 digits. A cost is the wall time in seconds for each simulated "
+             "second, without set-up and compilation; set-up has its own column. The horizon of each problem stands "
+             f"in its heading. Each program is used as its documentation recommends ({PLAIN}) and with settings for "
+             f"which its module in `lab/benchmark/programs` gives the reasons ({TUNED}). As documented, cvode, scipy "
+             "and diffrax do not locate events, and friction is smoothed over 1e-3 m/s; we chose this width, and it "
+             f"limits their error. Measured on {machines or 'an unknown machine'}; {versions(rows)}.",
+             f"A run *{problems.FALLS}* if its body, which may leave the ground, is at a sampled instant deeper below "
+             "the ground than the body of the reference ever rises above it. A run has the *wrong sign* if the body "
+             f"ends on the wrong side of its start, and *diverges* if its error exceeds {problems.DIVERGED:g} spans.",
+             f"Every setting and what happened in it: [settings]({SETTINGS.name}). Equations, data and how to add a "
+             "program: `lab/benchmark/README.md` in the repository; `make benchmark` measures it again.",
+             "## What one more digit costs", "The factor by which one more digit multiplies the cost, fitted to a "
+             "program's tuned settings. `exact` has only one setting, and therefore one error and one cost [s/s].",
+             digit_table(rows, names)]
     for name in names:
-        own = [row for row in rows if row.problem == name and row.outcome == OK]
-        for exact in (row for row in own if row.program == "exact"):
-            cheaper = [row for row in own if row.share_error <= max(exact.share_error, AS_ACCURATE)
-                       and row.cost < exact.cost]
-            best = {row.program: row.cost / exact.cost for row in sorted(cheaper, key=lambda row: -row.cost)}
-            said += [f"{program} on `{name}`, for {two_digits(ratio)} of its cost" for program, ratio in best.items()]
-    return (f"Programs that are as accurate as `exact` (within {AS_ACCURATE:g} of the span, or within the error of "
-            f"`exact`) and cheaper: {'; '.join(said) or 'none on any problem'}.")
+        parts += [f"## {heading(name, rows)}", f"![Error over cost of each program]({name}.png)"]
+    if absent:
+        parts.append(f"Not installed: {'; '.join(absent)}.")
+    return "\n\n".join(parts) + "\n"
 
 
-def sentence(rows: Iterable[Row], unit: str) -> str:
-    """Return the sentence about the chart of `device`: the cost of `exact`, and the cost at which each other program
-    reaches given errors.
-    """
-    own = [row for row in rows if row.problem.endswith("device") and row.outcome == OK]
-    exact = next((row for row in own if row.program == "exact"), None)
+def heading(name: str, rows: Sequence[Row]) -> str:
+    """Return the title of a problem with its horizon."""
+    return f"{problems.load(name).title}, {by_problem(rows)[name][0].horizon:g} s"
+
+
+def settings_page(rows: Sequence[Row]) -> str:
+    """Return the page with a row for each setting of each program on each problem."""
+    parts = ["<!-- Generated by `make benchmark`. -->\n# Every setting of the benchmark",
+             f"What the columns mean: [the benchmark]({BENCHMARK.name})."]
+    for name, measured in by_problem(rows).items():
+        parts += [f"## {heading(name, rows)}", markdown_table(
+            ["program", "used", "setting", "error", COST, "set-up [s]", "what happened"], [
+                (row.program, row.use, row.setting, "" if math.isnan(row.share_error) else f"{row.share_error:.1e}",
+                 two_digits(row.cost), two_digits(row.set_up), happened(row))
+                for row in measured if row.outcome != ABSENT])]
+    return "\n\n".join(parts) + "\n"
+
+
+def sentence(rows: Iterable[Row]) -> str:
+    """Return the sentence about `device`: the cost of `exact`, and what the cheapest setting of each other costs."""
+    measured = [row for row in rows if row.problem.endswith(SHOWN) and row.outcome == OK]
+    exact = next((row for row in measured if row.program == "exact"), None)
     if exact is None:
-        return "`exact` was not measured on `device` in this run."
-    hand = [row.cost for row in own if row.program == BY_HAND and row.value == UNIT_STEP]
-    scale, other = (hand[0], BY_HAND_IN_WORDS) if hand else (1.0, unit)
-    said = []
+        return f"`exact` was not measured on `{SHOWN}` in this run."
+    parts = []
     for error in (1e-3, 1e-6, 1e-9):
-        good = [row for row in own if row.share_error <= error and row.program != "exact"]
-        best = sorted({row.program: row.cost / scale for row in sorted(good, key=lambda row: -row.cost)}.items(),
-                      key=lambda found: found[1])
-        said.append(f"{error:g}: " + (", ".join(f"{name} {two_digits(cost)}" for name, cost in best) or "no program"))
-    return (f"On `device`, the robot that hops, `exact` has an error of {exact.share_error:.0e} at "
-            f"{two_digits(exact.cost / scale)} of the cost of {other}. In the same unit, the cheapest setting of each "
-            f"other program costs, for an error of at most {'; of at most '.join(said)}.")
+        best = dict[str, float]()
+        for row in measured:
+            if row.share_error <= error and row.program != "exact":
+                best[row.program] = min(row.cost, best.get(row.program, math.inf))
+        parts.append(f"{error:g}: " + (", ".join(f"{name} {two_digits(best[name])}" for name in sorted(
+            best, key=best.__getitem__)) or "no program"))
+    return (f"On `{SHOWN}`, the robot that hops, `exact` has an error of {exact.share_error:.0e} at "
+            f"{two_digits(exact.cost)} s for each simulated second and {two_digits(exact.set_up)} s of set-up. The "
+            f"cheapest setting of each other program costs, for an error of at most {'; of at most '.join(parts)}.")
 
 
 def versions(rows: Iterable[Row]) -> str:
@@ -135,62 +366,45 @@ def versions(rows: Iterable[Row]) -> str:
     for row in rows:
         if row.version:
             ran.setdefault(row.program, {}).setdefault(row.version, {})[row.problem] = None
-    return ", ".join(dict.fromkeys(f"{version} ({', '.join(on)})" if len(own) > 1 else version
-                                   for own in ran.values() for version, on in own.items()))
-
-
-def slope(rows: Sequence[Row]) -> Slope | None:
-    """Return the factor of cost for one more digit, from settings of one program, the coarsest first; None if no digit
-    is gained.
-    """
-    points = [(max(row.share_error, FLOOR), row.cost) for row in rows if row.outcome == OK and 0 < row.share_error < 1]
-    if len(points) < 2 or math.log10(points[0][0] / points[-1][0]) < _LEAST_DIGITS:
-        return None
-    return fit_slope([points])
+    return ", ".join(dict.fromkeys(f"{version} ({', '.join(on)})" if len(versions) > 1 else version
+                                   for versions in ran.values() for version, on in versions.items()))
 
 
 def digit_table(rows: Sequence[Row], names: Sequence[str]) -> str:
-    """Slopes, programs over problems, in Markdown."""
+    """Factors of the cost of one more digit, programs over problems, in Markdown."""
     lines = list[list[str]]()
     for program in dict.fromkeys(row.program for row in rows if row.outcome != ABSENT):
         cells = []
         for name in names:
-            own = [row for row in rows if row.problem == name and row.program == program]
-            found = slope([row for row in own if row.use == TUNED])
-            only = [row for row in own if row.outcome == OK]
-            cells.append(f"× {found.factor:.3g} ({found.coarse:.0e} to {found.fine:.0e})" if found else
-                         f"{only[0].share_error:.0e} at {only[0].cost:.2g}" if len(own) == len(only) == 1 else
-                         "no digit gained" if only else own[0].outcome if own else "")
+            measured = [row for row in rows if (row.problem, row.program) == (name, program)]
+            able = [row for row in measured if row.outcome == OK]
+            factor = digit_factor([(max(row.share_error, FLOOR), row.cost) for row in able
+                                   if row.use == TUNED and 0.0 < row.share_error < 1.0])
+            cells.append(f"× {factor:.3g}" if math.isfinite(factor) else
+                         f"{able[0].share_error:.0e} at {two_digits(able[0].cost)}" if len(measured) == len(able) == 1
+                         else "no digit gained" if able else measured[0].outcome if measured else "")
         lines.append([program, *cells])
     return markdown_table(["program", *(problems.load(name).title for name in names)], lines)
 
 
-def table(rows: Iterable[Row]) -> str:
-    """One problem's results in Markdown."""
-    return markdown_table(["program", "used", "setting", "error", "cost, RK4 = 1", "what happened"], [(
-        row.program, row.use, row.setting, format(row.share_error, ".1e") if row.share_error == row.share_error else "",
-        format(row.cost, ".3g") if row.cost == row.cost else "", happened(row)) for row in rows
-        if row.outcome != ABSENT])
-
-
 def happened(row: Row) -> str:
     """Return the outcome of a row, with the reason, or with the events whose number differs from the reference."""
-    said: list[Any] = [f"**{row.outcome}**"] if row.outcome != OK else []
-    return "; ".join([*said, row.note] if row.note else said)
+    return "; ".join(filter(None, [f"**{row.outcome}**" if row.outcome != OK else "", row.note]))
 
 
-def draw(rows: Sequence[Row], title: str) -> Figure:
+@default_settings()
+def draw_problem(rows: Sequence[Row], title: str) -> Figure:
     """Draw error over cost, with hollow markers for plain settings and filled markers for tuned ones."""
-    figure = Figure(figsize=(7.0, 4.6), layout="constrained")
+    figure = new_figure(7.0, 4.6, 110)
     axes = figure.subplots()
     for name in dict.fromkeys(row.program for row in rows):
         for use in (PLAIN, TUNED):
-            own = [row for row in rows if (row.program, row.use) == (name, use) and row.share_error == row.share_error]
-            if own:
+            ladder = [row for row in rows if (row.program, row.use) == (name, use) and math.isfinite(row.share_error)]
+            if ladder:
                 hollow = {"markerfacecolor": "none"} if use == PLAIN and name != "exact" else {}
-                axes.plot([row.cost for row in own], [max(row.share_error, FLOOR) for row in own],
-                          linestyle="-" if use == TUNED else ":", label=f"{name}, {use}", **style(name), **hollow)
-    axes.set(xscale="log", yscale="log", xlabel="cost, RK4 = 1", ylabel="error / span of the reference", title=title)
-    axes.grid(alpha=0.3)
+                axes.plot([row.cost for row in ladder], [max(row.share_error, FLOOR) for row in ladder],
+                          linestyle="-" if use == TUNED else ":", label=f"{name}, {use}", **style(name) | hollow)
+    axes.set(xscale="log", yscale="log", xlabel=COST_AXIS, ylabel="error / span of the reference", title=title)
+    style_axes(axes)
     axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure

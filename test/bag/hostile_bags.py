@@ -11,7 +11,7 @@ import zstandard
 from mcap.records import Channel, Chunk, McapRecord, Message, Schema
 
 from vibro_ros.bag.mcap_file import MAGIC
-from vibro_ros.bag.recorder import record_bytes
+from vibro_ros.bag.mcap_writer import record_bytes
 
 HEAD = struct.Struct("<BQ")  # of a record: opcode, length of the content
 

@@ -14,8 +14,9 @@ from mcap.writer import Writer
 from recorded_bag import POWER, mcap_file
 
 from vibro_ros.bag.mcap_file import DamagedError, McapFile, records_in, unfolded
+from vibro_ros.bag.mcap_writer import record_bytes
 from vibro_ros.bag.reader import BagError, load_bag
-from vibro_ros.bag.recorder import Recorder, Storage, record_bytes
+from vibro_ros.bag.recorder import Recorder, Storage
 
 
 def chunk(records: bytes, compression: str = "", data: bytes | None = None, crc: int | None = None) -> Chunk:

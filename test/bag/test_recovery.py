@@ -22,7 +22,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from vibro_ros.bag.folders import unsealed_bags
 from vibro_ros.bag.mcap_file import MAGIC
-from vibro_ros.bag.recorder import Recorder, Storage, record_bytes
+from vibro_ros.bag.mcap_writer import record_bytes
+from vibro_ros.bag.recorder import Recorder, Storage
 from vibro_ros.bag.stream import BagError
 from vibro_ros.recordings import recover as executable
 from vibro_ros.recordings.recover import recover

@@ -9,11 +9,11 @@ import pytest
 from vibro_ros.configuration.scene_file import (
     DEVICE_PARAMETERS,
     MOST_SCENES,
+    config_folder,
     load_scene,
     scene_origin,
     shipped_scenes,
 )
-from vibro_ros.configuration.shipped import config_folder
 from vibro_ros.model.parameters import SCENE_PARAMETERS
 from vibro_ros.model.scene import Scene
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from vibro_ros.configuration import shipped
+from vibro_ros.configuration import scene_file
 
 
 @pytest.fixture
@@ -14,10 +14,10 @@ def installed_at(tmp_path, monkeypatch):
     monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
 
     def install(folder: str) -> None:
-        file = tmp_path / folder / "vibro_ros" / "configuration" / "shipped.py"
+        file = tmp_path / folder / "vibro_ros" / "configuration" / "scene_file.py"
         file.parent.mkdir(parents=True)
-        shutil.copy(shipped.__file__, file)
-        monkeypatch.setattr(shipped, "__file__", str(file))
+        shutil.copy(scene_file.__file__, file)
+        monkeypatch.setattr(scene_file, "__file__", str(file))
 
     return install
 
@@ -35,7 +35,7 @@ def test_checkout_uses_its_own_config(tmp_path, installed_at):
     (tmp_path / "checkout" / "package.xml").touch()
     own = tmp_path / "checkout" / "config"
     own.mkdir()
-    assert shipped.config_folder() == own
+    assert scene_file.config_folder() == own
 
 
 @pytest.mark.parametrize("folder", ["lib/python3.12/site-packages", "local/lib/python3.12/dist-packages"])
@@ -43,19 +43,19 @@ def test_installation_uses_its_prefix(tmp_path, installed_at, folder):
     installed_at(folder)
     (tmp_path / folder / "config").mkdir()  # another package's
     config = make_config(tmp_path)
-    assert shipped.config_folder() == config
+    assert scene_file.config_folder() == config
 
 
 def test_ament_prefix_is_the_last_resort(tmp_path, installed_at, monkeypatch):
     installed_at("elsewhere")
     monkeypatch.setenv("AMENT_PREFIX_PATH", f"{tmp_path / 'missing'}:{tmp_path / 'underlay'}")
     config = make_config(tmp_path / "underlay")
-    assert shipped.config_folder() == config
+    assert scene_file.config_folder() == config
 
 
 def test_missing_config_says_where_it_looked(tmp_path, installed_at):
     installed_at("lib/python3.12/site-packages")
     with pytest.raises(FileNotFoundError) as error:
-        shipped.config_folder()
+        scene_file.config_folder()
     assert str(tmp_path / "share" / "vibro_ros" / "config") in str(error.value)
     assert "\n" not in str(error.value)

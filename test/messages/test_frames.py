@@ -33,7 +33,8 @@ def scene(request):
 def transforms(state: SimpleNamespace, scene: Scene, *names: str) -> tuple[list, list]:
     """Moving and fixed transforms, as messages of rosbags."""
     frames = Frames(scene, new_message("builtin_interfaces/msg/Time"), *names)
-    frames.fill([getattr(state, name) for name in FIELDS])
+    values = [getattr(state, name) for name in FIELDS]
+    frames.fill(values, frames.turns(values))
     return frames.moving, frames.fixed
 
 

@@ -150,7 +150,7 @@ def missing_share(name, factor=1.0):
     acceleration = original.system.equations.copy()
     acceleration[:, 0, 0] *= factor
     device._motion.model = dataclasses.replace(original, system=original.system._replace(equations=acceleration))
-    device._motion._stepper = new_stepper(machine, device._motion.model)
+    device._motion.stepper = new_stepper(machine, device._motion.model)
     device.advance_to(1.0)
     booked = device.statistics["energy_accounts"]
     return abs(booked["residual"]) / flow(booked)

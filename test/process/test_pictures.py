@@ -13,7 +13,7 @@ from PIL import Image
 
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.process.pictures import MOST_PIXELS, default_settings, new_figure, png, set_heading
-from vibro_ros.recordings.plots import plot_pair, plot_run
+from vibro_ros.recordings.report import plot_pair, plot_run
 
 PACKAGE = Path(__file__).resolve().parents[2] / "vibro_ros"
 STYLE = """figure.dpi: 900

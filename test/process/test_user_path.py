@@ -10,7 +10,7 @@ from known_recording import known_run  # noqa: F401
 from real_processes import start  # noqa: F401
 
 import vibro_ros
-from vibro_ros.configuration.shipped import FOLDERS, config_folder, find_file
+from vibro_ros.configuration.scene_file import FOLDERS, config_folder, find_file
 from vibro_ros.process.entry_point import Parser
 from vibro_ros.process.files import user_path
 from vibro_ros.recordings import report

@@ -15,7 +15,7 @@ from vibro_ros.messages.topics import CHECKPOINT, OPERATIONS, ROBOT_TOPICS, TOPI
 from vibro_ros.model.parameters import LIVE
 from vibro_ros.recordings import replay
 from vibro_ros.recordings.energy import energy_of
-from vibro_ros.recordings.plots import parts_of, plot_run
+from vibro_ros.recordings.report import parts_of, plot_run
 from vibro_ros.recordings.summary import energy_as_lines
 
 RATE = 50.0

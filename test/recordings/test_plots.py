@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from vibro_ros.bag.reader import read_bag
-from vibro_ros.recordings import plots
-from vibro_ros.recordings.plots import MOMENT, plot_run
+from vibro_ros.recordings import report
+from vibro_ros.recordings.report import MOMENT, plot_run
 
 ROWS = ["body displacement [mm]", "upper mass [mm]", "inclined mass [mm]", "peak force [N]", "ground force N [N]",
         "motor [rad/s]", "motor power [W]"]
@@ -89,7 +89,7 @@ def test_a_mass_is_at_its_plate_at_the_instant_of_every_impact(shown, bag):
 def test_a_mean_over_turns_does_not_swing_with_the_crank():
     time = np.linspace(0.0, 10.0, 5001)
     angle = 2.0 * np.pi * 3.7 * time
-    middle, mean = plots.mean_over_turns(time, 1.0 + np.cos(angle), time, angle)
+    middle, mean = report.mean_over_turns(time, 1.0 + np.cos(angle), time, angle)
     assert len(middle) == 37
     np.testing.assert_allclose(mean, 1.0, atol=1e-4)
 

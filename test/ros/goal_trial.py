@@ -81,6 +81,9 @@ class Trial:
 FAST = (100.0, 222.0), -0.34, 0.001
 """Range of the motor [rad/s], reach [m/s] and gap [m] with which `device` goes much faster than with its own gap."""
 
+STOPPING = 2.0
+"""Time [s] in which motor and body come to rest."""
+
 
 def main(starts: int) -> None:
     """Print the errors of goals of the scene `device`, each from `starts` random starts, and how many were missed."""
@@ -99,10 +102,12 @@ def main(starts: int) -> None:
         print(f"hold {1e3 * speed:g} mm/s: largest error {error:.1f}, mean {np.mean(held):.1f}, standard deviation "
               f"{np.std(held):.1f} mm/s; {missed} of {starts} missed", flush=True)
     for within in (0.005, 0.001):
-        for way in (0.01, 0.1, 0.5):
+        for way, rests in ((0.01, False), (0.01, True), (0.1, False), (0.5, False)):
             errors, times, missed = [], [], 0
             for number in range(starts):
                 trial = _turned(number, 0.0)
+                if rests:
+                    trial.turn(0.0, STOPPING)
                 target = float(trial.device.state.body_position) - way
                 try:
                     trial.pursue(PositionGoal(target, within, MOTOR_RANGE), 60.0, -0.06)
@@ -111,8 +116,9 @@ def main(starts: int) -> None:
                     continue
                 errors.append(1e3 * abs(float(trial.device.state.body_position) - target))
                 times.append(trial.took)
-            print(f"go {way:g} m within {1e3 * within:g} mm: largest error {max(errors):.2f} mm, {np.median(times):.1f}"
-                  f" s in the median, {max(times):.1f} s at most; {missed} of {starts} missed", flush=True)
+            print(f"go {way:g} m{' after a stop' * rests} within {1e3 * within:g} mm: largest error {max(errors):.2f}"
+                  f" mm, {np.median(times):.1f} s in the median, {max(times):.1f} s at most; {missed} of {starts} "
+                  "missed", flush=True)
 
 
 def _turned(number: int, gap: float) -> Trial:

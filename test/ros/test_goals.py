@@ -9,7 +9,7 @@ from action_msgs.msg import GoalStatus
 from operated_robot import Operator
 from rclpy.action import ActionClient
 
-from vibro_ros.ros.controller import controller, goals
+from vibro_ros.ros.controller import controller
 
 
 @pytest.fixture
@@ -18,7 +18,7 @@ def served(start, bench):
     types = pytest.importorskip("vibro_ros_interfaces.action")
     served = SimpleNamespace(feedback=[], robot=start("robot", "--ros-args", "-p", "record.enabled:=false"))
     served.controller = start("controller", "--serve")
-    clients = {kind: ActionClient(bench.node, getattr(types, kind), name) for kind, name in goals.NAMES.items()}
+    clients = {kind: ActionClient(bench.node, getattr(types, kind), name) for kind, name in controller.NAMES.items()}
     served.operator = Operator(bench, topics=("odom", "joint_states"))
     served.operator.wait_for_robot()
     bench.spin_until(lambda: all(client.server_is_ready() for client in clients.values()), "actions")
@@ -89,6 +89,6 @@ def test_a_position_is_reached_a_goal_is_cancelled_and_what_cannot_be_is_refused
 
 
 def test_without_types_or_with_a_script_there_are_no_actions_and_one_line_says_so(refusal, monkeypatch):
-    monkeypatch.setattr(goals, "OWN_TYPES", "no_such_interfaces")
+    monkeypatch.setattr(controller, "OWN_TYPES", "no_such_interfaces")
     assert refusal(controller.main, "--serve").startswith("controller: --serve: no_such_interfaces is not installed, ")
     assert refusal(controller.main, "--serve", "crawl").startswith("controller: --serve: takes goals from other ")

@@ -98,6 +98,6 @@ def test_a_launch_file_names_executables_and_files_that_there_are(file):
 
 
 def test_the_page_shows_the_first_node_and_every_launch_file():
-    page = guide.PAGES["first_node.md"]
+    page = guide.PAGES["begin.md"]
     assert f"```py\n{(EXAMPLES / 'first_node.py').read_text()}```\n" in page
     assert {name for name in guide.first_column("file", "starts")} == {file.name for file in FILES}

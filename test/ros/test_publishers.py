@@ -9,12 +9,12 @@ from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float64MultiArray
 
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
-from vibro_ros.messages.codec import first_difference
+from vibro_ros.messages.codec import Template, deserialised, first_difference, new_message, serialised
 from vibro_ros.messages.frames import ALL, JOINTS, NONE, joints_of
 from vibro_ros.messages.robot_messages import RobotMessages
-from vibro_ros.messages.topics import TOPICS
+from vibro_ros.messages.topics import SAMPLES, TOPICS
 from vibro_ros.ros.robot.pacing import RobotTime
-from vibro_ros.ros.robot.publishers import RobotPublishers, message_class
+from vibro_ros.ros.robot.recording import RobotPublishers, message_class
 from vibro_ros.sensors.device import Measurement
 from vibro_ros.simulation.samples import EVENT_DTYPE, FIELDS, TIME, Samples
 
@@ -26,6 +26,8 @@ LAST_STAMP = 2**31 * 10**9 - 1  # [ns] of an int32 of seconds
 STAMPS = [0, 1, 999_999_999, 10**9, 1_763_700_000_123_456_789, LAST_STAMP, -1, -2**31 * 10**9]
 SENSORS = {"sensors.imu.rate": 800.0, "sensors.encoder.rate": 100.0, "sensors.tracking.rate": 50.0,
            "sensors.current.rate": 100.0}
+COUNTS = {"imu": 8, "encoder": 2, "tracking": 4, "current": 2}
+"""Numbers in a measurement."""
 
 
 def stamp_of(time: float) -> int:
@@ -84,6 +86,35 @@ def test_every_topic_says_what_its_fields_are_for_any_numbers(name, prefix):
         of_motor = {"motor_power", *(("motor_current", "electrical_power") if scene.has_rotor else ())}
         assert set(seen) == {"odom", "ground_contact", "joint_states", *of_motor}
         assert all(bits([seen[name].data]) == bits([getattr(state, name)]) for name in of_motor)
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_every_message_has_the_bytes_of_rosbags(name):
+    """Numbers are written into bytes that rosbags made once; rosbags makes the same bytes of the message in them."""
+    scene = load_scene(name)
+    on = [sensor for sensor in COUNTS if sensor != "current" or scene.has_rotor]
+    scene = scene.with_parameters({f"sensors.{sensor}.rate": 100.0 for sensor in on})
+    for prefix, (values, stamp) in zip(["", "ä", "r1/", "abcd"] * 10, random_cases(7, 40), strict=True):
+        messages = RobotMessages(scene, prefix)
+        rng = np.random.default_rng(abs(stamp))
+        measured = [Measurement(sensor, rng.random(), 10.0**rng.uniform(-9.0, 9.0) * rng.normal(size=COUNTS[sensor]))
+                    for sensor in on for _ in range(2)]
+        made = [*messages.once(max(stamp, 0)), *messages.of_sample(values, EVENTS, measured, stamp, stamp_of),
+                (SAMPLES, messages.whole_sample(values, stamp, 12.5))]
+        assert {topic for topic, _ in made} == {*messages.topics, SAMPLES}
+        for topic, data in made:
+            kind = TOPICS[topic].type
+            assert data == serialised(deserialised(data, kind), kind), topic
+
+
+def test_a_template_of_numbers_that_are_changed_on_the_way_is_refused():
+    message = new_message("geometry_msgs/msg/Vector3")
+
+    def fill(numbers):
+        message.x, message.y = numbers[0], 2.0 * numbers[1]
+
+    with pytest.raises(RuntimeError, match="geometry_msgs/msg/Vector3: numbers vary that are not copied or negated"):
+        Template([(message, "geometry_msgs/msg/Vector3")], fill, 2)
 
 
 def test_impacts_push_their_plates_outwards_and_measurements_have_their_own_stamps():

@@ -23,8 +23,7 @@ from vibro_ros.messages.codec import deserialised
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.messages.urdf import robot_description
 from vibro_ros.recordings import replay
-from vibro_ros.ros.robot.publishers import RobotPublishers
-from vibro_ros.ros.robot.recording import Plan, offer_recovery, open_recording, plan_recording
+from vibro_ros.ros.robot.recording import Plan, RobotPublishers, offer_recovery, open_recording, plan_recording
 
 DESCRIPTION = "/robot_description"
 RECEIVED = {name: f"/{name}" for name in COMMAND_UNITS}

@@ -17,20 +17,24 @@ from std_msgs.msg import Float64
 from std_srvs.srv import SetBool, Trigger
 
 import vibro_ros
-from vibro_ros.messages.operations import RESET, STATE, Operation
+from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
+from vibro_ros.messages.operations import STATE, Operation
 from vibro_ros.recordings import replay
-from vibro_ros.ros.robot.pacing import SUMMARY_PERIOD, Pacing, RobotTime, StallReport
-from vibro_ros.ros.robot.publishers import RobotPublishers
-from vibro_ros.ros.robot.run import ENDED, Run
-from vibro_ros.ros.robot.subscriptions import CommandSubscriptions
+from vibro_ros.ros.robot.pacing import SUMMARY_PERIOD, StallReport
+from vibro_ros.ros.robot.recording import RobotPublishers
+from vibro_ros.ros.robot.run import ENDED, RobotRun, RunState
 
 
-def run_of(bench, record, scene=None, rate: float = 200.0, pacing: Pacing | None = None, **more) -> Run:
+def run_of(bench, record, scene=None, **settings) -> RobotRun:
+    """Return a run as fast as it can, with other `settings` of the node; a name has _ for each point."""
     scene = scene or vibro_ros.load_scene("device")
     recording = SimpleNamespace(record=record, checkpoint=lambda *_: None, is_backlogged=False)
-    return Run(bench.node, vibro_ros.Simulator(scene), RobotTime(rate, start=1_000),
-               pacing or Pacing(factor=0.0, max_catch_up=0.1), CommandSubscriptions(bench.node, scene),
-               RobotPublishers(bench.node, scene), recording, **more)
+    given = {"rate_real_time_factor": 0.0} | settings
+    run = RobotRun(bench.node, vibro_ros.Simulator(scene), {
+        parameter.name: given.get(parameter.name.replace(".", "_"), parameter.default)
+        for parameter in DEVICE_PARAMETERS}, RobotPublishers(bench.node, scene), recording)
+    run.robot_time.start = 1_000
+    return run
 
 
 def test_an_error_ends_the_thread_and_is_kept_for_the_main_thread(bench):
@@ -52,7 +56,7 @@ def test_an_error_ends_the_thread_and_is_kept_for_the_main_thread(bench):
 
 def test_whoever_asked_is_answered_when_the_run_cannot_go_on(bench, monkeypatch):
     """Otherwise a robot that waits for these answers before it seals the bag would wait for ever."""
-    run = run_of(bench, lambda *_: None, paused=True)
+    run = run_of(bench, lambda *_: None, rate_start_paused=True)
 
     def fail() -> None:
         raise vibro_ros.SimulationError("no start")
@@ -64,12 +68,41 @@ def test_whoever_asked_is_answered_when_the_run_cannot_go_on(bench, monkeypatch)
         with pytest.raises(ValueError, match="3 steps are being taken, 0 so far"):
             run.begin_steps(1)
         with pytest.raises(RuntimeError, match="no start"):
-            run.perform(Operation(RESET))
+            run.reset()
         bench.spin_until(waiting.done, "the answer of the steps")
     assert str(waiting.exception()) == ENDED and str(run.error) == "no start"
-    for ask in (lambda: run.perform(Operation(RESET)), lambda: run.begin_steps(1), run.look):
+    for ask in (run.reset, lambda: run.begin_steps(1), run.look):
         with pytest.raises(RuntimeError, match=ENDED):
             ask()
+
+
+def test_each_operation_leads_to_the_state_that_the_table_of_transitions_names(bench):
+    """The peer of the lock-step never answers, so that the run stays in each state as long as the test needs."""
+    run = run_of(bench, lambda *_: None, rate_start_paused=True, clock_publish=True, clock_lock_step=("/nobody",))
+    with run:
+        run.recording.is_backlogged = True
+        assert run.state is RunState.PAUSED
+        steps = run.begin_steps(2)
+        assert run.state is steps and run.paused
+        run.pause()
+        assert run.state is steps
+        run.resume()
+        assert run.state is RunState.RESUMING and run.paused and "stepped 0 of 2" in steps.result()
+        with pytest.raises(ValueError, match="not paused"):
+            run.begin_steps(1)
+        run.pause()
+        assert run.state is RunState.PAUSED
+        cancelled = run.begin_steps(1)
+        run.end_steps()
+        assert run.state is RunState.PAUSED and "stepped 0 of 1" in cancelled.result()
+        run.resume()
+        run._lock_step.all_answered = True
+        run._notify()
+        bench.spin_until(lambda: run.state is RunState.RUNNING, "robot time goes on")
+        run.pause()
+        assert run.state is RunState.PAUSED and not run.is_ending
+        run.end()
+        assert run.is_ending
 
 
 def test_commands_and_operations_at_any_instant_replay_to_the_last_bit(start, bench, tmp_path, capsys):
@@ -132,11 +165,11 @@ def test_a_crank_that_spins_too_fast_is_named_and_the_robot_hears_signals(start,
 def test_a_crank_that_spins_and_is_slow_again_within_one_tick_is_named(bench):
     scene = vibro_ros.load_scene("machine").with_parameters({"motor.winding_inductance": 0.001,
                                                              "motor.crank_inertia": 5e-5})
-    run = run_of(bench, lambda *_: None, scene, rate=20.0, pacing=Pacing(factor=1.0, max_catch_up=0.0))
+    run = run_of(bench, lambda *_: None, scene, rate_publish=20.0, rate_real_time_factor=1.0, rate_max_catch_up=0.0)
     lines = []
     run._stalls = StallReport(lines.append)
     with run:
-        run.perform(Operation(STATE, parameters={"motor_current": 1e6}))
+        run.disturb(Operation(STATE, parameters={"motor_current": 1e6}))
         bench.spin_until(lambda: any("because the crank spins at " in line for line in lines), "the cause")
 
 

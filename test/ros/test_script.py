@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from vibro_ros.configuration.shipped import find_file
+from vibro_ros.configuration.scene_file import find_file
 from vibro_ros.ros.controller.feedback import PositionGoal, SpeedGoal, check_reach
 from vibro_ros.ros.controller.script import read_script
 

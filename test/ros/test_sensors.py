@@ -17,7 +17,7 @@ from vibro_ros.messages.robot_messages import RobotMessages
 from vibro_ros.messages.topics import SENSOR_TOPICS, TOPICS
 from vibro_ros.messages.urdf import robot_description
 from vibro_ros.recordings import replay
-from vibro_ros.ros.robot.publishers import message_class
+from vibro_ros.ros.robot.recording import message_class
 from vibro_ros.sensors.device import Measurement
 from vibro_ros.simulation.samples import EVENT_DTYPE, FIELDS
 

@@ -26,6 +26,11 @@ from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.ros.controller import player
 from vibro_ros.ros.node import process
 
+HEAVY = {
+    "PIL", "em", "lark", "matplotlib", "scipy", "tornado", "tqdm", "vibro_lab",
+    "vibro_ros.recordings.report", "vibro_ros.view"}
+"""Modules that neither a robot nor a simulation needs, each of which costs tens of milliseconds or megabytes."""
+OF_NO_SIMULATION = HEAVY | {"lz4", "mcap", "rclpy", "rosbags", "vibro_ros.bag", "xml", "zstandard"}
 PROMPT = 10.0  # [s] deadline of what takes 0.1 s on an idle machine
 LATE = 0.03  # [s] of the promptest of the first messages; opening a bag alone took 0.07 s when stamps lagged by it
 
@@ -142,3 +147,22 @@ def test_a_node_without_a_place_for_its_log_runs_all_the_same(domain_id, monkeyp
         process.spin_once(node, 0.1)
     said = capfd.readouterr().err
     assert f"ROS writes no log file: {reason}; set ROS_LOG_DIR to a folder that can be written" in said
+
+
+def test_a_robot_that_runs_and_records_has_loaded_only_what_it_needs(start, listener):
+    """A robot starts in a second and takes 90 MB because of this; what a client calls may load more."""
+    program = ("import atexit, sys; from vibro_ros.process.entry_point import enter; "
+               "atexit.register(lambda: print('modules:', *sys.modules)); sys.exit(enter('robot'))")
+    robot = start("-c", program)
+    listener.spin_for_samples(20)
+    stop(robot)
+    loaded = set(robot.wait_for("modules: ").split())
+    assert loaded & {"rclpy", "vibro_ros.bag.recorder"} and loaded & HEAVY == set()
+
+
+def test_a_simulation_has_loaded_only_what_it_needs():
+    program = ("import sys, vibro_ros; vibro_ros.simulate(vibro_ros.load_scene('damped'), duration=0.1, rate=100.0); "
+               "print(*sys.modules)")
+    loaded = set(subprocess.run([sys.executable, "-c", program], check=True, text=True, capture_output=True)
+                 .stdout.split())
+    assert "vibro_ros.solver.core" in loaded and loaded & OF_NO_SIMULATION == set()

@@ -1,4 +1,4 @@
-"""docs/tutorial.md as a student follows it: every file, every command, and the output that the page shows."""
+"""docs/guide/begin.md as a student follows it: every file, every command, and the output that the page shows."""
 
 import re
 import subprocess
@@ -10,7 +10,7 @@ from observation import stop
 
 from vibro_ros.process.executables import EXECUTABLES
 
-TEXT = (Path(__file__).resolve().parents[2] / "docs" / "tutorial.md").read_text(encoding="utf-8")
+TEXT = (Path(__file__).resolve().parents[2] / "docs" / "guide" / "begin.md").read_text(encoding="utf-8")
 FILES = {name: content for name, content in re.findall(
     r"[Ss]ave\s+this as `([\w.]+)`[^`]*```\w+\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)}
 SESSIONS = dict(re.findall(r"^```shell-session\n\$ (.*?)\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL))

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import vibro_ros
-from vibro_ros.simulation import processes
+from vibro_ros.simulation.runs import AHEAD
 from vibro_ros.solver import event_loop
 from vibro_ros.solver.methods import Exact
 
@@ -101,7 +101,7 @@ def test_scenes_without_end_are_taken_as_they_are_needed(workers):
     assert pulled == 0
     for taken in range(1, 30):
         next(runs)
-        assert taken <= pulled <= taken + processes.AHEAD * workers
+        assert taken <= pulled <= taken + AHEAD * workers
     runs.close()
     assert running() == []
 
@@ -283,7 +283,7 @@ def test_nothing_runs_once_the_last_result_is_there():
 INTERRUPTED = """
 import os, signal
 from vibro_ros.process import entry_point
-from vibro_ros.simulation.processes import in_processes
+from vibro_ros.simulation.runs import in_processes
 entry_point.interrupt_on_signals()
 def swallowing():
     for number in range(100):
@@ -348,4 +348,4 @@ def test_results_that_are_not_kept_need_no_memory(workers):
     assert sum(1 for _ in runs) == 39
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert peak < ((processes.AHEAD + 2) * workers + 3) * size
+    assert peak < ((AHEAD + 2) * workers + 3) * size

@@ -149,11 +149,33 @@ def test_without_compiled_kernels_one_line_says_what_to_do(tmp_path):
     assert "make setup" in last and "apt install g++ python3-dev" in last and "VIBRO_ROS_PLAIN=1" in last
 
 
+def build(tmp_path: Path, **environment: str) -> subprocess.CompletedProcess:
+    """Build the kernels below `tmp_path`."""
+    return subprocess.run(
+        [sys.executable, "setup.py", "--quiet", "build_ext", "--build-temp", tmp_path, "--build-lib", tmp_path],
+        capture_output=True, text=True, cwd=ROOT, timeout=PATIENCE, env={**os.environ, **environment})
+
+
 @pytest.mark.process
 def test_without_a_compiler_the_build_says_what_to_install(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "setup.py", "--quiet", "build_ext", "--build-temp", tmp_path, "--build-lib", tmp_path],
-        capture_output=True, text=True, cwd=ROOT, timeout=PATIENCE,
-        env={**os.environ, "CXX": "no-such-compiler", "CC": "no-such-compiler"})
+    done = build(tmp_path, CXX="no-such-compiler")
     assert done.returncode != 0
-    assert "the kernels need a C++ compiler" in done.stderr and "apt install g++" in done.stderr
+    assert done.stderr == ("error: the kernels need a C++ compiler; Debian, Ubuntu: apt install g++; without root: "
+                           "pip install ziglang\n")
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(("compiler", "wanted"), [("no-such-compiler", "['ziglang']"), (sys.executable, "[]")])
+def test_pip_brings_a_compiler_where_there_is_none(compiler, wanted):
+    program = "from setuptools.build_meta import get_requires_for_build_wheel as wanted; print(wanted())"
+    assert output_of("-c", program, CXX=compiler).splitlines()[-1] == wanted
+
+
+@pytest.mark.process
+def test_a_cython_that_cannot_translate_the_kernels_is_refused(tmp_path):
+    """Debian 12 has 0.29.32, whose C++ does not compile."""
+    Path(tmp_path, "Cython.py").write_text('__version__ = "0.29.32"\n')
+    done = build(tmp_path, PYTHONPATH=str(tmp_path))
+    assert done.returncode != 0
+    assert done.stderr == ("error: the kernels need Cython 3.0.8 or newer, and this Python has 0.29.32; pip install "
+                           "--upgrade Cython\n")

@@ -68,7 +68,7 @@ def source(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def colcon(source) -> Installation:
-    """Build all three packages in a colcon workspace, with the command of docs/guide/installation.md."""
+    """Build all three packages in a colcon workspace, with the command of docs/guide/begin.md."""
     workspace = source.parents[1]
     wheels = ["--cmake-args", *cmake_arguments()]  # a sourced ROS 2 needs none of these
     run(["colcon", "build", "--base-paths", "src", "src/vibro_ros/interfaces", "src/vibro_ros/lab", "--executor",
@@ -142,7 +142,7 @@ def test_configuration_is_installed_and_found(installation, tmp_path):
         assert (share / file).read_bytes() == (ROOT / file).read_bytes()
     assert {file.name for file in (share / "launch").glob("*.py")} == {
         file.name for file in (ROOT / "examples" / "launch").glob("*.py")}
-    program = "from vibro_ros.configuration.shipped import config_folder; print(config_folder())"
+    program = "from vibro_ros.configuration.scene_file import config_folder; print(config_folder())"
     found = installation.run(f'"{sys.executable}" -c "{program}"', tmp_path)
     assert Path(found.strip()) == share / "config"
 

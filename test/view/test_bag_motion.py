@@ -16,7 +16,7 @@ from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.messages.codec import new_message, serialised
 from vibro_ros.messages.topics import ROBOT_TOPICS
 from vibro_ros.simulation.samples import Samples
-from vibro_ros.view.bag_motion import bag_motion
+from vibro_ros.view.view import bag_motion
 
 RATE = 200.0
 COMMANDS = {5: {"motor_speed": 100.0}, 120: {"upper_gap": 0.0005}, 150: {"motor_speed": 130.0, "inclined_gap": -0.0003},
@@ -276,7 +276,7 @@ def test_a_minute_of_the_device_is_small_and_progress_is_told(tmp_path):
 
 
 def test_what_does_not_fit_into_a_page_is_left_out_and_said(tmp_path, monkeypatch):
-    monkeypatch.setattr("vibro_ros.view.bag_motion.LARGEST", 30_000)
+    monkeypatch.setattr("vibro_ros.view.view.LARGEST", 30_000)
     motion, setting = read(robot_bag(tmp_path / "bag", "device", 1001, {0: {"motor_speed": 100.0}}, RATE))
     header = motion.header
     assert header["exact"] and header["end"] in (1.0, 2.0) and header["exact_spans"] == [[0.0, header["end"]]]

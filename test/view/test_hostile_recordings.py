@@ -11,7 +11,7 @@ from robot_bag import START, edit_each, edit_topic, rewritten, robot_bag
 import vibro_ros
 from vibro_ros.bag.stream import BagError
 from vibro_ros.view import motion as motion_document
-from vibro_ros.view.bag_motion import bag_motion
+from vibro_ros.view.view import bag_motion
 
 RATE = 200.0
 END = START + 10**9  # ns

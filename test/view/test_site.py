@@ -31,7 +31,7 @@ def site(tmp_path_factory) -> Path:
 def test_every_public_name_is_on_the_page_of_the_python_interface(site):
     anchors = set(re.findall(r'id="vibro_ros\.([^"]+)"', (site / "python_interface.html").read_text()))
     assert set(vibro_ros.__all__) <= anchors
-    assert {"Scene.with_parameters", "model.describe", "Simulator.command", "Simulator.state"} <= anchors
+    assert {"Scene.with_parameters", "Scene.describe", "Simulator.command", "Simulator.state"} <= anchors
 
 
 def test_pages_fit_a_narrow_screen_and_ask_no_other_host(site, open_page):
@@ -45,4 +45,4 @@ def test_pages_fit_a_narrow_screen_and_ask_no_other_host(site, open_page):
 def test_the_search_works_from_the_disk(site, page):
     page.goto((site / "guide" / "node.html").as_uri())
     page.fill("input.md-search__input", "grazing")
-    page.wait_for_selector(".md-search-result__item a[href*='orbits.html']", state="attached", timeout=20_000)
+    page.wait_for_selector(".md-search-result__item a[href*='motions.html']", state="attached", timeout=20_000)

@@ -24,9 +24,8 @@ from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, DataEnd, Header, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
-from mcap.writer import MCAP0_MAGIC as MAGIC
-from mcap.writer import CompressionType, Writer
 
+from vibro_ros.bag.mcap_writer import MAGIC, McapWriter
 from vibro_ros.bag.metadata import (
     LAST_STAMP,
     METADATA_KEY,
@@ -117,17 +116,11 @@ class McapFile:
 
     def copy_sealed(self, target: BinaryIO, metadata: str) -> None:
         """Write all readable messages to a new MCAP file, with the bag's `metadata` as text, and seal it (OSError)."""
-        compression = CompressionType.ZSTD if self._compression else CompressionType.NONE
-        writer = Writer(target, compression=compression)
-        writer.start("ros2", "vibro_ros")
-        schemas = {number: writer.register_schema(one.name, one.encoding, one.data)
-                   for number, one in self._schemas.items()}
-        channels = {number: writer.register_channel(one.topic, one.message_encoding, schemas[one.schema_id],
-                                                    one.metadata)
-                    for number, one in self._channels.items() if number in self._read_channels}
+        read = [channel for number, channel in self._channels.items() if number in self._read_channels]
+        writer = McapWriter(target.write, list(self._schemas.values()), read, "zstd" if self._compression else "")
         for channel, sequence, stamp, published, data in self._entries():
-            if channel in channels:
-                writer.add_message(channels[channel], stamp, data, published, sequence)
+            if channel in self._read_channels:
+                writer.add_message(channel, stamp, data, published, sequence)
         writer.add_metadata(METADATA_NAME, {METADATA_KEY: metadata})
         writer.finish()
 

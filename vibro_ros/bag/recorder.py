@@ -23,11 +23,10 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Lock, Thread
 
-from mcap.data_stream import RecordBuilder
-from mcap.records import Channel, McapRecord, Schema
-from mcap.writer import CompressionType, Writer
+from mcap.records import Channel, Schema
 
 from vibro_ros.bag.folders import SUFFIX, lock
+from vibro_ros.bag.mcap_writer import CHUNK_SIZE, McapWriter
 from vibro_ros.bag.metadata import (
     FILE_NAME,
     LAST_STAMP,
@@ -47,16 +46,15 @@ from vibro_ros.bag.metadata import (
 FLUSH_PERIOD = 0.05  # s, between two flushes; a message is promised to be safe after 0.1, as a busy machine is late
 WAKE_DELAY = 0.01  # s, from the time when a flush is due until the thread wakes by itself
 WAKING = 1000  # waiting messages that wake the thread early, so that a robot faster than real time fills no queue
-BATCH = 15  # messages between two offers of the interpreter lock; about 60 us
+BATCH = 30  # messages between two offers of the interpreter lock; about 60 us
 BACKLOG = 20_000  # most messages waiting for the disk; about 4 s of a robot that publishes at 1 kHz
 
-CHUNK_SIZE = 2**20  # bytes; the largest chunk, unless one message is larger
 SMALLEST_FILE = 100_000  # bytes; topics, index and metadata of a file take about a third of it
 SHORTEST_FILE = 0.1  # s, smallest limit of a file's duration; longer than a period between flushes
 FEWEST_FILES = 2  # in a bag of limited size: the one that is written, and the previous one
 _PARTS = 10  # number of files of a bag when only its total size is limited
 _METADATA_SIZE = 64 * 1024  # bytes reserved for metadata.yaml and a file's end in a bag of limited size
-_COMPRESSIONS = {"none": CompressionType.NONE, "zstd": CompressionType.ZSTD}
+_COMPRESSIONS = {"none": "", "zstd": "zstd"}
 
 
 @dataclass(frozen=True)
@@ -333,18 +331,16 @@ class BagWriter:
 
     def write(self, topic: str, stamp: int, data: bytes) -> None:
         """Write a message (OSError when the disk fails); a new file begins only before a message with a later stamp."""
-        if self._is_full or (self._longest and stamp - self._first >= self._longest):
-            if 0 <= self._last < stamp:
-                self.flush()
-                self._finish_file()
-                self._begin_file()
+        if (self._is_full or stamp - self._file.first >= self._longest) and 0 <= self._file.last < stamp:
+            self.flush()
+            self._finish_file()
+            self._begin_file()
         if self._waiting:
             waiting, self._waiting = self._waiting, ()
             self.added += len(waiting)
             for name, message in waiting:
-                self._add(name, stamp, message)
-        self._add(topic, stamp, data)
-        if self._sink.pending:  # the Writer has finished a full chunk by itself
+                self._file.add_message(self._numbers[name], stamp, message, stamp)
+        if self._file.add_message(self._numbers[topic], stamp, data, stamp):  # a chunk is full
             self.flush()
 
     def flush(self) -> None:
@@ -352,13 +348,14 @@ class BagWriter:
 
         OSError when the disk is full, or the file was removed or replaced.
         """
+        self._file.end_chunk()
         try:
-            self._file.flush()
+            self._sink.flush()
         except OSError:
             if not self._sink.is_in_place:
                 self.stored -= self._flushed
             raise
-        written = sum(self._counts.values())
+        written = sum(self._file.counts.values())
         self.stored += written - self._flushed
         self._flushed = written
         self._is_full = 0 < self._storage.file_size < self._sink.size
@@ -397,37 +394,21 @@ class BagWriter:
         about = self._description(FileInformation(path.name, 0, 0))
         self._sink = _Sink(path)
         chunk = min(CHUNK_SIZE, self._storage.file_size // 8 or CHUNK_SIZE)
-        self._file = Writer(self._sink, chunk, _COMPRESSIONS[self._storage.compression])  # type: ignore[arg-type]
-        self._file.start("ros2", "vibro_ros")
-        for schema in self._schemas:  # the Writer gives them the same numbers
-            self._file.register_schema(schema.name, schema.encoding, schema.data)
-        for one in self._channels:
-            self._file.register_channel(one.topic, one.message_encoding, one.schema_id, one.metadata)
-        # The Writer puts topics into the first chunk. Here they are written before it, in case it is damaged.
-        self._sink.write(record_bytes(*self._schemas, *self._channels))
+        self._file = McapWriter(self._sink.write, self._schemas, self._channels,
+                                _COMPRESSIONS[self._storage.compression], chunk)
         self._file.add_metadata(METADATA_NAME, about)
         try:
-            self._file.flush()
+            self._sink.flush()
         except OSError:
             self._sink.close()
             path.unlink(missing_ok=True)
             raise
         self._is_open = True
         self._number += 1
-        self._counts = dict.fromkeys(self._numbers, 0)  # messages by topic
-        self._first, self._last = LAST_STAMP, -1  # stamps
-        self._longest = self._storage.max_duration * 1e9
+        self._longest = self._storage.max_duration * 1e9 or math.inf
         self._flushed = 0
         self._is_full = False
         self._waiting = self._latched
-
-    def _add(self, topic: str, stamp: int, data: bytes) -> None:
-        self._file.add_message(self._numbers[topic], stamp, data, stamp)
-        self._counts[topic] += 1
-        if stamp < self._first:
-            self._first = stamp
-        if stamp > self._last:
-            self._last = stamp
 
     def _finish_file(self) -> None:
         """Seal the file; after an OSError it ends with its last flush."""
@@ -449,51 +430,36 @@ class BagWriter:
             self._discarded_messages += file.messages
 
     def _file_information(self) -> FileInformation:
-        is_empty = self._last < 0
-        return FileInformation(self._sink.path.name, 0 if is_empty else self._first, max(0, self._last),
-                               dict(self._counts))
+        counts = {topic: self._file.counts[number] for topic, number in self._numbers.items()}
+        first, last = (self._file.first, self._file.last) if self._file.last >= 0 else (0, 0)
+        return FileInformation(self._sink.path.name, first, last, counts)
 
     def _description(self, file: FileInformation) -> dict[str, str]:
         """Return the bag's metadata for a record in the file, as if it were the only file."""
         return {METADATA_KEY: as_text(bag_information([file], self._topics, self._custom))}
 
 
-def record_bytes(*records: McapRecord) -> bytes:
-    """Return the bytes of records, one after the other."""
-    builder = RecordBuilder()
-    for record in records:
-        record.write(builder)
-    return builder.end()
-
-
 class _Sink:
     """A new file; each `flush` writes all that was written since the previous one, or nothing.
 
-    `size` is the number of bytes on the disk, `pending` that of bytes that wait for the next flush.
+    `size` is the number of bytes on the disk.
     """
 
     def __init__(self, path: Path):
         self.path = path
-        self.size = self.pending = 0
+        self.size = 0
         self._parts: list[bytes] = []
         self._file = path.open("xb", buffering=0)
 
-    def write(self, data: bytes) -> int:
+    def write(self, data: bytes) -> None:
         """Keep bytes for the next flush."""
         self._parts.append(data)
-        self.pending += len(data)
-        return len(data)
-
-    def tell(self) -> int:
-        """Return the number of bytes written so far, pending ones included."""
-        return self.size + self.pending
 
     def flush(self) -> None:
-        """Hand the pending bytes to the operating system (OSError when that fails, or the file is gone)."""
+        """Hand the bytes that were kept to the operating system (OSError when that fails, or the file is gone)."""
         rest = memoryview(b"".join(self._parts))
         whole = self.size + len(rest)
         self._parts.clear()
-        self.pending = 0
         try:
             while rest:
                 rest = rest[self._file.write(rest):]

@@ -35,21 +35,21 @@ def sections(path: Path) -> Sections:
     """
     tree = read_yaml(path, pairs=True)
     try:
-        found = list(_sections(tree, ""))
-        _refuse_twice(found)
+        sections_of_file = list(_sections(tree, ""))
+        _refuse_twice(sections_of_file)
     except ValueError as error:
         raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
-    if not found:
+    if not sections_of_file:
         raise ValueError(f"{path}: {_NONE}")
-    return found
+    return sections_of_file
 
 
-def check_addressed(path: Path, found: Sections, node: str) -> None:
+def check_addressed(path: Path, given: Sections, node: str) -> None:
     """Refuse a file without a section that applies to `node`, a fully qualified name.
 
     ValueError: the message names the file, the nodes that it addresses, and the remedy.
     """
-    patterns = [absolute(pattern) for pattern, _ in found]
+    patterns = [absolute(pattern) for pattern, _ in given]
     if not any(applies(pattern, node) for pattern in patterns):
         raise ValueError(f"{path}: holds parameters for {', '.join(patterns)}, none for this node; "
                          f"address them to {node} or to /**")
@@ -123,15 +123,15 @@ def _leaves(tree: Pairs, prefix: str) -> Iterator[tuple[str, object]]:
             yield f"{prefix}{key}", value
 
 
-def _refuse_twice(found: Sections) -> None:
+def _refuse_twice(given: Sections) -> None:
     """Refuse a parameter that two sections of one node or pattern give, of which rcl would take the later without a
     word."""
-    given: dict[str, set[str]] = {}
-    for pattern, values in found:
-        before = given.setdefault(pattern, set())
-        if again := sorted(before & values.keys()):
+    names_by_pattern: dict[str, set[str]] = {}
+    for pattern, values in given:
+        names = names_by_pattern.setdefault(pattern, set())
+        if again := sorted(names & values.keys()):
             raise ValueError(f"{again[0]}: is given twice for {pattern}; keep one")
-        before.update(values)
+        names.update(values)
 
 
 def _refuse_mixture(name: str, values: list) -> None:

@@ -130,15 +130,15 @@ def read_settings(words: Sequence[str]) -> dict[str, object]:
 
     ValueError for a word of another form, and for a name that is given twice.
     """
-    found: dict[str, object] = {}
+    settings: dict[str, object] = {}
     for word in words:
         name, equals, value = word.partition("=")
         if not (name and equals):
             raise ValueError(f"--set {word}: give NAME=VALUE, such as ground.friction=0.3")
-        if name in found:
+        if name in settings:
             raise ValueError(f"--set {word}: {name} is given twice; keep one")
-        found[name] = read_scalar(value)
-    return found
+        settings[name] = read_scalar(value)
+    return settings
 
 
 def read_yaml(path: Path, limits: Limits = LIMITS, follow: bool = True, pairs: bool = False) -> object:

@@ -1,8 +1,9 @@
 """Messages without ROS: definitions, new messages, serialisation (CDR), and the first difference of two messages."""
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 _ENCAPSULATION = 4  # bytes before the first field
+_MARK, _STEP, _OTHER = 0x2B5A1300, 0x1100, 0x80  # marks of a template: exact as int32, and distinct as float32, too
 
 
 @cache
@@ -31,6 +33,61 @@ def serialised(message: Any, type_name: str) -> bytes:
     for name in _lists_of_numbers(type_name):
         setattr(message, name, np.asarray(getattr(message, name), dtype=float))
     return bytes(jazzy_types().serialize_cdr(message, type_name))
+
+
+class Template:
+    """Messages of which only `count` numbers vary; one compiled call makes the bytes of all of them.
+
+    rosbags serialises the messages once, with a mark in place of each number. The marks in the bytes show where each
+    number belongs, and in which format, so that no rule of CDR stands here. rosbags then serialises the messages with
+    other marks, and RuntimeError is raised unless the template makes the same bytes.
+
+    Parameters
+    ----------
+    messages : sequence of (message, str)
+        Messages and their types, in the order of their bytes.
+    fill : callable
+        Sets `count` numbers in the messages: each is written as it is, or negated, any number of times.
+    """
+
+    def __init__(self, messages: Sequence[tuple[Any, str]], fill: Callable[[Sequence[float]], object], count: int):
+        marks = [_MARK + i * _STEP for i in range(count)]
+        known = {struct.pack(f"<{code}", sign * mark): (code, i, sign)
+                 for i, mark in enumerate(marks) for code in "fid" for sign in (1, -1)}
+        negated, constants, order, codes, end = list[int](), list[bytes](), list[int](), ["<"], 0
+
+        def keep(data: bytes) -> None:
+            constants.append(data)
+            order.append(-len(constants))  # counted from the end of all values that are packed
+            codes.append(f"{len(data)}s")
+
+        fill(marks)
+        self._spans: list[tuple[int, int]] = []  # begin and end of each message
+        for message, type_name in messages:
+            data, begin, at = serialised(message, type_name), 0, _ENCAPSULATION
+            self._spans.append((end, end := end + len(data)))
+            while at < len(data):
+                code, index, sign = known.get(data[at:at + 8]) or known.get(data[at:at + 4]) or ("", 0, 0)
+                if code:
+                    keep(data[begin:at])
+                    order.append(index if sign > 0 else count + len(negated))
+                    negated += [index] if sign < 0 else []
+                    codes.append(code)
+                    begin = at + struct.calcsize(code)
+                at = max(begin, at + 4)  # every number is at a multiple of 4 bytes
+            keep(data[begin:])
+        self._negated, self._constants = negated, constants[::-1]
+        self._in_order, self._pack = itemgetter(*order), struct.Struct("".join(codes)).pack
+        fill(others := [mark + _OTHER for mark in marks])
+        if self.filled(others) != [serialised(message, type_name) for message, type_name in messages]:
+            types = ", ".join(type_name for _, type_name in messages)
+            raise RuntimeError(f"{types}: numbers vary that are not copied or negated")
+
+    def filled(self, numbers: Sequence[float]) -> list[bytes]:
+        """Return the bytes of each message with these numbers in their places."""
+        negated = [-numbers[i] for i in self._negated]
+        data = self._pack(*self._in_order([*numbers, *negated, *self._constants]))
+        return [data[begin:end] for begin, end in self._spans]
 
 
 def deserialised(data: bytes, type_name: str) -> Any:

@@ -6,8 +6,10 @@ Frames and signs are those of `messages.urdf`. All rotations are about y, so tha
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from vibro_ros.messages.codec import new_message
-from vibro_ros.messages.urdf import BASE, CONTINUOUS, FIXED, FLOATING, robot_joints, rod_angle, slider
+from vibro_ros.messages.urdf import BASE, CONTINUOUS, FIXED, FLOATING, robot_joints, rods
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.samples import FIELDS
 
@@ -53,43 +55,42 @@ class Frames:
     """
 
     def __init__(self, scene: Scene, stamp: Any, prefix: str = "", published: str = ALL):
+        from vibro_ros.solver.readout import write_turns  # compiled code, which readers of bags do not need
+
+        self._write_turns, self._rods = write_turns, np.array(rods(scene)).reshape(-1, 3)
         self.moving, self.fixed = [_transform(prefix + ODOM, prefix + BASE)], list[Any]()
-        self._sliders, turning = list[tuple[Any, int]](), list[Any]()
+        self._sliders, self._turning, turn = list[tuple[Any, int]](), list[Any](), np.empty(2)
         for joint in robot_joints(scene) if published == ALL else ():
             message = _transform(prefix + joint.parent, prefix + joint.child)
             message.transform.translation.z = joint.height
             (self.fixed if joint.kind == FIXED else self.moving).append(message)
             if joint.kind == FIXED:
-                _turn(message.transform.rotation, joint.angle)
+                write_turns(self._rods, joint.angle, turn)
+                message.transform.rotation.y, message.transform.rotation.w = turn.tolist()
             elif joint.kind in (CONTINUOUS, FLOATING):
-                turning.append(message.transform.rotation)
+                self._turning.append(message.transform.rotation)
             else:
                 self._sliders.append((message.transform.translation, FIELDS.index(JOINTS[joint.child][0])))
         for message in self.moving:
             message.header.stamp = stamp
-        self._crank, rods = turning[:1], turning[1:]
-        self._rods = [(rod, slider(scene, side)) for rod, side in zip(rods, scene.guides, strict=False)]
+        self._turns = np.empty(2 * len(self._turning))
 
-    def fill(self, values: Sequence[float]) -> None:
-        """Set the transforms in `moving` from the `values` of a sample, in the order of `FIELDS`."""
-        base, angle = self.moving[0].transform.translation, values[_ANGLE]
+    def turns(self, values: Sequence[float]) -> list[float]:
+        """Return y and w of the quaternions of the crank and of each rod, at the `values` of a sample."""
+        self._write_turns(self._rods, values[_ANGLE], self._turns)
+        return self._turns.tolist()
+
+    def fill(self, values: Sequence[float], turns: Sequence[float]) -> None:
+        """Set the transforms in `moving` from the `values` of a sample, in the order of `FIELDS`, and its `turns`."""
+        base = self.moving[0].transform.translation
         base.x, base.z = values[_POSITION], values[_HEIGHT]
         for translation, index in self._sliders:
             translation.z = values[index]
-        for rotation in self._crank:
-            _turn(rotation, angle)
-        for rotation, rod in self._rods:
-            _turn(rotation, rod_angle(rod, angle))
+        for i, rotation in enumerate(self._turning):
+            rotation.y, rotation.w = turns[2 * i:2 * i + 2]
 
 
 def _transform(parent: str, child: str) -> Any:
     message = new_message("geometry_msgs/msg/TransformStamped")
     message.header.frame_id, message.child_frame_id, message.transform.rotation.w = parent, child, 1.0
     return message
-
-
-def _turn(rotation: Any, angle: float) -> None:
-    """Set a quaternion to the rotation from z towards -x by an angle [rad]."""
-    from vibro_ros.solver.elementary import cos, sin  # imports compiled code, which readers of bags do not need
-
-    rotation.y, rotation.w = -sin(0.5 * angle), cos(0.5 * angle)

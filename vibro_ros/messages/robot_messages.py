@@ -2,24 +2,26 @@
 
 Units are SI; axes follow REP-103: the robot's `base_link` has x forward and z up, and moves in the frame `odom`.
 `messages.topics.TOPICS` says which field of a sample fills which field of a message; the code here fills the rest.
-A message is made once and filled again for each sample. rosbags serialises it, with zeros in the padding between
-fields, so that equal samples have equal bytes and a replay can compare bytes.
+rosbags serialises the fixed part of a message once, with zeros in the padding between fields, and a `Template` writes
+the numbers of each sample into its bytes. So equal samples have equal bytes, and a replay can compare bytes.
 """
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from vibro_ros.messages.codec import new_message, serialised
-from vibro_ros.messages.frames import ALL, JOINTS, NONE, Frames, fill_header, joints_of
+from vibro_ros.messages.codec import Template, new_message, serialised
+from vibro_ros.messages.frames import ALL, JOINTS, NONE, Frames, joints_of
 from vibro_ros.messages.topics import SAMPLE, SAMPLES, SENSOR_TOPICS, TOPICS, published_by
 from vibro_ros.messages.urdf import BASE, robot_description
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.samples import FIELDS, TIME
 
+SECOND = 1_000_000_000  # ns
 PLATES = {"upper_contact": "upper_plate", "inclined_contact": "inclined_plate"}
 """Frame of the plate that is struck, by the kind of the event."""
 
@@ -59,42 +61,60 @@ class RobotMessages:
     def __init__(self, scene: Scene, prefix: str = "", transforms: str = ALL,
                  variances: Sequence[Sequence[float]] = ((), ()), control: Mapping[str, str] = MappingProxyType({})):
         self._scene, self._prefix, self._control = scene, prefix, control
-        self._stamp = new_message("builtin_interfaces/msg/Time")  # the sample's stamp, shared by all its headers
-        self._frames = Frames(scene, self._stamp, prefix, transforms) if transforms != NONE else None
+        stamp = new_message("builtin_interfaces/msg/Time")  # the sample's stamp, shared by all its headers
+        self._frames = Frames(scene, stamp, prefix, transforms) if transforms != NONE else None
         self.topics = published_by(scene, transforms)
-        self._messages = {name: self._new_message(name) for name in self.topics}
         self._sampled = tuple(name for name in self.topics if TOPICS[name].when == SAMPLE)
+        messages = {name: self._new_message(name) for name in self._sampled}
         for name in self._sampled:
             if TOPICS[name].frame:
-                self._messages[name].header.stamp = self._stamp
-        self._numbers = [(*_place(self._messages[name], path), FIELDS.index(field.lstrip("-")), field.startswith("-"))
-                         for name in self._sampled for path, field in TOPICS[name].numbers.items()]
-        odom, joints = self._messages["odom"], joints_of(scene)
+                messages[name].header.stamp = stamp
+        odom, states, joints = messages["odom"], messages["joint_states"], joints_of(scene)
         odom.child_frame_id = prefix + BASE
         for part, diagonal in zip((odom.pose, odom.twist), variances, strict=True):
             part.covariance[::7][:len(diagonal)] = diagonal
-        self._messages["joint_states"].name = joints
-        self._joints = [[FIELDS.index(JOINTS[joint][part]) for joint in joints] for part in range(3)]
+        states.name = joints
         if self._frames:
-            self._messages["tf"].transforms = self._frames.moving
+            messages["tf"].transforms = self._frames.moving
+        places = [(*_place(messages[name], path), FIELDS.index(field.lstrip("-")), field.startswith("-"))
+                  for name in self._sampled for path, field in TOPICS[name].numbers.items()]
+
+        def fill(numbers: Sequence[float]) -> None:
+            """Fill in the fields of a sample, its stamp, in s and ns, and the turns of its frames."""
+            for part, name, index, negated in places:
+                setattr(part, name, -numbers[index] if negated else numbers[index])
+            states.position, states.velocity, states.effort = (
+                [numbers[FIELDS.index(JOINTS[joint][part])] for joint in joints] for part in range(3))
+            stamp.sec, stamp.nanosec, *turns = numbers[len(FIELDS):]
+            if self._frames:
+                self._frames.fill(numbers, turns)
+
+        turns = self._frames.turns([0.0] * len(FIELDS)) if self._frames else ()
+        self._sample = Template([(messages[name], TOPICS[name].type) for name in self._sampled], fill,
+                                len(FIELDS) + 2 + len(turns))
+        self._impacts = {kind: self._template("impacts", _fill_impact, 1, prefix + PLATES[kind]) for kind in PLATES}
+        self._measured: dict[str, Template] = {}
+        whole = new_message(TOPICS[SAMPLES].type)
         dimension = new_message("std_msgs/msg/MultiArrayDimension")
         dimension.label, dimension.size, dimension.stride = ",".join(SAMPLE_LABELS), *[len(SAMPLE_LABELS)] * 2
-        self._whole = new_message(TOPICS[SAMPLES].type)
-        self._whole.layout.dim = [dimension]
+        whole.layout.dim = [dimension]
+        self._whole = Template([(whole, TOPICS[SAMPLES].type)], partial(setattr, whole, "data"), len(SAMPLE_LABELS))
 
     def once(self, stamp: int) -> Iterator[tuple[str, bytes]]:
         """Yield topic (its name in `TOPICS`) and message of all that is published once, at ROS time `stamp` [ns]."""
-        self._messages["robot_description"].data = robot_description(self._scene, self._control)
-        yield "robot_description", self._bytes("robot_description")
+        description = self._new_message("robot_description")
+        description.data = robot_description(self._scene, self._control)
+        yield "robot_description", serialised(description, TOPICS["robot_description"].type)
         if self._frames and self._frames.fixed:
             for transform in self._frames.fixed:
-                transform.header.stamp.sec, transform.header.stamp.nanosec = divmod(stamp, 1_000_000_000)
-            self._messages["tf_static"].transforms = self._frames.fixed
-            yield "tf_static", self._bytes("tf_static")
+                transform.header.stamp.sec, transform.header.stamp.nanosec = divmod(stamp, SECOND)
+            transforms = self._new_message("tf_static")
+            transforms.transforms = self._frames.fixed
+            yield "tf_static", serialised(transforms, TOPICS["tf_static"].type)
 
     def of_sample(self, values: np.ndarray, events: np.ndarray, measurements: Sequence, stamp: int,
-                  stamp_of: Callable[[float], int]) -> Iterator[tuple[str, bytes]]:
-        """Yield topic (its name in `TOPICS`) and message of all that is published with a sample, in order.
+                  stamp_of: Callable[[float], int]) -> list[tuple[str, bytes]]:
+        """Return topic (its name in `TOPICS`) and message of all that is published with a sample, in order.
 
         Parameters
         ----------
@@ -110,27 +130,18 @@ class RobotMessages:
             Returns the ROS time [ns] of a time [s] of the device's clock.
         """
         numbers = values.tolist()
-        for part, name, index, negated in self._numbers:
-            setattr(part, name, -numbers[index] if negated else numbers[index])
-        self._stamp.sec, self._stamp.nanosec = divmod(stamp, 1_000_000_000)
-        states = self._messages["joint_states"]
-        states.position, states.velocity, states.effort = (values[indices] for indices in self._joints)
-        if self._frames:
-            self._frames.fill(numbers)
-        for name in self._sampled:
-            yield name, self._bytes(name)
+        turns = self._frames.turns(numbers) if self._frames else ()
+        made = list(zip(self._sampled, self._sample.filled([*numbers, *divmod(stamp, SECOND), *turns]), strict=True))
         for time, kind, _, peak_force, _ in events.tolist():
             if kind in PLATES:
-                impact = self._messages["impacts"]
-                fill_header(impact.header, stamp_of(time), self._prefix + PLATES[kind])
-                impact.wrench.force.z = peak_force
-                yield "impacts", self._bytes("impacts")
+                numbers = [*divmod(stamp_of(time), SECOND), peak_force]
+                made.append(("impacts", self._impacts[kind].filled(numbers)[0]))
         for sensor, time, read in measurements:
-            name = SENSOR_TOPICS[sensor]
-            message = self._messages[name]
-            message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_of(time), 1_000_000_000)
-            MEASUREMENTS[sensor](message, read.tolist())
-            yield name, self._bytes(name)
+            if sensor not in self._measured:
+                self._measured[sensor] = self._template(SENSOR_TOPICS[sensor], MEASUREMENTS[sensor], len(read))
+            numbers = [*divmod(stamp_of(time), SECOND), *read.tolist()]
+            made.append((SENSOR_TOPICS[sensor], self._measured[sensor].filled(numbers)[0]))
+        return made
 
     def whole_sample(self, values: np.ndarray, start: int, time: float) -> bytes:
         """Return all quantities of a sample as one message on `~/samples`.
@@ -138,9 +149,9 @@ class RobotMessages:
         `start` is the ROS time [ns] of robot time 0. `time` [s] is the robot time of the sample and replaces the
         device's own time in the message, because a reset does not turn robot time back.
         """
-        self._whole.data = np.array([*divmod(start, 1_000_000_000), *values])
-        self._whole.data[len(SAMPLE_LABELS) - len(FIELDS) + TIME] = time
-        return serialised(self._whole, TOPICS[SAMPLES].type)
+        numbers = [*divmod(start, SECOND), *values.tolist()]
+        numbers[len(SAMPLE_LABELS) - len(FIELDS) + TIME] = time
+        return self._whole.filled(numbers)[0]
 
     def _new_message(self, name: str) -> Any:
         message, topic = new_message(TOPICS[name].type), TOPICS[name]
@@ -150,8 +161,22 @@ class RobotMessages:
             setattr(*_place(message, path), value)
         return message
 
-    def _bytes(self, name: str) -> bytes:
-        return serialised(self._messages[name], TOPICS[name].type)
+    def _template(self, name: str, fill: Callable[[Any, Sequence[float]], None], count: int,
+                  frame: str = "") -> Template:
+        """Return the template of a topic's messages; its numbers are a stamp, in s and ns, and `count` others."""
+        message = self._new_message(name)
+        message.header.frame_id = frame or message.header.frame_id
+
+        def fill_all(numbers: Sequence[float]) -> None:
+            message.header.stamp.sec, message.header.stamp.nanosec, *read = numbers
+            fill(message, read)
+
+        return Template([(message, TOPICS[name].type)], fill_all, 2 + count)
+
+
+def _fill_impact(message: Any, read: Sequence[float]) -> None:
+    """Fill in the peak force [N]."""
+    message.wrench.force.z = read[0]
 
 
 def fill_imu(message: Any, read: Sequence[float]) -> None:

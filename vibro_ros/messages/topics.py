@@ -70,7 +70,7 @@ TOPICS: Mapping[str, Topic] = {
     "motor_voltage": _command("V", "with a dc motor whose `motor.control` is `voltage`: commanded voltage [V], within "
                               "± `motor.supply_voltage`", of_dc_motor=True),
     "joint_commands": Topic("sensor_msgs/msg/JointState", COMMAND, "the same commands for joints, as "
-                            "[ros2_control](ros2_control.md) sends them: `crank` by velocity, plates by "
+                            "[ros2_control](#ros2_control) sends them: `crank` by velocity, plates by "
                             "position; best effort, so that messages of reliable publishers arrive, too",
                             Quality(reliable=False)),
     "odom": Topic("nav_msgs/msg/Odometry", SAMPLE, "position and velocity of `base_link` in `odom`, x and z of each "
@@ -111,9 +111,8 @@ TOPICS: Mapping[str, Topic] = {
     "samples": Topic(NUMBERS, NODE, "every quantity of each sample, while a node subscribes; never recorded. "
                      "`layout.dim[0].label` names the numbers: `start_seconds` and `start_nanoseconds`, the ROS time "
                      "of robot time 0, then the fields of a [run](python.md) from `time` on, which is robot time, so "
-                     "that a reset does not turn it back. Another start time means another run, two alternating start "
-                     "times mean two robots", Quality(1000),
-                     name="~/samples"),
+                     "that a reset does not turn it back. A message with another start time comes from another run; if "
+                     "two start times alternate, two robots publish on the topic", Quality(1000), name="~/samples"),
     "diagnostics": Topic("diagnostic_msgs/msg/DiagnosticArray", NODE, "the robot's health, once a second of wall time; "
                          "[below](#diagnostics)", name="/diagnostics"),
     "clock": Topic("rosgraph_msgs/msg/Clock", NODE, "robot time, with `clock.publish` only", name="/clock"),

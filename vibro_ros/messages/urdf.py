@@ -17,14 +17,11 @@ the shapes of each mass and its plate lie farther out by that length, `FREE_LENG
 import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from vibro_ros.messages.commands import COMMANDED
 from vibro_ros.model.scene import Scene
-
-if TYPE_CHECKING:
-    from vibro_ros.model.slider import Slider
 
 BASE = "base_link"
 BODY = "body"
@@ -119,35 +116,23 @@ def _add_control(root: Element, scene: Scene, topics: Mapping[str, str]) -> None
 
 def robot_joints(scene: Scene) -> tuple[Joint, ...]:
     """Return all joints below `base_link` of a robot of this scene, each after the joint of its parent."""
+    from vibro_ros.solver.readout import rod_angle  # compiled code, which readers of bags do not need
+
     hub = hub_height(scene)
     found = [Joint(BODY, BASE, FIXED)]
     found += [Joint(f"{side}_guide", BASE, FIXED, hub, scene.guide_angle(side)) for side in scene.guides]
     found.append(Joint(CRANK, BASE, CONTINUOUS, hub))
-    found += [Joint(f"{side}_rod", CRANK, FLOATING, scene["crank.radius"], rod_angle(slider(scene, side), 0.0))
-              for side in scene.guides]
+    found += [Joint(f"{side}_rod", CRANK, FLOATING, scene["crank.radius"], rod_angle(*rod, 0.0))
+              for side, rod in zip(scene.guides, rods(scene), strict=True)]
     found += [Joint(f"{side}_mass", f"{side}_guide", PRISMATIC) for side in scene.guides]
     found += [Joint(f"{side}_plate", f"{side}_guide", PRISMATIC) for side in scene.plates]
     found += [Joint(IMU, BODY, FIXED, SLED[2])] if scene["sensors.imu.rate"] else []
     return tuple(found)
 
 
-def slider(scene: Scene, side: str) -> "Slider":
-    """Return the slider of a guide."""
-    from vibro_ros.model.slider import Slider  # imports compiled code, which readers of bags do not need
-
-    return Slider(scene["crank.radius"], scene[f"crank.{side}_rod"], scene.guide_angle(side))
-
-
-def rod_angle(driven: "Slider", crank_angle: float) -> float:
-    """Return the angle [rad] of a rod in the frame `crank`, at the crank's angle [rad].
-
-    The rod leads from the pin to the slider. In the guide's frame the pin is at l (-sin psi, cos psi) and the slider on
-    the z axis, so that the rod leans back by asin(l sin(psi) / L); psi is the crank's angle from the guide.
-    """
-    from vibro_ros.solver.elementary import atan, sin  # as in `slider`
-
-    psi = crank_angle - driven.angle
-    return -psi - 2.0 * atan(driven.radius * sin(psi) / (driven.rod + driven.root(psi)))  # asin(z), by half its angle
+def rods(scene: Scene) -> list[tuple[float, float, float]]:
+    """Return the angle [rad] of each guide, with crank radius and length [m] of its rod."""
+    return [(scene.guide_angle(side), scene["crank.radius"], scene[f"crank.{side}_rod"]) for side in scene.guides]
 
 
 def guide_end(scene: Scene, side: str) -> float:

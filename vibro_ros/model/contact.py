@@ -28,11 +28,6 @@ class CompliantContact:
         self._may_pull = scene["effects.adhesion"] or scene[f"{side}.plate.damping"] == 0.0
         self.states = ("open", "closed") if self._may_pull else ("open", "closed", "released")
 
-    @staticmethod
-    def context(ground: str, resting: frozenset[str]) -> tuple:
-        """Return the states of other effects on which the guards depend: none."""
-        return ()
-
     def guards(self, state: str, ground: str, resting: frozenset[str], body: tuple[Form, Form]) -> list[Guard]:
         """Guards of `state`."""
         depth, _ = self._forms.penetration(self.side)

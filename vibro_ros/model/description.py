@@ -210,16 +210,17 @@ class _Description:
         for name, states in self._guarded_effects().items():
             effect = self._effect_names().index(name)
             for state in states:
-                own = {mode: [guard for guard, of_effect, _ in of_mode if of_effect == effect]
-                       for mode, of_mode in guards.items() if mode.states[effect] == state}
-                for one in zip(*own.values(), strict=True):  # the same guard in all modes with this state
-                    [text] = {guard.text for guard in one}
+                by_mode = {mode: [guard for guard, of_effect, _ in of_mode if of_effect == effect]
+                           for mode, of_mode in guards.items() if mode.states[effect] == state}
+                for same in zip(*by_mode.values(), strict=True):  # the same guard in all modes with this state
+                    [text] = {guard.text for guard in same}
                     if "{voltage}" in text and self._builder.motor:
                         text = text.format(voltage=self._symbols.text(self._builder.motor.wanted_voltage()))
                     if "{force}" in text:
                         plate = self._model.forms.plates[effect]
                         text = text.format(force=self._symbols.text(self._model.forms.plate_force(plate)))
-                    ends = {mode.states: self._end(mode, effect, guard) for mode, guard in zip(own, one, strict=True)}
+                    ends = {mode.states: self._end(mode, effect, guard)
+                            for mode, guard in zip(by_mode, same, strict=True)}
                     yield from self._cases(f"{name} {state}: {text}    else ", ends)
 
     def _end(self, mode: Mode, effect: int, guard: Guard) -> str:
@@ -320,11 +321,11 @@ class Symbols:
         """Yield coefficients and symbols: differences to sliders and plates, then other channels, the constant last."""
         left = dict(enumerate(map(float, form)))
         largest = {channel: abs(factor) for channel, factor in left.items()}
-        for own, other, text in self._differences():
+        for channel, other, text in self._differences():
             factor = left.pop(other)
             if factor:
-                left[own] += factor
-                largest[own] = max(largest[own], abs(factor))
+                left[channel] += factor
+                largest[channel] = max(largest[channel], abs(factor))
                 yield -factor, text
         at = self._channels
         names = {at.one: ""}  # symbols of channels that are written by themselves

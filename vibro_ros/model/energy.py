@@ -184,5 +184,5 @@ def _jump_accounts(builder: ModeBuilder, guards: dict[str, np.ndarray], at_blows
     effect, plates = guards["guard_effect"][:, :, None], len(builder.forms.plates)
     others = np.where(builder.mode_set.airborne[:, None, None], _LANDINGS, _FRICTION)
     others = np.where((0 <= effect) & (effect < plates), _PLATE_DAMPERS, others)
-    own = (guards["blow_monitor"][:, :, None] != NOTHING) | (at_blows == _MOTOR)
-    return np.where(own, at_blows, others)
+    is_blow_or_motor = (guards["blow_monitor"][:, :, None] != NOTHING) | (at_blows == _MOTOR)
+    return np.where(is_blow_or_motor, at_blows, others)

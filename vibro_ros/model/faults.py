@@ -28,27 +28,13 @@ SENSES = ("imu", "encoder", "current", "tracking")
 
 
 class Fault(NamedTuple):
-    """One kind of fault.
+    """One kind of fault."""
 
-    Attributes
-    ----------
-    befalls : str
-        `DEVICE`, `SENSORS` or `COMMANDS`.
-    does : str
-        The fault's effect, as part of a sentence.
-    of : tuple of str
-        The parts that can have the fault; empty if there is no choice.
-    value : Parameter or None
-        The number that the fault needs; None if it needs none.
-    has_place : bool
-        Whether the fault affects a stretch of the ground, from `from_x` to `to_x`.
-    """
-
-    befalls: str
-    does: str
-    of: tuple[str, ...] = ()
-    value: Parameter | None = None
-    has_place: bool = False
+    befalls: str  # `DEVICE`, `SENSORS` or `COMMANDS`
+    does: str  # the fault's effect, as part of a sentence
+    of: tuple[str, ...] = ()  # the parts that can have the fault; empty if there is no choice
+    value: Parameter | None = None  # the number that the fault needs; None if it needs none
+    has_place: bool = False  # whether the fault affects a stretch of the ground, from `from_x` to `to_x`
 
 
 FAULTS: Mapping[str, Fault] = {

@@ -60,98 +60,48 @@ def cached(method: Callable) -> Callable:
 
 
 class LinkageMass(NamedTuple):
-    """A mass that the crank moves as it turns.
+    """A mass that the crank moves as it turns."""
 
-    Attributes
-    ----------
-    mass : float
-        Mass [kg].
-    signal : int
-        Number of the signal that is the mass's position along `direction`.
-    direction : (float, float)
-        Components along x and upwards of the unit vector along which the mass moves.
-    """
-
-    mass: float
-    signal: int
-    direction: tuple[float, float]
+    mass: float  # mass [kg]
+    signal: int  # number of the signal that is the mass's position along `direction`
+    direction: tuple[float, float]  # components along x and upwards of the unit vector along which the mass moves
 
 
 class Forms:
-    """The linear forms of one scene.
+    """The linear forms of one scene, whose effects decide which coordinates, signals and ramps exist.
 
-    Parameters
-    ----------
-    scene : Scene
-        The scene, whose effects decide which coordinates, signals and ramps exist.
-    push : (float, float)
-        A force from outside on the body [N], along x and upwards; upwards only where the body can hop.
-
-    Attributes
-    ----------
-    guides : tuple of str
-        Guides whose masses are simulated; the mass of guide i is coordinate i, the slider is signal i. Where the crank
-        pin has a mass, its places along x and upwards are the last two signals.
-    plates : tuple of str
-        Guides that have a plate; the position of plate k is ramp k.
-    body_moves : bool
-        Whether x is a coordinate, the one after the masses: a force other than dry friction acts along the ground.
-    body_is_dynamic : bool
-        Whether x enters its own equation: with viscous friction of the ground.
-    body_hops : bool
-        Whether y, the body's height, is a coordinate, the last one: by the rule `hop` a mass can lift the body.
-    body, height : int
-        Numbers of the coordinates x and y.
-    has_rotor : bool
-        Whether the crank's angle is a coordinate: with a dc motor.
-    phase, charge : int
-        Numbers of the coordinates θ and Q, the charge that has passed the motor.
-    pressed_only : bool
-        Whether a normal force below zero counts as zero.
-    has_misprint : bool
-        Whether the body feels the upper mass's position where the inclined plate is in contact.
-    friction_decays : bool
-        Whether the friction coefficient falls with the speed: Stribeck's law with a static coefficient above mu.
-    linkage : tuple of LinkageMass
-        The masses of sliders and crank pin.
-    crank_is_struck : bool
-        Whether a shock of the body changes the crank's speed (`ParameterValues`).
-    bearings_after_shock : tuple of (str or None)
-        Possible states of the motor's bearing after a shock that strikes the crank; None means that the state stays.
-    channels : Channels
-        The numbers of the channels in z.
-    units : ndarray, shape (channels, channels)
-        Row c is the form whose value is channel c.
-    push : (float, float)
-        As given.
-    one, zero : ndarray, shape (channels,)
-        The forms whose values are 1 and 0.
+    The mass of guide i is coordinate i, its slider is signal i. Where the crank pin has a mass, its places along x and
+    upwards are the last two signals. The position of plate k is ramp k. After the masses come, if they are coordinates,
+    x where it enters its own equation, θ and Q of a dc motor, x where it does not, and y, the body's height. `push` is
+    a force from outside on the body [N], along x and upwards; upwards only where the body can hop.
     """
 
     def __init__(self, scene: Scene, push: tuple[float, float] = NO_PUSH):
         self._cache: dict[tuple, Any] = {}
         self._scene = scene
         self.push = push
-        self.guides = scene.guides
-        self.plates = scene.plates
-        self.body_moves, self.body_hops = scene.body_moves, scene.body_hops
+        self.guides = scene.guides  # those whose masses are simulated
+        self.plates = scene.plates  # guides that have a plate
+        self.body_moves, self.body_hops = scene.body_moves, scene.body_hops  # whether x and y are coordinates
         self.pressed_only = pressed_only(scene)
         self.has_misprint = scene["effects.misprint"]
-        self.friction_decays = (
+        self.friction_decays = (  # by Stribeck's law, with a static coefficient above mu
             self.body_moves and scene.has_dry_friction and scene["effects.friction"] == "stribeck"
             and scene["ground.static_friction"] > scene["ground.friction"])
         self.body_is_dynamic, self.has_rotor = scene.body_is_dynamic, scene.has_rotor
         dynamic = len(self.guides) + self.body_is_dynamic + 2 * self.has_rotor
-        self.phase, self.charge = dynamic - 2, dynamic - 1
+        self.phase, self.charge = dynamic - 2, dynamic - 1  # numbers of the coordinates θ and Q
         self.body = len(self.guides) if self.body_is_dynamic else dynamic
-        self.height = dynamic + (self.body_moves and not self.body_is_dynamic)
+        self.height = dynamic + (self.body_moves and not self.body_is_dynamic)  # number of the coordinate y
         signals = len(self.guides) + 2 * ("crank_pin" in scene.linkage)
         self.channels = Channels(self.height + self.body_hops, dynamic, signals, len(self.plates),
                                  int(self.friction_decays), signals if scene.linkage else 0, int(self.has_rotor))
         self.linkage = tuple(self._linkage_masses())
         self.crank_is_struck = scene.crank_is_struck
         sticks = self.crank_is_struck and scene["motor.static_friction"] > 0.0
+        # possible states of the bearing after a shock that strikes the crank; None means that the state stays
         self.bearings_after_shock = ("turns_forward", "turns_backward") if sticks else (None,)
+        # row c of the units is the form whose value is channel c; the forms `zero` and `one` have the values 0 and 1
         self.units, self.zero = np.eye(self.channels.count), np.zeros(self.channels.count)
         for shared in (self.units, self.zero):
             shared.setflags(write=False)
@@ -288,65 +238,38 @@ class Forms:
 
 
 class Target(NamedTuple):
-    """A state that a guard may lead to.
+    """A state that a guard may lead to."""
 
-    Attributes
-    ----------
-    state : str
-        State of the guard's own effect.
-    jumps : tuple of (int, ndarray)
-        Channels of the positions and velocities that change on the way to the target, each with a form, shape
-        (channels,), that gives the new value from the channels before the jump.
-    entries : tuple of ndarray
-        Forms, shape (channels,), that must not be negative before the jump for the target to be entered.
-    ground : str or None
-        New state of the body on the ground, if a blow changes it; else None.
-    bearing : str or None
-        New state of the motor's bearing, if a shock changes it; else None.
-    shock : NonlinearShock or None
-        A shock of `model.shock` that gives the jumps in place of forms. The shock chooses one of the targets that share
-        it; these follow each other and have the same entries.
-    frees_resting_masses : bool
-        Whether the jump is a shock in which masses that rest on other plates part from these plates.
-    """
-
-    state: str
+    state: str  # state of the guard's own effect
+    # channels of the positions and velocities that change on the way to the target, each with a form, shape
+    # (channels,), that gives the new value from the channels before the jump
     jumps: tuple[tuple[int, np.ndarray], ...] = ()
+    # forms, shape (channels,), that must not be negative before the jump for the target to be entered
     entries: tuple[np.ndarray, ...] = ()
-    ground: str | None = None
-    bearing: str | None = None
+    ground: str | None = None  # new state of the body on the ground, if a blow changes it; else None
+    bearing: str | None = None  # new state of the motor's bearing, if a shock changes it; else None
+    # A shock of `model.shock` that gives the jumps in place of forms. The shock chooses one of the targets that share
+    # it; these follow each other and have the same entries.
     shock: Any = None
+    # whether the jump is a shock in which masses that rest on other plates part from these plates
     frees_resting_masses: bool = False
 
 
 class Guard(NamedTuple):
-    """A condition that holds while a state lasts: form >= 0.
+    """A condition that holds while a state lasts: form >= 0."""
 
-    Attributes
-    ----------
-    form : ndarray, shape (channels,)
-        The linear form.
-    targets : tuple of Target
-        The targets to try, in order, when the form turns negative; the last one is entered if none is valid. Empty
-        if the simulation continues with another system.
-    text : str
-        The condition in the paper's symbols, with `{force}` for the force of a compliant plate, and `{voltage}` for
-        the voltage that a motor's current loop would apply without limits.
-    is_blow : bool
-        Whether the guard ends in a blow without duration, which is recorded as a contact at once.
-    entries_decide : bool
-        Whether a target is valid by its entries alone, even if its own guards fail after the jump. A landing is such a
-        guard, because the body has landed even if it lifts off again at once.
-    event : str
-        Kind of the event that is recorded if the state does not change, or empty.
-    """
-
-    form: np.ndarray
+    form: np.ndarray  # shape (channels,): the linear form
+    # the targets to try, in order, when the form turns negative; the last one is entered if none is valid. Empty if the
+    # simulation continues with another system.
     targets: tuple[Target, ...]
+    # the condition in the paper's symbols, with `{force}` for the force of a compliant plate, and `{voltage}` for the
+    # voltage that a motor's current loop would apply without limits
     text: str
-    is_blow: bool = False
+    is_blow: bool = False  # whether the guard ends in a blow without duration, which is recorded as a contact at once
+    # whether a target is valid by its entries alone, even if its own guards fail after the jump. A landing is such a
+    # guard, because the body has landed even if it lifts off again at once.
     entries_decide: bool = False
-    event: str = ""
+    event: str = ""  # kind of the event that is recorded if the state does not change, or empty
 
 
 def without_jump(*states: str) -> tuple[Target, ...]:
@@ -355,21 +278,11 @@ def without_jump(*states: str) -> tuple[Target, ...]:
 
 
 def solve(matrices: np.ndarray, forms: np.ndarray) -> np.ndarray:
-    """Solve linear equations between forms, by elimination with the largest pivots.
+    """Solve m systems of n linear equations between forms, by elimination with the largest pivots.
 
-    LAPACK's routines add in an order that depends on the processor; this elimination has the same bits everywhere.
-
-    Parameters
-    ----------
-    matrices : ndarray, shape (m, n, n)
-        The matrices of m systems of equations; none is singular.
-    forms : ndarray, shape (m, n, channels)
-        The right sides.
-
-    Returns
-    -------
-    ndarray, shape (m, n, channels)
-        The unknowns.
+    `matrices` has the shape (m, n, n); none is singular. `forms`, the right sides, and the result, the unknowns, have
+    the shape (m, n, channels). LAPACK's routines add in an order that depends on the processor; this elimination has
+    the same bits everywhere.
     """
     matrix, solution, systems = matrices.copy(), forms.copy(), np.arange(len(matrices))
     unknowns = range(matrix.shape[1])

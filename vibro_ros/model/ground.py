@@ -18,21 +18,14 @@ from typing import NamedTuple
 
 from vibro_ros.model.forms import NO_EDGES, Form, Forms, Guard, ModeForms, Target, without_jump
 from vibro_ros.model.scene import Scene
-from vibro_ros.model.shock import REST_SPEED, Landing, Shock
+from vibro_ros.model.shock import REST_SPEED, BodyShock, Landing
 
 
 class GroundState(NamedTuple):
-    """A state of the body on the ground.
+    """A state of the body on the ground."""
 
-    Attributes
-    ----------
-    friction : float or None
-        F_fr as a multiple of mu(v) N; None where F_fr balances the other forces along the ground.
-    begins, ends : str
-        Kinds of the events that are recorded when the state begins, or ends; empty for none.
-    """
-
-    friction: float | None
+    friction: float | None  # F_fr as a multiple of mu(v) N; None where F_fr balances the other forces along the ground
+    # kinds of the events that are recorded when the state begins, or ends; empty for none
     begins: str
     ends: str = ""
 
@@ -63,25 +56,7 @@ WITHOUT_LOAD = {"weight": (), "unilateral": ("unloaded",), "printed": ("rest",),
 class Ground:
     """The forces, states and guards of one scene's ground.
 
-    Parameters
-    ----------
-    scene : Scene
-        The scene whose friction law, coefficients and rule of the normal force count.
-    forms : Forms
-        The forms of the scene.
-    edges : (float, float)
-        The positions of the body [m] between which the scene's ground reaches; see `compile_scene`.
-
-    Attributes
-    ----------
-    has_dry_friction : bool
-        Whether friction can hold the body.
-    states : tuple of str
-        The names of `GROUND_STATES` that the scene can be in.
-    forces : dict of GroundForce to form
-        The forces along the ground that the scene has, except dry friction, F0 + c x' + k x [N].
-    driving_symbol : str
-        Symbol of F_in and these forces.
+    `edges` are the positions of the body [m] between which the ground reaches; see `compile_scene`.
     """
 
     def __init__(self, scene: Scene, forms: Forms, edges: tuple[float, float] = NO_EDGES):
@@ -89,7 +64,9 @@ class Ground:
         self._forms, self._edges = forms, edges
         self._kinetic, self._static = scene.kinetic_frictions, scene.resting_frictions
         self._rule, self._restitution = scene["effects.normal_force"], scene["ground.restitution"]
+        # whether friction can hold the body
         self.has_dry_friction = scene.has_dry_friction and forms.body_moves
+        # the forces along the ground that the scene has, except dry friction, F0 + c x' + k x [N]
         self.forces = {force: constant * forms.one + damping * forms.velocity(forms.body)
                        + stiffness * forms.position(forms.body)
                        for force, (constant, damping, stiffness) in scene.ground_laws.items()}
@@ -140,11 +117,11 @@ class Ground:
 
     def _edge_guards(self, state: str) -> list[Guard]:
         """Guards of the edges towards which the body may move; past an edge the run continues with another system."""
-        (low, high), one = self._edges, self._forms.one
+        (low, high), unit = self._edges, self._forms.one
         position = self._forms.position(self._forms.body) if self._forms.body_moves else self._forms.zero
         at_rest = GROUND_STATES[state].friction is None
-        ahead = [Guard(high * one - position, (), f"x <= {high:g} m")] if high < math.inf else []
-        behind = [Guard(position - low * one, (), f"x >= {low:g} m")] if low > -math.inf else []
+        ahead = [Guard(high * unit - position, (), f"x <= {high:g} m")] if high < math.inf else []
+        behind = [Guard(position - low * unit, (), f"x >= {low:g} m")] if low > -math.inf else []
         return ahead * (not at_rest and state != "slip_backward") + behind * (not at_rest and state != "slip_forward")
 
     def _force_guards(self, state: str, normal: Form, inertial: Form, resting: frozenset[str]) -> list[Guard]:
@@ -209,13 +186,14 @@ class Ground:
     def _bounces(self) -> Iterable[Target]:
         """Targets of a landing after which the body is in the air again."""
         if self._landing_is_nonlinear:
-            return Shock(self._scene, self._forms).nonlinear(1, self._restitution).targets(self._forms, ["airborne"])
+            shock = BodyShock(self._scene, self._forms).nonlinear(1, self._restitution)
+            return shock.targets(self._forms, ["airborne"])
         return self._landing(frozenset()).bounces(self.has_dry_friction)
 
     def _inelastic_landing(self, resting: frozenset[str]) -> Iterable[Target]:
         if self._landing_is_nonlinear:
             states = ["slip_forward", "slip_backward", "stick"] if self.has_dry_friction else ["grounded"]
-            shock = Shock(self._scene, self._forms, resting).nonlinear(len(states), 0.0)
+            shock = BodyShock(self._scene, self._forms, resting).nonlinear(len(states), 0.0)
             return shock.targets(self._forms, states)
         landing = self._landing(resting)
         if not self.has_dry_friction:

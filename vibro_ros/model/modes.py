@@ -26,8 +26,8 @@ Every effect needs places 1 to 3, 10 and 11. The others are for the effects that
 7. `model/energy.py`, for a part that stores energy, and for the power of a force along a guide.
 8. `simulation/readout.py`, for a contact or a friction law: the limits of the forces that a step of fixed length
    publishes (`cut_to_laws`).
-9. `simulation/motion.py` and `solver/drive.py`, for a motor law that is known in time: the speed of the crank's clock;
-   `description.py` describes it. A motor that the masses slow down: `model/motor.py` has its forms and states,
+9. `simulation/actuators.py` and `solver/drive.py`, for a motor law that is known in time: the speed of the crank's
+   clock; `description.py` describes it. A motor that the masses slow down: `model/motor.py` has its forms and states,
    `solver/rotor.py` its signals and controller.
 10. `tools/effects.py` and the tables of docs/robot.md: a row of `EFFECTS`. A new kind of event belongs into
     `MODE_EVENTS` and docs/guide/python.md.
@@ -66,21 +66,12 @@ _OUTPUT_ROWS = {name: row for row, name in enumerate(OUTPUTS)}
 
 @dataclass(frozen=True)
 class Mode:
-    """One state of every effect.
+    """One state of every effect."""
 
-    Attributes
-    ----------
-    states : tuple of str
-        States of the contacts, in the order of `Forms.plates`, then of a dc motor's effects, then of the ground.
-    closed : frozenset of str
-        Guides whose compliant plates are in contact.
-    resting : frozenset of str
-        Guides whose masses rest on rigid plates.
-    """
-
+    # states of the contacts, in the order of `Forms.plates`, then of a dc motor's effects, then of the ground
     states: tuple[str, ...]
-    closed: frozenset[str]
-    resting: frozenset[str]
+    closed: frozenset[str]  # guides whose compliant plates are in contact
+    resting: frozenset[str]  # guides whose masses rest on rigid plates
 
     @property
     def ground(self) -> str:
@@ -100,58 +91,28 @@ class Mode:
 
 
 class Context(NamedTuple):
-    """States on which an effect's guards depend; modes with the same context have the same guards of the effect.
+    """States on which an effect's guards depend; modes with the same context have the same guards of the effect."""
 
-    Attributes
-    ----------
-    effect : int
-        Index of the effect in `Mode.states`.
-    state : str
-        Its state.
-    others : tuple
-        States of other effects on which the guards depend.
-    """
-
-    effect: int
-    state: str
-    others: tuple[Any, ...]
+    effect: int  # index of the effect in `Mode.states`
+    state: str  # its state
+    others: tuple[Any, ...]  # states of other effects on which the guards depend
 
 
 class ModeBuilder:
     """The modes of a scene, with equations, guards and outputs as forms.
 
     Equations and outputs are made for all modes at once: row m of `ModeForms`, shape (modes, channels), is the form in
-    mode m.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene.
-    push, edges : (float, float)
-        As `compile_scene` has them.
-
-    Attributes
-    ----------
-    forms : Forms
-        The forms of the scene.
-    contacts : list of CompliantContact or RigidContact
-        One contact a plate, in the order of `Forms.plates`.
-    ground : Ground
-        The ground.
-    motor : Motor or None
-        The dc motor; None if the crank's motion is known in time.
-    mode_set : ModeSet
-        The modes, and the tables that depend only on the choice of effects.
-    modes : tuple of Mode
-        All modes, by their numbers.
+    mode m. `push` and `edges` are as `compile_scene` has them.
     """
 
     def __init__(self, scene: Scene, push: tuple[float, float] = NO_PUSH, edges: tuple[float, float] = NO_EDGES):
         self._cache: dict[tuple, Any] = {}
         self._scene = scene
         self.forms = Forms(scene, push)
+        # in the order of `Forms.plates`
         self.contacts = [make_contact(scene, self.forms, side) for side in self.forms.plates]
         self.ground = Ground(scene, self.forms, edges)
+        # None if the crank's motion is known in time
         self.motor = Motor(scene, self.forms) if self.forms.has_rotor else None
         inner = (*self.contacts, *(self.motor.effects if self.motor else ()))
         states = (*(effect.states for effect in inner), self.ground.states)
@@ -348,34 +309,7 @@ class ModeBuilder:
 
 
 class ModeSet:
-    """The modes of a choice of effects; made by `mode_set`, once for all scenes with these effects.
-
-    Attributes
-    ----------
-    modes : tuple of Mode
-        All modes, by their numbers.
-    pressing : dict of str to ndarray of bool, shape (modes,)
-        By guide with a plate: the modes in which its mass presses on the plate.
-    ground : ndarray of int, shape (modes,)
-        State of the ground, as an index in the ground's states.
-    airborne : ndarray of bool, shape (modes,)
-        The modes in which the body is in the air.
-    inclined_closed : ndarray of int, shape (modes,)
-        1 in the modes in which the inclined mass presses on its compliant plate, else 0.
-    moving : list of (tuple, tuple)
-        For each set of masses that move together in some modes, as indices of arrays by mode and guide: the rows of
-        these masses, shape (modes, masses), and the blocks that couple them, shape (modes, masses, masses).
-    contexts : tuple of tuple of Context
-        By mode, the context of each effect.
-    first_with : dict of Context to int
-        The first mode with a context.
-    distinct_contexts : tuple of Context
-        Every context once, in the order of the modes that have them first.
-    event_kind : ndarray, shape (modes before, modes after)
-        Kinds of events, by the states of the ground before and after.
-    mode_after_ramp_change : ndarray, shape (modes, plates)
-        Modes that follow when a plate's speed changes, because a mass may part from the plate.
-    """
+    """The modes of a choice of effects; made by `mode_set`, once for all scenes with these effects."""
 
     def __init__(self, guides: tuple[str, ...], plates: tuple[str, ...],
                  kinds: tuple[Kind, ...], states: tuple[tuple[str, ...], ...],
@@ -384,10 +318,15 @@ class ModeSet:
             frozenset(side for side, state in zip(plates, of_mode, strict=False) if state == wanted)
             for wanted in ("closed", "resting"))) for of_mode in itertools.product(*states))
         self._number_by_states = {mode.states: m for m, mode in enumerate(self.modes)}
+        # by guide with a plate: the modes in which its mass presses on the plate
         self.pressing = {side: np.array([side in mode.pressing for mode in self.modes]) for side in plates}
+        # state of the ground in each mode, as an index in the ground's states
         self.ground = np.array([states[-1].index(mode.ground) for mode in self.modes])
         self.airborne = np.array([mode.ground == "airborne" for mode in self.modes])
+        # 1 in the modes in which the inclined mass presses on its compliant plate, else 0
         self.inclined_closed = np.array([int("inclined" in mode.closed) for mode in self.modes])
+        # For each set of masses that move together in some modes, as indices of arrays by mode and guide: the rows of
+        # these masses, shape (modes, masses), and the blocks that couple them, shape (modes, masses, masses).
         self.moving = []
         for resting in dict.fromkeys(mode.resting for mode in self.modes):
             moving = [i for i, side in enumerate(guides) if side not in resting]
@@ -395,19 +334,23 @@ class ModeSet:
             if moving:
                 self.moving.append((np.ix_(rows, moving), np.ix_(rows, moving, moving)))
         self.contexts = tuple(tuple(_contexts(mode, kinds, contact_changes_ground_force)) for mode in self.modes)
+        # the first mode with a context
         self.first_with = {context: m for m, contexts in reversed(list(enumerate(self.contexts)))
                            for context in contexts}
+        # every context once, in the order of the modes that have them first
         self.distinct_contexts = tuple(dict.fromkeys(itertools.chain.from_iterable(self.contexts)))
         numbers = {context: k for k, context in enumerate(self.distinct_contexts)}
         self._context_numbers = [[numbers[context] for context in contexts] for contexts in self.contexts]
         self._target_modes: dict[tuple, np.ndarray] = {}
+        # kinds of events, by mode before and mode after
         self.event_kind = np.full((len(self.modes), len(self.modes)), NOTHING)
-        for before, after in itertools.permutations(range(len(self.modes)), 2):
-            old, new = self.modes[before].ground, self.modes[after].ground
+        for old_mode, new_mode in itertools.permutations(range(len(self.modes)), 2):
+            old, new = self.modes[old_mode].ground, self.modes[new_mode].ground
             event = GROUND_STATES[old].ends or GROUND_STATES[new].begins if old != new else _crank_event(
-                self.modes[before].motor[0], self.modes[after].motor[0])
+                self.modes[old_mode].motor[0], self.modes[new_mode].motor[0])
             if event:
-                self.event_kind[before, after] = MODE_EVENTS.index(event)
+                self.event_kind[old_mode, new_mode] = MODE_EVENTS.index(event)
+        # the modes that follow when a plate's speed changes, because a mass may part from the plate
         self.mode_after_ramp_change = np.empty((len(self.modes), len(plates)), dtype=np.int64)
         for (m, mode), k in itertools.product(enumerate(self.modes), range(len(plates))):
             parted = ["open" if i == k and state == "resting" else state for i, state in enumerate(mode.states)]
@@ -446,17 +389,18 @@ class ModeSet:
         return tuple(states)
 
 
-def _crank_event(before: str, after: str) -> str:
+def _crank_event(old: str, new: str) -> str:
     """Return the kind of event that a change of the bearing's state records, or an empty text."""
-    if before == after:
+    if old == new:
         return ""
-    return "crank_stops" if after == "stuck" else "crank_turns"
+    return "crank_stops" if new == "stuck" else "crank_turns"
 
 
 def _contexts(mode: Mode, kinds: tuple[Kind, ...],
               contact_changes_ground_force: bool) -> Iterator[Context]:
     for k, kind in enumerate(kinds):
-        yield Context(k, mode.states[k], kind.context(mode.ground, mode.resting))
+        on_others = kind is RigidContact  # the guards of all other kinds depend on the effect's own state alone
+        yield Context(k, mode.states[k], RigidContact.context(mode.ground, mode.resting) if on_others else ())
     closed = mode.closed & {"inclined"} if contact_changes_ground_force else frozenset[str]()
     yield Context(len(kinds), mode.ground, Ground.context(mode.ground, mode.resting, closed))
 

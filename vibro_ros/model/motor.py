@@ -23,31 +23,12 @@ LIMITS = {"within_limits": 0.0, "at_upper_limit": 1.0, "at_lower_limit": -1.0}
 
 
 class Motor:
-    """The forms of one scene's dc motor.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene.
-    forms : Forms
-        The forms of the scene.
-
-    Attributes
-    ----------
-    constant : float
-        K [N m / A = V s].
-    inertia : float
-        J [kg m²].
-    friction, static_friction : float
-        T_c and T_s [N m].
-    effects : tuple of Bearing and CurrentLoop
-        The effects with states.
-    """
+    """The forms of one scene's dc motor."""
 
     def __init__(self, scene: Scene, forms: Forms):
         self._scene, self._forms = scene, forms
-        self.constant, self.inertia = scene.motor_constant, scene.motor_inertia
-        self.friction, self.static_friction = scene["motor.friction"], scene["motor.static_friction"]
+        self.constant, self.inertia = scene.motor_constant, scene.motor_inertia  # K [N m / A = V s], J [kg m²]
+        self.friction, self.static_friction = scene["motor.friction"], scene["motor.static_friction"]  # T_c, T_s [N m]
         self.supply_voltage = scene["motor.supply_voltage"]
         self.resistance, self.inductance = scene["motor.winding_resistance"], scene["motor.winding_inductance"]
         loop = [CurrentLoop(self, forms)] if self.has_current_loop else []
@@ -121,11 +102,6 @@ class Bearing:
         self._motor, self._forms = motor, forms
         self.states = ("stuck", "turns_forward", "turns_backward") if motor.static_friction > 0.0 else ("turns",)
 
-    @staticmethod
-    def context(ground: str, resting: frozenset[str]) -> tuple:
-        """Return the states of other effects on which the guards depend: none."""
-        return ()
-
     def guards(self, state: str) -> list[Guard]:
         """Guards of `state`."""
         if state == "turns":
@@ -149,11 +125,6 @@ class CurrentLoop:
     def __init__(self, motor: Motor, forms: Forms):
         self._motor = motor
         self._limit = motor.supply_voltage * forms.one
-
-    @staticmethod
-    def context(ground: str, resting: frozenset[str]) -> tuple:
-        """Return the states of other effects on which the guards depend: none."""
-        return ()
 
     def guards(self, state: str) -> list[Guard]:
         """Guards of `state`."""

@@ -29,13 +29,7 @@ LEAST_INERTIA = 1e-6
 
 
 def check_together(values: ParameterValues) -> None:
-    """Refuse values that contradict each other or that no method can simulate.
-
-    Raises
-    ------
-    ValueError
-        One sentence that names the parameter, its value, the limit and the remedy.
-    """
+    """Refuse values that contradict each other or that no method can simulate (ValueError)."""
     for check in (_check_mechanism, _check_motor, _check_friction, _check_blows, _check_rates, _check_reaction,
                   _check_misprint, _check_solver, _check_sensors):
         check(values)
@@ -166,10 +160,10 @@ def _check_reaction(values: ParameterValues) -> None:
         return
     share, rate = least_inertia(values), fastest_rate(values)
     if share < LEAST_INERTIA:
-        found = (f"leaves the masses {share:.2g} of their inertia, less than the {LEAST_INERTIA:g} that rounding "
+        fault = (f"leaves the masses {share:.2g} of their inertia, less than the {LEAST_INERTIA:g} that rounding "
                  "allows")
     elif rate > FASTEST_RATE:
-        found = (f"lets the masses move at {rate:.3g} 1/s, faster than {FASTEST_RATE:g} 1/s, which takes too "
+        fault = (f"lets the masses move at {rate:.3g} 1/s, faster than {FASTEST_RATE:g} 1/s, which takes too "
                  "long to simulate")
     else:
         return
@@ -178,7 +172,7 @@ def _check_reaction(values: ParameterValues) -> None:
         heavier = ParameterValues("", {**values.parameters, "mass.body": mass})
         if least_inertia(heavier) >= LEAST_INERTIA and fastest_rate(heavier) <= FASTEST_RATE:
             remedy = f"at least {mass:.2g} kg, "
-    raise ValueError(f"mass.body: {values['mass.body']:g} kg with effects.reaction {found}; give {remedy}less "
+    raise ValueError(f"mass.body: {values['mass.body']:g} kg with effects.reaction {fault}; give {remedy}less "
                      "ground.friction, stiffness and damping, or set effects.reaction to false")
 
 
@@ -192,10 +186,10 @@ def _check_misprint(values: ParameterValues) -> None:
                          f"effects.{absent}_mass is false; give true for effects.{absent}_mass, {false}")
     contact, stiffness = values["effects.inclined_contact"], values["inclined.plate.stiffness"]
     if contact != "compliant" or stiffness == 0.0:
-        found = f"inclined.plate.stiffness is {stiffness:g} N/m" if contact == "compliant" else (
+        choice = f"inclined.plate.stiffness is {stiffness:g} N/m" if contact == "compliant" else (
             f"effects.inclined_contact is {contact!r}")
         raise ValueError("effects.misprint: true changes the force of the inclined plate's spring, and "
-                         f"{found}; choose compliant with a stiffness above 0 N/m, {false}")
+                         f"{choice}; choose compliant with a stiffness above 0 N/m, {false}")
     if values["effects.reaction"]:
         raise ValueError("effects.misprint: true gives the body a force that no mass gives back, against "
                          f"effects.reaction true; give false for effects.reaction, {false}")
@@ -239,7 +233,7 @@ def _shock_inertia(values: ParameterValues, free: Iterable[str]) -> np.ndarray:
     if not values.crank_is_struck:
         return inertia[None]
     angles, radius = np.arange(_ANGLES) * (2.0 * math.pi / _ANGLES), values["crank.radius"]
-    own, momentum = np.full(_ANGLES, values.motor_inertia), np.zeros((_ANGLES, 2))
+    crank, momentum = np.full(_ANGLES, values.motor_inertia), np.zeros((_ANGLES, 2))
     for part in values.linkage:
         mass = values[f"mass.{part}"]
         if part == "crank_pin":
@@ -249,9 +243,9 @@ def _shock_inertia(values: ParameterValues, free: Iterable[str]) -> np.ndarray:
             psi, rod = angles - values.guide_angle(side), values[f"crank.{side}_rod"]
             rate = -np.sin(psi) * (1.0 + radius * np.cos(psi) / np.sqrt(rod**2 - (radius * np.sin(psi)) ** 2))
             slope = radius * np.multiply.outer(values.direction(side), rate)
-        own += mass * (slope * slope).sum(axis=0)
+        crank += mass * (slope * slope).sum(axis=0)
         momentum += mass * slope.T
-    return inertia - momentum[:, :, None] * momentum[:, None, :] / own[:, None, None]
+    return inertia - momentum[:, :, None] * momentum[:, None, :] / crank[:, None, None]
 
 
 # With `effects.reaction` a mass feels the body's acceleration, so that it moves as if it were lighter: in the air, on

@@ -32,15 +32,7 @@ _ANGLE_ROUNDING = 2.0 * math.pi * np.finfo(float).eps
 
 @dataclass(frozen=True)
 class ParameterValues:
-    """A value for each parameter, unchecked; a `Scene` is checked.
-
-    Attributes
-    ----------
-    name : str
-        Name of the scene in logs and recordings.
-    parameters : Mapping
-        Name to value; SI units. `SCENE_PARAMETERS` describes each.
-    """
+    """A value for each parameter, unchecked; a `Scene`, which has the same attributes, is checked."""
 
     name: str = "paper"
     parameters: Mapping[str, Value] = field(default_factory=dict)
@@ -102,8 +94,8 @@ class ParameterValues:
 
         By the laws `static` and `stribeck` both are `ground.static_friction`.
         """
-        own = self["effects.friction"] in ("static", "stribeck")
-        return (self["ground.static_friction"],) * 2 if own else self.kinetic_frictions
+        has_static_law = self["effects.friction"] in ("static", "stribeck")
+        return (self["ground.static_friction"],) * 2 if has_static_law else self.kinetic_frictions
 
     @property
     def slipping_frictions(self) -> set[float]:
@@ -221,23 +213,14 @@ class GroundForce(NamedTuple):
 
     F0, c and k decide all else: whether x is a coordinate and dynamic, the equation of x, the guards of a body that
     sticks, the energy, and what `Scene.describe()` says. To add a force, add a row here and its parameter.
-
-    Attributes
-    ----------
-    symbol : str
-        Symbol in `Scene.describe()`.
-    parameter : str
-        The number that decides the force; without it the force is absent.
-    law : callable
-        Returns F0 [N], c [N s/m] and k [N/m] for the values of a scene's parameters.
-    account : str
-        The energy account of the work of F0 and c x'. Empty for a constant force that stores energy, as a weight does.
-        The energy k x²/2 of a spring is always stored.
     """
 
-    symbol: str
-    parameter: str
+    symbol: str  # symbol in `Scene.describe()`
+    parameter: str  # the number that decides the force; without it the force is absent
+    # returns F0 [N], c [N s/m] and k [N/m] for the values of a scene's parameters
     law: Callable[[ParameterValues], tuple[float, float, float]]
+    # the energy account of the work of F0 and c x'. Empty for a constant force that stores energy, as a weight does.
+    # The energy k x²/2 of a spring is always stored.
     account: str = ""
 
 

@@ -178,13 +178,8 @@ def _unchecked(name: str, parameters: dict[str, Value]) -> Scene:
 
 
 def given_start(values: ParameterValues) -> dict[str, float]:
-    """Return the state at t = 0 of a scene whose `start.state` is `given`, with the plates' positions [m].
-
-    Raises
-    ------
-    ValueError
-        For an impossible state; the message names the parameter, its value, the limit and the remedy.
-    """
+    """Return the state at t = 0 of a scene whose `start.state` is `given`, with the plates' positions [m] (ValueError
+    for an impossible state)."""
     numbers = {name: values[f"{PREFIX}{name}"] for name in NUMBERS}
     check_parts(values, numbers, PREFIX)
     plates = {f"{side}_plate_position": values[f"crank.{side}_rod"] + values[f"{side}.gap"] if side in values.plates
@@ -193,21 +188,9 @@ def given_start(values: ParameterValues) -> dict[str, float]:
 
 
 def check_parts(values: ParameterValues, given: Mapping[str, float], prefix: str = "") -> None:
-    """Refuse a nonzero number for a part that the scene does not have.
+    """Refuse a nonzero number for a part that the scene does not have, among fields of a state (ValueError).
 
-    Parameters
-    ----------
-    values : ParameterValues
-        The scene.
-    given : mapping of str to float
-        Some fields of a state, in their units.
-    prefix : str
-        Text before a field's name in messages.
-
-    Raises
-    ------
-    ValueError
-        With the value and the remedy.
+    `prefix` is the text before a field's name in messages.
     """
     absent = {f"{side}_{field}" for side in ("upper", "inclined") if side not in values.guides
               for field in ("position", "velocity")}
@@ -226,23 +209,9 @@ def outside_plates(values: ParameterValues, state: Mapping[str, float], prefix: 
                    placed: Collection[str] = ("upper", "inclined")) -> dict[str, float]:
     """Return the state after putting each mass that is beyond its rigid plate by rounding on that plate.
 
-    A mass may be as deep in a compliant plate as `ParameterValues.deepest_penetration`.
-
-    Parameters
-    ----------
-    values : ParameterValues
-        The scene.
-    state : mapping of str to float
-        A state, with at least the positions of masses and plates [m].
-    prefix : str
-        Text before a field's name in messages.
-    placed : collection of str
-        Sides whose mass or plate is given; a mass that the device itself has moved deeper is not refused.
-
-    Raises
-    ------
-    ValueError
-        For a mass that is deeper in a plate, or farther beyond a rigid plate than `ROUNDING`.
+    `state` has at least the positions of masses and plates [m]. ValueError for a mass deeper in a compliant plate than
+    `ParameterValues.deepest_penetration`, or farther beyond a rigid plate than `ROUNDING`, if it is of one of the sides
+    `placed`: a mass that the device itself has moved deeper is not refused. `prefix` is as in `check_parts`.
     """
     moved = dict(state)
     for side in values.plates:

@@ -61,21 +61,12 @@ Jumps = tuple[tuple[int, Form], ...]
 
 
 class NonlinearShock(NamedTuple):
-    """A shock in which the crank's angle or the body's speed decides the inertia or the friction.
+    """A shock in which the crank's angle or the body's speed decides the inertia or the friction."""
 
-    Attributes
-    ----------
-    numbers : ndarray of SHOCK, shape (1,)
-        The shock as a record for the solver.
-    direction : ndarray, shape (dynamic, 2)
-        Directions of the masses that are free in the shock, 0 for the other coordinates.
-    speeds : tuple of int
-        Channels of the velocities that jump.
-    """
-
-    numbers: np.ndarray
+    numbers: np.ndarray  # shape (1,): the shock as a record for the solver
+    # shape (dynamic, 2): directions of the masses that are free in the shock, 0 for the other coordinates
     direction: np.ndarray
-    speeds: tuple[int, ...]
+    speeds: tuple[int, ...]  # channels of the velocities that jump
 
     def targets(self, forms: Forms, states: Iterable[str], **changes: Any) -> list[Target]:
         """Return the shock's targets: each of the `states` of the guard's effect with each state of the bearing."""
@@ -83,22 +74,10 @@ class NonlinearShock(NamedTuple):
                 for state in states for bearing in forms.bearings_after_shock]
 
 
-class Shock:
+class BodyShock:
     """A change of the body's velocity, and the changes of the free masses' speeds that it brings.
 
-    Parameters
-    ----------
-    scene : Scene
-        The scene whose masses, guides and reaction count.
-    forms : Forms
-        The forms of the scene.
-    not_free : iterable of str
-        Guides whose masses move with the body or are struck themselves.
-
-    Attributes
-    ----------
-    inertia : ndarray, shape (2, 2)
-        A [kg], for x and y.
+    `not_free` are guides whose masses move with the body or are struck themselves. `inertia` is A [kg], for x and y.
     """
 
     def __init__(self, scene: Scene, forms: Forms, not_free: Iterable[str] = ()):
@@ -119,16 +98,9 @@ class Shock:
     def nonlinear(self, states: int, restitution: float, struck: str = "", lifts: bool = True) -> NonlinearShock:
         """Return the same shock with a crank that is struck, or with friction that changes with the speed.
 
-        Parameters
-        ----------
-        states : int
-            States of the body on the ground between which the shock decides, as `solver.system.SHOCK` has them.
-        restitution : float
-            Restitution of the plate or of the ground.
-        struck : str
-            Guide whose mass strikes its plate; empty for a landing.
-        lifts : bool
-            Whether the body lifts off in a blow.
+        `states` counts the states of the body on the ground between which the shock decides, as `solver.system.SHOCK`
+        has them. `restitution` is that of the plate or of the ground. `struck` is the guide whose mass strikes its
+        plate, empty for a landing. `lifts` says whether the body lifts off in a blow.
         """
         scene, forms = self._scene, self._forms
         has_friction = scene.has_dry_friction and forms.body_moves
@@ -183,7 +155,7 @@ class Blow:
     @cached
     def thrown_body_jumps(self, restitution: float, resting: frozenset[str] = frozenset()) -> Jumps:
         """Jumps of a body that nothing holds and of the free masses; the masses of `resting` move with the body."""
-        forms, shock = self._forms, Shock(self._scene, self._forms, (self._side, *resting))
+        forms, shock = self._forms, BodyShock(self._scene, self._forms, (self._side, *resting))
         impulse = self._scene[f"mass.{self._side}"] * np.array(self._scene.direction(self._side))
         change = solve(shock.inertia[None], impulse[None, :, None]).ravel()  # of x' and y', by a unit of the speed
         along_x, upwards = (part * self._speed_change(restitution) for part in change)
@@ -201,7 +173,7 @@ class Blow:
     def of_struck_crank(self, restitution: float, lifts: bool, states: int,
                         resting: frozenset[str]) -> NonlinearShock:
         """Return the blow with a crank that is struck; the body lifts off or, without `lifts`, stays on the ground."""
-        shock = Shock(self._scene, self._forms, (self._side, *resting))
+        shock = BodyShock(self._scene, self._forms, (self._side, *resting))
         return shock.nonlinear(states, restitution, self._side, lifts)
 
     def _speed_change(self, restitution: float) -> Form:
@@ -212,20 +184,15 @@ class Blow:
 class Landing:
     """The targets of a landing, each with its jumps.
 
-    Parameters
-    ----------
-    kinetic, static : (float, float)
-        Friction coefficients while the body slips, forwards and backwards, and while it sticks.
-    resting : frozenset of str
-        Guides whose masses rest on rigid plates and stay there.
-    restitution : float
-        Impulse while the ground rebounds over that while it is compressed; 0 for an inelastic landing.
+    `kinetic` and `static` are the friction coefficients, forwards and backwards, while the body slips and while it
+    sticks. The masses of `resting` stay on their rigid plates. `restitution` is the impulse while the ground rebounds
+    over that while it is compressed; 0 for an inelastic landing.
     """
 
     def __init__(self, scene: Scene, forms: Forms, kinetic: tuple[float, float], static: tuple[float, float],
                  resting: frozenset[str] = frozenset(), restitution: float = 0.0):
         self._forms, self._restitution = forms, restitution
-        self._shock = Shock(scene, forms, resting)
+        self._shock = BodyShock(scene, forms, resting)
         (along, across), (_, up) = self._shock.inertia
         self._forwards, self._backwards = ((across + sign * friction * up) / (along + sign * friction * across)
                                            for sign, friction in zip((1.0, -1.0), kinetic, strict=True))
@@ -268,14 +235,15 @@ class Landing:
             entry = after if sign * slip >= 0.0 else speed  # a shock that drives the body on never stops it
             yield Target("airborne", self._jumps(after, -share * fall), entries=(sign * entry,))
         # The body stops when y' has changed by `until`, and sticks or slips the other way. P_y = (M_yy - c M_xy) dy'.
-        then = 0.0 if self._sticks else self._backwards if self._backwards > 0.0 else self._forwards
+        later_slip = 0.0 if self._sticks else self._backwards if self._backwards > 0.0 else self._forwards
         for sign, slip in zip((1.0, -1.0), slips, strict=True):
             if sign * slip > 0.0:
-                until, ratio = speed / slip, (self._up - slip * self._across) / (self._up - then * self._across)
+                until, ratio = speed / slip, (self._up - slip * self._across) / (self._up - later_slip * self._across)
                 left = -fall - until  # compression to come, below 0 if the ground already rebounds
                 for rise, entries in ((share * (ratio * until + left), (left,)),
                                       (ratio * (left - share * fall) - left, ())):
-                    yield Target("airborne", self._jumps(-then * (left + rise), rise), entries=(sign * speed, *entries))
+                    yield Target("airborne", self._jumps(-later_slip * (left + rise), rise),
+                                 entries=(sign * speed, *entries))
 
     def _jumps(self, speed_after: Form, rise_after: Form | None = None) -> Jumps:
         """Jumps of a landing that leaves the body with the speed `speed_after` [m/s] along the ground and `rise_after`

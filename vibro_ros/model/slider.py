@@ -45,21 +45,11 @@ _cosine, _sine = _of_arrays(cos), _of_arrays(sin)
 
 @dataclass(frozen=True)
 class Slider:
-    """One slider.
+    """One slider."""
 
-    Attributes
-    ----------
-    radius : float
-        Crank radius l [m].
-    rod : float
-        Rod length L [m], at least l; 0 for the crank pin itself, whose s is l cos(theta - psi).
-    angle : float
-        Angle psi of its guide from the vertical [rad].
-    """
-
-    radius: float
-    rod: float
-    angle: float
+    radius: float  # crank radius l [m]
+    rod: float  # rod length L [m], at least l; 0 for the crank pin itself, whose s is l cos(theta - psi)
+    angle: float  # angle psi of its guide from the vertical [rad]
 
     def position(self, theta: float | np.ndarray) -> float | np.ndarray:
         """s [m] at crank angle theta [rad]; scalar or array."""

@@ -77,6 +77,8 @@ def enter(program: str, executables: Mapping[str, Any] = EXECUTABLES) -> int:
     """
     _process.program, _process.endless = program, executables[program].endless
     _process.package = executables[program].module.partition(".")[0]
+    if _process.package == "vibro_ros":  # no program of the device needs BLAS, whose second thread would spin for 0.1 s
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _on_stop_signals(_end_at_once)
     _open_streams()
     interrupted: list[int] = []
@@ -148,8 +150,8 @@ class StopRequest:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for number, before in self._before.items():
-            signal.signal(number, signal.SIG_IGN if self else before)
+        for number, handler in self._before.items():
+            signal.signal(number, signal.SIG_IGN if self else handler)
 
     @property
     def exit_code(self) -> int:
@@ -206,12 +208,12 @@ def interrupted_afterwards() -> Iterator[None]:
 
     For callbacks from which Python ignores exceptions, such as the hooks of a fork.
     """
-    before, _process.defers = _process.signal, True
+    earlier_signal, _process.defers = _process.signal, True
     try:
         yield
     finally:
         _process.defers = False
-    if _process.signal != before:
+    if _process.signal != earlier_signal:
         raise KeyboardInterrupt
 
 

@@ -8,17 +8,10 @@ from collections import namedtuple
 Executable = namedtuple("Executable", ["module", "installed", "does", "endless"], defaults=[False])
 Executable.__doc__ = """One executable.
 
-Attributes
-----------
-module : str
-    Module whose `main` takes the words of the command line and returns the exit code.
-installed : bool
-    Whether `ros2 run vibro_ros NAME` and `.venv/bin/NAME` start it; `python -m MODULE` starts every one.
-does : str
-    What it does, in one sentence: the first of its `--help`.
-endless : bool
-    Whether its normal end is a signal, with exit code 0, like a `view` of a live robot; the others then exit with
-    128 + the signal's number.
+`main` of its `module` takes the words of the command line and returns the exit code. If it is `installed`,
+`ros2 run vibro_ros NAME` and `.venv/bin/NAME` start it; `python -m MODULE` starts every one. `does` is the first
+sentence of its `--help`. An `endless` one normally ends by a signal, with exit code 0; the others then exit with 128 +
+the signal's number.
 """
 
 EXECUTABLES = {

@@ -30,7 +30,7 @@ def one_line(text: object, longest: int = LONGEST) -> str:
     shown = str(text)
     if len(shown) > longest:
         shown = f"{shown[:longest // 2]}…{shown[-(longest // 2):]}"
-    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in shown)
+    return "".join(sign if sign.isprintable() else sign.encode("unicode_escape").decode() for sign in shown)
 
 
 def user_path(path: str | Path) -> Path:

@@ -84,22 +84,22 @@ def compare(stream: BagStream) -> Comparison:
     facts = recorded_run(stream)
     rerun = Rerun(facts, facts.scene)
     comparing = _Comparing(stream, facts, rerun)
-    found = comparing.found
+    comparison = comparing.comparison
     try:
         for tick, recorded in rerun.through(stream):
             if tick is None:
                 continue
-            found.difference = comparing.sample(recorded)
-            if found.difference:
+            comparison.difference = comparing.sample(recorded)
+            if comparison.difference:
                 break
             if recorded:
-                found.last = facts.time(tick)
+                comparison.last = facts.time(tick)
     except StampError:
-        found.difference = comparing.difference("recorded stamp", rerun.stamp, facts.stamp(rerun.tick + 1))
+        comparison.difference = comparing.difference("recorded stamp", rerun.stamp, facts.stamp(rerun.tick + 1))
     except SimulationError as error:
-        found.difference = comparing.difference("message", "a message", str(error))
-    found.commands = rerun.commands
-    return found
+        comparison.difference = comparing.difference("message", "a message", str(error))
+    comparison.commands = rerun.commands
+    return comparison
 
 
 class _Comparing:
@@ -107,7 +107,7 @@ class _Comparing:
 
     def __init__(self, stream: BagStream, facts: RecordedRun, rerun: Rerun):
         self._facts, self._rerun = facts, rerun
-        self.found = Comparison(facts, notes=notes(stream, facts))
+        self.comparison = Comparison(facts, notes=notes(stream, facts))
         self._recorded = {name for name, topic in facts.topics.items() if topic in stream.topics}
         self._may_be_missing = stream.metadata.get("dropped") != "0" or bool(stream.flaws)
         self._begun = begins_at_checkpoint(stream, facts)  # samples after a checkpoint are complete
@@ -124,7 +124,7 @@ class _Comparing:
         if self._missing and not self._may_be_missing:
             name, tick = self._missing[0]
             return self.difference("message", ABSENT, "a message", name, self._facts.stamp(tick))
-        self.found.missing += len(self._missing)
+        self.comparison.missing += len(self._missing)
         self._missing.clear()
         return self._match(recorded, published)
 
@@ -137,15 +137,15 @@ class _Comparing:
             if name in INPUTS or name == CHECKPOINT:
                 continue
             waiting = [self._rerun.latched[name]] if name in self._rerun.latched else expected.get(name, [])
-            found = [first_difference(data, other, TOPICS[name].type) for other in waiting]
-            if None not in found:
-                where, was, is_now = (found and found[0]) or ("message", "a message", ABSENT)
+            differences = [first_difference(data, other, TOPICS[name].type) for other in waiting]
+            if None not in differences:
+                where, was, is_now = (differences and differences[0]) or ("message", "a message", ABSENT)
                 return self.difference(where, was, is_now, name)
-            skipped = found.index(None)
+            skipped = differences.index(None)
             self._note_missing([name] * skipped, begun)
             del waiting[:skipped + 1]
             self._matched[name] += 1
-            self.found.compared[self._facts.topics[name]] += 1
+            self.comparison.compared[self._facts.topics[name]] += 1
         # A bag may end amid a sample, so missing messages count only when later ones follow.
         self._note_missing([name for name, waiting in expected.items() for _ in waiting], begun)
         return None
@@ -170,20 +170,20 @@ class _Comparing:
 
 def notes(stream: BagStream, facts: RecordedRun) -> list[str]:
     """Return in words the facts about the bag that may make a replay differ from it."""
-    found, recorded = [], stream.metadata
-    here = {**software(), "tables": tables(facts.scene.parameters)}
-    found += [f"recorded with {key.replace('_', ' ')} {recorded[key]}, replayed with {here[key]}: bits may differ"
-              for key in here if recorded.get(key, here[key]) != here[key]]
-    if unsaid := [key.replace("_", " ") for key in here if key not in recorded]:
-        found.append(f"the bag does not say its {', '.join(unsaid)}: where they differ, bits may")
+    sentences, recorded = [], stream.metadata
+    present = {**software(), "tables": tables(facts.scene.parameters)}
+    sentences += [f"recorded with {key.replace('_', ' ')} {recorded[key]}, replayed with {now}: bits may differ"
+                  for key, now in present.items() if recorded.get(key, now) != now]
+    if unsaid := [key.replace("_", " ") for key in present if key not in recorded]:
+        sentences.append(f"the bag does not say its {', '.join(unsaid)}: where they differ, bits may")
     if lacks_beginning(stream, facts):
-        found.append(f"the bag begins {(stream.start - facts.start) * 1e-9:.3f} s after the robot started: commands "
-                     "before are unknown")
-    found += [f"what came on {facts.topics.get(name, name)} was not recorded" for name in INPUTS
-              if facts.topics.get(name) not in stream.topics
-              and (name in facts.topics or (name in COMMAND_UNITS and name not in OF_DC_MOTOR))]  # not in every bag
+        sentences.append(f"the bag begins {(stream.start - facts.start) * 1e-9:.3f} s after the robot started: "
+                         "commands before are unknown")
+    sentences += [f"what came on {facts.topics.get(name, name)} was not recorded" for name in INPUTS
+                  if facts.topics.get(name) not in stream.topics
+                  and (name in facts.topics or (name in COMMAND_UNITS and name not in OF_DC_MOTOR))]  # not in every bag
     if recorded.get("dropped", "0") != "0":
-        found.append(f"{recorded['dropped']} messages dropped; a command may be among them")
+        sentences.append(f"{recorded['dropped']} messages dropped; a command may be among them")
     if stream.flaws:
-        found.append("part of the bag cannot be read; a command may be in it")
-    return found
+        sentences.append("part of the bag cannot be read; a command may be in it")
+    return sentences

@@ -62,7 +62,7 @@ def _energy(bag: Bag, stream: BagStream, facts: RecordedRun) -> dict[str, Any]:
     if not begins_at_checkpoint(stream, facts):
         _check_span(stream, facts, last - rerun.tick, len(times))
     held: dict[str, float] = {}  # accounts [J] since the robot's start, summed over resets
-    before, of_earlier_runs, resets = held, held, 0
+    at_first, of_earlier_runs, resets = held, held, 0
     samples = rerun.through(stream, (*INPUTS, CHECKPOINT), until=last)
     for tick, recorded in tqdm(samples, total=last, desc="energy", unit=" samples", delay=_SILENCE):
         if rerun.tick < 0:  # before the bag's first checkpoint
@@ -76,7 +76,7 @@ def _energy(bag: Bag, stream: BagStream, facts: RecordedRun) -> dict[str, Any]:
             now = rerun.device.statistics["energy_accounts"]
             held = {name: amount + of_earlier_runs.get(name, 0.0) for name, amount in now.items()}
         if rerun.tick == first:
-            before = held
+            at_first = held
         if rerun.tick == last:
             break
     else:
@@ -86,7 +86,7 @@ def _energy(bag: Bag, stream: BagStream, facts: RecordedRun) -> dict[str, Any]:
     if rerun.device.state.body_position != x[-1]:
         raise BagError("simulated again, the run is not the recorded one; `replay` tells where they part")
     moved = differences_between_resets(body["time"], x, reset_times(bag["joint_states"])).sum()
-    accounts = {name: amount - before[name] for name, amount in held.items()}
+    accounts = {name: amount - at_first[name] for name, amount in held.items()}
     net, duration = accounts["motor_delivered"] - accounts["motor_taken_back"], facts.time(last - first)
     net = accounts.get("supply", net)
     carried = facts.scene.total_mass * facts.scene["gravity"] * abs(float(moved))
@@ -107,7 +107,7 @@ def reset_times(joints: Arrays) -> np.ndarray:
 
 def differences_between_resets(time: np.ndarray, values: np.ndarray, resets: np.ndarray) -> np.ndarray:
     """Return the differences of neighbouring `values`, shape (n - 1,); 0 across each of the `resets` (times [s])."""
-    found = np.diff(values)
+    steps = np.diff(values)
     after = np.searchsorted(time, resets)
-    found[after[(after > 0) & (after < len(time))] - 1] = 0.0
-    return found
+    steps[after[(after > 0) & (after < len(time))] - 1] = 0.0
+    return steps

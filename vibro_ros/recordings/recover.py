@@ -66,8 +66,8 @@ def recover(path: str | Path, keep_torn: bool = True) -> Recovery:
     try:
         check_is_bag(folder)
         with locked(folder):
-            if found := writing_processes([folder]):
-                processes = ", ".join(map(str, found[folder]))
+            if writers := writing_processes([folder]):
+                processes = ", ".join(map(str, writers[folder]))
                 raise InUseError(f"{folder}: the bag is in use, process {processes} writes to it; end the recorder")
             return _recovered(folder, keep_torn)
     except BlockingIOError:

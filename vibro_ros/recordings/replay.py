@@ -49,30 +49,31 @@ def _run(words: Sequence[str]) -> int:
 
 def _compare(bag: Path) -> int:
     with BagStream(bag) as stream:
-        found = compare(stream)
+        comparison = compare(stream)
         flaws = stream.flaws
-        if found.difference and lacks_beginning(stream, found.facts):
-            late = (stream.start - found.facts.start) * 1e-9
+        if comparison.difference and lacks_beginning(stream, comparison.facts):
+            late = (stream.start - comparison.facts.start) * 1e-9
             raise BagError(f"{bag}: cannot be replayed: it begins {late:.3f} s after the robot's start and holds no "
                            "checkpoint, so that what the robot received before is unknown; give a bag of the run's "
                            "beginning, or one with ~/checkpoint")
-    if not found.compared and not found.difference:
+    if not comparison.compared and not comparison.difference:
         raise BagError(f"{bag}: holds no state to compare with; give a bag with odom or joint_states")
-    print("\n".join([*map(one_line, comparison_lines(found)), *flaw_lines(flaws)]))
-    return DIFFERENT if found.difference else IDENTICAL
+    print("\n".join([*map(one_line, comparison_lines(comparison)), *flaw_lines(flaws)]))
+    return DIFFERENT if comparison.difference else IDENTICAL
 
 
-def comparison_lines(found: Comparison) -> list[str]:
+def comparison_lines(comparison: Comparison) -> list[str]:
     """Return the lines for people on a comparison."""
-    lines = [f"{'different' if found.difference else 'identical'}: {sum(found.compared.values())} messages to "
-             f"{found.last:.3f} s of robot time, {found.commands} commands"]
-    if found.difference:
+    verdict = "different" if comparison.difference else "identical"
+    lines = [f"{verdict}: {sum(comparison.compared.values())} messages to "
+             f"{comparison.last:.3f} s of robot time, {comparison.commands} commands"]
+    if comparison.difference:
         lines[0] = f"different after {lines[0].removeprefix('different: ')}"
-        lines.append(f"first difference: {found.difference}")
-    if found.missing:
-        lines.append(f"not recorded: {found.missing} messages, not compared")
-    if found.difference:
-        lines += [f"note: {note}" for note in found.notes]
+        lines.append(f"first difference: {comparison.difference}")
+    if comparison.missing:
+        lines.append(f"not recorded: {comparison.missing} messages, not compared")
+    if comparison.difference:
+        lines += [f"note: {note}" for note in comparison.notes]
     return lines
 
 
@@ -80,7 +81,7 @@ def _show_what_if(bag: Path, changes: Mapping[str, object]) -> int:
     """Simulate the run with other parameters into a new bag, and print in which numbers the two bags differ."""
     folder, failure = what_if(bag, changes)
     try:
-        print(differences_as_text(*(summarise(load_samples(one)) for one in (bag, folder))))
+        print(differences_as_text(*(summarise(load_samples(folder_of_bag)) for folder_of_bag in (bag, folder))))
     except BagError as error:
         print(f"no differences: {error}")
     print(one_line(folder))
@@ -139,7 +140,7 @@ def _topics(stream: BagStream, facts: RecordedRun) -> dict[str, Topic]:
                    if name not in names and name not in OF_DC_MOTOR]:
         raise BagError(f"{stream.folder}: says nothing of the topics {', '.join(missing)}; give a bag that the robot "
                        "recorded itself")
-    depths = {topic: one.qos_depth for topic, one in stream.topics.items()}
+    depths = {topic: recorded.qos_depth for topic, recorded in stream.topics.items()}
     return {name: Topic(names[name], topic.type, depths.get(names[name], QOS_DEPTH), topic.quality.transient_local)
             for name, topic in TOPICS.items()  # of a dc motor only where there is one
             if name in names and name != CHECKPOINT}

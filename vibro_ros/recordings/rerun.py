@@ -109,11 +109,11 @@ def recorded_run(stream: BagStream) -> RecordedRun:
                        "itself")
     try:
         parameters = json.loads(known["parameters"])
-        of_scene = {one.name for one in SCENE_PARAMETERS}
+        of_scene = {parameter.name for parameter in SCENE_PARAMETERS}
         settings = checked_parameters({name: value for name, value in parameters.items()  # record.* do not matter
                                        if name not in of_scene and not name.startswith("record.")}, DEVICE_PARAMETERS)
         scene = Scene(known["scene"], {name: value for name, value in parameters.items() if name in of_scene})
-        defaults = {one.name: one.default for one in DEVICE_PARAMETERS}
+        defaults = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS}
         steps = 1.0 / ({**defaults, **settings}["rate.publish"] * scene["solver.step"])
         if scene["solver.method"] != "exact" and steps > MOST_STEPS:
             raise ValueError(f"solver.step takes {steps:.3g} steps a sample, more than {MOST_STEPS}")
@@ -163,25 +163,11 @@ class Rerun:
         Yields the number of each sample, with the device at that sample, and the messages recorded with its stamp;
         `published` then returns the messages that the robot publishes there. If the bag `begins_late`, the simulation
         begins at its first checkpoint; messages recorded before, and with the checkpoint's sample, are yielded with
-        None as the number.
+        None as the number. `names` are the topics to read, by their keys in `TOPICS`, all by default. If the bag's
+        messages end before the sample `until`, the run is simulated up to it.
 
-        Parameters
-        ----------
-        stream : BagStream
-            The bag.
-        names : collection of str, optional
-            Topics to read, by their keys in `TOPICS`; all by default.
-        until : int
-            Number of the sample up to which the run is simulated if the bag's messages end before it.
-
-        Raises
-        ------
-        StampError
-            When a stamp is not that of a sample, or so far ahead that it would cost years of simulation.
-        BagError
-            When the bag's first checkpoint is not valid.
-        SimulationError
-            When the run cannot go on.
+        StampError when a stamp is not that of a sample, or so far ahead that it would cost years of simulation.
+        BagError when the bag's first checkpoint is not valid. SimulationError when the run cannot go on.
         """
         most, headed = most_ticks(stream, self._facts), self._are_headed(stream, names)
         is_late = begins_at_checkpoint(stream, self._facts)
@@ -218,9 +204,9 @@ class Rerun:
         """
         device, start = self.device, self._facts.stamp(self.origin)
         measurements = device.take_measurements() if isinstance(device, SensedSimulator) else ()
-        found = self._messages.of_sample(device.values, device.take_events(), measurements,
+        messages = self._messages.of_sample(device.values, device.take_events(), measurements,
                                          self._facts.stamp(self.tick), partial(stamp_at, start))
-        return [one for one in found if one[0] not in OF_DC_MOTOR or one[0] in self._facts.topics]
+        return [message for message in messages if message[0] not in OF_DC_MOTOR or message[0] in self._facts.topics]
 
     def go_to(self, tick: int) -> None:
         """Advance to a sample, which must not lie behind (SimulationError when the run cannot go on).
@@ -251,14 +237,9 @@ class Rerun:
         self.tick, self.origin = tick, tick - since
 
     def receive(self, name: str, data: bytes) -> str:
-        """Pass a recorded command or operation to the device (SimulationError when the run cannot go on).
+        """Pass a recorded command or operation on the topic `name` to the device.
 
-        `name` is the topic, a key of `TOPICS`.
-
-        Returns
-        -------
-        str
-            Why the message cannot be read (the robot refused it for the same reason); else empty.
+        Return why the message cannot be read, for which reason the robot refused it; else an empty text.
         """
         try:
             message = deserialised(data, TOPICS[name].type)
@@ -296,7 +277,7 @@ class Rerun:
                            if name in STAMPED]
             except ValueError:
                 headers = []
-            if not any(one.sec * 1_000_000_000 + one.nanosec == self.stamp for one in headers):
+            if not any(header.sec * 1_000_000_000 + header.nanosec == self.stamp for header in headers):
                 raise StampError(f"{stream.folder}: its stamp {self.stamp} is not that of the message's header")
         return tick
 
@@ -370,12 +351,12 @@ def ticks(stream: BagStream, facts: RecordedRun,
     """Yield each recorded stamp [ns] with its messages on the `chosen` topics (keys of `TOPICS`), all by default."""
     names = {topic: name for name, topic in facts.topics.items() if chosen is None or name in chosen}
     group: Recorded = []
-    before: int | None = None
+    last: int | None = None
     for topic, stamp, data in stream.messages(frozenset(names)):
-        if before is not None and stamp != before:
-            yield before, group
+        if last is not None and stamp != last:
+            yield last, group
             group = []
-        before = stamp
+        last = stamp
         group.append((names[topic], data))
-    if before is not None:
-        yield before, group
+    if last is not None:
+        yield last, group

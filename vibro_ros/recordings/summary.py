@@ -72,10 +72,7 @@ def _shared(columns: Arrays) -> Arrays:
 def summarise(bag: Bag) -> dict[str, Any]:
     """Summarise a recording, ready for JSON; a number that is not defined is None.
 
-    Parameters
-    ----------
-    bag : Bag
-        A recording of the robot.
+    BagError when a topic or a joint of the robot is missing, or odometry, joint states or motor power is empty.
 
     Returns
     -------
@@ -90,11 +87,6 @@ def summarise(bag: Bag) -> dict[str, Any]:
         also if the bag does not state the robot's parameters; ``recorder``, the bag's custom data; ``topics``: type and
         ``messages`` of each, and for sampled topics ``period`` [s] (median), ``largest_gap`` [s] and ``gaps`` (number
         of pauses above `GAP` periods); ``flaw_lines``, sentences on the parts of the recording that cannot be read.
-
-    Raises
-    ------
-    BagError
-        When a topic or a joint of the robot is missing, or odometry, joint states or motor power is empty.
     """
     body, joints, power = (_samples(bag, name) for name in ("odom", "joint_states", "motor_power"))
     if lacking := [name for name in JOINT_COLUMNS if name not in joints]:
@@ -129,10 +121,10 @@ def summarise(bag: Bag) -> dict[str, Any]:
 
 def _scene(recorder: dict[str, str]) -> Scene | None:
     """Return the robot's scene from the bag's custom data; missing parameters get their defaults. None without any."""
-    known = {one.name for one in SCENE_PARAMETERS}
-    found = {name: value for name, value in _parameters(recorder).items() if name in known}
+    known = {parameter.name for parameter in SCENE_PARAMETERS}
+    given = {name: value for name, value in _parameters(recorder).items() if name in known}
     try:
-        return Scene("", found) if found else None
+        return Scene("", given) if given else None
     except (ValueError, TypeError):
         return None
 
@@ -154,9 +146,9 @@ def _validity(scene: Scene | None, bag: Bag) -> Validity:
 def _operations(bag: Bag) -> list[tuple[float, str]]:
     if OPERATIONS not in bag:
         return []
-    found = bag[OPERATIONS]
-    return [(float(time), str(text)) for time, text in zip(found["time"][:MOST_OPERATIONS],
-                                                           found["text"][:MOST_OPERATIONS], strict=True)]
+    operations = bag[OPERATIONS]
+    return [(float(time), str(text)) for time, text in zip(operations["time"][:MOST_OPERATIONS],
+                                                           operations["text"][:MOST_OPERATIONS], strict=True)]
 
 
 def impacts_of(bag: Bag, guide: str) -> np.ndarray:
@@ -240,7 +232,7 @@ def differences_as_text(recorded: dict[str, Any], replayed: dict[str, Any]) -> s
 
 def _rows_of_pair(first: dict[str, Any], second: dict[str, Any]) -> list[tuple[str, str, str, str]]:
     """Return name, both values and difference of the parameters that differ, and of every number."""
-    given, others = (_parameters(one["recorder"]) for one in (first, second))
+    given, others = (_parameters(summary["recorder"]) for summary in (first, second))
     rows = [(one_line(name), _shown(given.get(name)), _shown(others.get(name)), "")
             for name in sorted(given.keys() | others.keys()) if given.get(name) != others.get(name)]
     numbers, of_second = _numbers(first), _numbers(second)
@@ -248,7 +240,7 @@ def _rows_of_pair(first: dict[str, Any], second: dict[str, Any]) -> list[tuple[s
         value, other = numbers.get(name), of_second.get(name)
         if value is not None or other is not None:
             difference = "-" if value is None or other is None else f"{other - value:+.6g}"
-            before, after = ("-" if one is None else f"{one:.6g}" for one in (value, other))
+            before, after = ("-" if number is None else f"{number:.6g}" for number in (value, other))
             rows.append((name, before, after, difference))
     return rows
 
@@ -256,7 +248,8 @@ def _rows_of_pair(first: dict[str, Any], second: dict[str, Any]) -> list[tuple[s
 def _numbers(summary: dict[str, Any]) -> dict[str, float | None]:
     """Return the numbers of a summary and of its energy, by labels with units."""
     energy = summary.get("energy", {})
-    return {**{f"{label} [{one.unit}]" if one.unit else label: one.of(summary) for label, one in NUMBERS.items()},
+    return {**{f"{label} [{number.unit}]" if number.unit else label: number.of(summary)
+               for label, number in NUMBERS.items()},
             "cost of transport": energy.get("cost_of_transport"),
             **{f"{name.replace('_', ' ')} [J]": amount for name, amount in energy.get("accounts", {}).items()
                if amount}}
@@ -265,10 +258,10 @@ def _numbers(summary: dict[str, Any]) -> dict[str, float | None]:
 def _parameters(recorder: dict[str, str]) -> dict[str, Any]:
     """Return the recorded parameters; empty if the recording does not state them."""
     try:
-        found = json.loads(recorder.get("parameters", "{}"))
+        parameters = json.loads(recorder.get("parameters", "{}"))
     except (ValueError, RecursionError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return parameters if isinstance(parameters, dict) else {}
 
 
 def _shown(value: object) -> str:
@@ -282,10 +275,11 @@ def as_caption(summary: dict[str, Any]) -> str:
 
 
 def _table(topics: dict[str, dict[str, Any]]) -> list[str]:
-    columns = (Number(itemgetter("messages"), ".0f"), Number(lambda one: one.get("period"), ".2f", "ms", 1e3),
-               Number(lambda one: one.get("largest_gap"), ".2f", "ms", 1e3), Number(lambda one: one.get("gaps"), ".0f"))
+    columns = (Number(itemgetter("messages"), ".0f"), Number(lambda topic: topic.get("period"), ".2f", "ms", 1e3),
+               Number(lambda topic: topic.get("largest_gap"), ".2f", "ms", 1e3),
+               Number(lambda topic: topic.get("gaps"), ".0f"))
     return aligned([("topic", "messages", "period", "largest gap", "gaps"),
-                    *((one_line(name), *(column.text(one) for column in columns)) for name, one in topics.items())])
+                    *((one_line(name), *(column.text(topic) for column in columns)) for name, topic in topics.items())])
 
 
 def energy_as_lines(energy: dict[str, Any]) -> list[str]:

@@ -276,28 +276,12 @@ class SensedSimulator(Simulator):
 
     def fail(self, fault: str, duration: float, of: str = "", value: float = 0.0, from_x: float = 0.0,
              to_x: float = 0.0) -> None:
-        """Start a fault of the device, as `Simulator.fail`, or of a sensor.
+        """Start a fault of the device, as `Simulator.fail`, or of a sensor, for measurements that come out meanwhile.
 
-        Parameters
-        ----------
-        fault : str
-            `sensor_dropout`: nothing comes out. `sensor_freeze`: the last measurement comes out again and again.
-            `sensor_offset`: `value` is added to the measured values. Or a fault of the device.
-        duration : float
-            Duration [s]; the fault affects measurements that come out meanwhile. 0 ends the fault.
-        of : str
-            The sensor that fails: `imu`, `encoder`, `current` or `tracking`.
-        value : float
-            The offset: of the specific force on each axis [m/s²], the crank's angle [rad], the
-            current [A], or each coordinate [m].
-        from_x, to_x : float
-            The ends of a patch [m], for a fault of the device.
-
-        Raises
-        ------
-        ValueError
-            For a fault that the scene cannot have, a number beyond its limit, or a sensor that is off; nothing is
-            changed then.
+        `sensor_dropout`: nothing comes out. `sensor_freeze`: the last measurement comes out again and again.
+        `sensor_offset`: `value` is added to the measured values: the specific force on each axis [m/s²], the crank's
+        angle [rad], the current [A], or each coordinate [m]. The sensor that fails is `of`: `imu`, `encoder`,
+        `current` or `tracking`.
 
         Examples
         --------
@@ -369,7 +353,7 @@ class SensedSimulator(Simulator):
     def restore(self, checkpoint: np.ndarray) -> None:
         """Restore as `Simulator.restore`, with the sensors; measurements that were not taken are dropped."""
         memories = [sensor.memory() for sensor in self._sensors.values()]
-        before = super().checkpoint()
+        kept = super().checkpoint()
         if np.ndim(checkpoint) != 1:
             raise ValueError(f"the checkpoint has shape {np.shape(checkpoint)}, this device's have one dimension; give "
                              "one of the same scene and version")
@@ -379,7 +363,7 @@ class SensedSimulator(Simulator):
             for sensor, begin, end in zip(self._sensors.values(), ends, ends[1:], strict=False):
                 sensor.restore(checkpoint[begin:end], self.time)
         except ValueError:
-            super().restore(before)
+            super().restore(kept)
             for sensor, memory in zip(self._sensors.values(), memories, strict=True):
                 sensor.restore(memory, self.time)
             raise

@@ -24,14 +24,10 @@ SEIZED = {"motor.friction": 1e4, "motor.static_friction": 1e4}
 class Disturbances:
     """The disturbances of `ROWS` that are active now.
 
-    Attributes
-    ----------
-    table : ndarray, shape (6, 5)
-        For each row the instant at which it ends [s], or 0 if it is not active; then its numbers, filled up with 0:
-        the force along x and upwards [N]; the command to the motor, or to a plate [rad/s, m]; the supply's voltage [V];
-        a patch's friction coefficient, its ends [m], and -1, 0 or 1 while the body is before it, on it or behind it.
-    next_end : float
-        The instant at which the first disturbance ends [s]; infinite if none is active.
+    `table`, shape (6, 5), has for each row the instant at which it ends [s], or 0 if it is not active; then its
+    numbers, filled up with 0: the force along x and upwards [N]; the command to the motor, or to a plate [rad/s, m];
+    the supply's voltage [V]; a patch's friction coefficient, its ends [m], and -1, 0 or 1 while the body is before it,
+    on it or behind it. `next_end` is the instant at which the first disturbance ends [s]; infinite if none is active.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""States that users give: their checks, and their conversion to the solver's state.
+"""States from which a segment begins: at the start, as a user gives them, and carried over to other equations.
 
 A given state contains no commands: plates, and a motor that is not `ideal`, go on from that state to their targets.
 """
@@ -33,14 +33,7 @@ _TURN = 2.0 * math.pi
 
 
 def started(scene: Scene, model: Model, point: np.ndarray) -> State:
-    """Return the solver's state at t = 0, before its first segment.
-
-    Parameters
-    ----------
-    scene, model : Scene, Model
-        The scene, and its compiled model.
-    point : ndarray, shape (channels,)
-        All channels, overwritten: positions and velocities are those of the start.
+    """Return the solver's state at t = 0, before its first segment; the channels in `point` become those of the start.
     """
     system, forms, channels = model.system, model.forms, model.forms.channels
     plates = {side: scene[f"crank.{side}_rod"] + scene[f"{side}.gap"] for side in forms.plates}
@@ -74,20 +67,8 @@ def started(scene: Scene, model: Model, point: np.ndarray) -> State:
 def checked_state(scene: Scene, given: Mapping[str, object], now: Mapping[str, float]) -> dict[str, float]:
     """Return all numbers of `UNITS`, `given` or else as they are `now`, and the given ones of `OF_DC_MOTOR`.
 
-    Parameters
-    ----------
-    scene : Scene
-        The scene that is simulated.
-    given : mapping of str to number
-        Given numbers, by the names of `UNITS` and `OF_DC_MOTOR`.
-    now : mapping of str to float
-        All fields of the present sample.
-
-    Raises
-    ------
-    ValueError
-        For no number, an unknown name, a number that is not finite or beyond its limit, a part that the scene does not
-        have, and a mass too deep in a plate; the message names value, limit and remedy.
+    ValueError for no number, an unknown name, a number that is not finite or beyond its limit, a part that the scene
+    does not have, and a mass too deep in a plate.
     """
     if not given:
         raise ValueError(f"a state: no number is given; give any of {', '.join(STATE_UNITS)}")
@@ -130,20 +111,10 @@ def place(scene: Scene, model: Model, state: State, point: np.ndarray, values: M
           turned: bool) -> None:
     """Set positions, velocities and the mode to those of `values`; the caller begins a segment next.
 
-    Parameters
-    ----------
-    scene, model : Scene, Model
-        The scene, and its compiled model.
-    state : State
-        State that was interrupted now; changed in place. The plates' positions are set, but not the next motion of
-        plates and motor.
-    point : ndarray, shape (channels,)
-        All channels now, overwritten.
-    values : mapping of str to float
-        All numbers of `UNITS`, as the scene can have them; `motor_current`, if it is given.
-    turned : bool
-        Whether the crank's angle is given; else the angle keeps its bits, some of which are lost in `crank_angle`, the
-        sum of turns and angle.
+    The interrupted `state` and its channels `point` are changed. The plates' positions are set, but not the next motion
+    of plates and motor. `values` are all numbers of `UNITS`, and `motor_current`, if it is given. `turned` says whether
+    the crank's angle is given; else the angle keeps its bits, some of which are lost in `crank_angle`, the sum of turns
+    and angle.
     """
     forms, at, angle = model.forms, model.forms.channels, values["crank_angle"]
     for i, side in enumerate(forms.guides):
@@ -188,25 +159,13 @@ def _set_slider_rates(model: Model, point: np.ndarray, angle: float, speed: floa
         point[model.forms.channels.signal_rate(k)] = slider.slope(angle) * speed
 
 
-def book_given_state(scene: Scene, model: Model, state: State, before: np.ndarray, old_mode: int,
+def book_given_state(scene: Scene, model: Model, state: State, old_point: np.ndarray, old_mode: int,
                      point: np.ndarray) -> None:
-    """Exclude from the accounts the change of stored energy from `before`, in `old_mode`, to `point`.
-
-    Parameters
-    ----------
-    scene, model : Scene, Model
-        The scene, and its compiled model.
-    state : State
-        State at `point`; its accounts are changed in place.
-    before, point : ndarray, shape (channels,)
-        All channels, before and after.
-    old_mode : int
-        The mode before.
-    """
+    """Exclude from the accounts of `state` the change of stored energy from `old_point`, in `old_mode`, to `point`."""
     if scene["solver.accounts"]:
         mode = int(state.now["automaton"]["mode"][0])
         state.now["accounts"]["stored"] += (stored_on_accounts(model.system, mode, point)
-                                            - stored_on_accounts(model.system, old_mode, before))
+                                            - stored_on_accounts(model.system, old_mode, old_point))
 
 
 def _mode(scene: Scene, model: Model, point: np.ndarray) -> int:
@@ -226,11 +185,14 @@ def _first_mode(model: Model, point: np.ndarray) -> int:
 
 def _motor(model: Model, point: np.ndarray) -> tuple[str, str]:
     """Return the states of bearing and current loop by the crank's speed; the loop within its limits if it has any."""
-    every = {mode.motor for mode in model.modes}
-    bearing = ("stuck", "turns_forward", "turns_backward")[
-        int(np.sign(point[model.forms.channels.velocity(model.forms.phase)]))]
-    return next(motor for motor in sorted(every, key=lambda one: one[1] != "within_limits")
-                if motor[0] in (bearing, "turns"))
+    states = sorted({mode.motor for mode in model.modes}, key=lambda motor: motor[1] != "within_limits")
+    return next(motor for motor in states if motor[0] in (_bearing(model, point), "turns"))
+
+
+def _bearing(model: Model, point: np.ndarray) -> str:
+    """Return the state of a bearing with friction by the crank's speed."""
+    speed = point[model.forms.channels.velocity(model.forms.phase)]
+    return ("stuck", "turns_forward", "turns_backward")[int(np.sign(speed))]
 
 
 def _contact(scene: Scene, model: Model, side: str, point: np.ndarray) -> str:
@@ -249,7 +211,34 @@ def _friction(model: Model, state: str, point: np.ndarray) -> str:
     forms, at = model.forms, model.forms.channels
     if forms.body_hops and (point[at.position(forms.height)] > 0.0 or point[at.velocity(forms.height)] != 0.0):
         return "airborne"
-    if state == "grounded":
-        return state
-    speed = point[at.velocity(forms.body)] if forms.body_moves else 0.0
+    return state if state == "grounded" else _moving(model, point)
+
+
+def _moving(model: Model, point: np.ndarray) -> str:
+    """Return the state of a body on ground with friction by the body's speed."""
+    forms = model.forms
+    speed = point[forms.channels.velocity(forms.body)] if forms.body_moves else 0.0
     return ("stick", "slip_forward", "slip_backward")[int(np.sign(speed))]
+
+
+def carried_over(model: Model, state: State, point: np.ndarray, new_model: Model) -> tuple[State, np.ndarray]:
+    """Return state and channels of `new_model` that continue `state` and `point` of `model` at a segment's end.
+
+    The scenes of the two models differ only in friction coefficients, pushes and numbers of the motor, so that
+    coordinates, sliders and plates are the same. The states of the ground may differ, because a coefficient of 0 has
+    no states of friction. A state that does not hold any more, such as sticking, is left at the first event.
+    """
+    old = model.modes[int(state.now["automaton"]["mode"][0])]
+    contacts, bearing = old.states[:len(model.forms.plates)], _bearing(model, point) if model.forms.has_rotor else ""
+    new_mode = next(number for ground in (old.ground, _moving(model, point), "grounded")
+                    for turning in (old.motor[0], bearing, "turns")
+                    for number, mode in enumerate(new_model.modes) if mode.ground == ground
+                    and mode.states[:len(contacts)] == contacts and mode.motor == (turning, old.motor[1]))
+    new = new_state(new_model.system, 0.0, state.ramp["value"], new_mode)._replace(lowpass=state.lowpass)
+    for name in ("now", "ramp", "monitor"):
+        getattr(new, name)[...] = getattr(state, name)
+    new.now["automaton"]["mode"] = new_mode
+    channels, new_point = new_model.forms.channels, np.zeros(new_model.forms.channels.count)
+    kept = channels.ramp_rate(channels.ramps)  # later channels are set when the segment begins
+    new_point[:kept] = point[:kept]
+    return new, new_point

@@ -21,19 +21,15 @@ _ROOMS = ("model", "sensors", "solver")
 _MODULES = (
     *(("messages", name) for name in ("codec", "frames", "robot_messages", "topics", "urdf")),
     *(("simulation", name) for name in (
-        "disturbances", "given_state", "motion", "readout", "samples", "simulator", "statistics")))
+        "actuators", "checkpoint", "crank_angle", "disturbances", "given_state", "motion", "readout", "samples",
+        "simulator")))
 
 
 def provenance(parameters: Mapping[str, Value], start: int) -> dict[str, str]:
     """Return all that decides the bits of a run besides its commands, as custom data of a bag.
 
-    Parameters
-    ----------
-    parameters : mapping
-        Every parameter of the device and its scene. Among them ``sensors.seed`` decides all that is random in a run,
-        the errors of the sensors.
-    start : int
-        ROS time [ns] of simulated time 0.
+    `parameters` are those of the device and its scene: ``sensors.seed`` decides all that is random in a run, the errors
+    of the sensors. `start` is the ROS time [ns] of simulated time 0.
     """
     method = parameters["solver.method"]
     solver = method if method == "exact" else f"{method}, step {parameters['solver.step']:g} s"

@@ -1,29 +1,31 @@
-"""The fields of `Samples`, computed from the channels that the solver samples, by `solver.readout`."""
+"""What a motion tells: the fields of `Samples` from the channels that the solver samples, events, and energy accounts.
+"""
 
-from collections.abc import MutableMapping
+from collections.abc import MutableMapping, Sequence
 
 import numpy as np
 
-from vibro_ros.model.modes import OUTPUTS
+from vibro_ros.model.energy import ACCOUNTS, LOSSES, OF_DC_MOTOR
+from vibro_ros.model.modes import MODE_EVENTS, OUTPUTS
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model
-from vibro_ros.simulation.samples import FIELDS, Trace
+from vibro_ros.simulation.samples import EVENT_DTYPE, FIELDS, Trace
+from vibro_ros.solver import event_loop
+from vibro_ros.solver.energy import MOTOR, stored_on_accounts
+from vibro_ros.solver.events import MONITOR_KIND, PHASE_KIND, RAMP_KIND
+from vibro_ros.solver.layout import Laid
 from vibro_ros.solver.readout import SPECIAL, STANDING, read_samples
+from vibro_ros.solver.state import State
 
 _LINEAR, _SPECIAL = (np.array([FIELDS.index(name) for name in names]) for names in (OUTPUTS, SPECIAL))
+_NO_EVENTS = np.empty(0, dtype=EVENT_DTYPE)
 _AT_ONCE = 4096  # instants; their values are small enough for the processor's cache
 # Height [m] that rounding may give to a body that stands on the ground.
 _STANDING_HEIGHT = 1e-15
 
 
 class Readout:
-    """Computes a compiled scene's samples; for use by one thread.
-
-    Parameters
-    ----------
-    model : Model
-        The compiled scene.
-    """
+    """Computes a compiled scene's samples; for use by one thread."""
 
     def __init__(self, model: Model):
         self._model = model
@@ -37,15 +39,7 @@ class Readout:
         self._slopes, self._slopes_at = np.zeros((len(model.sliders), 1)), np.nan
 
     def values(self, times: np.ndarray, trace: Trace) -> np.ndarray:
-        """Return the values of all `FIELDS` at one instant, shape (fields,); the next call overwrites them.
-
-        Parameters
-        ----------
-        times : ndarray, shape (1,)
-            The instant [s].
-        trace : Trace
-            The solver's sample at that instant.
-        """
+        """Return the values of all `FIELDS` at one instant [s], shape (fields,); the next call overwrites them."""
         angle = trace.phases[0, 1]
         # Slopes count only where the crank stands, and stay the same as long as it stands at the same angle.
         if abs(trace.phases[0, 2]) <= STANDING and angle != self._slopes_at:
@@ -54,24 +48,16 @@ class Readout:
         return self._values[:, 0]
 
     def quantities(self, times: np.ndarray, trace: Trace) -> dict[str, np.ndarray]:
-        """Return the fields of `Samples` at several instants, as separate arrays, so that each can be kept by itself.
-
-        Parameters
-        ----------
-        times : ndarray, shape (n,)
-            Instants [s].
-        trace : Trace
-            The solver's samples at these instants.
-        """
-        found = {name: np.empty(len(times)) for name in FIELDS}
+        """Return the fields of `Samples` at instants [s], as separate arrays, so that each can be kept by itself."""
+        quantities = {name: np.empty(len(times)) for name in FIELDS}
         for first in range(0, len(times), _AT_ONCE):
             part = slice(first, min(first + _AT_ONCE, len(times)))
             sampled, values = trace.part(part.start, part.stop), np.empty((len(FIELDS), part.stop - first))
             slopes = self._slopes_where_standing(sampled.phases)
             read_samples(*self._arguments(times[part], sampled, slopes, values))
             for name, row in zip(FIELDS, values, strict=True):
-                found[name][part] = row
-        return found
+                quantities[name][part] = row
+        return quantities
 
     def _arguments(self, times: np.ndarray, trace: Trace, slopes: np.ndarray, values: np.ndarray) -> tuple:
         model = self._model
@@ -109,3 +95,77 @@ def _positive(values: np.ndarray) -> np.ndarray:
     """Return the values that are positive, and 0.0 for the others; numpy's maximum of 0.0 and -0.0 may be either."""
     return np.where(values > 0.0, values, 0.0)
 
+
+class EventLog:
+    """The events that were not taken yet, and the counts of all events by kind; `plates` is `Forms.plates`."""
+
+    def __init__(self, plates: Sequence[str]):
+        self._kinds = np.zeros(PHASE_KIND + 1, dtype=EVENT_DTYPE["kind"])  # names by the solver's numbers
+        self._kinds[:len(MODE_EVENTS)] = MODE_EVENTS
+        self._kinds[PHASE_KIND] = "motor_ramp_end"
+        for k, side in enumerate(plates):
+            self._kinds[MONITOR_KIND + k], self._kinds[RAMP_KIND + k] = f"{side}_contact", "gap_reached"
+        self._counts = np.zeros(len(self._kinds), dtype=np.int64)
+        self._untaken: list[np.ndarray] = []
+
+    def add(self, events: np.ndarray) -> None:
+        """Add events as the solver records them, shape (n, EVENT_COLUMNS); a copy is kept."""
+        if len(events) == 0:
+            return
+        self._untaken.append(events.copy())
+        self._counts += np.bincount(events[:, 1].astype(np.int64), minlength=len(self._counts))
+
+    def take(self) -> np.ndarray:
+        """Return the events added since the last call, in the order in which they ended; dtype `EVENT_DTYPE`."""
+        if not self._untaken:
+            return _NO_EVENTS
+        raw = np.concatenate(self._untaken)
+        self._untaken.clear()
+        events = np.empty(len(raw), dtype=EVENT_DTYPE)
+        events["time"], events["speed"], events["peak_force"], events["duration"] = raw[:, [0, 2, 3, 4]].T
+        events["kind"] = self._kinds[raw[:, 1].astype(np.int64)]
+        return events
+
+    def mark(self) -> tuple[int, np.ndarray]:
+        """Return a mark with which `drop_since` drops the events that are added from now on."""
+        return len(self._untaken), self._counts.copy()
+
+    def drop_since(self, mark: tuple[int, np.ndarray]) -> None:
+        """Drop, and do not count, the events that were added since `mark`; none may have been taken since."""
+        del self._untaken[mark[0]:]
+        self._counts = mark[1]
+
+    def drop_untaken(self) -> None:
+        """Drop the events that were not taken; they stay counted."""
+        self._untaken.clear()
+
+    def counts(self) -> dict[str, int]:
+        """Return how many events of each kind have been added; kinds without one are left out."""
+        counts: dict[str, int] = {}
+        for kind in np.flatnonzero(self._counts):
+            name = str(self._kinds[kind])
+            counts[name] = counts.get(name, 0) + int(self._counts[kind])
+        return counts
+
+
+def energy_accounts(model: Model, state: State, time: float) -> dict[str, float]:
+    """Return the energy accounts since t = 0 [J] that `Simulator.statistics` describes.
+
+    The scene has `solver.accounts`; `time` [s] lies within the present segment of `state`, which is not changed.
+    """
+    # Interrupting the state books all work up to this instant; a copy is interrupted.
+    ended = state._replace(**{name: getattr(state, name).copy()
+                              for name in state._fields if name not in ("library", "scratch")})
+    point = np.zeros(model.forms.channels.count)
+    event_loop.interrupt(model.laid.layout, Laid(ended).layout, time, point)
+    accounts, mode = ended.now["accounts"][0], int(ended.now["automaton"]["mode"][0])
+    work, magnitude = dict(zip(ACCOUNTS, map(float, accounts["work"]), strict=False)), float(accounts["magnitude"])
+    stored = stored_on_accounts(model.system, mode, point) - float(accounts["stored"])
+    net = work.pop(ACCOUNTS[MOTOR])
+    if not model.forms.has_rotor:
+        work = {name: amount for name, amount in work.items() if name not in OF_DC_MOTOR}
+    # A dc motor gives the sliders energy that its rotor and winding get from the supply, which has its own account.
+    received = 0.0 if model.forms.has_rotor else net
+    return {"motor_delivered": 0.5 * (magnitude + net), "motor_taken_back": 0.5 * (magnitude - net),
+            **{name: 0.0 - amount if name in LOSSES else amount for name, amount in work.items()},
+            "stored": stored, "residual": received + sum(work.values()) - stored}

@@ -133,21 +133,11 @@ class Run(Samples[np.ndarray]):
 
 
 class Trace(NamedTuple):
-    """The solver's samples at n instants.
+    """The solver's samples at n instants."""
 
-    Attributes
-    ----------
-    points : ndarray, shape (n, channels)
-        Every channel.
-    modes : ndarray of int, shape (n,)
-        Numbers of modes.
-    phases : ndarray, shape (n, 3)
-        Crank turns, the angle [rad] beyond them, and its rate [rad/s].
-    """
-
-    points: np.ndarray
-    modes: np.ndarray
-    phases: np.ndarray
+    points: np.ndarray  # shape (n, channels): every channel
+    modes: np.ndarray  # shape (n,): numbers of modes
+    phases: np.ndarray  # shape (n, 3): crank turns, the angle [rad] beyond them, and its rate [rad/s]
 
     def part(self, first: int, end: int) -> "Trace":
         """Return a view of the instants from number `first` to before `end`."""

@@ -8,14 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from vibro_ros.model.faults import DEVICE, DURATION, FAULTS, FORCE, check_lasting, checked_incident, part_of
-from vibro_ros.model.parameters import BY_NAME, LIVE, parameter_named
+from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.model.scene import Scene, check_scene
+from vibro_ros.simulation import checkpoint as checkpoints
+from vibro_ros.simulation.crank_angle import advance_to_angle
 from vibro_ros.simulation.disturbances import PATCH, PUSH, SAG, STALL, patched
 from vibro_ros.simulation.motion import Motion
 from vibro_ros.simulation.samples import LATEST, Samples, checked_times, one_sample
-
-_IMPOSSIBLE = ("the checkpoint is of no state that this device can be in; give one that a device of the same scene and "
-               "version has made")
 
 
 class ToleranceWarning(UserWarning):
@@ -25,7 +24,8 @@ class ToleranceWarning(UserWarning):
 class Simulator:
     """The virtual device, stepped in simulated time.
 
-    Its memory does not grow with time, except for events, which are kept until `take_events` returns them.
+    Its memory does not grow with time, except for events, which are kept until `take_events` returns them. A method
+    that advances the device or changes its motion raises a SimulationError if the run cannot go on.
 
     Parameters
     ----------
@@ -34,11 +34,6 @@ class Simulator:
     acceleration_bandwidth : float
         Frequency [Hz] at which `filtered_acceleration` loses 3 dB; 0, the default, for no filter. Needs
         `solver.method` exact.
-
-    Attributes
-    ----------
-    scene : Scene
-        The scene that is simulated.
 
     Examples
     --------
@@ -55,9 +50,19 @@ class Simulator:
             raise ValueError(f"solver.method: {scene['solver.method']} has no exact motion to filter; choose exact")
         if fault := scene.broken_promise:
             warnings.warn(fault, ToleranceWarning, stacklevel=2)
-        self.scene = scene
         self._bandwidth = acceleration_bandwidth
-        self._motion = Motion(self.scene, acceleration_bandwidth)
+        self._motion = Motion(scene, acceleration_bandwidth)
+
+    @property
+    def scene(self) -> Scene:
+        """The scene that is simulated, with the present values of its parameters.
+
+        Examples
+        --------
+        >>> vibro_ros.Simulator(vibro_ros.load_scene("paper")).scene["mass.body"]
+        1.0
+        """
+        return self._motion.scene
 
     @property
     def time(self) -> float:
@@ -118,7 +123,7 @@ class Simulator:
         >>> vibro_ros.Simulator(vibro_ros.load_scene("paper")).commanded_motor_speed
         100.0
         """
-        return self._motion.motor_target
+        return self._motion.actuators.motor_target
 
     @property
     def controller_integral(self) -> float:
@@ -135,7 +140,7 @@ class Simulator:
         >>> f"{device.controller_integral:.3f} A"
         '1.529 A'
         """
-        return self._motion.controller_integral
+        return self._motion.actuators.controller_integral
 
     @property
     def supply_voltage(self) -> float:
@@ -203,8 +208,6 @@ class Simulator:
         ValueError
             For a parameter that may not change while running, a value beyond its limit, or a `motor.max_speed` below
             the commanded speed; nothing is changed then.
-        SimulationError
-            If the run cannot go on.
 
         Examples
         --------
@@ -227,7 +230,6 @@ class Simulator:
             raise ValueError(f"motor.max_speed: {fastest:g} is below the commanded motor speed, {target:g} rad/s; "
                              "command a slower one first")
         self._motion.change(scene)
-        self.scene = scene
 
     def set_state(self, /, **given: float) -> None:
         """Put the device into a given state at its present time.
@@ -247,8 +249,6 @@ class Simulator:
             For no number, an unknown name, a number that is not finite or beyond its limit, a part that the scene does
             not have, or a mass beyond a rigid plate or deeper in a compliant one than a blow of this machine could
             drive it (`Scene.deepest_penetration`). Nothing is changed then.
-        SimulationError
-            If the run cannot go on.
 
         Examples
         --------
@@ -416,8 +416,7 @@ class Simulator:
         >>> other.state == device.state
         True
         """
-        return np.concatenate([[self.time], [self.scene[name] for name in LIVE],
-                               *(part.ravel() for part in self._motion.lasting())])
+        return checkpoints.checkpoint_of(self._motion)
 
     def restore(self, checkpoint: np.ndarray) -> None:
         """Go on from a `checkpoint` of a device of the same scene, bit for bit as that device; time may go back.
@@ -440,39 +439,7 @@ class Simulator:
         >>> device.time
         0.0
         """
-        before = Simulator.checkpoint(self)  # not the longer one of a subclass
-        try:
-            self._overwrite(checkpoint)
-            if not self._motion.is_possible():
-                raise ValueError(_IMPOSSIBLE)
-        except ValueError:
-            self._overwrite(before)
-            raise
-        self._motion.events.drop_untaken()
-
-    def _overwrite(self, checkpoint: np.ndarray) -> None:
-        disturbances, end = self._motion.disturbances.table, 1 + len(LIVE)
-        # Parameters and disturbances decide the length of the rest.
-        if np.ndim(checkpoint) == 1 and len(checkpoint) >= end + disturbances.size:
-            live = dict(zip(LIVE, np.asarray(checkpoint[1:end], float).tolist(), strict=True))
-            if any(self.scene[name] != value for name, value in live.items()):
-                try:
-                    self.scene = self.scene.with_parameters(live)
-                except ValueError as error:
-                    raise ValueError(f"{_IMPOSSIBLE} ({error})") from None
-            self._motion.time = float(checkpoint[0])
-            disturbances[...] = checkpoint[end:end + disturbances.size].reshape(disturbances.shape)
-            self._motion.laws_overwritten(self.scene)
-        parts = self._motion.lasting()
-        size = end + sum(part.size for part in parts)
-        if np.shape(checkpoint) != (size,):
-            raise ValueError(f"the checkpoint has shape {np.shape(checkpoint)}, this device's have ({size},); give one "
-                             "of the same scene and version")
-        for part in parts:
-            with np.errstate(invalid="ignore"):  # a number that is no integer becomes one that `is_possible` refuses
-                part[...] = checkpoint[end:end + part.size].reshape(part.shape)
-            end += part.size
-        self._motion.lasting_overwritten()
+        checkpoints.restore(self._motion, checkpoint)
 
     def advance_to(self, time: float) -> None:
         """Advance to the absolute instant `time` [s]; the motion does not depend on how the time is divided into calls.
@@ -481,8 +448,6 @@ class Simulator:
         ------
         ValueError
             If `time` is not finite, lies before `self.time`, or beyond `LATEST`.
-        SimulationError
-            If the run cannot go on.
 
         Examples
         --------
@@ -521,8 +486,6 @@ class Simulator:
         ValueError
             For a motor whose angle is given in time, or a `solver.method` of fixed step, and for an instant out of
             range.
-        SimulationError
-            If the run cannot go on.
 
         Examples
         --------
@@ -537,7 +500,7 @@ class Simulator:
                              f"{self.scene['solver.method']} have no angle to advance to; choose dc and exact")
         if not self.time <= latest <= LATEST:
             raise ValueError(f"latest: {latest:g} s is out of range; give a time from {self.time:g} to {LATEST:g} s")
-        return self._motion.advance_to_angle(turn, angle, latest)
+        return advance_to_angle(self._motion, turn, angle, latest)
 
     def sample(self, times: np.ndarray) -> Samples:
         """Advance to each of `times` [s] in turn, and return the samples there, every field of shape (n,).
@@ -546,8 +509,6 @@ class Simulator:
         ------
         ValueError
             If `times` is not one-dimensional, ascending and from `self.time` to `LATEST`.
-        SimulationError
-            If the run cannot go on.
 
         Examples
         --------
@@ -566,8 +527,6 @@ class Simulator:
         ------
         ValueError
             As `sample`, and for a device without a filter.
-        SimulationError
-            If the run cannot go on.
 
         Examples
         --------

@@ -40,13 +40,8 @@ class Validity(NamedTuple):
 def validity_of(scene: Scene, samples: Mapping[str, np.ndarray]) -> Validity:
     """Judge a motion by its samples; with few samples in a flight, a small pitch index may more than double.
 
-    Parameters
-    ----------
-    scene : Scene
-        The robot.
-    samples : mapping of str to ndarray, shape (n,)
-        The fields of `Samples` that are needed, by their names: the time, heights, and motion of the scene's masses
-        where the body can hop, and the current of a dc motor.
+    `samples` are the fields of `Samples` that are needed: the time, heights, and motion of the scene's masses where the
+    body can hop, and the current of a dc motor.
     """
     current = samples.get("motor_current", np.empty(0)) if scene.has_rotor else np.empty(0)
     share = None
@@ -85,6 +80,6 @@ def _pitch_index(scene: Scene, samples: Mapping[str, np.ndarray]) -> float | Non
     return float(worst) * scene["body.wheelbase"] / 2.0 / highest
 
 
-def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+def _cross(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Return the cross product of vectors in the plane of the guides, with components along x and upwards."""
-    return one[0] * other[1] - one[1] * other[0]
+    return left[0] * right[1] - left[1] * right[0]

@@ -7,6 +7,7 @@ drive force times ds/dtheta.
 
 import math
 
+from vibro_ros.solver.elementary import atan, cos, sin
 from vibro_ros.solver.typed import Indices, Indices2, Indices3, Row, Rows, Rows3, entry, part
 
 _TURN = 2.0 * math.pi
@@ -83,3 +84,31 @@ def read_samples(linear: Indices, special: Indices, forms: Rows3, terms: Indices
         values[special[_POWER], k] = power
         values[special[_TORQUE], k] = torque if abs(speed) <= STANDING else power / speed
         values[special[_ELECTRICAL], k] = values[special[_VOLTAGE], k] * values[special[_CURRENT], k]
+
+
+@entry
+def rod_angle(guide: float, radius: float, rod: float, theta: float) -> float:
+    """Return the angle [rad] of a rod in the frame of the crank at crank angle theta [rad], from z towards -x.
+
+    The rod, of length L, leads from the pin, at radius l, to the slider on a guide at the angle `guide` [rad]. In the
+    guide's frame the pin is at l (-sin psi, cos psi) and the slider on the z axis, so that the rod leans back by
+    asin(l sin(psi) / L); psi is the crank's angle from the guide.
+    """
+    psi = theta - guide
+    along = radius * cos(psi)
+    root = math.sqrt((rod - radius) * (rod + radius) + along * along)
+    return -psi - 2.0 * atan(radius * sin(psi) / (rod + root))  # asin(z), by half its angle
+
+
+@entry
+def write_turns(rods: Rows, theta: float, turns: Row) -> None:
+    """Write y and w of the quaternions of the crank and of each rod at crank angle theta [rad].
+
+    `rods` has the arguments of `rod_angle` before theta, shape (n, 3); `turns` has the shape (2 + 2 n,). All rotations
+    are about y, from z towards -x.
+    """
+    for k in range(len(turns) // 2):
+        angle = theta
+        if k > 0:
+            angle = rod_angle(rods[k - 1, 0], rods[k - 1, 1], rods[k - 1, 2], theta)
+        turns[2 * k], turns[2 * k + 1] = -sin(0.5 * angle), cos(0.5 * angle)

@@ -1,9 +1,9 @@
 """The page in the browser, for a live robot and for a recording. No rclpy here.
 
 In comes a bag, and out goes one HTML file (`view.py`, read first): `recorded.py` reads the samples and inputs of a bag;
-`exact.py` steps a device from sample to sample and keeps the intervals in which it reproduces them; `bag_motion.py`
-joins these and the interpolated rest; `motion.py` fits polynomials and writes the motion document; `page.py` makes the
-HTML file.
+`exact.py` steps a device from sample to sample and keeps the intervals in which it reproduces them;
+`view.py:bag_motion` joins these and the interpolated rest; `motion.py` fits polynomials and writes the motion document;
+`page.py` makes the HTML file.
 
 For a live robot, the room `ros.live` passes rows of samples to `server.py`, which serves the page and its web socket;
 `protocol.py` defines what page and server send each other; `slow_motion.py` computes the motion between the samples of

@@ -183,15 +183,15 @@ class ExactMotion:
     def _receive(self, k: int) -> bool:
         """Pass the inputs that the robot received after the sample k to the device; return whether one was a reset."""
         was_reset = False
-        for one in self._inputs.get(k, ()):
+        for received in self._inputs.get(k, ()):
             try:
-                if one.name == CHECKPOINT:
-                    self._restore(k, one.data)
-                elif one.name == OPERATIONS:
-                    was_reset |= self._operate(k, one.data)
+                if received.name == CHECKPOINT:
+                    self._restore(k, received.data)
+                elif received.name == OPERATIONS:
+                    was_reset |= self._operate(k, received.data)
                 elif self._follows_run:
-                    message = deserialised(one.data, TOPICS[one.name].type)
-                    for argument, value in commands_in(one.name, message, self._device.scene)[0].items():
+                    message = deserialised(received.data, TOPICS[received.name].type)
+                    for argument, value in commands_in(received.name, message, self._device.scene)[0].items():
                         with suppress(ValueError):  # the robot refused it as well
                             self._command({argument: value})
             except ValueError:
@@ -251,7 +251,7 @@ class ExactMotion:
         """End the interval at the sample k."""
         end = self._own_time(k)
         if end > self._begin:
-            commands = tuple(one for one in self._commands if one[0] < end)
+            commands = tuple(command for command in self._commands if command[0] < end)
             self.intervals.append(ExactInterval(self._device.scene, self._start, self._begin, end, self._offset,
                                                 commands))
 
@@ -293,12 +293,12 @@ class ExactMotion:
 
 def spans(intervals: Sequence[ExactInterval]) -> list[Span]:
     """Return begin and end [s] of the exact spans; intervals that meet are joined."""
-    found: list[Span] = []
-    for begin, end in (one.span for one in intervals):
-        if found and begin <= found[-1][1]:
-            begin = found.pop()[0]
-        found.append((begin, end))
-    return found
+    joined: list[Span] = []
+    for begin, end in (interval.span for interval in intervals):
+        if joined and begin <= joined[-1][1]:
+            begin = joined.pop()[0]
+        joined.append((begin, end))
+    return joined
 
 
 def inexact_spans(intervals: Sequence[ExactInterval], begin: float, end: float) -> list[Span]:
@@ -315,7 +315,7 @@ def state_of(scene: Scene) -> list[str]:
 
 def common_samples(signals: Mapping[str, Signal], names: Sequence[str]) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Return the quantities `names` at the instants [s] at which all of them were recorded, and these instants."""
-    times = functools.reduce(lambda one, other: np.intersect1d(one, other, assume_unique=True),
+    times = functools.reduce(lambda common, other: np.intersect1d(common, other, assume_unique=True),
                              [signals[name].times for name in names])
     return {name: signals[name].values[np.searchsorted(signals[name].times, times)] for name in names}, times
 

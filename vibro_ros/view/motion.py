@@ -90,8 +90,8 @@ def is_position(name: str) -> bool:
 def precisions(names: Sequence[str], largest: np.ndarray) -> np.ndarray:
     """Return the precision of each quantity's coefficients (SI) from its largest magnitude; shape (quantities,)."""
     places = np.array([is_position(name) for name in names])
-    found = np.where(places, np.maximum(_PLACE, _LEAST_PART * largest), _PART * largest)
-    return np.where(found > 0.0, found, 1.0)  # where a quantity is always 0
+    precision = np.where(places, np.maximum(_PLACE, _LEAST_PART * largest), _PART * largest)
+    return np.where(precision > 0.0, precision, 1.0)  # where a quantity is always 0
 
 
 class MotionWriter:
@@ -157,8 +157,8 @@ def impacts_of(events: np.ndarray, offset: float) -> list[Impact]:
 
 def impacts_as_json(impacts: Sequence[Impact]) -> list[dict[str, Any]]:
     """Return impacts in the form of a header, sorted by time."""
-    return [{**one._asdict(), "peak_force": one.peak_force if math.isfinite(one.peak_force) else None}
-            for one in sorted(impacts)]
+    return [{**impact._asdict(), "peak_force": impact.peak_force if math.isfinite(impact.peak_force) else None}
+            for impact in sorted(impacts)]
 
 
 class ExactInterval(NamedTuple):
@@ -229,14 +229,15 @@ def fitted_motion(names: Sequence[str], intervals: Sequence[ExactInterval], inst
             device = quiet_device(interval.scene)
         return lambda times: interval.values(device, times, names)
 
-    rest = [one for one in rest if len(one[0])]
-    bounds = [np.nan_to_num(np.abs(one[1]).sum(axis=2), posinf=np.inf).max(axis=0) for one in rest]
-    for one in intervals:  # the largest magnitude of each quantity, by samples within the pieces
-        samples = sampler(one)(_instants(_borders(one, events), _PLACES[[0, NODES // 3, NODES // 2, -1]]).ravel())
+    rest = [pieces for pieces in rest if len(pieces[0])]
+    bounds = [np.nan_to_num(np.abs(pieces[1]).sum(axis=2), posinf=np.inf).max(axis=0) for pieces in rest]
+    for interval in intervals:  # the largest magnitude of each quantity, by samples within the pieces
+        instants_within = _instants(_borders(interval, events), _PLACES[[0, NODES // 3, NODES // 2, -1]])
+        samples = sampler(interval)(instants_within.ravel())
         bounds.append(np.abs(samples).max(axis=0, initial=0.0))
     writer = MotionWriter(names, precisions(names, np.max([np.zeros(len(names)), *bounds], axis=0)))
     parts: list[tuple[float, ExactInterval | Interpolated]] = [
-        *((one.span[0], one) for one in intervals), *((float(one[0][0, 0]), one) for one in rest)]
+        *((interval.span[0], interval) for interval in intervals), *((float(part[0][0, 0]), part) for part in rest)]
     exact: list[ExactInterval] = []
     for number, (begin, part) in enumerate(sorted(parts, key=lambda part: part[0])):
         progress(number / len(parts))
@@ -284,8 +285,8 @@ def piece_borders(begin: float, end: float, instants: np.ndarray) -> np.ndarray:
             borders.append(instant)
     borders.append(end)
     parts = np.maximum(1, np.ceil(np.diff(borders) / LONGEST)).astype(int)
-    edges = np.concatenate([*(np.linspace(one, other, count, endpoint=False)
-                              for one, other, count in zip(borders[:-1], borders[1:], parts, strict=True)), [end]])
+    edges = np.concatenate([*(np.linspace(left, right, count, endpoint=False)
+                              for left, right, count in zip(borders[:-1], borders[1:], parts, strict=True)), [end]])
     return np.column_stack([edges[:-1], edges[1:]])
 
 
@@ -297,18 +298,12 @@ def fit_pieces(sample: Sampler, borders: np.ndarray, allowed: np.ndarray,
     borders, and may be called repeatedly. `allowed` are the largest coefficients that may be neglected (SI); once there
     would be more than `most` pieces, none is halved any more.
 
-    Returns
-    -------
-    borders : ndarray, shape (n, 2)
-        Borders of all pieces, ascending [s].
-    coefficients : ndarray, shape (n, quantities, NODES)
-        Coefficients of the Chebyshev polynomials (SI).
-    resolved : ndarray of bool, shape (quantities,)
-        Whether the last coefficients of a quantity are negligible in every piece.
+    Return the borders of all pieces, ascending [s], shape (n, 2); the coefficients of the Chebyshev polynomials (SI),
+    shape (n, quantities, NODES); and whether the last coefficients of each quantity are negligible in every piece.
     """
     done: list[tuple[np.ndarray, np.ndarray]] = []
     total, resolved = len(borders), np.full(len(allowed), True)
-    before: np.ndarray = np.empty(0)
+    worst_before_halving: np.ndarray = np.empty(0)
     failed_halvings: np.ndarray = np.zeros(len(borders), dtype=int)
     while len(borders):
         values = sample(_instants(borders, _PLACES).ravel())
@@ -318,8 +313,8 @@ def fit_pieces(sample: Sampler, borders: np.ndarray, allowed: np.ndarray,
         noise = 8.0 * rounding[:, None] * np.abs(coefficients[:, :, 1:]).max(axis=2)
         tails = np.abs(coefficients[:, :, -_TAIL_LENGTH:]).max(axis=2) / np.maximum(allowed, noise)  # neglected up to 1
         worst = tails.max(axis=1, initial=0.0)
-        if len(before):  # a half shrinks unless the tails are rounding, or the steps of a method
-            helped = worst.reshape(-1, 2).min(axis=1) <= np.maximum(1.0, _SHRINK_FACTOR * before)
+        if len(worst_before_halving):  # a half shrinks unless the tails are rounding, or the steps of a method
+            helped = worst.reshape(-1, 2).min(axis=1) <= np.maximum(1.0, _SHRINK_FACTOR * worst_before_halving)
             failed_halvings = np.where(np.repeat(helped, 2), 0, failed_halvings + 1)
         is_last = (borders[:, 1] - borders[:, 0] <= SHORTEST) | (failed_halvings >= _MOST_FAILED_HALVINGS)
         halved = (worst > 1.0) & ~is_last
@@ -330,10 +325,10 @@ def fit_pieces(sample: Sampler, borders: np.ndarray, allowed: np.ndarray,
         done.append((borders[~halved], coefficients[~halved]))
         (begin, end), middle = borders[halved].T, borders[halved].mean(axis=1)
         borders = np.column_stack([begin, middle, middle, end]).reshape(-1, 2)
-        before, failed_halvings = worst[halved], np.repeat(failed_halvings[halved], 2)
-    found, polynomials = (np.concatenate(parts) for parts in zip(*done, strict=True))
-    order = np.argsort(found[:, 0], kind="stable")
-    return found[order], polynomials[order], resolved
+        worst_before_halving, failed_halvings = worst[halved], np.repeat(failed_halvings[halved], 2)
+    all_borders, polynomials = (np.concatenate(parts) for parts in zip(*done, strict=True))
+    order = np.argsort(all_borders[:, 0], kind="stable")
+    return all_borders[order], polynomials[order], resolved
 
 
 def polynomials_through(borders: np.ndarray, values: Callable[[np.ndarray], np.ndarray], count: int) -> np.ndarray:

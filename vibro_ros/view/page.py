@@ -45,7 +45,7 @@ def page_text(setting: Mapping[str, Any], motion: tuple[Mapping[str, Any], bytes
         "style": f'<style nonce="{nonce}">\n{_file("style.css")}</style>',
         "modules": f'<script type="importmap" nonce="{nonce}">{import_map()}</script>\n'
                    f'<script type="module" nonce="{nonce}">import "vibro/main.js";</script>'}
-    return re.sub(r"<!-- (\w+) -->", lambda found: parts[found[1]], _file("index.html"))
+    return re.sub(r"<!-- (\w+) -->", lambda match: parts[match[1]], _file("index.html"))
 
 
 def policy(nonce: str, connect: str = "'none'") -> str:

@@ -97,7 +97,7 @@ class Recorded:
 
     def signals(self, times_of: Callable[[Arrays], np.ndarray]) -> dict[str, Signal]:
         """Return every recorded quantity; `times_of` returns the instants [s] of a topic's samples."""
-        found: dict[str, Signal] = {}
+        signals: dict[str, Signal] = {}
         parts = [(topic, part) for topic, arrays in self.arrays.items() for part in series_of(arrays)]
         for topic, arrays in parts:
             if topic == "impacts":
@@ -111,8 +111,8 @@ class Recorded:
                 rates = values.get(RATES.get(name, ""))
                 if rates is not None:
                     finite &= np.isfinite(rates)
-                found[name] = Signal(times[finite], of_name[finite], None if rates is None else rates[finite])
-        return found
+                signals[name] = Signal(times[finite], of_name[finite], None if rates is None else rates[finite])
+        return signals
 
     def impacts(self) -> list[tuple[float, str, float]]:
         """Return stamp [s] from the bag's first message, side and peak force [N] of each recorded impact."""
@@ -179,8 +179,8 @@ def _at(signal: Signal | None, instants: np.ndarray) -> np.ndarray:
     pause = times[left + 1] - times[left]
     s = (instants - times[left]) / pause
     step = values[left + 1] - values[left]
-    found = values[left] + s * step
+    value = values[left] + s * step
     if rates is not None:  # cubic Hermite: the correction of the straight line by the rates
-        found += s * (1.0 - s) * ((1.0 - s) * (rates[left] * pause - step) - s * (rates[left + 1] * pause - step))
+        value += s * (1.0 - s) * ((1.0 - s) * (rates[left] * pause - step) - s * (rates[left + 1] * pause - step))
     known = (s >= 0.0) & (s <= 1.0) & (pause <= _longest(times))
-    return np.where(known, found, np.nan)
+    return np.where(known, value, np.nan)

@@ -336,9 +336,9 @@ class Outbox:
 
     def add(self, kind: str, *frames: str | bytes) -> None:
         """Add texts, a motion's text and payload, or rows of samples without head; see `_MAKES_VOID`."""
-        self._line = deque(one for one in self._line if one[0] not in _MAKES_VOID.get(kind, ()))
+        self._line = deque(frame for frame in self._line if frame[0] not in _MAKES_VOID.get(kind, ()))
         self._line += [(kind, frame) for frame in frames]
-        if sum(len(data) for one, data in self._line if one == "samples") > MOST_BYTES:
+        if sum(len(data) for kind_of_frame, data in self._line if kind_of_frame == "samples") > MOST_BYTES:
             self._drop_oldest("samples")
         if sum(isinstance(data, str) for _, data in self._line) > MOST_TEXTS:
             self._drop_oldest("impacts", "log", "answer", "status")
@@ -373,10 +373,10 @@ class _Http(HTTPServer):
         self.of_pages: Callable[[], Sequence[Any]] = list
 
     def handle_stream(self, stream: Any, address: Any) -> None:
-        self._open = [one for one in self._open if not one.closed()]
+        self._open = [stream_of_connection for stream_of_connection in self._open if not stream_of_connection.closed()]
         if len(self._open) >= MOST_CONNECTIONS:
             of_pages = self.of_pages()  # fewer than connections; the oldest other one is most likely idle
-            silent = next(one for one in self._open if one not in of_pages)
+            silent = next(open_stream for open_stream in self._open if open_stream not in of_pages)
             self._open.remove(silent)
             silent.close()
         self._open.append(stream)

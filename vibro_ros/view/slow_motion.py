@@ -108,7 +108,7 @@ def motion_between(scene: Scene, samples: Mapping[str, np.ndarray]) -> Document:
             for span in (inexact_spans(motion.intervals, float(times[0]), float(times[-1])) if len(times) else ())]
     made = fitted_motion(names, motion.intervals, motion.instants, rest)
     why = ""
-    if len(made.exact) < len(motion.intervals) or any(len(one) for one, _ in rest):
+    if len(made.exact) < len(motion.intervals) or any(len(borders) for borders, _ in rest):
         faults = [*(f"{name} is not published" for name in missing), *motion.faults,
                   "the motion changes too often to be drawn finely"]
         why = f"{faults[0]}; there the motion is interpolated between the samples"

@@ -1,4 +1,9 @@
-"""The `view` executable: writes a recording as one HTML file, or shows a live robot in the browser."""
+"""The `view` executable: writes a recording as one HTML file, or shows a live robot in the browser.
+
+The file has the motion at every instant, not only when the robot published. The recording of a robot's own recorder is
+simulated again from its commands or, where that is not possible, from sample to sample. The motion is exact wherever
+the simulation passes through the recorded positions; the rest is interpolated between the samples, and marked so.
+"""
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
     import sys
@@ -8,21 +13,44 @@ if __name__ == "__main__":  # before all imports: they take a second or two, in 
     sys.exit(enter("view"))
 
 import argparse
+import math
 import webbrowser
 from collections.abc import Sequence
 from importlib import import_module, metadata
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from tqdm import tqdm
 
-from vibro_ros.bag.stream import BagError, bag_errors
+from vibro_ros.bag.reader import Arrays
+from vibro_ros.bag.stream import BagError, BagStream, bag_errors
 from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.messages.codec import deserialised
+from vibro_ros.messages.operations import PUSH, RESET, read_operation
+from vibro_ros.messages.topics import OPERATIONS, TOPICS
+from vibro_ros.model.faults import DURATION, FORCE
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.entry_point import Parser, exit_code, say
 from vibro_ros.process.executables import EXECUTABLES, shows_live_robot
 from vibro_ros.process.files import one_line, open_to_read, replace_file, user_path
-from vibro_ros.view.bag_motion import bag_motion
+from vibro_ros.recordings.comparison import notes
+from vibro_ros.recordings.rerun import RecordedRun, Rerun, begins_late, recorded_run
+from vibro_ros.view.drawing import drawing, shown_quantities
+from vibro_ros.view.exact import ExactMotion, common_samples, evenly_spaced, inexact_spans, spans, state_of
+from vibro_ros.view.motion import (
+    ExactInterval,
+    Impact,
+    Progress,
+    Span,
+    fitted_motion,
+    impacts_as_json,
+    is_position,
+    quiet_device,
+    without_tolerance_warning,
+)
 from vibro_ros.view.page import MARK, page_text
+from vibro_ros.view.recorded import Input, Recorded, Signal, interpolate, reset_instants
 
 _HEAD = 4096  # bytes at the beginning of a file in which a page has its mark
 
@@ -100,3 +128,242 @@ def _parser() -> Parser:
                         "recording that does not say it: another recorder's")
     parser.add_argument("--open", action="store_true", help="open the page in the browser")
     return parser
+
+
+LARGEST = 96 * 2**20
+"""Largest payload of a motion [bytes]: ten minutes of the busiest shipped scene, which take half a gigabyte in a
+browser. The rest of a longer motion is left out."""
+MOST_IMPACTS = 50_000
+"""Most impacts in a header; of more, the hardest are kept."""
+MOST_FAULTS = 5
+"""Most reasons that are named why a motion is not exact."""
+UNKNOWN_ROBOT = "device"
+"""Scene whose dimensions are drawn when a bag does not state the robot's scene."""
+
+#: Shares of the work that are done when the samples are read, and when they are simulated again.
+_READ_SHARE, _SIMULATED_SHARE = 0.5, 0.7
+
+
+def bag_motion(folder: Path, progress: Progress = lambda share: None,
+               scene: Scene | None = None) -> tuple[dict[str, Any], dict[str, Any], bytes]:
+    """Compute the motion of the recording in `folder` for a page; nothing is ever written into the folder.
+
+    `progress` is called with the share of the work that is done, from 0 to 1, often enough for a progress bar. `scene`
+    is the robot's scene, for a recording that does not state it. BagError when the recording cannot be read, has no
+    state, or states its scene although `scene` is given.
+
+    Returns
+    -------
+    setting : dict
+        Parts of the page's setting: ``title``, the folder's name; ``robot``, the scene's name; ``machine``, see
+        `drawing.drawing`; ``notes``, sentences on the parts of the bag that are not read or not shown.
+    header, payload : dict, bytes
+        The motion document, see `motion`. In a recording of the robot's own recorder its times are robot time [s],
+        which is 0 at the robot's start; in another one they count from the first message.
+    """
+    with BagStream(folder) as stream, np.errstate(over="ignore", invalid="ignore"):  # a bag may hold any number
+        return _BagMotion(stream, progress, scene).result()
+
+
+class _BagMotion:
+    def __init__(self, stream: BagStream, progress: Progress, scene: Scene | None):
+        self._stream, self._progress = stream, progress
+        self._faults: list[str] = []  # why the run could not be simulated from its commands
+        self._notes: list[str] = []
+        self._exact: list[ExactMotion] = []
+        self._scene = scene
+        self._facts: RecordedRun | None = None
+        try:
+            self._facts = recorded_run(stream)
+        except BagError as error:
+            reason = str(error).removeprefix(f"{stream.folder}: ").partition(";")[0]
+            self._faults.append(f"the bag {reason}" if reason.startswith(("says", "cannot")) else reason)
+        if self._facts and scene:
+            raise BagError(f"{stream.folder}: says which scene its robot simulated; leave --scene out")
+        self._recorded = Recorded(stream, self._part(0.0, _READ_SHARE))
+        if self._facts and not self._has_sample_stamps(self._facts):
+            self._scene, self._facts = self._facts.scene, None
+        self._signals = self._recorded.signals(self._times)
+        if not any(len(signal.times) for name, signal in self._signals.items() if is_position(name)):
+            raise BagError(f"{stream.folder}: holds no state to draw; give a bag with odom or joint_states")
+
+    def result(self) -> tuple[dict[str, Any], dict[str, Any], bytes]:
+        self._walk()
+        inexact = self._inexact_spans()
+        if inexact:
+            self._recorded.read_forces()
+            self._signals = self._recorded.signals(self._times)
+        scene = self._scene or load_scene(UNKNOWN_ROBOT)
+        self._add_voltage(scene)
+        names = [name for name in shown_quantities(scene) if self._scene or name in self._signals]
+        rest = [interpolate(self._signals, names, span, self._resets()) for span in inexact]
+        instants = [times for motion in self._exact for times in motion.instants]
+        made = fitted_motion(names, self._intervals, instants, rest, LARGEST, self._part(_SIMULATED_SHARE, 1.0))
+        if made.end < math.inf:
+            self._notes.append(f"the motion after {made.end:.6g} s is left out: it would not fit into a page")
+        if self._recorded.cut_short:
+            self._notes.append("the end of the recording is left out: it is too long for a page")
+        resolved = made.end < math.inf or len(made.exact) == len(self._intervals)
+        facts = {"exact": resolved and not inexact, "why": self._why(bool(inexact), resolved),
+                 "exact_spans": spans(made.exact), "impacts": self._impacts(made.end),
+                 "resets": [time for time in self._resets() if time <= made.end],
+                 "pushes": pushes(self._facts, self._recorded.inputs) if self._facts else []}
+        header, payload = made.writer.document(facts)
+        self._progress(1.0)
+        return {"title": self._stream.folder.resolve().name, "robot": scene.name, "machine": drawing(scene),
+                "notes": [*self._notes, *self._stream.flaws]}, header, payload
+
+    @property
+    def _intervals(self) -> list[ExactInterval]:
+        return sorted((interval for motion in self._exact for interval in motion.intervals),
+                      key=lambda interval: interval.span)
+
+    def _part(self, begin: float, end: float) -> Progress:
+        return lambda share: self._progress(begin + (end - begin) * share)
+
+    def _nanoseconds(self, arrays: Arrays, start: int) -> np.ndarray:
+        return np.rint(arrays["time"] * 1e9).astype(np.int64) + (self._stream.start - start)
+
+    def _has_sample_stamps(self, facts: RecordedRun) -> bool:
+        """Return whether all messages were recorded with the stamp of a sample."""
+        for arrays in self._recorded.arrays.values():
+            stamps = self._nanoseconds(arrays, facts.start)
+            ticks = np.rint(stamps * 1e-9 * facts.rate)
+            if (ticks < 0.0).any() or (np.rint(ticks / facts.rate * 1e9) != stamps).any():
+                self._faults.append("the stamps in the bag are not those of the robot's samples")
+                return False
+        return True
+
+    def _times(self, arrays: Arrays) -> np.ndarray:
+        """Return the instants [s] of a topic's samples; in another recorder's bag, those in the headers if any."""
+        if self._facts:
+            stamps = self._nanoseconds(arrays, self._facts.start)
+            return np.rint(stamps * 1e-9 * self._facts.rate) / self._facts.rate
+        return arrays.get("stamp", arrays["time"])
+
+    def _walk(self) -> None:
+        """Simulate the recording again: with the recorded inputs if they are known, else from the samples alone."""
+        if self._facts:
+            motion = self._run_again(self._facts)
+        elif self._scene and set(state_of(self._scene)) <= set(self._signals):
+            samples, times = common_samples(self._signals, state_of(self._scene))
+            motion = ExactMotion(quiet_device(self._scene), samples, evenly_spaced(times))
+        else:
+            if not self._scene:
+                self._notes.append("the bag does not say which robot moved; name the robot's scene with --scene")
+            return
+        motion.walk(self._part(_READ_SHARE, _SIMULATED_SHARE))
+        self._exact.append(motion)
+        if self._facts and begins_late(self._stream, self._facts) and not (
+                motion.run_since is not None and motion.run_since <= self._ends[0]):
+            late = (self._stream.start - self._facts.start) * 1e-9
+            self._faults.append(f"the recording begins {late:.6g} s after the robot's start and what it had "
+                                "received before is unknown")
+        self._faults += motion.faults
+
+    def _run_again(self, facts: RecordedRun) -> ExactMotion:
+        """Return the recorded run to be simulated again with its inputs.
+
+        Its samples are all those that any topic has, and those after which the robot received an input.
+        """
+        is_known = not begins_late(self._stream, facts)
+        signals = {name: signal for name, signal in self._signals.items()
+                   if name in state_of(facts.scene) or is_position(name)}
+        numbers = {name: np.rint(signal.times * facts.rate).astype(np.int64) for name, signal in signals.items()}
+        last = max(int(ticks_of_signal[-1]) for ticks_of_signal in numbers.values() if len(ticks_of_signal))
+        numbered: list[tuple[int, Input]] = []
+        for received in self._recorded.inputs:
+            if (tick := facts.tick(received.stamp)) is None:
+                self._faults.append(f"the stamp {received.stamp} of an input is not that of a sample")
+            elif tick <= last:
+                numbered.append((tick, received))
+        ticks = np.unique(np.concatenate([*numbers.values(), np.array([tick for tick, _ in numbered], np.int64),
+                                          np.arange(int(is_known), dtype=np.int64)]))
+        samples = {name: np.full(len(ticks), np.nan) for name in signals}
+        for name, signal in signals.items():
+            samples[name][np.searchsorted(ticks, numbers[name])] = signal.values
+        inputs: dict[int, list[Input]] = {}
+        for tick, received in numbered:
+            inputs.setdefault(int(np.searchsorted(ticks, tick)), []).append(received)
+        with without_tolerance_warning():
+            rerun = Rerun(facts, facts.scene)
+        self._scene = rerun.device.scene
+        return ExactMotion(rerun.device, samples, ticks / facts.rate, rerun, ticks, inputs, is_known)
+
+    def _add_voltage(self, scene: Scene) -> None:
+        """Add the voltage of a dc motor, which is not recorded, from its power and current.
+
+        Where no current flows, the voltage is the back-EMF of the turning rotor.
+        """
+        names = ("motor_current", "electrical_power", "motor_speed")
+        if scene.has_rotor and set(names) <= set(self._signals):
+            samples, times = common_samples(self._signals, names)
+            current, power, speed = (samples[name] for name in names)
+            voltage = np.divide(power, current, out=scene.motor_constant * speed, where=current != 0.0)
+            self._signals["motor_voltage"] = Signal(times, voltage, None)
+
+    @property
+    def _ends(self) -> Span:
+        """Instants [s] of the first and the last sample."""
+        times = [signal.times[[0, -1]] for signal in self._signals.values() if len(signal.times)]
+        return min(float(ends[0]) for ends in times), max(float(ends[1]) for ends in times)
+
+    def _inexact_spans(self) -> list[Span]:
+        """Return begin and end [s] of each span that is not exact, if there are samples to interpolate it from."""
+        resets = self._resets()
+        return [span for span in inexact_spans(self._intervals, *self._ends)
+                if len(interpolate(self._signals, [], span, resets)[0])]
+
+    def _why(self, is_open: bool, resolved: bool) -> str:
+        """Return why not everything is exact; empty if it is. Simulation from sample to sample gives only a note."""
+        faults = self._faults
+        if faults and self._facts:
+            faults = [*faults[:MOST_FAULTS], *notes(self._stream, self._facts)]
+        if is_open:
+            return "; ".join([*faults[:MOST_FAULTS], "there the motion is interpolated between the samples"])
+        if faults:
+            self._notes.append("; ".join([*faults[:MOST_FAULTS], "there the motion is computed from sample to sample"]))
+        return "" if resolved else "the motion changes too often to be drawn as finely as it was computed"
+
+    def _impacts(self, end: float) -> list[dict[str, Any]]:
+        """Return the computed impacts where the motion is exact, and elsewhere the recorded ones, if the bag has them.
+        """
+        impacts = [impact for motion in self._exact for impact in motion.impacts]
+        start = (self._stream.start - self._facts.start) * 1e-9 if self._facts else 0.0
+        recorded = [Impact(stamp + start, stamp + start, side, force)
+                    for stamp, side, force in self._recorded.impacts()]
+        borders = np.array(spans(self._intervals)).ravel()  # exact from each even one to the odd one after it
+        borders_before = np.searchsorted(borders, [impact.time for impact in recorded], side="right")
+        impacts += [impact for impact, count in zip(recorded, borders_before, strict=True) if count % 2 == 0]
+        impacts = [impact for impact in impacts if impact.time <= end]
+        if len(impacts) > MOST_IMPACTS:
+            impacts = sorted(impacts, key=lambda impact: impact.peak_force)[-MOST_IMPACTS:]
+            self._notes.append(f"of the impacts, only the hardest {MOST_IMPACTS} are marked")
+        return impacts_as_json(impacts)
+
+    def _resets(self) -> list[float]:
+        """Return the instants [s] of the first samples after resets."""
+        if self._facts and self._exact:
+            return self._exact[0].resets
+        return reset_instants(self._signals["crank_angle"]) if "crank_angle" in self._signals else []
+
+
+def pushes(facts: RecordedRun, inputs: Sequence[Input]) -> list[dict[str, float]]:
+    """Return the recorded pushes of the body: ``begin``, ``end`` [s] of robot time, ``force_x``, ``force_z`` [N]."""
+    pushed: list[dict[str, float]] = []
+    for received in inputs:
+        tick = facts.tick(received.stamp)
+        if received.name != OPERATIONS or tick is None:
+            continue
+        try:
+            operation = read_operation(deserialised(received.data, TOPICS[OPERATIONS].type).data)
+            if operation.name in (PUSH, RESET):
+                time = facts.time(tick)
+                if pushed:
+                    pushed[-1]["end"] = min(pushed[-1]["end"], time)
+                if operation.name == PUSH and (duration := DURATION.checked(operation.parameters["duration"])):
+                    forces = {name: FORCE.checked(operation.parameters[name]) for name in ("force_x", "force_z")}
+                    pushed.append({"begin": time, "end": time + duration, **forces})
+        except ValueError:
+            pass  # the robot refused it as well
+    return [push for push in pushed if push["force_x"] or push["force_z"]]

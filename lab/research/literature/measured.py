@@ -89,7 +89,7 @@ def section() -> str:
         "| source | read | reports | missing |", "|---|---|---|---|", *rows,
         "",
         "To compare a robot with this model, a laboratory would have to record the following;",
-        "[from a recording to a twin](guide/identification.md) says with which sensors, and how closely the parameters "
+        "[identification](guide/identification.md) says with which sensors, and how closely the parameters "
         "are then known:",
         "",
         "- the masses of body, sliders and internal masses, the lengths of crank and rods, the gaps, and the slope of "

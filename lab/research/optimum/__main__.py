@@ -1,4 +1,4 @@
-"""Make docs/optimum.md: results of `study optimise`, and why V/P is unbounded by the paper's equations; `make optimum`.
+"""Make the section of docs/speeds.md on the optimum: results of `study optimise`; `make documents ONLY=optimum`.
 
 Each search is a command line that a reader can run.
 """
@@ -19,8 +19,10 @@ from matplotlib.figure import Figure
 import vibro_lab
 import vibro_ros
 from research.starts import computed, started
+from tools.generated_text import write_between
 
-TEXT, FOLDER, FRONTS = "optimum.md", "optimum", "fronts.png"
+PAGE, FOLDER, FRONTS = Path("docs/speeds.md"), "optimum", "fronts.png"
+MARKS = "<!-- optimum: written by `make documents` -->", "<!-- end of optimum -->"
 LASTING, COMPARED, MOTIONS = "lasting.json", "compared.json", "motions.json"
 
 
@@ -53,6 +55,8 @@ SEARCHES: Mapping[str, Search] = {
 #: Searches in the unchanged scene `device`, whose robots form the front.
 OF_DEVICE = ("thriftiest", "thrifty", "fastest", "thrifty_grounded", "fastest_grounded",
              "front")
+#: Optima that would move differently if the rule `unilateral` held their body on the ground.
+HELD = ("thrifty", "fastest")
 #: The paper's robots: the one of its conclusions, and the one of its parameters. Other values are the search's scene's.
 PAPERS: Mapping[str, Mapping[str, float]] = {
     "paper's optimum": {"guide.angle": math.radians(80.0), "mass.inclined": 0.02, "crank.radius": 0.06},
@@ -77,16 +81,15 @@ Numbers = dict[str, Any]
 def main(words: Sequence[str]) -> int:
     """Run the searches and write the report; returns 0, or the exit code of the search that failed."""
     parser = argparse.ArgumentParser(prog="python -m research.optimum", description=__doc__)
-    parser.add_argument("--output", type=Path, default=Path("docs"), help="where (default: %(default)s)")
-    parser.add_argument("--work", type=Path, default=Path("out/study/optimum"), help="results of the "
-                        "searches (default: %(default)s)")
+    parser.add_argument("--work", type=Path, default=Path("out/study/optimum"), help="results of the searches; one "
+                        "that is finished there is not repeated (default: %(default)s)")
     options = parser.parse_args(words)
-    folder = options.output / FOLDER
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = PAGE.parent / FOLDER
     for name, search in SEARCHES.items():
         command = [sys.executable, "-m", "vibro_lab.study.command", "optimise", *search.words.split(), "--output",
                    str(options.work / name)]
-        if code := subprocess.run(command, check=False).returncode:
+        finished = (options.work / name / "optimum.json").is_file()
+        if not finished and (code := subprocess.run(command, check=False).returncode):
             return code
         for ending in ("json", "yaml"):
             shutil.copy(options.work / name / f"optimum.{ending}", folder / f"{name}.{ending}")
@@ -94,12 +97,12 @@ def main(words: Sequence[str]) -> int:
                for name in WATCHED}
     results = read_results(folder)
     papers = {name: papers_robots(name, result, folder) for name, result in results.items()}
-    found = {name: settled_motions(vibro_ros.load_scene(folder / f"{name}.yaml")) for name in OF_DEVICE}
+    found = motions_of_optima(folder)
     for file, numbers in ((LASTING, watched), (COMPARED, papers), (MOTIONS, found)):
         (folder / file).write_text(json.dumps(numbers, indent=1) + "\n", encoding="utf-8")
     fronts_picture(results, papers["front"]).savefig(folder / FRONTS)
-    (options.output / TEXT).write_text(document(results, watched, papers, found), encoding="utf-8")
-    print(options.output / TEXT)
+    write_between(PAGE, *MARKS, lambda: section(results, watched, papers, found))
+    print(PAGE)
     return 0
 
 
@@ -108,9 +111,9 @@ def read_results(folder: Path) -> dict[str, Numbers]:
     return {name: json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in SEARCHES}
 
 
-def document(results: Mapping[str, Numbers], watched: Mapping[str, Sequence[Numbers]],
-             papers: Mapping[str, Sequence[Numbers]], found: Mapping[str, Sequence[Numbers]]) -> str:
-    """Return the report in Markdown.
+def section(results: Mapping[str, Numbers], watched: Mapping[str, Sequence[Numbers]],
+            papers: Mapping[str, Sequence[Numbers]], found: Mapping[str, Sequence[Numbers]]) -> str:
+    """Return the section in Markdown.
 
     Parameters
     ----------
@@ -119,42 +122,35 @@ def document(results: Mapping[str, Numbers], watched: Mapping[str, Sequence[Numb
     watched : mapping
         Results of `lasting` by the name of the robot: the scene `paper`, or a search's optimum.
     found : mapping
-        `settled_motions` by the name of the search, of those in `device`.
+        Results of `motions_of_optima`.
     """
     findings = "\n".join(f"- {text}" for text in (
         about_power(watched["paper"]), about_front(results, papers["front"]),
         about_thriftiest(results["thriftiest"], found["thriftiest"]), about_flight(results, found),
-        about_decree(results, found), about_undamped(results, watched), about_hills(results)))
+        about_decree(results, found), about_undamped(results, watched), about_hills(watched)))
     commands = "\n".join(f"study optimise {search.words}  # {name}" for name, search in SEARCHES.items())
     return "\n\n".join([
-        "<!-- Generated by `make optimum`. -->\n# The optimum",
-        "*Which robot is the fastest, which one goes farthest with its energy, and do they beat the paper's?* The "
-        "paper leaves F_opt = V/P → max over seventeen parameters as its open problem. `study optimise` solves it.",
-        "## Findings", findings,
+        f"{findings}",
         f"![Speed and cost of transport]({FOLDER}/{FRONTS})",
-        "## The searches",
-        f"An optimum in `device` has a speed for each motion to which {MOTION_STARTS} starts lead, with their share "
-        "and its 95 % interval; the scene file of `fastest` leads to the slower of its motions. An optimum by the "
-        f"paper's rules loses no energy and has no attractors: its row has the slowest and the fastest of {STARTS} "
-        f"starts over {DURATIONS[-1]:g} s. The slowest motion or start is compared with the paper's optimum, φ = 80°, "
-        f"m3 = 0.02 kg, l = 0.06 m, under the same forces, at the best of its {len(BEGINS)} starts. V/P, time in the "
-        f"air and N are of the most frequent motion of 16 other starts, {VERIFIED}. Parameters and the verification "
-        f"under other forces stand in `docs/{FOLDER}/NAME.json`, the scene in `NAME.yaml`; [what a speed means "
-        "here](speeds.md) has what the robots cost with a real motor.",
-        summary_table(results, watched, papers, found), f"```bash\n{commands}\n```"]) + "\n"
+        "### The searches",
+        "The table compares the slowest motion of each optimum with the paper's optimum, φ = 80°, m3 = 0.02 kg, "
+        f"l = 0.06 m, under the same forces, at the best of its {len(BEGINS)} starts. An optimum by the paper's rules "
+        f"loses no energy; of such an optimum the slowest of {STARTS} starts over {DURATIONS[-1]:g} s is compared. "
+        f"V/P, time in the air and N are those of the usual motion of 16 other starts, {VERIFIED}. Parameters and the "
+        f"verification under other forces stand in `docs/{FOLDER}/NAME.json`, the scene in `NAME.yaml`.",
+        summary_table(results, watched, papers, found), f"```bash\n{commands}\n```"])
 
 
 def summary_table(results: Mapping[str, Numbers], watched: Mapping[str, Sequence[Numbers]],
                   papers: Mapping[str, Sequence[Numbers]], found: Mapping[str, Sequence[Numbers]]) -> str:
     """Return a table with a line for each search."""
-    heads = ["search", "speed, forward positive", "faster than the paper's optimum by [mm/s]", "V/P [m/J]",
+    heads = ["search", "faster than the paper's optimum by [mm/s]", "V/P [m/J]",
              "more than the paper's optimum [m/J]", "in the air", "N <= 0", "mean N over weight"]
     lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for name, result in results.items():
         best, paper = result["verified"][0], papers[name][0]
         pays = best["cost"] is not None
-        moves = "; ".join(map(in_words, found[name])) if name in found else f"{ends(watched[name][-1])} m/s"
-        cells = [f"{SEARCHES[name].title} (`{name}`)", moves,
+        cells = [f"{SEARCHES[name].title} (`{name}`)",
                  number(1e3 * (slowest(name, watched, found) - paper["speed"])),
                  number(best["ratio"]["mean"]) if pays else "-",
                  number(best["ratio"]["mean"] - paper["ratio"]) if pays else "-",
@@ -188,26 +184,32 @@ def about_power(rows: Sequence[Numbers]) -> str:
             f"largest mean power of {STARTS} starts of the scene `paper` falls from {number(first['power'])} to "
             f"{number(last['power'])} W, at the same speed. The masses do not feel the body move (`effects.reaction` "
             "false), do not pay for its friction, and lose nothing without dampers, so that the work of the motor is "
-            "the bounded change of their stored energy. So V/P is sought in `device`, where energy balances.")
+            "the bounded change of their stored energy. Therefore V/P is sought in `device`, where energy balances.")
 
 
 def about_front(results: Mapping[str, Numbers], papers: Sequence[Numbers]) -> str:
     """Paragraph on the extent of the front of all searches, and its robots that are better than the paper's."""
     front = front_of_all(results)
-    text = (f"The front of speed and cost of transport reaches from {number(1e3 * front[0]['speed'])} mm/s at a cost "
-            f"of {number(front[0]['cost'])} to {number(1e3 * front[-1]['speed'])} mm/s at {number(front[-1]['cost'])}.")
+    text = ("No robot that was tried is both faster and cheaper than a robot of the *front*, which the picture shows. "
+            f"The front reaches from {number(1e3 * front[0]['speed'])} mm/s at a cost of transport of "
+            f"{number(front[0]['cost'])} to {number(1e3 * front[-1]['speed'])} mm/s at {number(front[-1]['cost'])}.")
     for row in papers:
         better = [one for one in front if one["speed"] > row["speed"] and one["cost"] < row["cost"]]
         if better:
-            text += (f" Against the best start of the {row['robot']}, {number(1e3 * row['speed'])} mm/s at "
-                     f"{number(row['cost'])}, it has {number(1e3 * better[0]['speed'])} mm/s at "
+            text += (f" The best start of the {row['robot']} goes at {number(1e3 * row['speed'])} mm/s at a cost of "
+                     f"{number(row['cost'])}; the front has a robot of {number(1e3 * better[0]['speed'])} mm/s at "
                      f"{number(better[0]['cost'])}.")
     return text
 
 
 def front_of_all(results: Mapping[str, Numbers]) -> list[Numbers]:
-    """Non-dominated robots (speed, cost) of all searches in `device`, the slowest first."""
-    robots = sorted((one for name in OF_DEVICE for one in results[name]["front"]), key=lambda one: -one["speed"])
+    """Non-dominated robots (speed, cost) of all searches in `device`, the slowest first: those that a search tried,
+    with the lower quartile of their starts, and each optimum with the usual motion of its verification.
+    """
+    optima = ({"speed": abs(best["speed"]["mean"]), "cost": best["cost"]}
+              for best in (results[name]["verified"][0] for name in OF_DEVICE))
+    robots = sorted([*optima, *(one for name in OF_DEVICE for one in results[name]["front"])],
+                    key=lambda one: -one["speed"])
     front: list[Numbers] = []
     for one in robots:
         if not front or one["cost"] < front[-1]["cost"]:
@@ -218,9 +220,10 @@ def front_of_all(results: Mapping[str, Numbers]) -> list[Numbers]:
 def about_thriftiest(result: Numbers, found: Sequence[Numbers]) -> str:
     """Paragraph on the slow robot that V/P alone selects."""
     row = result["verified"][0]
-    return (f"V/P alone asks for a slow robot, {in_words(found[0])}: its cost of transport is {number(row['cost'])}, "
-            "while dragging its body costs the friction coefficient, 0.2. A front of speed and cost of transport is "
-            "the better question.")
+    return (f"V/P alone asks for a slow robot, {in_words(found[0])}. For each newton of its weight and each metre of "
+            f"its way the robot needs {number(row['cost'])} J. Somebody who drags the same body over the same ground "
+            "needs 0.2 J, because the friction coefficient is 0.2. A front of speed and cost of transport is the "
+            "better question.")
 
 
 def about_flight(results: Mapping[str, Numbers], found: Mapping[str, Sequence[Numbers]]) -> str:
@@ -240,15 +243,14 @@ def about_flight(results: Mapping[str, Numbers], found: Mapping[str, Sequence[Nu
 def about_decree(results: Mapping[str, Numbers], found: Mapping[str, Sequence[Numbers]]) -> str:
     """Paragraph on why no optimum is searched for with the body held on the ground (`unilateral`)."""
     held = []
-    for name in ("thrifty", "fastest"):
+    for name in HELD:
         forced = rows_of(results[name], "by decree")
-        held.append(f"`{name}` would go at {range_of(forced, 1e3)} mm/s, not "
+        held.append(f"`{name}` would go at {' or '.join(map(in_words, found[f'{name}, held']))}, not "
                     f"{' or '.join(number(1e3 * one['speed']) for one in found[name])} mm/s, with a mean N of "
-                    f"{number(forced[0]['load'])} times the weight")
+                    f"{number(forced[0]['load'])} times the weight in its usual motion")
     return ("`unilateral` in place of `hop` finds no robot that stays on the ground: the rule holds the body there by "
             "decree, and breaks the balance of momentum, by which the mean of N in a steady motion is the weight. Held "
-            f"so, {' and '.join(held)}. The advice of an earlier version of this page, optima that were sought so, is "
-            "withdrawn.")
+            f"so, {'; '.join(held)}.")
 
 
 def about_undamped(results: Mapping[str, Numbers], watched: Mapping[str, Sequence[Numbers]]) -> str:
@@ -256,23 +258,20 @@ def about_undamped(results: Mapping[str, Numbers], watched: Mapping[str, Sequenc
     found = []
     for name in ("printed", "unilateral"):
         short, long = watched[name][0], watched[name][-1]
-        found.append(f"The starts of `{name}` go at {ends(long)} m/s over {long['duration']:g} s ({ends(short)} m/s "
-                     f"over the first {short['duration']:g} s), with a mean N of "
+        found.append(f"{STARTS} starts of `{name}` go at {ends(long)} m/s over {long['duration']:g} s ({ends(short)} "
+                     f"m/s over the first {short['duration']:g} s), with a mean N of "
                      f"{number(results[name]['verified'][0]['load'])} times the weight; with every effect of `device` "
                      f"they go at {range_of(rows_of(results[name], 'every effect of `device`'))} m/s.")
     return ("Speed has an optimum by the paper's own rules, too, but nobody should build it: without dampers and "
             f"reaction the masses keep what they gain near resonance, and no start settles. {' '.join(found)}")
 
 
-def about_hills(results: Mapping[str, Numbers]) -> str:
+def about_hills(watched: Mapping[str, Sequence[Numbers]]) -> str:
     """Paragraph on optima that a search may miss, from searches whose starts begin from `rest` and from `zero`."""
-    pairs = []
-    for name in ("printed", "unilateral"):
-        sought = results[f"{name}_zero"]
-        pairs.append(f"{range_of(rows_of(sought, 'as sought'))} m/s with {sought['robots']} robots (`{name}_zero`), "
-                     f"where the optimum `{name}` has {range_of(rows_of(results[name], 'from `zero`'))} m/s")
-    return ("No search proves an optimum: with drawn starts that begin from `zero`, the searches for speed by the "
-            f"paper's rules reached {' and '.join(pairs)}, all of them {VERIFIED}, in which no start settles.")
+    pairs = [f"{ends(watched[f'{name}_zero'][-1])} m/s (`{name}_zero`), where `{name}`, which was sought from `rest`, "
+             f"goes at {ends(watched[name][-1])} m/s" for name in ("printed", "unilateral")]
+    return ("No search proves an optimum. With drawn starts that begin from `zero`, the searches for speed by the "
+            f"paper's rules found robots that go at {' and at '.join(pairs)}; all over {DURATIONS[-1]:g} s.")
 
 
 def rows_of(result: Numbers, words: str) -> list[Numbers]:
@@ -290,6 +289,15 @@ def number(value: float) -> str:
     """Format `value` with three digits."""
     text = f"{value:.3g}"
     return f"{float(text):.0f}" if 1e3 <= abs(float(text)) < 1e6 else text
+
+
+def motions_of_optima(folder: Path) -> dict[str, list[Numbers]]:
+    """Return `settled_motions` of each optimum in `device` by the name of its search; those of `HELD` also with the
+    body held on the ground, by the name with `, held`.
+    """
+    scenes = {name: vibro_ros.load_scene(folder / f"{name}.yaml") for name in OF_DEVICE}
+    held = {f"{name}, held": scenes[name].with_parameters({"effects.normal_force": "unilateral"}) for name in HELD}
+    return {name: settled_motions(scene) for name, scene in {**scenes, **held}.items()}
 
 
 def settled_motions(scene: vibro_ros.Scene, starts: int = MOTION_STARTS) -> list[Numbers]:

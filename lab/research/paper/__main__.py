@@ -2,14 +2,15 @@
 """
 
 import argparse
+import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from research.paper.page import SHOWN, draw_reading, page
-from research.paper.runs import full_effort, judged, quick_effort, read_verdicts, write_verdicts
+from research.paper.runs import Single, full_effort, judged, quick_effort, read_verdicts, single_runs, write_verdicts
 
-FOLDER, VERDICTS, TEXT = "paper", "verdicts.csv", "paper.md"
+FOLDER, VERDICTS, SINGLES, TEXT = "paper", "verdicts.csv", "single_runs.json", "paper.md"
 
 
 def main(words: Sequence[str]) -> int:
@@ -26,7 +27,10 @@ def main(words: Sequence[str]) -> int:
         write_verdicts(docs / FOLDER / VERDICTS, judged(effort))
         for reading in SHOWN:
             draw_reading(reading, docs / FOLDER)
-        text = page(read_verdicts(docs / FOLDER / VERDICTS), effort, FOLDER)
+        found = read_verdicts(docs / FOLDER / VERDICTS)
+        singles = [one._asdict() for one in single_runs(found)]
+        (docs / FOLDER / SINGLES).write_text(json.dumps(singles, indent=1) + "\n", encoding="utf-8")
+        text = page(found, read_singles(docs / FOLDER / SINGLES), effort, FOLDER)
     except KeyboardInterrupt:
         print("paper: interrupted", file=sys.stderr)
         return 130
@@ -36,6 +40,11 @@ def main(words: Sequence[str]) -> int:
     (docs / TEXT).write_text(text, encoding="utf-8")
     print(docs / TEXT)
     return 0
+
+
+def read_singles(path: Path) -> list[Single]:
+    """Read the results of `single_runs` from a file."""
+    return [Single(**one) for one in json.loads(path.read_text(encoding="utf-8"))]
 
 
 if __name__ == "__main__":

@@ -323,6 +323,14 @@ def settled(claim: Claim, speed: Mapping[Point, np.ndarray], judge: Callable[[np
     return NAMED if named == HOLDS and of((*claim.named, *claim.others)) != HOLDS else named
 
 
+def single_scores(found: Displacements, span: Span) -> np.ndarray:
+    """Number of claims that hold in each start alone, over a span; shape (starts,)."""
+    speed = {point: speeds(values, span) for point, values in found.items()}
+    starts = len(next(iter(speed.values())))
+    alone = [{point: values[[start]] for point, values in speed.items()} for start in range(starts)]
+    return np.array([score(tuple(settled(claim, values, one_run_pairs) for claim in CLAIMS)) for values in alone])
+
+
 def verdicts(reading: Reading, found: Displacements) -> list[Verdict]:
     """Judge every claim under a reading, over each of its spans."""
     found_verdicts = []

@@ -28,6 +28,8 @@ from research.paper.claims import (
     exact_readings,
     instants,
     points,
+    score,
+    single_scores,
     slider_readings,
     verdicts,
     worksheet_readings,
@@ -61,11 +63,12 @@ class Effort(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """One robot under one reading, from `starts` starts."""
+    """One robot under one reading, from `starts` starts, until an instant [s]."""
 
     reading: Reading
     point: Point
     starts: int
+    until: float = math.inf
 
 
 def full_effort() -> Effort:
@@ -108,12 +111,13 @@ def displacements(batch: Batch) -> np.ndarray:
     RuntimeError
         If the step of `Rkadapt` becomes too small.
     """
-    one = functools.partial(_displacement, batch.reading, batch.point)
+    times = np.array([instant for instant in instants(batch.reading) if instant <= batch.until])
+    one = functools.partial(_displacement, batch.reading, batch.point, times)
     return np.array([one(number) for number in range(batch.starts)])
 
 
-def _displacement(reading: Reading, point: Point, number: int) -> np.ndarray:
-    scene, ahead, times = reading.scene(point), advance(reading.start, number), np.array(instants(reading))
+def _displacement(reading: Reading, point: Point, times: np.ndarray, number: int) -> np.ndarray:
+    scene, ahead = reading.scene(point), advance(reading.start, number)
     if reading.solver == "rkfixed":
         return worksheet.rkfixed(scene, reading.friction, ahead, reading.step, times)
     if reading.solver == "Rkadapt":
@@ -152,6 +156,41 @@ def judged(effort: Effort) -> list[Verdict]:
     found = iter(computed(displacements, every, "paper: robots"))
     return [verdict for reading in effort.readings
             for verdict in verdicts(reading, {point: next(found) for point in points()})]
+
+
+class Single(NamedTuple):
+    """A reading and a span for which all claims hold in the first start alone, and how often they do in other starts.
+    """
+
+    equations: str
+    normal_force: str
+    start: str
+    begin: float
+    end: float
+    runs: int
+    full: int
+
+
+def single_runs(found: Iterable[Verdict], runs: int = 300) -> list[Single]:
+    """Simulate `runs` starts of each reading of the corrected equations whose first start alone gives all claims.
+
+    Raises
+    ------
+    SimulationError
+        If a run cannot go on.
+    """
+    singles = []
+    for one in found:
+        reading = one.reading
+        if (reading.solver, reading.equations) == ("exact", "corrected") and reading.start != ON_SLIDERS \
+                and score(one.one_run) == len(CLAIMS):
+            robots = list(points())
+            moved = computed(displacements, [Batch(reading, point, runs, one.span.end) for point in robots],
+                             f"paper: {reading.normal_force} {reading.start}")
+            scores = single_scores(dict(zip(robots, moved, strict=True)), one.span)
+            singles.append(Single(reading.equations, reading.normal_force, reading.start, *one.span, runs,
+                                  int(np.sum(scores == len(CLAIMS)))))
+    return singles
 
 
 _OUTCOMES = ("one_run", "along_ox", "size")

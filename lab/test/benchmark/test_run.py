@@ -1,6 +1,5 @@
 """A program that crashes, hangs, returns NaN or is not installed gives a row with that outcome, and the run goes on."""
 
-import math
 import sys
 
 import numpy as np
@@ -8,7 +7,8 @@ import pytest
 
 from benchmark import problems, report, run
 from benchmark.problems import COLUMNS
-from vibro_lab.accuracy.harness import Effort, Row, row_of, rows
+from tools import documents
+from vibro_lab.accuracy.harness import Effort, Row, read_rows, row_of, rows
 from vibro_lab.accuracy.programs import EVENT_DTYPE, PLAIN, TUNED, Answer, Program, Setting, event_array
 
 PROBLEM = problems.load("damped")
@@ -50,7 +50,7 @@ def test_an_absent_program_is_one_line(monkeypatch):
     monkeypatch.setitem(run._INTERPRETERS, "siconos", "/nowhere/python3")
     [row] = rows(PROBLEM, run.program("siconos"), EFFORT)
     assert row.outcome == "absent" and "/nowhere/python3" in row.note
-    assert "- siconos: " in report.page([row], "a machine", "a unit")
+    assert "Not installed: siconos (" in report.benchmark_page([row])
 
 
 def judged(problem, samples, events=None):
@@ -89,49 +89,44 @@ def test_a_program_with_two_versions_says_where_each_ran():
         "siconos 4.5.0 (4_damped, 6_device), siconos 4.4.0 (7_bounce), numba 0")
 
 
-def test_a_digit_of_a_first_order_method_costs_ten_times():
-    ladder = [row(share_error=1e-3 / k, cost=float(k), use=TUNED) for k in (1, 10, 100)]
-    found = report.slope(ladder)
-    assert (found.factor, found.coarse, found.fine) == pytest.approx((10.0, 1e-3, 1e-5))
-    assert report.slope(ladder[:1]) is None
-    assert report.slope(ladder[::-1]) is None  # the finer setting is worse: no digit is gained
-
-
-def test_page_and_table_hold_every_row(tmp_path):
+def test_pages_and_table_hold_every_row(tmp_path):
     late = row(program="drake", use=TUNED, setting="RK3", outcome="out of time", note="more than 60 s")
-    hand = row(program="rk4_by_hand", use=TUNED, setting="step 1e-05 s", value=1e-5, share_error=1e-4, cost=0.4)
-    report.write(tmp_path, [row(share_error=1e-13, cost=0.1), hand, late], "a machine")
-    page = (tmp_path / report.PAGE).read_text(encoding="utf-8")
-    assert "| exact | as documented | as it comes | 1.0e-13 | 0.1 |  |" in page
-    assert "| drake | tuned | RK3 |  |  | **out of time**; more than 60 s |" in page
-    assert "`exact` has an error of 1e-13 at 0.25 of the cost of Runge-Kutta 4 of 1e-05 s written" in page
-    rows, machine, _ = report.read(tmp_path / report.RESULTS)
-    assert (len(rows), machine) == (3, "a machine") and math.isnan(rows[2].cost)
-    assert (tmp_path / "6_device.png").stat().st_size > 10_000
+    timed = row(share_error=1e-13, cost=0.001, set_up=0.0005)
+    run._keep(tmp_path / report.PROBLEM_ROWS, iter([timed, row(problem="1_impact", program="heyoka")]))
+    run._keep(tmp_path / report.PROBLEM_ROWS, iter([late, row(problem="1_impact", program="heyoka", cost=0.2)]))
+    rows = read_rows(tmp_path / report.PROBLEM_ROWS)  # what is measured again replaces only its own rows
+    assert [(kept.problem, kept.program, kept.cost == 0.2) for kept in rows] == [
+        ("1_impact", "heyoka", True), ("6_device", "exact", False), ("6_device", "drake", False)]
+    assert report.publish(tmp_path, report.PROBLEM_ROWS) == [tmp_path / report.BENCHMARK, tmp_path / report.SETTINGS]
+    settings = (tmp_path / report.SETTINGS).read_text(encoding="utf-8")
+    assert "| exact | as documented | as it comes | 1.0e-13 | 0.001 | 0.0005 |  |" in settings
+    assert "| drake | tuned | RK3 |  | - | - | **out of time**; more than 60 s |" in settings
+    page = (tmp_path / report.BENCHMARK).read_text(encoding="utf-8")
+    assert "`exact` has an error of 1e-13 at 0.001 s for each simulated second and 0.0005 s of set-up." in page
+    assert (tmp_path / "benchmark" / "6_device.png").stat().st_size > 10_000
 
 
-def test_the_committed_page_is_made_of_the_committed_rows():
-    docs = run.ROOT / "docs" / "benchmark"
-    page = report.page(*report.read(docs / report.RESULTS))
-    assert (docs / report.PAGE).read_text(encoding="utf-8").startswith(page.rstrip())
+def test_the_committed_pages_are_made_of_the_committed_rows():
+    docs = run.ROOT / "docs"
+    rows = read_rows(docs / report.PROBLEM_ROWS)
+    assert documents.without_marks((docs / report.BENCHMARK).read_text(encoding="utf-8")) == report.benchmark_page(rows)
+    assert (docs / report.SETTINGS).read_text(encoding="utf-8") == report.settings_page(rows)
 
 
 def test_a_name_that_is_none_is_refused(capsys):
     with pytest.raises(SystemExit):
         run.main(["matlab"])
-    assert "matlab: neither a problem nor a program of the benchmark" in capsys.readouterr().err
+    assert "matlab: no problem, no scene and no program of the benchmark" in capsys.readouterr().err
 
 
-def test_the_page_says_first_where_another_program_wins():
-    """A program wins if it is as accurate and cheaper; being cheaper alone, or failing, does not win."""
-    rows = [row(problem="1_impact", cost=0.5, share_error=1e-11),
-            row(problem="1_impact", program="heyoka", cost=0.4, share_error=9e-12),
-            row(problem="1_impact", program="heyoka", cost=0.3, share_error=1e-9),
-            row(problem="1_impact", program="cvode", cost=0.45, share_error=1e-12, outcome="wrong sign"),
-            row(problem="2_grazing", cost=0.5, share_error=1e-15),
-            row(problem="2_grazing", program="heyoka", cost=0.25, share_error=5e-13)]
-    assert report.winners(rows, ["1_impact", "2_grazing"]).endswith(
-        "cheaper: heyoka on `1_impact`, for 0.8 of its cost; heyoka on `2_grazing`, for 0.5 of its cost.")
-    assert report.winners(rows[:1], ["1_impact"]).endswith("cheaper: none on any problem.")
-    first, second = report.page(rows, "here", "the unit").split("\n\n")[1:3]
-    assert first == report.winners(rows, ["1_impact", "2_grazing"]) and second.startswith("`exact` was not measured")
+def test_a_program_wins_if_it_is_as_accurate_and_cheaper_set_up_included():
+    rows = [row(problem="1_impact", cost=0.5, set_up=0.1, share_error=1e-11),
+            row(problem="1_impact", program="heyoka", cost=0.2, set_up=0.12, share_error=9e-12),
+            row(problem="1_impact", program="heyoka", cost=0.1, set_up=0.0, share_error=1e-9),
+            row(problem="1_impact", program="cvode", cost=0.45, set_up=0.0, share_error=1e-12, outcome="wrong sign"),
+            row(problem="2_grazing", cost=0.5, set_up=0.0, share_error=1e-15),
+            row(problem="2_grazing", program="heyoka", cost=0.1, set_up=0.1, share_error=5e-13)]
+    assert report.winners(rows) == [("heyoka", "1_impact", pytest.approx(0.8))]
+    first, second = report.benchmark_page(rows).split("\n\n")[1:3]
+    assert first.endswith("set-up included: heyoka on `1_impact`, in 0.8 of its time.")
+    assert second.startswith("`exact` was not measured")

@@ -19,7 +19,7 @@ from vibro_lab.identification.recording import Channel, Recording, read_recordin
 from vibro_lab.identification.unknowns import Unknowns
 from vibro_lab.study.identification_page import identification_page
 from vibro_ros.bag.stream import BagError
-from vibro_ros.simulation.processes import core_count, in_processes
+from vibro_ros.simulation.runs import core_count, in_processes
 
 DAMPED = vibro_ros.load_scene("damped").with_parameters({"motor.speed": 100.0})
 TICK = math.tau / 4096
@@ -288,7 +288,7 @@ def moving(tmp_path_factory):
 
 
 @pytest.mark.parametrize(("arguments", "words"), [
-    ({"free": ("mass.bodi",)}, ["mass.bodi", "no number of the robot", "docs/parameters.md"]),
+    ({"free": ("mass.bodi",)}, ["mass.bodi", "no number of the robot", "docs/guide/parameters.md"]),
     ({"free": ()}, ["free", "give a list of names"]),
     ({"free": "mass.body"}, ["mass.body", "give a list of names"]),
     ({"free": ("mass.body", "mass.body")}, ["each once"]),

@@ -13,7 +13,8 @@ from vibro_lab.orbits.orbit import derivative
 from vibro_lab.orbits.recurrence import JITTER
 from vibro_lab.orbits.turn_map import TurnMap, crank_speed
 from vibro_ros.model.slider import Slider
-from vibro_ros.simulation.motion import SimulationError, first_reached
+from vibro_ros.simulation.crank_angle import first_reached
+from vibro_ros.simulation.motion import SimulationError
 
 VOLTS = {"effects.motor": "dc", "motor.control": "voltage", "motor.voltage": 15.0, "motor.speed": 90.0,
          "motor.friction": 0.0, "motor.static_friction": 0.0}

@@ -1,4 +1,4 @@
-"""docs/optimum.md is what the present code makes of docs/optimum/*.json, and the optima move as it says."""
+"""The section of docs/speeds.md on the optimum is made of docs/optimum/*.json, and the optima move as it says."""
 
 import json
 import re
@@ -10,18 +10,28 @@ import pytest
 import vibro_ros
 from research.optimum import __main__ as optimum
 from research.starts import started
-from tools.documents import without_marks
+from tools.generated_text import replaced
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
+SPEEDS = DOCS / optimum.PAGE.name
 FOLDER = DOCS / optimum.FOLDER
 RESULTS = optimum.read_results(FOLDER)
 WATCHED, PAPERS, MOTIONS = (json.loads((FOLDER / file).read_text(encoding="utf-8"))
                              for file in (optimum.LASTING, optimum.COMPARED, optimum.MOTIONS))
 
 
-def test_the_document_is_made_of_the_numbers():
-    document = optimum.document(RESULTS, WATCHED, PAPERS, MOTIONS)
-    assert without_marks((DOCS / optimum.TEXT).read_text(encoding="utf-8")) == document
+def test_the_section_is_made_of_the_numbers():
+    page, section = SPEEDS.read_text(encoding="utf-8"), optimum.section(RESULTS, WATCHED, PAPERS, MOTIONS)
+    assert replaced(page, *optimum.MARKS, section) == page
+
+
+def test_the_front_reaches_the_fastest_optimum_and_held_optima_move_in_their_own_motions():
+    """The front ended before the page's own `fastest`; and a mean over starts was told as the speed of a held robot."""
+    end, fastest = optimum.front_of_all(RESULTS)[-1], RESULTS["fastest"]["verified"][0]
+    assert end == {"speed": abs(fastest["speed"]["mean"]), "cost": fastest["cost"]}
+    scene = vibro_ros.load_scene(FOLDER / "thrifty.yaml").with_parameters({"effects.normal_force": "unilateral"})
+    [few] = optimum.settled_motions(scene, 4)
+    assert few["words"] == MOTIONS["thrifty, held"][0]["words"] in optimum.about_decree(RESULTS, MOTIONS)
 
 
 @pytest.mark.parametrize("name", optimum.SEARCHES)
@@ -79,8 +89,8 @@ def test_the_optimum_beats_the_best_start_of_the_paper(name):
 
 def test_the_speeds_are_those_of_the_page_on_speeds():
     """Every motion of an optimum in `device`; the fastest has two, of which its verification finds one."""
-    speeds = (DOCS / "speeds.md").read_text(encoding="utf-8")
-    rows = {name: re.findall(rf"^\| \[`{name}`\]\(optimum.md\), .*? rad/s \| (.*?) \| (\d+) of 64 ", speeds,
+    speeds = SPEEDS.read_text(encoding="utf-8")
+    rows = {name: re.findall(rf"^\| `optimum/{name}`, .*? rad/s \| (.*?) \| (\d+) of 64 ", speeds,
                              re.MULTILINE) for name in optimum.OF_DEVICE}
     assert rows == {name: [(one["words"], str(one["starts"])) for one in MOTIONS[name]] for name in optimum.OF_DEVICE}
     assert len(rows["fastest"]) == 2 and "not -6170 or -3270 mm/s" in optimum.about_decree(RESULTS, MOTIONS)
@@ -89,8 +99,8 @@ def test_the_speeds_are_those_of_the_page_on_speeds():
 def test_an_optimum_that_does_not_settle_has_no_mean_on_the_page():
     """`printed` goes at 24 m/s over 10 s after 4 s and at 35 m/s over 256 s: the first number is a transient's."""
     assert WATCHED["printed"][0]["slowest"] > -22.0 and WATCHED["printed"][-1]["slowest"] < -34.0
-    assert "| -34.6 to -35.6 m/s |" in optimum.summary_table(RESULTS, WATCHED, PAPERS, MOTIONS)
-    assert "which no start settles" in optimum.about_hills(RESULTS)
+    assert "goes at -34.6 to -35.6 m/s" in optimum.about_hills(WATCHED)
+    assert "no start settles" in optimum.about_undamped(RESULTS, WATCHED)
 
 
 def test_the_papers_robots_are_found_again(tmp_path, monkeypatch):

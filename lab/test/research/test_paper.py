@@ -31,6 +31,7 @@ from research.paper.claims import (
     points,
     score,
     settled,
+    single_scores,
     spans,
     speeds,
     verdicts,
@@ -55,6 +56,7 @@ DOCS = Path(__file__).resolve().parents[3] / "docs"
 TEXT = without_marks((DOCS / command.TEXT).read_text(encoding="utf-8"))
 TABLE = DOCS / command.FOLDER / command.VERDICTS
 FOUND = read_verdicts(TABLE)
+SINGLES = command.read_singles(DOCS / command.FOLDER / command.SINGLES)
 MISPRINT = Reading("exact", 0.0, "misprint", "printed", NEAR_REST, "eq5")
 BEST, FALLS, HEAVIER, LIGHTEST, LONGER = CLAIMS
 STARTS = 16
@@ -213,7 +215,7 @@ def test_adaptive_steps_find_the_first_turn():
 
 def test_the_page_is_the_one_that_its_verdicts_make(tmp_path):
     """All but the energy, which is computed again; its printed digits are the same on any machine."""
-    assert page(FOUND, full_effort(), command.FOLDER) == TEXT, "run `make paper`"
+    assert page(FOUND, SINGLES, full_effort(), command.FOLDER) == TEXT, "run `make paper`"
     write_verdicts(tmp_path / "again.csv", FOUND)
     assert (tmp_path / "again.csv").read_bytes() == TABLE.read_bytes()
     for reading in SHOWN:
@@ -255,12 +257,25 @@ def test_the_answer_is_what_the_verdicts_say():
                            and all(mean.mean > mean.spread for mean in one.means.values()) for one in told)
             for equations, told in every.items()}
     head = " ".join(TEXT.partition("## ")[0].split())
-    assert f"{full['corrected'] or 'none'} of {len(every['corrected'])} combinations of rule" in head
+    assert f"{full['corrected'] or 'none'} of {len(every['corrected'])} combinations give all 5 claims" in head
     single = {equations: sum(score(one.one_run) == len(CLAIMS) for one in told) for equations, told in every.items()}
-    assert f"such as the paper may have made, {single['corrected']} of {len(every['corrected'])} comb" in head
+    assert f"of our starts alone, {single['corrected']} of {len(every['corrected'])} comb" in head
+    assert [f"{one.full} of {one.runs} single runs by `{one.normal_force}`" in head for one in SINGLES] == 2 * [True]
     assert f"{single['misprint']} of {len(every['misprint'])} with the misprint" in head
     assert f"{full['misprint'] or 'none'} of {len(every['misprint'])} do" in head
     assert full["misprint"] == len(all_and_forwards(every["misprint"]))
+
+
+def test_a_single_run_that_gives_every_claim_is_one_of_few():
+    """The first start of `hop` at any phase gave all claims, and was told as if every run did. Start 0 gives them
+    again, and few of the stored runs do.
+    """
+    one = next(one for one in FOUND if one.reading == MISPRINT._replace(
+        equations="corrected", normal_force="hop", start=ANY_PHASE) and one.span == SPANS[0])
+    again = {point: displacements(Batch(one.reading, point, 3, SPANS[0].end)) for point in points()}
+    assert single_scores(again, SPANS[0])[0] == len(CLAIMS)
+    [told] = [single for single in SINGLES if single.normal_force == "hop"]
+    assert 0 < told.full < 0.25 * told.runs
 
 
 def test_only_the_misprint_gives_every_claim():

@@ -13,14 +13,14 @@ import vibro_ros
 from vibro_lab.study import map as motions_module
 from vibro_lab.study.map import (
     GAP,
-    LEAST_CELLS,
     PATCHWORK,
     SPEED,
     UNSETTLED,
-    Axis,
+    GridAxis,
     Line,
     MapDesign,
-    Visit,
+    MapSettings,
+    VisitedCell,
     main,
     motions,
     rows_of_line,
@@ -39,7 +39,7 @@ TINY = ["--motor-speed", "110:120:3", "--gap", "0.003:0.005:3", "--workers", "1"
 def visit(i=0, j=0, turns=1, landings=1, speed=-0.05, at=0.0):
     """A visit that has found a motion with a state `at` so many crank radii, or around it without a period."""
     states = at + np.random.default_rng(0).uniform(-1.0, 1.0, (max(turns, 0) or 32, 1)) * (not turns)
-    return Visit(i, j, turns, landings, speed, 10.0, 0.1, 0.5, states)
+    return VisitedCell(i, j, turns, landings, speed, 10.0, 0.1, 0.5, states)
 
 
 @pytest.fixture(scope="module")
@@ -68,10 +68,10 @@ def test_only_cells_with_several_motions_have_shares(folded):
 
 def test_the_shares_are_those_of_the_same_starts_by_another_road():
     """`device` at 100 rad/s and 2 mm, where both motions have starts; `attractors` cuts elsewhere, groups by states."""
-    axes = Axis(100.0, 101.0, 2), Axis(0.002, 0.003, 2)
+    axes = GridAxis(100.0, 101.0, 2), GridAxis(0.002, 0.003, 2)
     scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0, "upper.gap": 0.002,
                                                             "inclined.gap": 0.002})
-    led = vibro_lab.attractors(scene, motions_module.HISTORIES)
+    led = vibro_lab.attractors(scene, MapSettings().histories)
     known = [(one.turns, one.mean_speed) for one in reversed(led)]
     assert sorted(round(1e3 * speed, 1) for _, speed in known) == [-113.6, -84.6]
     counts = motions_module._led(MapDesign(scene, SIDES, *axes), [((0, 0), known)], 0)
@@ -82,8 +82,9 @@ def test_the_shares_are_those_of_the_same_starts_by_another_road():
     (1, -0.0501, 0), (2, -0.0501, 1), (2, -0.2, None), (4, -0.05, None), (20, -0.08, 2)])
 def test_a_start_has_led_to_the_motion_of_its_period_and_speed_or_to_none(turns, speed, place):
     """A period of more than 8 turns counts as none, as in the table of motions."""
-    led = visit(turns=turns, speed=speed).settled(1e-5)
-    assert motions_module._place_among(replace(led, turns=turns), [(1, -0.05), (2, -0.05), (0, -0.081)]) == place
+    known = [(1, -0.05), (2, -0.05), (0, -0.081)]
+    led = visit(turns=turns, speed=speed).settled(1e-5, 8)
+    assert motions_module._place_among(replace(led, turns=turns), known, MapSettings()) == place
 
 
 def test_motions_on_either_side_of_a_fold_have_numbers_of_their_own(folded):
@@ -97,7 +98,7 @@ def test_motions_on_either_side_of_a_fold_have_numbers_of_their_own(folded):
 def test_a_motion_is_measured_as_studies_measure_it():
     """At 116 rad/s and 4 mm the device has one motion, of period 2."""
     scene = vibro_ros.load_scene("device")
-    design = MapDesign(scene, SIDES, Axis(114.0, 116.0, 2), Axis(0.004, 0.005, 2))
+    design = MapDesign(scene, SIDES, GridAxis(114.0, 116.0, 2), GridAxis(0.004, 0.005, 2))
     *_, found = visits(design, Line(SPEED, 0, True))
     one = measure(design.scene_at(1, 0), ("mean_speed", "cost_of_transport", "stick_share", "air_share", "period"),
                   20.0, 5.0)
@@ -108,7 +109,7 @@ def test_a_motion_is_measured_as_studies_measure_it():
 
 def test_a_sweep_goes_on_from_cell_to_cell():
     """At 110 rad/s and -2 to 8 mm a gap's sweep visits each cell once, in its order, either way."""
-    design = MapDesign(vibro_ros.load_scene("device"), SIDES, Axis(110.0, 120.0, 2), Axis(0.003, 0.004, 3))
+    design = MapDesign(vibro_ros.load_scene("device"), SIDES, GridAxis(110.0, 120.0, 2), GridAxis(0.003, 0.004, 3))
     up, down = (visits(design, Line(GAP, 0, upwards)) for upwards in (True, False))
     assert [(one.speed_index, one.gap_index) for one in up] == [(0, 0), (0, 1), (0, 2)]
     assert [one.gap_index for one in down] == [2, 1, 0]
@@ -117,7 +118,7 @@ def test_a_sweep_goes_on_from_cell_to_cell():
 
 
 def test_other_machines_get_the_work_as_it_is():
-    design = MapDesign(vibro_ros.load_scene("device"), SIDES, Axis(110.0, 120.0, 2), Axis(0.003, 0.004, 2))
+    design = MapDesign(vibro_ros.load_scene("device"), SIDES, GridAxis(110.0, 120.0, 2), GridAxis(0.003, 0.004, 2))
     work = pickle.loads(pickle.dumps(partial(rows_of_line, design)))
     found = work(3)
     assert [row["mean_speed"] for row in found] == [one.mean_speed for one in visits(design, design.lines()[3])]
@@ -132,7 +133,7 @@ def test_a_cell_has_each_motion_once():
 
 
 def test_neighbours_are_one_motion_unless_they_jump_or_are_of_another_kind():
-    count = LEAST_CELLS + 2
+    count = MapSettings().least_cells + 2
     row = [visit(i, 0, speed=-0.05 - 0.002 * i) for i in range(count)]
     jumped = [visit(i, 1, speed=-0.2) for i in range(count)]
     other = [visit(i, 2, turns=2, speed=-0.2) for i in range(count)]

@@ -135,7 +135,7 @@ def test_the_front_reaches_from_slow_and_cheap_to_fast_and_dear(hill, monkeypatc
     def speed_and_cost(self, point, _):
         return 0.01 + point[0], math.exp(3.0 * point[0]) + 10.0 * np.square(point[1:] - 0.5).sum()
 
-    monkeypatch.setattr(module.Plan, "speed_and_cost", speed_and_cost)
+    monkeypatch.setattr(module.SearchPlan, "speed_and_cost", speed_and_cost)
     pairs = np.array([plan.speed_and_cost(point, None) for point in searched(plan, Execution(1)).points])
     front = pairs[non_dominated(pairs)]
     assert front[0, 1] < 1.1 and front[-1, 0] > 0.99  # the cheapest, the fastest

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import qmc
 
 import vibro_ros
-from vibro_lab.study.sweep import Design, study_of
+from vibro_lab.study.sweep import SweepDesign, study_of
 from vibro_lab.study.variation import (
     Axis,
     Range,
@@ -24,7 +24,7 @@ from vibro_lab.study.variation import (
 
 def design(varied_ones, sampled=None, starts=2):
     """Return a design over the paper's scene."""
-    return Design(vibro_ros.load_scene("paper"), tuple(varied_ones), sampled, ("mean_speed",), starts, 1.0, 1.0)
+    return SweepDesign(vibro_ros.load_scene("paper"), tuple(varied_ones), sampled, ("mean_speed",), starts, 1.0, 1.0)
 
 
 def test_a_grid_has_both_ends_and_equal_steps_or_ratios():

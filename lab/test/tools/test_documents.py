@@ -27,8 +27,8 @@ from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.model.parameters import SCENE_PARAMETERS
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.ros.controller.script import read_script
+from vibro_ros.simulation.readout import EventLog
 from vibro_ros.simulation.samples import Samples
-from vibro_ros.simulation.statistics import EventLog
 
 MODULES = {name: one.module for name, one in (*OF_THE_LAB.items(), *EXECUTABLES.items())}
 INSTALLED = {*OF_THE_LAB, *(name for name, one in EXECUTABLES.items() if one.installed)}
@@ -36,8 +36,9 @@ OTHER_STATISTICS = ("steps", "solver.method", "solver.step")
 ROOT = Path(__file__).resolve().parents[3]
 DOCUMENTS = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "README.md", *ROOT.glob("docs/**/*.md"))}
 FENCE = re.compile(r"^```(\w+)\n(.*?)^```\n(?:```text\n(.*?)^```\n)?", re.MULTILINE | re.DOTALL)
-BLOCKS = [(name, language, text, output) for name, document in DOCUMENTS.items() if name != "tutorial.md"
-          for language, text, output in FENCE.findall(document)]  # the tutorial is one whole, see test_tutorial.py
+BLOCKS = [(name, language, text, output) for name, document in DOCUMENTS.items()
+          for language, text, output in FENCE.findall(document)
+          if name != "begin.md" or language == "console"]  # its ten minutes are one whole, see test_tutorial.py
 
 
 def blocks(language):
@@ -46,6 +47,15 @@ def blocks(language):
     names = [f"{name}-{k}" for k, name in enumerate(name for name, of, _, _ in BLOCKS if of == language)]
     assert found
     return pytest.mark.parametrize(("text", "output"), found, ids=names)
+
+
+def test_the_pages_are_few_and_the_first_one_is_short():
+    """Pages in the site's menu, tables behind a page aside; README's limits are lines and words."""
+    readme = DOCUMENTS["README.md"]
+    assert len(readme.splitlines()) <= 90 and len(readme.split()) <= 800
+    menu = (ROOT / "tools" / "mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:")[2]
+    pages = {str(path.relative_to(ROOT / "docs")) for path in ROOT.glob("docs/**/*.md")}
+    assert len(pages & set(re.findall(r"[\w/]+\.md", menu))) <= 22
 
 
 @blocks("python")
@@ -198,18 +208,43 @@ def test_a_page_carries_the_fingerprint_of_its_sources():
     assert documents.found_in(documents.marked(page, "effects", "4567"), "effects") == "4567"
     assert documents.without_marks(documents.marked(page, "map", "89")) == "# A page\n"
     for document in documents.DOCUMENTS.values():
-        assert (ROOT / document.page).is_file() and all((ROOT / source).exists() for source in document.sources)
+        assert (ROOT / document.page).is_file()
+        begins = [place for number in document.numbers for place in documents._begins(number)]
+        assert all(name in documents.module_of(module).definitions for module, name in begins), document.numbers
+        assert bool(begins) == document.measured
 
 
-def test_a_fingerprint_is_of_what_sources_do_not_of_their_words(tmp_path, monkeypatch):
-    monkeypatch.setattr(documents, "ROOT", tmp_path)
-    found = []
-    for text in ('"""A."""\n\ndef f(x):\n    """B."""\n    return x  # c\n',
-                 '"""Z,\nand more."""\n# a comment\ndef f(x):\n    """Y."""\n\n    return x  # d, which says more\n',
-                 '"""A."""\n\ndef f(x):\n    """B."""\n    return x + 1\n'):
-        (tmp_path / "a.py").write_text(text)
-        found.append(documents.fingerprint(["a.py"]))
-    assert found[0] == found[1] != found[2]
+HELPER = "def factor(x):\n    return 2.0 * x\n"
+
+
+@pytest.mark.parametrize(("file", "text", "changes"), [
+    ("made.py", '"""Z."""\n# c\nfrom tools.helper import factor\n\n\ndef table(x: float) -> float:\n'
+                '    """Y."""\n    return factor(x)  # d\n', False),
+    ("helper.py", f'"""W."""\n{HELPER}\n\ndef of_another_page():\n    return 3\n', False),
+    ("made.py", "from tools.helper import factor\n\n\ndef table(x):\n    return factor(x) + 1.0\n", True),
+    ("helper.py", HELPER.replace("2.0", "3.0"), True),
+    ("digests.json", '{"scene/device/exact": "1", "scene/other/exact": "9"}', False),
+    ("digests.json", '{"scene/device/exact": "7"}', True)], ids=[
+        "words", "another page's function", "a statement", "a statement of a helper", "other bits", "bits"])
+def test_a_page_is_stale_if_what_decides_its_numbers_changes_alone(file, text, changes, tmp_path, monkeypatch):
+    """A comment or a function for another page had made twelve pages older than their code."""
+    (tmp_path / "made.py").write_text("from tools.helper import factor\n\n\ndef table(x):\n    return factor(x)\n")
+    (tmp_path / "helper.py").write_text(HELPER)
+    (tmp_path / "digests.json").write_text('{"scene/device/exact": "1"}')
+    monkeypatch.setattr(documents, "PACKAGES", {"tools": tmp_path})
+    monkeypatch.setattr(documents, "DIGESTS", tmp_path / "digests.json")
+    monkeypatch.setattr(documents, "module_of", documents.module_of.__wrapped__)
+    document = documents.Document("page.md", (), 1.0, ("tools.made:table",), ("scene/device/exact",))
+    before = documents.fingerprint(document)
+    (tmp_path / file).write_text(text)
+    assert (documents.fingerprint(document) != before) == changes
+
+
+def test_a_fingerprint_reaches_modules_that_a_generator_takes_as_values():
+    """The machines of the literature stand in a tuple of modules, and studies beside each other share functions."""
+    reached = documents.reached(documents.DOCUMENTS["literature"].numbers)
+    assert {"research.literature.capsule", "vibro_lab.orbits.recurrence"} <= {module for module, _ in reached}
+    assert not any(module.startswith("vibro_ros") for module, _ in reached)
 
 
 def test_effects_tables_have_every_effect_and_count_what_is_compiled():

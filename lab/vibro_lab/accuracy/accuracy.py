@@ -8,90 +8,54 @@ if __name__ == "__main__":  # before all imports, which take a second or two, in
     sys.exit(accuracy())
 
 import argparse
-import os
-import platform
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
-from datetime import UTC, datetime
-from importlib import metadata
 from pathlib import Path
 
 from tqdm import tqdm
 
 from vibro_lab.accuracy.chart import draw_scene
-from vibro_lab.accuracy.harness import (
-    EXPONENT,
-    INSTANTS,
-    LEAST_TIME,
-    RATE,
-    REFERENCE,
-    Effort,
-    Row,
-    row_writer,
-)
+from vibro_lab.accuracy.harness import EXPONENT, REFERENCE, Effort, Row, machine, row_writer
 from vibro_lab.accuracy.programs import DEVICE, Program, Setting, UnableError
 from vibro_lab.accuracy.report import (
     advice,
+    digits_in_words,
     finding,
+    how_measured,
     reference_in_words,
     section,
-    slopes_in_words,
     table,
-    unit_in_words,
 )
 from vibro_lab.accuracy.scene_rows import AVERAGED, OWN_CHECK, lyapunov_time_in, rows_of_scene
 from vibro_lab.executables import EXECUTABLES
-from vibro_lab.orbits.starts import RUNNING_SPEED, SETTLING
-from vibro_ros import (
-    Parser,
-    SimulationError,
-    exit_code,
-    interrupted_code,
-    load_scene,
-    png,
-    say,
-    shipped,
-)
+from vibro_ros import Parser, SimulationError, exit_code, interrupted_code, load_scene, png, say, shipped
 
 TABLE, TEXT = "accuracy.csv", "accuracy.md"
-_PACKAGES = ("numpy", "scipy")
 _LEAST_HORIZON = 1e-3  # s, one sample
-
-
-def machine() -> str:
-    """Text of what costs depend on: versions and machine, and the date."""
-    versions = ["vibro_ros from source", f"Python {platform.python_version()}",
-                *(f"{package} {metadata.version(package)}" for package in _PACKAGES)]
-    with suppress(metadata.PackageNotFoundError):
-        versions[0] = f"vibro_ros {metadata.version('vibro_ros')}"
-    return (f"{', '.join(versions)}; {platform.system()} {platform.machine()}, {os.cpu_count()} cores; "
-            f"{datetime.now(UTC):%Y-%m-%d}")
 
 
 def measure(scene_name: str, programs: Mapping[str, Program], effort: Effort, write: Callable[[Row], None],
             checks: Sequence[tuple[Program, Setting]] = (OWN_CHECK,)) -> list[Row]:
     """Measure and return the rows of a scene with a progress bar; each row is passed to `write` at once."""
-    found: list[Row] = []
+    measured: list[Row] = []
     scene = load_scene(scene_name)
     tqdm.write(f"{scene.name}: chaos and reference ...")
     with tqdm(desc=scene.name, unit="row", disable=None) as bar:
         for row in rows_of_scene(scene, programs, effort, checks):
-            found.append(row)
+            measured.append(row)
             write(row)
             if row.compared == EXPONENT:
-                tqdm.write(f"{scene.name}: {lyapunov_time_in(found)}")
+                tqdm.write(f"{scene.name}: {lyapunov_time_in(measured)}")
             elif row.compared == REFERENCE:
                 tqdm.write(f"{scene.name}: {reference_in_words(row)}")
             bar.set_postfix_str(f"{row.program} {row.setting}")
             bar.update()
-    return found
+    return measured
 
 
 def findings(rows: Sequence[Row]) -> list[str]:
     """Return the findings from the rows of a scene, in sentences."""
-    return [*slopes_in_words({rows[0].problem: rows}),
-            *(f"{asked[0].upper()}{asked[1:]}: {use}." for asked, use in advice(rows).items()),
+    return [*digits_in_words(rows), *(f"{asked[0].upper()}{asked[1:]}: {use}." for asked, use in advice(rows).items()),
             *(finding(rows, method) for method in AVERAGED)]
 
 
@@ -102,9 +66,9 @@ def write_report(rows: Mapping[str, Sequence[Row]], effort: Effort, folder: Path
     if interrupted:
         parts += ["", "**Interrupted: only a part was measured.**"]
     for name in pictures:
-        parts += ["", f"Findings in the scene `{name}`, in brackets costs, RK4 = 1:", "",
+        parts += ["", f"Findings in the scene `{name}`, in brackets costs:", "",
                   *(f"- {text}" for text in findings(rows[name]))]
-    parts += ["", how_measured(rows, effort, machine())]
+    parts += ["", how_measured([row for measured in rows.values() for row in measured], effort)]
     for name, picture in pictures.items():
         parts += ["", section(rows[name], picture.name), "", table(rows[name])]
     text = folder / TEXT
@@ -112,40 +76,19 @@ def write_report(rows: Mapping[str, Sequence[Row]], effort: Effort, folder: Path
     return [text, *pictures.values()]
 
 
-def how_measured(rows: Mapping[str, Sequence[Row]], effort: Effort, on: str) -> str:
-    """Return a description of the measurement in Markdown: machine, rounds, unit, instants and starts."""
-    return (f"Measured on: {on}.\n\n"
-            f"{unit_in_words(rows)} A cost is the ratio to that cost, measured in alternating runs: the median of at "
-            f"most {effort.repeats} rounds, each the median of as many runs as fit into {LEAST_TIME:g} s. "
-            f"Every run whose cost is measured is sampled at {RATE:g} Hz. No finer setting is measured after a run of "
-            f"more than {effort.patience:g} s.\n\n"
-            f"Errors are measured in other runs, at {INSTANTS} instants of each horizon that do not coincide with "
-            "samples or steps; `every position` means the body along the ground, its height, and both masses. A "
-            f"scene whose motor stands still at first is run at {RUNNING_SPEED:g} rad/s from the start. A mean speed "
-            f"is measured over {effort.duration:g} s, after {SETTLING:g} s of settling; its starts are independent, "
-            "because motor speed and gaps change at random in the first second. Fewer than 95 of 100 intervals contain "
-            "the true mean if a rare start goes far astray, as by `rk4` at 0.0001 s in `paper`.")
-
-
 def draw(rows: Mapping[str, Sequence[Row]], effort: Effort, folder: Path) -> dict[str, Path]:
     """Draw the diagram of every scene whose reference was checked; returns the files by scene."""
     pictures = {}
-    for name, own in rows.items():
-        if any(row.compared == REFERENCE for row in own):
+    for name, measured in rows.items():
+        if any(row.compared == REFERENCE for row in measured):
             pictures[name] = folder / f"{Path(name).stem}.png"
-            caption = f"{lyapunov_time_in(own)}; medians of at most {effort.repeats} rounds\n{machine()}"
-            pictures[name].write_bytes(png(draw_scene(own, caption)))
+            caption = f"{lyapunov_time_in(measured)}; medians of at most {effort.repeats} rounds\n{machine()}"
+            pictures[name].write_bytes(png(draw_scene(measured, caption)))
     return pictures
 
 
 def chosen_programs(names: Sequence[str] | None, programs: Mapping[str, Program]) -> dict[str, Program]:
-    """Return the programs with the given names, in the order of `programs`; all for None.
-
-    Raises
-    ------
-    ValueError
-        For an empty sequence of names, and for an unknown name.
-    """
+    """Return the programs with the given names, in the order of `programs`; all for None (ValueError for no name)."""
     if names is not None and not names:
         raise ValueError(f"--methods: none named; methods are {', '.join(programs)}")
     for name in names or ():

@@ -1,16 +1,24 @@
-"""Measurement of errors and costs: one problem, one program, one row for each setting.
+"""The harness: it runs a program on a problem over a horizon, measures error and cost, and makes rows.
 
-The executable `accuracy` and the benchmark only call `rows(problem, program, effort)`. A row has the program's errors
-(`errors`, against the problem's reference) and its cost, relative to the device's own Runge-Kutta 4 with steps of
-1e-5 s on the same problem, run alternately with the program. A program that is not part of the package runs in its own
-process (`Program.command`), so that a crash, an endless loop or a missing library becomes a result. Like `programs`,
-this module imports only numpy.
+The executable `accuracy` and `lab/benchmark/run.py` only call `rows(problem, program, effort)` and write what comes to
+a CSV file, from which all pages and diagrams are made.
+
+1. A `Problem` is a scene within a horizon (`SceneProblem`), or a problem of the benchmark with stored values. It says
+   at which instants a program is sampled, and judges the program's answer.
+2. A `Row` is one setting of one program on one problem, with its errors and its cost.
+3. A cost is the wall time [s] for each simulated second. The set-up of a run, such as making the device, has a field of
+   its own, because it decides which program is cheap over a tenth of a second and hardly counts over ten (`cost_of`).
+4. A program that is not part of the package runs in its own process (`Program.command`), so that a crash, an endless
+   loop or a missing library becomes a row.
+
+Like `programs`, this module imports only numpy, because a program may need another Python.
 """
 
 import csv
 import json
 import math
 import os
+import platform
 import signal
 import statistics
 import subprocess
@@ -18,40 +26,30 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, astuple, dataclass, fields, replace
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from vibro_lab.accuracy.programs import (
-    COLUMNS,
-    DEVICE,
-    UNIT,
-    UNIT_STEP,
-    Answer,
-    Program,
-    Setting,
-    UnableError,
-    by_device,
-)
+from vibro_lab.accuracy.programs import COLUMNS, Answer, Program, Setting, UnableError, by_device
 
 if TYPE_CHECKING:
     from vibro_ros import Scene
 
-#: Samples per second of simulated time in the runs whose cost is measured.
+#: Samples per second of simulated time in the runs of a scene whose cost is measured.
 RATE = 1000.0
-#: Wall time [s] for which a round repeats a run, at least; its cost is the median.
+#: Wall time [s] for which a round repeats a run, at least; the time of the run is the median.
 LEAST_TIME = 0.1
 #: Number of instants of a horizon at which errors are evaluated; they lie off all grids of samples and steps.
 INSTANTS = 50_000
-#: Comparison in a row: trajectories within a horizon, the same within the horizon of a requirement, mean speeds over
-#: starts, the reference with an independent program, and the Lyapunov exponent.
+#: What a row compares: a trajectory within the horizon of a diagram; the same within the horizon of a requirement; mean
+#: speeds over drawn starts; the reference with an independent program; and the Lyapunov exponent.
 TRAJECTORY, REQUIRED, AVERAGE, REFERENCE, EXPONENT = "trajectory", "requirement", "mean speed", "reference", "exponent"
 #: Outcomes of a row.
 OK, CANNOT, DIVERGES, FAILS, TIMEOUT, ABSENT = "ok", "cannot", "diverges", "fails", "out of time", "absent"
 _GOLDEN_RATIO = 0.5 * (math.sqrt(5.0) - 1.0)  # the fractional parts of its multiples fill an interval evenly
 COMPILING = 120.0  # s, time for compilation in addition to the limit of a process
-_UNIT_SAMPLES = 1001  # largest number of samples of a run of the unit
 _REFERENCE_TOLERANCE = 1e-12  # tolerance of exact as the reference
 _IGNORED_START = 1e-3  # s, from the start, in which contacts are ignored, because programs may count them differently
 _BODY, _HEIGHT = COLUMNS.index("body_position"), COLUMNS.index("body_height")
@@ -60,75 +58,25 @@ _MASSES = COLUMNS.index("upper_position"), COLUMNS.index("inclined_position")
 
 @dataclass(frozen=True)
 class Effort:
-    """Amount of measurement.
+    """Amount of measurement."""
 
-    Attributes
-    ----------
-    repeats : int
-        Rounds of each row, each of runs for `LEAST_TIME`; costs are medians.
-    horizon : float or None
-        Time over which trajectories are compared [s]; None to derive it from the Lyapunov time.
-    patience : float
-        Wall time [s] of a run after which no finer settings of its program are tried; steps that are expected to take
-        longer are skipped. Rounds end after a quarter of it, because the time of a long run has less scatter.
-    patience_for_averages : float
-        The same time [s] for all starts of a mean speed.
-    starts : int
-        Number of starts of a mean speed, at least 2; the spread between them does not shrink with their duration.
-    duration : float
-        Measuring time of each start [s].
-    limit : float
-        Wall time [s] of a run, without compilation, after which the process of an external program is ended.
-    """
-
-    repeats: int = 5
-    horizon: float | None = None
-    patience: float = 2.0
-    patience_for_averages: float = 8.0
-    starts: int = 32
-    duration: float = 5.0
-    limit: float = 60.0
+    repeats: int = 5  # rounds of each row, each of runs for `LEAST_TIME`; costs are medians
+    horizon: float | None = None  # time over which trajectories are compared [s]; None: from the Lyapunov time
+    patience: float = 2.0  # wall time [s] of a run after which rounds end and no finer setting is tried
+    patience_for_averages: float = 8.0  # the same time [s] for all starts of a mean speed
+    starts: int = 32  # starts of a mean speed by a method of fixed step; `exact` gets four times as many
+    duration: float = 5.0  # measuring time of each start [s]
+    limit: float = 60.0  # wall time [s] of a run, without compilation, after which an external program's process ends
 
 
-@dataclass(frozen=True)
-class Errors:
-    """Errors of an answer: the largest differences from a reference at the compared instants.
+class Errors(NamedTuple):
+    """Errors of an answer: the largest differences from a reference at the compared instants."""
 
-    Attributes
-    ----------
-    columns : tuple of float
-        Error of each of `COLUMNS` [m, m/s].
-    events : float
-        Largest distance in time [s] of a contact from the nearest of its kind in the other answer, in both directions,
-        so that additional and missing contacts count; infinite if only one answer has contacts of a kind; NaN if the
-        program locates no events or there are no contacts.
-    speed : float
-        Error of the mean speed from t = 0 to the end [m/s].
-    """
-
-    columns: tuple[float, ...]
+    columns: tuple[float, ...]  # of each of `COLUMNS` [m, m/s]
+    # Largest distance in time [s] of a contact from the nearest of its kind in the other answer, in both directions, so
+    # that missing contacts count; infinite if only one answer has a kind; NaN if there is nothing to compare.
     events: float
-    speed: float
-
-    @property
-    def body(self) -> float:
-        """Largest error of the body's position along the ground [m]."""
-        return self.columns[_BODY]
-
-    @property
-    def height(self) -> float:
-        """Largest error of the body's height above the ground [m]."""
-        return self.columns[_HEIGHT]
-
-    @property
-    def masses(self) -> float:
-        """Largest error of a mass's position along its guide [m]."""
-        return float(np.max([self.columns[k] for k in _MASSES]))
-
-    @property
-    def finite(self) -> bool:
-        """Whether all position errors are finite."""
-        return math.isfinite(self.body + self.height + self.masses)
+    speed: float  # of the mean speed from t = 0 to the end [m/s]
 
 
 def errors(answer: Answer, reference: Answer, duration: float) -> Errors:
@@ -140,19 +88,20 @@ def errors(answer: Answer, reference: Answer, duration: float) -> Errors:
 
 
 def _event_error(answer: Answer, reference: Answer) -> float:
-    found, expected = _contacts(answer), _contacts(reference)
+    measured, expected = _contacts(answer), _contacts(reference)
     if answer.events is None or not len(answer.events) or not expected:
         return math.nan
-    if found.keys() != expected.keys():
+    if measured.keys() != expected.keys():
         return math.inf
-    return max(max(_farthest(found[kind], expected[kind]), _farthest(expected[kind], found[kind])) for kind in expected)
+    return max(max(_farthest(measured[kind], expected[kind]), _farthest(expected[kind], measured[kind]))
+               for kind in expected)
 
 
-def _farthest(some: np.ndarray, others: np.ndarray) -> float:
-    """Largest distance [s] of an instant in `some` from the nearest in `others`; both are ascending."""
-    after = np.searchsorted(others, some)
+def _farthest(instants: np.ndarray, others: np.ndarray) -> float:
+    """Largest distance [s] of one of `instants` from the nearest of `others`; both are ascending."""
+    after = np.searchsorted(others, instants)
     later, earlier = others[np.minimum(after, len(others) - 1)], others[np.maximum(after - 1, 0)]
-    return float(np.minimum(np.abs(later - some), np.abs(some - earlier)).max())
+    return float(np.minimum(np.abs(later - instants), np.abs(instants - earlier)).max())
 
 
 def _contacts(answer: Answer) -> dict[str, np.ndarray]:
@@ -168,43 +117,47 @@ def _contacts(answer: Answer) -> dict[str, np.ndarray]:
 class Row:
     """Result of one setting of one program on one problem; NaN where a number does not apply.
 
-    `compared` has one of these values:
+    `compared` says what the row holds:
 
-    - `TRAJECTORY`: the errors are the largest within `horizon` [s].
-    - `REQUIRED`: the same, within the horizon of a requirement.
-    - `AVERAGE`: `mean` is the mean speed of one of the `motions` that starts of `horizon` seconds lead to. `spread` is
-      half its 95 % interval, NaN for one start. `repeats` starts lead to it, of which `starts_forwards` go forwards.
-      Each motion has a row.
-    - `REFERENCE`: the errors are those of `exact` against the named program.
-    - `EXPONENT`: `mean` and `spread` are the largest Lyapunov exponent and half its 95 % interval [1/s].
+    - `TRAJECTORY`, `REQUIRED`: cost, and the largest errors within `horizon` [s];
+    - `AVERAGE`: `mean` [m/s] of `repeats` drawn starts of `horizon` seconds that lead to one of `motions` motions. Nine
+      of ten of these starts lie from `low` to `high`; `starts_forwards` of them go forwards. Each motion has a row;
+    - `REFERENCE`: the errors are those of `exact` against the named program;
+    - `EXPONENT`: the largest Lyapunov exponent [1/s] and its 95 % interval.
 
-    `cost` is relative to the unit, `wall_time` in seconds; lengths in m, times in s, speeds in m/s. `share_error` is
-    the largest error of the columns by which a problem is judged, as a share of the span of its reference.
+    Lengths are in m, times in s, speeds in m/s.
     """
 
     problem: str
     compared: str
     program: str
-    use: str
+    use: str  # `PLAIN` or `TUNED`
     setting: str
-    value: float
-    horizon: float
-    repeats: int = 0
-    wall_time: float = math.nan
-    cost: float = math.nan
-    body_error: float = math.nan
+    value: float  # step [s] or tolerance
+    horizon: float  # simulated time [s]
+    repeats: int = 0  # rounds of the cost, or starts
+    cost: float = math.nan  # wall time [s] for each simulated second, without set-up
+    set_up: float = math.nan  # wall time [s] of a run before its first step
+    body_error: float = math.nan  # of the body's position along the ground
     height_error: float = math.nan
-    mass_error: float = math.nan
+    mass_error: float = math.nan  # of a mass's position along its guide, the larger
     event_error: float = math.nan
     speed_error: float = math.nan
-    share_error: float = math.nan
+    share_error: float = math.nan  # of the judged columns, as a share of the span of the reference
     mean: float = math.nan
-    spread: float = math.nan
+    low: float = math.nan
+    high: float = math.nan
     starts_forwards: int = 0
     motions: int = 1
     outcome: str = OK
     note: str = ""
-    version: str = ""
+    version: str = ""  # of the program
+    measured_on: str = ""  # interpreter, machine and date
+
+    @property
+    def wall_time(self) -> float:
+        """Wall time [s] of a whole run, with its set-up."""
+        return self.set_up + self.cost * self.horizon
 
     @property
     def path_error(self) -> float:
@@ -218,8 +171,9 @@ class Row:
 
     def with_errors(self, off: Errors) -> "Row":
         """Return this row with the given errors."""
-        return replace(self, body_error=off.body, height_error=off.height, mass_error=off.masses,
-                       event_error=off.events, speed_error=off.speed)
+        return replace(self, body_error=off.columns[_BODY], height_error=off.columns[_HEIGHT],
+                       mass_error=float(np.max([off.columns[k] for k in _MASSES])), event_error=off.events,
+                       speed_error=off.speed)
 
 
 @contextmanager
@@ -316,61 +270,64 @@ class SceneProblem:
 
     def judge(self, row: Row, answer: Answer, times: np.ndarray) -> Row:
         """Return the row with the errors of an answer at instants [s], or its outcome if positions are not finite."""
-        off = errors(answer, self.reference(times), float(times[-1]))
-        if not off.finite:
-            return replace(row, outcome=DIVERGES, note="positions not finite", cost=math.nan, wall_time=math.nan)
-        return row.with_errors(off)
+        judged = row.with_errors(errors(answer, self.reference(times), float(times[-1])))
+        if not math.isfinite(judged.position_error):
+            return replace(row, outcome=DIVERGES, note="positions not finite", cost=math.nan, set_up=math.nan)
+        return judged
 
 
 def rows(problem: Problem, program: Program, effort: Effort, compared: str = TRAJECTORY) -> Iterator[Row]:
     """Yield a row for each setting, from coarse to fine, until one takes longer than the effort's patience."""
-    before, seconds = math.inf, 0.0
+    last_step, duration = math.inf, 0.0
     for number, setting in enumerate(program.settings):
-        if setting.is_step and seconds * before / setting.value > effort.patience and math.isfinite(before):
+        if setting.is_step and duration * last_step / setting.value > effort.patience and math.isfinite(last_step):
             return
         begun = time.perf_counter()
         row = (_in_child(problem, program, setting, number, effort) if program.command
                else measure_setting(problem, program, setting, effort))
         yield replace(row, compared=compared)
-        done = math.isfinite(row.wall_time)
-        seconds = row.wall_time if done else time.perf_counter() - begun
-        before = setting.value if done else math.inf
-        if row.outcome == ABSENT or seconds > effort.patience and not program.command:
+        is_timed = math.isfinite(row.wall_time)
+        duration = row.wall_time if is_timed else time.perf_counter() - begun
+        last_step = setting.value if is_timed else math.inf
+        if row.outcome == ABSENT or duration > effort.patience and not program.command:
             return
 
 
 def row_of(problem: Problem, program: Program, setting: Setting, compared: str = TRAJECTORY) -> Row:
     """Return a row without results."""
     return Row(problem.name, compared, program.name, setting.use, setting.label, setting.value,
-               float(problem.times[-1]))
+               float(problem.times[-1]), measured_on=machine())
 
 
 def measure_setting(problem: Problem, program: Program, setting: Setting, effort: Effort) -> Row:
     """Measure one setting in this process, and return its row."""
     row = replace(row_of(problem, program, setting), version=program.version())
-    walls: list[float] = []
-    ratios: list[float] = []
     try:
-        instants = problem.instants(program, setting)
-        answer = program.prepare(problem.at(instants), setting)()  # first, so that compilation is not part of the cost
-        run = program.prepare(problem, setting)
-        while len(walls) < effort.repeats and sum(walls) <= effort.patience / 4.0:
-            walls.append(median_time(run))
-            ratios.append(walls[-1] / unit_seconds(problem))
+        instants, whole = problem.instants(program, setting), program.prepare(problem, setting)
+        # first, so that compilation is not part of the cost
+        answer = whole() if instants is problem.times else program.prepare(problem.at(instants), setting)()
+        cost, set_up, rounds = cost_of(problem, whole, program.prepare(problem.at(problem.times[:2]), setting), effort)
     except UnableError as error:
         return replace(row, outcome=CANNOT, note=str(error))
-    return problem.judge(replace(row, repeats=len(walls), cost=statistics.median(ratios),
-                                  wall_time=statistics.median(walls)), answer, instants)
+    return problem.judge(replace(row, cost=cost, set_up=set_up, repeats=rounds), answer, instants)
 
 
-def unit_seconds(problem: Problem) -> float:
-    """Measure the wall time [s] of the unit of cost on a problem; NaN in a Python without numba."""
-    times = problem.times[:_UNIT_SAMPLES]
-    try:
-        run = DEVICE[UNIT].prepare(problem.at(times), Setting(UNIT_STEP, ""))
-    except ModuleNotFoundError:
-        return math.nan
-    return seconds(run) * float(problem.times[-1] / times[-1])
+def cost_of(problem: Problem, whole: Callable[[], object], short: Callable[[], object],
+            effort: Effort) -> tuple[float, float, int]:
+    """Return the cost of a program [s for each simulated second], its set-up [s], and the number of rounds.
+
+    Whole runs alternate with short ones, which end at the second sampled instant and consist of little but set-up. The
+    cost is the difference of their times for each second between the two ends; the set-up is what the short run takes
+    beyond that. Both are medians over rounds.
+    """
+    end, early = float(problem.times[-1]), float(problem.times[1])
+    costs, set_ups, spent = list[float](), list[float](), 0.0
+    while len(costs) < effort.repeats and spent <= effort.patience / 4.0:  # a long run scatters less
+        long_time, short_time = median_time(whole), median_time(short)
+        costs.append((long_time - short_time) / (end - early) if end > early else long_time / end)
+        set_ups.append(max(0.0, short_time - costs[-1] * early))
+        spent += long_time
+    return statistics.median(costs), statistics.median(set_ups), len(costs)
 
 
 def seconds(function: Callable[[], object]) -> float:
@@ -391,25 +348,28 @@ def median_time(function: Callable[[], object]) -> float:
     return statistics.median(times)
 
 
+def machine() -> str:
+    """Return what a cost depends on beside the program: interpreter, machine and date."""
+    return (f"Python {platform.python_version()}, numpy {np.__version__}; {platform.system()} {platform.machine()}, "
+            f"{os.cpu_count()} cores; {datetime.now(UTC):%Y-%m-%d}")
+
+
 def _in_child(problem: Problem, program: Program, setting: Setting, number: int, effort: Effort) -> Row:
     """Measure one setting in its own process; returns its row, or a row with the outcome of the failed process."""
     row = row_of(problem, program, setting)
     try:
-        done = run_child([*program.command, problem.name, str(number), str(effort.limit)], effort.limit + COMPILING)
+        process = run_child([*program.command, problem.name, str(number), str(effort.limit)], effort.limit + COMPILING)
     except subprocess.TimeoutExpired:
         return replace(row, outcome=TIMEOUT, note=f"more than {effort.limit + COMPILING:g} s, with compiling")
-    if done.returncode == 0:
-        row = Row(**json.loads(done.stdout.splitlines()[-1]))
-        # another interpreter may lack numba, and cannot time the unit
-        cost = row.wall_time / unit_seconds(problem) if math.isnan(row.cost) and row.wall_time > 0.0 else row.cost
-        return replace(row, cost=cost)
-    last = (done.stderr.strip().splitlines() or [""])[-1]
-    if "ModuleNotFoundError" in last or "ImportError" in last or done.returncode == 127:
+    if process.returncode == 0:
+        return Row(**json.loads(process.stdout.splitlines()[-1]))
+    last = (process.stderr.strip().splitlines() or [""])[-1]
+    if "ModuleNotFoundError" in last or "ImportError" in last or process.returncode == 127:
         return replace(row, outcome=ABSENT, note=last)
-    if done.returncode == -signal.SIGALRM:
+    if process.returncode == -signal.SIGALRM:
         return replace(row, outcome=TIMEOUT, note=f"more than {effort.limit:g} s")
-    if done.returncode < 0:
-        last = signal.Signals(-done.returncode).name
+    if process.returncode < 0:
+        last = signal.Signals(-process.returncode).name
     return replace(row, outcome=FAILS, note=last[:200])
 
 
@@ -421,10 +381,7 @@ def print_row(row: Row) -> None:
 def run_child(command: Sequence[str], limit: float) -> subprocess.CompletedProcess[str]:
     """Run a command in its own process group, end all its processes, and return the completed process.
 
-    Raises
-    ------
-    subprocess.TimeoutExpired
-        When it takes longer than `limit` [s].
+    It raises `subprocess.TimeoutExpired` if the command takes longer than `limit` [s].
     """
     environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"}
     try:

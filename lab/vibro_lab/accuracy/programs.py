@@ -49,32 +49,25 @@ class Answer:
 
     A program may give `samples` and `events` as functions without arguments, which are called when the attribute is
     first read, so that converting a result to this form is not timed as part of the run.
-
-    Attributes
-    ----------
-    samples : ndarray, shape (n, 8)
-        Positions and velocities at the requested instants [m, m/s], in the columns `COLUMNS`; zero for coordinates that
-        the problem does not have.
-    events : structured ndarray, shape (events,), or None
-        `time` [s] and `kind` of the contacts and of the body's changes of state, ordered by time; None from a program
-        that locates no events.
-    callbacks : callable, or None
-        Returns the part of the run's wall time [s] spent in Python functions that the program calls back.
     """
 
     def __init__(self, samples: np.ndarray | Callable[[], np.ndarray],
                  events: np.ndarray | Callable[[], np.ndarray] | None = None,
                  callbacks: Callable[[], float] | None = None):
-        self._samples, self._events, self.callbacks = samples, events, callbacks
+        self._samples, self._events = samples, events
+        # Returns the part of the run's wall time [s] spent in Python functions that the program calls back.
+        self.callbacks = callbacks
 
     @cached_property
     def samples(self) -> np.ndarray:
-        """See the class."""
+        """Positions and velocities at the requested instants [m, m/s], shape (n, 8), in the columns `COLUMNS`; zero for
+        coordinates that the problem does not have."""
         return self._samples() if callable(self._samples) else self._samples
 
     @cached_property
     def events(self) -> np.ndarray | None:
-        """See the class."""
+        """`time` [s] and `kind` of the contacts and of the body's changes of state, ordered by time; None from a
+        program that locates no events."""
         return self._events() if callable(self._events) else self._events
 
 
@@ -105,9 +98,9 @@ def tolerances(*values: float) -> tuple[Setting, ...]:
     return tuple(Setting(value, f"tolerance {value:g}") for value in values)
 
 
-def event_array(found: Iterable[tuple[float, str]]) -> np.ndarray:
+def event_array(events: Iterable[tuple[float, str]]) -> np.ndarray:
     """Return pairs of instant [s] and kind as an array for `Answer.events`, ordered by time."""
-    return ordered_events(np.array([(time, kind) for time, kind in found], dtype=EVENT_DTYPE))
+    return ordered_events(np.array([(time, kind) for time, kind in events], dtype=EVENT_DTYPE))
 
 
 def ordered_events(events: np.ndarray) -> np.ndarray:
@@ -171,6 +164,3 @@ DEVICE: dict[str, Program] = {
     "exact": Program("exact", (Setting(1e-9, "as it comes", PLAIN),), _prepared("exact"), _version),
     **{name: Program(name, steps(*_decades(1e-3, 1e-7)), _prepared(name), _version)
        for name in ("rk4", "rk4_located")}}
-#: The unit of cost: the device's own Runge-Kutta 4 with steps of 1e-5 s.
-UNIT, UNIT_STEP = "rk4", 1e-5
-UNIT_IN_WORDS = "the device's own Runge-Kutta 4 (`solver.method: rk4`) of 1e-5 s"

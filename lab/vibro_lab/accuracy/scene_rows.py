@@ -1,7 +1,8 @@
 """All rows of one scene: its Lyapunov exponent, the check of its reference, trajectories, requirements, mean speeds.
 
-Because of chaos, trajectories can be compared for five Lyapunov times. Beyond, mean speeds over random starts are
-compared.
+Because of chaos, trajectories can be compared for five Lyapunov times. Beyond, mean speeds over drawn starts are
+compared. A motor that stands in the scene gets its command at t = 0 of a long run, which leads `device` to its usual
+motion; in shorter runs it turns from the start, so that the masses meet their plates.
 """
 
 import math
@@ -26,6 +27,7 @@ from vibro_lab.accuracy.harness import (
     Row,
     SceneProblem,
     errors,
+    machine,
     off_every_grid,
     row_of,
     rows,
@@ -58,22 +60,12 @@ OWN_CHECK = (DEVICE["rk4_located"], Setting(1e-6, "step 1e-06 s", is_step=True))
 
 @dataclass(frozen=True)
 class LyapunovTime:
-    """Rate of separation of nearby motions.
+    """Rate of separation of nearby motions."""
 
-    Attributes
-    ----------
-    rate, spread : float
-        Largest Lyapunov exponent [1/s] and the half width of its 95 % confidence interval, over pairs.
-    chaotic : bool
-        Whether most pairs have separated and the exponent is positive beyond its interval.
-    duration : float
-        Longest time for which a pair was observed [s].
-    """
-
-    rate: float
-    spread: float
-    chaotic: bool
-    duration: float
+    rate: float  # largest Lyapunov exponent [1/s], the mean over pairs
+    spread: float  # half its 95 % interval [1/s]
+    chaotic: bool  # most pairs have separated, and the exponent is positive beyond its interval
+    duration: float  # longest time for which a pair was observed [s]
 
     @property
     def time(self) -> float:
@@ -87,20 +79,20 @@ class LyapunovTime:
 
     def __str__(self):
         if self.chaotic:
-            return (f"Lyapunov time {self.time:.2g} s (exponent {self.rate:.2g} ± {self.spread:.1g} 1/s): "
-                    f"chaotic")
+            return f"Lyapunov time {self.time:.2g} s (exponent {self.rate:.2g} ± {self.spread:.1g} 1/s): chaotic"
         return f"no chaos seen: motions that start close stay close for {self.duration:g} s"
 
     def row(self, scene: str) -> Row:
         """Return it as a row, whose `starts_forwards` is 1 for a chaotic scene, else 0."""
         return Row(scene, EXPONENT, "exact", PLAIN, "as it comes", math.nan, self.duration, _PAIRS, mean=self.rate,
-                   spread=self.spread, starts_forwards=int(self.chaotic))
+                   low=self.rate - self.spread, high=self.rate + self.spread, starts_forwards=int(self.chaotic),
+                   measured_on=machine())
 
 
-def lyapunov_time_in(own: Sequence[Row]) -> LyapunovTime:
+def lyapunov_time_in(rows_of_scene: Sequence[Row]) -> LyapunovTime:
     """Return the Lyapunov time of a scene from its rows."""
-    row = next(row for row in own if row.compared == EXPONENT)
-    return LyapunovTime(row.mean, row.spread, bool(row.starts_forwards), row.horizon)
+    row = next(row for row in rows_of_scene if row.compared == EXPONENT)
+    return LyapunovTime(row.mean, row.high - row.mean, bool(row.starts_forwards), row.horizon)
 
 
 def lyapunov_time(scene: Scene, duration: float = _PAIR_DURATION, starts: int = _PAIRS) -> LyapunovTime:
@@ -117,18 +109,18 @@ def lyapunov_time(scene: Scene, duration: float = _PAIR_DURATION, starts: int = 
 def rows_of_scene(scene: Scene, programs: Mapping[str, Program], effort: Effort,
                   checks: Sequence[tuple[Program, Setting]] = (OWN_CHECK,)) -> Iterator[Row]:
     """Measure a scene row by row; the reference is checked by the first of `checks` that can simulate the scene."""
-    scene = running(scene)
-    found = lyapunov_time(scene)
-    yield found.row(scene.name)
-    horizon = effort.horizon or math.floor(min(LONGEST_HORIZON, found.comparable) * 20.0) / 20.0 or 0.05
+    chaos = lyapunov_time(running(scene))
+    yield chaos.row(scene.name)
+    horizon = effort.horizon or math.floor(min(LONGEST_HORIZON, chaos.comparable) * 20.0) / 20.0 or 0.05
     for compared, length in ((TRAJECTORY, horizon), (REQUIRED, SHORT), (REQUIRED, LONG)):
-        if compared == REQUIRED and length > found.comparable:
+        if compared == REQUIRED and length > chaos.comparable:
             continue
-        problem = SceneProblem.within(scene, length)
+        # A short run with a motor that stands would be its ramp alone; a long one leads as users begin it.
+        problem = SceneProblem.within(scene if length == LONG else running(scene), length)
         yield check_reference(problem, checks)
         for program in programs.values():
             yield from rows(problem, program, effort, compared)
-    yield from _averages(scene, effort)
+    yield from averages_of_scene(running(scene), effort)
 
 
 def check_reference(problem: SceneProblem, checks: Sequence[tuple[Program, Setting]]) -> Row:
@@ -146,48 +138,51 @@ def check_reference(problem: SceneProblem, checks: Sequence[tuple[Program, Setti
     return Row(problem.name, REFERENCE, "none", PLAIN, "", math.nan, horizon, note="; ".join(reasons))
 
 
-def _averages(scene: Scene, effort: Effort) -> Iterator[Row]:
+def averages_of_scene(scene: Scene, effort: Effort) -> Iterator[Row]:
+    """Yield the mean speeds by `exact`, then by each method of fixed step until a step would exhaust the patience."""
     yield from averages(scene, "exact", math.nan, effort)
     for name in AVERAGED:
-        before, seconds = math.inf, 0.0
+        last_step, duration = math.inf, 0.0
         for step in AVERAGE_STEPS:
-            if math.isfinite(before) and seconds * before / step > effort.patience_for_averages:
+            if math.isfinite(last_step) and duration * last_step / step > effort.patience_for_averages:
                 break
-            found = averages(scene, name, step, effort)
-            yield from found
-            wall_time = found[0].wall_time
-            before, seconds = (step, wall_time) if math.isfinite(wall_time) else (before, seconds)
+            began = time.perf_counter()
+            measured = averages(scene, name, step, effort)
+            yield from measured
+            if math.isfinite(measured[0].mean):
+                last_step, duration = step, time.perf_counter() - began
 
 
 def averages(scene: Scene, method: str, step: float, effort: Effort) -> list[Row]:
-    """Measure the mean speed of each motion that random starts lead to with a method, that of most starts first."""
+    """Measure the mean speed of each motion that drawn starts lead to with a method, that of most starts first."""
     exact = method == "exact"
     starts = effort.starts * (_MORE_STARTS if exact else 1)
     row = Row(scene.name, AVERAGE, method, PLAIN, "as it comes" if exact else f"step {step:g} s", step, effort.duration,
-              starts)
+              starts, measured_on=machine())
     steps = {} if exact else {"solver.step": step}
     scene = scene.with_parameters({"solver.method": method, "solver.accounts": False, **steps})
-    began = time.perf_counter()
     runs = Execution(core_count()).rows(partial(_settled, scene, effort.duration), range(starts),
                                         SETTLING + effort.duration)
     try:
         with closing(runs):
-            speeds, motions, drifts = zip(*runs, strict=True)
+            measured, motions, drifts = zip(*runs, strict=True)
     except SimulationError as error:
         return [replace(row, repeats=0, outcome=CANNOT, note=str(error))]
-    row = replace(row, wall_time=time.perf_counter() - began)
+    speeds = np.array(measured)
     if not np.abs(speeds).max() < _DIVERGED:
         return [replace(row, outcome=DIVERGES, note=f"diverged: faster than {_DIVERGED:g} m/s")]
-    attractors, places = group_starts(motions, speeds)
-    found = []
-    for place, attractor in enumerate(attractors):
-        own, drift = np.array(speeds)[places == place], 0.0
+    motions_found, places = group_starts(motions, measured)
+    averaged = []
+    for place, attractor in enumerate(motions_found):
+        chosen, drift = speeds[places == place], 0.0
         if not attractor.turns:
-            drift = drift_in(np.array(drifts)[places == place], float(own.mean()))
-        found.append(replace(row, repeats=len(own), mean=float(own.mean()), spread=float(half_interval(own)),
-                             motions=len(attractors), starts_forwards=int(np.sum(own > 0.0)),
-                             note=f"drifts by {1e3 * drift:.2g} mm/s" if drift else ""))
-    return found
+            drift = drift_in(np.array(drifts)[places == place], float(chosen.mean()))
+        low, high = np.quantile(chosen, (0.05, 0.95))
+        averaged.append(replace(
+            row, repeats=len(chosen), mean=float(chosen.mean()), low=float(low), high=float(high),
+            motions=len(motions_found), starts_forwards=int(np.sum(chosen > 0.0)),
+            note=f"drifts by {1e3 * drift:.2g} mm/s" if drift else ""))
+    return averaged
 
 
 def _settled(scene: Scene, duration: float, number: int) -> tuple[float, SettledMotion | None, float]:

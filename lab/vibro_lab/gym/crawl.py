@@ -120,15 +120,7 @@ class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
         return self._observe(self._measured), self._truth(self._device)
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
-        """Send the commands of an action and simulate one step; an action is clipped to the action space.
-
-        Raises
-        ------
-        ResetNeeded
-            Before the first `reset`.
-        ValueError
-            For an action that is not three numbers.
-        """
+        """Send the commands of an action and simulate one step; an action is clipped to the action space."""
         device = self._begun("step")
         given = np.asarray(action, dtype=float)
         if given.shape != self.action_space.shape or np.isnan(given).any():

@@ -65,7 +65,7 @@ def unknown_of(scene: Scene, name: str, limits: tuple[float, float] | None = Non
     parameter = PARAMETERS.get(name)
     if parameter is None or not isinstance(parameter.default, float) or name.startswith(("solver.", "sensors.")):
         raise ValueError(f"free: {quoted(name)} is no number of the robot; give names such as ground.friction, "
-                         "upper.gap or mass.body (docs/parameters.md has all)")
+                         "upper.gap or mass.body (docs/guide/parameters.md has all)")
     try:
         low, high = map(float, limits if limits is not None else (parameter.minimum, parameter.maximum))
     except (TypeError, ValueError):

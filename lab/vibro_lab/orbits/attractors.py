@@ -186,13 +186,7 @@ def _attractor(motion: SettledMotion | None, speeds: np.ndarray, total: int) -> 
 
 
 def with_exponents(attractor: Attractor, turn_map: TurnMap) -> Attractor:
-    """Return the attractor with its multipliers and exponent; unchanged if it has not settled.
-
-    Raises
-    ------
-    SimulationError
-        If a run cannot go on.
-    """
+    """Return the attractor with its multipliers and exponent; unchanged if it has not settled."""
     if attractor.turns is None:
         return attractor
     multipliers = _multipliers(attractor, turn_map) if attractor.turns else np.empty(0, complex)

@@ -247,11 +247,6 @@ def exponent_of_pairs(device: Simulator, begin: float, duration: float) -> tuple
         The exponent [1/s], and half the width of its 95 % confidence interval, from up to ten parts of the time. If no
         pair of runs has separated, 0 and the largest exponent that would have remained undetected. Both are NaN for a
         duration of less than three stretches of two turns; the interval is NaN if only one pair was measured.
-
-    Raises
-    ------
-    SimulationError
-        If a run cannot go on.
     """
     try:
         stretch = _TURNS * TURN / crank_speed(device.scene)

@@ -33,38 +33,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vibro_lab.orbits.family import LONGEST_STEP, BranchPoint, Family, LostError, corrected_orbit, point_at
+from vibro_lab.orbits.family import BranchPoint, Family, LostError, corrected_orbit, point_at
 from vibro_lab.orbits.orbit import CLOSED
 from vibro_lab.orbits.passage import change_in_words, contacts_of, same_order
 from vibro_ros import SimulationError
 
-FIRST_STEP, SHORTEST_STEP = 0.01, 1e-10
-"""First and shortest step along the branch, in units of the machine and shares of the parameter's range."""
-NEAREST_EVENT = 0.01
-"""Least distance of the cut from all events, as a share of a turn; nearer, the cut is moved."""
-_LEAST_ARC = 1e-6  # below it, the width of a special point's interval is that of the parameter alone, as at a fold
-_DIRECTION_ARC = 1e-6  # arc to a second point, which gives the branch's direction when the cut changes
-_EASY_ITERATIONS = 2  # most derivatives of a step's Newton iteration after which the next step is longer
-# Shorter steps, with a larger multiplier, end the branch as too unstable to be followed.
-_STIFF_STEP, _STIFF_MULTIPLIER = 1e-4, 1e3
-_EDGE_SEARCH_STEP = 1e-5  # a step that fails and is shorter is searched for an edge
-STRAIGHT = 0.9
-"""Least cosine between the tangents of neighbours; below, the step is halved."""
-_EDGE_ARC = 1e-12  # arc to which the edge is located
-_BEYOND_ARC = 1e-9  # arc beyond the edge at which the order of events must differ
-_MOST_ROUNDS = 8
-_BEFORE_ARC = 1e-6  # arc before the edge at which its multipliers are computed
-_DERIVATIVE_ARCS = (1e-6, 1e-5, 1e-4, 1e-3)  # arcs beyond the edge at which the other side's derivative is computed
-_FIRST_POINT_ARCS = (1e-4, 1e-5, 1e-3, 1e-6)  # arcs from the edge to the first point of the other side
-_DEPTHS = (0.0, 1.0, 10.0, 0.1)  # see `_entered`
-_MOST_CHORDS = 40  # iterations of Newton's method with a constant derivative
 FOLD, DOUBLING, TORUS, GRAZING, CORNER = "fold", "period doubling", "Neimark-Sacker", "grazing", "corner"
 KINDS = (FOLD, DOUBLING, TORUS, GRAZING, CORNER)
-TOLERANCE = 1e-10
-"""Tolerance of a special point's parameter value, as a share of the parameter's range."""
-_CIRCLE_TOLERANCE = 1e-3  # largest distance from 1 of the magnitude of a Neimark-Sacker point's multipliers
-_COMPARED_ARC = 1e-5  # arc beyond an edge at which the other side is compared with this one
-_SMOOTH_CHANGE = 5e-3  # largest changes there of the tangent (1 - cosine) and, relative, of multipliers, if smooth
 
 
 class EdgeError(LostError):
@@ -88,7 +63,7 @@ def follow(point: BranchPoint) -> Iterator[tuple[BranchPoint, BranchPoint]]:
     LostError
         Where the branch cannot be followed.
     """
-    point, step = _well_cut(point), FIRST_STEP
+    point, step = _well_cut(point), point.family.settings.first_step
     yield point, point
     while 0.0 <= point.unknowns[-1] <= 1.0:
         neighbours, step = _next(point, step)
@@ -101,17 +76,18 @@ def follow(point: BranchPoint) -> Iterator[tuple[BranchPoint, BranchPoint]]:
 def _next(point: BranchPoint, step: float) -> tuple[list[BranchPoint], float]:
     """Return the next point, or an edge and the first point beyond it, and the length of the following step.
 
-    An arc that fails is halved, down to `SHORTEST_STEP` (LostError if none succeeds).
+    An arc that fails is halved, down to the shortest step (LostError if none succeeds).
     """
-    family, reason = point.family, ""
-    while step >= SHORTEST_STEP:
+    family, settings, reason = point.family, point.family.settings, ""
+    while step >= settings.shortest_step:
         guess, crosses = point.unknowns + step * point.tangent, False
         try:
             unknowns, derivatives = corrected_orbit(family, guess, point.tangent, step)
             after = point_at(family, unknowns, point.tangent, step)
             crosses = not same_order(after.passage.order, point.passage.order)
-            if not crosses and after.tangent @ point.tangent >= STRAIGHT:
-                return [after], min(LONGEST_STEP, step * (1.5 if derivatives <= _EASY_ITERATIONS else 1.0))
+            if not crosses and 1.0 - after.tangent @ point.tangent <= settings.bend:
+                growth = 1.5 if derivatives <= settings.easy_iterations else 1.0
+                return [after], min(settings.longest_step, step * growth)
             reason = f"the branch bends too sharply near {family.where(after.unknowns)}"
         except LostError as error:
             reason = str(error)
@@ -119,9 +95,9 @@ def _next(point: BranchPoint, step: float) -> tuple[list[BranchPoint], float]:
                 crosses = not same_order(family.order(guess), point.passage.order)
             except (SimulationError, ValueError):
                 crosses = False
-        if (crosses or step < _EDGE_SEARCH_STEP) and (last := point_before_edge(point, step)):
-            return [last, point_beyond_edge(last)], FIRST_STEP
-        if step < 2.0 * _STIFF_STEP and abs(point.multipliers[0]) > _STIFF_MULTIPLIER:
+        if (crosses or step < settings.edge_search_step) and (last := point_before_edge(point, step)):
+            return [last, point_beyond_edge(last)], settings.first_step
+        if step < 2.0 * settings.stiff_step and abs(point.multipliers[0]) > settings.stiff_multiplier:
             raise LostError(f"too unstable to be followed beyond {family.where(point.unknowns)}: a disturbance grows "
                             f"{abs(point.multipliers[0]):.4g}-fold until the motion repeats itself")
         step *= 0.5
@@ -130,13 +106,14 @@ def _next(point: BranchPoint, step: float) -> tuple[list[BranchPoint], float]:
 
 def _well_cut(point: BranchPoint) -> BranchPoint:
     """Return the same orbit with a cut that is far from all events."""
-    if point.passage.clear >= NEAREST_EVENT:
+    settings = point.family.settings
+    if point.passage.clear >= settings.nearest_event:
         return point
-    family, (here, ahead) = point.family.recut(point.passage.best, [
-        point.unknowns, point.unknowns + _DIRECTION_ARC * point.tangent])
-    along = (ahead - here) / np.linalg.norm(ahead - here)
+    family, (start, ahead) = point.family.recut(point.passage.best, [
+        point.unknowns, point.unknowns + settings.direction_arc * point.tangent])
+    along = (ahead - start) / np.linalg.norm(ahead - start)
     try:
-        unknowns, _ = corrected_orbit(family, here, along)
+        unknowns, _ = corrected_orbit(family, start, along)
     except LostError:
         return point
     return point_at(family, unknowns, along)
@@ -186,8 +163,8 @@ def locate_zero(before: BranchPoint, after: BranchPoint, test: Callable[[BranchP
 def _width(low: BranchPoint, high: BranchPoint, arc: float) -> float:
     """Share of the parameter's range between two points; at a fold from the tangents, because the difference is small.
     """
-    within = max(abs(low.tangent[-1]), abs(high.tangent[-1])) * arc
-    return float(max(within, abs(low.unknowns[-1] - high.unknowns[-1]), 0.0 if arc < _LEAST_ARC else arc))
+    within, least_arc = max(abs(low.tangent[-1]), abs(high.tangent[-1])) * arc, low.family.settings.least_arc
+    return float(max(within, abs(low.unknowns[-1] - high.unknowns[-1]), 0.0 if arc < least_arc else arc))
 
 
 def point_before_edge(point: BranchPoint, step: float) -> BranchPoint | None:
@@ -198,15 +175,15 @@ def point_before_edge(point: BranchPoint, step: float) -> BranchPoint | None:
     BranchPoint or None
         The edge, with tangent and multipliers of this side; None if the order of events does not change there.
     """
-    low, far, family = point, step, point.family
+    low, far, family, settings = point, step, point.family, point.family.settings
     try:
-        for _ in range(_MOST_ROUNDS):
+        for _ in range(settings.most_rounds):
             unknowns, width = _last_of_side(low, far)
-            ahead = unknowns + max(_BEYOND_ARC, 10.0 * width) * low.tangent
+            ahead = unknowns + max(settings.beyond_arc, 10.0 * width) * low.tangent
             apart = float(np.linalg.norm(unknowns - low.unknowns))
             if not same_order(family.order(ahead), low.passage.order):
-                before = unknowns - min(_BEFORE_ARC, 0.5 * apart) * low.tangent
-                side = point_at(family, before, low.tangent, _BEFORE_ARC)
+                before = unknowns - min(settings.before_arc, 0.5 * apart) * low.tangent
+                side = point_at(family, before, low.tangent, settings.before_arc)
                 return replace(side, unknowns=unknowns, passage=family.passage(unknowns),
                                mean_speed=family.mean_speed(unknowns), width=family.span(abs(width * low.tangent[-1])))
             if apart == 0.0:
@@ -223,13 +200,13 @@ def _last_of_side(low: BranchPoint, far: float) -> tuple[np.ndarray, float]:
 
     By bisection; Newton's method uses the derivative at `low`, because differences near the edge would cross it.
     """
-    family = low.family
+    family, settings = low.family, low.family.settings
     held = ~family.free(low.unknowns)[:-1]
     inverse = np.linalg.pinv(np.vstack([family.jacobian(low.unknowns, far), low.tangent]))
 
     def ahead(guess: np.ndarray) -> np.ndarray | None:
         at, before = guess.copy(), np.inf
-        for _ in range(_MOST_CHORDS):
+        for _ in range(settings.most_chords):
             residual = family.residual(at)
             residual[held] = 0.0
             size = float(np.abs(residual).max())
@@ -240,16 +217,16 @@ def _last_of_side(low: BranchPoint, far: float) -> tuple[np.ndarray, float]:
         return at if closes else None
 
     near, last = 0.0, low.unknowns
-    while far - near > _EDGE_ARC:
+    while far - near > settings.edge_arc:
         middle = 0.5 * (near + far)
         try:
-            found = ahead(last + (middle - near) * low.tangent)
+            orbit = ahead(last + (middle - near) * low.tangent)
         except (SimulationError, ValueError):
-            found = None
-        if found is None:
+            orbit = None
+        if orbit is None:
             far = middle
         else:
-            near, last = middle, found
+            near, last = middle, orbit
     return last, far - near
 
 
@@ -264,18 +241,18 @@ def point_beyond_edge(before: BranchPoint) -> BranchPoint:
     EdgeError
         If no orbit is found there.
     """
-    family = before.family
-    for probe in _DERIVATIVE_ARCS:
+    family, settings = before.family, before.family.settings
+    for probe in settings.derivative_arcs:
         try:
             direction = _direction(family, before, probe)
         except (SimulationError, ValueError, np.linalg.LinAlgError):
             continue
         if direction is not None:
-            for arc, sign, depth in itertools.product(_FIRST_POINT_ARCS, (1.0, -1.0), _DEPTHS):
-                if found := _entered(before, sign * direction, arc, depth):
-                    return found
+            for arc, sign, depth in itertools.product(settings.first_point_arcs, (1.0, -1.0), settings.depths):
+                if first_point := _entered(before, sign * direction, arc, depth):
+                    return first_point
     change, grazes = "which ones was not found", False
-    for probe in (_BEYOND_ARC, *_DERIVATIVE_ARCS):
+    for probe in (settings.beyond_arc, *settings.derivative_arcs):
         order = family.order(before.unknowns + probe * before.tangent)
         if not same_order(order, before.passage.order):
             change = change_in_words(before.passage.order, order)
@@ -312,32 +289,21 @@ def _entered(before: BranchPoint, direction: np.ndarray, arc: float, depth: floa
         unknowns, _ = corrected_orbit(family, guess, direction, arc)
         if np.linalg.norm(unknowns - guess) > arc:
             return None
-        found = point_at(family, unknowns, direction, arc)
+        entered = point_at(family, unknowns, direction, arc)
     except (LostError, SimulationError, ValueError):
         return None
-    return None if same_order(found.passage.order, before.passage.order) else found
+    return None if same_order(entered.passage.order, before.passage.order) else entered
 
 
 @dataclass(frozen=True)
 class SpecialPoint:
-    """A special point of a branch.
+    """A special point of a branch."""
 
-    Attributes
-    ----------
-    kind : str
-        One of `KINDS`.
-    point : BranchPoint
-        Point of the branch there.
-    width : float
-        Width of the interval of the parameter [its unit] in which it was found.
-    change : str
-        Change of the order of events, such as ``stick vanishes``, and whether the branch turns back there; empty if the
-        order does not change.
-    """
-
-    kind: str
-    point: BranchPoint
-    width: float
+    kind: str  # one of `KINDS`
+    point: BranchPoint  # point of the branch there
+    width: float  # width of the interval of the parameter [its unit] in which it was found
+    # Change of the order of events, such as ``stick vanishes``, and whether the branch turns back there; empty if the
+    # order does not change.
     change: str = ""
 
 
@@ -354,7 +320,7 @@ _TESTS: dict[str, Callable[[BranchPoint], float]] = {
 def special_points(before: BranchPoint, after: BranchPoint) -> Iterator[SpecialPoint]:
     """Special points between two neighbours of a branch, in the order of their kinds.
 
-    Two special points of the same kind between two neighbours are not found. Neighbours are at most `LONGEST_STEP`
+    Two special points of the same kind between two neighbours are not found. Neighbours are at most the longest step
     apart, and closer where the branch bends.
     """
     orders = before.passage.order, after.passage.order
@@ -368,22 +334,23 @@ def special_points(before: BranchPoint, after: BranchPoint) -> Iterator[SpecialP
         return
     for kind, test in _TESTS.items():
         if (test(before) > 0.0) != (test(after) > 0.0):
-            point, width = locate_zero(before, after, test, TOLERANCE)
+            point, width = locate_zero(before, after, test, before.family.settings.tolerance)
             pair = np.abs(point.multipliers[point.multipliers.imag != 0.0])
             # Real multipliers whose product is 1 are a neutral saddle, not a Neimark-Sacker point.
-            if kind != TORUS or (len(pair) and np.abs(pair - 1.0).min() < _CIRCLE_TOLERANCE):
+            if kind != TORUS or (len(pair) and np.abs(pair - 1.0).min() < before.family.settings.circle):
                 yield SpecialPoint(kind, point, width)
 
 
 def _is_smooth(before: BranchPoint, after: BranchPoint) -> bool:
     """Whether neither the tangent nor the multipliers of a branch jump across an edge."""
-    family, start = before.family, before.unknowns
+    family, start, arc = before.family, before.unknowns, before.family.settings.compared_arc
     direction = (after.unknowns - start) / np.linalg.norm(after.unknowns - start)
     try:
-        unknowns, _ = corrected_orbit(family, start + _COMPARED_ARC * direction, direction, _COMPARED_ARC)
-        near = point_at(family, unknowns, direction, _COMPARED_ARC)
+        unknowns, _ = corrected_orbit(family, start + arc * direction, direction, arc)
+        near = point_at(family, unknowns, direction, arc)
     except LostError:
         return False
-    here, there = np.poly(before.multipliers), np.poly(near.multipliers)
-    return bool(1.0 - before.tangent @ near.tangent < _SMOOTH_CHANGE
-                and np.abs(here - there).max() < _SMOOTH_CHANGE * np.abs(here).max())
+    polynomial, beyond = np.poly(before.multipliers), np.poly(near.multipliers)
+    largest = family.settings.smooth_change
+    return bool(1.0 - before.tangent @ near.tangent < largest
+                and np.abs(polynomial - beyond).max() < largest * np.abs(polynomial).max())

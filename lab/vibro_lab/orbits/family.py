@@ -4,6 +4,7 @@ The *unknowns* are the state at the cut, in units of the machine, followed by th
 at the lower end of its range to 1 at the upper.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -15,14 +16,56 @@ from vibro_lab.orbits.passage import EventOrder, Passage, end_and_order, passage
 from vibro_lab.orbits.turn_map import TurnEnd, TurnMap, at_cut, check_closes, units_of
 from vibro_ros import PARAMETERS, Scene, SimulationError, parameter_named
 
-LONGEST_STEP = 0.05
-"""Longest step along a branch: in units of the machine and shares of the parameter's range."""
-_MOST_ITERATIONS = 24
-_SLOW_CONVERGENCE = 0.1  # the derivative is computed again after a step that leaves a larger part of the residual
 _CACHED_MAPS = 16  # turn maps in the cache: enough for a derivative with respect to the parameter and for a step
-_LEAST_STEP = 1e-9  # of the differences, of which rounding then leaves five digits
-_STEP_PER_REACH = 0.1  # longest step of differences as a part of the reach, and of the nearest miss
-_STEP_PER_SPEED = 0.005  # the same as a part of the square of the softest contact's speed
+
+
+@dataclass(frozen=True)
+class ContinuationSettings:
+    """Settings of the continuation; `test_continuation_settings.py` halves and doubles each of them.
+
+    Arcs and steps lie along the branch, in units of the machine and shares of the parameter's range.
+    """
+
+    # Steps along the branch.
+    first_step: float = 0.01  # short beside most curves; an easy step is lengthened at once
+    longest_step: float = 0.05  # two special points of one kind are rarely so close together
+    shortest_step: float = 1e-10  # ten times the residual of an orbit: below, no step has a direction
+    easy_iterations: int = 2  # most derivatives of a step after which the next is longer: the branch is straight
+    bend: float = 0.1  # largest 1 - cosine between the tangents of neighbours: a larger one may skip a fold
+    nearest_event: float = 0.01  # least distance of the cut from all events, as a share of a turn; nearer, it is moved
+    direction_arc: float = 1e-6  # to a second point, which gives the branch's direction when the cut changes
+    # Where shorter steps meet a larger multiplier, the branch ends as too unstable: rounding would lead it astray.
+    stiff_step: float = 1e-4
+    stiff_multiplier: float = 1e3
+
+    # Newton's method and its differences.
+    most_iterations: int = 24  # three times as many as the slowest orbit of the tests needs
+    slow_convergence: float = 0.1  # the derivative is computed again after a step that leaves more of the residual
+    least_difference: float = 1e-9  # step of the differences, of which rounding then leaves five digits
+    difference_per_reach: float = 0.1  # longest step as a part of the reach, and of the nearest miss
+    difference_per_speed: float = 0.005  # and as a part of the square of the softest contact's speed
+
+    # Edges, where the order of events changes.
+    edge_search_step: float = 1e-5  # a step that fails and is shorter is searched for an edge
+    edge_arc: float = 1e-12  # to which the edge is located: the residual of an orbit, and no digit more
+    beyond_arc: float = 1e-9  # beyond the edge, where the order must differ: far beyond the rounding of event times
+    most_rounds: int = 8  # renewals of the derivative in the search; each leaves a small part of the way
+    most_chords: int = 40  # iterations with one derivative: enough for a convergence of 0.7 an iteration
+    before_arc: float = 1e-6  # before the edge, where its multipliers are computed: so near, they have not changed
+    # A branch is entered beyond its edge by Newton's method from guesses in these orders, up to 128 of them. Most edges
+    # take one or two. Others need a derivative from farther off (the near side is too curved), a first point from
+    # nearer or farther, a start deeper by this multiple of the arc's square (beyond a grazing the branch begins along
+    # the edge), or the opposite direction (the branch turns back). Guesses cost some turns each, and are rare.
+    derivative_arcs: tuple[float, ...] = (1e-6, 1e-5, 1e-4, 1e-3)
+    first_point_arcs: tuple[float, ...] = (1e-4, 1e-5, 1e-3, 1e-6)
+    depths: tuple[float, ...] = (0.0, 1.0, 10.0, 0.1)
+
+    # Special points.
+    tolerance: float = 1e-10  # of the parameter's value, as a share of its range: rounding allows no smaller one
+    least_arc: float = 1e-6  # below it, the width of a special point's interval is that of the parameter, as at a fold
+    circle: float = 1e-3  # largest distance from 1 of the magnitude of a Neimark-Sacker point's multipliers
+    compared_arc: float = 1e-5  # beyond an edge, where the other side is compared with this one
+    smooth_change: float = 5e-3  # largest changes there of the tangent (1 - cosine) and of multipliers, if smooth
 
 
 class Family:
@@ -40,22 +83,21 @@ class Family:
         Turns of the crank after which orbits repeat themselves.
     phase : float
         Crank angle at the cut [rad].
+    settings : ContinuationSettings
+        Of the continuation.
 
     Attributes
     ----------
-    scene, name, limits, turns, phase
+    scene, name, limits, turns, phase, settings
         The parameters.
     units : ndarray, shape (n,)
         Unit of each coordinate [m, m/s, rad/s or A], the same for all values of the parameter.
-
-    Raises
-    ------
-    ValueError
-        For a parameter that is not numeric, an empty range, or a value that the scene refuses.
     """
 
-    def __init__(self, scene: Scene, name: str, limits: tuple[float, float], turns: int, phase: float):
+    def __init__(self, scene: Scene, name: str, limits: tuple[float, float], turns: int, phase: float,
+                 settings: ContinuationSettings = ContinuationSettings()):
         _check_range(scene, name, *limits)
+        self.settings = settings
         self.scene, self.name, self.limits, self.turns, self.phase = scene, name, limits, turns, phase
         check_closes(scene)
         self.units = units_of(scene)
@@ -132,15 +174,15 @@ class Family:
 
         With `fine`, differences over half the step cancel the leading error (L. F. Richardson's extrapolation).
         """
-        free, seen = self.free(unknowns), self.passage(unknowns)
-        step = max(_LEAST_STEP, min(STEP, _STEP_PER_SPEED * seen.softest**2, _STEP_PER_REACH * seen.miss,
-                                    _STEP_PER_REACH * reach))
+        free, events, least = self.free(unknowns), self.passage(unknowns), self.settings.least_difference
+        near = self.settings.difference_per_reach * min(events.miss, reach)
+        step = max(least, min(STEP, self.settings.difference_per_speed * events.softest**2, near))
         while True:
-            matrix, same = self._differences(unknowns, free, seen.order, step)
-            if same or step <= _LEAST_STEP:
+            matrix, same = self._differences(unknowns, free, events.order, step)
+            if same or step <= least:
                 break
-            step = max(_LEAST_STEP, 0.1 * step)
-        return (4.0 * self._differences(unknowns, free, seen.order, 0.5 * step)[0] - matrix) / 3.0 if fine else matrix
+            step = max(least, 0.1 * step)
+        return (4.0 * self._differences(unknowns, free, events.order, 0.5 * step)[0] - matrix) / 3.0 if fine else matrix
 
     def _differences(self, unknowns: np.ndarray, free: np.ndarray, order: EventOrder,
                      step: float) -> tuple[np.ndarray, bool]:
@@ -160,11 +202,11 @@ class Family:
 
     def with_turns(self, turns: int) -> "Family":
         """Return the same family for orbits that repeat themselves after another number of turns."""
-        return Family(self.scene, self.name, self.limits, turns, self.phase)
+        return Family(self.scene, self.name, self.limits, turns, self.phase, self.settings)
 
     def with_phase(self, phase: float) -> "Family":
         """Return the same family, cut at another crank angle [rad]."""
-        return Family(self.scene, self.name, self.limits, self.turns, phase)
+        return Family(self.scene, self.name, self.limits, self.turns, phase, self.settings)
 
     def recut(self, phase: float, points: Sequence[np.ndarray]) -> tuple["Family", list[np.ndarray]]:
         """Return the same family, cut at another phase, and the points advanced to the new cut."""
@@ -197,33 +239,16 @@ def _check_range(scene: Scene, name: str, low: float, high: float) -> None:
 
 @dataclass(frozen=True)
 class BranchPoint:
-    """One orbit of a branch.
+    """One orbit of a branch."""
 
-    Attributes
-    ----------
-    family : Family
-        The equations, with the cut that was used.
-    unknowns : ndarray, shape (n + 1,)
-        State and share of the parameter.
-    tangent : ndarray, shape (n + 1,)
-        Unit vector along the branch.
-    multipliers : ndarray of complex, shape (n,)
-        Floquet multipliers, the largest first.
-    mean_speed : float
-        Mean speed of the body [m/s].
-    passage : Passage
-        Events of the orbit.
-    width : float
-        If the order of events changes just beyond this point: width of the interval of the parameter [its unit] in
-        which it changes; else 0.
-    """
-
-    family: Family
-    unknowns: np.ndarray
-    tangent: np.ndarray
-    multipliers: np.ndarray
-    mean_speed: float
-    passage: Passage
+    family: Family  # the equations, with the cut that was used
+    unknowns: np.ndarray  # shape (n + 1,): state and share of the parameter
+    tangent: np.ndarray  # shape (n + 1,): unit vector along the branch
+    multipliers: np.ndarray  # shape (n,): floquet multipliers, the largest first
+    mean_speed: float  # mean speed of the body [m/s]
+    passage: Passage  # events of the orbit
+    # If the order of events changes just beyond this point: width of the interval of the parameter [its unit] in which
+    # it changes; else 0.
     width: float = 0.0
 
     @property
@@ -247,7 +272,7 @@ class LostError(RuntimeError):
 
 
 def corrected_orbit(family: Family, guess: np.ndarray, normal: np.ndarray,
-              reach: float = LONGEST_STEP) -> tuple[np.ndarray, int]:
+                    reach: float = math.inf) -> tuple[np.ndarray, int]:
     """Return the orbit in the plane through `guess` perpendicular to `normal`, and the number of Jacobians computed.
 
     Parameters
@@ -257,21 +282,22 @@ def corrected_orbit(family: Family, guess: np.ndarray, normal: np.ndarray,
     guess, normal : ndarray, shape (n + 1,)
         State and share; the plane's normal.
     reach : float
-        See `Family.jacobian`; dimensionless.
+        See `Family.jacobian`; dimensionless, at most the longest step.
 
     Raises
     ------
     LostError
         If Newton's method does not converge.
     """
+    reach = min(reach, family.settings.longest_step)
     at, best, closest, matrix, derivatives = guess.copy(), np.inf, guess, None, 0
-    for _ in range(_MOST_ITERATIONS):
+    for _ in range(family.settings.most_iterations):
         try:
             free, residual = family.free(at), family.residual(at)
             size = float(np.abs(residual).max())
             if size <= CLOSED and size >= 0.25 * best:  # rounding allows no smaller residual
                 return closest if best < size else at, derivatives
-            if matrix is None or size > _SLOW_CONVERGENCE * best:
+            if matrix is None or size > family.settings.slow_convergence * best:
                 matrix, derivatives = np.vstack([family.jacobian(at, reach), normal]), derivatives + 1
             if size < best:
                 best, closest = size, at
@@ -279,7 +305,7 @@ def corrected_orbit(family: Family, guess: np.ndarray, normal: np.ndarray,
             at = at - np.linalg.solve(matrix, np.append(residual, normal @ (at - guess)))
         except (np.linalg.LinAlgError, SimulationError, ValueError) as error:
             raise LostError(str(error)) from error
-        if not np.all(np.isfinite(at)) or np.abs(at - guess).max() > 10.0 * LONGEST_STEP:
+        if not np.all(np.isfinite(at)) or np.abs(at - guess).max() > 10.0 * family.settings.longest_step:
             break
     if best <= CLOSED:
         return closest, derivatives
@@ -287,12 +313,13 @@ def corrected_orbit(family: Family, guess: np.ndarray, normal: np.ndarray,
 
 
 def point_at(family: Family, unknowns: np.ndarray, along: np.ndarray,
-             reach: float = LONGEST_STEP, fine: bool = False) -> BranchPoint:
+             reach: float = math.inf, fine: bool = False) -> BranchPoint:
     """Return the branch's point at a solution, shape (n + 1,), with a tangent in the sense of `along`.
 
     `reach` and `fine` are arguments of `Family.jacobian`.
     """
-    matrix, n = family.jacobian(unknowns, reach, fine), len(unknowns) - 1
+    matrix = family.jacobian(unknowns, min(reach, family.settings.longest_step), fine)
+    n = len(unknowns) - 1
     *_, rows = np.linalg.svd(matrix)
     tangent = rows[-1] if rows[-1] @ along >= 0.0 else -rows[-1]
     return BranchPoint(family, unknowns, tangent, multipliers_of(matrix[:, :n]), family.mean_speed(unknowns),

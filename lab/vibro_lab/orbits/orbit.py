@@ -53,18 +53,10 @@ class OrbitNotFoundError(RuntimeError):
 
 
 class FixedPoint(NamedTuple):
-    """A fixed point of the turn map over one or more turns.
+    """A fixed point of the turn map over one or more turns."""
 
-    Attributes
-    ----------
-    state : ndarray, shape (n,)
-        State at the cut, in units of the machine.
-    residual : float
-        Largest difference between the state and its image under the map, in units of the machine.
-    """
-
-    state: np.ndarray
-    residual: float
+    state: np.ndarray  # shape (n,): state at the cut, in units of the machine
+    residual: float  # largest difference between the state and its image under the map, in units of the machine
 
 
 @dataclass(frozen=True)
@@ -277,21 +269,11 @@ def fixed_point(turn_map: TurnMap, guess: np.ndarray, turns: int) -> FixedPoint 
 
 @dataclass(frozen=True)
 class Seed:
-    """An orbit from which branches are followed.
+    """An orbit from which branches are followed."""
 
-    Attributes
-    ----------
-    turns : int
-        Least number of turns after which it repeats itself.
-    phase : float
-        Crank angle at the cut [rad].
-    state : ndarray, shape (n,)
-        State at the cut, in units of the machine.
-    """
-
-    turns: int
-    phase: float
-    state: np.ndarray
+    turns: int  # least number of turns after which it repeats itself
+    phase: float  # crank angle at the cut [rad]
+    state: np.ndarray  # shape (n,): state at the cut, in units of the machine
 
 
 def seeds_of(scene: Scene, starts: int, most_turns: int) -> list[Seed]:
@@ -305,11 +287,6 @@ def seeds_of(scene: Scene, starts: int, most_turns: int) -> list[Seed]:
         Number of starts: the scene's own, and others with random crank angle and velocities, the same in every call.
     most_turns : int
         Longest period of an orbit [turns].
-
-    Raises
-    ------
-    SimulationError
-        If a run cannot go on.
     """
     check_closes(scene)
     turn_map = free_cut(scene)

@@ -30,33 +30,19 @@ _EXACT_MISS = 1e-3  # crank radii: a miss nearer than this is computed exactly
 
 @dataclass(frozen=True)
 class Passage:
-    """Events of an orbit over one period.
+    """Events of an orbit over one period."""
 
-    Attributes
-    ----------
-    contacts : tuple of (str, int)
-        Kinds of contacts, with the number of each.
-    clear : float
-        Distance of the cut from the nearest event, as a share of a turn, dimensionless; 0 within a contact.
-    best : float
-        Crank angle [rad] of the phase that is farthest from all events.
-    softest : float
-        Least impact speed of a contact, in units of the machine, as a measure of how close it is to a miss; infinite
-        without contacts. For each contact it is the larger of the speed at which the mass arrives at its plate and the
-        speed that its drive would reverse within half the contact.
-    miss : float
-        Least distance [crank radii] by which a mass misses its plate where it turns back, exact where it is below 1e-3;
-        infinite without a miss.
-    order : tuple of str
-        Kinds of the events in their order, beginning at the cut.
-    """
-
-    contacts: tuple[tuple[str, int], ...]
-    clear: float
-    best: float
+    contacts: tuple[tuple[str, int], ...]  # kinds of contacts, with the number of each
+    clear: float  # distance of the cut from the nearest event, as a share of a turn, dimensionless; 0 within a contact
+    best: float  # crank angle [rad] of the phase that is farthest from all events
+    # Least impact speed of a contact, in units of the machine, as a measure of how close it is to a miss; infinite
+    # without contacts. For each contact it is the larger of the speed at which the mass arrives at its plate and the
+    # speed that its drive would reverse within half the contact.
     softest: float
+    # Least distance [crank radii] by which a mass misses its plate where it turns back, exact where it is below 1e-3;
+    # infinite without a miss.
     miss: float
-    order: EventOrder
+    order: EventOrder  # kinds of the events in their order, beginning at the cut
 
 
 def passage(turn_map: TurnMap, state: np.ndarray, turns: int) -> Passage:

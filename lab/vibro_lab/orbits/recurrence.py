@@ -112,11 +112,6 @@ def settle(stroboscope: Stroboscope, first: int = FIRST_TURNS, most: int = MOST_
     SettledMotion or None
         None for a start that has not settled within `most` turns.
 
-    Raises
-    ------
-    SimulationError
-        If the run cannot go on.
-
     Notes
     -----
     A periodic start has settled when the rest of its approach, extrapolated as a geometric series from the last two

@@ -47,21 +47,11 @@ _SAMPLES_PER_TURN = 256  # instants of a turn, between which the angle of an eve
 
 
 class TurnEnd(NamedTuple):
-    """Result of the turn map.
+    """Result of the turn map."""
 
-    Attributes
-    ----------
-    state : ndarray, shape (n,)
-        State at the cut after the turns, in units of the machine.
-    advance : float
-        Distance that the body has moved [m], forwards positive.
-    duration : float
-        Time that the turns have taken [s].
-    """
-
-    state: np.ndarray
-    advance: float
-    duration: float
+    state: np.ndarray  # shape (n,): state at the cut after the turns, in units of the machine
+    advance: float  # distance that the body has moved [m], forwards positive
+    duration: float  # time that the turns have taken [s]
 
 
 class TurnMap:
@@ -87,12 +77,6 @@ class TurnMap:
         Time of a turn [s]; with a dc motor the time of a turn at the unit of speed.
     device : Simulator
         Simulator of the scene; each call puts it into another state.
-
-    Raises
-    ------
-    ValueError
-        For a crank that does not turn, a dc motor that turns it backwards, or a dc motor with a solver of fixed step,
-        which does not locate the instant of the cut.
     """
 
     def __init__(self, scene: Scene, phase: float = 0.0):
@@ -242,11 +226,6 @@ def state_names(scene: Scene) -> tuple[str, ...]:
 
 def crank_speed(scene: Scene) -> float:
     """Magnitude of the crank's speed [rad/s], above 0: of `motor.speed`, or at a given voltage the speed without load.
-
-    Raises
-    ------
-    ValueError
-        For a crank that does not turn, or a dc motor that turns it backwards.
     """
     check_scene(scene)
     if scene.motor_command == "motor_voltage":
@@ -297,13 +276,7 @@ def _length(scene: Scene) -> float:
 
 
 def advance_to_cut(device: Simulator, turn: int, phase: float) -> None:
-    """Advance a device with a dc motor until its crank angle is `turn` full turns plus `phase` [rad].
-
-    Raises
-    ------
-    SimulationError
-        For a crank that does not reach this angle within 64 turns' time without load.
-    """
+    """Advance a device with a dc motor until its crank angle is `turn` full turns plus `phase` [rad]."""
     longest = _LONGEST_TURN * TURN / crank_speed(device.scene)
     if not device.advance_to_angle(turn, phase, min(device.time + longest, LATEST_TIME)):
         command = device.scene.motor_command.replace("_", ".")
@@ -321,21 +294,11 @@ def turn_round(device: Simulator, turns: int) -> None:
 
 
 class Cuts(NamedTuple):
-    """States of a device at successive cuts.
+    """States of a device at successive cuts."""
 
-    Attributes
-    ----------
-    states : ndarray, shape (cuts, n)
-        States in units of the machine, with the coordinates of `TurnMap`.
-    positions : ndarray, shape (cuts,)
-        Positions of the body along the ground [m], forwards positive.
-    times : ndarray, shape (cuts,)
-        Instants [s].
-    """
-
-    states: np.ndarray
-    positions: np.ndarray
-    times: np.ndarray
+    states: np.ndarray  # shape (cuts, n): states in units of the machine, with the coordinates of `TurnMap`
+    positions: np.ndarray  # shape (cuts,): positions of the body along the ground [m], forwards positive
+    times: np.ndarray  # shape (cuts,): instants [s]
 
 
 class Stroboscope:
@@ -348,11 +311,6 @@ class Stroboscope:
     ----------
     turn_map : TurnMap
         Scene, cut and units.
-
-    Raises
-    ------
-    ValueError
-        For a scene in which only the crank moves.
     """
 
     def __init__(self, turn_map: TurnMap):

@@ -24,27 +24,9 @@ from vibro_lab.orbits.turn_map import (
     has_sampled_controller,
     state_names,
 )
+from vibro_lab.study import figures
 from vibro_lab.study.command import Progress, Results, StudyCommand, machine_of
 from vibro_lab.study.execution import Execution
-from vibro_lab.study.figures import (
-    BLACK,
-    BLUE,
-    GREEN,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-    YELLOW,
-    Axes,
-    BoundaryNorm,
-    ListedColormap,
-    Patch,
-    default_settings,
-    new_figure,
-    png,
-    set_heading,
-    style_axes,
-)
 from vibro_lab.study.table import NUMBERS, Field, Study, computed, file_of, table_of
 from vibro_lab.study.variation import whole_number
 from vibro_ros import STATE_UNITS, Parser, Scene, SimulationError, Value, read_scalar
@@ -62,22 +44,12 @@ ANGLE = "crank_angle"
 
 @dataclass(frozen=True)
 class Over:
-    """A coordinate of the start that varies.
+    """A coordinate of the start that varies."""
 
-    Attributes
-    ----------
-    name : str
-        Name of an argument of `Simulator.set_state`.
-    low, high : float
-        Its range, in its SI unit.
-    count : int
-        Number of values on a grid, both ends included; 0 if starts are random.
-    """
-
-    name: str
-    low: float
+    name: str  # name of an argument of `Simulator.set_state`
+    low: float  # its range, in its SI unit
     high: float
-    count: int = 0
+    count: int = 0  # number of values on a grid, both ends included; 0 if starts are random
 
     @property
     def unit(self) -> str:
@@ -95,17 +67,10 @@ class Starts:
     """A grid of starts over two coordinates, of which the second changes fastest, or random starts, uniform in a box.
 
     A random start depends only on seed and number, so a larger count includes the starts of a smaller one.
-
-    Attributes
-    ----------
-    over : tuple of Over
-        The coordinates of a grid, or the sides of the box.
-    count, seed : int
-        Number of starts, and seed of the random ones.
     """
 
-    over: tuple[Over, ...]
-    count: int
+    over: tuple[Over, ...]  # the coordinates of a grid, or the sides of the box
+    count: int  # number of starts, and seed of the random ones
     seed: int = 0
 
     @property
@@ -134,33 +99,14 @@ class Starts:
 
 
 @dataclass(frozen=True)
-class Design:
-    """A checked design of a study of basins.
+class BasinDesign:
+    """A checked design of a study of basins."""
 
-    Attributes
-    ----------
-    scene : Scene
-        Scene that is started.
-    phase : float
-        Crank angle at the cut [rad].
-    starts : Starts
-        Its starts.
-    turns : int
-        Turns of the crank after which a start is judged for the first time.
-    most_turns : int
-        Turns after which a start counts as not settled.
-
-    Raises
-    ------
-    ValueError
-        For numbers of turns that are out of range or in the wrong order.
-    """
-
-    scene: Scene
-    phase: float
-    starts: Starts
-    turns: int
-    most_turns: int
+    scene: Scene  # scene that is started
+    phase: float  # crank angle at the cut [rad]
+    starts: Starts  # its starts
+    turns: int  # turns of the crank after which a start is judged for the first time
+    most_turns: int  # turns after which a start counts as not settled
 
     def __post_init__(self) -> None:
         if not _FEWEST_TURNS <= self.turns <= self.most_turns <= _LARGEST_TURNS:
@@ -174,13 +120,7 @@ class Design:
 
 
 def over_in_words(scene: Scene, text: str) -> Over:
-    """Parse a coordinate from ``NAME=LOW:HIGH`` or ``NAME=LOW:HIGH:COUNT``.
-
-    Raises
-    ------
-    ValueError
-        For text that is not of this form, with the value, the limit and the remedy.
-    """
+    """Parse a coordinate from ``NAME=LOW:HIGH`` or ``NAME=LOW:HIGH:COUNT``."""
     name, equals, values = text.partition("=")
     parts = [read_scalar(part) for part in values.split(":")]
     if not equals or len(parts) not in (2, 3):
@@ -205,13 +145,7 @@ def _number(name: str, value: object) -> float:
 
 
 def chosen_starts(scene: Scene, over: tuple[Over, ...], count: int, seed: int) -> Starts:
-    """Return the starts of the options `--over`, `--starts` and `--seed`.
-
-    Raises
-    ------
-    ValueError
-        For options that contradict each other, or too many starts.
-    """
+    """Return the starts of the options `--over`, `--starts` and `--seed`."""
     if len({one.name for one in over}) < len(over):
         raise ValueError("--over: a coordinate is given twice; keep one")
     if not any(one.count for one in over):
@@ -251,7 +185,7 @@ NO_START = "no such start: "
 """Prefix of the error of a start that is not possible, such as a mass beyond its rigid plate."""
 
 
-def study_of(design: Design) -> Study:
+def study_of(design: BasinDesign) -> Study:
     """The table of the motions that the starts lead to, with one row for each start."""
     fields = [
         *(Field(one.name, pa.float64(), one.unit, "of the start; other coordinates are as the scene starts")
@@ -268,7 +202,7 @@ def study_of(design: Design) -> Study:
                  design.turns * TURN / crank_speed(design.scene), design.starts.count, _BLOCK_ROWS)
 
 
-def rows_of(design: Design, number: int) -> list[dict]:
+def rows_of(design: BasinDesign, number: int) -> list[dict]:
     """Let a start settle by its number, and return its row."""
     stroboscope, start = stroboscope_of(design), design.starts.start(number)
     motion, after, error = None, design.most_turns, None
@@ -285,7 +219,7 @@ def rows_of(design: Design, number: int) -> list[dict]:
         "states": motion.states[-(motion.turns or _KEPT_STATES):].ravel() if motion else [], "error": error}]
 
 
-def stroboscope_of(design: Design) -> Stroboscope:
+def stroboscope_of(design: BasinDesign) -> Stroboscope:
     """Return the stroboscope of a design. The last one is cached, because making it takes as long as a start."""
     return _stroboscope(design.scene.name, tuple(design.scene.parameters.items()), design.phase)
 
@@ -302,62 +236,47 @@ motion is not among the first `MOST_ATTRACTORS`."""
 
 @dataclass(frozen=True)
 class Basins:
-    """The attractors of all starts, and the attractor of each start.
+    """The attractors of all starts, and the attractor of each start."""
 
-    Attributes
-    ----------
-    attractors : Attractors
-        The settled motions, that of most starts first.
-    numbers : ndarray of int, shape (starts,)
-        Number of each start's attractor, counted from 1; or `UNSETTLED`, `IMPOSSIBLE`, `OTHER`.
-    """
-
-    attractors: Attractors
+    attractors: Attractors  # the settled motions, that of most starts first
+    # Shape (starts,): number of each start's attractor, counted from 1; or `UNSETTLED`, `IMPOSSIBLE`, `OTHER`.
     numbers: np.ndarray
 
 
-def basins_in(design: Design, table: pa.Table) -> Basins:
+def basins_in(design: BasinDesign, table: pa.Table) -> Basins:
     """Group all rows by attractor, and compute multipliers and exponents.
 
     Rows are grouped in their order, so that the result does not depend on how they were computed.
     """
     turn_map, turns = stroboscope_of(design).turn_map, table["turns"].to_pylist()
     able = np.array([error is None for error in table["error"].to_pylist()])
-    motions = [None if one is None else SettledMotion(
-        one, np.array(states).reshape(-1, len(turn_map.names)), speed, after, tolerance_of(design.scene))
-        for one, states, speed, after in zip(turns, *(
+    motions = [None if attractor is None else SettledMotion(
+        attractor, np.array(states).reshape(-1, len(turn_map.names)), speed, after, tolerance_of(design.scene))
+        for attractor, states, speed, after in zip(turns, *(
             table[name].to_pylist() for name in ("states", "mean_speed", "after")), strict=True)]
-    own, speeds = [motion for motion, is_able in zip(motions, able, strict=True) if is_able], table["mean_speed"]
-    found, places = group_starts(own, speeds.to_numpy()[able].tolist())
-    settled = Attractors(one for one in found if one.turns is not None)
+    of_able = [motion for motion, is_able in zip(motions, able, strict=True) if is_able]
+    groups, places = group_starts(of_able, table["mean_speed"].to_numpy()[able].tolist())
+    settled = Attractors(attractor for attractor in groups if attractor.turns is not None)
     numbers = np.full(len(turns), IMPOSSIBLE)
     numbers[able] = [place + 1 if place < len(settled) else UNSETTLED if motion is None else OTHER
-                     for place, motion in zip(places.tolist(), own, strict=True)]
+                     for place, motion in zip(places.tolist(), of_able, strict=True)]
     with Progress("motions measured", "motion", len(settled)) as progress:
         exact = []
-        for one in settled:
-            exact.append(with_exponents(one, turn_map))
+        for attractor in settled:
+            exact.append(with_exponents(attractor, turn_map))
             progress.add(1)
     return Basins(Attractors(exact), numbers)
 
 
 class BasinEntropy(NamedTuple):
-    """Basin entropy: a measure of the uncertainty of the motion that a start leads to.
+    """Basin entropy: a measure of the uncertainty of the motion that a start leads to."""
 
-    Attributes
-    ----------
-    entropy : float
-        Mean over all boxes of the entropy of the motions within a box [nat]: 0 if every box has one motion.
-    boundary : float
-        Mean over the boxes with more than one motion [nat]; NaN without such boxes. In the limit of small boxes with
-        many starts, a value above log 2 proves a fractal boundary; with the boxes of a grid it is only a hint.
-    boxes, mixed : int
-        Number of boxes, and of those with more than one motion.
-    """
-
+    # Mean over all boxes of the entropy of the motions within a box [nat]: 0 if every box has one motion.
     entropy: float
+    # Mean over the boxes with more than one motion [nat]; NaN without such boxes. In the limit of small boxes with many
+    # starts, a value above log 2 proves a fractal boundary; with the boxes of a grid it is only a hint.
     boundary: float
-    boxes: int
+    boxes: int  # number of boxes, and of those with more than one motion
     mixed: int
 
 
@@ -378,29 +297,29 @@ def basin_entropy(numbers: np.ndarray, outside: int = IMPOSSIBLE, side: int = 5)
     """
     rows, columns = (count // side for count in numbers.shape)
     boxes = numbers[:rows * side, :columns * side].reshape(rows, side, columns, side).swapaxes(1, 2)
-    found = []
+    of_box = []
     for box in boxes.reshape(rows * columns, side * side):
         if outside not in box:
             shares = np.unique(box, return_counts=True)[1] / len(box)
-            found.append(float(-np.sum(shares * np.log(shares))) if len(shares) > 1 else 0.0)
-    if not found:
+            of_box.append(float(-np.sum(shares * np.log(shares))) if len(shares) > 1 else 0.0)
+    if not of_box:
         return None
-    entropies = np.array(found)
+    entropies = np.array(of_box)
     mixed = entropies > 0.0
     boundary = float(entropies[mixed].mean()) if mixed.any() else math.nan
     return BasinEntropy(float(entropies.mean()), boundary, len(entropies), int(mixed.sum()))
 
 
-def starts_table(table: pa.Table, found: Basins) -> bytes:
+def starts_table(table: pa.Table, basins: Basins) -> bytes:
     """Return a Parquet file of all starts with the numbers of their attractors."""
     meaning = ("number of the motion that the start leads to; 0: nothing had settled; -1: it cannot start, or not go "
                "on; -2: another motion than the first ones")
     field = pa.field("attractor", pa.int64(), metadata={"unit": "1", "meaning": meaning})
     table = table.drop_columns(["states"])
-    return file_of(table.add_column(table.num_columns - 4, field, pa.array(found.numbers, pa.int64())))
+    return file_of(table.add_column(table.num_columns - 4, field, pa.array(basins.numbers, pa.int64())))
 
 
-def attractors_table(found: Basins) -> bytes:
+def attractors_table(basins: Basins) -> bytes:
     """Return a Parquet file of all attractors."""
     fields = [
         Field("attractor", pa.int64(), "1", "number of the motion"),
@@ -417,23 +336,23 @@ def attractors_table(found: Basins) -> bytes:
         Field("states", NUMBERS, "1", "at successive cuts, one after the other, in crank radii and crank radii times "
               "motor speed")]
     return file_of(table_of([
-        {"attractor": number, "turns": one.turns, "mean_speed": one.mean_speed, "starts": one.starts,
-         "fraction": one.share, "fraction_low": one.low, "fraction_high": one.high,
-         "lyapunov_exponent": one.exponent, "lyapunov_spread": one.exponent_spread,
-         "multipliers_real": one.multipliers.real, "multipliers_imaginary": one.multipliers.imag,
-         "states": one.states.ravel()} for number, one in enumerate(found.attractors, 1)], fields))
+        {"attractor": number, "turns": attractor.turns, "mean_speed": attractor.mean_speed, "starts": attractor.starts,
+         "fraction": attractor.share, "fraction_low": attractor.low, "fraction_high": attractor.high,
+         "lyapunov_exponent": attractor.exponent, "lyapunov_spread": attractor.exponent_spread,
+         "multipliers_real": attractor.multipliers.real, "multipliers_imaginary": attractor.multipliers.imag,
+         "states": attractor.states.ravel()} for number, attractor in enumerate(basins.attractors, 1)], fields))
 
 
 _SHOWN = 12  # largest number of motions that are printed
 
 
-def in_words(design: Design, table: pa.Table, found: Basins) -> list[str]:
+def in_words(design: BasinDesign, table: pa.Table, basins: Basins) -> list[str]:
     """Return the results as lines of text."""
     over = ", ".join(f"{one.name} {one.low:g} to {one.high:g} {one.unit}" for one in design.starts.over)
     watched = float(np.mean(table["after"].to_numpy()))
     lines = [f"{design.starts.count} starts over {over}; watched for {watched:.1f} turns on average, cut at "
              f"{design.phase:.4f} rad"]
-    for number, attractor in enumerate(found.attractors[:_SHOWN], 1):
+    for number, attractor in enumerate(basins.attractors[:_SHOWN], 1):
         if not attractor.turns:
             stability = f"largest Lyapunov exponent {attractor.exponent:.3g} ± {attractor.exponent_spread:.2g} 1/s" + (
                 "" if sign_of(attractor.exponent, attractor.exponent_spread) else ", its sign not known")
@@ -445,22 +364,22 @@ def in_words(design: Design, table: pa.Table, found: Basins) -> list[str]:
         lines.append(f"motion {number}: {attractor.in_words()}; {attractor.starts} "
                      f"start{'s' * (attractor.starts > 1)}, {100.0 * attractor.share:.2f} % (95 % interval "
                      f"{100.0 * attractor.low:.2f} to {100.0 * attractor.high:.2f} %); {stability}")
-    if len(found.attractors) > _SHOWN:
-        lines.append(f"{len(found.attractors) - _SHOWN} more motions; without losses every start has one of its own")
-    lines += _entropy_in_words(design, found)
+    if len(basins.attractors) > _SHOWN:
+        lines.append(f"{len(basins.attractors) - _SHOWN} more motions; without losses every start has one of its own")
+    lines += _entropy_in_words(design, basins)
     for number, what in ((UNSETTLED, f"starts had not settled within {design.most_turns} turns"),
                          (OTHER, f"starts have other motions than the first {MOST_ATTRACTORS}"),
                          (IMPOSSIBLE, "starts cannot be, or could not go on")):
-        if count := int(np.sum(found.numbers == number)):
+        if count := int(np.sum(basins.numbers == number)):
             reason = next(text for text in table["error"].to_pylist() if text) if number == IMPOSSIBLE else ""
             lines.append(f"{count} {what}{f', such as: {reason}' if reason else ''}")
     return lines
 
 
-def _entropy_in_words(design: Design, found: Basins) -> list[str]:
+def _entropy_in_words(design: BasinDesign, basins: Basins) -> list[str]:
     if not design.starts.is_grid:
         return []
-    entropy = basin_entropy(found.numbers.reshape([one.count for one in design.starts.over]))
+    entropy = basin_entropy(basins.numbers.reshape([one.count for one in design.starts.over]))
     if entropy is None:
         return []
     if not entropy.mixed:
@@ -471,85 +390,83 @@ def _entropy_in_words(design: Design, found: Basins) -> list[str]:
             f"motion {entropy.boundary:.4f}, {says}"]
 
 
-_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILION, YELLOW, BLACK)  # further motions share the last one
 _GREY, _WHITE = "#a0a0a0", "#ffffff"  # for `UNSETTLED` and `OTHER`, and for `IMPOSSIBLE`
 
 
-@default_settings()
-def draw_basins(design: Design, table: pa.Table, found: Basins) -> bytes:
+@figures.default_settings()
+def draw_basins(design: BasinDesign, table: pa.Table, basins: Basins) -> bytes:
     """Draw the motions that the starts lead to; returns a PNG file."""
-    figure, over = new_figure(9.0, 5.0), design.starts.over
+    figure, over = figures.new_figure(9.0, 5.0), design.starts.over
     if design.starts.is_grid:
-        _draw_map(figure.subplots(), over, found.numbers)
+        _draw_map(figure.subplots(), over, basins.numbers)
     elif len(over) > 1:
         shares, dots = figure.subplots(1, 2)
-        _draw_shares(shares, found)
-        _draw_dots(dots, table, over, found.numbers)
+        _draw_shares(shares, basins)
+        _draw_dots(dots, table, over, basins.numbers)
     else:
-        _draw_shares(figure.subplots(), found)
-    set_heading(figure, f"{design.scene.name} at {command_in_words(design.scene)}: where {design.starts.count} starts "
-                "lead")
-    figure.legend(handles=_legend(found), loc="outside lower center", fontsize=8, frameon=False, ncols=2)
-    return png(figure)
+        _draw_shares(figure.subplots(), basins)
+    figures.set_heading(figure, f"{design.scene.name} at {command_in_words(design.scene)}: where "
+                        f"{design.starts.count} starts lead")
+    figure.legend(handles=_legend(basins), loc="outside lower center", fontsize=8, frameon=False, ncols=2)
+    return figures.png(figure)
 
 
 def _colour(number: int) -> str:
     if number > 0:
-        return _COLOURS[min(number, len(_COLOURS)) - 1]
+        return figures.PALETTE[min(number, len(figures.PALETTE)) - 1]
     return _WHITE if number == IMPOSSIBLE else _GREY
 
 
-def _draw_map(axes: Axes, over: tuple[Over, ...], numbers: np.ndarray) -> None:
+def _draw_map(axes: figures.Axes, over: tuple[Over, ...], numbers: np.ndarray) -> None:
     first, second = over
     kinds = np.unique(numbers)
     places = np.searchsorted(kinds, numbers).reshape(first.count, second.count)
-    axes.pcolormesh(second.values, first.values, places, shading="nearest", rasterized=True,
-                    cmap=ListedColormap([_colour(int(number)) for number in kinds]),
-                    norm=BoundaryNorm(np.arange(len(kinds) + 1) - 0.5, len(kinds)))
+    figures.draw_classes(axes, second.values, first.values, places, [_colour(int(number)) for number in kinds])
     axes.set(xlabel=f"{second.name} [{second.unit}]", ylabel=f"{first.name} [{first.unit}]")
 
 
-def _draw_dots(axes: Axes, table: pa.Table, over: tuple[Over, ...], numbers: np.ndarray) -> None:
+def _draw_dots(axes: figures.Axes, table: pa.Table, over: tuple[Over, ...], numbers: np.ndarray) -> None:
     first, second = over[:2]
     for number in sorted(set(numbers.tolist()) - {IMPOSSIBLE}):  # the motions with fewer starts lie on top
         chosen = numbers == number
         axes.plot(table[second.name].to_numpy()[chosen], table[first.name].to_numpy()[chosen], ".", ms=3.0,
                   color=_colour(number), alpha=0.8)
     axes.set(xlabel=f"{second.name} [{second.unit}]", ylabel=f"{first.name} [{first.unit}]")
-    style_axes(axes)
+    figures.style_axes(axes)
 
 
-def _draw_shares(axes: Axes, found: Basins) -> None:
-    shown = found.attractors[:len(_COLOURS)]
+def _draw_shares(axes: figures.Axes, basins: Basins) -> None:
+    shown = basins.attractors[:len(figures.PALETTE)]
     places = np.arange(1, len(shown) + 1)
-    spread = [[100.0 * (one.share - one.low) for one in shown], [100.0 * (one.high - one.share) for one in shown]]
-    axes.bar(places, [100.0 * one.share for one in shown], yerr=spread, capsize=4, color=_COLOURS[:len(shown)])
+    share, low, high = 100.0 * np.array([(motion.share, motion.low, motion.high) for motion in shown]).reshape(-1, 3).T
+    axes.bar(places, share, yerr=[share - low, high - share], capsize=4, color=figures.PALETTE[:len(shown)])
     axes.set(xlabel="motion", ylabel="share of the starts, with 95 % interval [%]", xticks=places)
-    style_axes(axes)
+    figures.style_axes(axes)
 
 
-def _legend(found: Basins) -> list[Patch]:
-    shown = [Patch(color=_colour(number), label=f"{number}: {one.in_words()}, {100.0 * one.share:.3g} % of the starts")
-             for number, one in enumerate(found.attractors[:len(_COLOURS)], 1)]
-    if np.isin(found.numbers, (UNSETTLED, OTHER)).any():
-        shown.append(Patch(color=_GREY, label="not settled, or another motion"))
-    if np.any(found.numbers == IMPOSSIBLE):
-        shown.append(Patch(facecolor=_WHITE, edgecolor="black", label="cannot start"))
+def _legend(basins: Basins) -> list[figures.Patch]:
+    shown = [figures.Patch(color=_colour(number), label=f"{number}: {attractor.in_words()}, "
+                           f"{100.0 * attractor.share:.3g} % of the starts")
+             for number, attractor in enumerate(basins.attractors[:len(figures.PALETTE)], 1)]
+    if np.isin(basins.numbers, (UNSETTLED, OTHER)).any():
+        shown.append(figures.Patch(color=_GREY, label="not settled, or another motion"))
+    if np.any(basins.numbers == IMPOSSIBLE):
+        shown.append(figures.Patch(facecolor=_WHITE, edgecolor="black", label="cannot start"))
     return shown
 
 
-def _results(design: Design, folder: Path, execution: Execution) -> Iterator[Results]:
+def _results(design: BasinDesign, folder: Path, execution: Execution) -> Iterator[Results]:
     table = computed(study_of(design), folder / FOLDER, execution)
     errors = [text for text in table["error"].to_pylist() if text]
     if len(errors) == design.starts.count:
         raise ValueError(f"none of {len(errors)} starts can be simulated; the first one: {errors[0]}")
-    found = basins_in(design, table)
-    yield Results({STARTS: starts_table(table, found), ATTRACTORS: attractors_table(found),
-                   PICTURE: draw_basins(design, table, found)}, in_words(design, table, found),
+    basins = basins_in(design, table)
+    yield Results({STARTS: starts_table(table, basins), ATTRACTORS: attractors_table(basins),
+                   PICTURE: draw_basins(design, table, basins)}, in_words(design, table, basins),
                   any(not text.startswith(NO_START) for text in errors))
 
 
-def _design(options: argparse.Namespace) -> Design:
+def _design(options: argparse.Namespace) -> BasinDesign:
     scene = running(machine_of(options))
     count = options.starts if options.starts is not None else QUICK_STARTS if options.quick else STARTS_DRAWN
     starts = chosen_starts(scene, tuple(over_in_words(scene, text) for text in options.over), count,
@@ -557,7 +474,7 @@ def _design(options: argparse.Namespace) -> Design:
     if starts.is_grid and options.starts is not None:
         raise ValueError("--starts: a grid draws no starts; leave it out, or the counts of --over")
     phase = Stroboscope(free_cut(scene)).turn_map.phase  # after the options: it simulates; refuses a scene at rest
-    return Design(scene, phase, starts, options.turns, options.most_turns)
+    return BasinDesign(scene, phase, starts, options.turns, options.most_turns)
 
 
 def _add_options(parser: Parser) -> None:

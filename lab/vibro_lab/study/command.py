@@ -101,36 +101,18 @@ class Results(NamedTuple):
 
 @dataclass(frozen=True)
 class StudyCommand:
-    """The command line of a study. Called with the arguments after the study's name, it returns the exit code.
+    """The command line of a study. Called with the arguments after the study's name, it returns the exit code."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the study, and of its folder below ``out/study``.
-    does : str
-        Description for its help: what it does and writes.
-    add_options : callable
-        Adds the options that only this study has to a parser.
-    design_of : callable
-        Makes the design from the parsed options; it raises ValueError before anything is written.
-    results : callable
-        Takes the design, the locked folder and the execution, and yields `Results` as they are done.
-    scene : str or None
-        Default of `--scene`; None for a study that adds `--scene` and `--set` itself.
-    failure : str
-        Meaning of exit code 1, for its help.
-    goes_on : bool
-        Whether it keeps finished work and goes on from there.
-    """
-
-    name: str
-    does: str
-    add_options: Callable[[Parser], object]
+    name: str  # name of the study, and of its folder below ``out/study``
+    does: str  # description for its help: what it does and writes
+    add_options: Callable[[Parser], object]  # adds the options that only this study has to a parser
+    # Makes the design from the parsed options; it raises ValueError before anything is written.
     design_of: Callable[[argparse.Namespace], Any]
+    # Takes the design, the locked folder and the execution, and yields `Results` as they are done.
     results: Callable[[Any, Path, Execution], Iterator[Results]]
-    scene: str | None = "device"
-    failure: str = "a run failed, or the disk is full"
-    goes_on: bool = True
+    scene: str | None = "device"  # default of `--scene`; None for a study that adds `--scene` and `--set` itself
+    failure: str = "a run failed, or the disk is full"  # meaning of exit code 1, for its help
+    goes_on: bool = True  # whether it keeps finished work and goes on from there
 
     def parser(self) -> Parser:
         """Return the parser of all options."""
@@ -188,13 +170,7 @@ def machine_of(options: argparse.Namespace) -> Scene:
 
 
 def settings_of(words: Sequence[str]) -> dict[str, Value]:
-    """Return the checked parameter values of all `--set NAME=VALUE`, by name.
-
-    Raises
-    ------
-    ValueError
-        For an unknown name, a value out of range, and a name that is given twice.
-    """
+    """Return the checked parameter values of all `--set NAME=VALUE`, by name."""
     return {name: parameter_named(name, PARAMETERS).checked(value) for name, value in read_settings(words).items()}
 
 
@@ -209,11 +185,6 @@ def locked(folder: Path) -> Iterator[None]:
     """Make `folder`, and lock it against other studies until the context or the process ends.
 
     On a file system without locks the folder is not protected.
-
-    Raises
-    ------
-    ValueError
-        When another study uses the folder, or it cannot be made.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

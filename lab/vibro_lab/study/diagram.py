@@ -32,19 +32,9 @@ from vibro_lab.orbits.turn_map import (
     state_names,
     units_of,
 )
+from vibro_lab.study import figures
 from vibro_lab.study.command import Results, StudyCommand, machine_of
 from vibro_lab.study.execution import Execution, Rows, fingerprint
-from vibro_lab.study.figures import (
-    BLUE,
-    VERMILION,
-    Axes,
-    default_settings,
-    new_figure,
-    of_parameter,
-    png,
-    set_heading,
-    style_axes,
-)
 from vibro_lab.study.table import Field, Study, computed, file_of, parameter_field, read_block, stored
 from vibro_lab.study.variation import Axis, at_the_edge, ends_at, varied_in_words, whole_number
 from vibro_ros import PARAMETERS, STATE_UNITS, Parser, Scene
@@ -56,36 +46,15 @@ _BLOCK = 8  # visits of a block: the most that an interruption loses
 
 
 @dataclass(frozen=True)
-class Design:
-    """A checked design of a diagram.
+class DiagramDesign:
+    """A checked design of a diagram."""
 
-    Attributes
-    ----------
-    scene : Scene
-        Scene whose parameter is varied, and whose start is used at the first value.
-    axis : Axis
-        The parameter and its values, ascending.
-    phase : float
-        Crank angle [rad] of the cut, at which states are recorded.
-    coordinate : str
-        Coordinate of the state that the picture shows.
-    most_turns : int
-        Largest number of turns of the crank in which a motion may settle.
-    exponents : int
-        Turns over which Lyapunov exponents are measured; 0 for no exponents.
-
-    Raises
-    ------
-    ValueError
-        For values that are out of range or contradict each other; one line that names the remedy.
-    """
-
-    scene: Scene
-    axis: Axis
-    phase: float
-    coordinate: str
-    most_turns: int
-    exponents: int
+    scene: Scene  # scene whose parameter is varied, and whose start is used at the first value
+    axis: Axis  # the parameter and its values, ascending
+    phase: float  # crank angle [rad] of the cut, at which states are recorded
+    coordinate: str  # coordinate of the state that the picture shows
+    most_turns: int  # largest number of turns of the crank in which a motion may settle
+    exponents: int  # turns over which Lyapunov exponents are measured; 0 for no exponents
 
     def __post_init__(self) -> None:
         whole_number("--most-turns", self.most_turns, FIRST_TURNS, MOST_SETTLING)
@@ -147,35 +116,17 @@ class Design:
 
 
 @dataclass(frozen=True)
-class Visit:
-    """The motion at a value in one direction.
+class VisitedValue:
+    """The motion at a value in one direction."""
 
-    Attributes
-    ----------
-    number : int
-        Number of the visit.
-    motion : SettledMotion
-        The motion, with states in units of the machine.
-    settled : bool
-        False for a motion that still changes; its states are the last `CLOUD`.
-    states : ndarray, shape (m, n)
-        The same states in SI units.
-    """
-
-    number: int
-    motion: SettledMotion
-    settled: bool
-    states: np.ndarray
+    number: int  # number of the visit
+    motion: SettledMotion  # the motion, with states in units of the machine
+    settled: bool  # false for a motion that still changes; its states are the last `CLOUD`
+    states: np.ndarray  # shape (m, n): the same states in SI units
 
 
-def visit_table(design: Design, folder: Path) -> tuple[pa.Table, tuple[Visit, ...]]:
-    """Return the table of all states, and all visits; blocks that are missing in the folder are computed.
-
-    Raises
-    ------
-    SimulationError
-        If a run cannot go on.
-    """
+def visit_table(design: DiagramDesign, folder: Path) -> tuple[pa.Table, tuple[VisitedValue, ...]]:
+    """Return the table of all states, and all visits; blocks that are missing in the folder are computed."""
     fields = [
         Field("visit", pa.int64(), "1", "number of the visit"),
         Field("direction", pa.string(), "1", "whether the values went up or down"),
@@ -196,9 +147,9 @@ def visit_table(design: Design, folder: Path) -> tuple[pa.Table, tuple[Visit, ..
                 block = number // _BLOCK - 1
                 before = cast(pa.Table, read_block(study, folder, block))
                 left = _visits_in(design, before)[-1].states[-1]
-            one = _visit(design, number, left if number else None)
-            left, last = one.states[-1], number
-            yield _rows_of(design, one)
+            visit = _visit(design, number, left if number else None)
+            left, last = visit.states[-1], number
+            yield _rows_of(design, visit)
 
     study = Study("values", design.document(), fields, lambda number: [], 0.0, design.visits, _BLOCK)
     blocks = {block: study.points(block) for block in range(study.blocks)}
@@ -207,7 +158,7 @@ def visit_table(design: Design, folder: Path) -> tuple[pa.Table, tuple[Visit, ..
     return whole, tuple(_visits_in(design, whole))
 
 
-def _visit(design: Design, number: int, left: np.ndarray | None) -> Visit:
+def _visit(design: DiagramDesign, number: int, left: np.ndarray | None) -> VisitedValue:
     """Compute a visit that begins in `left`, the last state of the visit before, SI units, shape (n,).
 
     Without it, the visit begins with the scene's own start.
@@ -224,7 +175,7 @@ def _visit(design: Design, number: int, left: np.ndarray | None) -> Visit:
         seen = stroboscope.turns(CLOUD)
         speed = float((seen.positions[-1] - seen.positions[0]) / (seen.times[-1] - seen.times[0]))
         motion = SettledMotion(0, seen.states, speed, design.most_turns + CLOUD, tolerance_of(turn_map.scene))
-    return Visit(number, motion, settled, motion.states * turn_map.units)
+    return VisitedValue(number, motion, settled, motion.states * turn_map.units)
 
 
 def _within_plates(turn_map: TurnMap, state: np.ndarray) -> np.ndarray:
@@ -237,31 +188,31 @@ def _within_plates(turn_map: TurnMap, state: np.ndarray) -> np.ndarray:
     return moved
 
 
-def _rows_of(design: Design, one: Visit) -> list[dict]:
+def _rows_of(design: DiagramDesign, visit: VisitedValue) -> list[dict]:
     """Return the rows of a visit, one for each state."""
-    about = {"visit": one.number, "direction": design.direction(one.number),
-             design.axis.name: design.value(one.number), "period": one.motion.turns, "settled": one.settled,
-             "after": one.motion.after, "mean_speed": one.motion.mean_speed}
+    about = {"visit": visit.number, "direction": design.direction(visit.number),
+             design.axis.name: design.value(visit.number), "period": visit.motion.turns, "settled": visit.settled,
+             "after": visit.motion.after, "mean_speed": visit.motion.mean_speed}
     return [{**about, "cut": cut, **dict(zip(design.names, state, strict=True))}
-            for cut, state in enumerate(one.states.tolist())]
+            for cut, state in enumerate(visit.states.tolist())]
 
 
-def _visits_in(design: Design, table: pa.Table) -> list[Visit]:
+def _visits_in(design: DiagramDesign, table: pa.Table) -> list[VisitedValue]:
     """Return the visits whose states a table contains."""
     columns = {name: table[name].to_numpy() for name in ("visit", "period", "settled", "after", "mean_speed",
                                                          *design.names)}
-    found = []
+    visits = []
     for number in dict.fromkeys(columns["visit"].tolist()):
         rows = np.flatnonzero(columns["visit"] == number)
         states, first = np.column_stack([columns[name][rows] for name in design.names]), rows[0]
         scene = design.scene_at(design.value(number))
         motion = SettledMotion(int(columns["period"][first]), states / units_of(scene),
                                float(columns["mean_speed"][first]), int(columns["after"][first]), tolerance_of(scene))
-        found.append(Visit(number, motion, bool(columns["settled"][first]), states))
-    return found
+        visits.append(VisitedValue(number, motion, bool(columns["settled"][first]), states))
+    return visits
 
 
-def exponents_of(design: Design, settled: tuple[tuple[int, np.ndarray], ...], number: int) -> list[dict]:
+def exponents_of(design: DiagramDesign, settled: tuple[tuple[int, np.ndarray], ...], number: int) -> list[dict]:
     """Compute all Lyapunov exponents of a visit by its number, and return its row.
 
     `settled` has for each visit its period [turns], or 0, and its last state in SI units.
@@ -276,11 +227,11 @@ def exponents_of(design: Design, settled: tuple[tuple[int, np.ndarray], ...], nu
         spectrum = spectrum_until_known(turn_map, state, design.exponents)
         turns = 0 if spectrum.spread.any() else spectrum.turns
     return [{"visit": number, "period": turns,
-             **{f"exponent_{k + 1}": one for k, one in enumerate(spectrum.exponents.tolist())},
-             **{f"spread_{k + 1}": one for k, one in enumerate(spectrum.spread.tolist())}}]
+             **{f"exponent_{k + 1}": visit for k, visit in enumerate(spectrum.exponents.tolist())},
+             **{f"spread_{k + 1}": visit for k, visit in enumerate(spectrum.spread.tolist())}}]
 
 
-def period_table(design: Design, seen: Sequence[Visit], folder: Path, execution: Execution) -> pa.Table:
+def period_table(design: DiagramDesign, seen: Sequence[VisitedValue], folder: Path, execution: Execution) -> pa.Table:
     """Table of the periods and exponents, one row for each visit; blocks that are missing in the folder are computed.
     """
     numbers = range(1, len(design.names) + 1)
@@ -292,7 +243,7 @@ def period_table(design: Design, seen: Sequence[Visit], folder: Path, execution:
         *(Field(f"spread_{k}", pa.float64(), "1/s", "half the width of the exponent's 95 % interval; 0 for a periodic "
                 "motion") for k in numbers)]
     run_time = 300.0 * design.exponents * 0.06  # s, about: a derivative takes some fifteen restarted turns
-    settled = tuple((one.motion.turns, one.states[-1]) for one in seen)
+    settled = tuple((visit.motion.turns, visit.states[-1]) for visit in seen)
     return computed(Study(
         "motions measured", design.document(), fields, partial(exponents_of, design, settled),
         run_time, design.visits, _BLOCK), folder, execution)
@@ -300,23 +251,13 @@ def period_table(design: Design, seen: Sequence[Visit], folder: Path, execution:
 
 @dataclass(frozen=True)
 class Diagram:
-    """Results of a diagram.
+    """Results of a diagram."""
 
-    Attributes
-    ----------
-    design : Design
-        The design.
-    visits : tuple of Visit
-        All visits, in the order of their numbers.
-    exponents : Table or None
-        Table of `period_table`; None if no exponents were measured.
-    """
+    design: DiagramDesign  # the design
+    visits: tuple[VisitedValue, ...]  # all visits, in the order of their numbers
+    exponents: pa.Table | None  # table of `period_table`; None if no exponents were measured
 
-    design: Design
-    visits: tuple[Visit, ...]
-    exponents: pa.Table | None
-
-    def of(self, direction: str) -> tuple[Visit, ...]:
+    def of(self, direction: str) -> tuple[VisitedValue, ...]:
         """Visits of a direction, in ascending order of the values."""
         count = len(self.design.axis.values)
         return self.visits[:count] if direction == UP else self.visits[:count - 1:-1]
@@ -325,11 +266,11 @@ class Diagram:
         """Value in a column of `exponents` for the visit of a number; NaN if no exponents were measured."""
         return float(self.exponents[column][visit].as_py()) if self.exponents is not None else float("nan")
 
-    def period(self, visit: Visit) -> int:
+    def period(self, visit: VisitedValue) -> int:
         """Period of a motion [turns], which may be longer than `LONGEST_PERIOD`; 0 if none was found."""
         return visit.motion.turns if self.exponents is None else int(self.value_of("period", visit.number))
 
-    def sign(self, visit: Visit) -> int | None:
+    def sign(self, visit: VisitedValue) -> int | None:
         """Sign of a visit's largest exponent, 0 if it is not known; None if no exponents were measured."""
         exponent = self.value_of("exponent_1", visit.number)
         return None if math.isnan(exponent) else sign_of(exponent, self.value_of("spread_1", visit.number))
@@ -339,7 +280,7 @@ class Diagram:
         return [up.settled and down.settled and not up.motion.is_same(down.motion)
                 for up, down in zip(self.of(UP), self.of(DOWN), strict=True)]
 
-    def kind(self, visit: Visit) -> str:
+    def kind(self, visit: VisitedValue) -> str:
         """Description of a motion's period in words."""
         turns = self.period(visit)
         if not (visit.settled or turns):
@@ -352,40 +293,40 @@ class Diagram:
         two = self.differ()
         return [list(places) for is_two, places in itertools.groupby(range(len(two)), two.__getitem__) if is_two]
 
-    def ranges(self) -> list[list[Visit]]:
+    def ranges(self) -> list[list[VisitedValue]]:
         """Runs of visits of neighbouring values, with equal direction, period and presence of hysteresis."""
-        two, found = self.differ(), []
+        two, runs = self.differ(), []
         for direction in (UP, DOWN):
-            keys = [(self.kind(one), is_two) for one, is_two in zip(self.of(direction), two, strict=True)]
+            keys = [(self.kind(visit), is_two) for visit, is_two in zip(self.of(direction), two, strict=True)]
             for _, places in itertools.groupby(range(len(two)), keys.__getitem__):
-                found.append([self.of(direction)[place] for place in places])
-        return found
+                runs.append([self.of(direction)[place] for place in places])
+        return runs
 
 
-def states_table(design: Design, table: pa.Table) -> bytes:
+def states_table(design: DiagramDesign, table: pa.Table) -> bytes:
     """Return a Parquet file of all states."""
     return _file(table, design)
 
 
-def values_table(found: Diagram) -> bytes:
+def values_table(diagram: Diagram) -> bytes:
     """Return a Parquet file with one row for each visit."""
-    design, two = found.design, found.differ()
+    design, two = diagram.design, diagram.differ()
     first = {
-        "visit": pa.array([one.number for one in found.visits], pa.int64()),
-        "direction": pa.array([design.direction(one.number) for one in found.visits], pa.string()),
-        design.axis.name: pa.array([design.value(one.number) for one in found.visits], pa.float64()),
-        "period": pa.array([found.period(one) for one in found.visits], pa.int64()),
-        "settled": pa.array([one.settled for one in found.visits], pa.bool_()),
-        "after": pa.array([one.motion.after for one in found.visits], pa.int64()),
-        "mean_speed": pa.array([one.motion.mean_speed for one in found.visits], pa.float64()),
-        "two_motions": pa.array([two[design.place(one.number)] for one in found.visits], pa.bool_()),
+        "visit": pa.array([visit.number for visit in diagram.visits], pa.int64()),
+        "direction": pa.array([design.direction(visit.number) for visit in diagram.visits], pa.string()),
+        design.axis.name: pa.array([design.value(visit.number) for visit in diagram.visits], pa.float64()),
+        "period": pa.array([diagram.period(visit) for visit in diagram.visits], pa.int64()),
+        "settled": pa.array([visit.settled for visit in diagram.visits], pa.bool_()),
+        "after": pa.array([visit.motion.after for visit in diagram.visits], pa.int64()),
+        "mean_speed": pa.array([visit.motion.mean_speed for visit in diagram.visits], pa.float64()),
+        "two_motions": pa.array([two[design.place(visit.number)] for visit in diagram.visits], pa.bool_()),
     }
-    exponents = found.exponents.drop_columns(["visit", "period"]) if found.exponents is not None else None
+    exponents = diagram.exponents.drop_columns(["visit", "period"]) if diagram.exponents is not None else None
     rest = dict(zip(exponents.column_names, exponents.columns, strict=True)) if exponents is not None else {}
     return _file(pa.table({**first, **rest}), design)
 
 
-def _file(table: pa.Table, design: Design) -> bytes:
+def _file(table: pa.Table, design: DiagramDesign) -> bytes:
     about = json.dumps({**fingerprint(), "design": design.document()}, ensure_ascii=False).encode()
     return file_of(table.replace_schema_metadata({b"vibro_ros": about}))
 
@@ -393,50 +334,51 @@ def _file(table: pa.Table, design: Design) -> bytes:
 _MOST_RANGES = 40  # rows of the printed table; the files contain all
 
 
-def in_words(found: Diagram) -> Iterator[str]:
+def in_words(diagram: Diagram) -> Iterator[str]:
     """Yield the results as lines of text: a table of ranges, then the regions of hysteresis."""
-    design, name = found.design, found.design.axis.name
+    design, name = diagram.design, diagram.design.axis.name
     unit = PARAMETERS[name].unit
-    yield (f"{'':5} {of_parameter(name):>24}  {'repeats itself':17} {'mean speed [mm/s]':>18} "
+    yield (f"{'':5} {figures.of_parameter(name):>24}  {'repeats itself':17} {'mean speed [mm/s]':>18} "
            f"{'largest exponent [1/s]':>30}")
-    ranges = found.ranges()
+    ranges = diagram.ranges()
     for visits in ranges[:_MOST_RANGES]:
-        numbers = [one.number for one in visits]
+        numbers = [visit.number for visit in visits]
         where = _between([design.value(number) for number in numbers], ".6g")
-        speeds = _between([1e3 * one.motion.mean_speed for one in visits], ".2f")
-        exponents = _exponents(found, numbers)
-        yield (f"{design.direction(numbers[0]):5} {where:>24}  {found.kind(visits[0]):17} {speeds:>18} "
+        speeds = _between([1e3 * visit.motion.mean_speed for visit in visits], ".2f")
+        exponents = _exponents(diagram, numbers)
+        yield (f"{design.direction(numbers[0]):5} {where:>24}  {diagram.kind(visits[0]):17} {speeds:>18} "
                f"{exponents:>30}").rstrip()
     if len(ranges) > _MOST_RANGES:
         yield f"and {len(ranges) - _MOST_RANGES} ranges more; the files hold all"
-    regions = found.hysteresis()
+    regions = diagram.hysteresis()
     for places in regions:
         ways = []
         for direction in (UP, DOWN):
-            visits = [found.of(direction)[place] for place in places]
-            speeds = _between([1e3 * one.motion.mean_speed for one in visits], ".2f")
-            ways.append(f"{direction} {', '.join(dict.fromkeys(map(found.kind, visits)))} at {speeds} mm/s")
+            visits = [diagram.of(direction)[place] for place in places]
+            speeds = _between([1e3 * visit.motion.mean_speed for visit in visits], ".2f")
+            ways.append(f"{direction} {', '.join(dict.fromkeys(map(diagram.kind, visits)))} at {speeds} mm/s")
         where = _between([float(design.axis.values[place]) for place in places], ".6g")
         yield (f"hysteresis: {where}{f' {unit}' if unit else ''} ({len(places)} value{'s' * (len(places) > 1)}): "
                f"{'; '.join(ways)}")
     if not regions:
         yield f"hysteresis: none at the {len(design.axis.values)} values; both ways lead to the same motions"
-    unknown = dict.fromkeys(f"{design.value(one.number):.6g}" for one in found.visits if found.sign(one) == 0)
+    unknown = dict.fromkeys(f"{design.value(visit.number):.6g}" for visit in diagram.visits if diagram.sign(visit) == 0)
     if unknown:
         yield (f"sign of the largest exponent not known, 0 lies within its interval: at {', '.join(unknown)}"
                f"{f' {unit}' if unit else ''}")
-    fastest = max(found.visits, key=lambda one: abs(one.motion.mean_speed))
+    fastest = max(diagram.visits, key=lambda visit: abs(visit.motion.mean_speed))
     if edge := at_the_edge("the largest mean speed", ends_at({name: design.axis.values}, design.place(fastest.number))):
         yield edge
-    unsettled = sum(not one.settled for one in found.visits)
+    unsettled = sum(not visit.settled for visit in diagram.visits)
     if unsettled:
         yield (f"not settled: {unsettled} of {design.visits} visits within {design.most_turns} turns, of which nothing "
                "is said about hysteresis; give more --most-turns, or dampers")
 
 
-def _exponents(found: Diagram, numbers: Sequence[int]) -> str:
+def _exponents(diagram: Diagram, numbers: Sequence[int]) -> str:
     """Text of the least and the largest exponent of some visits; for a single visit with its interval."""
-    values, spreads = ([found.value_of(column, number) for number in numbers] for column in ("exponent_1", "spread_1"))
+    values, spreads = ([diagram.value_of(column, number) for number in numbers]
+                       for column in ("exponent_1", "spread_1"))
     if len(numbers) == 1 and spreads[0] > 0.0:
         return f"{values[0]:.2f} ± {spreads[0]:.2g}" + ", sign not known" * (not sign_of(values[0], spreads[0]))
     return _between(values, ".2f")
@@ -453,7 +395,7 @@ def _between(values: Sequence[float], form: str) -> str:
 
 # Okabe and Ito's blue and vermilion, which colour-blind readers can distinguish. Where both directions found the same
 # motion, the dot of the downward visit lies within the ring of the upward one.
-_COLOURS = {UP: BLUE, DOWN: VERMILION}
+_COLOURS = {UP: figures.BLUE, DOWN: figures.VERMILION}
 _MARKS: dict[str, dict[str, Any]] = {
     UP: {"marker": "o", "markerfacecolor": "none", "markeredgewidth": 0.8},
     DOWN: {"marker": ".", "markeredgewidth": 0.0}}
@@ -463,32 +405,32 @@ _WIDTH, _STATES, _PANEL = 9.0, 3.8, 1.8  # in
 _MOST, _LEAST, _CROWD = 5.0, 2.0, 450.0  # size of a ring [pt]: `_CROWD` / number of values, within these limits
 
 
-@default_settings()
-def draw_diagram(found: Diagram) -> bytes:
+@figures.default_settings()
+def draw_diagram(diagram: Diagram) -> bytes:
     """Draw a diagram; returns a PNG file."""
-    design = found.design
+    design = diagram.design
     panels = [_draw_states, _draw_speed] + [_draw_exponents] * bool(design.exponents)
     heights = [_STATES, *[_PANEL] * (len(panels) - 1)]
-    figure = new_figure(_WIDTH, sum(heights), 100)
+    figure = figures.new_figure(_WIDTH, sum(heights), 100)
     rows = figure.subplots(len(panels), 1, sharex=True, height_ratios=heights, squeeze=False)[:, 0]
     for axes, draw in zip(rows, panels, strict=True):
-        draw(axes, found)
-        _shade(axes, found)
-        style_axes(axes)
-    rows[-1].set_xlabel(of_parameter(design.axis.name))
-    set_heading(figure, f"{design.scene.name}: once a turn, at the crank angle {design.phase:.3f} rad; "
+        draw(axes, diagram)
+        _shade(axes, diagram)
+        figures.style_axes(axes)
+    rows[-1].set_xlabel(figures.of_parameter(design.axis.name))
+    figures.set_heading(figure, f"{design.scene.name}: once a turn, at the crank angle {design.phase:.3f} rad; "
                 f"{len(design.axis.values)} values up and down")
-    return png(figure)
+    return figures.png(figure)
 
 
-def _draw_states(axes: Axes, found: Diagram) -> None:
-    design = found.design
-    column, size = design.names.index(design.coordinate), _size(found)
+def _draw_states(axes: figures.Axes, diagram: Diagram) -> None:
+    design = diagram.design
+    column, size = design.names.index(design.coordinate), _size(diagram)
     for direction in (UP, DOWN):
         for is_periodic, opacity in ((False, _FAINT), (True, 1.0)):
-            visits = [one for one in found.of(direction) if bool(one.motion.turns) == is_periodic]
-            places = [design.value(one.number) for one in visits for _ in one.states]
-            states = [1e3 * value for one in visits for value in one.states[:, column]]
+            visits = [visit for visit in diagram.of(direction) if bool(visit.motion.turns) == is_periodic]
+            places = [design.value(visit.number) for visit in visits for _ in visit.states]
+            states = [1e3 * value for visit in visits for value in visit.states[:, column]]
             share = 1.0 if is_periodic and direction == UP else 0.8
             axes.plot(places, states, linestyle="none", ms=share * size, alpha=opacity, color=_COLOURS[direction],
                       **_MARKS[direction if is_periodic else DOWN])
@@ -498,42 +440,42 @@ def _draw_states(axes: Axes, found: Diagram) -> None:
     axes.legend(fontsize=9, frameon=False, ncols=2, loc="best")
 
 
-def _size(found: Diagram) -> float:
-    return min(_MOST, max(_LEAST, _CROWD / len(found.design.axis.values)))
+def _size(diagram: Diagram) -> float:
+    return min(_MOST, max(_LEAST, _CROWD / len(diagram.design.axis.values)))
 
 
-def _draw_speed(axes: Axes, found: Diagram) -> None:
+def _draw_speed(axes: figures.Axes, diagram: Diagram) -> None:
     for direction in (UP, DOWN):
-        _draw_line(axes, found, direction, [1e3 * one.motion.mean_speed for one in found.of(direction)])
+        _draw_line(axes, diagram, direction, [1e3 * visit.motion.mean_speed for visit in diagram.of(direction)])
     axes.set_ylabel("mean speed [mm/s]")
 
 
-def _draw_exponents(axes: Axes, found: Diagram) -> None:
+def _draw_exponents(axes: figures.Axes, diagram: Diagram) -> None:
     """Draw the largest exponent with its interval, and the second one as a thin line."""
     for direction in (UP, DOWN):
         for column, share in (("exponent_1", 1.0), ("exponent_2", 0.4)):
-            if found.exponents is not None and column in found.exponents.column_names:
-                values = [found.value_of(column, one.number) for one in found.of(direction)]
+            if diagram.exponents is not None and column in diagram.exponents.column_names:
+                values = [diagram.value_of(column, visit.number) for visit in diagram.of(direction)]
                 values = [value if np.isfinite(value) else np.nan for value in values]
-                _draw_line(axes, found, direction, values, share)
+                _draw_line(axes, diagram, direction, values, share)
                 if share == 1.0:
-                    spreads = [found.value_of("spread_1", one.number) for one in found.of(direction)]
-                    axes.errorbar(found.design.axis.values, values, yerr=spreads, fmt="none", lw=0.8,
+                    spreads = [diagram.value_of("spread_1", visit.number) for visit in diagram.of(direction)]
+                    axes.errorbar(diagram.design.axis.values, values, yerr=spreads, fmt="none", lw=0.8,
                                   color=_COLOURS[direction])
     axes.axhline(0.0, color="black", lw=0.8)
     axes.set_ylabel("two largest exponents\n[1/s]")
 
 
-def _draw_line(axes: Axes, found: Diagram, direction: str, values: list[float], share: float = 1.0) -> None:
-    axes.plot(found.design.axis.values, values, ms=share * _size(found), lw=0.8 * share, alpha=0.4 + 0.6 * share,
+def _draw_line(axes: figures.Axes, diagram: Diagram, direction: str, values: list[float], share: float = 1.0) -> None:
+    axes.plot(diagram.design.axis.values, values, ms=share * _size(diagram), lw=0.8 * share, alpha=0.4 + 0.6 * share,
               color=_COLOURS[direction], **_MARKS[direction])
 
 
-def _shade(axes: Axes, found: Diagram) -> None:
+def _shade(axes: figures.Axes, diagram: Diagram) -> None:
     """Shade regions of hysteresis grey, up to halfway to the neighbouring values."""
-    values = np.array(found.design.axis.values, dtype=float)
+    values = np.array(diagram.design.axis.values, dtype=float)
     middles = np.concatenate([values[:1], 0.5 * (values[1:] + values[:-1]), values[-1:]])
-    for places in found.hysteresis():
+    for places in diagram.hysteresis():
         axes.axvspan(middles[places[0]], middles[places[-1] + 1], color=_SHADE, zorder=0, lw=0.0)
 
 
@@ -543,12 +485,12 @@ _SCENE, _VARY, _COUNT, _QUICK_COUNT = "device", "motor.speed=60:240", 181, 31
 _MOST_TURNS, _EXPONENTS = 4096, 100
 
 
-def _results(design: Design, folder: Path, execution: Execution) -> Iterator[Results]:
+def _results(design: DiagramDesign, folder: Path, execution: Execution) -> Iterator[Results]:
     states, seen = visit_table(design, folder / VISITS)
     periods = period_table(design, seen, folder / EXPONENTS, execution) if design.exponents else None
-    found = Diagram(design, seen, periods)
-    yield Results({STATES: states_table(design, states), VALUES: values_table(found), PICTURE: draw_diagram(found)},
-                  in_words(found))
+    diagram = Diagram(design, seen, periods)
+    yield Results({STATES: states_table(design, states), VALUES: values_table(diagram), PICTURE: draw_diagram(diagram)},
+                  in_words(diagram))
 
 
 def _axis(options: argparse.Namespace) -> Axis:
@@ -566,7 +508,7 @@ def _axis(options: argparse.Namespace) -> Axis:
     return Axis(name, tuple(sorted(axis.values)))
 
 
-def _design(options: argparse.Namespace) -> Design:
+def _design(options: argparse.Namespace) -> DiagramDesign:
     """Make the design from the options; unless `--phase` is given, the cut is chosen at the first value."""
     scene, axis = machine_of(options), _axis(options)
     first = scene.with_parameters({axis.name: axis.values[0]})
@@ -579,8 +521,8 @@ def _design(options: argparse.Namespace) -> Design:
     names = state_names(first)
     if not names:
         raise ValueError(f"{scene.name}: has no mass whose motion could be shown; give one with effects.upper_mass")
-    return Design(scene, axis, phase, options.coordinate or names[-1 if len(names) < 4 else 3], options.most_turns,
-                  options.exponents)
+    coordinate = options.coordinate or names[-1 if len(names) < 4 else 3]
+    return DiagramDesign(scene, axis, phase, coordinate, options.most_turns, options.exponents)
 
 
 def _add_options(parser: Parser) -> None:

@@ -56,15 +56,9 @@ def computes_with() -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Task:
-    """Function that computes the rows of some points in a worker.
+    """Function that computes the rows of some points in a worker."""
 
-    Attributes
-    ----------
-    rows : callable
-        Returns the rows of a point by its number.
-    """
-
-    rows: Callable[[int], Any]
+    rows: Callable[[int], Any]  # returns the rows of a point by its number
 
     def __call__(self, numbers: tuple[int, ...]) -> tuple[dict[str, str], list]:
         """Return `computes_with` and the rows of each point.
@@ -78,29 +72,13 @@ class Task:
 
 @dataclass(frozen=True)
 class Execution:
-    """Choice of the workers: processes of this machine, or a Dask cluster.
+    """Choice of the workers: processes of this machine, or a Dask cluster."""
 
-    Attributes
-    ----------
-    workers : int
-        Number of processes of this machine.
-    address : str or None
-        Address of a Dask cluster's scheduler; if given, the cluster computes instead.
-    """
-
-    workers: int
-    address: str | None = None
+    workers: int  # number of processes of this machine
+    address: str | None = None  # address of a Dask cluster's scheduler; if given, the cluster computes instead
 
     def rows(self, rows: Callable[[int], Any], numbers: Iterable[int], run_time: float) -> Rows:
-        """Yield the rows of each numbered point, in order; a point takes about `run_time` seconds of simulated time.
-
-        Raises
-        ------
-        ValueError
-            If the scheduler cannot be reached.
-        RuntimeError
-            If workers have other software than this machine, die repeatedly, or the scheduler disappears.
-        """
+        """Yield the rows of each numbered point, in order; a point takes about `run_time` seconds of simulated time."""
         task, (time, most) = Task(rows), _CLUSTER_GROUP if self.address else _LOCAL_GROUP
         given = _groups(iter(numbers), max(1, min(most, int(time / run_time))))
         due: deque[tuple[int, ...]] = deque()
@@ -139,12 +117,12 @@ def _note_due(groups: Iterable[tuple[int, ...]], due: deque[tuple[int, ...]]) ->
         yield group
 
 
-def _check_worker(theirs: dict[str, str], found: list) -> list:
+def _check_worker(theirs: dict[str, str], rows: list) -> list:
     for key, ours in computes_with().items():
         if theirs.get(key) != ours:
             raise RuntimeError(f"a worker of the cluster has another {key} ({theirs.get(key)}) than this machine "
                                f"({ours}), so that bits may differ; start workers from the same environment")
-    return found
+    return rows
 
 
 class _LocalPool:

@@ -1,4 +1,12 @@
-"""Common style of all studies' figures: white, without a window, with a light grid, and with units on the axes."""
+"""Figures of all studies: their common style, with a light grid and units on the axes, and fields of cells.
+
+A study draws with `figures.new_figure`, colours and functions of this module; nothing else of matplotlib is imported.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
 
 from vibro_lab.study.variation import parameter_names
 from vibro_ros import PARAMETERS, default_settings, new_figure, png, set_heading
@@ -11,14 +19,17 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-__all__ = ["BLACK", "BLUE", "GREEN", "GRID", "ORANGE", "PURPLE", "SKY", "VERMILION", "YELLOW", "Axes", "BoundaryNorm",
-           "Figure", "Line2D", "ListedColormap", "Patch", "default_settings", "new_figure", "of_parameter", "png",
-           "set_heading", "style_axes", "with_unit"]
+__all__ = ["Axes", "Figure", "Line2D", "Patch", "default_settings", "draw_cells", "draw_classes", "new_figure",
+           "of_parameter", "png", "set_heading", "style_axes", "with_unit"]
 
 GRID, BLACK = "#e8e8e8", "#000000"
 BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, YELLOW = (
     "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#f0e442")
 """Okabe and Ito's colours, which colour-blind readers can distinguish."""
+PALETTE = (BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILION, YELLOW, BLACK)
+"""Colours of numbered motions; further ones share the last."""
+LINES = ((BLUE, "o"), (VERMILION, "^"), (GREEN, "s"), (PURPLE, "v"), (BLACK, "D"), (ORANGE, "x"))
+"""Colours of lines, and markers for readers who cannot distinguish them."""
 
 
 def with_unit(name: str, unit: str) -> str:
@@ -36,3 +47,17 @@ def style_axes(axes: Axes) -> None:
     axes.grid(color=GRID, lw=0.8)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
+
+
+def draw_cells(axes: Axes, across: np.ndarray, up: np.ndarray, cells: np.ndarray, label: str, colours: str = "viridis",
+               limits: tuple[float | None, float | None] = (None, None)) -> None:
+    """Draw a number in each cell, shape (up, across), as a colour, with a colour bar of this label; NaN is left out."""
+    mesh = axes.pcolormesh(across, up, cells, shading="nearest", cmap=colours, vmin=limits[0], vmax=limits[1],
+                           rasterized=True)
+    axes.figure.colorbar(mesh, ax=axes, label=label, pad=0.01)
+
+
+def draw_classes(axes: Axes, across: np.ndarray, up: np.ndarray, classes: np.ndarray, colours: Sequence[str]) -> Any:
+    """Draw the class in each cell, shape (up, across), from 0, in its colour; returns the mesh for a colour bar."""
+    return axes.pcolormesh(across, up, classes, shading="nearest", cmap=ListedColormap(colours), rasterized=True,
+                           norm=BoundaryNorm(np.arange(-0.5, len(colours)), len(colours)))

@@ -14,7 +14,7 @@ import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -25,22 +25,9 @@ import pyarrow as pa
 from vibro_lab.orbits.attractors import steady_start
 from vibro_lab.orbits.recurrence import SAME, SettledMotion, number_among, settle, tolerance_of
 from vibro_lab.orbits.turn_map import Stroboscope, TurnMap, state_names
+from vibro_lab.study import figures
 from vibro_lab.study.command import Progress, Results, StudyCommand, machine_of
 from vibro_lab.study.execution import Execution
-from vibro_lab.study.figures import (
-    BLUE,
-    GREEN,
-    ORANGE,
-    SKY,
-    YELLOW,
-    Axes,
-    BoundaryNorm,
-    Figure,
-    ListedColormap,
-    default_settings,
-    new_figure,
-    png,
-)
 from vibro_lab.study.measures import MEASURES, REST, WORK, Window, observed
 from vibro_lab.study.table import NUMBERS, Field, Study, computed, file_of
 from vibro_lab.study.variation import whole_number
@@ -59,10 +46,42 @@ _OF_MOTOR, _FREE_OF_DC = ("motor.", "effects.motor"), (
     "motor.continuous_current")
 MOST_CELLS = 25_000
 """Largest number of cells of a grid. Each cell is visited four times."""
+UNSETTLED = -1
+"""Value of the period of a visit that has not settled."""
 
 
 @dataclass(frozen=True)
-class Axis:
+class MapSettings:
+    """Settings of the search for motions; `test_map_settings.py` halves and doubles each of them."""
+
+    # Crank angle of the cut [rad]: both sliders are far from the plates there, so that no event lies at the cut.
+    phase: float = math.pi
+    # Turns after which a visit counts as not settled: a visit begins near its motion, and 98 % settle within 512.
+    most_turns: int = 2048
+    # Turns that are measured of a periodic motion, at least: a mean over fewer depends on the rounding of its period.
+    least_turns: int = 16
+    # Turns that are measured of a motion without a period: its mean speed is then known to about 1 %.
+    turns_without_period: int = 256
+    # States kept of a motion without a period: enough to tell two clouds apart, and a row stays small.
+    kept_states: int = 32
+    # Longest period [turns] that characterises a motion. A longer one counts as none, because a small change of the
+    # commands destroys it, and visits that settle slowly do not find it reliably.
+    longest_period: int = 8
+    # Least number of cells of a numbered motion; smaller ones are `PATCHWORK`, most of them at edges of larger motions.
+    least_cells: int = 8
+    # Largest change of a motion's mean speed between neighbouring cells [m/s], and the share of the speed added to it:
+    # larger than the change over a cell of the shipped grids, smaller than the distance between most two motions.
+    speed_change: float = 3e-3
+    speed_change_share: float = 0.25
+    # Random starts of each cell with several motions: their shares are known to an eighth.
+    histories: int = 8
+    # Relative difference of mean speeds up to which a start has led to a motion of the same period.
+    same_speed: float = 0.05
+
+
+
+@dataclass(frozen=True)
+class GridAxis:
     """At least two equally spaced values, in the unit of the command."""
 
     low: float
@@ -82,41 +101,22 @@ class Axis:
 
 @dataclass(frozen=True)
 class Line:
-    """A row or a column of the grid, swept from one end to the other.
+    """A row or a column of the grid, swept from one end to the other."""
 
-    Attributes
-    ----------
-    along : str
-        `SPEED` or `GAP`: the parameter that changes.
-    place : int
-        Index of the other parameter, which is constant.
-    upwards : bool
-        Whether the smallest value comes first.
-    """
-
-    along: str
-    place: int
-    upwards: bool
+    along: str  # `SPEED` or `GAP`: the parameter that changes
+    place: int  # index of the other parameter, which is constant
+    upwards: bool  # whether the smallest value comes first
 
 
 @dataclass(frozen=True)
 class MapDesign:
-    """Design of a map.
+    """Design of a map."""
 
-    Attributes
-    ----------
-    scene : Scene
-        The machine; its own motor speed and gaps of `sides` are not used.
-    sides : tuple of str
-        Sides whose gaps are varied; two sides have equal gaps.
-    speeds, gaps : Axis
-        Motor speeds [rad/s] and gaps [m].
-    """
-
-    scene: Scene
-    sides: tuple[str, ...]
-    speeds: Axis
-    gaps: Axis
+    scene: Scene  # the machine; its own motor speed and gaps of `sides` are not used
+    sides: tuple[str, ...]  # sides whose gaps are varied; two sides have equal gaps
+    speeds: GridAxis  # motor speeds [rad/s] and gaps [m]
+    gaps: GridAxis
+    settings: MapSettings = MapSettings()
 
     def scene_at(self, speed_index: int, gap_index: int) -> Scene:
         """Return the scene in a cell (ValueError if the scene refuses the values)."""
@@ -141,6 +141,7 @@ class MapDesign:
         """Everything that the motions depend on, for JSON."""
         solver = {name: value for name, value in self.scene.parameters.items() if name.startswith("solver.")}
         return {"parameters": parameters_that_count(self.scene, self.sides), "solver": solver, "gaps": list(self.sides),
+                "settings": asdict(self.settings),
                 **{name: [axis.low, axis.high, axis.count]
                    for name, axis in ((SPEED, self.speeds), (GAP, self.gaps))}}
 
@@ -161,13 +162,7 @@ QUICK = "60:180:13", "0:0.006:4"
 
 
 def design_of(options: argparse.Namespace) -> MapDesign:
-    """Make the design of a map from the options.
-
-    Raises
-    ------
-    ValueError
-        For options that give no grid or no scene; the message names value, limit and remedy.
-    """
+    """Make the design of a map from the options."""
     scene = machine_of(options)
     if scene["solver.method"] != "exact":
         raise ValueError(f"solver.method: {scene['solver.method']} has no map; take exact, whose states repeat to "
@@ -195,98 +190,74 @@ def design_of(options: argparse.Namespace) -> MapDesign:
     return design
 
 
-def _axis(option: str, text: str) -> Axis:
+def _axis(option: str, text: str) -> GridAxis:
     parts = [read_scalar(part) for part in text.split(":")]
     if len(parts) != 3 or not all(isinstance(part, (int, float)) and not isinstance(part, bool) for part in parts[:2]):
         raise ValueError(f"{option} {text}: give LOW:HIGH:COUNT")
     low, high = float(parts[0]), float(parts[1])  # type: ignore[arg-type]
     if not (-1e9 < low < high < 1e9):
         raise ValueError(f"{option} {text}: is no range; give the smaller number first")
-    return Axis(low, high, whole_number(f"{option}: count", parts[2], 2, 10_000))
+    return GridAxis(low, high, whole_number(f"{option}: count", parts[2], 2, 10_000))
 
 
-PHASE = math.pi
-"""Crank angle [rad] of the cut: both sliders are far from the plates there."""
-MOST_TURNS = 2048
-"""Turns of the crank after which a visit counts as not settled."""
-UNSETTLED = -1
-"""Value of the period of a visit that has not settled."""
-# Turns that are measured: at least, if periodic; without a period. Number of states kept of a motion without a period.
-_LEAST_TURNS, _WITHOUT_PERIOD, _KEPT = 16, 256, 32
 _NOTHING = (math.nan, math.nan, math.nan, math.nan)
 
 
-LONG = 8
-"""Longest period [turns] that characterises a motion. A longer one counts as none, because a small change of the
-commands destroys it, and visits that settle slowly do not find it reliably."""
+class VisitedCell(NamedTuple):
+    """The motion that a sweep found in a cell."""
 
-
-class Visit(NamedTuple):
-    """The motion that a sweep found in a cell.
-
-    Attributes
-    ----------
-    speed_index, gap_index : int
-        Cell of the grid.
-    turns : int
-        Period [turns of the crank]; 0 for a motion without a period, `UNSETTLED` if none was found.
-    landings : int
-        Landings of the body within these turns; 0 without a period.
-    mean_speed : float
-        Mean speed of the body [m/s], forwards positive.
-    cost_of_transport, stick_share, air_share : float
-        Measures as defined in `study.measures`, dimensionless.
-    states : ndarray, shape (m, n)
-        States at successive cuts, in units of the machine: one period, or the last `_KEPT`; empty if none was found.
-    """
-
-    speed_index: int
+    speed_index: int  # cell of the grid
     gap_index: int
-    turns: int
-    landings: int
-    mean_speed: float
-    cost_of_transport: float
+    turns: int  # period [turns of the crank]; 0 for a motion without a period, `UNSETTLED` if none was found
+    landings: int  # landings of the body within these turns; 0 without a period
+    mean_speed: float  # mean speed of the body [m/s], forwards positive
+    cost_of_transport: float  # measures as defined in `study.measures`, dimensionless
     stick_share: float
     air_share: float
+    # Shape (m, n): states at successive cuts, in units of the machine: one period, or the last `kept_states`; empty
+    # if none was found.
     states: np.ndarray
 
-    def settled(self, tolerance: float) -> SettledMotion:
-        """Return the motion for comparison within the cell; a period longer than `LONG` counts as none."""
-        turns = self.turns if self.turns <= LONG else 0
+    def settled(self, tolerance: float, longest: int) -> SettledMotion:
+        """Return the motion for comparison within the cell; a period of more than `longest` turns counts as none."""
+        turns = self.turns if self.turns <= longest else 0
         return SettledMotion(turns, self.states, self.mean_speed, self.turns, tolerance)
 
 
-def visits(design: MapDesign, line: Line) -> list[Visit]:
+def visits(design: MapDesign, line: Line) -> list[VisitedCell]:
     """Sweep a line: each cell begins with the last state of the cell before, the first one with the scene's own start.
     """
-    found, before = [], None
+    visited, last_state, settings = list[VisitedCell](), None, design.settings
     for speed_index, gap_index in design.cells(line):
-        turn_map = TurnMap(design.scene_at(speed_index, gap_index), PHASE)
+        turn_map = TurnMap(design.scene_at(speed_index, gap_index), settings.phase)
         stroboscope = Stroboscope(turn_map)
         try:
             try:
-                if before is None:
+                if last_state is None:
                     stroboscope.begin_as()
                 else:
-                    stroboscope.begin(before / turn_map.units)
+                    stroboscope.begin(last_state / turn_map.units)
             except ValueError:  # the last state is not possible in this cell
                 stroboscope.begin_as()
-            motion = settle(stroboscope, most=MOST_TURNS)
-            seen = motion and _measured(turn_map, motion)
+            motion = settle(stroboscope, most=settings.most_turns)
+            quantities = motion and _measured(turn_map, motion, settings)
         except SimulationError:
-            motion = seen = None
-        if motion and seen:
-            before = motion.states[-1] * turn_map.units
-            found.append(Visit(speed_index, gap_index, motion.turns, *seen, motion.states[-(motion.turns or _KEPT):]))
+            motion = quantities = None
+        if motion and quantities:
+            last_state = motion.states[-1] * turn_map.units
+            states = motion.states[-(motion.turns or settings.kept_states):]
+            visited.append(VisitedCell(speed_index, gap_index, motion.turns, *quantities, states))
         else:
-            before = None
-            found.append(Visit(speed_index, gap_index, UNSETTLED, 0, *_NOTHING, np.empty((0, 0))))
-    return found
+            last_state = None
+            visited.append(VisitedCell(speed_index, gap_index, UNSETTLED, 0, *_NOTHING, np.empty((0, 0))))
+    return visited
 
 
-def _measured(turn_map: TurnMap, motion: SettledMotion) -> tuple[int, float, float, float, float]:
+def _measured(turn_map: TurnMap, motion: SettledMotion, settings: MapSettings
+              ) -> tuple[int, float, float, float, float]:
     """Measure landings, mean speed [m/s], cost of transport, and shares of time in which the body stands and flies."""
-    turns = motion.turns * math.ceil(_LEAST_TURNS / motion.turns) if motion.turns else _WITHOUT_PERIOD
+    turns = (motion.turns * math.ceil(settings.least_turns / motion.turns) if motion.turns else
+             settings.turns_without_period)
     device = Simulator(turn_map.scene.with_parameters({"solver.accounts": True}))
     device.set_state(crank_angle=turn_map.phase, **dict(zip(turn_map.names, motion.states[-1] * turn_map.units,
                                                              strict=True)))
@@ -310,26 +281,21 @@ _VISIT = [
     Field("cost_of_transport", pa.float64(), "1", "mean power / (weight x speed)"),
     Field("stick_share", pa.float64(), "1", "share of the time in which the body stands on the ground"),
     Field("air_share", pa.float64(), "1", "share of the time in which the body is in the air"),
-    Field("states", NUMBERS, "1", f"at successive cuts, crank angle {PHASE:.6g} rad, one after the other, in crank "
-          "radii and crank radii times motor speed"),
+    Field("states", NUMBERS, "1", "at successive cuts, crank angle pi, one after the other, in crank radii and crank "
+          "radii times motor speed"),
 ]
-def visits_of(design: MapDesign, lines: Path, execution: Execution) -> list[Visit]:
+def visits_of(design: MapDesign, lines: Path, execution: Execution) -> list[VisitedCell]:
     """Return all visits of a map; lines that are missing in the folder `lines` are swept (see `computed`)."""
     lines_count, dimension = len(design.lines()), len(state_names(design.scene))
     run_time = _RUN_TIME * max(design.speeds.count, design.gaps.count)
     rows = computed(Study("lines visited", design.document(), _VISIT, partial(rows_of_line, design), run_time,
                           lines_count), lines, execution).to_pylist()
-    return [Visit(**{**row, "states": np.array(row["states"]).reshape(-1, dimension)}) for row in rows]
+    return [VisitedCell(**{**row, "states": np.array(row["states"]).reshape(-1, dimension)}) for row in rows]
 
 
 def rows_of_line(design: MapDesign, number: int) -> list[dict]:
     """Sweep a line by its number, and return one row for each visit."""
     return [{**one._asdict(), "states": one.states.ravel()} for one in visits(design, design.lines()[number])]
-
-
-LEAST_CELLS = 8
-"""Least number of cells of a numbered motion; smaller ones are `PATCHWORK`."""
-_FROM_CELL_TO_CELL = 3e-3, 0.25  # largest change of a motion's mean speed between cells: m/s, plus share of the speed
 
 
 class MotionTable(NamedTuple):
@@ -346,36 +312,36 @@ class MotionTable(NamedTuple):
     air_share: np.ndarray  # share of the time in which the body is in the air, dimensionless
 
 
-def motions(visits: Iterable[Visit], tolerance: float = SAME) -> tuple[MotionTable, list[Visit]]:
+def motions(visits: Iterable[VisitedCell], tolerance: float = SAME, settings: MapSettings = MapSettings()
+            ) -> tuple[MotionTable, list[VisitedCell]]:
     """Return the distinct motions of each cell, with their numbers, and for each a visit that found it."""
-    in_cell: dict[tuple[int, int], list[Visit]] = defaultdict(list)
+    in_cell: dict[tuple[int, int], list[VisitedCell]] = defaultdict(list)
     for visit in visits:
         cell = in_cell[visit.speed_index, visit.gap_index]
-        if visit.turns != UNSETTLED and number_among(visit.settled(tolerance), [
-                other.settled(tolerance) for other in cell]) is None:
+        if visit.turns != UNSETTLED and number_among(visit.settled(tolerance, settings.longest_period), [
+                known.settled(tolerance, settings.longest_period) for known in cell]) is None:
             cell.append(visit)
     for cell in in_cell.values():
         cell.sort(key=lambda visit: visit.mean_speed)
     rows = [visit for _, cell in sorted(in_cell.items()) for visit in cell]
-    numbers = _numbers(rows)
+    numbers = _numbers(rows, settings)
     columns = {name: np.array([getattr(visit, name) for visit in rows]) for name in MotionTable._fields
                if name != "motion"}
-    short = columns["turns"] <= LONG
+    short = columns["turns"] <= settings.longest_period
     columns |= {name: np.where(short, columns[name], 0) for name in ("turns", "landings")}
     return MotionTable(motion=numbers, **columns), rows
 
 
-def _continues(one: Visit, other: Visit) -> bool:
+def _continues(visit: VisitedCell, neighbour: VisitedCell, settings: MapSettings) -> bool:
     """Whether motions of neighbouring cells may be the same motion."""
-    most, (least, share) = max(abs(one.mean_speed), abs(other.mean_speed)), _FROM_CELL_TO_CELL
-    return _kind(one) == _kind(other) and abs(one.mean_speed - other.mean_speed) <= least + share * most
+    kinds = [(row.turns, row.landings) if 0 < row.turns <= settings.longest_period else (0, 0)
+             for row in (visit, neighbour)]
+    faster = max(abs(visit.mean_speed), abs(neighbour.mean_speed))
+    change = abs(visit.mean_speed - neighbour.mean_speed)
+    return kinds[0] == kinds[1] and change <= settings.speed_change + settings.speed_change_share * faster
 
 
-def _kind(visit: Visit) -> tuple[int, int]:
-    return (visit.turns, visit.landings) if 0 < visit.turns <= LONG else (0, 0)
-
-
-def _numbers(rows: Sequence[Visit]) -> np.ndarray:
+def _numbers(rows: Sequence[VisitedCell], settings: MapSettings) -> np.ndarray:
     """Number of each row's motion; motion 0 has the most cells.
 
     Rows of neighbouring cells are merged into groups, in the order of the difference of their mean speeds. Two rows of
@@ -384,9 +350,9 @@ def _numbers(rows: Sequence[Visit]) -> np.ndarray:
     at: dict[tuple[int, int], list[int]] = defaultdict(list)
     for row, visit in enumerate(rows):
         at[visit.speed_index, visit.gap_index].append(row)
-    links = [(first, last) for (i, j), here in list(at.items())
-             for beside in (at.get((i + 1, j), ()), at.get((i, j + 1), ())) for first in here for last in beside
-             if _continues(rows[first], rows[last])]
+    links = [(first, last) for (i, j), rows_of_cell in list(at.items())
+             for beside in (at.get((i + 1, j), ()), at.get((i, j + 1), ())) for first in rows_of_cell for last in beside
+             if _continues(rows[first], rows[last], settings)]
     group_of = list(range(len(rows)))
     members = {row: [row] for row in range(len(rows))}
     cells = {row: {(visit.speed_index, visit.gap_index)} for row, visit in enumerate(rows)}
@@ -399,59 +365,58 @@ def _numbers(rows: Sequence[Visit]) -> np.ndarray:
         members[large] += members.pop(small)
         cells[large] |= cells.pop(small)
     numbers = np.full(len(rows), PATCHWORK)
-    numbered = [group for group in members.values() if len(group) >= LEAST_CELLS]
+    numbered = [group for group in members.values() if len(group) >= settings.least_cells]
     for number, group in enumerate(sorted(numbered, key=len, reverse=True)):
         numbers[group] = number
     return numbers
 
 
-HISTORIES = 8
-"""Random starts of each cell with several motions (`orbits.starts`)."""
-_SAME_SPEED = 0.05  # relative difference of mean speeds up to which a start has led to a motion of the same period
 _LONGEST_SETTLING = 40.0  # simulated time [s] of a start, about
 
 
-def shares(design: MapDesign, found: MotionTable, execution: Execution) -> np.ndarray:
-    """Share of `HISTORIES` random starts that lead to each motion, shape (rows,); NaN for the only motion of its cell.
+def shares(design: MapDesign, table: MotionTable, execution: Execution) -> np.ndarray:
+    """Share of `histories` random starts that lead to each motion, shape (rows,); NaN for the only motion of its cell.
 
     The shares of a cell's motions add up to less than 1 if a start leads to a motion that no sweep has found.
     """
+    histories = design.settings.histories
     rows_of: dict[tuple[int, int], list[int]] = defaultdict(list)
-    for row, cell in enumerate(zip(found.speed_index.tolist(), found.gap_index.tolist(), strict=True)):
+    for row, cell in enumerate(zip(table.speed_index.tolist(), table.gap_index.tolist(), strict=True)):
         rows_of[cell].append(row)
     several = {cell: rows for cell, rows in rows_of.items() if len(rows) > 1}
-    known = tuple((cell, [(int(found.turns[row]), float(found.mean_speed[row])) for row in rows])
+    known = tuple((cell, [(int(table.turns[row]), float(table.mean_speed[row])) for row in rows])
                   for cell, rows in several.items())
-    table = np.full(len(found.motion), math.nan)
+    shares_of_rows = np.full(len(table.motion), math.nan)
     with Progress("random starts of cells with several motions", "cell", len(known)) as progress, closing(
-            execution.rows(partial(_led, design, known), range(len(known)), HISTORIES * _LONGEST_SETTLING)) as led:
+            execution.rows(partial(_led, design, known), range(len(known)), histories * _LONGEST_SETTLING)) as led:
         for rows, counts in zip(several.values(), led, strict=True):
-            table[rows] = np.array(counts) / HISTORIES
+            shares_of_rows[rows] = np.array(counts) / histories
             progress.add(1)
-    return table
+    return shares_of_rows
 
 
 def _led(design: MapDesign, known: Sequence[tuple[tuple[int, int], list[tuple[int, float]]]], number: int
          ) -> list[int]:
     """Number of random starts that lead to each known motion of a cell: period [turns] and mean speed [m/s]."""
     cell, motions = known[number]
-    turn_map, counts = TurnMap(design.scene_at(*cell), PHASE), [0] * len(motions)
-    for start in range(HISTORIES):
+    settings = design.settings
+    turn_map, counts = TurnMap(design.scene_at(*cell), settings.phase), [0] * len(motions)
+    for start in range(settings.histories):
         stroboscope = Stroboscope(turn_map)
         with suppress(SimulationError):
             stroboscope.begin_with(steady_start(turn_map.scene, start))
-            motion = settle(stroboscope, most=MOST_TURNS)
-            place = None if motion is None else _place_among(motion, motions)
+            motion = settle(stroboscope, most=settings.most_turns)
+            place = None if motion is None else _place_among(motion, motions, settings)
             if place is not None:
                 counts[place] += 1
     return counts
 
 
-def _place_among(motion: SettledMotion, motions: Sequence[tuple[int, float]]) -> int | None:
+def _place_among(motion: SettledMotion, motions: Sequence[tuple[int, float]], settings: MapSettings) -> int | None:
     """Index of the motion of the same period whose mean speed is nearest; None if it differs by too much."""
-    turns = motion.turns if motion.turns <= LONG else 0
+    turns = motion.turns if motion.turns <= settings.longest_period else 0
     near = [(abs(speed - motion.mean_speed), place) for place, (other, speed) in enumerate(motions) if other == turns
-            and abs(speed - motion.mean_speed) <= _SAME_SPEED * max(abs(speed), abs(motion.mean_speed))]
+            and abs(speed - motion.mean_speed) <= settings.same_speed * max(abs(speed), abs(motion.mean_speed))]
     return min(near)[1] if near else None
 
 
@@ -460,88 +425,72 @@ class MotionMap:
     """The motions of a design; `share` has the shares of `shares`."""
 
     design: MapDesign
-    found: MotionTable
+    table: MotionTable
     share: np.ndarray
 
 
-def map_in_words(motion_map: MotionMap, visits: list[Visit]) -> list[str]:
+def map_in_words(motion_map: MotionMap, visits: list[VisitedCell]) -> list[str]:
     """Return lines of text about the map: numbers of motions, and mean speeds."""
-    design, found, share = motion_map.design, motion_map.found, motion_map.share
-    cells, counts = np.unique(np.column_stack([found.speed_index, found.gap_index]), axis=0, return_counts=True)
+    design, table, share = motion_map.design, motion_map.table, motion_map.share
+    histories = design.settings.histories
+    cells, counts = np.unique(np.column_stack([table.speed_index, table.gap_index]), axis=0, return_counts=True)
     unsettled = sum(visit.turns == UNSETTLED for visit in visits)
-    numbered = np.unique(found.motion[found.motion > PATCHWORK])
-    periodic = float(np.mean(found.turns > 0))
-    fastest, slowest = int(np.argmax(np.abs(found.mean_speed))), int(np.argmin(np.abs(found.mean_speed)))
-    forwards = int(np.sum(found.mean_speed > 0.0))
-    place = (f"{design.speeds.values[found.speed_index[fastest]]:g} rad/s, gap "
-             f"{design.gaps.values[found.gap_index[fastest]] * 1e3:g} mm")
+    numbered = np.unique(table.motion[table.motion > PATCHWORK])
+    periodic = float(np.mean(table.turns > 0))
+    fastest, slowest = int(np.argmax(np.abs(table.mean_speed))), int(np.argmin(np.abs(table.mean_speed)))
+    forwards = int(np.sum(table.mean_speed > 0.0))
+    place = (f"{design.speeds.values[table.speed_index[fastest]]:g} rad/s, gap "
+             f"{design.gaps.values[table.gap_index[fastest]] * 1e3:g} mm")
     if not math.isnan(share[fastest]):
-        place += f", {round(share[fastest] * HISTORIES)} of {HISTORIES} random starts"
+        place += f", {round(share[fastest] * histories)} of {histories} random starts"
     tried = _fastest(motion_map, share)[~np.isnan(_fastest(motion_map, share))]
     return [
         f"{len(cells)} of {design.speeds.count * design.gaps.count} cells have a motion, "
         f"{np.sum(counts > 1)} have more than one; {unsettled} of {len(visits)} visits did not settle",
-        f"the fastest of several motions has most of {HISTORIES} random starts in {np.sum(tried > 0.5)} cells, and "
+        f"the fastest of several motions has most of {histories} random starts in {np.sum(tried > 0.5)} cells, and "
         f"none of them in {np.sum(tried == 0.0)}",
         f"{len(numbered)} motions of neighbouring cells; {periodic:.0%} of what was found repeats itself within 8 "
         "turns",
-        f"mean speeds from {found.mean_speed[slowest] * 1e3:.1f} to {found.mean_speed[fastest] * 1e3:.1f} mm/s "
+        f"mean speeds from {table.mean_speed[slowest] * 1e3:.1f} to {table.mean_speed[fastest] * 1e3:.1f} mm/s "
         f"({place}); {forwards} go forwards",
     ]
 
 
 WIDTH, HEIGHT = 9.6, 11.4  # in
-_PERIODS = (("#dddddd", "none up to 8"), (BLUE, "1"), (SKY, "2"), (GREEN, "3"), (YELLOW, "4"), (ORANGE, "5 to 8"))
+_PERIODS = (("#dddddd", "none up to 8"), (figures.BLUE, "1"), (figures.SKY, "2"),
+            (figures.GREEN, "3"), (figures.YELLOW, "4"), (figures.ORANGE, "5 to 8"))
 
 
-@default_settings()
+@figures.default_settings()
 def draw_map(motion_map: MotionMap) -> bytes:
     """Draw mean speed, share of the starts and period over motor speed and gap; returns a PNG file."""
-    figure = new_figure(WIDTH, HEIGHT)
+    figure = figures.new_figure(WIDTH, HEIGHT)
     upper, middle, lower = figure.subplots(3, 1, sharex=True, sharey=True)
-    _draw_quantity(figure, upper, motion_map, motion_map.found.mean_speed * 1e3, "fastest mean speed [mm/s]",
-                   "viridis")
-    _draw_quantity(figure, middle, motion_map, motion_map.share * 100.0, f"share of {HISTORIES} random starts [%]",
-                   "magma", (0.0, 100.0))
-    _draw_periods(figure, lower, motion_map)
+    speeds, gaps = motion_map.design.speeds.values, 1e3 * motion_map.design.gaps.values
+    histories, turns = motion_map.design.settings.histories, motion_map.table.turns
+    figures.draw_cells(upper, speeds, gaps, _fastest(motion_map, motion_map.table.mean_speed * 1e3),
+               "fastest mean speed [mm/s]")
+    figures.draw_cells(middle, speeds, gaps, _fastest(motion_map, motion_map.share * 100.0),
+               f"share of {histories} random starts [%]", "magma", (0.0, 100.0))
+    mesh = figures.draw_classes(lower, speeds, gaps, _fastest(motion_map, np.where(turns > 4, 5, turns).astype(float)),
+                        [colour for colour, _ in _PERIODS])
+    bar = figure.colorbar(mesh, ax=lower, pad=0.01, ticks=range(len(_PERIODS)), label="period [turns]")
+    bar.ax.set_yticklabels([words for _, words in _PERIODS])
+    for axes in (upper, middle, lower):
+        axes.set(ylabel="gap [mm]", facecolor="white")
     sides = "both plates" if len(motion_map.design.sides) > 1 else f"the {motion_map.design.sides[0]} plate"
     upper.set_title(f"{motion_map.design.scene.name}: motions over motor speed and gap of {sides}", wrap=True)
     middle.set_title("cells with more than one motion: random starts that lead to the fastest", fontsize="medium")
     lower.set_xlabel("motor speed [rad/s]")
-    return png(figure)
+    return figures.png(figure)
 
 
 def _fastest(motion_map: MotionMap, values: np.ndarray) -> np.ndarray:
     """Value of the fastest motion of each cell, forwards or backwards, shape (gaps, speeds); NaN without a motion."""
-    order = np.argsort(np.abs(motion_map.found.mean_speed), kind="stable")
+    order = np.argsort(np.abs(motion_map.table.mean_speed), kind="stable")
     cells = np.full((motion_map.design.gaps.count, motion_map.design.speeds.count), np.nan)
-    cells[motion_map.found.gap_index[order], motion_map.found.speed_index[order]] = values[order]
+    cells[motion_map.table.gap_index[order], motion_map.table.speed_index[order]] = values[order]
     return cells
-
-
-def _edges(axis: Axis, factor: float = 1.0) -> np.ndarray:
-    return factor * np.linspace(axis.low - axis.step / 2.0, axis.high + axis.step / 2.0, axis.count + 1)
-
-
-def _draw_quantity(figure: Figure, axes: Axes, motion_map: MotionMap, values: np.ndarray, name: str,
-                   colours: str, limits: tuple[float | None, float | None] = (None, None)) -> None:
-    mesh = axes.pcolormesh(_edges(motion_map.design.speeds), _edges(motion_map.design.gaps, 1e3),
-                           _fastest(motion_map, values), cmap=colours, vmin=limits[0],
-                           vmax=limits[1], rasterized=True)
-    figure.colorbar(mesh, ax=axes, label=name, pad=0.01)
-    axes.set_ylabel("gap [mm]")
-    axes.set_facecolor("white")
-
-
-def _draw_periods(figure: Figure, axes: Axes, motion_map: MotionMap) -> None:
-    turns = motion_map.found.turns
-    classes = _fastest(motion_map, np.where(turns > 4, 5, turns).astype(float))
-    colours = ListedColormap([colour for colour, _ in _PERIODS])
-    mesh = axes.pcolormesh(_edges(motion_map.design.speeds), _edges(motion_map.design.gaps, 1e3), classes, cmap=colours,
-                           norm=BoundaryNorm(np.arange(-0.5, len(_PERIODS)), len(_PERIODS)), rasterized=True)
-    axes.set_ylabel("gap [mm]")
-    bar = figure.colorbar(mesh, ax=axes, pad=0.01, ticks=range(len(_PERIODS)), label="period [turns]")
-    bar.ax.set_yticklabels([words for _, words in _PERIODS])
 
 
 TABLE, PICTURE = "motions.parquet", "map.png"
@@ -549,21 +498,21 @@ TABLE, PICTURE = "motions.parquet", "map.png"
 
 def _results(design: MapDesign, folder: Path, execution: Execution) -> Iterator[Results]:
     visits = visits_of(design, folder / LINES, execution)
-    found, rows = motions(visits, tolerance_of(design.scene))
+    table, rows = motions(visits, tolerance_of(design.scene), design.settings)
     if not rows:
         raise RuntimeError("no visit has settled, so that there is no map; give another scene or other speeds")
-    motion_map = MotionMap(design, found, shares(design, found, execution))
+    motion_map = MotionMap(design, table, shares(design, table, execution))
     yield Results({TABLE: _table(motion_map, rows), PICTURE: draw_map(motion_map)}, map_in_words(motion_map, visits))
 
 
-def _table(motion_map: MotionMap, rows: list[Visit]) -> bytes:
+def _table(motion_map: MotionMap, rows: list[VisitedCell]) -> bytes:
     """Return a Parquet file of all motions, with motor speeds and gaps in place of indices."""
-    found, speeds, gaps = motion_map.found, motion_map.design.speeds, motion_map.design.gaps
-    columns = {"motor_speed": (speeds.values[found.speed_index], "rad/s"), "gap": (gaps.values[found.gap_index], "m"),
-               "motion": (found.motion, "1"), "turns": ([visit.turns for visit in rows], "1"),
-               "landings": ([visit.landings for visit in rows], "1"), "mean_speed": (found.mean_speed, "m/s"),
-               "cost_of_transport": (found.cost_of_transport, "1"), "stick_share": (found.stick_share, "1"),
-               "air_share": (found.air_share, "1"), "share_of_starts": (motion_map.share, "1")}
+    table, speeds, gaps = motion_map.table, motion_map.design.speeds, motion_map.design.gaps
+    columns = {"motor_speed": (speeds.values[table.speed_index], "rad/s"), "gap": (gaps.values[table.gap_index], "m"),
+               "motion": (table.motion, "1"), "turns": ([visit.turns for visit in rows], "1"),
+               "landings": ([visit.landings for visit in rows], "1"), "mean_speed": (table.mean_speed, "m/s"),
+               "cost_of_transport": (table.cost_of_transport, "1"), "stick_share": (table.stick_share, "1"),
+               "air_share": (table.air_share, "1"), "share_of_starts": (motion_map.share, "1")}
     arrays = [pa.array(values) for values, _ in columns.values()]
     fields = [pa.field(name, array.type, metadata={"unit": unit})
               for (name, (_, unit)), array in zip(columns.items(), arrays, strict=True)]

@@ -25,27 +25,14 @@ _DRIFT = 0.01  # drift that is ignored, as a part of the mean speed
 
 @dataclass(frozen=True)
 class Window:
-    """Time interval of a measurement, which is a whole number of turns if possible.
+    """Time interval of a measurement, which is a whole number of turns if possible."""
 
-    Attributes
-    ----------
-    begin : float
-        Its first instant [s].
-    turn : float
-        Duration of a turn [s]: at the scene's motor speed, or for a dc motor the mean; infinite if the motor stands.
-    turns : int
-        Whole turns of the window; 0 if the motor stands or turns less than once.
-    duration : float
-        Its length [s]: that of the turns, or the given duration if there is no whole turn.
-    ends : tuple of float
-        Instants [s] at which the turns of a dc motor end.
-    """
-
-    begin: float
+    begin: float  # its first instant [s]
+    # Duration of a turn [s]: at the scene's motor speed, or for a dc motor the mean; infinite if the motor stands.
     turn: float
-    turns: int
-    duration: float
-    ends: tuple[float, ...] = ()
+    turns: int  # whole turns of the window; 0 if the motor stands or turns less than once
+    duration: float  # its length [s]: that of the turns, or the given duration if there is no whole turn
+    ends: tuple[float, ...] = ()  # instants [s] at which the turns of a dc motor end
 
     @property
     def end(self) -> float:
@@ -84,11 +71,6 @@ def checked_times(settling: float, duration: float, drawn_start: bool) -> None:
         Settling time [s], which is not measured, and measuring time [s].
     drawn_start : bool
         Whether the start is random, which takes `STARTING` seconds.
-
-    Raises
-    ------
-    ValueError
-        For a time out of range, with the value, the limit and the remedy.
     """
     least = STARTING if drawn_start else 0.0
     if not least <= settling <= LATEST_TIME:
@@ -149,70 +131,37 @@ _SAMPLES_PER_TURN, _LOADS_PER_TURN, _TURNS_AT_ONCE = 256, 1024, 64
 
 
 class Loads(NamedTuple):
-    """Statistics of the normal force N of the ground on the body.
+    """Statistics of the normal force N of the ground on the body."""
 
-    Attributes
-    ----------
-    mean : float
-        Mean N divided by the component of the weight normal to the ground; dimensionless.
-    unloaded : float
-        Share of the time in which N is not above 0; dimensionless.
-    """
-
-    mean: float
-    unloaded: float
+    mean: float  # mean N divided by the component of the weight normal to the ground; dimensionless
+    unloaded: float  # share of the time in which N is not above 0; dimensionless
 
 
 @dataclass(frozen=True)
 class Observation:
-    """Data gathered during the measuring time.
+    """Data gathered during the measuring time."""
 
-    Attributes
-    ----------
-    scene : Scene
-        Scene that was simulated.
-    window : Window
-        The measuring time.
-    displacement : float
-        Displacement of the body [m], forward positive.
-    turns : float
-        Turns of the crank [-].
-    steady : bool
-        Whether the motor turned and had its commanded speed at the first and the last instant; for a dc motor, whether
-        it made at least one turn.
-    events : structured ndarray, shape (n,)
-        Events that ended in the measuring time, from `Simulator.take_events`.
-    delivered, taken_back : float
-        Work of the motor while its power was positive, and while it was negative, both >= 0 [J]; NaN unless requested.
-    supplied, heated : float
-        Energy from the supply of a dc motor, and heat of its winding [J]; NaN unless requested.
-    standing : float
-        Time [s] during which the body stood still on the ground; NaN unless requested.
-    airborne : float
-        Time [s] during which the body was in the air.
-    loads : Loads
-        Statistics of the normal force; NaN unless requested.
-    cuts : ndarray, shape (m, coordinates), or None
-        States at the last cuts of the measuring time, at most `MOST_CUTS`, in units of the machine, with the
-        coordinates of `TurnMap`; None unless requested, and for a motor that is not steady or turns less than twice.
-    drift : float
-        Mean speed [m/s] in the second half of all turns minus that in the first half; NaN without enough cuts.
-    """
-
-    scene: Scene
-    window: Window
-    displacement: float
-    turns: float
+    scene: Scene  # scene that was simulated
+    window: Window  # the measuring time
+    displacement: float  # displacement of the body [m], forward positive
+    turns: float  # turns of the crank [-]
+    # Whether the motor turned and had its commanded speed at the first and the last instant; for a dc motor, whether it
+    # made at least one turn.
     steady: bool
-    events: np.ndarray
+    events: np.ndarray  # shape (n,): events that ended in the measuring time, from `Simulator.take_events`
+    # Work of the motor while its power was positive, and while it was negative, both >= 0 [J]; NaN unless requested.
     delivered: float
     taken_back: float
-    supplied: float
+    supplied: float  # energy from the supply of a dc motor, and heat of its winding [J]; NaN unless requested
     heated: float
-    standing: float
-    airborne: float
-    loads: "Loads"
+    standing: float  # time [s] during which the body stood still on the ground; NaN unless requested
+    airborne: float  # time [s] during which the body was in the air
+    loads: "Loads"  # statistics of the normal force; NaN unless requested
+    # Shape (m, coordinates): states at the last cuts of the measuring time, at most `MOST_CUTS`, in units of the
+    # machine, with the coordinates of `TurnMap`; None unless requested, and for a motor that is not steady or turns
+    # less than twice.
     cuts: np.ndarray | None
+    # Mean speed [m/s] in the second half of all turns minus that in the first half; NaN without enough cuts.
     drift: float
 
 
@@ -223,11 +172,6 @@ def device_at_start(scene: Scene, start: int | None) -> Simulator:
 
 def observe(scene: Scene, wanted: Collection[str], settling: float, duration: float, start: int | None) -> Observation:
     """Run `scene` once and gather the `wanted` data: any of `WORK`, `REST`, `LOAD`, `MOTION`; times [s] as in `window`.
-
-    Raises
-    ------
-    SimulationError
-        If the run cannot go on.
     """
     exact = scene["solver.method"] == "exact"
     accounts = WORK in wanted and exact
@@ -288,15 +232,15 @@ def _cuts(device: Simulator, measured: Window) -> tuple[np.ndarray | None, float
     numbers = sorted({*halves, *range(last + 1 - count, last + 1)})
     if device.scene.has_rotor:
         first = math.ceil((angle - PHASE) / TURN)
-        found = turn_map.cuts_at_turns(device, [first + number for number in numbers])
+        cuts = turn_map.cuts_at_turns(device, [first + number for number in numbers])
     else:
         ahead = share_of_turn(device.scene, angle, PHASE)
-        found = turn_map.cuts_at_times(device, device.time + (ahead + np.array(numbers)) * turn_map.period)
+        cuts = turn_map.cuts_at_times(device, device.time + (ahead + np.array(numbers)) * turn_map.period)
     if not half:
-        return found.states[-count:], math.nan
+        return cuts.states[-count:], math.nan
     places = np.searchsorted(numbers, halves)
-    before, after = np.diff(found.positions[places]) / np.diff(found.times[places])
-    return found.states[-count:], float(after - before)
+    before, after = np.diff(cuts.positions[places]) / np.diff(cuts.times[places])
+    return cuts.states[-count:], float(after - before)
 
 
 @lru_cache(maxsize=1)
@@ -358,24 +302,12 @@ def _upward_momentum(scene: Scene, state: Samples[float]) -> float:
 
 
 class Measure(NamedTuple):
-    """Definition of a measure.
+    """Definition of a measure."""
 
-    Attributes
-    ----------
-    unit : str
-        SI unit; 1 for pure numbers.
-    meaning : str
-        Definition in one line, for users.
-    needs : tuple of str
-        Data that `observe` must gather for it.
-    value : callable
-        Returns its value from an `Observation`.
-    """
-
-    unit: str
-    meaning: str
-    needs: tuple[str, ...]
-    value: Callable[[Observation], float]
+    unit: str  # SI unit; 1 for pure numbers
+    meaning: str  # definition in one line, for users
+    needs: tuple[str, ...]  # data that `observe` must gather for it
+    value: Callable[[Observation], float]  # returns its value from an `Observation`
 
 
 def _speed(seen: Observation) -> float:
@@ -485,13 +417,7 @@ MEASURES: dict[str, Measure] = {
 
 
 def checked_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of measures without repetition; the exponent is followed by its interval.
-
-    Raises
-    ------
-    ValueError
-        For no name, or a name that is not in `MEASURES`; the message suggests the nearest one.
-    """
+    """Return the names of measures without repetition; the exponent is followed by its interval."""
     for name in names:
         if name not in MEASURES:
             near = difflib.get_close_matches(name, MEASURES, n=1)
@@ -524,32 +450,17 @@ def measure(scene: Scene, names: Collection[str], settling: float, duration: flo
     -------
     dict of str to float
         The measures by name, in the order of `checked_names`.
-
-    Raises
-    ------
-    ValueError
-        For unknown names, or times out of range.
-    SimulationError
-        If a run cannot go on.
     """
     return _measured(scene, checked_names(tuple(names)), settling, duration, start, frozenset())[0]
 
 
 class Measured(NamedTuple):
-    """Results of one start.
+    """Results of one start."""
 
-    Attributes
-    ----------
-    values : dict of str to float
-        The measures by name, as returned by `measure`.
-    motion : SettledMotion or None
-        Motion that the start has settled to by the end of the measuring time; None if it has not settled.
-    drift : float
-        Mean speed [m/s] in the second half of all turns minus that in the first half; NaN for less than four turns.
-    """
-
-    values: dict[str, float]
+    values: dict[str, float]  # the measures by name, as returned by `measure`
+    # Motion that the start has settled to by the end of the measuring time; None if it has not settled.
     motion: SettledMotion | None
+    # Mean speed [m/s] in the second half of all turns minus that in the first half; NaN for less than four turns.
     drift: float
 
 

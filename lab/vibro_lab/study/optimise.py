@@ -23,9 +23,9 @@ import numpy as np
 import pyarrow as pa
 
 from vibro_lab.orbits.starts import running
+from vibro_lab.study import figures
 from vibro_lab.study.command import Progress, Results, StudyCommand, machine_of, settings_of
 from vibro_lab.study.execution import Execution, Rows
-from vibro_lab.study.figures import BLACK, SKY, VERMILION, default_settings, new_figure, png, set_heading, style_axes
 from vibro_lab.study.measures import MEASURES, measure
 from vibro_lab.study.page import finite, markdown_table, mean_in_words, number
 from vibro_lab.study.table import Field, file_of, parameter_field, table_of
@@ -85,7 +85,7 @@ _ON_BOUND, _APART = 0.01, 0.05  # shares: a value on its bound; the least distan
 _SHOWN = 24  # largest number of robots of a front
 
 
-class Effort(NamedTuple):
+class SearchEffort(NamedTuple):
     """Number of robots of a search and of its finalists, and the trials of each robot, each finalist, the optimum."""
 
     budget: int = 3000
@@ -95,39 +95,23 @@ class Effort(NamedTuple):
     verifying: Trials = Trials(20_000, 16, 4.0, 10.0)
 
 
-QUICK = Effort(120, 3, Trials(0, 3, 1.5, 2.0), Trials(10_000, 4, 2.0, 4.0), Trials(20_000, 6, 2.0, 6.0))
+QUICK = SearchEffort(120, 3, Trials(0, 3, 1.5, 2.0), Trials(10_000, 4, 2.0, 4.0), Trials(20_000, 6, 2.0, 6.0))
 """A demonstration of all steps within a minute or two; it does not find the optimum."""
 
 
 @dataclass(frozen=True)
-class Plan:
-    """Design of a search.
+class SearchPlan:
+    """Design of a search."""
 
-    Attributes
-    ----------
-    scene : Scene
-        Scene with the values of all parameters that are not varied.
-    variables : tuple of Variable
-        The varied parameters, in the order of `VARIABLES`.
-    objective, power, direction : str
-        Names in `OBJECTIVES`, `POWERS` and `DIRECTIONS`.
-    least_speed, most_air : float
-        Least speed [m/s], and largest share of the time in the air, of an accepted robot.
-    effort : Effort
-        Amount of simulation.
-    seed : int
-        Seed of the search.
-    """
-
-    scene: Scene
-    variables: tuple[Variable, ...]
-    objective: str
+    scene: Scene  # scene with the values of all parameters that are not varied
+    variables: tuple[Variable, ...]  # the varied parameters, in the order of `VARIABLES`
+    objective: str  # names in `OBJECTIVES`, `POWERS` and `DIRECTIONS`
     power: str
     direction: str
-    least_speed: float
+    least_speed: float  # least speed [m/s], and largest share of the time in the air, of an accepted robot
     most_air: float
-    effort: Effort
-    seed: int
+    effort: SearchEffort  # amount of simulation
+    seed: int  # seed of the search
 
     def bounds(self, variable: Variable, values: Mapping[str, float]) -> tuple[float, float]:
         """Bounds of a variable where other parameters have `values`: a crank longer than a rod jams, and a plate more
@@ -214,7 +198,7 @@ class Plan:
         return weight * math.log(speed) - (1.0 - weight) * math.log(cost)
 
 
-def values_of(plan: Plan, points: Sequence[np.ndarray], trials: Trials, execution: Execution) -> Rows:
+def values_of(plan: SearchPlan, points: Sequence[np.ndarray], trials: Trials, execution: Execution) -> Rows:
     """Yield the values of the robot at each point."""
     return execution.rows(partial(plan.values_at, tuple(points), trials), range(len(points)),
                           trials.run_time)
@@ -227,7 +211,7 @@ class Candidates(NamedTuple):
     values: np.ndarray  # shape (n, starts, measures)
 
 
-def searched(plan: Plan, execution: Execution) -> Candidates:
+def searched(plan: SearchPlan, execution: Execution) -> Candidates:
     """Search until the budget is spent; the last group is complete."""
     points, values = list[np.ndarray](), list[np.ndarray]()
     weights: Sequence[float | None] = WEIGHTS if plan.objective == FRONT else (None,)
@@ -253,7 +237,7 @@ def searched(plan: Plan, execution: Execution) -> Candidates:
     return Candidates(np.array(points), np.array(values))
 
 
-def chosen(plan: Plan, candidates: Candidates, execution: Execution) -> np.ndarray:
+def chosen(plan: SearchPlan, candidates: Candidates, execution: Execution) -> np.ndarray:
     """Return the point that is best from other starts among the best of the search, whose scores were partly luck."""
     scores, finalists = np.array([plan.score(values) for values in candidates.values]), list[np.ndarray]()
     for place in np.argsort(-scores, kind="stable"):
@@ -270,7 +254,7 @@ def chosen(plan: Plan, candidates: Candidates, execution: Execution) -> np.ndarr
     return finalists[int(np.argmax(fresh))]
 
 
-def front_of(plan: Plan, candidates: Candidates, execution: Execution) -> list[dict[str, Any]]:
+def front_of(plan: SearchPlan, candidates: Candidates, execution: Execution) -> list[dict[str, Any]]:
     """Return the robots of which none is both faster and cheaper than another, from other starts, the slowest first.
 
     A robot has its speed [m/s], cost of transport, power [W] and parameters.
@@ -313,7 +297,7 @@ def speed_in_words(row: Mapping[str, Any]) -> str:
 class Result:
     """Result of a search: the best point, the rows of its verification, and the robots of the front."""
 
-    plan: Plan
+    plan: SearchPlan
     candidates: Candidates
     point: np.ndarray
     rows: list[dict[str, Any]]
@@ -385,31 +369,31 @@ class Result:
             for place, (point, values) in enumerate(zip(*self.candidates, strict=True)) for start in values.tolist()],
             fields))
 
-    @default_settings()
+    @figures.default_settings()
     def picture(self) -> bytes:
         """Draw cost of transport over speed: all robots, the front and the optimum from other starts; a PNG file."""
-        figure = new_figure(8.0, 5.5)
+        figure = figures.new_figure(8.0, 5.5)
         axes = figure.subplots()
         pairs = [self.plan.speed_and_cost(*robot) for robot in zip(*self.candidates, strict=True)]
         best = [(abs(row["speed"]["mean"]), row["cost"]) for row in self.rows
                 if row["reading"] == self.rows[0]["reading"] and row["cost"] > 0.0]
         for shown, style, size, colour, label in (
-                (pairs, ".", 5.0, SKY, "a robot of the search"), (best, "*", 9.0, VERMILION, "optimum"),
-                ([(robot["speed"], robot["cost"]) for robot in self.front], "-o", 3.0, BLACK, "front")):
+                (pairs, ".", 5.0, figures.SKY, "a robot of the search"), (best, "*", 9.0, figures.VERMILION, "optimum"),
+                ([(robot["speed"], robot["cost"]) for robot in self.front], "-o", 3.0, figures.BLACK, "front")):
             drawn = np.array([pair for pair in shown if pair[0] > 1e-4 and math.isfinite(pair[1])]).reshape(-1, 2)
             axes.plot(1e3 * drawn[:, 0], drawn[:, 1], style, ms=size, color=colour, label=label)
         axes.set(xscale="log", yscale="log", xlabel="mean speed [mm/s]", ylabel="cost of transport P / (M g V)")
         axes.legend(frameon=False)
-        style_axes(axes)
-        set_heading(figure, self.title)
-        return png(figure)
+        figures.style_axes(axes)
+        figures.set_heading(figure, self.title)
+        return figures.png(figure)
 
 
 def _end(share: float) -> str:
     return "lower" if share < _ON_BOUND else "upper" if share > 1.0 - _ON_BOUND else ""
 
 
-def _results(plan: Plan, folder: Path, execution: Execution) -> Iterator[Results]:
+def _results(plan: SearchPlan, folder: Path, execution: Execution) -> Iterator[Results]:
     candidates = searched(plan, execution)
     point = chosen(plan, candidates, execution)
     robot, pays = plan.robot(point), plan.scene["effects.reaction"]
@@ -444,7 +428,7 @@ def chosen_variables(fixed: Sequence[str], words: Sequence[str]) -> tuple[Variab
     return kept
 
 
-def plan_of(options: argparse.Namespace) -> Plan:
+def plan_of(options: argparse.Namespace) -> SearchPlan:
     """Make the plan from the options (ValueError for one that is out of range or contradicts another)."""
     for name, least, most in (("budget", 1, 10**6), ("starts", 2, 1000), ("seed", 0, 2**31 - 10_000)):
         if (value := getattr(options, name)) is not None:
@@ -454,7 +438,7 @@ def plan_of(options: argparse.Namespace) -> Plan:
             raise ValueError(f"--{name.replace('_', '-')} {value:g}: give a number from 0 to {limit:g}{unit}")
     scene = running(machine_of(options).with_parameters(settings_of([word for word in options.fix if "=" in word])))
     variables = chosen_variables([word.partition("=")[0] for word in options.fix], options.vary)
-    effort = QUICK if options.quick else Effort()
+    effort = QUICK if options.quick else SearchEffort()
     effort = effort._replace(budget=options.budget or effort.budget,
                              trials=effort.trials._replace(starts=options.starts or effort.trials.starts))
     has_supply = scene.has_rotor and scene["solver.method"] == "exact"
@@ -465,16 +449,16 @@ def plan_of(options: argparse.Namespace) -> Plan:
         raise ValueError(f"--scene {scene.name}: has effects.reaction false, by which the masses do not pay for the "
                          "body's friction, so that power can be 0 and V/P or the cost of transport has no bound; give "
                          "a scene with effects.reaction true such as device, or --objective speed")
-    plan = Plan(scene.with_parameters({"solver.accounts": False}), variables, options.objective, options.power or (
-        "supply" if has_supply else "net"), options.direction, options.least_speed, options.most_air, effort,
-        options.seed)
+    power = options.power or ("supply" if has_supply else "net")
+    plan = SearchPlan(scene.with_parameters({"solver.accounts": False}), variables, options.objective, power,
+                      options.direction, options.least_speed, options.most_air, effort, options.seed)
     for corner in (0.0, 1.0):
         plan.robot([corner] * len(variables))  # refuses bounds within which no robot can be built
     return plan
 
 
 def _add_options(parser: Parser) -> None:
-    add, default = parser.add_argument, Effort()
+    add, default = parser.add_argument, SearchEffort()
     add("--objective", choices=OBJECTIVES, default=RATIO, help=(
         "; ".join(f"{name}: {does}" for name, does in OBJECTIVES.items()) + " (default: %(default)s)"))
     add("--power", choices=POWERS, help="what P is; " + "; ".join(f"{name}: {does}" for name, does in _MEANING.items())

@@ -25,24 +25,9 @@ from vibro_lab.orbits.family import Family
 from vibro_lab.orbits.orbit import Seed, seeds_of
 from vibro_lab.orbits.starts import running
 from vibro_lab.orbits.turn_map import TurnMap, state_names, units_of
+from vibro_lab.study import figures
 from vibro_lab.study.command import Progress, Results, StudyCommand, machine_of
 from vibro_lab.study.execution import Execution, Rows
-from vibro_lab.study.figures import (
-    BLACK,
-    BLUE,
-    GREEN,
-    ORANGE,
-    PURPLE,
-    VERMILION,
-    Axes,
-    Line2D,
-    default_settings,
-    new_figure,
-    of_parameter,
-    png,
-    set_heading,
-    style_axes,
-)
 from vibro_lab.study.page import markdown_table
 from vibro_lab.study.table import NUMBERS, Field, Study, check_folder, file_of, parameter_field, stored, table_of
 from vibro_lab.study.variation import Range, varied_in_words, whole_number
@@ -59,35 +44,17 @@ UP, DOWN, DOUBLED = "upwards", "downwards", "doubled"
 
 
 @dataclass(frozen=True)
-class Plan:
-    """Design of a study of branches.
+class BranchPlan:
+    """Design of a study of branches."""
 
-    Attributes
-    ----------
-    scene : Scene
-        The machine, its motor running.
-    name : str
-        Name of the varied parameter.
-    low, high : float
-        Its range, in its unit.
-    begin : tuple of float
-        Values at which orbits are searched for, in its unit.
-    turns : int
-        Longest period of orbits [turns].
-    starts : int
-        Number of starts at each of these values.
-    points : int
-        Largest number of orbits of a branch.
-    """
-
-    scene: Scene
-    name: str
-    low: float
+    scene: Scene  # the machine, its motor running
+    name: str  # name of the varied parameter
+    low: float  # its range, in its unit
     high: float
-    begin: tuple[float, ...]
-    turns: int
-    starts: int
-    points: int
+    begin: tuple[float, ...]  # values at which orbits are searched for, in its unit
+    turns: int  # longest period of orbits [turns]
+    starts: int  # number of starts at each of these values
+    points: int  # largest number of orbits of a branch
 
     def document(self) -> dict[str, object]:
         """Everything that determines the branches, for JSON."""
@@ -101,43 +68,27 @@ class Plan:
         return Family(self.scene, self.name, (self.low, self.high), turns, phase)
 
 
-class Task(NamedTuple):
-    """A branch to follow.
+class BranchTask(NamedTuple):
+    """A branch to follow."""
 
-    Attributes
-    ----------
-    direction : str
-        `UP` or `DOWN` from an orbit, or `DOUBLED` from a period doubling.
-    turns : int
-        Period of the first orbit [turns].
-    phase : float
-        Crank angle at the cut [rad].
-    state : ndarray, shape (n,)
-        State of the first orbit at the cut, in units of the machine.
-    value : float
-        Value of the parameter there, in its unit.
-    parent : int or None
-        Number of the branch whose period doubles.
-    """
-
-    direction: str
-    turns: int
-    phase: float
-    state: np.ndarray
-    value: float
-    parent: int | None
+    direction: str  # `UP` or `DOWN` from an orbit, or `DOUBLED` from a period doubling
+    turns: int  # period of the first orbit [turns]
+    phase: float  # crank angle at the cut [rad]
+    state: np.ndarray  # shape (n,): state of the first orbit at the cut, in units of the machine
+    value: float  # value of the parameter there, in its unit
+    parent: int | None  # number of the branch whose period doubles
 
 
-def seeds_at(plan: Plan, number: int) -> list[Seed]:
+def seeds_at(plan: BranchPlan, number: int) -> list[Seed]:
     """Search for orbits at the value `plan.begin[number]`; their states are in the units of their families."""
-    scene, found = plan.scene.with_parameters({plan.name: plan.begin[number]}), []
+    scene, seeds = plan.scene.with_parameters({plan.name: plan.begin[number]}), []
     for seed in seeds_of(scene, plan.starts, plan.turns):
         ratio = units_of(scene) / plan.family(seed.turns, seed.phase).units
-        found.append(Seed(seed.turns, float(seed.phase), seed.state * ratio))
-    return found
+        seeds.append(Seed(seed.turns, float(seed.phase), seed.state * ratio))
+    return seeds
 
 
-def branch_of_task(plan: Plan, task: Task) -> Branch:
+def branch_of_task(plan: BranchPlan, task: BranchTask) -> Branch:
     """Follow the branch of a task."""
     family = plan.family(task.turns, task.phase)
     begin = np.append(task.state, family.scaled(task.value))
@@ -194,7 +145,7 @@ def _multipliers_of(row: dict[str, Any]) -> np.ndarray:
     return np.array(row["multipliers_real"]) + 1j * np.array(row["multipliers_imag"])
 
 
-def fields_of(plan: Plan) -> list[Field]:
+def fields_of(plan: BranchPlan) -> list[Field]:
     """Return the columns of a branch."""
     each = "each time the crank passes the angle 0; null for a special point"
     return [
@@ -214,13 +165,13 @@ def fields_of(plan: Plan) -> list[Field]:
         Field("end", pa.string(), "1", "why the orbits were not followed further; in the last row", True)]
 
 
-def study_of(plan: Plan, tasks: Mapping[int, Task]) -> Study:
+def study_of(plan: BranchPlan, tasks: Mapping[int, BranchTask]) -> Study:
     """Return the study of a plan's branches, each of which is a block."""
     return Study("branches followed", plan.document(), fields_of(plan), partial(_rows_of_task, plan, tasks), _RUN_TIME,
                  MOST_BRANCHES)
 
 
-def _rows_of_task(plan: Plan, tasks: Mapping[int, Task], number: int) -> list[dict]:
+def _rows_of_task(plan: BranchPlan, tasks: Mapping[int, BranchTask], number: int) -> list[dict]:
     return rows_of(branch_of_task(plan, tasks[number]))
 
 
@@ -229,7 +180,7 @@ _SAME_DOUBLING = 1e-6  # share of the range within which period doublings of two
 _JOINING_SHARE = 0.05
 
 
-def followed_branches(plan: Plan, folder: Path, execution: Execution) -> list[tuple[Task, Branch]]:
+def followed_branches(plan: BranchPlan, folder: Path, execution: Execution) -> list[tuple[BranchTask, Branch]]:
     """Return every branch of a plan with its task, by number, stored in a folder into which no other process writes.
 
     Raises
@@ -239,9 +190,9 @@ def followed_branches(plan: Plan, folder: Path, execution: Execution) -> list[tu
     RuntimeError
         When a file cannot be written, or a run cannot go on; finished branches are kept.
     """
-    done: list[tuple[Task, Branch]] = []
+    done: list[tuple[BranchTask, Branch]] = []
 
-    def follow(tasks: Sequence[Task]) -> None:
+    def follow(tasks: Sequence[BranchTask]) -> None:
         numbered = dict(enumerate(tasks, len(done)))
         if numbered and max(numbered) >= MOST_BRANCHES:
             raise RuntimeError(f"there are more than {MOST_BRANCHES} branches; give fewer --turns or a smaller range")
@@ -261,29 +212,31 @@ def followed_branches(plan: Plan, folder: Path, execution: Execution) -> list[tu
         done.extend((task, branch_in(tables[number], plan.scene, plan.name)) for number, task in numbered.items())
 
     check_folder(study_of(plan, {}), folder)  # refuses files of another study before the search
-    found = list[list[Seed]]()
+    seeds_of_values = list[list[Seed]]()
     with contextlib.closing(execution.rows(partial(seeds_at, plan), range(len(plan.begin)), _RUN_TIME)) as results, \
             Progress("orbits looked for", "value", len(plan.begin)) as bar:
         for seeds in results:
-            found.append(seeds)
+            seeds_of_values.append(seeds)
             bar.add(1)
-    for value, seeds in zip(plan.begin, found, strict=True):
+    for value, seeds in zip(plan.begin, seeds_of_values, strict=True):
         for seed in seeds:
             family = plan.family(seed.turns, seed.phase)
             if not any(lies_on(family, seed, value, branch) for _, branch in done):
-                follow([Task(direction, seed.turns, seed.phase, seed.state, value, None) for direction in (UP, DOWN)])
+                follow([BranchTask(direction, seed.turns, seed.phase, seed.state, value, None)
+                        for direction in (UP, DOWN)])
     begun: set[tuple[int, int]] = set()
     while tasks := _doublings(plan, done, begun):
         follow(tasks)
     return done
 
 
-def _doublings(plan: Plan, done: Sequence[tuple[Task, Branch]], begun: set[tuple[int, int]]) -> list[Task]:
+def _doublings(plan: BranchPlan, done: Sequence[tuple[BranchTask, Branch]], begun: set[tuple[int, int]]
+               ) -> list[BranchTask]:
     """Return tasks for the first period doubling of each branch whose branch of doubled period is not known yet.
 
     `begun` has the numbers of the branches and special points that were examined before; new ones are added.
     """
-    tasks, span = list[Task](), plan.high - plan.low
+    tasks, span = list[BranchTask](), plan.high - plan.low
     for parent, (_, branch) in enumerate(done):
         if 2 * branch.turns > plan.turns:
             continue
@@ -297,7 +250,7 @@ def _doublings(plan: Plan, done: Sequence[tuple[Task, Branch]], begun: set[tuple
             ends_there = any(other.turns == 2 * branch.turns and other.end.startswith("joins")
                              and abs(other.values[-1] - special.value) < _JOINING_SHARE * span for _, other in done)
             if not (is_known or ends_there):
-                tasks.append(Task(DOUBLED, branch.turns, special.phase, special.state, special.value, parent))
+                tasks.append(BranchTask(DOUBLED, branch.turns, special.phase, special.state, special.value, parent))
                 break
     return tasks
 
@@ -306,7 +259,7 @@ LETTERS = {FOLD: "F", DOUBLING: "P", TORUS: "N", GRAZING: "G", CORNER: "C"}
 """First letter of a special point's name in picture and table, by its kind."""
 
 
-def special_points_of(done: Sequence[tuple[Task, Branch]]) -> Iterator[tuple[int, Branch, str, Special]]:
+def special_points_of(done: Sequence[tuple[BranchTask, Branch]]) -> Iterator[tuple[int, Branch, str, Special]]:
     """Yield each special point with the number of its branch, the branch, and its name.
 
     The name is the letter of its kind and a number, counted over all branches.
@@ -318,9 +271,9 @@ def special_points_of(done: Sequence[tuple[Task, Branch]]) -> Iterator[tuple[int
             yield number, branch, f"{LETTERS[special.kind]}{counts[special.kind]}", special
 
 
-def document(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> str:
+def document(plan: BranchPlan, done: Sequence[tuple[BranchTask, Branch]]) -> str:
     """Return the tables of branches and special points as a Markdown page."""
-    head, unit = of_parameter(plan.name), PARAMETERS[plan.name].unit
+    head, unit = figures.of_parameter(plan.name), PARAMETERS[plan.name].unit
     lines = [
         f"# Orbits of {plan.scene.name} over {plan.name}", "",
         f"{plan.name} from {plan.low:g} to {plan.high:g} {unit}".rstrip(" 1") + f"; orbits of at most {plan.turns} "
@@ -338,7 +291,7 @@ def document(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def in_words(done: Sequence[tuple[Task, Branch]]) -> Iterator[str]:
+def in_words(done: Sequence[tuple[BranchTask, Branch]]) -> Iterator[str]:
     """Yield one line of text for each branch."""
     every = list(special_points_of(done))
     for number, (task, branch) in enumerate(done):
@@ -358,13 +311,13 @@ def _turns(turns: int) -> str:
     return f"{turns} turn{'s' * (turns > 1)}"
 
 
-def _begin(task: Task) -> str:
+def _begin(task: BranchTask) -> str:
     if task.parent is not None:
         return f"from a period doubling of branch {task.parent} at {task.value:.6g}"
     return f"{task.direction} from {task.value:g}"
 
 
-def _row(number: int, task: Task, branch: Branch) -> tuple[object, ...]:
+def _row(number: int, task: BranchTask, branch: Branch) -> tuple[object, ...]:
     if not len(branch):
         return number, branch.turns, _begin(task), 0, "", "", "", branch.end
     stable = ", ".join(f"{low:.6g} to {high:.6g}" for low, high in stable_ranges(branch))
@@ -385,16 +338,17 @@ def _multipliers(values: np.ndarray) -> str:
 
 
 # Colours of branches by their turns, with 0 for all others.
-_COLOURS = {1: BLACK, 2: BLUE, 3: VERMILION, 4: GREEN, 8: PURPLE, 0: ORANGE}
+_COLOURS = {1: figures.BLACK, 2: figures.BLUE, 3: figures.VERMILION, 4: figures.GREEN, 8: figures.PURPLE,
+            0: figures.ORANGE}
 MARKS = {FOLD: ("s", 5.0), DOUBLING: ("o", 5.0), TORUS: ("D", 5.0), GRAZING: ("^", 5.5), CORNER: (".", 3.5)}
 _MOST_NAMES = 24  # largest number of labels in the picture
 _CELLS = 50.0  # cells along each axis of a panel; special points of one cell share a label
 
 
-@default_settings()
-def draw_orbits(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> bytes:
+@figures.default_settings()
+def draw_orbits(plan: BranchPlan, done: Sequence[tuple[BranchTask, Branch]]) -> bytes:
     """Draw all branches; returns a PNG file."""
-    figure, branches = new_figure(9.0, 8.4), [branch for _, branch in done]
+    figure, branches = figures.new_figure(9.0, 8.4), [branch for _, branch in done]
     upper, lower = figure.subplots(2, 1, sharex=True)
     coordinate = next((name for name in ("inclined_position", "upper_position")
                        if any(name in branch.strobe for branch in branches)), None)
@@ -411,15 +365,16 @@ def draw_orbits(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> bytes:
                    mfc="white" if one.kind != CORNER else None, zorder=3)
     _write_names(upper, named)
     upper.set(ylabel="mean speed [mm/s]")
-    lower.set(xlabel=of_parameter(plan.name), ylabel=f"{(coordinate or '').replace('_', ' ')} at crank angle 0 [mm]")
+    lower.set(xlabel=figures.of_parameter(plan.name),
+              ylabel=f"{(coordinate or '').replace('_', ' ')} at crank angle 0 [mm]")
     for axes in (upper, lower):
-        style_axes(axes)
+        figures.style_axes(axes)
     figure.legend(handles=_legend(branches), loc="outside lower center", ncols=5, frameon=False, fontsize=9)
-    set_heading(figure, f"{plan.scene.name}: periodic orbits over {plan.name}, unstable ones dashed")
-    return png(figure)
+    figures.set_heading(figure, f"{plan.scene.name}: periodic orbits over {plan.name}, unstable ones dashed")
+    return figures.png(figure)
 
 
-def _draw_line(axes: Axes, branch: Branch, values: np.ndarray) -> None:
+def _draw_line(axes: figures.Axes, branch: Branch, values: np.ndarray) -> None:
     """Draw a branch: solid between two stable neighbours, dashed if one of them is unstable."""
     colour, stable = _COLOURS.get(branch.turns, _COLOURS[0]), branch.stable
     both = stable[1:] & stable[:-1]
@@ -430,7 +385,7 @@ def _draw_line(axes: Axes, branch: Branch, values: np.ndarray) -> None:
                 axes.plot(branch.values[part], values[part], color=colour, ls=style, lw=1.2)
 
 
-def _write_names(axes: Axes, named: Sequence[tuple[str, float, float]]) -> None:
+def _write_names(axes: figures.Axes, named: Sequence[tuple[str, float, float]]) -> None:
     """Write names of special points into the picture; those that lie close together share a label."""
     cells: dict[tuple[int, int], list[str]] = {}
     for name, *place in named:
@@ -442,28 +397,22 @@ def _write_names(axes: Axes, named: Sequence[tuple[str, float, float]]) -> None:
                           textcoords="offset points", fontsize=7)
 
 
-def _legend(branches: Sequence[Branch]) -> list[Line2D]:
+def _legend(branches: Sequence[Branch]) -> list[figures.Line2D]:
     kinds = {one.kind for branch in branches for one in branch.special_points}
-    lines = [Line2D([], [], color=_COLOURS.get(one, _COLOURS[0]), label=_turns(one))
+    lines = [figures.Line2D([], [], color=_COLOURS.get(one, _COLOURS[0]), label=_turns(one))
              for one in sorted({branch.turns for branch in branches if len(branch)})]
-    return lines + [Line2D([], [], color=BLACK, ls="", marker=mark, ms=size, mfc="white", label=kind)
+    return lines + [figures.Line2D([], [], color=figures.BLACK, ls="", marker=mark, ms=size, mfc="white", label=kind)
                     for kind, (mark, size) in MARKS.items() if kind in kinds]
 
 
-def _results(plan: Plan, folder: Path, execution: Execution) -> Iterator[Results]:
+def _results(plan: BranchPlan, folder: Path, execution: Execution) -> Iterator[Results]:
     done = followed_branches(plan, folder / FOLDER, execution)
     yield Results(_files(plan, done), list(in_words(done)) or [
         "no orbit was found; give more --starts, --turns, or another --from"])
 
 
-def plan_of(options: argparse.Namespace) -> Plan:
-    """Make the plan from the options.
-
-    Raises
-    ------
-    ValueError
-        For an option that is missing or out of range, or a range that the scene refuses.
-    """
+def plan_of(options: argparse.Namespace) -> BranchPlan:
+    """Make the plan from the options."""
     vary = options.vary or (_QUICK_VARY if options.quick else None)
     if vary is None:
         raise ValueError("--vary: is missing; give NAME=LOW:HIGH, such as motor.speed=60:130")
@@ -484,12 +433,12 @@ def plan_of(options: argparse.Namespace) -> Plan:
     turns, starts, points = (
         whole_number(f"--{key}", (quick if options.quick else usual) if getattr(options, key) is None else
                      getattr(options, key), least, most) for key, (usual, quick, least, most) in _COUNTS.items())
-    plan = Plan(scene.with_parameters({name: begin[0]}), name, over.low, over.high, begin, turns, starts, points)
+    plan = BranchPlan(scene.with_parameters({name: begin[0]}), name, over.low, over.high, begin, turns, starts, points)
     plan.family(1, 0.0)  # refuses a range that the scene refuses
     return plan
 
 
-def _files(plan: Plan, done: Sequence[tuple[Task, Branch]]) -> dict[str, bytes]:
+def _files(plan: BranchPlan, done: Sequence[tuple[BranchTask, Branch]]) -> dict[str, bytes]:
     """Contents of tables, text and picture by file name; no tables without a branch."""
     names = iter([name for _, _, name, _ in special_points_of(done)])
     rows = [{"branch": number, "name": next(names) if "kind" in row else None, **row}

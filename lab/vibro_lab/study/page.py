@@ -17,10 +17,10 @@ def number(value: float, factor: float = 1.0) -> str:
     return "-" if not math.isfinite(value) else f"{float(text):.0f}" if 1e3 <= abs(float(text)) < 1e6 else text
 
 
-def mean_in_words(found: Mapping[str, float], factor: float = 1.0) -> str:
+def mean_in_words(statistic: Mapping[str, float], factor: float = 1.0) -> str:
     """Format a mean ± half its interval; an interval below 1e-5 belongs to one periodic motion, and is not shown."""
-    shown = math.isfinite(found["mean"]) and found["spread"] > 1e-5 * abs(found["mean"])
-    return number(found["mean"], factor) + (f" ± {factor * found['spread']:.2g}" if shown else "")
+    shown = math.isfinite(statistic["mean"]) and statistic["spread"] > 1e-5 * abs(statistic["mean"])
+    return number(statistic["mean"], factor) + (f" ± {factor * statistic['spread']:.2g}" if shown else "")
 
 
 def finite(value: Any) -> Any:

@@ -1,8 +1,8 @@
 """``study sweep``: vary parameters over lists, grids or samples, and measure the robot at every point.
 
-A `Design` determines the points, the starts of each, and the measures. Its rows are numbered point by point, and within
-a point start by start. Points have the order of the product of the axes and the samples: the sample changes fastest,
-then the last axis. The `Summary` has a row for each point and attractor.
+A `SweepDesign` determines the points, the starts of each, and the measures. Its rows are numbered point by point, and
+within a point start by start. Points have the order of the product of the axes and the samples: the sample changes
+fastest, then the last axis. The `Summary` has a row for each point and attractor.
 """
 
 import argparse
@@ -25,25 +25,9 @@ from vibro_lab.orbits.attractors import Attractor, Attractors, group_starts
 from vibro_lab.orbits.chaos import half_interval, sign_of
 from vibro_lab.orbits.recurrence import SettledMotion, tolerance_of
 from vibro_lab.orbits.starts import SETTLING
+from vibro_lab.study import figures
 from vibro_lab.study.command import Progress, Results, StudyCommand, settings_of
 from vibro_lab.study.execution import Execution
-from vibro_lab.study.figures import (
-    BLACK,
-    BLUE,
-    GREEN,
-    ORANGE,
-    PURPLE,
-    VERMILION,
-    Axes,
-    Figure,
-    default_settings,
-    new_figure,
-    of_parameter,
-    png,
-    set_heading,
-    style_axes,
-    with_unit,
-)
 from vibro_lab.study.measures import (
     DIRECTED,
     EXPONENT,
@@ -99,36 +83,15 @@ _BLOCK_TIME, _BLOCK_ROWS = 4096.0, 1024
 
 
 @dataclass(frozen=True)
-class Design:
-    """A checked design of a sweep.
+class SweepDesign:
+    """A checked design of a sweep."""
 
-    Attributes
-    ----------
-    scene : Scene
-        Scene with the values of all other parameters.
-    varied : tuple of Axis or Range
-        The varied parameters.
-    sampling : Sampling or None
-        Sampling of the ranges; None without a range.
-    measures : tuple of str
-        Names of the measures.
-    starts : int
-        Number of random starts of each point; 0 for one run from the scene's own start.
-    settling, duration : float
-        Settling time and measuring time of a run [s].
-
-    Raises
-    ------
-    ValueError
-        For values that are out of range or contradict each other; one line that names the remedy.
-    """
-
-    scene: Scene
-    varied: tuple[Axis | Range, ...]
-    sampling: Sampling | None
-    measures: tuple[str, ...]
-    starts: int
-    settling: float
+    scene: Scene  # scene with the values of all other parameters
+    varied: tuple[Axis | Range, ...]  # the varied parameters
+    sampling: Sampling | None  # sampling of the ranges; None without a range
+    measures: tuple[str, ...]  # names of the measures
+    starts: int  # number of random starts of each point; 0 for one run from the scene's own start
+    settling: float  # settling time and measuring time of a run [s]
     duration: float
 
     def __post_init__(self) -> None:
@@ -190,14 +153,15 @@ class Design:
     def changes(self, point: int) -> dict[str, Value]:
         """Values of the varied parameters at a point."""
         sampled, rest = self._samples, point
-        found: dict[str, Value] = {}
+        values: dict[str, Value] = {}
         if self.sampling:
             rest, sample = divmod(point, self.sampling.count)
-            found = {name: float(sampled[sample, k]) for k, one in enumerate(self.ranges) for name in one.names}
+            values = {name: float(sampled[sample, k])
+                      for k, varied_range in enumerate(self.ranges) for name in varied_range.names}
         for axis in reversed(self.axes):
             rest, index = divmod(rest, len(axis.values))
-            found |= dict.fromkeys(axis.names, axis.values[index])
-        return {name: found[name] for name in self.names}
+            values |= dict.fromkeys(axis.names, axis.values[index])
+        return {name: values[name] for name in self.names}
 
     def scenes(self) -> Iterator[tuple[int, Scene | None, str]]:
         """Yield number, scene and an empty text for each point; for values that are refused, None and the reason."""
@@ -231,13 +195,7 @@ KEYS = ("scene", *DEFAULTS)
 
 
 def read_sweep(path: Path) -> dict[str, Any]:
-    """Read the checked entries of a sweep's file, for `design_of`; a relative path of its scene starts at the file.
-
-    Raises
-    ------
-    ValueError
-        For an invalid entry, with the file, the key, the value and the remedy.
-    """
+    """Read the checked entries of a sweep's file, for `design_of`; a relative path of its scene starts at the file."""
     document = read_yaml(path)
     try:
         if not isinstance(document, dict):
@@ -290,7 +248,7 @@ def given_in_words(options: argparse.Namespace) -> dict[str, Any]:
     return chosen
 
 
-def design_of(file: Mapping[str, Any], words: Mapping[str, Any]) -> Design:
+def design_of(file: Mapping[str, Any], words: Mapping[str, Any]) -> SweepDesign:
     """Make the design from a sweep's file and the command line.
 
     A parameter that the command line sets or varies overrides its entry in the file; linked ones, if all of them are.
@@ -299,11 +257,6 @@ def design_of(file: Mapping[str, Any], words: Mapping[str, Any]) -> Design:
     ----------
     file, words : mapping
         From `read_sweep`, or empty, and `given_in_words`.
-
-    Raises
-    ------
-    ValueError
-        For entries that are missing, invalid or contradict each other.
     """
     entries = {**DEFAULTS, **file, **words}
     given = {name for key in ("set", "vary") for linked in words.get(key, {}) for name in parameter_names(linked)}
@@ -318,8 +271,9 @@ def design_of(file: Mapping[str, Any], words: Mapping[str, Any]) -> Design:
     if "scene" not in entries:
         raise ValueError("scene: none given; give --scene NAME, or a sweep's file that names one")
     scene = load_scene(entries["scene"]).with_parameters(entries["set"])
-    return Design(scene, tuple(entries["vary"].values()), entries["sample"], tuple(checked_names(entries["measure"])),
-                  entries["starts"], entries["settling"], entries["duration"])
+    return SweepDesign(scene, tuple(entries["vary"].values()), entries["sample"],
+                       tuple(checked_names(entries["measure"])), entries["starts"], entries["settling"],
+                       entries["duration"])
 
 
 FOLDER = "blocks"
@@ -328,7 +282,7 @@ NO_SCENE = "no such scene: "
 _TYPES = {float: pa.float64(), bool: pa.bool_(), str: pa.string()}
 
 
-def study_of(design: Design) -> Study:
+def study_of(design: SweepDesign) -> Study:
     """Return the study of a sweep, with one row for each run, point by point, and within a point start by start."""
     starts = min(max(design.starts, 1), PART)
     run_time = (design.settling + design.duration) * starts
@@ -337,7 +291,7 @@ def study_of(design: Design) -> Study:
                  design.points * design.parts, block)
 
 
-def rows_of(design: Design, number: int) -> list[dict]:
+def rows_of(design: SweepDesign, number: int) -> list[dict]:
     """Run a part by its number, and return one row for each start, with NaN and the reason if the run cannot go on."""
     point, starts = design.runs(number)
     changes = design.changes(point)
@@ -360,7 +314,7 @@ def rows_of(design: Design, number: int) -> list[dict]:
     return rows
 
 
-def fields_of(design: Design) -> list[Field]:
+def fields_of(design: SweepDesign) -> list[Field]:
     """Return the columns: varied parameters, measures, the settled motion, and errors."""
     return [
         Field("point", pa.int64(), "1", "number of the combination of parameters"),
@@ -384,45 +338,25 @@ SPEED = "mean_speed"
 
 @dataclass(frozen=True)
 class Summary:
-    """Summary of a sweep, with one row for each point and attractor, because several motions have no common mean.
+    """Summary of a sweep, with one row for each point and attractor, because several motions have no common mean."""
 
-    Attributes
-    ----------
-    design : Design
-        Design of the sweep.
-    parameters : dict of str to list
-        Values of each varied parameter at all points, in SI units, by name.
-    attractors : list of Attractors
-        Attractors of each point; empty if no run has values.
-    point, place : ndarray of int, shape (rows,)
-        Point of each row, and the index of its attractor there, from 0.
-    mean, spread : dict of str to ndarray, shape (rows,)
-        By measure, in its unit: the mean over the attractor's starts that have a value, NaN without any; and half of
-        its 95 % interval by Student's distribution, NaN for fewer than two. The exponent of a single start, or of
-        starts whose exponents are all equal, has the interval that was measured with it.
-    count : dict of str to ndarray, shape (rows,)
-        Number of starts that have a value, by measure.
-    drift : ndarray, shape (rows,)
-        Mean speed in the second half of the time minus that in the first [m/s], if significant, so that the mean
-        describes a transient; else 0, and for a periodic motion.
-    failed, refused : ndarray, shape (points,)
-        Number of runs that could not go on, and of runs whose scene was refused.
-    errors, warnings : list of str
-        Texts of all rows, without repetition.
-    """
-
-    design: Design
-    parameters: dict[str, list]
-    attractors: list[Attractors]
-    point: np.ndarray
+    design: SweepDesign  # design of the sweep
+    parameters: dict[str, list]  # values of each varied parameter at all points, in SI units, by name
+    attractors: list[Attractors]  # attractors of each point; empty if no run has values
+    point: np.ndarray  # shape (rows,): point of each row, and the index of its attractor there, from 0
     place: np.ndarray
+    # Shape (rows,): by measure, in its unit: the mean over the attractor's starts that have a value, NaN without any;
+    # and half of its 95 % interval by Student's distribution, NaN for fewer than two. The exponent of a single start,
+    # or of starts whose exponents are all equal, has the interval that was measured with it.
     mean: dict[str, np.ndarray]
     spread: dict[str, np.ndarray]
-    count: dict[str, np.ndarray]
+    count: dict[str, np.ndarray]  # shape (rows,): number of starts that have a value, by measure
+    # Shape (rows,): mean speed in the second half of the time minus that in the first [m/s], if significant, so that
+    # the mean describes a transient; else 0, and for a periodic motion.
     drift: np.ndarray
-    failed: np.ndarray
+    failed: np.ndarray  # shape (points,): number of runs that could not go on, and of runs whose scene was refused
     refused: np.ndarray
-    errors: list[str]
+    errors: list[str]  # texts of all rows, without repetition
     warnings: list[str]
 
     def of_row(self, row: int) -> Attractor:
@@ -434,19 +368,19 @@ class Summary:
         return bool(self.of_row(row).turns)
 
 
-def summary(design: Design, table: pa.Table) -> Summary:
+def summarised(design: SweepDesign, table: pa.Table) -> Summary:
     """Summarise the rows of a sweep's table."""
     errors, turns = table["error"].to_pylist(), table["turns"].to_pylist()
     states, starts = table["states"].to_pylist(), max(design.starts, 1)
     columns = {name: table[name].to_numpy() for name in design.measures}
     first_rows = list(range(0, design.rows, starts))
     parameters = {name: table[name].take(first_rows).to_pylist() for name in design.names}
-    found: list[Attractors] = []
+    attractors: list[Attractors] = []
     groups: list[tuple[int, int, np.ndarray]] = []
     for point, first in enumerate(first_rows):
         rows = np.array([row for row in range(first, first + starts) if errors[row] is None], dtype=int)
         if not len(rows):
-            found.append(Attractors())
+            attractors.append(Attractors())
             continue
         scene = design.scene.with_parameters(design.changes(point))
         speeds = columns[SPEED][rows] if SPEED in columns else np.full(len(rows), np.nan)
@@ -454,7 +388,7 @@ def summary(design: Design, table: pa.Table) -> Summary:
             turns[row], np.array(states[row]).reshape(turns[row] or KEPT_STATES, -1), float(speed), 0,
             tolerance_of(scene)) for row, speed in zip(rows, speeds, strict=True)]
         own, places = group_starts(motions, speeds.tolist())
-        found.append(own)
+        attractors.append(own)
         groups += [(point, place, rows[places == place]) for place in range(len(own))]
     mean, spread, count = {}, {}, {}
     for name, column in columns.items():
@@ -466,11 +400,12 @@ def summary(design: Design, table: pa.Table) -> Summary:
         own_interval = (count[EXPONENT] == 1) | (spread[EXPONENT] == 0.0)
         spread[EXPONENT] = np.where(own_interval, mean[SPREAD], spread[EXPONENT])
     drifts = table["drift"].to_numpy()
-    drift = np.array([0.0 if found[point][place].turns else drift_in(drifts[rows], found[point][place].mean_speed)
+    drift = np.array([0.0 if attractors[point][place].turns else
+                      drift_in(drifts[rows], attractors[point][place].mean_speed)
                       for point, place, rows in groups])
     refused = np.array([error is not None and error.startswith(NO_SCENE) for error in errors]).reshape(-1, starts)
     has_error = np.array([error is not None for error in errors]).reshape(-1, starts)
-    return Summary(design, parameters, found, np.array([point for point, _, _ in groups], dtype=int),
+    return Summary(design, parameters, attractors, np.array([point for point, _, _ in groups], dtype=int),
                    np.array([place for _, place, _ in groups], dtype=int), mean, spread, count, drift,
                    (has_error & ~refused).sum(axis=1), refused.sum(axis=1), _each_once(errors),
                    _each_once(table["warning"].to_pylist()))
@@ -480,10 +415,10 @@ def _each_once(texts: Sequence[str | None]) -> list[str]:
     return list(dict.fromkeys(text for text in texts if text is not None))
 
 
-def as_csv(found: Summary) -> str:
+def as_csv(summary: Summary) -> str:
     """Return the summary as CSV: a row for each point and attractor, one for a point without values; units in the head.
     """
-    names, measures = found.design.names, found.design.measures
+    names, measures = summary.design.names, summary.design.measures
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     heads = [[f"{name} [{MEASURES[name].unit}]", f"{name} 95 % ± [{MEASURES[name].unit}]", f"{name} starts"]
@@ -492,192 +427,189 @@ def as_csv(found: Summary) -> str:
                      "starts", "share", "share low", "share high", "drift [m/s]",
                      *(head for group in heads for head in group), "failed", "refused"])
     row = 0
-    for point, attractors in enumerate(found.attractors):
-        place = [point, *(found.parameters[name][point] for name in names)]
-        counts = [found.failed[point], found.refused[point]]
-        for number, one in enumerate(attractors, 1):
-            cells = [[found.mean[name][row], found.spread[name][row], found.count[name][row]] for name in measures]
-            writer.writerow([*place, number, "" if one.turns is None else one.turns, one.starts, one.share, one.low,
-                             one.high, found.drift[row], *(cell for group in cells for cell in group), *counts])
+    for point, motions in enumerate(summary.attractors):
+        place = [point, *(summary.parameters[name][point] for name in names)]
+        counts = [summary.failed[point], summary.refused[point]]
+        for number, attractor in enumerate(motions, 1):
+            cells = [cell for name in measures
+                     for cell in (summary.mean[name][row], summary.spread[name][row], summary.count[name][row])]
+            writer.writerow([*place, number, "" if attractor.turns is None else attractor.turns, attractor.starts,
+                             attractor.share, attractor.low, attractor.high, summary.drift[row], *cells, *counts])
             row += 1
-        if not attractors:
+        if not motions:
             writer.writerow([*place, "", "", 0, "", "", "", "", *("nan", "nan", 0) * len(measures), *counts])
     return text.getvalue()
 
 
-def in_words(found: Summary) -> list[str]:
+def in_words(summary: Summary) -> list[str]:
     """Return the results as lines of text."""
-    design = found.design
+    design = summary.design
     lines = [f"{design.points} points from {design.starts} drawn starts each" if design.starts else
              f"{design.points} points, each from the scene's own start"]
-    if (drifting := np.flatnonzero(found.drift)).size:
-        row = int(drifting[np.argmax(np.abs(found.drift[drifting]))])
-        count = len(set(found.point[drifting].tolist()))
-        lines.append(f"the mean speed drifts at {count} of {design.points} points, at most by {found.drift[row]:.3g} "
-                     f"m/s from one half of the time to the other at point {found.point[row]}: give more --settling")
-    if several := sum(len(own) > 1 for own in found.attractors):
+    if (drifting := np.flatnonzero(summary.drift)).size:
+        row = int(drifting[np.argmax(np.abs(summary.drift[drifting]))])
+        count = len(set(summary.point[drifting].tolist()))
+        lines.append(f"the mean speed drifts at {count} of {design.points} points, at most by {summary.drift[row]:.3g} "
+                     f"m/s from one half of the time to the other at point {summary.point[row]}: give more --settling")
+    if several := sum(len(own) > 1 for own in summary.attractors):
         lines.append(f"{several} of {design.points} points have several motions, a row each in the summary")
     for name in _shown_measures(design):
-        if np.isnan(found.mean[name]).all():
+        if np.isnan(summary.mean[name]).all():
             lines.append(f"{name}: no run has a value")
             continue
-        sizes = np.abs(found.mean[name]) if name in DIRECTED else found.mean[name]
+        sizes = np.abs(summary.mean[name]) if name in DIRECTED else summary.mean[name]
         least, most = int(np.nanargmin(sizes)), int(np.nanargmax(sizes))
-        lines.append(f"{name}: from {_extreme_in_words(found, name, least)} to {_extreme_in_words(found, name, most)}")
+        ends = [_extreme_in_words(summary, name, row) for row in (least, most)]
+        lines.append(f"{name}: from {' to '.join(ends)}")
         for what, row, direction in (("least", least, "fall"), ("largest", most, "rise")):
             quantity = f"magnitude of {name}" if name in DIRECTED else name
-            ends = ends_at(found.parameters, int(found.point[row]))
+            ends = ends_at(summary.parameters, int(summary.point[row]))
             lines.append(at_the_edge(f"the {what} {quantity}", ends, direction))
-        if name == EXPONENT and (unknown := _of_unknown_sign(found)):
-            lines.append(f"{name}: sign not known of {unknown} of {len(found.point)} motions")
-    for count, what, texts in ((found.failed.sum(), "runs could not go on", [
-            text for text in found.errors if not text.startswith(NO_SCENE)]),
-            (found.refused.sum(), "runs are of scenes that are refused", [
-                text for text in found.errors if text.startswith(NO_SCENE)])):
+        if name == EXPONENT and (unknown := _of_unknown_sign(summary)):
+            lines.append(f"{name}: sign not known of {unknown} of {len(summary.point)} motions")
+    for count, what, texts in ((summary.failed.sum(), "runs could not go on", [
+            text for text in summary.errors if not text.startswith(NO_SCENE)]),
+            (summary.refused.sum(), "runs are of scenes that are refused", [
+                text for text in summary.errors if text.startswith(NO_SCENE)])):
         if count:
             lines.append(f"{count} {what}, such as: {texts[0]}")
-    if found.warnings:
-        lines.append(f"warning: {found.warnings[0]}")
+    if summary.warnings:
+        lines.append(f"warning: {summary.warnings[0]}")
     return list(filter(None, lines))
 
 
-def _shown_measures(design: Design) -> list[str]:
+def _shown_measures(design: SweepDesign) -> list[str]:
     """The measures without the exponent's interval, which is shown together with the exponent."""
     return [name for name in design.measures if name != SPREAD]
 
 
-def _of_unknown_sign(found: Summary) -> int:
+def _of_unknown_sign(summary: Summary) -> int:
     """Number of rows whose exponent has an unknown sign: 0 lies within its interval, or the interval is unknown."""
     return sum(not math.isnan(mean) and not sign_of(mean, spread) for mean, spread in zip(
-        found.mean[EXPONENT].tolist(), found.spread[EXPONENT].tolist(), strict=True))
+        summary.mean[EXPONENT].tolist(), summary.spread[EXPONENT].tolist(), strict=True))
 
 
-def _extreme_in_words(found: Summary, name: str, row: int) -> str:
-    point, own = int(found.point[row]), found.of_row(row)
+def _extreme_in_words(summary: Summary, name: str, row: int) -> str:
+    point, attractor = int(summary.point[row]), summary.of_row(row)
     where = ", ".join(f"{parameter} = {value:.6g}" if isinstance(value, float) else f"{parameter} = {value}"
-                      for parameter, value in ((one, found.parameters[one][point]) for one in found.design.names))
-    spread = found.spread[name][row]
-    same = found.is_periodic(row) and found.count[name][row] > 1 and name not in LYAPUNOV
+                      for parameter, value in ((one, summary.parameters[one][point]) for one in summary.design.names))
+    spread = summary.spread[name][row]
+    same = summary.is_periodic(row) and summary.count[name][row] > 1 and name not in LYAPUNOV
     interval = f" ± {spread:.2g}" if spread > 0.0 and not same else ""
     unit = "" if MEASURES[name].unit == "1" else f" {MEASURES[name].unit}"
-    of = len(found.attractors[point])
-    starts = sum(one.starts for one in found.attractors[point])
-    motion = f"; motion {found.place[row] + 1} of {of}, {own.starts} of {starts} starts" if of > 1 else ""
-    return (f"{found.mean[name][row]:.4g}{interval}{unit}{' from every start' * bool(same and of == 1)} "
+    of = len(summary.attractors[point])
+    starts = sum(one.starts for one in summary.attractors[point])
+    motion = f"; motion {summary.place[row] + 1} of {of}, {attractor.starts} of {starts} starts" if of > 1 else ""
+    return (f"{summary.mean[name][row]:.4g}{interval}{unit}{' from every start' * bool(same and of == 1)} "
             f"({where}{motion})")
 
 
 #: Largest number of lines of a panel; further combinations are only in the table.
 MOST_LINES = 6
-# Colours, and markers for readers who cannot distinguish them.
-_STYLES = ((BLUE, "o"), (VERMILION, "^"), (GREEN, "s"), (PURPLE, "v"), (BLACK, "D"), (ORANGE, "x"))
 _WIDTH, _HEIGHT = 5.2, 3.6  # in, of a panel
 
 
-@default_settings()
-def draw_sweep(found: Summary) -> bytes:
+@figures.default_settings()
+def draw_sweep(summary: Summary) -> bytes:
     """Draw every measure of a sweep in a row of panels; returns a PNG file.
 
     A grid of one number, alone or with others of few values, is drawn as lines with intervals; a grid of two numbers
     with many values each as a map. What is sampled, or has more dimensions, is drawn as dots over each number.
     """
-    varied_ones, on_grid = found.design.varied, not found.design.ranges
-    numbers = [one for one in varied_ones if isinstance(PARAMETERS[one.names[0]].default, float)]
+    varied_ones, on_grid = summary.design.varied, not summary.design.ranges
+    numbers = [parameter for parameter in varied_ones if isinstance(PARAMETERS[parameter.names[0]].default, float)]
     over = numbers or [varied_ones[0]]
     is_pair = on_grid and len(numbers) == 2 and len(varied_ones) == 2
-    is_map = is_pair and len(found.design.axes[1].values) > MOST_LINES
+    is_map = is_pair and len(summary.design.axes[1].values) > MOST_LINES
     is_lines = on_grid and (len(over) == 1 or is_pair) and not is_map
     columns = over if not is_pair else over[:1]
-    measures = _shown_measures(found.design)
-    figure = new_figure(_WIDTH * len(columns), _HEIGHT * len(measures), 100)
+    measures = _shown_measures(summary.design)
+    figure = figures.new_figure(_WIDTH * len(columns), _HEIGHT * len(measures), 100)
     axes = figure.subplots(len(measures), len(columns), squeeze=False)
     for row, measure in zip(axes, measures, strict=True):
-        for axis, one in zip(row, columns, strict=True):
+        for axis, parameter in zip(row, columns, strict=True):
             if is_map:
-                _draw_map(figure, axis, found, measure)
+                _draw_map(axis, summary, measure)
             elif is_lines:
-                _draw_lines(axis, found, measure, one, measure == measures[0])
+                _draw_lines(axis, summary, measure, parameter, measure == measures[0])
             else:
-                axis.plot([found.parameters[one.names[0]][point] for point in found.point], found.mean[measure], ".",
-                          color=_STYLES[0][0], ms=4, alpha=0.6)
-                _label(axis, one, measure)
+                places = summary.parameters[parameter.names[0]]
+                axis.plot([places[point] for point in summary.point], summary.mean[measure], ".",
+                          color=figures.LINES[0][0], ms=4, alpha=0.6)
+                _label(axis, parameter, measure)
     intervals = ", 95 % intervals" if is_lines else ""
     several = ", of several motions the one of most starts" if is_map else ", a mark a motion"
-    starts = f"{found.design.starts} starts{several}{intervals}" if found.design.starts > 1 else "one start"
-    set_heading(figure, f"{found.design.scene.name}: {starts}, {found.design.duration:g} s after "
-                f"{found.design.settling:g} s")
-    return png(figure)
+    starts = f"{summary.design.starts} starts{several}{intervals}" if summary.design.starts > 1 else "one start"
+    figures.set_heading(figure, f"{summary.design.scene.name}: {starts}, {summary.design.duration:g} s after "
+                f"{summary.design.settling:g} s")
+    return figures.png(figure)
 
 
-def _draw_lines(axes: Axes, found: Summary, measure: str, over: Axis | Range, legend: bool) -> None:
+def _draw_lines(axes: figures.Axes, summary: Summary, measure: str, over: Axis | Range, legend: bool) -> None:
     """Draw a mark for each motion; a line joins the marks of a combination if each of its points has one motion."""
-    places = found.parameters[over.names[0]]
-    for (label, chosen), (colour, marker) in zip(_combinations(found, over), itertools.cycle(_STYLES), strict=False):
-        rows = np.flatnonzero(np.isin(found.point, chosen))
+    places = summary.parameters[over.names[0]]
+    styles = itertools.cycle(figures.LINES)
+    for (label, chosen), (colour, marker) in zip(_combinations(summary, over), styles, strict=False):
+        rows = np.flatnonzero(np.isin(summary.point, chosen))
         if isinstance(places[0], float):
-            rows = np.array(sorted(rows, key=lambda row: places[found.point[row]]), dtype=int)  # a list has any order
-        one_motion = len(set(found.point[rows])) == len(rows)
-        axes.errorbar([places[found.point[row]] for row in rows], found.mean[measure][rows],
-                      yerr=np.nan_to_num(found.spread[measure][rows]), color=colour, marker=marker, ms=4, lw=1.2,
+            rows = np.array(sorted(rows, key=lambda row: places[summary.point[row]]), dtype=int)  # a list has any order
+        one_motion = len(set(summary.point[rows])) == len(rows)
+        axes.errorbar([places[summary.point[row]] for row in rows], summary.mean[measure][rows],
+                      yerr=np.nan_to_num(summary.spread[measure][rows]), color=colour, marker=marker, ms=4, lw=1.2,
                       linestyle="-" if one_motion else "none", capsize=2, label=label)
-    if legend and len(found.design.varied) > 1:
+    if legend and len(summary.design.varied) > 1:
         axes.legend(fontsize=8, frameon=False)
     _label(axes, over, measure)
 
 
-def _combinations(found: Summary, over: Axis | Range) -> Iterator[tuple[str, np.ndarray]]:
+def _combinations(summary: Summary, over: Axis | Range) -> Iterator[tuple[str, np.ndarray]]:
     """Yield label and points of each combination of the parameters other than `over`, at most `MOST_LINES`."""
-    others = [one for one in found.design.varied if one is not over]
-    keys = list(zip(*(found.parameters[one.names[0]] for one in others), strict=True)) or [()] * found.design.points
+    others = [parameter for parameter in summary.design.varied if parameter is not over]
+    columns = [summary.parameters[parameter.names[0]] for parameter in others]
+    keys = list(zip(*columns, strict=True)) or [()] * summary.design.points
     for key in list(dict.fromkeys(keys))[:MOST_LINES]:
-        label = ", ".join(f"{one.name} = {value:.4g}" if isinstance(value, float) else f"{one.name} = {value}"
-                          for one, value in zip(others, key, strict=True))
+        label = ", ".join(f"{parameter.name} = {f'{value:.4g}' if isinstance(value, float) else value}"
+                          for parameter, value in zip(others, key, strict=True))
         yield label, np.array([point for point, own in enumerate(keys) if own == key])
 
 
-def _draw_map(figure: Figure, axes: Axes, found: Summary, measure: str) -> None:
-    first, second = found.design.axes
-    values = np.full(found.design.points, np.nan)
-    largest = found.place == 0
-    values[found.point[largest]] = found.mean[measure][largest]
+def _draw_map(axes: figures.Axes, summary: Summary, measure: str) -> None:
+    first, second = summary.design.axes
+    values = np.full(summary.design.points, np.nan)
+    largest = summary.place == 0
+    values[summary.point[largest]] = summary.mean[measure][largest]
     order = np.ix_(np.argsort(first.values), np.argsort(second.values))
     cells = values.reshape(len(first.values), -1)[order]
-    mesh = axes.pcolormesh(np.sort(second.values), np.sort(first.values), cells, shading="nearest", cmap="viridis")
-    figure.colorbar(mesh, ax=axes, label=with_unit(measure, MEASURES[measure].unit))
-    axes.set(xlabel=of_parameter(second.name), ylabel=of_parameter(first.name))
+    figures.draw_cells(axes, np.sort(second.values), np.sort(first.values), cells,
+               figures.with_unit(measure, MEASURES[measure].unit))
+    axes.set(xlabel=figures.of_parameter(second.name), ylabel=figures.of_parameter(first.name))
 
 
-def _label(axes: Axes, over: Axis | Range, measure: str) -> None:
-    axes.set(xlabel=of_parameter(over.name), ylabel=with_unit(measure, MEASURES[measure].unit))
+def _label(axes: figures.Axes, over: Axis | Range, measure: str) -> None:
+    axes.set(xlabel=figures.of_parameter(over.name), ylabel=figures.with_unit(measure, MEASURES[measure].unit))
     if isinstance(PARAMETERS[over.names[0]].default, float):
         axes.locator_params(axis="x", nbins=6)  # more would touch each other, of small numbers such as gaps
-    style_axes(axes)
+    figures.style_axes(axes)
 
 
 TABLE, PICTURE = "summary.csv", "sweep.png"
 
 
-def _checked_design(options: argparse.Namespace) -> Design:
+def _checked_design(options: argparse.Namespace) -> SweepDesign:
     file = {} if options.file is None else read_sweep(find_file("sweep", options.file))
     design = design_of(file, given_in_words(options))
     check_points(design)
     return design
 
 
-def _results(design: Design, folder: Path, execution: Execution) -> Iterator[Results]:
-    found = summary(design, computed(study_of(design), folder / FOLDER, execution))
-    yield Results({TABLE: as_csv(found).encode(), PICTURE: draw_sweep(found)}, in_words(found),
-                  bool(found.failed.any()))
+def _results(design: SweepDesign, folder: Path, execution: Execution) -> Iterator[Results]:
+    summary = summarised(design, computed(study_of(design), folder / FOLDER, execution))
+    yield Results({TABLE: as_csv(summary).encode(), PICTURE: draw_sweep(summary)}, in_words(summary),
+                  bool(summary.failed.any()))
 
 
-def check_points(design: Design) -> None:
-    """Check all points; print the number of refused ones.
-
-    Raises
-    ------
-    ValueError
-        If the scene refuses the values of any point of a grid, or of all points of samples.
-    """
+def check_points(design: SweepDesign) -> None:
+    """Check all points; print the number of refused ones."""
     refused = 0
     with Progress("points checked", "point", design.points) as progress:
         for point, scene, reason in design.scenes():

@@ -56,34 +56,16 @@ def parameter_field(name: str) -> Field:
 
 @dataclass(frozen=True)
 class Study:
-    """Definition of a table: its design, columns, and the function that computes its rows.
+    """Definition of a table: its design, columns, and the function that computes its rows."""
 
-    Attributes
-    ----------
-    what : str
-        Description of the work for the progress display.
-    design : dict
-        Everything that determines the rows, for JSON.
-    fields : sequence of Field
-        The columns.
-    rows : callable
-        Returns the rows of a point from its number, on which alone they depend. It must be picklable for other
-        processes.
-    run_time : float
-        Approximate simulated time of a point [s].
-    count : int
-        Number of points, or an upper limit.
-    block : int
-        Points of a block: the most that an interruption loses.
-    """
-
-    what: str
-    design: dict
-    fields: Sequence[Field]
+    what: str  # description of the work for the progress display
+    design: dict  # everything that determines the rows, for JSON
+    fields: Sequence[Field]  # the columns
+    # Returns the rows of a point from its number, on which alone they depend. It must be picklable for other processes.
     rows: Callable[[int], list[dict]]
-    run_time: float
-    count: int
-    block: int = 1
+    run_time: float  # approximate simulated time of a point [s]
+    count: int  # number of points, or an upper limit
+    block: int = 1  # points of a block: the most that an interruption loses
 
     @property
     def blocks(self) -> int:

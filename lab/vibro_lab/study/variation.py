@@ -23,18 +23,10 @@ SAMPLERS = {"sobol": qmc.Sobol, "latin_hypercube": qmc.LatinHypercube}
 
 @dataclass(frozen=True)
 class Axis:
-    """A parameter, or linked ones, that take each of some values in turn.
+    """A parameter, or linked ones, that take each of some values in turn."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the parameter; names of linked ones with `LINK` between them.
-    values : tuple
-        Its values, in SI units, in their order.
-    """
-
-    name: str
-    values: tuple[Value, ...]
+    name: str  # name of the parameter; names of linked ones with `LINK` between them
+    values: tuple[Value, ...]  # its values, in SI units, in their order
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -48,22 +40,12 @@ class Axis:
 
 @dataclass(frozen=True)
 class Range:
-    """A numeric parameter, or linked ones, sampled in a range.
+    """A numeric parameter, or linked ones, sampled in a range."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the parameter; names of linked ones with `LINK` between them.
-    low, high : float
-        Its limits, in SI units.
-    log : bool
-        Whether its logarithm is distributed evenly, instead of the number itself.
-    """
-
-    name: str
-    low: float
+    name: str  # name of the parameter; names of linked ones with `LINK` between them
+    low: float  # its limits, in SI units
     high: float
-    log: bool
+    log: bool  # whether its logarithm is distributed evenly, instead of the number itself
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -81,21 +63,11 @@ class Range:
 
 @dataclass(frozen=True)
 class Sampling:
-    """Sampling of the ranges.
+    """Sampling of the ranges."""
 
-    Attributes
-    ----------
-    method : str
-        Name in `SAMPLERS`.
-    count : int
-        Number of points.
-    seed : int
-        Seed of the random numbers that shift or scatter the points.
-    """
-
-    method: str
-    count: int
-    seed: int
+    method: str  # name in `SAMPLERS`
+    count: int  # number of points
+    seed: int  # seed of the random numbers that shift or scatter the points
 
     def shares(self, dimensions: int) -> np.ndarray:
         """Points in the unit cube, shape (count, dimensions)."""
@@ -123,11 +95,6 @@ def varied(name: str, given: object) -> Axis | Range:
     given : object
         A list of values; or a mapping with `from`, `to` and optionally `scale` for a range that is sampled, and with
         `count` for a grid.
-
-    Raises
-    ------
-    ValueError
-        For an entry of another form, with the parameter, the value, the limit and the remedy.
     """
     parameters = [parameter_named(one, PARAMETERS) for one in parameter_names(name)]
     first = parameters[0]
@@ -154,11 +121,6 @@ def varied_in_words(text: str, linked: bool = False) -> tuple[str, Axis | Range]
 
     After either of the last two, ``:log`` spaces the values evenly by their logarithms. If `linked` is true, ``NAME``
     may be several names with `LINK` between them.
-
-    Raises
-    ------
-    ValueError
-        As for `varied`.
     """
     name, equals, values = text.partition("=")
     parts = values.split(":")
@@ -182,13 +144,7 @@ def varied_in_words(text: str, linked: bool = False) -> tuple[str, Axis | Range]
 
 
 def sampling(method: object, count: object, seed: object) -> Sampling:
-    """Return a checked `Sampling`.
-
-    Raises
-    ------
-    ValueError
-        For an unknown method, or a count or seed out of range.
-    """
+    """Return a checked `Sampling`."""
     if method not in SAMPLERS:
         raise ValueError(f"sample: {method!r} is unknown; choose one of {', '.join(SAMPLERS)}")
     points = whole_number("sample: count", count, 1, MOST_SAMPLES)

@@ -11,29 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vibro_lab.twin.settings import STEP, Settings
 from vibro_ros import ACCELERATIONS, SAMPLE_FIELDS, Scene, SimulationError, Simulator, force_at_rest
 
-STEP = 0.05
-"""Duration of a step of the filter [s]."""
 INDEX = {name: k for k, name in enumerate(SAMPLE_FIELDS)}
-LATENCY = 0.0025
-"""Mean time [s] from a command's arrival to its effect: half a tick of a robot at 200 Hz."""
-LATE = 0.05
-"""Standard deviation of that time [s], because a busy machine delivers a message late now and then."""
-MOST = 5
-"""Most measurements of a quantity that are used in a step, because each instant costs all particles some microseconds.
-"""
-TAIL = 4.0
-"""Degrees of freedom of the Student distribution of errors."""
-MODEL_ERROR = {**dict.fromkeys(ACCELERATIONS, 0.6), "crank_angle": 1e-3, "motor_speed": 0.5}
-"""Standard deviations of what even the best particle lacks, besides the errors of a sensor, in the quantity's unit."""
-WALK = {"body_position": 0.003, **dict.fromkeys(ACCELERATIONS, 1e-3), "crank_angle": 1e-4}
-"""Random walks in a second of what the sensors' readings differ by from what the simulations say: of the place where a
-simulation began, because the mean speed has errors; of an IMU's bias; and of the crank's angle."""
-UNEVEN = 1e-2
-"""Random walk of the angle of a dc motor [rad in a second]."""
-LEAST_TURN = 1e-3
-"""Smallest correction of a crank's angle [rad]; each one begins a segment of the solver, which costs time."""
 
 
 class Measurement(NamedTuple):
@@ -88,11 +69,11 @@ class Particle:
         for time, (measured, commands) in instants.items():
             self.device.advance_to(max(time - self.start, self.device.time))
             values, force = self.device.values, None
-            for k, one in measured:
-                if one.field not in ACCELERATIONS:
-                    predicted[k] = values.item(INDEX[one.field])
+            for k, measurement in measured:
+                if measurement.field not in ACCELERATIONS:
+                    predicted[k] = values.item(INDEX[measurement.field])
                 elif time >= self.settled:
-                    force, axis = force or self.device.filtered_acceleration(), ACCELERATIONS.index(one.field)
+                    force, axis = force or self.device.filtered_acceleration(), ACCELERATIONS.index(measurement.field)
                     predicted[k] = force[axis] + at_rest[axis]
             for given in commands:
                 with suppress(ValueError):  # the robot refuses it, too
@@ -116,8 +97,8 @@ class Kept(NamedTuple):
 
 
 class Offsets:
-    """Kalman filters of the particles: of the offset of each field in `WALK`, by which a measurement differs from what
-    the particle's simulation says of it besides noise.
+    """Kalman filters of the particles: of the offset of each field in `walks`, by which a measurement differs from what
+    the particle's simulation says of it besides noise. Each offset is a random walk.
 
     The arrays in `mean` and `variance`, by field, have the shape (particles,). The crank's mean stays 0, because the
     simulation is turned instead. `misfit` is the sum of what the errors of `heard` measurements cost in log
@@ -125,27 +106,37 @@ class Offsets:
     replays do not correct it.
     """
 
-    def __init__(self, count: int):
+    def __init__(self, count: int, settings: Settings):
+        self._settings = settings
+        self._walks = {"body_position": settings.place_walk, **dict.fromkeys(ACCELERATIONS, settings.bias_walk),
+                       "crank_angle": settings.crank_walk}
+        self._model_error = {**dict.fromkeys(ACCELERATIONS, settings.acceleration_error),
+                             "crank_angle": settings.crank_error, "motor_speed": settings.motor_speed_error}
         self.mean = {"body_position": np.zeros(count)}
         self.variance = {"body_position": np.full(count, 1e6), "crank_angle": np.full(count, 1e-6)}
         self.misfit, self.heard = np.zeros(count), 0
 
     def part(self, chosen: np.ndarray) -> "Offsets":
         """Return the filters of the particles `chosen`, by number."""
-        part = Offsets(len(chosen))
-        part.mean, part.variance = ({field: values[chosen] for field, values in one.items()}
-                                    for one in (self.mean, self.variance))
+        part = Offsets(len(chosen), self._settings)
+        part.mean = {field: values[chosen] for field, values in self.mean.items()}
+        part.variance = {field: values[chosen] for field, values in self.variance.items()}
         return part
+
+    def error_of(self, measurement: Measurement) -> float:
+        """Return the variance of what separates a measurement from the best particle: sensor and model."""
+        return measurement.variance + self._model_error.get(measurement.field, 0.0)**2
 
     def grow(self, faster: np.ndarray | float, is_loaded: bool) -> None:
         """Increase the variances by what a step may add; the cranks have become `faster` by so much [rad/s].
 
-        A change of speed begins at an instant that is known to `LATE` only. A dc motor is loaded, so that its crank
-        does not turn evenly.
+        A change of speed begins at an instant that is known to `Settings.lateness` only. A dc motor is loaded, so that
+        its crank does not turn evenly.
         """
         for field, variance in self.variance.items():
-            self.variance[field] = variance + WALK[field]**2 * STEP
-        self.variance["crank_angle"] += (LATE * faster)**2 + is_loaded * UNEVEN**2 * STEP
+            self.variance[field] = variance + self._walks[field]**2 * STEP
+        self.variance["crank_angle"] += ((self._settings.lateness * faster)**2
+                                         + is_loaded * self._settings.loaded_crank_walk**2 * STEP)
 
     def weigh(self, measured: Sequence[Measurement], predicted: np.ndarray, weights: np.ndarray
               ) -> tuple[np.ndarray, np.ndarray, list[Innovation]]:
@@ -160,45 +151,46 @@ class Offsets:
             What each particle predicts; NaN where it cannot.
         weights : ndarray, shape (particles,)
         """
-        nothing, innovations = np.zeros(len(weights)), []
+        nothing, innovations, tail = np.zeros(len(weights)), [], self._settings.tail
         gains, angles, noise = nothing, [], 0.0
-        for one, column in zip(measured, predicted.T, strict=True):
+        for measurement, column in zip(measured, predicted.T, strict=True):
+            field = measurement.field
             known = np.isfinite(column)
             shares = np.where(known, weights, 0.0)
             if not shares.sum() > 0.0:
                 continue
-            own = self.variance.get(one.field, nothing)
-            if one.field in ACCELERATIONS and one.field not in self.variance:
-                own = np.full(len(weights), one.variance)  # an IMU's variance is mostly that of its bias
-            column = np.where(known, column, 0.0) + self.mean.get(one.field, nothing)
-            column = np.clip(column, -one.limit, one.limit)
-            error = np.where(known, one.value - column, 0.0)
-            of_sensor = one.variance + MODEL_ERROR.get(one.field, 0.0)**2
-            total = own + of_sensor
+            of_offset = self.variance.get(field, nothing)
+            if field in ACCELERATIONS and field not in self.variance:
+                of_offset = np.full(len(weights), measurement.variance)  # an IMU's variance is mostly that of its bias
+            column = np.where(known, column, 0.0) + self.mean.get(field, nothing)
+            column = np.clip(column, -measurement.limit, measurement.limit)
+            error = np.where(known, measurement.value - column, 0.0)
+            of_error = self.error_of(measurement)
+            total = of_offset + of_error
             surprise = error**2 / total
-            misfit = 0.5 * (TAIL + 1.0) * np.log1p(surprise / TAIL)
+            misfit = 0.5 * (tail + 1.0) * np.log1p(surprise / tail)
             gains = gains - misfit - np.where(known, 0.5 * np.log(total), 0.0)
             shares = shares / shares.sum()
             mean = shares @ column
-            innovations.append(Innovation(one.time, one.field, float(one.value - mean),
-                                          float(shares @ ((column - mean)**2 + own) + of_sensor)))
-            if one.field == "crank_angle":
+            innovations.append(Innovation(measurement.time, field, float(measurement.value - mean),
+                                          float(shares @ ((column - mean)**2 + of_offset) + of_error)))
+            if field == "crank_angle":
                 angles.append(error)
-                noise = of_sensor
+                noise = of_error
                 continue
             self.misfit, self.heard = self.misfit + misfit, self.heard + 1
-            if one.field in WALK:
-                share = own / (own + of_sensor * (TAIL + surprise) / (TAIL + 1.0))  # an outlier counts for less
-                share = np.where(known, share, 0.0)
-                self.mean[one.field] = self.mean.get(one.field, nothing) + share * error
-                self.variance[one.field] = (1.0 - share) * own
+            if field in self._walks:
+                doubtful = of_error * (tail + surprise) / (tail + 1.0)  # an outlier counts for less
+                share = np.where(known, of_offset / (of_offset + doubtful), 0.0)
+                self.mean[field] = self.mean.get(field, nothing) + share * error
+                self.variance[field] = (1.0 - share) * of_offset
         turns = nothing
         if angles:
-            error, noise, own = np.mean(angles, axis=0), noise / len(angles), self.variance["crank_angle"]
-            own = np.maximum(own, np.where(error**2 > 9.0 * noise, error**2, 0.0))  # believe a surprise
-            share = own / (own + noise)
-            if np.abs(share * error).max() > LEAST_TURN:  # to turn a crank begins a segment, and costs
-                turns, self.variance["crank_angle"] = share * error, (1.0 - share) * own
+            error, noise, of_angle = np.mean(angles, axis=0), noise / len(angles), self.variance["crank_angle"]
+            of_angle = np.maximum(of_angle, np.where(error**2 > 9.0 * noise, error**2, 0.0))  # believe a surprise
+            share = of_angle / (of_angle + noise)
+            if np.abs(share * error).max() > self._settings.least_turn:
+                turns, self.variance["crank_angle"] = share * error, (1.0 - share) * of_angle
         return gains, turns, innovations
 
 
@@ -208,9 +200,9 @@ def run(particles: Sequence[Particle], measured: Sequence[Measurement],
 
     A particle that cannot go on is no longer alive, and predicts NaN from then on.
     """
-    instants = {time: ([(k, one) for k, one in enumerate(measured) if one.time == time],
+    instants = {time: ([(k, measurement) for k, measurement in enumerate(measured) if measurement.time == time],
                        [given for at, given in commands if at == time])
-                for time in sorted({one.time for one in measured} | {at for at, _ in commands} | {end})}
+                for time in sorted({measurement.time for measurement in measured} | {at for at, _ in commands} | {end})}
     predicted = np.full((len(particles), len(measured)), np.nan)
     for row, particle in zip(predicted, particles, strict=True):
         if particle.is_alive:
@@ -221,13 +213,11 @@ def run(particles: Sequence[Particle], measured: Sequence[Measurement],
     return predicted
 
 
-def thinned(measured: Iterable[Measurement]) -> list[Measurement]:
-    """Return at most `MOST` measurements of each quantity, evenly chosen, by time."""
+def thinned(measured: Iterable[Measurement], most: int) -> list[Measurement]:
+    """Return at most `most` measurements of each quantity, evenly chosen, by time."""
     by_field: dict[str, list[Measurement]] = {}
-    for one in sorted(measured):
-        by_field.setdefault(one.field, []).append(one)
-    kept = [one for many in by_field.values() for one in (many if len(many) <= MOST else [
-        many[round(k)] for k in np.linspace(0, len(many) - 1, MOST)])]
+    for measurement in sorted(measured):
+        by_field.setdefault(measurement.field, []).append(measurement)
+    kept = [measurement for series in by_field.values() for measurement in (series if len(series) <= most else [
+        series[round(k)] for k in np.linspace(0, len(series) - 1, most)])]
     return sorted(kept)
-
-

@@ -5,5 +5,5 @@ and `inclined_gap` to one robot. Read `controller.py` first: it checks everythin
 file into segments in time. `player.py` waits for a robot, keeps time by the wall clock or /clock, and sends each
 change; on an abort the motor stops. `commanded_robot.py` asks the robot for its limits, so that a script beyond them is
 refused before it starts, and detects a second robot. The control laws of `feedback.py` hold a speed or reach a position
-with feedback from `odom`; `goals.py` offers the same as actions.
+with feedback from `odom`; `controller.py:GoalServer` offers the same as actions.
 """

@@ -146,13 +146,13 @@ class CommandedRobot:
         if command == MOTOR:
             self.sent_speed = value
 
-    def _take(self, name: str, found: Settings | str) -> None:
+    def _take(self, name: str, answer: Settings | str) -> None:
         """Take a node's answer: its settings, or the reason in words why it is no robot, such as for a recorder."""
-        if isinstance(found, Settings):
+        if isinstance(answer, Settings):
             self._robots.add(name)
             self._last_look = 0.0
             if not self.settings:
-                self.name, self.settings = name, found
+                self.name, self.settings = name, answer
 
     def _follow_limit(self, event: ParameterEvent) -> None:
         """Follow changes of `LIVE_LIMIT`, the one limit that may change while the robot runs."""
@@ -227,7 +227,7 @@ class FaultService:
 
     def check(self) -> None:
         """Raise a RuntimeError if the robot has refused a fault."""
-        for entry, future in [one for one in self._requests if one[1].done()]:
+        for entry, future in [request for request in self._requests if request[1].done()]:
             self._requests.remove((entry, future))
             if not future.result().success:
                 raise RuntimeError(f"entry {entry}: {self._robot} refuses the fault: {future.result().message}")

@@ -67,7 +67,7 @@ def check_reach(goals: Iterable[tuple[str, Goal]], reach: float) -> None:
     `goals` are pairs of an entry's number and its goal, in order; `reach` is the largest mean speed [m/s] that the
     robot holds, with the sign of its direction. ValueError names the entry, the limit and the remedy.
     """
-    before: tuple[str, PositionGoal] | None = None
+    last_position: tuple[str, PositionGoal] | None = None
     for entry, goal in goals:
         if isinstance(goal, SpeedGoal):
             if not 0.0 < goal.speed / reach <= 1.0:
@@ -76,13 +76,13 @@ def check_reach(goals: Iterable[tuple[str, Goal]], reach: float) -> None:
                                  f"{direction(reach)}; give one between {low:g} and {high:g} m/s, and not 0, or set "
                                  "`reach` for another robot")
             continue
-        if before:
-            earlier, passed = before
+        if last_position:
+            earlier, passed = last_position
             if (goal.position - passed.position) * reach < -(goal.within + passed.within) * abs(reach):
                 raise ValueError(f"entry {entry}: go_to: {goal.position:g} m is out of reach after entry {earlier} "
                                  f"went to {passed.position:g} m: the robot goes {direction(reach)} only; give "
                                  "positions in the order in which it passes them")
-        before = entry, goal
+        last_position = entry, goal
 
 
 def direction(reach: float) -> str:
@@ -327,7 +327,7 @@ class PositionLaw:
 
     def _braking_distance(self) -> float:
         """Return the distance [m] that the robot still covers after the motor stops, by its speed over `SPEED_OVER`."""
-        recent = [one for one in self._distances if one[0] >= self._time - SPEED_OVER]
+        recent = [sample for sample in self._distances if sample[0] >= self._time - SPEED_OVER]
         span = recent[-1][0] - recent[0][0]
         return max(0.0, recent[0][1] - recent[-1][1]) / span * BRAKING if span > 0.5 * SPEED_OVER else 0.0
 

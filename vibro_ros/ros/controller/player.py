@@ -142,16 +142,9 @@ class Player:
     def run(self, schedule: Schedule, patience: float, stop: StopRequest) -> int:
         """Wait for a robot, up to `patience` [s], or for ever if 0; then play the schedule.
 
-        Returns
-        -------
-        int
-            0 at the end; 128 + the signal's number if a signal aborted it, and the motor was stopped.
-
-        Raises
-        ------
-        RuntimeError
-            Without a robot, or when `prepare` raises it; and, after the motor was stopped, when the robot goes away or
-            time jumps back.
+        Return 0 at the end, and 128 + the signal's number if a signal aborted it, and the motor was stopped.
+        RuntimeError without a robot, or when `prepare` raises it; and, after the motor was stopped, when the robot goes
+        away or time jumps back.
         """
         if self._publishers:
             wait_for_listeners(self._node, [*self._publishers.values()], patience, stop)

@@ -27,9 +27,9 @@ REPEATS = 3
 """Number of times that the motor's command is sent in one `command.timeout`, so that one or two may be lost."""
 STOP_ATTEMPTS = 8
 STOP_INTERVAL = Duration(nanoseconds=500_000_000)
-"""The last command is sent so often, at this interval, until the robot has received it: Fast DDS repeats a lost message, or asks
-for a lost acknowledgement, only after 3 s by itself, but with each further message at once. Four seconds in all, because
-`ros2 launch` kills a program 5 s after its SIGTERM."""
+"""The last command is sent so often, at this interval, until the robot has received it: Fast DDS repeats a lost
+message, or asks for a lost acknowledgement, only after 3 s by itself, but with each further message at once. Four
+seconds in all, because `ros2 launch` kills a program 5 s after its SIGTERM."""
 
 
 class Commands:

@@ -1,20 +1,30 @@
-"""A live robot as the view receives it: its scene, its samples, and in words why there are none.
+"""A live robot as the view receives it: its scene, its samples and status, and in words why there are none.
 
 Samples wait in DDS until the view polls: an executor's turn costs 0.15 to 0.5 ms, too much for each of 1000 messages a
 second when the page shows 30 pictures a second; taken in batches, a message costs some 30 us. Any program can publish
-on the topic, so each message is checked strictly.
+on the topics, so each message is checked strictly, and messages that are not the robot's are ignored. Texts are shown
+as plain text, in one line of limited length.
 """
 
+import math
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
-from std_msgs.msg import Float64MultiArray
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import WrenchStamped
+from rcl_interfaces.msg import Log
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Float64MultiArray, String
 
 from vibro_ros.messages.codec import deserialised
-from vibro_ros.messages.robot_messages import SAMPLE_LABELS
-from vibro_ros.messages.topics import OPERATIONS, SAMPLES, TOPICS
+from vibro_ros.messages.operations import PAUSE, RESUME, Operation, read_operation
+from vibro_ros.messages.robot_messages import PLATES, SAMPLE_LABELS
+from vibro_ros.messages.topics import OPERATIONS, SAMPLES, TOPICS, full_name
+from vibro_ros.process.files import one_line
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.node import GuardedNode, PollingSubscription
 from vibro_ros.ros.node.refusals import peer_text
@@ -70,11 +80,11 @@ class LiveRobot:
         messages = self._samples.take(MOST)
         if self.settings is None:
             return _NO_ROWS
-        found = [read for data, _ in messages if (read := read_sample(data))]
-        if refused := len(messages) - len(found):
+        samples = [read for data, _ in messages if (read := read_sample(data))]
+        if refused := len(messages) - len(samples):
             self._node.refusals.refuse(self._samples.topic, f"{refused} messages that are no samples of a robot of "
                                        "this version")
-        return self._of_this_run([start for start, _ in found], np.array([row for _, row in found]))
+        return self._of_this_run([start for start, _ in samples], np.array([row for _, row in samples]))
 
     def hear(self) -> None:
         """Note that a message of the robot was received.
@@ -90,14 +100,14 @@ class LiveRobot:
 
     def look(self) -> None:
         """Look up who publishes samples, and read the parameters again after a change or a fault; called often."""
-        found = frozenset(bytes(one.endpoint_gid)
-                          for one in self._node.get_publishers_info_by_topic(self._samples.topic))
+        publishers = frozenset(bytes(publisher.endpoint_gid)
+                          for publisher in self._node.get_publishers_info_by_topic(self._samples.topic))
         ask_again = self._fault and not self.reader.reading and time.monotonic() > self._read_at + READ_PERIOD
-        if found - self._publishers or ask_again:
+        if publishers - self._publishers or ask_again:
             self.reader.read()
-        if self._publishers and not found:  # the robot has gone; the next one must give its parameters
+        if self._publishers and not publishers:  # the robot has gone; the next one must give its parameters
             self.settings, self.origin, self._fault = None, None, ""
-        self._publishers = found
+        self._publishers = publishers
         self._others = [] if self.settings else self._robots_seen()
 
     @property
@@ -156,11 +166,11 @@ class LiveRobot:
                 return rows
         return _NO_ROWS
 
-    def _take_settings(self, found: Settings | str) -> None:
+    def _take_settings(self, answer: Settings | str) -> None:
         """Take the settings, or the reason why there are none, from the reader."""
         self._read_at = time.monotonic()
-        self._fault = found if isinstance(found, str) else ""
-        self.settings = None if isinstance(found, str) else found
+        self._fault = answer if isinstance(answer, str) else ""
+        self.settings = None if isinstance(answer, str) else answer
 
 
 def read_sample(data: bytes) -> tuple[int, np.ndarray] | None:
@@ -172,7 +182,7 @@ def read_sample(data: bytes) -> tuple[int, np.ndarray] | None:
         message = deserialised(data if len(data) <= LONGEST else b"", TOPICS[SAMPLES].type)
     except ValueError:
         return None
-    if [one.label for one in message.layout.dim] != [_LABEL] or len(message.data) != len(SAMPLE_LABELS):
+    if [dimension.label for dimension in message.layout.dim] != [_LABEL] or len(message.data) != len(SAMPLE_LABELS):
         return None
     (seconds, nanoseconds), values = message.data[:2], message.data[2:]
     if not (np.isfinite(values).all() and 0.0 <= values[TIME] < LONGEST_RUN
@@ -201,10 +211,130 @@ class Runs:
 
     def restarted(self, starts: Sequence[int], times: Sequence[float]) -> bool:
         """Note the starts [ns] and times [s] of samples; return whether another run has begun with one of them."""
-        found = False
+        has_restarted = False
         for start, time_of_sample in zip(starts, times, strict=True):
-            before, self._last = self._last, (start, time_of_sample)
-            if before and not (start == before[0] and time_of_sample > before[1]):
+            last, self._last = self._last, (start, time_of_sample)
+            if last and not (start == last[0] and time_of_sample > last[1]):
                 self._changes.append(self._now())
-                found = True
-        return found
+                has_restarted = True
+        return has_restarted
+
+
+MOST_REPORTS = 200
+"""Most messages of one topic that are taken in one batch; of more, DDS drops the oldest."""
+LONGEST_REPORT = 100_000
+"""Longest message [bytes] that is read."""
+LONGEST_LINE = 500
+"""Longest line [characters] that is shown."""
+_NO_RECORDING, _FAULT = "not recording", 2
+"""The recorder's diagnostics: message when nothing is recorded, and level when recording has failed."""
+WARNING, ERROR = 30, 40
+"""Levels of rcl_interfaces/msg/Log."""
+_LOG = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+
+
+class ReportedImpact(NamedTuple):
+    """One contact: stamp of its first instant [ns], side of the mass, peak force [N]."""
+
+    stamp: int
+    side: str
+    peak_force: float
+
+
+class RobotStatus:
+    """Subscribes to the status of the robot whose node has the full name `robot`.
+
+    `status` has fields of the frame "status" that pages get; it is empty before the first diagnostics.
+    """
+
+    def __init__(self, node: Node, robot: str):
+        self._robot, self._logger = robot, robot.strip("/").replace("/", ".")
+        self._log = PollingSubscription(node, Log, "/rosout", _LOG)
+        self._impacts = PollingSubscription(node, WrenchStamped, "impacts", qos.profile("impacts"))
+        self._diagnostics = PollingSubscription(node, DiagnosticArray, full_name("diagnostics"),
+                                             qos.profile("diagnostics"))
+        self._operations = PollingSubscription(node, String, f"{robot}/{OPERATIONS}", qos.profile(OPERATIONS))
+        self._frames: dict[str, str] = {}
+        self.status: dict[str, Any] = {}
+
+    def begin(self, prefix: str) -> None:
+        """Begin with a robot whose frames' names have this prefix, and forget the status."""
+        self._frames = {prefix + frame: frame.partition("_")[0] for frame in PLATES.values()}
+        self.status = {}
+
+    def impacts(self) -> list[ReportedImpact]:
+        """Return the contacts received since the last call."""
+        contacts = []
+        for message in _read(self._impacts, TOPICS["impacts"].type):
+            stamp, side = message.header.stamp, self._frames.get(message.header.frame_id)
+            force = message.wrench.force.z
+            if side and math.isfinite(force) and stamp.sec >= 0 and 0 <= stamp.nanosec < SECOND:
+                contacts.append(ReportedImpact(stamp.sec * SECOND + stamp.nanosec, side, float(force)))
+        return contacts
+
+    def operations(self) -> list[Operation]:
+        """Return the operations since the last call; a pause or its end is noted in `status`."""
+        operations = []
+        for message in _read(self._operations, TOPICS[OPERATIONS].type):
+            try:
+                operations.append(read_operation(message.data))
+            except ValueError:
+                continue
+            if operations[-1].name in (PAUSE, RESUME) and self.status:
+                self.status["paused"] = operations[-1].name == PAUSE
+        return operations
+
+    def diagnostics(self) -> bool:
+        """Update `status` from the diagnostics since the last call; return whether there were any."""
+        received = False
+        for message in _read(self._diagnostics, "diagnostic_msgs/msg/DiagnosticArray"):
+            for status in message.status:
+                if status.hardware_id == self._robot:
+                    self._take(status)
+                    received = True
+        return received
+
+    def log(self) -> list[tuple[str, str]]:
+        """Return level and text of the robot's warnings and errors since the last call."""
+        return [("error" if message.level >= ERROR else "warning", one_line(message.msg, LONGEST_LINE))
+                for message in _read(self._log, "rcl_interfaces/msg/Log")
+                if message.name == self._logger and message.level >= WARNING]
+
+    def _take(self, status: Any) -> None:
+        values = {pair.key: pair.value for pair in status.values}
+        part = status.name.rpartition(": ")[2]
+        if part == "recorder":
+            records = status.message != _NO_RECORDING and status.level < _FAULT
+            self.status["recording"] = one_line(status.message, LONGEST_LINE) if records else ""
+        if part != "simulation":
+            return
+        dropped, simulated = (_number(values, name) for name in ("dropped time [s]", "simulated time [s]"))
+        self.status |= {
+            "real_time_factor": _number(values, "real-time factor"),
+            "dropped_share": dropped / (dropped + simulated) if dropped > 0.0 and simulated >= 0.0 else 0.0,
+            "refused": round(min(_number(values, "rejected commands"), 1e15)),
+        }
+        if status.message in ("paused", "running"):
+            self.status["paused"] = status.message == "paused"
+        self.status.setdefault("paused", self.status["real_time_factor"] == 0.0)
+
+
+def _read(subscription: PollingSubscription, type_name: str) -> list[Any]:
+    """Take the messages that have arrived, and return those that can be read."""
+    messages = []
+    for data, _ in subscription.take(MOST_REPORTS):
+        if len(data) <= LONGEST_REPORT:
+            try:
+                messages.append(deserialised(data, type_name))
+            except ValueError:
+                continue
+    return messages
+
+
+def _number(values: Mapping[str, str], name: str) -> float:
+    """Return a number that diagnostics have as text; 0 if it is missing or not a finite number."""
+    try:
+        number = float(values.get(name, ""))
+    except ValueError:
+        return 0.0
+    return number if math.isfinite(number) else 0.0

@@ -14,25 +14,45 @@ import socket
 import sys
 import tempfile
 import webbrowser
-from collections.abc import Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
+from functools import partial
 from html import escape
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from time import monotonic
+from typing import Any, NamedTuple
+
+from rcl_interfaces.srv import SetParameters
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter as ParameterOfRclpy
+from rclpy.task import Future
+from std_srvs.srv import SetBool, Trigger
 
 from vibro_ros.configuration.scene_file import NODE_NAME as ROBOT
+from vibro_ros.messages.operations import SET
 from vibro_ros.model.parameters import Parameter, checked_parameters
 from vibro_ros.process.entry_point import Parser, StopRequest, exit_code
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.ros.live.page import LivePage
+from vibro_ros.process.files import one_line
+from vibro_ros.ros.live.commands import RETURN_TIMEOUT, Commands
+from vibro_ros.ros.live.robot import LiveRobot, RobotStatus
 from vibro_ros.ros.node import process
 from vibro_ros.ros.node.arguments import check_addressed, check_arguments, check_names, own_arguments
 from vibro_ros.ros.node.node import GuardedNode
 from vibro_ros.ros.node.parameters import declare, parameter_lines, take_overrides
 from vibro_ros.ros.node.refusals import peer_text
+from vibro_ros.ros.node.robot_parameters import Settings
+from vibro_ros.view.drawing import drawing
+from vibro_ros.view.motion import Document
 from vibro_ros.view.page import page_text
+from vibro_ros.view.protocol import CALL, COLUMNS, COMMAND, PLAIN_CALLS, SLOW_MOTION, SWITCHES, Request, text_frame
 from vibro_ros.view.server import Server, is_loopback, listening
+from vibro_ros.view.slow_motion import History, SlowMotions
 
 NODE_NAME = "vibro_view"
 PORT = 8742
@@ -44,13 +64,7 @@ PARAMETERS = (
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Serve the page until SIGINT, SIGTERM or SIGHUP.
-
-    Returns
-    -------
-    int
-        0 after a signal; 1 when the server failed; 2 for bad input, or a port that is taken.
-    """
+    """Serve the page until SIGINT, SIGTERM or SIGHUP. Returns the exit code, which `--help` explains."""
     return exit_code("view", lambda: _run(sys.argv[1:] if words is None else words))
 
 
@@ -136,3 +150,246 @@ def _parser() -> Parser:
     parser.add_argument("--port", type=_port, default=PORT, help="0 for any that is free (default: %(default)s)")
     parser.add_argument("--open", action="store_true", help="open the page in the browser")
     return parser
+
+
+PERIOD = 1.0 / 30.0
+"""Time [s] between two batches of samples."""
+LOOK_PERIOD = 0.5
+"""Time [s] between two checks of who publishes and who offers services."""
+ABSENCE_TIMEOUT = 5.0
+"""Time [s] after which the log says that there is no robot; a robot started together with the view takes 2 s."""
+MOST_REQUESTED = 400
+"""Most requests of pages that wait for the node."""
+IMPACT_MARGIN = 1.0
+"""Time [s] by which an impact may lie before robot time 0 or after the latest sample."""
+ANSWER_TIMEOUT = 5.0
+"""Longest wait [s] for an answer of the robot."""
+MOST_WAITING = 50
+"""Most service calls that wait for an answer at once."""
+STATUS = {"real_time_factor": 0.0, "dropped_share": 0.0, "refused": 0, "paused": False, "recording": ""}
+_TIME = COLUMNS.index("time")
+
+Answer = Callable[[bool, str], object]
+"""Callback with the outcome of a request: whether it was done, and a sentence."""
+
+
+class Presence(NamedTuple):
+    """State of the robot for the pages: its settings, start and offered services, or the reason why no robot is shown.
+
+    `origin` is the stamp [ns] of its robot time 0.
+    """
+
+    absence: str
+    settings: Settings | None
+    origin: int | None
+    offers: Mapping[str, bool]
+
+
+class LivePage:
+    """Connects the robot, whose node has the full name `robot`, with the server of its pages."""
+
+    def __init__(self, node: GuardedNode, robot: str):
+        self._node, self._name = node, robot
+        self._commands, self._requests = Commands(node), Requests(node, robot)
+        self._robot_status = RobotStatus(node, robot)
+        self._robot = LiveRobot(node, robot)  # last: a robot that answers it has discovered all clients
+        self._slow_motions = SlowMotions()
+        self._history, self._requested = History(), deque[tuple[int, Request]](maxlen=MOST_REQUESTED)
+        self._presence = Presence("the view is starting", None, None, {})
+        self._in_force = text_frame("commands", values={})
+        self._run: tuple[int | None, int] = None, 0
+        self._last_look = float("-inf")
+        self._absence, self._since = "", monotonic()
+        self._server: Server | None = None
+
+    def begin(self, server: Server) -> None:
+        """Begin to serve the server's pages."""
+        self._server = server
+        self._node.create_timer(PERIOD, partial(self._poll, server), clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def ask(self, page: int, request: Request) -> None:
+        """Take a page's request; for the server's thread."""
+        self._requested.append((page, request))
+        self._node.executor.create_task(self._execute_requests)
+
+    def greeting(self) -> list[tuple[str, str]]:
+        """Return kind and text of the frames for a page that has just opened; for the server's thread."""
+        frames = [self._frame(self._presence), ("commands", self._in_force)]
+        return [*frames, ("status", self._status())] if self._robot_status.status else frames
+
+    def end(self) -> None:
+        """Stop the motor if a page has commanded it, because no page can stop it any more."""
+        if words := self._commands.end():
+            self._node.get_logger().info(f"the motor was commanded from a page; {words}")
+
+    def _poll(self, server: Server) -> None:
+        origin = self._robot.origin
+        rows = self._robot.poll()
+        if self._robot.origin != origin:
+            self._history.clear()
+        if self._robot_status.diagnostics():
+            self._robot.hear()
+            server.send("status", self._status())
+        if (now := monotonic()) > self._last_look + LOOK_PERIOD:
+            self._last_look = now
+            self._robot.look()
+            self._warn_of_absence(now)
+        self._update_presence(server)
+        if len(rows):
+            self._history.add(rows)
+            server.send_samples(rows.tobytes())
+        self._forward_reports(server)
+        self._watch_commands(server)
+        self._requests.tick()
+
+    def _warn_of_absence(self, now: float) -> None:
+        """Log once why there is nothing to show, if that lasts."""
+        if self._presence.absence != self._absence:
+            self._absence, self._since = self._presence.absence, now
+        elif self._absence and now > self._since + ABSENCE_TIMEOUT:
+            self._since = float("inf")
+            self._node.get_logger().warning(self._absence)
+
+    def _update_presence(self, server: Server) -> None:
+        """Send the robot's state to the pages, if it has changed."""
+        robot = self._robot
+        absence = robot.absence
+        presence = (Presence(absence, None, None, {}) if absence
+                    else Presence("", robot.settings, robot.origin, self._requests.offers))
+        last, self._presence = self._presence, presence
+        if presence == last:
+            return
+        if presence.settings and presence.settings != last.settings:
+            self._robot_status.begin(presence.settings.prefix)
+        server.send(*self._frame(presence))
+
+    def _forward_reports(self, server: Server) -> None:
+        """Forward what the robot publishes besides samples: operations, impacts and log."""
+        robot, operations = self._robot, self._robot_status.operations()
+        run = robot.origin, robot.silences
+        goes_on, self._run = run == self._run, run  # else earlier commands do not hold any more
+        self._commands.take(robot.settings.scene if robot.settings and goes_on else None, operations)
+        if any(operation.name == SET for operation in operations):
+            self._robot.reader.read()
+        if operations and self._robot_status.status:
+            server.send("status", self._status())
+        last, origin = self._history.last(), self._presence.origin
+        impacts = [((impact.stamp - origin) * 1e-9, impact) for impact in self._robot_status.impacts()
+                   if origin is not None]
+        if last is not None:
+            near = [{"time": time, "side": impact.side, "peak_force": impact.peak_force} for time, impact in impacts
+                    if -IMPACT_MARGIN < time < last[_TIME] + IMPACT_MARGIN]
+            if near:
+                server.send("impacts", text_frame("impacts", list=near))
+        for level, words in self._robot_status.log():
+            server.send("log", text_frame("log", level=level, words=words))
+
+    def _watch_commands(self, server: Server) -> None:
+        """Send the commands in force to the pages, and stop a motor that closed pages have left turning."""
+        in_force = text_frame("commands", values=self._commands.in_force)
+        if in_force != self._in_force:
+            self._in_force = in_force
+            server.send("commands", in_force)
+        settings = self._robot.settings
+        if self._commands.stop_if_alone(len(server.pages), settings.command_timeout if settings else 0.0):
+            self._node.get_logger().warning(f"no page has been open for {RETURN_TIMEOUT:g} s, and the motor was "
+                                            "commanded from one; sent motor_speed 0")
+
+    def _execute_requests(self) -> None:
+        while self._requested and self._server:
+            page, request = self._requested.popleft()
+            answer = partial(self._server.answer, page, request.id)
+            if request.kind == COMMAND:
+                self._commands.send(request.name, float(request.value or 0.0), answer)
+            elif request.kind == SLOW_MOTION:
+                self._slow_motion(page, request, self._server)
+            else:
+                self._requests.ask(request, answer)
+
+    def _slow_motion(self, page: int, request: Request, server: Server) -> None:
+        def done(motion: Document | str) -> None:
+            if isinstance(motion, str):
+                server.answer(page, request.id, False, motion)
+            else:
+                server.send_motion(page, request.id, motion)
+
+        if self._presence.settings is None:
+            done(f"there is no robot: {self._presence.absence}")
+        else:
+            samples = self._history.samples(float(request.value or 0.0))
+            self._slow_motions.ask(self._presence.settings.scene, samples, done)
+
+    def _status(self) -> str:
+        return text_frame("status", **{**STATUS, **self._robot_status.status})
+
+    def _frame(self, presence: Presence) -> tuple[str, str]:
+        """Return kind and text of the frame with the robot's state."""
+        if presence.settings is None:
+            return "absent", text_frame("absent", words=presence.absence)
+        return "robot", text_frame("robot", name=self._name, machine=drawing(presence.settings.scene),
+                                   columns=list(COLUMNS), origin=str(presence.origin or 0),
+                                   offers=dict(presence.offers))
+
+
+@dataclass(eq=False)
+class _Waiting:
+    """A request that was sent and waits for its answer."""
+
+    service: str
+    answer: Answer
+    begun: float
+    sent: Future
+
+
+class Requests:
+    """Clients of one robot's services; used in the executor's thread."""
+
+    def __init__(self, node: Node, robot: str):
+        kinds = {**dict.fromkeys(PLAIN_CALLS, Trigger), **dict.fromkeys(SWITCHES, SetBool)}
+        self._clients = {name: node.create_client(kind, f"{robot}/{name}") for name, kind in kinds.items()}
+        self._setting = node.create_client(SetParameters, f"{robot}/set_parameters")
+        self._waiting: list[_Waiting] = []
+
+    @property
+    def offers(self) -> dict[str, bool]:
+        """Which services the robot offers."""
+        return {name: client.service_is_ready() for name, client in self._clients.items()}
+
+    def ask(self, asked: Request, answer: Answer) -> None:
+        """Call a service or set a parameter of the robot; `answer` is called with the outcome."""
+        client = self._clients[asked.name] if asked.kind == CALL else self._setting
+        if not client.service_is_ready():
+            answer(False, f"nobody offers {client.srv_name}; is the robot running?")
+        elif len(self._waiting) >= MOST_WAITING:
+            answer(False, f"{MOST_WAITING} requests wait for the robot's answer already; ask again later")
+        else:
+            waiting = _Waiting(client.srv_name, answer, monotonic(), client.call_async(_message(asked)))
+            self._waiting.append(waiting)
+            waiting.sent.add_done_callback(lambda done: self._take(waiting))
+
+    def tick(self) -> None:
+        """Give up requests that have waited too long; to be called often."""
+        for late in [waiting for waiting in self._waiting if monotonic() > waiting.begun + ANSWER_TIMEOUT]:
+            self._waiting.remove(late)
+            late.sent.cancel()  # the client then forgets it
+            late.answer(False, f"{late.service} has not answered for {ANSWER_TIMEOUT:g} s; it may still do what was "
+                               "asked")
+
+    def _take(self, waiting: _Waiting) -> None:
+        if waiting not in self._waiting or waiting.sent.cancelled():
+            return
+        self._waiting.remove(waiting)
+        response: Any = waiting.sent.result()
+        if hasattr(response, "results"):
+            done = all(result.successful for result in response.results)
+            words = " ".join(result.reason for result in response.results)
+        else:
+            done, words = response.success, response.message
+        waiting.answer(bool(done), one_line(words, 500))
+
+
+def _message(asked: Request) -> Any:
+    """Return the request message for a page's request."""
+    if asked.kind != CALL:
+        return SetParameters.Request(parameters=[ParameterOfRclpy(asked.name, value=asked.value).to_parameter_msg()])
+    return Trigger.Request() if asked.value is None else SetBool.Request(data=asked.value)

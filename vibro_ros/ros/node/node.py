@@ -153,7 +153,7 @@ class PollingSubscription:
 
     The depth of the quality of service limits the messages that wait. `topic` is the topic's full name, `profile` the
     quality of service with the user's `qos_overrides`. `take_message` of rclpy's handle is public but not documented;
-    test_subscriptions.py fails with an explanation when it changes.
+    test_subscriptions.py fails with an explanation when it changes. The owner must not poll while the node is destroyed.
     """
 
     def __init__(self, node: Node, kind: type, topic: str, profile: QoSProfile):
@@ -161,16 +161,14 @@ class PollingSubscription:
                                                                     callback_group=_Never(), raw=True)
         self.topic: str = self._subscription.topic_name
         self.profile: QoSProfile = self._subscription.qos_profile
-        self._handle, self._kind = self._subscription.handle, self._subscription.msg_type
+        self._take, self._kind = self._subscription.handle.take_message, self._subscription.msg_type
 
     def take(self, most: int) -> list[tuple[bytes, int]]:
         """Take up to `most` messages in order of arrival, each with the wall time [ns] at which it arrived."""
-        found: list[tuple[bytes, int]] = []
-        with self._handle:
-            while len(found) < most and (taken := self._handle.take_message(self._kind, True)):
-                data, about = taken
-                found.append((data, about["received_timestamp"]))
-        return found
+        messages: list[tuple[bytes, int]] = []
+        while len(messages) < most and (taken := self._take(self._kind, True)):
+            messages.append((taken[0], taken[1]["received_timestamp"]))
+        return messages
 
 
 class _Never(CallbackGroup):

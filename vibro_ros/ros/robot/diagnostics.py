@@ -14,7 +14,7 @@ from vibro_ros.messages.topics import full_name
 from vibro_ros.model.scene import Scene
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.node import GuardedNode
-from vibro_ros.ros.robot.run import Run
+from vibro_ros.ros.robot.run import RobotRun
 from vibro_ros.simulation.samples import FIELDS
 from vibro_ros.simulation.validity import validity_of
 
@@ -37,7 +37,7 @@ NEWS = 10.0
 class Diagnostics:
     """Publishes the state of simulation and recorder, in the executor's thread; `now` returns ROS time [ns]."""
 
-    def __init__(self, node: GuardedNode, run: Run, now: Callable[[], int]):
+    def __init__(self, node: GuardedNode, run: RobotRun, now: Callable[[], int]):
         self._node, self._run, self._now = node, run, now
         self._publisher = node.create_publisher(DiagnosticArray, full_name("diagnostics"), qos.profile("diagnostics"))
         self._namesakes = 0
@@ -148,9 +148,9 @@ class Diagnostics:
         behind = (self._now() - self._run.robot_time.stamp) / SECOND
         if not behind:
             return 0.0, 0.0
-        before, self._offset = self._offset, self._clock_offset()
+        last_offset, self._offset = self._offset, self._clock_offset()
         change = self._offset - self._first_offset
-        if abs(self._offset - before) > BEHIND:
+        if abs(self._offset - last_offset) > BEHIND:
             self._clock_was_set = time.monotonic()
             if words := self._words_on_time(behind, change):
                 self._node.get_logger().warning(words)
@@ -179,9 +179,9 @@ class Diagnostics:
 
     def _other_robots(self) -> int:
         """Return the number of other nodes with this node's full name; the log warns when the number grows."""
-        before, own = self._namesakes, (self._node.get_name(), self._node.get_namespace())
-        self._namesakes = max(0, self._node.get_node_names_and_namespaces().count(own) - 1)
-        if self._namesakes > before:
+        earlier, own_name = self._namesakes, (self._node.get_name(), self._node.get_namespace())
+        self._namesakes = max(0, self._node.get_node_names_and_namespaces().count(own_name) - 1)
+        if self._namesakes > earlier:
             self._node.get_logger().warning(self._same_name_warning)
         return self._namesakes
 

@@ -34,9 +34,9 @@ class LockStep:
     `all_answered` says whether all have answered since the last `ask`; `when_answered` is called when they have.
     """
 
-    def __init__(self, node: Node, names: Sequence[str]):
+    def __init__(self, node: Node, names: Sequence[str], when_answered: Callable[[], object]):
         self.all_answered = True
-        self.when_answered: Callable[[], object] = lambda: None
+        self._when_answered = when_answered
         self._log = node.get_logger()
         self._clients = {name: node.create_client(GetParameters, f"{name}/get_parameters") for name in names}
         self._awaited: set[str] = set()
@@ -68,7 +68,7 @@ class LockStep:
         self._awaited.discard(name)
         if not self._awaited:
             self.all_answered = True
-            self.when_answered()
+            self._when_answered()
 
     def _remind(self) -> None:
         """Log which nodes the robot waits for, and call them again, because a restarted node may lose an answer."""

@@ -6,7 +6,6 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from pathlib import Path
 
 from vibro_ros.messages.robot_messages import stamp_at
 from vibro_ros.simulation.simulator import Simulator
@@ -23,6 +22,13 @@ FASTEST = 1e4
 """Crank speed [rad/s] beyond which a stall is blamed on it, because its turns then cost more than real time."""
 POLICY, PRIORITY = os.SCHED_RR, 1
 """Scheduling policy of the robot, round-robin real time at the lowest priority; ros2_control uses one likewise."""
+NICENESS = -10
+"""Niceness of the robot where the system refuses the policy; it allows the niceness with `ulimit -e 30`."""
+STARTED_AS_NICE = os.getpriority(os.PRIO_PROCESS, 0)
+"""Niceness with which the process was started: a value other than 0 is the user's choice."""
+ALLOW = ("allow the robot a real-time priority (`ulimit -r 1`, after a line `USER - rtprio 1` in "
+         "/etc/security/limits.d/robot.conf and a new login; for a container --cap-add SYS_NICE), ")
+"""Remedy for stalls of a robot that the system has refused a real-time priority."""
 
 
 class Pacing:
@@ -72,10 +78,7 @@ class Pacing:
     def wait_until(self, simulated_time: float, stopped: Callable[[], bool] = lambda: False) -> float:
         """Sleep until `simulated_time` [s] is due or `stopped()`, which may also change the factor.
 
-        Returns
-        -------
-        float
-            Simulated time [s] dropped because the deadline passed more than `max_catch_up` ago; else 0.
+        Return the simulated time [s] that is dropped because the deadline passed more than `max_catch_up` ago; else 0.
         """
         if self.factor == 0.0:
             self._sleep(0.0)  # offers the interpreter lock to the executor's thread
@@ -200,8 +203,9 @@ class StallReport:
             why = (f"because a step takes {1e3 * busy / max(ticks, 1):.2g} ms, longer than it lasts; lower "
                    "rate.real_time_factor, or choose solver.method exact")
         else:
-            why = ("because the computer did not let the robot run in time; leave it a core, or raise "
-                   "rate.max_catch_up")
+            refused = os.sched_getscheduler(0) != POLICY and not STARTED_AS_NICE
+            why = (f"because the computer did not let the robot run in time; {ALLOW if refused else ''}leave it a "
+                   "core, or raise rate.max_catch_up")
         if math.isinf(self._last_report):
             self._warn(f"stalled: {dropped:.3f} s of simulated time dropped, {why}. Stamps stay behind the wall clock "
                        "by what is dropped")
@@ -218,12 +222,20 @@ def set_real_time_priority(factor: float, paused: bool) -> None:
     A robot at a larger factor, or one that takes steps while paused, may use all the time of a processor. It must leave
     a share to the program that receives its samples, and to its own thread that serves requests.
 
-    Nothing changes if the system does not allow it, or if the user has chosen a niceness. All threads get the priority,
-    and with them those that they start, because they share the interpreter lock: a thread that waits for a processor
-    while it holds the lock would delay the others.
+    Where the system does not allow it, the process gets a high priority among ordinary ones instead, if that is
+    allowed. Nothing changes if the user has chosen a niceness. All threads get the priority, and with them those that
+    they start, because they share the interpreter lock: a thread that waits for a processor while it holds the lock
+    would delay the others.
     """
-    with suppress(OSError):
-        if os.getpriority(os.PRIO_PROCESS, 0) == 0:
-            policy, priority = (POLICY, PRIORITY) if 0.0 < factor <= 1.0 and not paused else (os.SCHED_OTHER, 0)
-            for thread in Path("/proc/self/task").iterdir():
-                os.sched_setscheduler(int(thread.name), policy, os.sched_param(priority))
+    if STARTED_AS_NICE:
+        return
+    for thread in map(int, os.listdir("/proc/self/task")):
+        with suppress(OSError):
+            if not 0.0 < factor <= 1.0 or paused:
+                os.sched_setscheduler(thread, os.SCHED_OTHER, os.sched_param(0))
+                os.setpriority(os.PRIO_PROCESS, thread, 0)
+                continue
+            try:
+                os.sched_setscheduler(thread, POLICY, os.sched_param(PRIORITY))
+            except PermissionError:
+                os.setpriority(os.PRIO_PROCESS, thread, NICENESS)

@@ -17,9 +17,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
-from builtin_interfaces.msg import Time
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
-from rosgraph_msgs.msg import Clock
+from rclpy.parameter import Parameter as ParameterOfRclpy
 
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, NODE_NAME, load_scene, scene_origin, shipped_scenes
 from vibro_ros.messages.frames import ODOM
@@ -27,7 +27,6 @@ from vibro_ros.messages.topics import (
     CHECKPOINT,
     COMMANDS,
     EVENT,
-    JOINT_COMMANDS,
     ONCE,
     OPERATIONS,
     SAMPLE,
@@ -46,27 +45,20 @@ from vibro_ros.ros.node.arguments import check_addressed, check_arguments, check
 from vibro_ros.ros.node.node import GuardedNode, installed_type
 from vibro_ros.ros.node.parameters import declare, parameter_lines, take_overrides
 from vibro_ros.ros.node.process import CLOCK, wait_for_time
-from vibro_ros.ros.robot.diagnostics import SECOND, Diagnostics
-from vibro_ros.ros.robot.lock_step import LockStep, checked_nodes
-from vibro_ros.ros.robot.pacing import CommandTimeout, Pacing, RobotTime, set_real_time_priority
-from vibro_ros.ros.robot.publishers import RobotPublishers
+from vibro_ros.ros.robot.diagnostics import Diagnostics
+from vibro_ros.ros.robot.lock_step import checked_nodes
+from vibro_ros.ros.robot.pacing import set_real_time_priority
 from vibro_ros.ros.robot.recording import (
     Plan,
-    Recording,
+    RobotPublishers,
     check_directory,
     offer_recovery,
     open_recording,
     plan_recording,
     recorded_topic,
 )
-from vibro_ros.ros.robot.run import Run
-from vibro_ros.ros.robot.services import (
-    follow_parameters,
-    offer_disturbances,
-    offer_run_services,
-    refuse_while_starting,
-)
-from vibro_ros.ros.robot.subscriptions import CommandSubscriptions
+from vibro_ros.ros.robot.run import RobotRun
+from vibro_ros.ros.robot.services import offer_disturbances, offer_run_services
 from vibro_ros.sensors.device import new_device
 from vibro_ros.simulation.provenance import provenance
 from vibro_ros.simulation.simulator import Simulator, ToleranceWarning
@@ -78,13 +70,7 @@ WATCH = 0.2
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the robot until SIGINT, SIGTERM or SIGHUP.
-
-    Returns
-    -------
-    int
-        0 after a signal; 2 for bad input; 1 when the simulation or the recording failed.
-    """
+    """Run the robot until SIGINT, SIGTERM or SIGHUP. Returns the exit code, which `--help` explains."""
     return exit_code("robot", lambda: _run(sys.argv[1:] if argv is None else argv))
 
 
@@ -101,7 +87,7 @@ def _run(words: Sequence[str]) -> int:
                                      [settings[name] for name in VARIANCES], settings["ros2_control"])
         plan = _plan(node, settings, scene, publishers)
         node.get_logger().info(f"scene {settings['scene']}")
-        preparation = process.Work(partial(_prepare, node, settings, scene, plan))
+        preparation = process.Work(partial(_prepare, node, settings, scene, plan), node.executor.wake)
         process.spin_until(node, lambda: bool(stop) or preparation.done)
         device = None if stop else preparation.result()
         if not settings["clock.publish"]:  # else the robot itself publishes the time
@@ -126,10 +112,16 @@ def _configure(node: GuardedNode, words: Sequence[str]) -> tuple[dict[str, Value
     scene = load_scene(settings["scene"], own_name).with_parameters(overrides)
     declare(node, DEVICE_PARAMETERS, settings)
     declare(node, SCENE_PARAMETERS, scene.parameters)
-    node.add_on_set_parameters_callback(refuse_while_starting)
+    node.add_on_set_parameters_callback(_refuse_while_starting)
     if checked_nodes(node, settings["clock.lock_step"]) and not settings["clock.publish"]:
         raise ValueError("clock.lock_step: has no effect without robot time on /clock; set clock.publish to true")
     return settings, scene
+
+
+def _refuse_while_starting(parameters: Sequence[ParameterOfRclpy]) -> SetParametersResult:
+    """Refuse every change of parameters while the robot has no device yet."""
+    reason = f"{parameters[0].name}: the robot is still starting; set it when it is ready"
+    return SetParametersResult(successful=False, reason=reason)
 
 
 def _plan(node: GuardedNode, settings: Mapping[str, Value], scene: Scene, publishers: RobotPublishers) -> Plan:
@@ -161,8 +153,11 @@ def _operate(node: GuardedNode, settings: Mapping[str, Value], device: Simulator
     plan = replace(plan, metadata={**plan.metadata, **provenance(parameters, _now(node, settings))})
     stop.hold()  # before the bag is opened, so that no signal can come between its opening and its sealing
     with open_recording(plan, settings["record.enabled"], log) as recording:
-        run = _new_run(node, settings, device, publishers, recording, stop)  # subscribes to commands from now on
-        follow_parameters(node, run)
+        run = RobotRun(node, device, settings, publishers, recording, lambda: bool(stop))
+        offer_run_services(node, run)
+        offer_disturbances(node, run)
+        node.remove_on_set_parameters_callback(_refuse_while_starting)
+        node.add_on_set_parameters_callback(run.set_parameters)
         # the clocks are read last, after everything that takes time; the bag is open by then
         run.robot_time.start, begin = _now(node, settings, run), time.monotonic()
         recording.describe({"start": str(run.robot_time.start)})
@@ -178,11 +173,10 @@ def _operate(node: GuardedNode, settings: Mapping[str, Value], device: Simulator
 
             def over() -> bool:
                 recording.watch()
-                return bool(stop or run.error or run.quitting)
+                return bool(stop or run.is_ending)
 
             process.spin_until(node, over, WATCH)
-        run.quitting = True  # no more steps: requests that still wait have an answer, which must be sent
-        process.spin_until(node, lambda: not run.waiting)
+        process.spin_until(node, lambda: not run.waiting)  # requests for steps have an answer, which must be sent
     if run.error or recording.faults:
         diagnostics.publish_last()
     log.info(f"{recording.summary()}; {run.robot_time.time:.3f} s simulated, {run.pacing.dropped:.3f} s dropped "
@@ -194,32 +188,7 @@ def _operate(node: GuardedNode, settings: Mapping[str, Value], device: Simulator
     return 0
 
 
-def _new_run(node: GuardedNode, settings: Mapping[str, Value], device: Simulator, publishers: RobotPublishers,
-             recording: Recording, stop: StopRequest) -> Run:
-    """Return the run of a `device` and offer its services; its stepping begins when the run is entered."""
-    robot_time, commands = RobotTime(settings["rate.publish"]), CommandSubscriptions(node, device.scene)
-    nodes = checked_nodes(node, settings["clock.lock_step"])
-    publish_clock = None
-    if settings["clock.publish"]:
-        publisher = node.create_publisher(Clock, CLOCK, qos.profile("clock"))
-
-        def publish_clock() -> None:
-            """Publish robot time after each sample, so that every sample arrives before its time."""
-            seconds, nanoseconds = divmod(robot_time.stamp, SECOND)
-            publisher.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
-
-    run = Run(node, device, robot_time, Pacing(settings["rate.real_time_factor"], settings["rate.max_catch_up"]),
-              commands, publishers, recording, paused=settings["rate.start_paused"],
-              timeout=CommandTimeout(settings["command.timeout"], _motor_topics(device.scene, commands))
-              if settings["command.timeout"] else None,
-              lock_step=LockStep(node, nodes) if nodes else None, publish_clock=publish_clock,
-              stop_requested=lambda: bool(stop))
-    offer_run_services(node, run)
-    offer_disturbances(node, run)
-    return run
-
-
-def _offer_simulation(node: GuardedNode, run: Run, frame: str) -> None:
+def _offer_simulation(node: GuardedNode, run: RobotRun, frame: str) -> None:
     """Offer the services of `simulation_interfaces` if that package is installed; else log that it is not."""
     if installed_type("simulation_interfaces", "msg", "Result"):
         from vibro_ros.ros.robot.simulation_services import SimulationServices
@@ -229,13 +198,7 @@ def _offer_simulation(node: GuardedNode, run: Run, frame: str) -> None:
         node.get_logger().info("simulation_interfaces is not installed: without its services")
 
 
-def _motor_topics(scene: Scene, commands: CommandSubscriptions) -> list[str]:
-    """Return the full names of the topics that command the motor; joints are commanded by speed, never by voltage."""
-    of_joints = [JOINT_COMMANDS] if scene.motor_command == "motor_speed" else []
-    return [commands.topics[name] for name in (scene.motor_command, *of_joints)]
-
-
-def _now(node: Node, settings: Mapping[str, Value], run: Run | None = None) -> int:
+def _now(node: Node, settings: Mapping[str, Value], run: RobotRun | None = None) -> int:
     """Return the ROS time [ns]; where the robot publishes /clock, this is robot time, from which all stamps come."""
     if settings["clock.publish"]:
         return run.robot_time.stamp if run else 0

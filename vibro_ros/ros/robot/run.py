@@ -3,39 +3,46 @@
 Between two ticks the device's time is the last sample's instant. So a thread that takes the lock acts at that instant,
 and its operation is published and recorded with that stamp, after all commands that had arrived before. Services act at
 once, in the executor's thread, and a replay finds the same instants. Only a request for steps waits for its answer.
+
+`RobotRun.state` is one value, which only a thread that holds the lock changes:
+
+    RUNNING    pause: PAUSED
+    PAUSED     resume: RUNNING or, with nodes of `clock.lock_step`, RESUMING; a request for n steps: Steps(n)
+    RESUMING   the nodes have answered: RUNNING; pause: PAUSED
+    Steps(n)   n samples are taken, or the steps are cancelled: PAUSED; resume: as in PAUSED
+
+Robot time goes on in RUNNING alone; in Steps(n) samples are taken as fast as the computer and the recording allow. The
+run can end in every state.
 """
 
 import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from enum import Enum, auto
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from builtin_interfaces.msg import Time
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
+from rclpy.parameter import Parameter as ParameterOfRclpy
 from rclpy.task import Future
+from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 from vibro_ros.messages.codec import new_message, serialised
-from vibro_ros.messages.operations import (
-    FAULT,
-    PAUSE,
-    PUSH,
-    RESET,
-    RESUME,
-    SET,
-    STATE,
-    STEP,
-    TIMEOUT,
-    Operation,
-    perform,
-)
-from vibro_ros.messages.topics import CHECKPOINT, OPERATIONS, TOPICS, full_name
-from vibro_ros.model.faults import COMMANDS, FAULTS, check_lasting, checked_incident
+from vibro_ros.messages.operations import FAULT, PAUSE, RESET, RESUME, SET, STEP, TIMEOUT, Operation, perform
+from vibro_ros.messages.topics import CHECKPOINT, JOINT_COMMANDS, OPERATIONS, TOPICS, full_name
+from vibro_ros.model.faults import COMMANDS, FAULTS, Incident, check_lasting, checked_incident
+from vibro_ros.model.parameters import Value, checked_parameters
 from vibro_ros.ros.node import qos
-from vibro_ros.ros.robot.lock_step import LockStep
+from vibro_ros.ros.node.parameters import TABLE
+from vibro_ros.ros.node.process import CLOCK
+from vibro_ros.ros.robot.lock_step import LockStep, checked_nodes
 from vibro_ros.ros.robot.pacing import (
     LONGEST_SLEEP,
     CommandTimeout,
@@ -44,8 +51,7 @@ from vibro_ros.ros.robot.pacing import (
     StallReport,
     set_real_time_priority,
 )
-from vibro_ros.ros.robot.publishers import RobotPublishers
-from vibro_ros.ros.robot.recording import Recording
+from vibro_ros.ros.robot.recording import Recording, RobotPublishers
 from vibro_ros.ros.robot.subscriptions import CommandSubscriptions
 from vibro_ros.sensors.device import SensedSimulator
 from vibro_ros.simulation.samples import CRANK_ANGLE, FIELDS, MOTOR_SPEED, NORMAL_FORCE, Samples
@@ -65,8 +71,16 @@ MOST_TURNS = 100.0
 """Most turns of the crank between two checks whether the run must end; they cost some milliseconds."""
 
 
+class RunState(Enum):
+    """What a run does while it takes no steps; the table of transitions is at the head of this file."""
+
+    RUNNING = auto()
+    PAUSED = auto()
+    RESUMING = auto()
+
+
 class Steps(Future):
-    """A request for `asked` samples while the robot is paused; a future whose result is the answer in words.
+    """The state of a paused run that takes `asked` samples; a future whose result is the answer in words.
 
     `counted` is called after each sample with the number of samples so far, in the stepping thread. `completed` is the
     number of samples taken so far.
@@ -77,134 +91,171 @@ class Steps(Future):
         self.asked, self.completed, self.counted = asked, 0, counted
 
 
-class Run:
+class RobotRun:
     """One run of the robot; a context manager within which a thread steps the device.
 
-    Parameters
-    ----------
-    node : Node
-    device : Simulator
-        Used only while `lock` is held.
-    robot_time : RobotTime
-    pacing : Pacing
-    commands : CommandSubscriptions
-    publishers : RobotPublishers
-    recording : Recording
-    paused : bool
-        Whether robot time stands still at first.
-    timeout : CommandTimeout, optional
-    lock_step : LockStep, optional
-        Nodes that must be ready before robot time goes on.
-    publish_clock : callable, optional
-        Publishes robot time; None where the robot publishes no /clock.
-    stop_requested : callable
-        Returns whether a signal has come; called within a tick that takes long.
-
-    Attributes
-    ----------
-    lock : threading.Condition
-        Notified when something has changed for a stepping thread that waits.
-    paused : bool
-        Whether robot time stands still.
-    error : Exception or None
-        The error that ended the run.
-    quitting : bool
-        Whether the robot must end, or is ending.
-    waiting : int
-        Number of requests for steps that wait for their answer.
-    busy : float
-        Total wall time [s] of all ticks, without publishing.
-    ticks_without_normal_force : int
-        Number of samples at which N by eq. (6) was not above 0, or the body was in the air.
+    `settings` are the node's parameters. `device` is used only while `lock` is held. `stop_requested` returns whether a
+    signal has come; it is called within a tick that takes long.
     """
 
-    def __init__(self, node: Node, device: Simulator, robot_time: RobotTime, pacing: Pacing,
-                 commands: CommandSubscriptions, publishers: RobotPublishers, recording: Recording,
-                 paused: bool = False, timeout: CommandTimeout | None = None, lock_step: LockStep | None = None,
-                 publish_clock: Callable[[], None] | None = None, stop_requested: Callable[[], bool] = lambda: False):
-        self.device, self.robot_time, self.pacing, self.commands = device, robot_time, pacing, commands
-        self.publishers, self.recording, self.timeout, self.paused = publishers, recording, timeout, paused
-        self.lock = threading.Condition()
-        self.error: Exception | None = None
-        self.quitting, self.waiting = False, 0
-        self.busy, self.ticks_without_normal_force = 0.0, 0
-        self._node, self._lock_step, self._publish_clock, self._stop_requested = (
-            node, lock_step, publish_clock, stop_requested)
+    def __init__(self, node: Node, device: Simulator, settings: Mapping[str, Value], publishers: RobotPublishers,
+                 recording: Recording, stop_requested: Callable[[], bool] = lambda: False):
+        self.device, self.publishers, self.recording = device, publishers, recording
+        self.robot_time = RobotTime(settings["rate.publish"])
+        self.pacing = Pacing(settings["rate.real_time_factor"], settings["rate.max_catch_up"])
+        self.commands = CommandSubscriptions(node, device.scene)  # commands are heard from now on
+        self.lock = threading.Condition()  # notified when something has changed for a stepping thread that waits
+        self.state: RunState | Steps = RunState.PAUSED if settings["rate.start_paused"] else RunState.RUNNING
+        self.error: Exception | None = None  # the error that ended the run
+        self.waiting = 0  # requests for steps whose answers have not been sent
+        self.busy = 0.0  # total wall time [s] of all ticks, without publishing
+        self.ticks_without_normal_force = 0  # samples at which N by eq. (6) was not above 0, or the body in the air
+        self.timeout: CommandTimeout | None = None
+        if settings["command.timeout"]:
+            motor = device.scene.motor_command  # joints are commanded by speed, never by voltage
+            names = [motor, *[JOINT_COMMANDS] * (motor == "motor_speed")]
+            self.timeout = CommandTimeout(settings["command.timeout"], [self.commands.topics[name] for name in names])
+        nodes = checked_nodes(node, settings["clock.lock_step"])
+        self._lock_step = LockStep(node, nodes, self._notify) if nodes else None
+        self._clock = (node.create_publisher(Clock, CLOCK, qos.profile("clock")) if settings["clock.publish"] else None)
+        self._node, self._stop_requested = node, stop_requested
         self._publisher = node.create_publisher(String, full_name(OPERATIONS), qos.profile(OPERATIONS))
         self.topic = self._publisher.topic_name
-        self._steps: Steps | None = None
-        self._resumes = False  # resume when the nodes of the lock-step have answered
         self._samples: deque[np.ndarray] = deque(maxlen=MOST_KEPT)
         self._keeps_samples = device.scene.body_hops or device.scene.has_rotor  # for `validity_of`
         self._facts = device.statistics, device.disturbances
         self._speed = 0.0  # of the crank now [rad/s]
         self._mean_speed = 0.0  # of the crank over the last tick [rad/s]: its turns are what a tick costs
         self._stalls = StallReport(node.get_logger().warning)
-        self._stopped = threading.Event()
+        self._end = threading.Event()  # set, in any thread, when no more samples may be taken
         self._begin: float | None = None
-        self._thread = threading.Thread(target=self._step_until_stopped, name="stepping")
-        if lock_step:
-            lock_step.when_answered = self._notify
-        self._handlers = {RESET: self._reset, PAUSE: self._pause, RESUME: self._resume, SET: self._set,
-                          STATE: self._disturb, PUSH: self._disturb, FAULT: self._fail}
+        self._thread = threading.Thread(target=self._step_until_ended, name="stepping")
 
-    def start(self, begin: float) -> "Run":
+    def start(self, begin: float) -> "RobotRun":
         """Set the instant `begin` [s] of the pacing's clock that is robot time 0; returns this run, to be entered."""
         self._begin = begin
         return self
 
-    def __enter__(self) -> "Run":
+    def __enter__(self) -> "RobotRun":
         self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._stopped.set()
-        self._notify()
+        self.end()
         self._thread.join()
 
-    # Called by services, in the executor's thread.
-
-    def perform(self, operation: Operation) -> str:
-        """Perform an operation now, after all commands that have arrived, and return the answer in words.
-
-        ValueError when the device refuses it; nothing is changed then. RuntimeError when the run has ended, or the
-        operation ends it, or the lock is not free within `LOCK_TIMEOUT`.
-        """
-        with self._locked():
-            words = self._handlers[operation.name](operation)
-            self.lock.notify()
-            return words
-
-    def begin_steps(self, steps: int, counted: Callable[[int], object] | None = None) -> Steps:
-        """Let the paused robot take `steps` samples, as fast as the computer and the recording allow.
-
-        ValueError when the robot is not paused, or takes steps already; RuntimeError as `perform`.
-        """
-        with self._locked():
-            if not self.paused:
-                raise ValueError("the robot is not paused; call ~/pause with true first")
-            if self._steps:
-                raise ValueError(f"{self._steps.asked} steps are being taken, {self._steps.completed} so far; wait "
-                                 "for their end, or cancel them")
-            self._perform_and_record(Operation(STEP, steps=steps))
-            self._steps = Steps(steps, counted)
-            self.lock.notify()
-            return self._steps
-
-    def end_steps(self) -> None:
-        """End the present steps early, if there are any; their answer says how many samples were taken."""
-        with self.lock:
-            if steps := self._steps:
-                self._steps = None
-                self._answer(steps)
+    @property
+    def paused(self) -> bool:
+        """Whether robot time stands still."""
+        return self.state is not RunState.RUNNING
 
     @property
     def steps(self) -> Steps | None:
         """The steps that are being taken, or None."""
-        return self._steps
+        return self.state if isinstance(self.state, Steps) else None
+
+    @property
+    def is_ending(self) -> bool:
+        """Whether the robot must end, or is ending."""
+        return self._end.is_set()
+
+    def end(self) -> None:
+        """End the run, even amid a tick that takes long."""
+        self._end.set()
+        self._notify()
+
+    # Operations of services, in the executor's thread. Each acts after all commands that have arrived, and returns the
+    # answer in words. ValueError when the device refuses it; nothing is changed then. RuntimeError when the run has
+    # ended, or the operation ends it, or the lock is not free within `LOCK_TIMEOUT`.
+
+    def reset(self, given: Mapping[str, Value] = MappingProxyType({})) -> str:
+        """Put the device back to its start, or into a `given` state at time 0."""
+        with self._locked():
+            self._perform(Operation(RESET, parameters=given))
+            self.commands.recover()
+            self.robot_time.restart()
+            words = ("reset: the robot stands at its start; robot time goes on, and the sample at "
+                     f"{self.robot_time.due:.9g} s of robot time shows the start")
+            if self.paused and not self.steps:  # so that peers see the start, although the robot is paused
+                self._tick()
+            return words
+
+    def pause(self) -> str:
+        """Let robot time stand still; steps that are being taken go on."""
+        with self._locked():
+            if self.state is RunState.RUNNING:
+                self._perform(Operation(PAUSE))
+            if not self.steps:
+                self._enter(RunState.PAUSED)
+            return (f"paused at {self.robot_time.time:.9g} s of robot time; meanwhile stamps fall behind the wall "
+                    "clock, unless clock.publish gives all nodes robot time")
+
+    def resume(self) -> str:
+        """Let robot time go on, as soon as the nodes of `clock.lock_step` are ready."""
+        with self._locked():
+            if self.paused and self._lock_step:
+                self._lock_step.ask()
+                self._enter(RunState.RESUMING)
+                return "running, as soon as the nodes of clock.lock_step are ready"
+            if self.paused:
+                self._let_time_go_on()
+            return "running"
+
+    def begin_steps(self, steps: int, counted: Callable[[int], object] | None = None) -> Steps:
+        """Let the paused robot take `steps` samples."""
+        with self._locked():
+            if self.state in (RunState.RUNNING, RunState.RESUMING):
+                raise ValueError("the robot is not paused; call ~/pause with true first")
+            if taken := self.steps:
+                raise ValueError(f"{taken.asked} steps are being taken, {taken.completed} so far; wait for their end, "
+                                 "or cancel them")
+            self._perform(Operation(STEP, steps=steps))
+            begun = Steps(steps, counted)
+            self._enter(begun)
+            return begun
+
+    def end_steps(self) -> None:
+        """End the present steps early, if there are any; their answer says how many samples were taken."""
+        with self.lock:
+            if self.steps:
+                self._enter(RunState.PAUSED)
+
+    def set_parameters(self, parameters: Sequence[ParameterOfRclpy]) -> SetParametersResult:
+        """Change parameters of the scene, and the real-time factor, at one instant of robot time; all of them, or none.
+
+        The node calls this for each request, and answers with the result.
+        """
+        try:
+            values = checked_parameters({parameter.name: parameter.value for parameter in parameters}, TABLE)
+            with self._locked():
+                self._perform(Operation(SET, parameters=values))
+                if FACTOR in values:
+                    self.pacing.change_factor(values[FACTOR], self.robot_time.time)
+                    set_real_time_priority(self.pacing.factor, self.paused)
+        except (ValueError, RuntimeError) as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def disturb(self, operation: Operation) -> str:
+        """Push the body, set its state, or begin or end a fault of the device."""
+        with self._locked():
+            self._perform(operation)
+            return f"the {operation.name} has ended" if operation.parameters.get("duration") == 0.0 else "done"
+
+    def fail(self, incident: Incident) -> str:
+        """Begin or end a fault, also one of the commands."""
+        operation, incident = Operation(FAULT, parameters=incident._asdict()), checked_incident(*incident)
+        if FAULTS[incident.fault].befalls != COMMANDS:
+            return self.disturb(operation)
+        with self._locked():
+            check_lasting(incident.fault, "", incident.duration, [
+                fault for fault, until in self.commands.disturbances.items() if until > self.robot_time.stamp])
+            self._perform(operation)
+            self.commands.fail(incident, self.robot_time.stamp)
+            return "the fault has ended" if incident.duration == 0.0 else "done"
 
     def look(self) -> tuple[Samples, int]:
-        """Return the device's state and its stamp [ns] (RuntimeError as `perform`)."""
+        """Return the device's state and its stamp [ns]."""
         with self._locked():
             return self.device.state, self.robot_time.stamp
 
@@ -226,7 +277,7 @@ class Run:
         if not self.lock.acquire(timeout=LOCK_TIMEOUT):
             raise RuntimeError(BUSY)
         try:
-            if self._stopped.is_set():
+            if self._end.is_set():
                 raise RuntimeError(ENDED)
             try:
                 self._take_commands()
@@ -237,11 +288,48 @@ class Run:
                 self._fail_with(error)
                 raise RuntimeError(str(error)) from error
         finally:
+            self.lock.notify()
             self.lock.release()
+
+    # With the lock held.
+
+    def _enter(self, state: RunState | Steps, error: Exception | None = None) -> None:
+        """Enter a state: the one place where it changes. Steps that end so are answered, by an `error` if one is given.
+        """
+        left, self.state = self.state, state
+        if state is RunState.RUNNING:
+            self.pacing.follow(self.robot_time.time)
+        if RunState.RUNNING in (left, state):
+            set_real_time_priority(self.pacing.factor, self.paused)
+        if isinstance(left, Steps):
+            if error:
+                left.set_exception(error)
+            else:
+                left.set_result(f"stepped {left.completed} of {left.asked} periods, to {self.robot_time.time:.9g} s of "
+                                "robot time")
+            self._wake()
+
+    def _let_time_go_on(self) -> None:
+        self._perform(Operation(RESUME))
+        self._enter(RunState.RUNNING)
+
+    def _perform(self, operation: Operation) -> None:
+        """Perform an operation on the device (ValueError if refused), then publish and record it."""
+        perform(operation, self.device)
+        data = _operation_message(operation)
+        self._publisher.publish(data)
+        self.recording.record(self.topic, self.robot_time.stamp, data)
+
+    def _take_commands(self) -> None:
+        """Pass arrived commands to the device, and stop the motor if its command has timed out."""
+        self.commands.apply(self.device, self.robot_time.stamp, self.recording.record)
+        if self.timeout and self.timeout.is_over(self.robot_time.time, self.commands.accepted, self.device):
+            self._perform(Operation(TIMEOUT))
+            self._node.get_logger().warning(self.timeout.words)
 
     # The stepping thread.
 
-    def _step_until_stopped(self) -> None:
+    def _step_until_ended(self) -> None:
         try:
             self.pacing.start(self._begin)
             with self.lock:
@@ -255,51 +343,49 @@ class Run:
             self._fail_with(error)
         finally:
             with self.lock:
-                self._stopped.set()
-                if steps := self._steps:
-                    self._steps = None
-                    steps.set_exception(RuntimeError(ENDED))
-                    self._wake()
+                self._end.set()
+                if self.steps:
+                    self._enter(RunState.PAUSED, RuntimeError(ENDED))
 
     def _fail_with(self, error: Exception) -> None:
         self.error = self.error or error
-        self._stopped.set()
+        self._end.set()
 
     def _wait(self) -> bool:
         """Wait until the next sample is due; return False at the end of the run.
 
         A wait longer than `LONGEST_SLEEP` passes arriving commands to the device; otherwise the tick does.
         """
-        while not self._stopped.is_set():
+        while not self._end.is_set():
             with self.lock:
-                if self._resumes and self._lock_step and self._lock_step.all_answered:
+                if self.state is RunState.RESUMING and self._lock_step and self._lock_step.all_answered:
                     self._take_commands()
-                    self._resume_time()
+                    self._let_time_go_on()
                 if self._must_wait():
                     self._take_commands()
-                    if not self.lock.wait(LONGEST_SLEEP) and self._publish_clock:
+                    if not self.lock.wait(LONGEST_SLEEP):
                         self._publish_clock()  # again, for new subscribers
                     continue
             if (self.paused or not self.pacing.factor) and self.recording.is_backlogged:  # let the disk catch up
-                self._stopped.wait(BAG_PERIOD)
+                self._end.wait(BAG_PERIOD)
             elif self.paused:
                 return True
             else:
                 if dropped := self.pacing.wait_until(self.robot_time.due, self._interrupted):
                     self._stalls.add(dropped, self.pacing.dropped, self.busy, self.robot_time.ticks,
                                      self._mean_speed)
-                return not self._stopped.is_set()
+                return not self._end.is_set()
         return False
 
     def _interrupted(self) -> bool:
         """Pass arrived commands to the device; return whether the wait for the next sample is over."""
         with self.lock:
             self._take_commands()
-            return self._stopped.is_set() or self._must_wait()
+            return self._end.is_set() or self._must_wait()
 
     def _must_wait(self) -> bool:
         """Return whether no sample may be taken now, because of a pause or the lock-step."""
-        return (self.paused and not self._steps) or bool(self._lock_step and not self._lock_step.all_answered)
+        return (self.paused and not self.steps) or bool(self._lock_step and not self._lock_step.all_answered)
 
     def _tick(self) -> None:
         """Take the next sample."""
@@ -313,12 +399,12 @@ class Run:
         self.ticks_without_normal_force += values.item(NORMAL_FORCE) <= 0.0
         if self._keeps_samples:
             self._samples.append(values.copy())
-        if steps := self._steps:
+        if steps := self.steps:
             steps.completed += 1
             if steps.counted:
                 steps.counted(steps.completed)
             if steps.completed == steps.asked:
-                self.end_steps()
+                self._enter(RunState.PAUSED)
 
     def _advance(self, until: float) -> bool:
         """Advance the device to a time [s], in parts if its crank spins so fast that a tick would take seconds.
@@ -326,8 +412,8 @@ class Run:
         Returns False when a signal has come before the end.
         """
         while (part := 2.0 * math.pi * MOST_TURNS / max(abs(self._speed), 1.0)) < until - self.device.time:
-            if self._stopped.is_set() or self._stop_requested():
-                self._stopped.set()
+            if self._end.is_set() or self._stop_requested():
+                self._end.set()
                 return False
             self.device.advance_to(self.device.time + part)
             self._speed = self.device.values.item(MOTOR_SPEED)
@@ -339,91 +425,17 @@ class Run:
         self._speed = values.item(MOTOR_SPEED)
         measurements = device.take_measurements() if isinstance(device, SensedSimulator) else ()
         self.publishers.publish(values, device.take_events(), self.robot_time, self.recording.record, measurements)
-        self.recording.checkpoint(self.robot_time.stamp, lambda: checkpoint_message(device))
-        if self._publish_clock:
-            self._publish_clock()
+        self.recording.checkpoint(self.robot_time, lambda: checkpoint_message(device))
+        self._publish_clock()
         if self._lock_step:
             self._lock_step.ask()
         return values
 
-    def _take_commands(self) -> None:
-        """Pass arrived commands to the device, and stop the motor if its command has timed out."""
-        self.commands.apply(self.device, self.robot_time.stamp, self.recording.record)
-        if self.timeout and self.timeout.is_over(self.robot_time.time, self.commands.accepted, self.device):
-            self._perform_and_record(Operation(TIMEOUT))
-            self._node.get_logger().warning(self.timeout.words)
-
-    # Operations, with the lock held.
-
-    def _perform_and_record(self, operation: Operation) -> None:
-        """Perform an operation (ValueError if refused), then publish and record it."""
-        perform(operation, self.device)
-        data = _operation_message(operation)
-        self._publisher.publish(data)
-        self.recording.record(self.topic, self.robot_time.stamp, data)
-
-    def _reset(self, operation: Operation) -> str:
-        self._perform_and_record(operation)
-        self.commands.recover()
-        self.robot_time.restart()
-        words = ("reset: the robot stands at its start; robot time goes on, and the sample at "
-                 f"{self.robot_time.due:.9g} s of robot time shows the start")
-        if self.paused and not self._steps:  # so that peers see the start, although the robot is paused
-            self._tick()
-        return words
-
-    def _pause(self, operation: Operation) -> str:
-        self._resumes = False
-        if not self.paused:
-            self._perform_and_record(operation)
-            self.paused = True
-            set_real_time_priority(self.pacing.factor, self.paused)
-        return (f"paused at {self.robot_time.time:.9g} s of robot time; meanwhile stamps fall behind the wall clock, "
-                "unless clock.publish gives all nodes robot time")
-
-    def _resume(self, operation: Operation) -> str:
-        if self.paused and self._lock_step:
-            self._lock_step.ask()
-            self._resumes = True
-            return "running, as soon as the nodes of clock.lock_step are ready"
-        if self.paused:
-            self._resume_time()
-        return "running"
-
-    def _resume_time(self) -> None:
-        """Resume robot time."""
-        self._resumes = False
-        self.end_steps()
-        self._perform_and_record(Operation(RESUME))
-        self.paused = False
-        set_real_time_priority(self.pacing.factor, self.paused)
-        self.pacing.follow(self.robot_time.time)
-
-    def _set(self, operation: Operation) -> str:
-        self._perform_and_record(operation)
-        if FACTOR in operation.parameters:
-            self.pacing.change_factor(operation.parameters[FACTOR], self.robot_time.time)
-            set_real_time_priority(self.pacing.factor, self.paused)
-        return "set"
-
-    def _disturb(self, operation: Operation) -> str:
-        self._perform_and_record(operation)
-        return f"the {operation.name} has ended" if operation.parameters.get("duration") == 0.0 else "done"
-
-    def _fail(self, operation: Operation) -> str:
-        incident = checked_incident(**operation.parameters)
-        if FAULTS[incident.fault].befalls != COMMANDS:
-            return self._disturb(operation)
-        check_lasting(incident.fault, "", incident.duration, [
-            fault for fault, until in self.commands.disturbances.items() if until > self.robot_time.stamp])
-        words = self._disturb(operation)
-        self.commands.fail(incident, self.robot_time.stamp)
-        return words
-
-    def _answer(self, steps: Steps) -> None:
-        steps.set_result(f"stepped {steps.completed} of {steps.asked} periods, to {self.robot_time.time:.9g} s of "
-                         "robot time")
-        self._wake()
+    def _publish_clock(self) -> None:
+        """Publish robot time, if /clock is wanted; after each sample, so that every sample arrives before its time."""
+        if self._clock:
+            seconds, nanoseconds = divmod(self.robot_time.stamp, 1_000_000_000)
+            self._clock.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
 
     def _wake(self) -> None:
         """Wake the executor because a future is done; else it would notice half a second later."""

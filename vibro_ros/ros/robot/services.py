@@ -1,29 +1,27 @@
-"""The robot's own services: reset, pause, step, record, set state, push, inject fault, and its live parameters.
+"""The robot's own services: reset, pause, step, record, set state, push, inject fault.
 
-Each acts at once, in the executor's thread (`Run.perform`). Only steps are awaited, while the executor serves others.
+Each acts at once, in the executor's thread, by a method of `RobotRun`. Only steps are awaited, while the executor
+serves others.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.parameter import Parameter as ParameterOfRclpy
 from std_srvs.srv import SetBool, Trigger
 
-from vibro_ros.messages.operations import FAULT, PAUSE, PUSH, RESET, RESUME, SET, STATE, Operation
+from vibro_ros.messages.operations import PUSH, STATE, Operation
 from vibro_ros.model.faults import Incident
-from vibro_ros.model.parameters import checked_parameters
 from vibro_ros.ros.node.node import GuardedNode, installed_type
-from vibro_ros.ros.node.parameters import TABLE
-from vibro_ros.ros.robot.run import Run, Steps
+from vibro_ros.ros.robot.run import RobotRun, Steps
 
 OWN_PACKAGE = "vibro_ros_interfaces"
 DISTURBANCES = {"SetState": "~/set_state", "Push": "~/push", "InjectFault": "~/inject_fault"}
 """Names of the services with types of the project's own package, by type."""
 
 
-def offer_run_services(node: GuardedNode, run: Run) -> None:
+def offer_run_services(node: GuardedNode, run: RobotRun) -> None:
     """Offer `~/record`, `~/reset`, `~/pause` and `~/step`."""
     def record(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         response.success, response.message = run.recording.switch(request.data)
@@ -39,25 +37,31 @@ def offer_run_services(node: GuardedNode, run: Run) -> None:
 
     node.create_service(SetBool, "~/record", record)
     node.create_service(Trigger, "~/step", step, callback_group=ReentrantCallbackGroup())
-    _offer(node, run, Trigger, "~/reset", lambda _: Operation(RESET))
-    _offer(node, run, SetBool, "~/pause", lambda request: Operation(PAUSE if request.data else RESUME))
+    _offer(node, Trigger, "~/reset", lambda _: run.reset())
+    _offer(node, SetBool, "~/pause", lambda request: run.pause() if request.data else run.resume())
 
 
-def offer_disturbances(node: GuardedNode, run: Run) -> None:
+def offer_disturbances(node: GuardedNode, run: RobotRun) -> None:
     """Offer the services of `DISTURBANCES` whose types are installed; the log names the others in one line."""
     types = installed_types(OWN_PACKAGE, DISTURBANCES)
     if len(types) < len(DISTURBANCES):
         node.get_logger().info(f"{OWN_PACKAGE} is not installed, or old: without "
                                f"{', '.join(path for name, path in DISTURBANCES.items() if name not in types)}")
+    act: dict[str, Callable[[Any], str]] = {
+        "SetState": partial(_set_state, run),
+        "Push": lambda request: run.disturb(Operation(PUSH, parameters={
+            name: getattr(request, name) for name in ("duration", "force_x", "force_z")})),
+        "InjectFault": lambda request: run.fail(Incident(**{  # an older type has fewer fields
+            name: getattr(request, name) for name in request.get_fields_and_field_types()}))}
     for name, kind in types.items():
-        _offer(node, run, kind, DISTURBANCES[name], _OPERATIONS[name])
+        _offer(node, kind, DISTURBANCES[name], act[name])
 
 
-def _offer(node: GuardedNode, run: Run, kind: type, name: str, meant: Callable[[Any], Operation]) -> None:
-    """Offer a service that performs an operation; `meant` returns it for a request, or raises ValueError."""
+def _offer(node: GuardedNode, kind: type, name: str, act: Callable[[Any], str]) -> None:
+    """Offer a service that is answered with the words that `act` returns, or with the error that it raises."""
     def answer(request: Any, response: Any) -> Any:
         try:
-            response.message = run.perform(meant(request))
+            response.message = act(request)
             response.success = True
         except (ValueError, RuntimeError) as error:
             response.message = str(error)
@@ -66,49 +70,17 @@ def _offer(node: GuardedNode, run: Run, kind: type, name: str, meant: Callable[[
     node.create_service(kind, name, answer)
 
 
-def _state_asked(request: Any) -> Operation:
+def _set_state(run: RobotRun, request: Any) -> str:
     names = list(request.names)
     if len(names) != len(request.values) or len(set(names)) != len(names):
         raise ValueError(f"names, values: {len(names)} names, {len(set(names))} of them different, and "
                          f"{len(request.values)} values; give one value for each name")
+    given = dict(zip(names, map(float, request.values), strict=True))
     resets = getattr(request, "reset", False)  # which an older type lacks
-    return Operation(RESET if resets else STATE, parameters=dict(zip(names, map(float, request.values), strict=True)))
+    return run.reset(given) if resets else run.disturb(Operation(STATE, parameters=given))
 
 
-_OPERATIONS: dict[str, Callable[[Any], Operation]] = {
-    "SetState": _state_asked,
-    "Push": lambda request: Operation(PUSH, parameters={
-        name: getattr(request, name) for name in ("duration", "force_x", "force_z")}),
-    "InjectFault": lambda request: Operation(FAULT, parameters=Incident(**{  # an older type has fewer fields
-        name: getattr(request, name) for name in request.get_fields_and_field_types()})._asdict()),
-}
-
-
-def follow_parameters(node: GuardedNode, run: Run) -> None:
-    """Apply changes of the ROS parameters to the robot from now on.
-
-    The parameters of a request are checked together and change at one instant of robot time; refused ones stay as they
-    are.
-    """
-    def change(parameters: Sequence[ParameterOfRclpy]) -> SetParametersResult:
-        try:
-            values = checked_parameters({one.name: one.value for one in parameters}, TABLE)
-            run.perform(Operation(SET, parameters=values))
-        except (ValueError, RuntimeError) as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
-
-    node.remove_on_set_parameters_callback(refuse_while_starting)
-    node.add_on_set_parameters_callback(change)
-
-
-def refuse_while_starting(parameters: Sequence[ParameterOfRclpy]) -> SetParametersResult:
-    """Refuse every change of parameters while the robot has no device yet."""
-    reason = f"{parameters[0].name}: the robot is still starting; set it when it is ready"
-    return SetParametersResult(successful=False, reason=reason)
-
-
-async def finished(run: Run, steps: Steps) -> str:
+async def finished(run: RobotRun, steps: Steps) -> str:
     """Wait for steps and return their answer in words (RuntimeError if the run ends); `run.waiting` counts the wait."""
     run.waiting += 1
     try:
@@ -119,5 +91,5 @@ async def finished(run: Run, steps: Steps) -> str:
 
 def installed_types(package: str, names: Iterable[str]) -> dict[str, Any]:
     """Return the types of `names` that are installed and have type support, by name."""
-    found = {name: installed_type(package, "action" if name == "SimulateSteps" else "srv", name) for name in names}
-    return {name: kind for name, kind in found.items() if kind}
+    types = {name: installed_type(package, "action" if name == "SimulateSteps" else "srv", name) for name in names}
+    return {name: kind for name, kind in types.items() if kind}

@@ -1,7 +1,7 @@
 """The robot as a simulator: the services and the action of `simulation_interfaces` 2.1.0, with its own constants.
 
-Imported only where that package is installed. Requests are carried out by operations of `Run`; pure functions decide
-what a request means, or why it is refused.
+Imported only where that package is installed. Methods of `RobotRun` carry out the requests; pure functions decide what
+a request means, or why it is refused.
 """
 
 import math
@@ -20,7 +20,7 @@ from vibro_ros.messages.frames import fill_header
 from vibro_ros.messages.operations import PAUSE, RESET, RESUME, STATE, Operation
 from vibro_ros.model.parameters import quoted
 from vibro_ros.ros.node.node import RESULT_TIMEOUT, GuardedNode
-from vibro_ros.ros.robot.run import Run, Steps
+from vibro_ros.ros.robot.run import RobotRun, Steps
 from vibro_ros.ros.robot.services import finished, installed_types
 from vibro_ros.simulation.samples import Samples
 
@@ -190,7 +190,7 @@ def is_chosen(filters: Any, entity: str) -> bool:
         is_named = re.search(text, entity) is not None
     except (re.error, OverflowError) as error:
         raise ValueError(f"filter: {quoted(text)} is no regular expression: {error}; leave it empty for all") from None
-    categories = [one.category for one in filters.categories]
+    categories = [category.category for category in filters.categories]
     return is_named and not filters.tags.tags and (not categories or CATEGORY_ROBOT in categories)
 
 
@@ -207,10 +207,10 @@ class SimulationServices:
     """Servers of the services and the action of `simulation_interfaces`; used in the executor's thread.
 
     Those with installed types are offered; the log names the others in one line. `frame` is the frame of odometry, in
-    which the robot's state as an entity is given. `run.quitting` is set by a request for the state `QUITTING`.
+    which the robot's state as an entity is given.
     """
 
-    def __init__(self, node: GuardedNode, run: Run, frame: str):
+    def __init__(self, node: GuardedNode, run: RobotRun, frame: str):
         self._node, self._run, self._frame = node, run, frame
         self._entity = node.get_fully_qualified_name().lstrip("/")
         types = installed_types(PACKAGE, OFFERED)
@@ -237,7 +237,7 @@ class SimulationServices:
     @property
     def state(self) -> int:
         """State of the simulation; a robot that takes steps is paused."""
-        return current_state(self._run.paused, self._run.robot_time.at_start, self._run.quitting)
+        return current_state(self._run.paused, self._run.robot_time.at_start, self._run.is_ending)
 
     def _get_features(self, request: Any, response: Any) -> Any:
         response.features.features, response.features.custom_info = self._features, ABOUT
@@ -250,17 +250,19 @@ class SimulationServices:
     async def _reset(self, request: Any, response: Any) -> None:
         check_scope(request.scope)
         self._check_idle()
-        self._run.perform(Operation(RESET))
+        self._run.reset()
 
     async def _set_state(self, request: Any, response: Any) -> None:
         """Bring the robot into another state; steps that are being taken end."""
         names = transition(self.state, request.state.state)
-        self._run.quitting = request.state.state == SimulationState.STATE_QUITTING
-        if not self._run.quitting:
-            self._run.end_steps()
+        if request.state.state == SimulationState.STATE_QUITTING:
+            self._run.end()
+            return
+        self._run.end_steps()
+        perform = {PAUSE: self._run.pause, RESUME: self._run.resume, RESET: self._run.reset}
         try:
             for name in names:
-                self._run.perform(Operation(name))
+                perform[name]()
         except (ValueError, RuntimeError) as error:
             raise RefusalError(SetSimulationState.Response.STATE_TRANSITION_ERROR, str(error)) from None
 
@@ -284,7 +286,7 @@ class SimulationServices:
         fill_entity_state(response.state, *self._run.look(), self._frame)
 
     async def _set_entity_state(self, request: Any, response: Any) -> None:
-        self._run.perform(Operation(STATE, parameters=entity_state_asked(request, self._entity, self._frame)))
+        self._run.disturb(Operation(STATE, parameters=entity_state_asked(request, self._entity, self._frame)))
 
     async def _step(self, request: Any, response: Any) -> None:
         await self._finish(self._begin_steps(request.steps))
@@ -304,7 +306,7 @@ class SimulationServices:
 
     def _check_idle(self) -> None:
         """Refuse a request while steps are taken, or while the robot ends (RefusalError)."""
-        if self._run.quitting:
+        if self._run.is_ending:
             raise RefusalError(Result.RESULT_INCORRECT_STATE, "the robot is about to end")
         if steps := self._run.steps:
             raise RefusalError(Result.RESULT_INCORRECT_STATE, f"{steps.asked} steps are being taken, "

@@ -25,7 +25,7 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.node import PollingSubscription
 from vibro_ros.ros.node.refusals import Throttle, peer_text
-from vibro_ros.ros.robot.publishers import Record, message_class
+from vibro_ros.ros.robot.recording import Record, message_class
 from vibro_ros.simulation.simulator import Simulator
 
 LONGEST = 1024
@@ -146,30 +146,30 @@ def _warn_of_unheard(node: Node, subscribed: Mapping[str, tuple[str, QoSProfile]
     known: set[str] = set()
     throttle = Throttle()
 
-    def name_of(one: TopicEndpointInfo) -> str:
-        if "_BARE_DDS_APP_" in one.node_name:
+    def name_of(publisher: TopicEndpointInfo) -> str:
+        if "_BARE_DDS_APP_" in publisher.node_name:
             return "a program without ROS"
-        return peer_text(f"{one.node_namespace.rstrip('/')}/{one.node_name}")
+        return peer_text(f"{publisher.node_namespace.rstrip('/')}/{publisher.node_name}")
 
     def faults() -> Iterator[str]:
         for topic, (kind, profile) in subscribed.items():
-            for one in node.get_publishers_info_by_topic(topic):
-                if "_UNKNOWN_" in one.node_name:
+            for publisher in node.get_publishers_info_by_topic(topic):
+                if "_UNKNOWN_" in publisher.node_name:
                     continue  # DDS learns the node's name later
-                if one.topic_type != kind:
-                    yield (f"{topic}: {name_of(one)} publishes {peer_text(one.topic_type)}, which cannot arrive; "
-                           f"publish {kind}")
-                elif (one.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+                if publisher.topic_type != kind:
+                    yield (f"{topic}: {name_of(publisher)} publishes {peer_text(publisher.topic_type)}, which cannot "
+                           f"arrive; publish {kind}")
+                elif (publisher.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
                       and profile.reliability == ReliabilityPolicy.RELIABLE):
-                    yield (f"{topic}: {name_of(one)} publishes best effort, which cannot arrive; let it publish "
+                    yield (f"{topic}: {name_of(publisher)} publishes best effort, which cannot arrive; let it publish "
                            f"reliably, or start the robot with -p qos_overrides.{topic}.subscription.reliability:="
                            "best_effort")
 
     def look() -> None:
-        before = known.copy()
+        reported = known.copy()
         known.clear()
         known.update(faults())
-        for fault in sorted(known - before):
+        for fault in sorted(known - reported):
             if text := throttle.admit(fault):
                 node.get_logger().warning(text)
 

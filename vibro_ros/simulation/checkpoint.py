@@ -1,0 +1,120 @@
+"""Checkpoints: the numbers from which a motion goes on, bit for bit, and which numbers no device can have.
+
+A checkpoint is the time [s], the parameters that may change while the device runs, in the order of `SCENE_PARAMETERS`,
+and the arrays of `parts_of`, one after the other. It may come from a forged bag. All numbers must be finite. All
+indices must be within their tables, or a kernel would read foreign memory. The numbers that decide how much is computed
+must be within the limits of a device. Whether the numbers are consistent with each other is not checked.
+"""
+
+import math
+
+import numpy as np
+
+from vibro_ros.model.parameters import BY_NAME, LIVE
+from vibro_ros.simulation.motion import Motion
+from vibro_ros.solver.segment import LONGEST_SEGMENT
+from vibro_ros.solver.state import lasting
+from vibro_ros.solver.system import BY_COMMAND, BY_CURRENT, NOTHING
+
+#: Largest number in a device's state, in SI units and counts; largest local time in a segment, with rounding.
+_LARGEST, _LOCAL = 1e15, 1.0 + 1e-9
+#: Fraction by which rounding may exceed a limit; and largest angle [rad] of a dc motor's crank at the end of a segment
+#: that starts within a turn.
+_CLOSE, _MOST_TURNED = 1e-6, 30.0
+_IMPOSSIBLE = ("the checkpoint is of no state that this device can be in; give one that a device of the same scene and "
+               "version has made")
+
+
+def parts_of(motion: Motion) -> list[np.ndarray]:
+    """Return the arrays, to be read or overwritten, that the future depends on besides time, scene and commands.
+
+    The table of the disturbances, which decides the length of the others, is the first.
+    """
+    return [motion.disturbances.table, motion.point, *lasting(motion.state), *motion.stepper.memory]
+
+
+def checkpoint_of(motion: Motion) -> np.ndarray:
+    """Return the checkpoint of a motion, shape (n,)."""
+    return np.concatenate([[motion.time], [motion.scene[name] for name in LIVE],
+                           *(part.ravel() for part in parts_of(motion))])
+
+
+def restore(motion: Motion, checkpoint: np.ndarray) -> None:
+    """Go on from a checkpoint (ValueError for one that is not of this device; nothing is changed then)."""
+    kept = checkpoint_of(motion)
+    try:
+        _overwrite(motion, checkpoint)
+        if not _is_possible(motion):
+            raise ValueError(_IMPOSSIBLE)
+    except ValueError:
+        _overwrite(motion, kept)
+        raise
+    motion.events.drop_untaken()
+
+
+def _overwrite(motion: Motion, checkpoint: np.ndarray) -> None:
+    """Overwrite time, live parameters and parts of a motion; which may leave it in an impossible state."""
+    table, end = motion.disturbances.table, 1 + len(LIVE)
+    if np.ndim(checkpoint) == 1 and len(checkpoint) >= end + table.size:
+        live = dict(zip(LIVE, np.asarray(checkpoint[1:end], float).tolist(), strict=True))
+        scene = motion.scene
+        if any(scene[name] != value for name, value in live.items()):
+            try:
+                scene = scene.with_parameters(live)
+            except ValueError as error:
+                raise ValueError(f"{_IMPOSSIBLE} ({error})") from None
+        motion.time = float(checkpoint[0])
+        table[...] = checkpoint[end:end + table.size].reshape(table.shape)
+        motion.compile_overwritten(scene)
+    parts = parts_of(motion)
+    size = end + sum(part.size for part in parts)
+    if np.shape(checkpoint) != (size,):
+        raise ValueError(f"the checkpoint has shape {np.shape(checkpoint)}, this device's have ({size},); give one "
+                         "of the same scene and version")
+    for part in parts:
+        with np.errstate(invalid="ignore"):  # a number that is no integer becomes one that `_is_possible` refuses
+            part[...] = checkpoint[end:end + part.size].reshape(part.shape)
+        end += part.size
+    motion.go_on_from_overwritten(restored=True)
+
+
+def _is_possible(motion: Motion) -> bool:
+    """Return whether a device can go on from the overwritten parts of a motion."""
+    system, scene, state = motion.model.system, motion.scene, motion.state
+    now = state.now[0]
+    segment, drive, automaton = now["segment"], now["drive"], now["automaton"]
+    indices = ((automaton["mode"], 0, len(motion.model.modes)), (automaton["guard"], NOTHING, system.guard.shape[1]),
+               (drive["cell"], 0, len(system.signals.reach)))
+    if not (all(low <= index < high for index, low, high in indices) and drive["direction"] in (-1, 1)
+            and motion.has_own_filters()):
+        return False
+    fastest, width = BY_NAME["motor.max_speed"].maximum, float(np.diff(system.signals.start)[drive["cell"]])
+    spans = [(segment["half"], 0.0, LONGEST_SEGMENT), (abs(segment["residue"]), 0.0, LONGEST_SEGMENT),
+             (motion.time - segment["start"], -2.0 * LONGEST_SEGMENT, 2.0 * LONGEST_SEGMENT),
+             *((segment[name], -_LOCAL, _LOCAL) for name in ("mode_start", "next_event")),
+             (drive["offset"], 0.0, width * _LOCAL), (abs(drive["target"]), 0.0, fastest),
+             (drive["speed"], 0.0, fastest), (drive["time_left"], 0.0, _LARGEST),
+             *((ramp["time_left"], 0.0, _LARGEST) for ramp in state.ramp if ramp["rate"] != 0.0),
+             (abs(drive["acceleration"]), 0.0, scene["motor.acceleration"]), (drive["lag"], 0.0, _LARGEST)]
+    if scene.has_rotor:
+        spans += _motor_spans(motion, now["motor"], float(segment["start"]))
+    numbers = np.concatenate([np.ravel(part) for part in parts_of(motion)])
+    endless = np.count_nonzero(~(np.abs(numbers) <= _LARGEST))
+    return (all(low <= number <= high for number, low, high in spans)
+            and drive["lag"] in (0.0, scene["motor.time_constant"])
+            and motion.disturbances.are_possible(scene, motion.model.forms, motion.time)
+            and endless == (segment["cell_left"] > _LARGEST))  # infinite if the crank stands, or nearly so
+
+
+def _motor_spans(motion: Motion, motor: np.void, start: float) -> list[tuple[float, float, float]]:
+    """Return the numbers of a dc motor that decide how much is computed from the instant `start` [s], with limits."""
+    scene, controller, phase = motion.scene, motion.model.system.rotor.controller[0], motion.model.forms.phase
+    period, law = float(controller["period"]), controller["law"]
+    most = scene["motor.current_limit" if law == BY_CURRENT else "motor.supply_voltage"] * (1.0 + _CLOSE)
+    angles = motion.point[phase], motion.state.mode_point[phase], math.fsum(abs(motion.state.z[phase]))
+    spans = [*((abs(angle), 0.0, _MOST_TURNED) for angle in angles), (abs(motor["held"]), 0.0, most),
+             *((abs(motor[name]), 0.0, BY_NAME["motor.max_speed"].maximum) for name in ("target", "reference"))]
+    if law != BY_COMMAND:
+        step = 0.0 if scene["solver.method"] == "exact" else scene["solver.step"]
+        spans.append((motor["samples"] * period - start, -step - _CLOSE * period, (1.0 + _CLOSE) * period))
+    return spans
