@@ -7,7 +7,7 @@ import pytest
 import vibro_ros
 from vibro_ros.model.parameter_checks import fastest_rate
 from vibro_ros.model.tables import compile_scene
-from vibro_ros.solver.system import RATE_LIMIT
+from vibro_ros.solver.equations import RATE_LIMIT
 
 PAPER = vibro_ros.load_scene("paper")
 

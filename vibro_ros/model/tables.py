@@ -12,7 +12,17 @@ from vibro_ros.model.modes import MODE_EVENTS, Mode, ModeBuilder
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.shock import NonlinearShock
 from vibro_ros.model.slider import Slider, signal_table
+from vibro_ros.solver.channels import counts_of
 from vibro_ros.solver.elementary import cos, sin
+from vibro_ros.solver.equations import (
+    couplings,
+    equation_terms,
+    flow_numbers,
+    longest_segments,
+    no_rotor,
+    no_shock,
+    terms,
+)
 from vibro_ros.solver.layout import Laid
 from vibro_ros.solver.system import (
     BY_COMMAND,
@@ -22,17 +32,12 @@ from vibro_ros.solver.system import (
     NOTHING,
     UNCHECKED,
     Decay,
+    EventTable,
+    GuardTable,
+    MonitorTable,
     Rotor,
     Shock,
     System,
-    counts_of,
-    couplings,
-    equation_terms,
-    flow_numbers,
-    longest_segments,
-    no_rotor,
-    no_shock,
-    terms,
 )
 
 
@@ -105,7 +110,7 @@ def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float
         equations += [factor[:, None], np.where((rate != 0.0)[:, None], acceleration[:, forms.body], 0.0)[:, None]]
     flow = flow_numbers(np.concatenate(equations, axis=1))
     first = np.unique(flow, return_index=True)[1]  # mode of each flow
-    guards, shock = _guard_tables(builder)
+    guards, shock = _guard_table(builder)
     system = System(
         counts=counts_of(channels),
         equations=acceleration,
@@ -114,12 +119,12 @@ def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float
         flow=flow,
         coupled=couplings(acceleration, channels),
         longest_segment=longest_segments(acceleration[first], channels)[flow],
-        **guards,
-        event_kind=builder.mode_set.event_kind,
-        # Recorded with an event: the speed of the fall that a landing ends.
-        event_quantity=np.array([-forms.body_velocity()[1] if kind == "landing" else forms.zero
-                                 for kind in MODE_EVENTS]) + 0.0,  # no -0.0
-        **_monitor_tables(builder),
+        guards=guards,
+        events=EventTable(
+            builder.mode_set.event_kind,
+            # The speed of the fall that a landing ends.
+            np.array([-forms.body_velocity()[1] if kind == "landing" else forms.zero for kind in MODE_EVENTS]) + 0.0),
+        monitors=_monitor_table(builder),
         mode_after_ramp_change=builder.mode_set.mode_after_ramp_change,
         accounts=account_table(builder, scene, guards),
         signals=signal_table(tuple(sliders)),
@@ -174,23 +179,23 @@ def _sliders(forms: Forms, scene: Scene) -> list[Slider]:
     return sliders
 
 
-def _monitor_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
-    """Return the fields of `System` for one monitor per plate: the force in contact, and the approach speed."""
+def _monitor_table(builder: ModeBuilder) -> MonitorTable:
+    """Return the table of one monitor per plate: the force in contact, and the approach speed."""
     forms, modes = builder.forms, builder.modes
     shape = (len(modes), len(forms.plates))
-    monitor = np.zeros((*shape, forms.channels.count))
-    monitored = np.zeros(shape, dtype=bool)
+    force = np.zeros((*shape, forms.channels.count))
+    active = np.zeros(shape, dtype=bool)
     approach = np.zeros((len(forms.plates), forms.channels.count))
     for k, side in enumerate(forms.plates):
-        monitor[:, k] = builder.contact_force(side)
-        monitored[:, k] = builder.mode_set.pressing[side]
+        force[:, k] = builder.contact_force(side)
+        active[:, k] = builder.mode_set.pressing[side]
         approach[k] = forms.penetration(side)[1]
-    return {"monitor": monitor, "monitor_terms": terms(monitor), "monitored": monitored, "approach": approach}
+    return MonitorTable(force, terms(force), active, approach)
 
 
-def _guard_tables(builder: ModeBuilder) -> tuple[dict[str, np.ndarray], Shock]:
-    """Return the fields of `System` for guards, their candidates and their jumps, and the shocks that are no linear
-    jumps; equal forms share a row.
+def _guard_table(builder: ModeBuilder) -> tuple[GuardTable, Shock]:
+    """Return the guards, their candidates and their jumps, and the shocks that are no linear jumps; equal forms share
+    a row.
 
     The tables are made by guard, a row for each guard of each context, and then taken by mode, because modes share
     contexts.
@@ -230,13 +235,13 @@ def _guard_tables(builder: ModeBuilder) -> tuple[dict[str, np.ndarray], Shock]:
     at = mode_set.padded([len(of_one) for of_one in of_context])
     of_body = [channel(i) for channel in (channels.position, channels.velocity)
                for i in range(channels.dynamic, channels.coordinates)]
-    row = np.array(rows.arrays).reshape(len(rows.arrays), channels.count)
-    matrix = np.array(matrices.arrays).reshape(len(matrices.arrays), 2 * channels.coordinates, channels.count)
-    return {"guard": row_of[at], "guard_effect": effect_of[at],
-            "candidate": np.ascontiguousarray(candidate[at, :, np.arange(len(at))[:, None]]), "entry": entry[at],
-            "jump": jump[at], "guard_event": event_of[at], "blow_monitor": blow_of[at], "row": row,
-            "row_terms": terms(row), "driven": np.any(row[:, of_body], axis=1), "jump_matrix": matrix}, _shock_table(
-                forms, [law for _, law in shocks.values()], shock[at])
+    form = np.array(rows.arrays).reshape(len(rows.arrays), channels.count)
+    table = GuardTable(
+        form=form, terms=terms(form), driven=np.any(form[:, of_body], axis=1), row=row_of[at], effect=effect_of[at],
+        candidate=np.ascontiguousarray(candidate[at, :, np.arange(len(at))[:, None]]), entry=entry[at], jump=jump[at],
+        jump_matrix=np.array(matrices.arrays).reshape(len(matrices.arrays), 2 * channels.coordinates, channels.count),
+        blow_monitor=blow_of[at], event=event_of[at])
+    return table, _shock_table(forms, [law for _, law in shocks.values()], shock[at])
 
 
 class _Numbering:

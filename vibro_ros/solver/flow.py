@@ -15,10 +15,11 @@ once per flow, and kept in the `Library`.
 
 import math
 
+from vibro_ros.solver.channels import first_acceleration
 from vibro_ros.solver.polynomial import INVERSE, differentiate, economized_powers, fill_form, integrate_through, value
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.state import State
-from vibro_ros.solver.system import System, first_acceleration, form_magnitude, sparse_magnitude
+from vibro_ros.solver.system import System, form_magnitude, sparse_magnitude
 from vibro_ros.solver.typed import Row, Rows, Rows3, part
 from vibro_ros.solver.vector import LENGTH, Vector, powers, store, total, vector, with_first
 

@@ -7,6 +7,7 @@ The known forcing, periodic signals of the phase and ramps, is written as polyno
 """
 
 
+from vibro_ros.solver.channels import first_ramp, first_signal
 from vibro_ros.solver.drive import (
     advance_speed,
     enter_next_cell,
@@ -18,7 +19,7 @@ from vibro_ros.solver.drive import (
 from vibro_ros.solver.elementary import log
 from vibro_ros.solver.polynomial import SECOND, differentiate, displace, recentre, scale_argument, value
 from vibro_ros.solver.state import Drive, State
-from vibro_ros.solver.system import System, first_ramp, first_signal
+from vibro_ros.solver.system import System
 from vibro_ros.solver.typed import Row, Rows, entry, part
 from vibro_ros.solver.vector import LENGTH, magnitudes, total, vector
 

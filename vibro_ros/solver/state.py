@@ -18,8 +18,9 @@ from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from vibro_ros.solver.channels import channels_of
 from vibro_ros.solver.drive import DRIVE, Drive, command_drive
-from vibro_ros.solver.system import System, channels_of
+from vibro_ros.solver.system import System
 from vibro_ros.solver.typed import Kind, Row, Rows, Rows3, Rows4, record
 from vibro_ros.solver.vector import LENGTH
 
@@ -83,7 +84,7 @@ RAMP = record([
 #: Record of each monitor in `State.monitor`, valid while the monitor is on.
 MONITOR = record([
     ("since", np.float64),  # instant [s] at which the monitor was switched on
-    ("approach", np.float64),  # value of `System.approach` at that instant
+    ("approach", np.float64),  # value of `System.monitors.approach` at that instant
     ("peak", np.float64),  # largest value since then
 ])
 
@@ -354,8 +355,8 @@ def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode:
         now=np.zeros(1, NOW),
         ramp=np.zeros(channels.ramps, RAMP),
         mode_point=np.zeros(2 * channels.coordinates),
-        root=np.full(len(system.row), UNKNOWN),
-        monitor=np.zeros(system.monitor.shape[1], MONITOR),
+        root=np.full(len(system.guards.form), UNKNOWN),
+        monitor=np.zeros(system.monitors.quantity.shape[1], MONITOR),
         lowpass=np.zeros(0, LOWPASS),
         library=_empty_library(system),
         scratch=_scratch(channels.count),

@@ -23,6 +23,7 @@ import math
 
 import numpy as np
 
+from vibro_ros.solver.channels import first_acceleration, first_ramp, first_signal
 from vibro_ros.solver.drive import resolved_time
 from vibro_ros.solver.elementary import exp, log
 from vibro_ros.solver.guards import NO_ROOT, NOISE, first_root
@@ -39,15 +40,7 @@ from vibro_ros.solver.rotor import (
 )
 from vibro_ros.solver.segment import choose_segment, fill_forcing
 from vibro_ros.solver.state import MOST_DYNAMIC, State
-from vibro_ros.solver.system import (
-    NOTHING,
-    System,
-    first_acceleration,
-    first_ramp,
-    first_signal,
-    form_magnitude,
-    sparse_magnitude,
-)
+from vibro_ros.solver.system import NOTHING, System, form_magnitude, sparse_magnitude
 from vibro_ros.solver.typed import Indices, Row, Rows, entry, part
 from vibro_ros.solver.vector import LENGTH, as_column, store, vector
 
@@ -117,7 +110,7 @@ def _respond(system: System, mode: int, series: Rows, of_phase: bool, has_term: 
     (`of_phase`), or of d; return the response of the torque and of f."""
     counts, torque, factor = system.counts[0], 0.0, 0.0
     first, of_signals = first_acceleration(counts), first_signal(counts) + 2 * counts.signals
-    masses, decay = counts.dynamic - 2 * counts.rotors, system.row.shape[1] - 2
+    masses, decay = counts.dynamic - 2 * counts.rotors, system.guards.form.shape[1] - 2
     shaken = counts.signals if of_phase and counts.signal_accelerations > 0 else 0
     for i in range(masses):
         response[i] = 0.0 if of_phase else system.equations[mode, i, decay]

@@ -27,8 +27,8 @@ from vibro_ros.solver.layout import kinds_of, parts_of  # noqa: E402
 from vibro_ros.solver.typed import Kind  # noqa: E402
 
 #: Modules with kernels.
-MODULES = ("elementary", "system", "polynomial", "drive", "segment", "flow", "guards", "rest", "rotor", "taylor",
-           "shock", "events", "energy", "lowpass", "event_loop", "right_hand_side", "fixed_step", "readout")
+MODULES = ("elementary", "channels", "system", "polynomial", "drive", "segment", "flow", "guards", "rest", "rotor",
+           "taylor", "shock", "events", "energy", "lowpass", "event_loop", "right_hand_side", "fixed_step", "readout")
 #: Named tuples that entries take by their layout.
 _LAID = ("System", "State", "Step")
 
