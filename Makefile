@@ -68,12 +68,13 @@ check: lint  ## the fast loop, a minute: lint, and the device's quick tests from
 	@echo "check: rooms left out: $(filter-out $(QUICK),$(patsubst %/,%,$(filter-out %__pycache__/ %without_lab/,$(wildcard test/*/ lab/test/*/))))"
 	@echo "check: \`make test\` runs them and all of the above but installation and documents, which \`make test-slow\` runs"
 
-lint: $(READY) conflict-markers site  ## check style, spelling, types and links; name generated pages that are stale
+lint: $(READY) conflict-markers site  ## check style, spelling, types, links and promised names; name generated pages that are stale
 	@$(BIN)/ruff check
 	@$(BIN)/oxlint --config=tools/oxlint.json --format=unix vibro_ros/view/page
 	@$(BIN)/codespell *.md .github Makefile setup.py config docs examples lab test tools vibro_ros
 	@$(BIN)/mypy --no-error-summary
 	@$(BIN)/python -m tools.documents --check
+	@$(BIN)/python -m tools.public_interface --check
 
 # The theme would print in every build that its end of life is in May 2027, and that Zensical then takes mkdocs.yml over.
 site: export NO_MKDOCS_2_WARNING := 1

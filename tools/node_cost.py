@@ -1,8 +1,10 @@
-"""Processor load and start time of the robot with recording, compared with a bare rclpy node that publishes as much.
+"""Processor load of the robot with recording, by part, and its start time, compared with a bare rclpy node.
 
 The bare node has a publisher for each topic with every sample, a thread that publishes prepared messages, and an
-executor in the main thread, as every node; it neither simulates nor records. Robot and bare node run in their own
-processes, alternately, so that other load of the machine affects both. A start lasts until the first odometry.
+executor in the main thread, as every node; it neither simulates nor records. A node of parts does in such a thread what
+the robot does in a tick, up to one of `PARTS`; a part costs what this adds to the parts before it. All of them run in
+their own processes, alternately and with the same priority, so that other load of the machine affects them alike. A
+start lasts until the first odometry.
 """
 
 import argparse
@@ -12,7 +14,9 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -25,12 +29,22 @@ from std_msgs.msg import Float64
 from tqdm import tqdm
 
 from tools.child import Child
+from vibro_ros.bag.recorder import Recorder
+from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.messages.frames import ALL
+from vibro_ros.messages.robot_messages import RobotMessages
 from vibro_ros.ros.node import qos
+from vibro_ros.ros.robot.pacing import RobotTime, set_real_time_priority
+from vibro_ros.ros.robot.recording import RobotPublishers, recorded_topic
+from vibro_ros.sensors.device import new_device
 
 RATES = (1000.0, 200.0)  # Hz
 ROUNDS, STARTS = 5, 3  # repetitions of the measurements of load, and of start times
 SETTLING, DURATION = 3.0, 5.0  # s, time before and of each measurement
 BARE = "bare node"
+#: What a tick of the robot consists of, in order; the rest of a running robot are commands, services and diagnostics.
+PARTS = ("waiting", "physics", "messages", "publishing", "recording")
+PARTS_RATE = 1000.0  # Hz
 #: Motor speed [rad/s] of the robot's cases.
 SPEEDS = {"running": 100.0, "standing still": 0.0}
 _PATIENCE = 600.0  # s, longest start
@@ -46,14 +60,15 @@ def main(words: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bare", type=float, metavar="RATE", help="be the bare node, publishing at this rate [Hz]")
     parser.add_argument("--namespace", default="", help="of the bare node")
+    parser.add_argument("--part", choices=PARTS, help="be the node of parts up to this one instead")
     options = parser.parse_args(words)
     if options.bare:
-        return _publish(options.bare, options.namespace)
-    cases = [(rate, case) for rate in RATES for case in (BARE, *SPEEDS)]
+        return _publish(options.bare, options.namespace, options.part)
+    cases = [(rate, case) for rate in RATES for case in (BARE, *SPEEDS)] + [(PARTS_RATE, part) for part in PARTS]
     found: dict[tuple[float, str], list[float]] = {case: [] for case in cases}
     for rate, case in tqdm(cases * ROUNDS, unit="process", disable=None):
         found[rate, case].append(_share(rate, case))
-    print(f"{table(found)}\n\n{starts()}")
+    print(f"{table(found)}\n\n{parts_table(found)}\n\n{starts()}")
     return 0
 
 
@@ -68,6 +83,18 @@ def table(found: Mapping[tuple[float, str], Sequence[float]]) -> str:
             rows.append(f"| {rate:g} Hz | {100.0 * statistics.median(bare):.1f} % | {case} | "
                         f"{100.0 * statistics.median(robot):.1f} % | {ratio:.2f} |")
     return "\n".join([*rows, "", f"medians of {len(bare)} rounds"])
+
+
+def parts_table(found: Mapping[tuple[float, str], Sequence[float]]) -> str:
+    """Return the table of parts in Markdown: medians over the rounds of core shares and of ratios to the bare node."""
+    rows = [f"| part of the robot at {PARTS_RATE:g} Hz | of a core | bare node = 1 |", "|---" * 3 + "|"]
+    bare, running = (found[PARTS_RATE, case] for case in (BARE, "running"))
+    upto = [[0.0] * len(bare), *(found[PARTS_RATE, part] for part in PARTS), running]
+    for name, (before, after) in zip((*PARTS, "the rest"), pairwise(upto), strict=True):
+        shares = [one - other for one, other in zip(after, before, strict=True)]
+        ratio = statistics.median(share / other for share, other in zip(shares, bare, strict=True))
+        rows.append(f"| {name} | {100.0 * statistics.median(shares):.1f} % | {ratio:.2f} |")
+    return "\n".join(rows)
 
 
 def _share(rate: float, case: str) -> float:
@@ -118,8 +145,8 @@ def _start(case: str) -> float:
 
 def _words(rate: float, case: str, folder: str) -> list[str]:
     """Return the command of a case."""
-    if case == BARE:
-        return ["tools.node_cost", "--bare", f"{rate}"]
+    if case in (BARE, *PARTS):
+        return ["tools.node_cost", "--bare", f"{rate}", *(["--part", case] if case != BARE else [])]
     settings = {"record.directory": f"'{folder}'", "rate.publish": rate, "motor.speed": SPEEDS[case]}
     return ["vibro_ros.ros.robot.robot", "--ros-args",
             *(word for name, value in settings.items() for word in ("-p", f"{name}:={value}"))]
@@ -130,28 +157,65 @@ def _processor_time(child: Child) -> float:
     return time.clock_gettime(~child.pid << 3 | _SCHEDULED)
 
 
-def _publish(rate: float, namespace: str) -> int:
-    """Run as the bare node until SIGINT."""
+def _publish(rate: float, namespace: str, part: str | None) -> int:
+    """Run as the bare node, or as the node of parts up to `part`, until SIGINT."""
     rclpy.init(args=[])
     node = Node("bare_node", namespace=namespace)
+    with tempfile.TemporaryDirectory() as folder:
+        tick = _parts_of_tick(node, rate, part, Path(folder)) if part else _publishing(node)
+
+        def run() -> None:
+            start, ticks = time.monotonic(), 0
+            while rclpy.ok():
+                tick()
+                ticks += 1
+                time.sleep(max(0.0, start + ticks / rate - time.monotonic()))
+
+        threading.Thread(target=run, name="publishing", daemon=True).start()
+        set_real_time_priority(1.0, paused=False)
+        print("ready", flush=True)
+        try:
+            rclpy.spin(node)
+        except (KeyboardInterrupt, ExternalShutdownException):
+            pass
+        return 0
+
+
+def _publishing(node: Node) -> Callable[[], None]:
     ready = [(node.create_publisher(type(message), topic, qos.profile(topic)), message)
              for topic, message in ready_messages().items()]
 
-    def run() -> None:
-        start, tick = time.monotonic(), 0
-        while rclpy.ok():
-            for publisher, message in ready:
-                publisher.publish(message)
-            tick += 1
-            time.sleep(max(0.0, start + tick / rate - time.monotonic()))
+    def tick() -> None:
+        for publisher, message in ready:
+            publisher.publish(message)
 
-    threading.Thread(target=run, name="publishing", daemon=True).start()
-    print("ready", flush=True)
-    try:
-        rclpy.spin(node)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    return 0
+    return tick
+
+
+def _parts_of_tick(node: Node, rate: float, part: str, folder: Path) -> Callable[[], None]:
+    """Return a function that takes the next sample of a running robot, up to `part`."""
+    scene = load_scene("device").with_parameters({"motor.speed": SPEEDS["running"]})
+    device, messages, robot_time = new_device(scene), RobotMessages(scene), RobotTime(rate, time.time_ns())
+    publishers = RobotPublishers(node, scene, transforms=ALL)
+    topics = [recorded_topic(name, topic) for name, topic in publishers.topics.items()]
+    recorder = Recorder(folder / "bag", topics, {}) if part == "recording" else None
+    count = PARTS.index(part)
+
+    def record(*message: Any) -> None:
+        if recorder:
+            recorder.write(*message)
+
+    def tick() -> None:
+        if count:
+            device.advance_to(robot_time.due_of_device)
+            robot_time.ticks += 1
+            values, events = device.values, device.take_events()
+        if part == "messages":
+            messages.of_sample(values, events, (), robot_time.stamp, robot_time.stamp_of)
+        elif count > 2:
+            publishers.publish(values, events, robot_time, record)
+
+    return tick
 
 
 def ready_messages() -> Mapping[str, Any]:

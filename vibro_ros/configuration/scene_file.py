@@ -47,7 +47,7 @@ DEVICE_PARAMETERS: tuple[Parameter, ...] = (
     Parameter("record.max_size", 0.0, "B", "a file of the bag larger than this is followed by another; 0 = never",
               minimum=0.0, maximum=1e18),
     Parameter("record.max_duration", 3600.0, "s", "a file of the bag with a longer robot time is followed by "
-              "another; 0 = never, at 63 MB of memory an hour",
+              "another; 0 = never, at 12 MB of memory an hour",
               minimum=0.0, maximum=1e9),
     Parameter("record.max_bytes", 0.0, "B", "the bag's oldest file is deleted before the bag exceeds this; 0 = never",
               minimum=0.0, maximum=1e18),

@@ -225,8 +225,8 @@ def pair_as_text(first: dict[str, Any], second: dict[str, Any]) -> str:
 
 def differences_as_text(recorded: dict[str, Any], replayed: dict[str, Any]) -> str:
     """Return the scene's parameters and the numbers in which a replay with changes differs, as one table."""
-    rows = [(name, before, after, difference) for name, before, after, difference in _rows_of_pair(recorded, replayed)
-            if before != after and (difference or name in BY_NAME)]
+    rows = [(name, value, other, difference) for name, value, other, difference in _rows_of_pair(recorded, replayed)
+            if value != other and (difference or name in BY_NAME)]
     return "\n".join(aligned([("", "recorded", "replayed", "difference"), *rows]))
 
 
@@ -240,8 +240,8 @@ def _rows_of_pair(first: dict[str, Any], second: dict[str, Any]) -> list[tuple[s
         value, other = numbers.get(name), of_second.get(name)
         if value is not None or other is not None:
             difference = "-" if value is None or other is None else f"{other - value:+.6g}"
-            before, after = ("-" if number is None else f"{number:.6g}" for number in (value, other))
-            rows.append((name, before, after, difference))
+            shown, shown_other = ("-" if number is None else f"{number:.6g}" for number in (value, other))
+            rows.append((name, shown, shown_other, difference))
     return rows
 
 

@@ -6,6 +6,9 @@
 #include <math.h>
 #include <stddef.h>
 #include <stdint.h>
+#if defined(__x86_64__)
+#include <cpuid.h>
+#endif
 
 #define INLINE static inline __attribute__((always_inline))
 #define MEMBER inline __attribute__((always_inline))
@@ -110,8 +113,11 @@ INLINE long whole(double x) { return (long)x; }
 // Whether the processor has the instructions of x86-64-v3, for which a second build of the kernels exists.
 INLINE bool has_wide_registers() {
 #if defined(__x86_64__)
-    __builtin_cpu_init();
-    return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("bmi2") && __builtin_cpu_supports("fma");
+    // By instructions, because __builtin_cpu_supports knows nothing where zig compiles.
+    unsigned a, b, c, d, saved;
+    if (!__get_cpuid(1, &a, &b, &c, &d) || !(c & bit_OSXSAVE) || !(c & bit_FMA)) return false;
+    asm("xgetbv" : "=a"(saved), "=d"(d) : "c"(0));
+    return (saved & 6) == 6 && __get_cpuid_count(7, 0, &a, &b, &c, &d) && (b & bit_AVX2) && (b & bit_BMI2);
 #else
     return false;
 #endif

@@ -6,9 +6,9 @@ In comes a bag, and out goes one HTML file (`view.py`, read first): `recorded.py
 `page.py` makes the HTML file.
 
 For a live robot, the room `ros.live` passes rows of samples to `server.py`, which serves the page and its web socket;
-`protocol.py` defines what page and server send each other; `slow_motion.py` computes the motion between the samples of
-the last seconds.
+`protocol.py` defines what page and server send each other, with the dimensions and commands of a scene that a page
+draws; `slow_motion.py` computes the motion between the samples of the last seconds.
 
-`drawing.py` gives the page the dimensions and commands of a scene. The folder `page` has the page itself: begin with
-`main.js`, then `page.js` (the loop and the picture), `live.js` and `motion.js`.
+The folder `page` has the page itself: begin with `main.js`, then `page.js` (the loop and the picture), `live.js` and
+`motion.js`.
 """

@@ -23,8 +23,8 @@ from vibro_ros.simulation.given_state import UNITS
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.samples import resets
 from vibro_ros.simulation.simulator import Simulator
-from vibro_ros.view.drawing import quantities
 from vibro_ros.view.motion import ExactInterval, Impact, Progress, Span, impacts_of, is_position
+from vibro_ros.view.protocol import quantities
 from vibro_ros.view.recorded import Input, Signal
 
 AGREEMENT = 1e-9

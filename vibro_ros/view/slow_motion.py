@@ -12,10 +12,9 @@ import numpy as np
 
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.given_state import UNITS
-from vibro_ros.view.drawing import shown_quantities
 from vibro_ros.view.exact import ExactMotion, evenly_spaced, inexact_spans, spans, state_of
 from vibro_ros.view.motion import Document, fitted_motion, impacts_as_json, quiet_device
-from vibro_ros.view.protocol import COLUMNS, MOST_SECONDS
+from vibro_ros.view.protocol import COLUMNS, MOST_SECONDS, shown_quantities
 from vibro_ros.view.recorded import RATES, Signal, interpolate
 
 MOST_WAITING = 8

@@ -36,7 +36,6 @@ from vibro_ros.process.executables import EXECUTABLES, shows_live_robot
 from vibro_ros.process.files import one_line, open_to_read, replace_file, user_path
 from vibro_ros.recordings.comparison import notes
 from vibro_ros.recordings.rerun import RecordedRun, Rerun, begins_late, recorded_run
-from vibro_ros.view.drawing import drawing, shown_quantities
 from vibro_ros.view.exact import ExactMotion, common_samples, evenly_spaced, inexact_spans, spans, state_of
 from vibro_ros.view.motion import (
     ExactInterval,
@@ -50,6 +49,7 @@ from vibro_ros.view.motion import (
     without_tolerance_warning,
 )
 from vibro_ros.view.page import MARK, page_text
+from vibro_ros.view.protocol import drawing, shown_quantities
 from vibro_ros.view.recorded import Input, Recorded, Signal, interpolate, reset_instants
 
 _HEAD = 4096  # bytes at the beginning of a file in which a page has its mark

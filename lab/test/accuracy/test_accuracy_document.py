@@ -17,7 +17,7 @@ from vibro_lab.orbits.starts import running
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 ROWS = report.by_problem(read_rows(DOCS / report.SCENE_ROWS))
-README = (DOCS.parent / "README.md").read_text(encoding="utf-8").replace("\n", " ")
+README = (DOCS.parent / "README.md").read_text(encoding="utf-8")
 
 
 def test_every_cell_and_sentence_of_the_pages_is_made_of_the_rows():
@@ -55,5 +55,5 @@ def test_advice_holds_at_other_instants_too(name, row, asked):
     assert max(errors(answer, exact, SHORT).columns[::2]) < asked.limit
 
 
-def test_readme_repeats_the_sentence_about_heyoka():
-    assert report.heyoka_sentence(ROWS) in README
+def test_readme_repeats_the_sentences_of_the_rows():
+    assert report.in_readme(README, ROWS) == README and report.heyoka_sentence(ROWS) in README

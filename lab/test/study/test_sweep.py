@@ -154,7 +154,7 @@ SEVEN = ",".join(f"{0.08 + 0.01 * k:.2f}" for k in range(7))
 def test_a_picture_and_the_words_say_what_is_there(tmp_path, capsys, monkeypatch, vary, drawn, axis):
     """Two parameters are lines with intervals, or a map for many values; an extreme at an end of the grid is said."""
     figures = []
-    monkeypatch.setattr("vibro_lab.study.sweep.png", lambda figure: figures.append(figure) or b"")
+    monkeypatch.setattr("vibro_lab.study.figures.png", lambda figure: figures.append(figure) or b"")
     words = [word for one in vary for word in ("--vary", one)]
     assert main(["--scene", "damped", *words, "--starts", "2", "--settling", "1", "--duration", "0.5", "--workers",
                  "1", "--output", str(tmp_path)]) == 0

@@ -167,13 +167,13 @@ def group_starts(motions: Sequence[SettledMotion | None],
     of_start = np.array(known, dtype=int)
     groups, count = np.unique(of_start, return_counts=True)
     order = sorted(range(len(groups)), key=lambda place: (groups[place] == len(motions), -count[place], groups[place]))
-    found, places = list[Attractor](), np.empty(len(motions), dtype=int)
+    grouped, places = list[Attractor](), np.empty(len(motions), dtype=int)
     for place, old in enumerate(order):
         chosen = of_start == groups[old]
         places[chosen] = place
         motion = None if groups[old] == len(motions) else distinct[groups[old]]
-        found.append(_attractor(motion, np.asarray(mean_speeds)[chosen], len(motions)))
-    return Attractors(found), places
+        grouped.append(_attractor(motion, np.asarray(mean_speeds)[chosen], len(motions)))
+    return Attractors(grouped), places
 
 
 def _attractor(motion: SettledMotion | None, speeds: np.ndarray, total: int) -> Attractor:
@@ -211,11 +211,11 @@ def _multipliers(attractor: Attractor, turn_map: TurnMap) -> np.ndarray:
     device = Simulator(turn_map.scene)
     turn_map.put(device, attractor.states[-1])
     phase, _ = free_phase(turn_map.scene, device)
-    own = TurnMap(turn_map.scene, phase)
-    state = at_cut(turn_map, attractor.states[-1], own)
+    free_map = TurnMap(turn_map.scene, phase)
+    state = at_cut(turn_map, attractor.states[-1], free_map)
     try:
-        closed = fixed_point(own, state, attractor.turns or 1)
-        orbit = closed and orbit_at(own, closed, attractor.turns or 1)
+        closed = fixed_point(free_map, state, attractor.turns or 1)
+        orbit = closed and orbit_at(free_map, closed, attractor.turns or 1)
     except (SimulationError, ValueError):
         orbit = None
     if orbit and abs(orbit.mean_speed - attractor.mean_speed) <= _SAME_SPEED * abs(attractor.mean_speed) + 1e-9:
@@ -265,9 +265,10 @@ def attractors(scene: Scene, starts: int = 16) -> Attractors:
     jobs = in_processes(partial(_settled, scene, turn_map.phase), range(-1, starts), min(core_count(), int(starts) + 1))
     with closing(jobs):  # else an error's traceback would keep the workers alive until it is collected
         motions, speeds = zip(*(future.result() for _, future in jobs), strict=True)
-    found, numbers = with_scene_start(motions, speeds)
-    return Attractors(_measured_unsettled(one, scene, turn_map, number) if one.turns is None
-                      else with_exponents(one, turn_map) for one, number in zip(found, numbers, strict=True))
+    grouped, numbers = with_scene_start(motions, speeds)
+    return Attractors(_measured_unsettled(attractor, scene, turn_map, number) if attractor.turns is None
+                      else with_exponents(attractor, turn_map)
+                      for attractor, number in zip(grouped, numbers, strict=True))
 
 
 def with_scene_start(motions: Sequence[SettledMotion | None], mean_speeds: Sequence[float]
@@ -282,15 +283,15 @@ def with_scene_start(motions: Sequence[SettledMotion | None], mean_speeds: Seque
         Number of a start of each, -1 for the own start.
     """
     drawn, places = group_starts(motions[1:], mean_speeds[1:])
-    found, numbers = list(drawn), [int(np.argmax(places == place)) for place in range(len(drawn))]
+    grouped, numbers = list(drawn), [int(np.argmax(places == place)) for place in range(len(drawn))]
     _, with_own = group_starts([*motions[1:], motions[0]], [*mean_speeds[1:], mean_speeds[0]])
     same = np.flatnonzero(with_own[:-1] == with_own[-1])
     if len(same):
         place = int(places[same[0]])
-        found[place] = replace(found[place], of_scene_start=True)
-        return found, numbers
+        grouped[place] = replace(grouped[place], of_scene_start=True)
+        return grouped, numbers
     ((alone,), _), (share, low, high) = group_starts(motions[:1], mean_speeds[:1]), share_of(0, len(motions) - 1)
-    return [*found, replace(alone, starts=0, share=share, low=low, high=high, of_scene_start=True)], [*numbers, -1]
+    return [*grouped, replace(alone, starts=0, share=share, low=low, high=high, of_scene_start=True)], [*numbers, -1]
 
 
 def _settled(scene: Scene, phase: float, number: int) -> tuple[SettledMotion | None, float]:

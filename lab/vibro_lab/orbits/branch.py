@@ -199,13 +199,14 @@ def lies_on(family: Family, seed: Seed, value: float, branch: Branch) -> bool:
             continue
         part = beside[k] / (beside[k] - beside[k + 1])
         guess = branch.states[k] + part * (branch.states[k + 1] - branch.states[k])
-        own = family.with_turns(branch.turns).with_phase(float(branch.phases[k]))
+        family_of_branch = family.with_turns(branch.turns).with_phase(float(branch.phases[k]))
         try:
-            unknowns, _ = corrected_orbit(own, np.append(guess, own.scaled(value)), np.eye(len(guess) + 1)[-1])
-            there, (unknowns,) = own.recut(seed.phase, [unknowns])
+            unknowns = np.append(guess, family_of_branch.scaled(value))
+            unknowns, _ = corrected_orbit(family_of_branch, unknowns, np.eye(len(guess) + 1)[-1])
+            family_of_seed, (unknowns,) = family_of_branch.recut(seed.phase, [unknowns])
         except (LostError, SimulationError, ValueError):
             continue
-        if is_same(there.map_at(unknowns), there.state(unknowns), seed.state, seed.turns):
+        if is_same(family_of_seed.map_at(unknowns), family_of_seed.state(unknowns), seed.state, seed.turns):
             return True
     return False
 
@@ -295,13 +296,14 @@ def make_branch(family: Family, points: Sequence[BranchPoint], special: Sequence
         phases=np.array([point.family.phase for point in points]),
         states=np.array([point.state for point in points]).reshape(-1, n), strobe=strobe, end=end,
         special_points=tuple(
-            Special(found.kind, found.point.mean_speed, found.point.multipliers, found.change, found.point.family.phase,
-                    found.point.state, at, found.point.value, found.width) for at, found in special))
+            Special(located.kind, located.point.mean_speed, located.point.multipliers, located.change,
+                    located.point.family.phase, located.point.state, at, located.point.value, located.width)
+            for at, located in special))
 
 
 def _strobe(point: BranchPoint) -> np.ndarray:
     """States in SI units each time the crank passes the angle 0 during one period, shape (turns, n)."""
-    here = point.family.map_at(point.unknowns)
-    device, there = Simulator(here.scene), TurnMap(here.scene, 0.0)
-    here.put(device, point.state)
-    return there.cuts(device, point.family.turns).states * there.units
+    turn_map = point.family.map_at(point.unknowns)
+    device, at_zero = Simulator(turn_map.scene), TurnMap(turn_map.scene, 0.0)
+    turn_map.put(device, point.state)
+    return at_zero.cuts(device, point.family.turns).states * at_zero.units

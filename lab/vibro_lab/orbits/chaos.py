@@ -161,20 +161,20 @@ def spectrum_from(turn_map: TurnMap, state: np.ndarray, turns: int, doublings: i
         logarithms.append(stretched)
         durations.append(end.duration)
         if len(logarithms) == aligning + turns:
-            found = _spectrum_of(np.array(logarithms[aligning:]) / _mean(durations[aligning:]))
-            if found.sign or not doublings:
-                return found
+            spectrum = _spectrum_of(np.array(logarithms[aligning:]) / _mean(durations[aligning:]))
+            if spectrum.sign or not doublings:
+                return spectrum
             turns, doublings = 2 * turns, doublings - 1
 
 
 def _spectrum_of(rates: np.ndarray) -> LyapunovSpectrum:
     """Spectrum from the growth rates of the axes in each turn [1/s], shape (turns, n): means and their intervals."""
-    found = rates.mean(axis=0)
-    order = np.argsort(-found, kind="stable")
-    spread, lasting = np.zeros_like(found), np.isfinite(found)
+    exponents = rates.mean(axis=0)
+    order = np.argsort(-exponents, kind="stable")
+    spread, lasting = np.zeros_like(exponents), np.isfinite(exponents)
     means = np.array([part[:, lasting].mean(axis=0) for part in np.array_split(rates, _PARTS)])
     spread[lasting] = half_interval(means)
-    return LyapunovSpectrum(found[order], spread[order], len(rates))
+    return LyapunovSpectrum(exponents[order], spread[order], len(rates))
 
 
 def half_interval(means: np.ndarray) -> Any:
@@ -203,10 +203,10 @@ def spectrum_of_cycle(turn_map: TurnMap, states: np.ndarray) -> LyapunovSpectrum
     places = np.linspace(0.0, 1.0, laps - laps // 4 + 2)[1:-1]
     weights = np.exp(-1.0 / (places * (1.0 - places)))
     lasting = np.isfinite(of_laps).all(axis=0)
-    found = np.full(len(lasting), -np.inf)
-    found[lasting] = np.average(of_laps[laps // 4:, lasting], axis=0, weights=weights) / _mean(
+    exponents = np.full(len(lasting), -np.inf)
+    exponents[lasting] = np.average(of_laps[laps // 4:, lasting], axis=0, weights=weights) / _mean(
         [end.duration for end in ends])
-    return LyapunovSpectrum(np.sort(found)[::-1], np.zeros_like(found), len(matrices))
+    return LyapunovSpectrum(np.sort(exponents)[::-1], np.zeros_like(exponents), len(matrices))
 
 
 def _mean(durations: Sequence[float]) -> float:

@@ -210,11 +210,11 @@ class Family:
 
     def recut(self, phase: float, points: Sequence[np.ndarray]) -> tuple["Family", list[np.ndarray]]:
         """Return the same family, cut at another phase, and the points advanced to the new cut."""
-        other, found = self.with_phase(phase), []
+        recut_family, advanced = self.with_phase(phase), []
         for unknowns in points:
-            state = at_cut(self.map_at(unknowns), self.state(unknowns), other.map_at(unknowns))
-            found.append(np.append(state, unknowns[-1]))
-        return other, found
+            state = at_cut(self.map_at(unknowns), self.state(unknowns), recut_family.map_at(unknowns))
+            advanced.append(np.append(state, unknowns[-1]))
+        return recut_family, advanced
 
     def starts_along(self, unknowns: np.ndarray) -> list[np.ndarray]:
         """Unknowns of the same orbit at the cut of each of its turns."""
@@ -328,5 +328,5 @@ def point_at(family: Family, unknowns: np.ndarray, along: np.ndarray,
 
 def multipliers_of(matrix: np.ndarray) -> np.ndarray:
     """Floquet multipliers, the largest first, from the residual's Jacobian with respect to the state, shape (n, n)."""
-    found = np.linalg.eigvals(matrix + np.eye(len(matrix)))
-    return found[np.argsort(-np.abs(found), kind="stable")]
+    multipliers = np.linalg.eigvals(matrix + np.eye(len(matrix)))
+    return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]

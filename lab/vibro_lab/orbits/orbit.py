@@ -155,10 +155,10 @@ def find_orbit(scene: Scene, turns: int = 1) -> Orbit:
                 return orbit_at(turn_map, closed, turns)
         repeats = repeats or next((count for count in range(1, MOST_TURNS + 1)
                                    if np.abs(seen[count:] - seen[:-count]).max() < _LARGEST_RETURN), 0)
-    found = f"; it repeats itself after {repeats} turns: give turns={repeats}" if repeats else (
+    advice = f"; it repeats itself after {repeats} turns: give turns={repeats}" if repeats else (
         f", nor one that repeats itself within {MOST_TURNS} turns")
     raise OrbitNotFoundError(f"{scene.name}: at {command_in_words(scene)} no motion was found that repeats itself "
-                             f"after {turns} turns{found}")
+                             f"after {turns} turns{advice}")
 
 
 def orbit_at(turn_map: TurnMap, closed: FixedPoint, turns: int) -> Orbit:
@@ -178,16 +178,16 @@ def _multipliers(turn_map: TurnMap, state: np.ndarray, turns: int) -> tuple[np.n
     free = np.flatnonzero(~turn_map.held(state))
     best, error, last = np.zeros(len(free), complex), np.inf, None
     for step in _DIFFERENCE_STEPS:
-        found = np.linalg.eigvals(derivative(turn_map, state, turns, step)[0][np.ix_(free, free)])
+        multipliers_of_step = np.linalg.eigvals(derivative(turn_map, state, turns, step)[0][np.ix_(free, free)])
         if last is not None:
-            apart = np.abs(found[:, None] - last)
+            apart = np.abs(multipliers_of_step[:, None] - last)
             change = float(apart[linear_sum_assignment(apart)].max(initial=0.0))
             if change >= error:
                 break
-            best, error = found, change
+            best, error = multipliers_of_step, change
             if change <= _AGREEMENT:
                 break
-        last = found
+        last = multipliers_of_step
     multipliers = np.zeros(len(state), dtype=complex)
     multipliers[:len(best)] = best[np.argsort(-np.abs(best), kind="stable")]
     return multipliers, 2.0 * error
@@ -207,10 +207,10 @@ def derivative(turn_map: TurnMap, state: np.ndarray, turns: int = 1,
 
 
 def differences(end_of: Callable[[np.ndarray], np.ndarray], at: np.ndarray, free: np.ndarray, step: float,
-                here: np.ndarray | None = None) -> np.ndarray:
+                centre: np.ndarray | None = None) -> np.ndarray:
     """Derivative of `end_of` at the unknowns `at` by central differences, shape (n, unknowns).
 
-    The columns of unknowns that are not `free` are 0. If `here`, the value of `end_of` at `at`, is given, an unknown
+    The columns of unknowns that are not `free` are 0. If `centre`, the value of `end_of` at `at`, is given, an unknown
     that cannot be displaced to one side (ValueError) has a one-sided difference, and 0 if it cannot be displaced at
     all.
     """
@@ -218,15 +218,15 @@ def differences(end_of: Callable[[np.ndarray], np.ndarray], at: np.ndarray, free
     for i in np.flatnonzero(free).tolist():
         ends, reach = [], 0.0
         for moved in (step, -step):
-            there = at.copy()
-            there[i] += moved
+            displaced = at.copy()
+            displaced[i] += moved
             try:
-                ends.append(end_of(there))
+                ends.append(end_of(displaced))
                 reach += step
             except ValueError:
-                if here is None:
+                if centre is None:
                     raise
-                ends.append(here)
+                ends.append(centre)
         columns[i] = (ends[0] - ends[1]) / reach if reach else np.zeros_like(ends[0])
     zero = np.zeros_like(next(iter(columns.values()), at))
     return np.column_stack([columns.get(i, zero) for i in range(len(at))])
@@ -290,25 +290,25 @@ def seeds_of(scene: Scene, starts: int, most_turns: int) -> list[Seed]:
     """
     check_closes(scene)
     turn_map = free_cut(scene)
-    stroboscope, found = Stroboscope(turn_map), list[Seed]()
+    stroboscope, seeds = Stroboscope(turn_map), list[Seed]()
     for start in range(starts):
         stroboscope.begin_as(**_random_start(turn_map, start))
         motion = settle(stroboscope)
         if motion and 1 <= motion.turns <= most_turns and (
                 closed := fixed_point(turn_map, motion.states[-1], motion.turns)):
-            found.append(Seed(motion.turns, turn_map.phase, closed.state))
+            seeds.append(Seed(motion.turns, turn_map.phase, closed.state))
     for turns in range(1, min(_LONGEST_UNSTABLE, most_turns) + 1):
         try:
             orbit = find_orbit(scene, turns)
         except OrbitNotFoundError:
             continue
-        there = TurnMap(scene, orbit.state.crank_angle)
-        state = there.read(orbit.state)
+        orbit_map = TurnMap(scene, orbit.state.crank_angle)
+        state = orbit_map.read(orbit.state)
         least = next(part for part in range(1, turns + 1)
-                     if turns % part == 0 and np.abs(there(state, part).state - state).max() < SAME)
-        found.append(Seed(least, there.phase, state))
+                     if turns % part == 0 and np.abs(orbit_map(state, part).state - state).max() < SAME)
+        seeds.append(Seed(least, orbit_map.phase, state))
     different: list[Seed] = []
-    for seed in sorted(found, key=lambda seed: seed.turns):
+    for seed in sorted(seeds, key=lambda seed: seed.turns):
         turn_map = TurnMap(scene, seed.phase)
         if not any(seed.turns == other.turns and is_same(
                 turn_map, at_cut(TurnMap(scene, other.phase), other.state, turn_map), seed.state, seed.turns)

@@ -47,10 +47,19 @@ from vibro_ros.ros.node.node import GuardedNode
 from vibro_ros.ros.node.parameters import declare, parameter_lines, take_overrides
 from vibro_ros.ros.node.refusals import peer_text
 from vibro_ros.ros.node.robot_parameters import Settings
-from vibro_ros.view.drawing import drawing
 from vibro_ros.view.motion import Document
 from vibro_ros.view.page import page_text
-from vibro_ros.view.protocol import CALL, COLUMNS, COMMAND, PLAIN_CALLS, SLOW_MOTION, SWITCHES, Request, text_frame
+from vibro_ros.view.protocol import (
+    CALL,
+    COLUMNS,
+    COMMAND,
+    PLAIN_CALLS,
+    SLOW_MOTION,
+    SWITCHES,
+    Request,
+    drawing,
+    text_frame,
+)
 from vibro_ros.view.server import Server, is_loopback, listening
 from vibro_ros.view.slow_motion import History, SlowMotions
 

@@ -153,7 +153,7 @@ class PollingSubscription:
 
     The depth of the quality of service limits the messages that wait. `topic` is the topic's full name, `profile` the
     quality of service with the user's `qos_overrides`. `take_message` of rclpy's handle is public but not documented;
-    test_subscriptions.py fails with an explanation when it changes. The owner must not poll while the node is destroyed.
+    test_subscriptions.py fails with an explanation when it changes. Do not poll while the node is destroyed.
     """
 
     def __init__(self, node: Node, kind: type, topic: str, profile: QoSProfile):

@@ -116,6 +116,7 @@ class RobotTime:
         self.ticks = 0
         self._rate = rate
         self._origin = 0  # number of the sample at which the device's time was 0
+        self._stamp, self._stamped = 0, (-1, 0)  # the last stamp, and what it was computed from
 
     @property
     def time(self) -> float:
@@ -139,8 +140,10 @@ class RobotTime:
 
     @property
     def stamp(self) -> int:
-        """ROS time [ns] of the last sample."""
-        return stamp_at(self.start, self.time)
+        """ROS time [ns] of the last sample; a tick asks for it several times."""
+        if self._stamped != (self.ticks, self.start):
+            self._stamp, self._stamped = stamp_at(self.start, self.time), (self.ticks, self.start)
+        return self._stamp
 
     def stamp_of(self, time: float) -> int:
         """Return the ROS time [ns] of a `time` [s] on the device's clock."""

@@ -103,10 +103,11 @@ class CommandSubscriptions:
 
     def _arrived(self) -> list[tuple[str, bytes]]:
         """Return topic and bytes of the messages since the last poll, in order of arrival across topics."""
-        taken = [(instant, name, data) for name, subscription in self._subscriptions.items()
-                 for data, instant in subscription.take(MOST_TAKEN)]
-        if len(taken) > 1:
-            taken.sort(key=itemgetter(0))
+        taken = list[tuple[int, str, bytes]]()
+        for name, subscription in self._subscriptions.items():
+            if messages := subscription.take(MOST_TAKEN):
+                taken += [(instant, name, data) for data, instant in messages]
+        taken.sort(key=itemgetter(0))
         return [(name, data) for _, name, data in taken]
 
     def _command(self, device: Simulator, name: str, data: bytes) -> None:
