@@ -122,7 +122,7 @@ def size(scene: Scene) -> Size:
     system = model.system
     return Size(2 * model.forms.channels.coordinates, len(model.modes),
                 max(int(np.count_nonzero(of_mode)) for of_mode in system.equations),
-                max(int(np.count_nonzero(of_mode != NOTHING)) for of_mode in system.guard))
+                max(int(np.count_nonzero(of_mode != NOTHING)) for of_mode in system.guards.row))
 
 
 @functools.cache

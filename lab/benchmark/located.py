@@ -41,4 +41,4 @@ def run(problem, callbacks, integrate):
         crowd = crowd + 1 if t - before < 1e-14 else 0
         if crowd > _MOST_IN_AN_INSTANT or len(events) > _MOST_EVENTS:
             raise UnableError(f"events without end at {t:.6g} s")
-    return Answer(np.array(rows), event_array(events), callbacks.seconds)
+    return Answer(lambda: np.array(rows), lambda: event_array(events), callbacks.seconds)

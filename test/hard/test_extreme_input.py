@@ -15,7 +15,7 @@ import vibro_ros
 from vibro_ros.model.parameter_checks import fastest_rate
 from vibro_ros.model.parameters import NEGLIGIBLE, SCENE_PARAMETERS
 from vibro_ros.model.tables import compile_scene
-from vibro_ros.solver.system import RATE_LIMIT
+from vibro_ros.solver.equations import RATE_LIMIT
 
 PAPER, DEVICE = vibro_ros.load_scene("paper"), vibro_ros.load_scene("device")
 NUMBERS = [one for one in SCENE_PARAMETERS if isinstance(one.default, float) and not one.name.startswith("solver.")]

@@ -186,15 +186,15 @@ def test_guards_of_every_mode_are_described(scene):
     system, plates = model.system, model.forms.plates
     for m, mode in enumerate(model.modes):
         lines = guard_lines(described, mode, plates)
-        assert len(lines) == len(set(lines)) == np.count_nonzero(system.guard[m] != NOTHING)
+        assert len(lines) == len(set(lines)) == np.count_nonzero(system.guards.row[m] != NOTHING)
         for g, (place, line) in enumerate(lines):
             condition, targets, *_ = re.split(" {2,}(?:else|while) ", line)
-            row = system.row[system.guard[m, g]]
+            row = system.guards.form[system.guards.row[m, g]]
             for _ in range(3):
                 z = balanced_point(row, random)
                 value = condition_value(condition, force_values(described, mode, plates, symbol_values(model.forms, z)))
                 assert value == pytest.approx(row @ z, rel=0.0, abs=1e-5 * (np.abs(row) @ np.abs(z)))
-            candidates = [model.modes[c].states for c in system.candidate[m, g] if c != NOTHING]
+            candidates = [model.modes[c].states for c in system.guards.candidate[m, g] if c != NOTHING]
             assert described_targets(targets, mode.states, place, plates) == list(dict.fromkeys(candidates))
 
 

@@ -6,7 +6,7 @@ import pytest
 import vibro_ros
 from vibro_ros.model.modes import mode_set
 from vibro_ros.model.tables import _compile_machine, compile_scene
-from vibro_ros.solver.system import _terms_by_zeros
+from vibro_ros.solver.equations import _terms_by_zeros
 
 
 def forget():

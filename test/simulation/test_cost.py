@@ -41,6 +41,17 @@ def test_segments_and_events_grow_linearly_with_time_and_an_event_costs_a_few(na
     assert steps[1] - steps[0] <= of_turn * (turns + 1.0) + 2 * events[1]
 
 
+def test_a_turn_without_contacts_has_one_segment_for_each_cell():
+    """At a constant speed, where no contact changes the flow, a segment is a whole cell of the sliders' table."""
+    made = driven("no_impact")
+    cells = len(compile_scene(made.scene).system.signals.series)
+    made.advance_to(2.0)
+    steps, angle = made.statistics["steps"], made.state.crank_angle
+    made.advance_to(12.0)
+    turns = (made.state.crank_angle - angle) / (2.0 * np.pi)
+    assert made.statistics["steps"] - steps <= cells * turns + 1.0
+
+
 @pytest.mark.parametrize("changes", [
     {"motor.speed": 50.0}, {"upper.gap": 0.001}, {"inclined.gap": -0.001}, {"gap_actuator.speed": 0.001},
     {"effects.motor": "lag"}, {"motor.acceleration": 10.0}, {"start.state": "zero"}, {"solver.method": "rk4"}],

@@ -6,6 +6,16 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vibro_ros.solver import event_loop
+from vibro_ros.solver.channels import counts_of
+from vibro_ros.solver.equations import (
+    couplings,
+    equation_terms,
+    flow_numbers,
+    longest_segments,
+    no_rotor,
+    no_shock,
+    terms,
+)
 from vibro_ros.solver.events import EVENT_COLUMNS
 from vibro_ros.solver.layout import Laid
 from vibro_ros.solver.methods import Exact
@@ -14,16 +24,11 @@ from vibro_ros.solver.system import (
     NOTHING,
     AccountTable,
     Decay,
+    EventTable,
+    GuardTable,
+    MonitorTable,
     SignalTable,
     System,
-    counts_of,
-    couplings,
-    equation_terms,
-    flow_numbers,
-    longest_segments,
-    no_rotor,
-    no_shock,
-    terms,
 )
 from vibro_ros.solver.vector import LENGTH
 
@@ -95,15 +100,17 @@ def build(channels, modes, guards=(), signals=None, monitor=None, decay=None):
         reads_forcing=equation_terms(acceleration, channels),
         flow=flow_numbers(acceleration[:, :channels.dynamic] if decay is None else acceleration),
         longest_segment=longest_segments(acceleration, channels),
-        row=row, row_terms=terms(row), driven=row[:, driven].any(axis=1),
-        coupled=couplings(acceleration, channels), guard=number, guard_effect=effect, candidate=candidate, entry=entry,
-        jump=jump, blow_monitor=blow, guard_event=np.full_like(blow, NOTHING),
-        jump_matrix=np.array(matrices).reshape(len(matrices), 2 * channels.coordinates, channels.count),
-        mode_after_ramp_change=np.tile(np.arange(count)[:, None], (1, channels.ramps)), event_kind=event,
-        event_quantity=np.zeros((count, channels.count)),
-        monitor=watch, monitor_terms=terms(watch),
-        monitored=np.array([[m in monitor[2]] * watched if monitor else [] for m in range(count)], dtype=bool),
-        approach=np.zeros((0, channels.count)) if monitor is None else np.array([monitor[1]]),
+        coupled=couplings(acceleration, channels),
+        guards=GuardTable(
+            form=row, terms=terms(row), driven=row[:, driven].any(axis=1), row=number, effect=effect,
+            candidate=candidate, entry=entry, jump=jump, blow_monitor=blow, event=np.full_like(blow, NOTHING),
+            jump_matrix=np.array(matrices).reshape(len(matrices), 2 * channels.coordinates, channels.count)),
+        mode_after_ramp_change=np.tile(np.arange(count)[:, None], (1, channels.ramps)),
+        events=EventTable(event, np.zeros((count, channels.count))),
+        monitors=MonitorTable(
+            watch, terms(watch),
+            np.array([[m in monitor[2]] * watched if monitor else [] for m in range(count)], dtype=bool),
+            np.zeros((0, channels.count)) if monitor is None else np.array([monitor[1]])),
         accounts=_no_accounts(count, most, channels),
         signals=signals or SignalTable(np.array([0.0, 2 * math.pi]), np.full(1, 3.5), np.zeros((1, 0, LENGTH))),
         decay=_decay(channels, decay), rotor=no_rotor(channels.count), shock=no_shock())

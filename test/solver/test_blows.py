@@ -5,7 +5,7 @@ import math
 import numpy as np
 from small_system import Guard, Integration, build, cosine_table
 
-from vibro_ros.solver.system import Channels
+from vibro_ros.solver.channels import Channels
 
 
 def form(channels, **parts):

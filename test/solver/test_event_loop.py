@@ -7,7 +7,7 @@ import pytest
 from small_system import Guard, Integration, build, cosine_table
 
 from vibro_ros.solver import event_loop
-from vibro_ros.solver.system import Channels
+from vibro_ros.solver.channels import Channels
 
 FORWARD, BACKWARD, STICK = 0, 1, 2
 RATE = 100.0  # Ω of the spring [rad/s]

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from small_system import Integration, build, cosine_table
 
-from vibro_ros.solver.system import RATE_LIMIT, Channels, longest_segments
+from vibro_ros.solver.channels import Channels
+from vibro_ros.solver.equations import RATE_LIMIT, longest_segments
 
 DRIVEN_OSCILLATOR = Channels(1, 1, 1, 0)
 

@@ -8,8 +8,8 @@ import pytest
 from small_system import Integration, build, cosine_table
 
 from vibro_ros.model.slider import Slider, signal_table
+from vibro_ros.solver.channels import Channels
 from vibro_ros.solver.events import PHASE_KIND
-from vibro_ros.solver.system import Channels
 
 ONE_SIGNAL = Channels(0, 0, 1, 0)
 SLIDERS = [Slider(0.02, 0.06, 0.7)] + [Slider(0.06 * (1 - 10.0**-n), 0.06, 0.7) for n in (1, 3, 9, 15)] + [

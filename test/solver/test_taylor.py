@@ -13,7 +13,7 @@ import pytest
 from small_system import Guard, Integration, build
 
 from vibro_ros.solver import event_loop
-from vibro_ros.solver.system import Channels
+from vibro_ros.solver.channels import Channels
 
 SLIDING, STOPPED = 0, 1
 

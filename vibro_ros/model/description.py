@@ -249,7 +249,7 @@ class _Description:
         return stopped + where * bool(jumping)
 
     def events(self) -> Iterator[str]:
-        kinds = sorted(set(self._model.system.event_kind.ravel()) - {NOTHING})
+        kinds = sorted(set(self._model.system.events.kind.ravel()) - {NOTHING})
         words = [f"{side}_contact" for side in self._model.forms.plates] + [MODE_EVENTS[kind] for kind in kinds]
         if self._scene["effects.motor"] in ("ramp", "lag"):
             words.append("motor_ramp_end")

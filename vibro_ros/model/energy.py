@@ -21,7 +21,8 @@ import numpy as np
 from vibro_ros.model.forms import Form, Forms, ModeForms
 from vibro_ros.model.modes import ModeBuilder
 from vibro_ros.model.scene import Scene
-from vibro_ros.solver.system import NOTHING, AccountTable, terms
+from vibro_ros.solver.equations import terms
+from vibro_ros.solver.system import NOTHING, AccountTable, GuardTable
 
 #: The accounts, by their numbers in the solver: `solver.energy.MOTOR` and `RAMPS` come first.
 ACCOUNTS = ("motor", "plates", "drive_dampers", "plate_dampers", "friction", "blows", "landings", "unpaid", "supply",
@@ -39,7 +40,7 @@ Power = tuple[int, Form | ModeForms, int]
 Stored = tuple[Form, np.ndarray | float, int]
 
 
-def account_table(builder: ModeBuilder, scene: Scene, guards: dict[str, np.ndarray]) -> AccountTable:
+def account_table(builder: ModeBuilder, scene: Scene, guards: GuardTable) -> AccountTable:
     """Return the accounts of a scene with the tables `guards`; empty unless the scene asks for accounts."""
     forms, modes, booked = builder.forms, len(builder.modes), scene["solver.accounts"]
     powers = list(_powers(builder, scene)) if booked else []
@@ -179,10 +180,10 @@ def _stored(builder: ModeBuilder, scene: Scene) -> Iterator[Stored]:
         yield forms.penetration(side)[0], weight, _BLOWS
 
 
-def _jump_accounts(builder: ModeBuilder, guards: dict[str, np.ndarray], at_blows: np.ndarray) -> np.ndarray:
+def _jump_accounts(builder: ModeBuilder, guards: GuardTable, at_blows: np.ndarray) -> np.ndarray:
     """Return the accounts of the energy changes in a guard's jump, shape (modes, guards, stored energies)."""
-    effect, plates = guards["guard_effect"][:, :, None], len(builder.forms.plates)
+    effect, plates = guards.effect[:, :, None], len(builder.forms.plates)
     others = np.where(builder.mode_set.airborne[:, None, None], _LANDINGS, _FRICTION)
     others = np.where((0 <= effect) & (effect < plates), _PLATE_DAMPERS, others)
-    is_blow_or_motor = (guards["blow_monitor"][:, :, None] != NOTHING) | (at_blows == _MOTOR)
+    is_blow_or_motor = (guards.blow_monitor[:, :, None] != NOTHING) | (at_blows == _MOTOR)
     return np.where(is_blow_or_motor, at_blows, others)

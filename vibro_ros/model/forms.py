@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.solver.system import Channels
+from vibro_ros.solver.channels import Channels
 
 Form = np.ndarray
 #: A form for each mode, shape (modes, channels).

@@ -238,9 +238,10 @@ class ModeBuilder:
 
     def guards(self, mode: Mode) -> Iterator[tuple[Guard, int, list[int]]]:
         """Yield the guards of `mode`, each with its effect's index in `Mode.states` and its target modes' numbers."""
-        for context in self.mode_set.contexts[self.mode_set.number(mode.states)]:
+        m = self.mode_set.number(mode.states)
+        for context in self.mode_set.contexts[m]:
             for guard in self.guards_in(context):
-                yield guard, context.effect, [self.mode_set.target_mode(mode, context.effect, target)
+                yield guard, context.effect, [int(self.mode_set.target_modes(context.effect, target)[m])
                                               for target in guard.targets]
 
     def guards_in(self, context: Context) -> list[Guard]:
@@ -336,6 +337,11 @@ class ModeSet:
         # the first mode with a context
         self.first_with = {context: m for m, contexts in reversed(list(enumerate(self.contexts)))
                            for context in contexts}
+        # every context once, in the order of the modes that have them first
+        self.distinct_contexts = tuple(dict.fromkeys(itertools.chain.from_iterable(self.contexts)))
+        numbers = {context: k for k, context in enumerate(self.distinct_contexts)}
+        self._context_numbers = [[numbers[context] for context in contexts] for contexts in self.contexts]
+        self._target_modes: dict[tuple, np.ndarray] = {}
         # kinds of events, by mode before and mode after
         self.event_kind = np.full((len(self.modes), len(self.modes)), NOTHING)
         for old_mode, new_mode in itertools.permutations(range(len(self.modes)), 2):
@@ -354,15 +360,33 @@ class ModeSet:
         """Number of the mode with these states."""
         return self._number_by_states[states]
 
-    def target_mode(self, mode: Mode, effect: int, target: Target) -> int:
-        """Number of the mode to which a target of an effect leads from `mode`."""
+    def padded(self, counts: list[int]) -> np.ndarray:
+        """Return the numbers of each mode's guards, shape (modes, most guards of a mode), if the guards are numbered
+        context by context in the order of `distinct_contexts`, of which each has so many; padded with their sum."""
+        firsts = [0, *itertools.accumulate(counts)]
+        of_mode = [[k for number in numbers for k in range(firsts[number], firsts[number + 1])]
+                   for numbers in self._context_numbers]
+        most = max(1, max(map(len, of_mode)))
+        return np.array([guards + [firsts[-1]] * (most - len(guards)) for guards in of_mode])
+
+    def target_modes(self, effect: int, target: Target) -> np.ndarray:
+        """Number of the mode to which a target of an effect leads from every mode, shape (modes,); `NOTHING` from a
+        mode whose effect has no such target. Read only."""
+        key = effect, target.state, target.frees_resting_masses, target.ground, target.bearing
+        if key not in self._target_modes:
+            self._target_modes[key] = np.array([self._number_by_states.get(self._target_states(mode, effect, target),
+                                                                           NOTHING) for mode in self.modes])
+        return self._target_modes[key]
+
+    @staticmethod
+    def _target_states(mode: Mode, effect: int, target: Target) -> tuple[str, ...]:
         states = ["open" if target.frees_resting_masses and state == "resting" else state for state in mode.states]
         states[effect] = target.state
         if target.ground:
             states[-1] = target.ground
         if target.bearing:
             states[next(k for k, state in enumerate(states) if state in BEARING)] = target.bearing
-        return self.number(tuple(states))
+        return tuple(states)
 
 
 def _crank_event(old: str, new: str) -> str:

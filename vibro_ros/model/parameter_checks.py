@@ -260,7 +260,7 @@ def fastest_rate(values: ParameterValues) -> float:
 
     It is the rate that limits the segments of the solver, and infinite where the body leaves the masses no inertia.
     """
-    from vibro_ros.solver.system import fastest_rates  # imports compiled code, which readers of bags do not need
+    from vibro_ros.solver.equations import fastest_rates  # imports compiled code, which readers of bags do not need
 
     inertias, loads, n = np.array(list(_inertias(values))), np.array(list(_loads(values))), len(values.guides)
     try:

@@ -9,6 +9,7 @@ s = l cos + l |cos|, and the slider's speed jumps twice a turn.
 
 import functools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,7 +32,15 @@ _TERMS = 2 * LENGTH
 _ORDER = np.arange(_TERMS)
 _FACTORIAL = np.array([math.factorial(n) for n in range(_TERMS)], dtype=float)
 _BEYOND = economized_powers(LENGTH, _TERMS - LENGTH)
-_cosine, _sine = np.vectorize(cos, otypes=[float]), np.vectorize(sin, otypes=[float])
+
+
+def _of_arrays(function: Callable[[float], float]) -> Callable[[Any], Any]:
+    """Return the function of a number as one of a number or an array."""
+    of_array = np.vectorize(function, otypes=[float])
+    return lambda angle: function(angle) if isinstance(angle, float) else of_array(angle)
+
+
+_cosine, _sine = _of_arrays(cos), _of_arrays(sin)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,17 @@ from vibro_ros.model.modes import MODE_EVENTS, Mode, ModeBuilder
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.shock import NonlinearShock
 from vibro_ros.model.slider import Slider, signal_table
+from vibro_ros.solver.channels import counts_of
 from vibro_ros.solver.elementary import cos, sin
+from vibro_ros.solver.equations import (
+    couplings,
+    equation_terms,
+    flow_numbers,
+    longest_segments,
+    no_rotor,
+    no_shock,
+    terms,
+)
 from vibro_ros.solver.layout import Laid
 from vibro_ros.solver.system import (
     BY_COMMAND,
@@ -22,17 +32,12 @@ from vibro_ros.solver.system import (
     NOTHING,
     UNCHECKED,
     Decay,
+    EventTable,
+    GuardTable,
+    MonitorTable,
     Rotor,
     Shock,
     System,
-    counts_of,
-    couplings,
-    equation_terms,
-    flow_numbers,
-    longest_segments,
-    no_rotor,
-    no_shock,
-    terms,
 )
 
 
@@ -105,7 +110,7 @@ def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float
         equations += [factor[:, None], np.where((rate != 0.0)[:, None], acceleration[:, forms.body], 0.0)[:, None]]
     flow = flow_numbers(np.concatenate(equations, axis=1))
     first = np.unique(flow, return_index=True)[1]  # mode of each flow
-    guards, shock = _guard_tables(builder)
+    guards, shock = _guard_table(builder)
     system = System(
         counts=counts_of(channels),
         equations=acceleration,
@@ -114,12 +119,12 @@ def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float
         flow=flow,
         coupled=couplings(acceleration, channels),
         longest_segment=longest_segments(acceleration[first], channels)[flow],
-        **guards,
-        event_kind=builder.mode_set.event_kind,
-        # Recorded with an event: the speed of the fall that a landing ends.
-        event_quantity=np.array([-forms.body_velocity()[1] if kind == "landing" else forms.zero
-                                 for kind in MODE_EVENTS]) + 0.0,  # no -0.0
-        **_monitor_tables(builder),
+        guards=guards,
+        events=EventTable(
+            builder.mode_set.event_kind,
+            # The speed of the fall that a landing ends.
+            np.array([-forms.body_velocity()[1] if kind == "landing" else forms.zero for kind in MODE_EVENTS]) + 0.0),
+        monitors=_monitor_table(builder),
         mode_after_ramp_change=builder.mode_set.mode_after_ramp_change,
         accounts=account_table(builder, scene, guards),
         signals=signal_table(tuple(sliders)),
@@ -174,61 +179,69 @@ def _sliders(forms: Forms, scene: Scene) -> list[Slider]:
     return sliders
 
 
-def _monitor_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
-    """Return the fields of `System` for one monitor per plate: the force in contact, and the approach speed."""
+def _monitor_table(builder: ModeBuilder) -> MonitorTable:
+    """Return the table of one monitor per plate: the force in contact, and the approach speed."""
     forms, modes = builder.forms, builder.modes
     shape = (len(modes), len(forms.plates))
-    monitor = np.zeros((*shape, forms.channels.count))
-    monitored = np.zeros(shape, dtype=bool)
+    force = np.zeros((*shape, forms.channels.count))
+    active = np.zeros(shape, dtype=bool)
     approach = np.zeros((len(forms.plates), forms.channels.count))
     for k, side in enumerate(forms.plates):
-        monitor[:, k] = builder.contact_force(side)
-        monitored[:, k] = builder.mode_set.pressing[side]
+        force[:, k] = builder.contact_force(side)
+        active[:, k] = builder.mode_set.pressing[side]
         approach[k] = forms.penetration(side)[1]
-    return {"monitor": monitor, "monitor_terms": terms(monitor), "monitored": monitored, "approach": approach}
+    return MonitorTable(force, terms(force), active, approach)
 
 
-def _guard_tables(builder: ModeBuilder) -> tuple[dict[str, np.ndarray], Shock]:
-    """Return the fields of `System` for guards, their candidates and their jumps, and the shocks that are no linear
-    jumps; equal forms share a row."""
+def _guard_table(builder: ModeBuilder) -> tuple[GuardTable, Shock]:
+    """Return the guards, their candidates and their jumps, and the shocks that are no linear jumps; equal forms share
+    a row.
+
+    The tables are made by guard, a row for each guard of each context, and then taken by mode, because modes share
+    contexts.
+    """
     mode_set, forms, channels = builder.mode_set, builder.forms, builder.forms.channels
-    by_context = {context: builder.guards_in(context) for context in mode_set.first_with}
-    guards = [[(context.effect, guard) for context in contexts for guard in by_context[context]]
-              for contexts in mode_set.contexts]
-    targets = [target for of_context in by_context.values() for guard in of_context for target in guard.targets]
+    of_context = [builder.guards_in(context) for context in mode_set.distinct_contexts]
+    effects = [context.effect for context, guards in zip(mode_set.distinct_contexts, of_context, strict=True)
+               for _ in guards]
+    guards = [guard for of_one in of_context for guard in of_one]
+    targets = [target for guard in guards for target in guard.targets]
     # Positions and velocities after a jump are its matrix, shape (2 coordinates, channels), times the channels before.
     matrix_of = {id(target): forms.units[:2 * channels.coordinates].copy() for target in targets if target.jumps}
     for target in targets:
         for channel, form in target.jumps:
             matrix_of[id(target)][channel] = form
-    shape = (len(guards), max(1, max(map(len, guards))))
-    most_targets = max((len(guard.targets) for of_mode in guards for _, guard in of_mode), default=1)
-    guard_row, guard_effect, guard_event, blow_monitor = (np.full(shape, NOTHING) for _ in range(4))
-    candidate, jump, shock = (np.full((*shape, most_targets), NOTHING) for _ in range(3))
-    entry = np.full((*shape, most_targets, max((len(target.entries) for target in targets), default=0)), NOTHING)
+    # The row after the last guard's pads modes with fewer guards.
+    count = len(guards) + 1
+    most_targets = max((len(guard.targets) for guard in guards), default=1)
+    row_of, effect_of, event_of, blow_of = (np.full(count, NOTHING) for _ in range(4))
+    jump, shock = (np.full((count, most_targets), NOTHING) for _ in range(2))
+    candidate = np.full((count, most_targets, len(mode_set.modes)), NOTHING)
+    entry = np.full((count, most_targets, max((len(target.entries) for target in targets), default=0)), NOTHING)
     rows, matrices, shocks = _Numbering(), _Numbering(), dict[int, tuple[int, NonlinearShock]]()
-    for m, of_mode in enumerate(guards):
-        for g, (effect, guard) in enumerate(of_mode):
-            guard_row[m, g] = rows.number(guard.form)
-            guard_effect[m, g] = UNCHECKED if guard.entries_decide else effect
-            guard_event[m, g] = MODE_EVENTS.index(guard.event) if guard.event else NOTHING
-            blow_monitor[m, g] = effect if guard.is_blow else NOTHING
-            for c, target in enumerate(guard.targets):
-                candidate[m, g, c] = mode_set.target_mode(mode_set.modes[m], effect, target)
-                for e, form in enumerate(target.entries):
-                    entry[m, g, c, e] = rows.number(form)
-                if target.jumps:
-                    jump[m, g, c] = matrices.number(matrix_of[id(target)])
-                if target.shock:
-                    shock[m, g, c], _ = shocks.setdefault(id(target.shock), (len(shocks), target.shock))
+    for k, (effect, guard) in enumerate(zip(effects, guards, strict=True)):
+        row_of[k] = rows.number(guard.form)
+        effect_of[k] = UNCHECKED if guard.entries_decide else effect
+        event_of[k] = MODE_EVENTS.index(guard.event) if guard.event else NOTHING
+        blow_of[k] = effect if guard.is_blow else NOTHING
+        for c, target in enumerate(guard.targets):
+            candidate[k, c] = mode_set.target_modes(effect, target)
+            for e, form in enumerate(target.entries):
+                entry[k, c, e] = rows.number(form)
+            if target.jumps:
+                jump[k, c] = matrices.number(matrix_of[id(target)])
+            if target.shock:
+                shock[k, c], _ = shocks.setdefault(id(target.shock), (len(shocks), target.shock))
+    at = mode_set.padded([len(of_one) for of_one in of_context])
     of_body = [channel(i) for channel in (channels.position, channels.velocity)
                for i in range(channels.dynamic, channels.coordinates)]
-    row = np.array(rows.arrays).reshape(len(rows.arrays), channels.count)
-    matrix = np.array(matrices.arrays).reshape(len(matrices.arrays), 2 * channels.coordinates, channels.count)
-    return {"guard": guard_row, "guard_effect": guard_effect, "candidate": candidate, "entry": entry, "jump": jump,
-            "guard_event": guard_event, "blow_monitor": blow_monitor, "row": row, "row_terms": terms(row),
-            "driven": np.any(row[:, of_body], axis=1), "jump_matrix": matrix}, _shock_table(
-                forms, [law for _, law in shocks.values()], shock)
+    form = np.array(rows.arrays).reshape(len(rows.arrays), channels.count)
+    table = GuardTable(
+        form=form, terms=terms(form), driven=np.any(form[:, of_body], axis=1), row=row_of[at], effect=effect_of[at],
+        candidate=np.ascontiguousarray(candidate[at, :, np.arange(len(at))[:, None]]), entry=entry[at], jump=jump[at],
+        jump_matrix=np.array(matrices.arrays).reshape(len(matrices.arrays), 2 * channels.coordinates, channels.count),
+        blow_monitor=blow_of[at], event=event_of[at])
+    return table, _shock_table(forms, [law for _, law in shocks.values()], shock[at])
 
 
 class _Numbering:

@@ -83,7 +83,8 @@ def _is_possible(motion: Motion) -> bool:
     system, scene, state = motion.model.system, motion.scene, motion.state
     now = state.now[0]
     segment, drive, automaton = now["segment"], now["drive"], now["automaton"]
-    indices = ((automaton["mode"], 0, len(motion.model.modes)), (automaton["guard"], NOTHING, system.guard.shape[1]),
+    indices = ((automaton["mode"], 0, len(motion.model.modes)),
+               (automaton["guard"], NOTHING, system.guards.row.shape[1]),
                (drive["cell"], 0, len(system.signals.reach)))
     if not (all(low <= index < high for index, low, high in indices) and drive["direction"] in (-1, 1)
             and motion.has_own_filters()):

@@ -147,7 +147,7 @@ def place(scene: Scene, model: Model, state: State, point: np.ndarray, values: M
     mode = _mode(scene, model, point)
     state.now["automaton"]["mode"] = mode
     for k, side in enumerate(forms.plates):
-        if model.system.monitored[mode, k]:  # a contact that was in progress is no event
+        if model.system.monitors.active[mode, k]:  # a contact that was in progress is no event
             monitor = state.monitor[k]
             monitor["since"], monitor["peak"] = state.now["segment"]["start"][0], 0.0
             monitor["approach"] = form_value(forms.penetration(side)[1], point)

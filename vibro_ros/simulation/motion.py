@@ -189,7 +189,7 @@ class Motion:
         """Go on at an edge of a patch, where the system has ended, with the system of the ground beyond the edge."""
         system = self.model.system
         position, automaton = self.model.forms.channels.position(self.model.forms.body), self.state.now["automaton"][0]
-        forwards = system.row[system.guard[automaton["mode"], automaton["guard"]], position] < 0.0
+        forwards = system.guards.form[system.guards.row[automaton["mode"], automaton["guard"]], position] < 0.0
         # The body is put exactly on the edge, because rounding could put it back behind the edge.
         self.point[position] = self._compiled[2][int(forwards)]
         self.disturbances.row(PATCH)[4] += 1.0 if forwards else -1.0

@@ -574,7 +574,7 @@ class Simulator:
         >>> device = vibro_ros.Simulator(vibro_ros.load_scene("damped"))
         >>> device.advance_to(0.1)
         >>> device.statistics["upper_contact"], device.statistics["steps"]
-        (2, 89)
+        (2, 84)
         """
         method = {"solver.method": self.scene["solver.method"]}
         if method["solver.method"] != "exact":

@@ -16,9 +16,10 @@ how much the motor gives and how much it takes back.
 
 import numpy as np
 
+from vibro_ros.solver.channels import first_ramp
 from vibro_ros.solver.polynomial import fill_form, gauss_legendre, products, value
 from vibro_ros.solver.state import Accounts, State
-from vibro_ros.solver.system import System, first_ramp, form_value
+from vibro_ros.solver.system import System, form_value
 from vibro_ros.solver.typed import Row, part
 from vibro_ros.solver.vector import LENGTH, Vector, indices_above, magnitudes, repeated, store, total, vector
 

@@ -16,6 +16,7 @@ import math
 
 import numpy as np
 
+from vibro_ros.solver.channels import first_ramp
 from vibro_ros.solver.energy import book_jump, book_work
 from vibro_ros.solver.events import (
     EVENT_COLUMNS,
@@ -35,7 +36,7 @@ from vibro_ros.solver.rest import is_at_rest, lengthen_segment
 from vibro_ros.solver.rotor import read_phase
 from vibro_ros.solver.segment import advance_forcing, choose_segment, fill_forcing, local_time, phase_at
 from vibro_ros.solver.state import UNKNOWN, State
-from vibro_ros.solver.system import NOTHING, System, first_ramp
+from vibro_ros.solver.system import NOTHING, System
 from vibro_ros.solver.taylor import end_where_term_returns, is_linear, solve_by_taylor
 from vibro_ros.solver.typed import Indices, Row, Rows, entry, part
 
@@ -92,7 +93,7 @@ def _begin_mode(system: System, state: State, point: Row, same_flow: bool) -> bo
     solve_driven(system, state, point)
     # A known root remains valid if no coordinate that its guard reads has been solved again.
     for row in range(len(state.root)):
-        if system.driven[row] or not same_flow:
+        if system.guards.driven[row] or not same_flow:
             state.root[row] = UNKNOWN
     if not find_next_event(system, state):
         return False
@@ -220,7 +221,7 @@ def advance(system: System, state: State, times: Row, point: Row, points: Rows, 
             if count > room:
                 return EVENTS_FULL, k, count
             guard = automaton.guard
-            ends: bool = guard != NOTHING and system.candidate[automaton.mode, guard, 0] == NOTHING
+            ends: bool = guard != NOTHING and system.guards.candidate[automaton.mode, guard, 0] == NOTHING
             automaton.begins, count = _pass_event(system, state, point, events, count)
             if ends:  # the caller goes on from `point` with another system
                 return SYSTEM_ENDS, k, count

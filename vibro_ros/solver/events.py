@@ -7,12 +7,13 @@ modes.
 
 import math
 
+from vibro_ros.solver.channels import first_acceleration
 from vibro_ros.solver.guards import guard_value, maximum
 from vibro_ros.solver.polynomial import fill_form
 from vibro_ros.solver.segment import instant
 from vibro_ros.solver.shock import outcomes, strike
 from vibro_ros.solver.state import State
-from vibro_ros.solver.system import NOTHING, System, first_acceleration, form_magnitude, form_value
+from vibro_ros.solver.system import NOTHING, System, form_magnitude, form_value
 from vibro_ros.solver.taylor import decays, evaluate
 from vibro_ros.solver.typed import Row, Rows, entry, part
 
@@ -72,10 +73,10 @@ def jump(system: System, state: State, candidate: int, point: Row, after: Row) -
         return candidate + strike(system, state, system.shock.candidate[mode, guard, candidate], point, after)
     for channel in range(len(point)):
         after[channel] = point[channel]
-    matrix = system.jump[mode, guard, candidate]
+    matrix = system.guards.jump[mode, guard, candidate]
     if matrix != NOTHING:
         for channel in range(2 * system.counts[0].coordinates):
-            after[channel] = form_value(system.jump_matrix[matrix, channel], point)
+            after[channel] = form_value(system.guards.jump_matrix[matrix, channel], point)
     return candidate
 
 
@@ -85,15 +86,15 @@ def _valid_candidate(system: System, state: State, candidate: int, point: Row, a
     `jump` does."""
     mode, guard = state.automaton.mode, state.automaton.guard
     _fill_magnitude(state, point)
-    for row in system.entry[mode, guard, candidate]:
+    for row in system.guards.entry[mode, guard, candidate]:
         if row != NOTHING and not _holds(system, state, row, point):
             return NOTHING
     entered = jump(system, state, candidate, point, after)
-    target = system.candidate[mode, guard, entered]
+    target = system.guards.candidate[mode, guard, entered]
     _accelerate(system, state, target, after)
-    for g in range(system.guard.shape[1]):
-        if system.guard_effect[target, g] == system.guard_effect[mode, guard]:
-            if not _holds(system, state, system.guard[target, g], after):
+    for g in range(system.guards.row.shape[1]):
+        if system.guards.effect[target, g] == system.guards.effect[mode, guard]:
+            if not _holds(system, state, system.guards.row[target, g], after):
                 return NOTHING
     return entered
 
@@ -102,7 +103,7 @@ def _valid_candidate(system: System, state: State, candidate: int, point: Row, a
 def choose_candidate(system: System, state: State, point: Row, after: Row) -> int:
     """Return the number of the firing guard's first valid candidate, else of its last; fill `after`, as `jump` does."""
     mode, guard = state.automaton.mode, state.automaton.guard
-    candidates = system.candidate[mode, guard]
+    candidates = system.guards.candidate[mode, guard]
     last = 0
     while True:
         following = last + outcomes(system, mode, guard, last)
@@ -139,12 +140,12 @@ def transition(system: System, state: State, point: Row, after: Row) -> tuple[in
     mode, guard = state.automaton.mode, state.automaton.guard
     if guard == NOTHING:
         return SEGMENT_ENDS, mode
-    if system.candidate[mode, guard, 0] == NOTHING:  # the caller goes on with another system
+    if system.guards.candidate[mode, guard, 0] == NOTHING:  # the caller goes on with another system
         for channel in range(len(point)):
             after[channel] = point[channel]
         return FLOW_ENDS, mode
-    target = system.candidate[mode, guard, choose_candidate(system, state, point, after)]
-    if target == mode and system.guard_event[mode, guard] != NOTHING:  # a shock, perhaps of driven coordinates alone
+    target = system.guards.candidate[mode, guard, choose_candidate(system, state, point, after)]
+    if target == mode and system.guards.event[mode, guard] != NOTHING:  # a shock, perhaps of driven coordinates alone
         return FLOW_ENDS, target
     if state.segment.next_event < 1.0 and _keeps_flow(system, state, target, point, after):
         return FLOW_GOES_ON, target
@@ -195,8 +196,8 @@ def update_peaks(system: System, state: State, x: float) -> None:
     """Update the peaks of the monitors that are on with this segment's flow up to its end at the local time `x`."""
     mode, quantity = state.automaton.mode, state.scratch.peak
     for k in range(len(state.monitor)):
-        if system.monitored[mode, k]:
-            fill_form(system.monitor[mode, k], system.monitor_terms[mode, k], state.z, quantity)
+        if system.monitors.active[mode, k]:
+            fill_form(system.monitors.quantity[mode, k], system.monitors.terms[mode, k], state.z, quantity)
             peak = maximum(quantity, -1.0, x, state.scratch.peak_search)
             state.monitor[k].peak = max(state.monitor[k].peak, peak)
 
@@ -218,14 +219,14 @@ def record_mode_change(system: System, state: State, mode: int, point: Row, even
     events."""
     previous = state.automaton.mode
     time = instant(state, state.segment.next_event)
-    kind = system.event_kind[previous, mode]
+    kind = system.events.kind[previous, mode]
     if kind == NOTHING:
-        kind = system.guard_event[previous, state.automaton.guard]
+        kind = system.guards.event[previous, state.automaton.guard]
     if kind != NOTHING:
-        count = record(events, count, time, kind, form_value(system.event_quantity[kind], point), 0.0, 0.0)
-    struck = system.blow_monitor[previous, state.automaton.guard]
-    if struck != NOTHING and not system.monitored[mode, struck]:
-        approach = form_value(system.approach[struck], point)
+        count = record(events, count, time, kind, form_value(system.events.quantity[kind], point), 0.0, 0.0)
+    struck = system.guards.blow_monitor[previous, state.automaton.guard]
+    if struck != NOTHING and not system.monitors.active[mode, struck]:
+        approach = form_value(system.monitors.approach[struck], point)
         count = record(events, count, time, MONITOR_KIND + struck, approach, math.inf, 0.0)
     return switch_monitors(system, state, mode, time, point, events, count)
 
@@ -237,12 +238,12 @@ def switch_monitors(system: System, state: State, mode: int, time: float, point:
     previous = state.automaton.mode
     for k in range(len(state.monitor)):
         monitor = state.monitor[k]
-        if system.monitored[previous, k] and not system.monitored[mode, k]:
+        if system.monitors.active[previous, k] and not system.monitors.active[mode, k]:
             # At one instant, the clocks of two segments may differ by rounding.
             duration = max(time - monitor.since, 0.0)
             count = record(events, count, monitor.since, MONITOR_KIND + k, monitor.approach, monitor.peak, duration)
-        elif system.monitored[mode, k] and not system.monitored[previous, k]:
+        elif system.monitors.active[mode, k] and not system.monitors.active[previous, k]:
             monitor.since = time
-            monitor.approach = form_value(system.approach[k], point)
+            monitor.approach = form_value(system.monitors.approach[k], point)
             monitor.peak = 0.0
     return count

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vibro_ros.solver.channels import channels_of
 from vibro_ros.solver.event_loop import DIVERGED, EVENTS_FULL, REACHED, is_finite
 from vibro_ros.solver.events import choose_candidate, jump, record_mode_change, record_reached
 from vibro_ros.solver.guards import guard_value
@@ -18,7 +19,7 @@ from vibro_ros.solver.right_hand_side import accelerate, advance_values, fill_fo
 from vibro_ros.solver.rotor import enter_rotor, read_phase
 from vibro_ros.solver.segment import advance_clock, local_time
 from vibro_ros.solver.state import State
-from vibro_ros.solver.system import NOTHING, System, channels_of, form_value
+from vibro_ros.solver.system import NOTHING, System, form_value
 from vibro_ros.solver.typed import Indices, Row, Rows, entry, part
 
 #: Schemes.
@@ -78,8 +79,8 @@ def _broken_guard(system: System, state: State, z: Row) -> int:
     magnitude = state.scratch.magnitude
     for channel in range(len(z)):
         magnitude[channel] = abs(z[channel])
-    for g in range(system.guard.shape[1]):
-        row = system.guard[state.automaton.mode, g]
+    for g in range(system.guards.row.shape[1]):
+        row = system.guards.row[state.automaton.mode, g]
         if row == NOTHING:
             break
         total, noise = guard_value(system, row, z, magnitude)
@@ -92,17 +93,17 @@ def _broken_guard(system: System, state: State, z: Row) -> int:
 def _resting_candidate(system: System, state: State, step: Step) -> int:
     """Return the candidate of a blow without rebound if steps cannot resolve the bounce, else `NOTHING`."""
     mode, guard = state.automaton.mode, state.automaton.guard
-    struck, coordinates, z = system.blow_monitor[mode, guard], system.counts[0].coordinates, step.start
+    struck, coordinates, z = system.guards.blow_monitor[mode, guard], system.counts[0].coordinates, step.start
     if struck == NOTHING:
         return NOTHING
     change = 0.0
     for i in range(system.counts[0].dynamic):
-        change += system.approach[struck, coordinates + i] * step.start_acceleration[i]
-    if form_value(system.approach[struck], z) > _STEPS_TO_REST * step.length[0] * abs(change):
+        change += system.monitors.approach[struck, coordinates + i] * step.start_acceleration[i]
+    if form_value(system.monitors.approach[struck], z) > _STEPS_TO_REST * step.length[0] * abs(change):
         return NOTHING
-    for c in range(system.candidate.shape[2]):
-        target = system.candidate[mode, guard, c]
-        if target != NOTHING and system.monitored[target, struck]:
+    for c in range(system.guards.candidate.shape[2]):
+        target = system.guards.candidate[mode, guard, c]
+        if target != NOTHING and system.monitors.active[target, struck]:
             return c
     return NOTHING
 
@@ -121,7 +122,7 @@ def _change_modes(system: System, state: State, step: Step, events: Rows, count:
             candidate = choose_candidate(system, state, z, after)
         else:
             candidate = jump(system, state, candidate, z, after)
-        mode = system.candidate[automaton.mode, guard, candidate]
+        mode = system.guards.candidate[automaton.mode, guard, candidate]
         count = record_mode_change(system, state, mode, z, events, count)
         for channel in range(2 * system.counts[0].coordinates):
             z[channel] = after[channel]
@@ -145,8 +146,9 @@ def _pass_step(system: System, state: State, step: Step, events: Rows, count: in
         mode = state.automaton.mode
         accelerate(system, state, mode, step.start, step.start_acceleration)
     for k in range(len(state.monitor)):
-        if system.monitored[mode, k]:
-            state.monitor[k].peak = max(state.monitor[k].peak, form_value(system.monitor[mode, k], step.start))
+        if system.monitors.active[mode, k]:
+            quantity = form_value(system.monitors.quantity[mode, k], step.start)
+            state.monitor[k].peak = max(state.monitor[k].peak, quantity)
     if system.counts[0].rotors > 0:
         enter_rotor(system, state, step.start)
         fill_forcing_at(system, state, 0.0, step.start)

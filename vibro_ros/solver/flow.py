@@ -1,7 +1,8 @@
 """The flow of a mode: its exact solution over a segment, as power series about the segment's middle.
 
 With polynomial forcing a linear equation determines the series of its solution term by term. The segments are short
-enough for the series to end at rounding (`System.longest_segment`).
+enough for the series of the free motion to end at rounding (`System.longest_segment`). At a constant speed of the phase
+a segment may be a whole cell of the signals: the few terms by which the forced motion is longer are economized.
 
 The motion is a *forced* motion, under the segment's loads, plus the *free* motion, without loads, that makes the sum
 pass through the point at which the flow starts. Any forced motion will do. The *components* of a motion are its
@@ -14,10 +15,11 @@ once per flow, and kept in the `Library`.
 
 import math
 
-from vibro_ros.solver.polynomial import INVERSE, differentiate, fill_form, integrate_through, value
+from vibro_ros.solver.channels import first_acceleration
+from vibro_ros.solver.polynomial import INVERSE, differentiate, economized_powers, fill_form, integrate_through, value
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.state import State
-from vibro_ros.solver.system import System, first_acceleration, form_magnitude, sparse_magnitude
+from vibro_ros.solver.system import System, form_magnitude, sparse_magnitude
 from vibro_ros.solver.typed import Row, Rows, Rows3, part
 from vibro_ros.solver.vector import LENGTH, Vector, powers, store, total, vector, with_first
 
@@ -246,6 +248,12 @@ def solve_driven(system: System, state: State, point: Row) -> None:
         _set_magnitudes(system, state, i, abs(point[i]), abs(point[coordinates + i]), 2.0 * half, 0.0)
 
 
+# The last terms of the loads over a whole cell, 0.45^LENGTH (`system.CELL_STRIDE`), are above rounding. Therefore terms
+# beyond a motion's length are economized, until they are negligible beside the first terms.
+_BEYOND = economized_powers(LENGTH, 8)
+_NEGLIGIBLE = 1e-18
+
+
 @part
 def _solve_oscillator(load: Row, stiffness: float, damping: float, half: float, q: Row, v: Row) -> None:
     """Solve the series of q and v = q' with q'' = load + stiffness q + damping v, from their constant terms."""
@@ -257,11 +265,49 @@ def _solve_oscillator(load: Row, stiffness: float, damping: float, half: float, 
         velocity = acceleration * step
         q[n + 1] = position
         v[n + 1] = velocity
+    positions, velocities, last_load = vector(q), vector(v), load[LENGTH - 1]
+    least_position, least_velocity = _NEGLIGIBLE * (abs(q[0]) + abs(q[1])), _NEGLIGIBLE * (abs(v[0]) + abs(v[1]))
+    for k in range(len(_BEYOND)):
+        step = half / (LENGTH + k)
+        acceleration = last_load + stiffness * position + damping * velocity
+        position = velocity * step
+        velocity = acceleration * step
+        positions = positions + position * vector(_BEYOND[k])
+        velocities = velocities + velocity * vector(_BEYOND[k])
+        if abs(position) <= least_position and abs(velocity) <= least_velocity:
+            break
+        last_load = 0.0
+    store(q, positions)
+    store(v, velocities)
 
 
 @part
-def _solve_coupled(loads: Rows, row: Rows, half: float, coordinates: int, dynamic: int, motion: Rows) -> None:
-    """Solve the series of coupled coordinates; `loads` has a row for each coordinate, `motion` two."""
+def _economize_coupled(loads: Rows, row: Rows, half: float, coordinates: int, dynamic: int, terms: Rows,
+                       motion: Rows) -> None:
+    """Add the terms beyond the length, economized, to the series of coupled coordinates; `terms` is overwritten."""
+    for c in range(2 * dynamic):
+        terms[0, c] = motion[c, LENGTH - 1]
+    for k in range(len(_BEYOND)):
+        present, following, step = terms[k % 2], terms[1 - k % 2], half / (LENGTH + k)
+        for i in range(dynamic):
+            acceleration = loads[i, LENGTH - 1] if k == 0 else 0.0
+            for j in range(dynamic):
+                acceleration += row[i, j] * present[j] + row[i, coordinates + j] * present[dynamic + j]
+            following[i] = present[dynamic + i] * step
+            following[dynamic + i] = acceleration * step
+        ends: bool = True
+        for c in range(2 * dynamic):
+            ends = ends and abs(following[c]) <= _NEGLIGIBLE * (abs(motion[c, 0]) + abs(motion[c, 1]))
+            store(motion[c], vector(motion[c]) + following[c] * vector(_BEYOND[k]))
+        if ends:
+            return
+
+
+@part
+def _solve_coupled(loads: Rows, row: Rows, half: float, coordinates: int, dynamic: int, terms: Rows,
+                   motion: Rows) -> None:
+    """Solve the series of coupled coordinates; `loads` has a row for each coordinate, `motion` two. `terms` is
+    overwritten."""
     for n in range(LENGTH - 1):
         step = half * INVERSE[n]
         for i in range(dynamic):
@@ -271,6 +317,7 @@ def _solve_coupled(loads: Rows, row: Rows, half: float, coordinates: int, dynami
             motion[dynamic + i, n + 1] = acceleration * step
         for i in range(dynamic):
             motion[i, n + 1] = motion[dynamic + i, n] * step
+    _economize_coupled(loads, row, half, coordinates, dynamic, terms, motion)
 
 
 @part
@@ -280,7 +327,7 @@ def solve_series(system: System, state: State, motion: Rows) -> None:
     mode, half, load = state.automaton.mode, state.segment.half, state.scratch.load
     rows = system.equations[mode]
     if system.coupled[mode]:
-        _solve_coupled(load, rows, half, coordinates, dynamic, motion)
+        _solve_coupled(load, rows, half, coordinates, dynamic, state.scratch.terms, motion)
         return
     for i in range(dynamic):
         _solve_oscillator(load[i], rows[i, i], rows[i, coordinates + i], half, motion[i], motion[dynamic + i])

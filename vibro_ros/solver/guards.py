@@ -37,7 +37,7 @@ _SIMULTANEOUS = 16.0 * EPSILON
 @part
 def guard_value(system: System, row: int, point: Row, magnitude: Row) -> tuple[float, float]:
     """Value of a guard row at a point and its rounding error, from the magnitude of the terms of each channel."""
-    total, terms = value_and_magnitude(system.row[row], system.row_terms[row], point, magnitude)
+    total, terms = value_and_magnitude(system.guards.form[row], system.guards.terms[row], point, magnitude)
     return total, NOISE * terms
 
 
@@ -48,8 +48,8 @@ def _guard_root(system: System, state: State, row: int) -> float:
     segment, guard = state.segment, state.scratch.guard
     if state.root[row] > segment.mode_start:
         return state.root[row]
-    fill_form(system.row[row], system.row_terms[row], state.z, guard)
-    noise = NOISE * sparse_magnitude(system.row[row], system.row_terms[row], state.magnitude)
+    fill_form(system.guards.form[row], system.guards.terms[row], state.z, guard)
+    noise = NOISE * sparse_magnitude(system.guards.form[row], system.guards.terms[row], state.magnitude)
     if state.automaton.events_without_progress > _EVENTS_BEFORE_DOUBT:
         guard[0] += _DOUBT * noise
     root = first_root(guard, segment.mode_start, segment.next_event, noise, state.scratch.search)
@@ -64,8 +64,8 @@ def find_next_event(system: System, state: State) -> bool:
     segment, automaton = state.segment, state.automaton
     segment.next_event = 1.0
     automaton.guard = NOTHING
-    for g in range(system.guard.shape[1]):
-        row = system.guard[automaton.mode, g]
+    for g in range(system.guards.row.shape[1]):
+        row = system.guards.row[automaton.mode, g]
         if row == NOTHING:
             break
         root = _guard_root(system, state, row)

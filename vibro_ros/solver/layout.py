@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_ros.solver.typed import PLAIN, Kind
+from vibro_ros.solver.typed import PLAIN, Kind, address_of
 
 
 class Laid:
@@ -55,7 +55,7 @@ def _add_numbers(values: Any, numbers: list[int]) -> None:
         if value.dtype != kind.dtype or value.ndim != kind.dimensions or not value.flags.c_contiguous:
             raise TypeError(f"{type(values).__name__}.{name} is not what kernels read: a contiguous array of "
                             f"{kind.dimensions} dimensions and {kind.dtype}")
-        address = value.ctypes.data
+        address = address_of(value)
         numbers += [address + offset for offset in offsets] if offsets else (address, *value.shape)
 
 

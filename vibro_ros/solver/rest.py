@@ -8,10 +8,11 @@ second.
 
 import math
 
+from vibro_ros.solver.channels import first_signal
 from vibro_ros.solver.guards import EPSILON
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.state import State
-from vibro_ros.solver.system import System, first_signal, form_magnitude
+from vibro_ros.solver.system import System, form_magnitude
 from vibro_ros.solver.typed import Row, part
 
 # A motion that has died away is never quite at rest, because each segment rounds it again. The rounding errors of as

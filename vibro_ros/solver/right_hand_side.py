@@ -4,11 +4,12 @@ In the methods of fixed step a *segment* is a step. A step may be longer than a 
 phase's speed.
 """
 
+from vibro_ros.solver.channels import first_acceleration, first_ramp, first_signal
 from vibro_ros.solver.drive import advance_speed, settling_time
 from vibro_ros.solver.polynomial import value_and_derivatives
 from vibro_ros.solver.segment import advance_ramps, phase_at
 from vibro_ros.solver.state import Drive, State
-from vibro_ros.solver.system import System, first_acceleration, first_ramp, first_signal, form_value
+from vibro_ros.solver.system import System, form_value
 from vibro_ros.solver.taylor import decays, evaluate
 from vibro_ros.solver.typed import Row, part
 

@@ -15,10 +15,11 @@ import math
 
 import numpy as np
 
+from vibro_ros.solver.channels import first_signal
 from vibro_ros.solver.elementary import cos, sin
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.state import MOST_ROTOR_SIGNALS, Motor, State
-from vibro_ros.solver.system import BY_COMMAND, BY_VOLTAGE, Controller, System, first_signal
+from vibro_ros.solver.system import BY_COMMAND, BY_VOLTAGE, Controller, System
 from vibro_ros.solver.typed import Row, Rows, part
 from vibro_ros.solver.vector import LENGTH, Vector, total, vector
 

@@ -7,6 +7,7 @@ The known forcing, periodic signals of the phase and ramps, is written as polyno
 """
 
 
+from vibro_ros.solver.channels import first_ramp, first_signal
 from vibro_ros.solver.drive import (
     advance_speed,
     enter_next_cell,
@@ -18,7 +19,7 @@ from vibro_ros.solver.drive import (
 from vibro_ros.solver.elementary import log
 from vibro_ros.solver.polynomial import SECOND, differentiate, displace, recentre, scale_argument, value
 from vibro_ros.solver.state import Drive, State
-from vibro_ros.solver.system import System, first_ramp, first_signal
+from vibro_ros.solver.system import System
 from vibro_ros.solver.typed import Row, Rows, entry, part
 from vibro_ros.solver.vector import LENGTH, magnitudes, total, vector
 
@@ -64,9 +65,9 @@ def choose_segment(system: System, state: State) -> None:
     segment.mode_start = -1.0
     segment.cell_left = time_to_advance(drive, _cell_width(system, drive) - drive.offset)
     longest = system.longest_segment[state.automaton.mode]
-    duration = min(LONGEST_SEGMENT, segment.cell_left, longest, resolved_time(drive, system.signals.reach[drive.cell]))
-    if drive.time_left > 0.0:
-        duration = min(duration, drive.time_left)
+    duration = min(LONGEST_SEGMENT, segment.cell_left, longest)
+    if drive.time_left > 0.0:  # at a constant speed the signals are polynomials of time over all of the cell
+        duration = min(duration, drive.time_left, resolved_time(drive, system.signals.reach[drive.cell]))
     for k in range(len(state.ramp)):
         if state.ramp[k].rate != 0.0:
             duration = min(duration, state.ramp[k].time_left)
@@ -88,6 +89,10 @@ def _significant_terms(ratio: float) -> int:
     return min(LENGTH, int(_ROUNDING / log(ratio)) + 2) if ratio < 0.17 else LENGTH
 
 
+# A segment is the whole cell if its middle is this close to the cell's, in halves of the cell: some roundings.
+_CENTRED = 1e-15
+
+
 @part
 def _fill_parts(system: System, state: State, polynomials: Rows, middle: float, slope: float,
                 shift_size: float) -> None:
@@ -95,6 +100,10 @@ def _fill_parts(system: System, state: State, polynomials: Rows, middle: float, 
     drive, first = state.drive, first_signal(system.counts[0])
     targets = state.z[first:first + len(polynomials)]
     ratio = 0.5 * _cell_width(system, drive) * abs(slope) * (1.0 + shift_size) / system.signals.reach[drive.cell]
+    if abs(middle) < _CENTRED:
+        for k in range(len(targets)):
+            scale_argument(polynomials[k], slope, targets[k])
+        return
     recentre(polynomials, middle, _significant_terms(ratio), targets)
     for k in range(len(targets)):
         scale_argument(targets[k], slope, targets[k])

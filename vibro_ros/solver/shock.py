@@ -29,10 +29,11 @@ compression ends where y' vanishes. This is an equation for p, whose curvature h
 
 import math
 
+from vibro_ros.solver.channels import first_ramp, first_signal
 from vibro_ros.solver.elementary import exp, expm1, log, log1p
 from vibro_ros.solver.rotor import slope_row
 from vibro_ros.solver.state import State
-from vibro_ros.solver.system import NOTHING, ShockNumbers, System, first_ramp, first_signal
+from vibro_ros.solver.system import NOTHING, ShockNumbers, System
 from vibro_ros.solver.taylor import evaluate
 from vibro_ros.solver.typed import Row, part
 

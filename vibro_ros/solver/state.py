@@ -18,8 +18,9 @@ from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from vibro_ros.solver.channels import channels_of
 from vibro_ros.solver.drive import DRIVE, Drive, command_drive
-from vibro_ros.solver.system import System, channels_of
+from vibro_ros.solver.system import System
 from vibro_ros.solver.typed import Kind, Row, Rows, Rows3, Rows4, record
 from vibro_ros.solver.vector import LENGTH
 
@@ -83,7 +84,7 @@ RAMP = record([
 #: Record of each monitor in `State.monitor`, valid while the monitor is on.
 MONITOR = record([
     ("since", np.float64),  # instant [s] at which the monitor was switched on
-    ("approach", np.float64),  # value of `System.approach` at that instant
+    ("approach", np.float64),  # value of `System.monitors.approach` at that instant
     ("peak", np.float64),  # largest value since then
 ])
 
@@ -127,6 +128,8 @@ class Scratch(NamedTuple):
         For `flow`: components of the free motion at the segment's start ...
     free_at_middle : ndarray, shape (2 * MOST_DYNAMIC,)
         ... and in its middle.
+    terms : ndarray, shape (2, 2 * MOST_DYNAMIC)
+        One term of each component's series, and the next.
     shift : ndarray, shape (LENGTH,)
         Shift of the phase by the change of its speed ...
     displaced : ndarray, shape (2 * LENGTH,)
@@ -164,6 +167,7 @@ class Scratch(NamedTuple):
     load: Rows
     free_at_start: Row
     free_at_middle: Row
+    terms: Rows
     shift: Row
     displaced: Row
     acceleration: Row
@@ -303,6 +307,7 @@ def _scratch(channels: int) -> Scratch:
         load=np.zeros((MOST_DYNAMIC, LENGTH)),
         free_at_start=np.zeros(2 * MOST_DYNAMIC),
         free_at_middle=np.zeros(2 * MOST_DYNAMIC),
+        terms=np.zeros((2, 2 * MOST_DYNAMIC)),
         shift=np.zeros(LENGTH),
         displaced=np.zeros(2 * LENGTH),
         acceleration=np.zeros(LENGTH),
@@ -350,8 +355,8 @@ def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode:
         now=np.zeros(1, NOW),
         ramp=np.zeros(channels.ramps, RAMP),
         mode_point=np.zeros(2 * channels.coordinates),
-        root=np.full(len(system.row), UNKNOWN),
-        monitor=np.zeros(system.monitor.shape[1], MONITOR),
+        root=np.full(len(system.guards.form), UNKNOWN),
+        monitor=np.zeros(system.monitors.quantity.shape[1], MONITOR),
         lowpass=np.zeros(0, LOWPASS),
         library=_empty_library(system),
         scratch=_scratch(channels.count),

@@ -1,4 +1,4 @@
-"""The tables of a piecewise linear system with known forcing, which the event loop integrates.
+"""The tables of a piecewise linear system with known forcing, which the event loop integrates; and linear forms.
 
 Coordinates q obey, in mode m, q'' = A_m z with the *channels*
 
@@ -18,12 +18,11 @@ Every guard is a linear form g = G z that its mode keeps non-negative. Where the
 stops, lets positions and velocities jump if the guard has a jump, and enters the first candidate mode that is valid.
 """
 
-import functools
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from vibro_ros.solver.elementary import exp, log
+from vibro_ros.solver.channels import Counts
 from vibro_ros.solver.typed import (
     Flags,
     Flags2,
@@ -40,135 +39,68 @@ from vibro_ros.solver.typed import (
     record,
 )
 
-
-class Channels(NamedTuple):
-    """Numbers of coordinates and forcing terms, which give the index of each channel in z."""
-
-    coordinates: int
-    dynamic: int
-    signals: int
-    ramps: int
-    decays: int = 0  # or 1
-    signal_accelerations: int = 0  # or as many as signals
-    rotors: int = 0  # or 1: the phase and the charge are the last two dynamic coordinates
-
-    @property
-    def count(self) -> int:  # type: ignore[override]
-        """Length of z."""
-        twice = self.coordinates + self.signals + self.ramps
-        return 2 * twice + self.dynamic + self.signal_accelerations + 2 * self.rotors + self.decays + 1
-
-    def position(self, i: int) -> int:
-        """Channel of coordinate i."""
-        return i
-
-    def velocity(self, i: int) -> int:
-        """Channel of coordinate i's time derivative."""
-        return self.coordinates + i
-
-    def acceleration(self, i: int) -> int:
-        """Channel of dynamic coordinate i's second time derivative."""
-        return 2 * self.coordinates + i
-
-    def signal(self, k: int) -> int:
-        """Channel of signal k."""
-        return 2 * self.coordinates + self.dynamic + k
-
-    def signal_rate(self, k: int) -> int:
-        """Channel of signal k's time derivative."""
-        return self.signal(self.signals) + k
-
-    def signal_acceleration(self, k: int) -> int:
-        """Channel of signal k's second time derivative, if the system has `signal_accelerations`."""
-        return self.signal(2 * self.signals) + k
-
-    def ramp(self, k: int) -> int:
-        """Channel of ramp k."""
-        return self.signal(2 * self.signals) + self.signal_accelerations + k
-
-    def ramp_rate(self, k: int) -> int:
-        """Channel of ramp k's time derivative."""
-        return self.ramp(self.ramps) + k
-
-    @property
-    def phase(self) -> int:
-        """Number of the coordinate that is the phase, in a system with a rotor."""
-        return self.dynamic - 2
-
-    @property
-    def charge(self) -> int:
-        """Number of the coordinate that is the charge, whose rate is the motor's current; with a rotor only."""
-        return self.dynamic - 1
-
-    @property
-    def torque(self) -> int:
-        """Channel of the torque on the phase by the loads of the signals; with a rotor only."""
-        return self.ramp_rate(self.ramps)
-
-    @property
-    def held(self) -> int:
-        """Channel of the voltage or current that the motor is held at until its next sample; with a rotor only."""
-        return self.torque + 1
-
-    @property
-    def decay(self) -> int:
-        """Channel of the decaying term."""
-        return self.count - 2
-
-    @property
-    def one(self) -> int:
-        """Channel of the constant 1."""
-        return self.count - 1
-
-
-#: `Channels` as kernels read it: `system.counts[0].coordinates`.
-COUNTS = record([(name, np.int64) for name in Channels._fields])
-Counts: TypeAlias = Annotated[np.ndarray, Kind(COUNTS, 1)]
-Count: TypeAlias = Annotated[Any, Kind(COUNTS, 0)]
-
-
-def counts_of(channels: Channels) -> np.ndarray:
-    """Return `System.counts` of a system with these channels."""
-    return np.array([tuple(channels)], COUNTS)
-
-
-def channels_of(counts: np.ndarray) -> Channels:
-    """Return the `Channels` of a system with this `System.counts`."""
-    return Channels(*(int(number) for number in counts[0]))
-
-
-# First channels of each kind, for kernels, which cannot call methods.
-
-
-@part
-def first_acceleration(counts: Count) -> int:
-    """Channel of the first dynamic coordinate's acceleration."""
-    return 2 * counts.coordinates
-
-
-@part
-def first_signal(counts: Count) -> int:
-    """Channel of the first signal; those of the signals' rates, and of their accelerations, follow the signals."""
-    return 2 * counts.coordinates + counts.dynamic
-
-
-@part
-def first_ramp(counts: Count) -> int:
-    """Channel of the first ramp; those of the ramps' rates follow the ramps."""
-    return 2 * counts.coordinates + counts.dynamic + 2 * counts.signals + counts.signal_accelerations
-
-
-#: Half a segment over the distance to the signals' nearest singularity, because 0.225^LENGTH is rounding. With 0.22 a
-#: cell of the shipped mechanism would take three segments in place of two.
+#: Half a segment at a changing speed over the distance to the signals' nearest singularity, because 0.225^LENGTH is
+#: rounding. With 0.22 a cell of the shipped mechanism would take three segments in place of two.
 STRIDE = 0.225
 #: Half a cell over the distance from its middle to that singularity; economization leaves out 4.2^-LENGTH, rounding.
 CELL_STRIDE = 0.45
-#: Half the longest segment in units of the mode's fastest time constant: 1.7^LENGTH / LENGTH! is below rounding.
-RATE_LIMIT = 1.7
-#: Entry of a table that means no row, no jump, no monitor, no event, or no (more) candidates.
+#: In a table of indices: no (more) row, channel, candidate, jump, monitor, event or coordinate. What it means in each
+#: table stands with the table.
 NOTHING = -1
-#: `System.guard_effect` of a guard whose candidates need not satisfy any guard.
+#: `GuardTable.effect` of a guard whose candidates need not satisfy any guard of its effect.
 UNCHECKED = -2
+
+
+class GuardTable(NamedTuple):
+    """The guards of all modes: when a mode ends, and which mode follows. m modes have at most g guards with c
+    candidates, which share linear forms."""
+
+    # Distinct rows of G, shape (rows, channels); the channels that they read, padded with `NOTHING`; and whether they
+    # read a coordinate that is not dynamic, shape (rows,).
+    form: Rows
+    terms: Indices2
+    driven: Flags
+    # Row of each guard, shape (m, g); `NOTHING` after the last guard of a mode.
+    row: Indices2
+    # Effect that the guard belongs to, shape (m, g); `NOTHING` after the last guard. A candidate must satisfy its own
+    # guards of the same effect, because only this effect changes. `UNCHECKED`: the `entry` rows alone decide.
+    effect: Indices2
+    # Modes to try when the guard fires, shape (m, g, c), `NOTHING` after the last; the last is entered when no other is
+    # valid. A guard without a candidate ends the system: the caller goes on with another one.
+    candidate: Indices3
+    # Rows that must not be negative, before the jump, for the candidate to be entered, shape (m, g, c, n); else
+    # `NOTHING`.
+    entry: Indices4
+    # Number of the `jump_matrix` by which the coordinates jump on the way to the candidate, shape (m, g, c); `NOTHING`
+    # if they go on as they are, or jump by a shock (`Shock.candidate`).
+    jump: Indices3
+    # Rows of the positions and velocities after a jump, shape (jumps, 2 coordinates, channels).
+    jump_matrix: Rows3
+    # Monitor for which the guard records a blow without duration, shape (m, g); `NOTHING` if it is no blow.
+    blow_monitor: Indices2
+    # Kind of the event recorded when the guard fires and `EventTable.kind` has none, shape (m, g), or `NOTHING`.
+    event: Indices2
+
+
+class EventTable(NamedTuple):
+    """The events that a change of mode records."""
+
+    # Kind of the event when the mode changes from the first to the second, shape (m, m), or `NOTHING`.
+    kind: Indices2
+    # Row of the quantity recorded with an event of that kind, before the jump, shape (kinds, channels).
+    quantity: Rows
+
+
+class MonitorTable(NamedTuple):
+    """The k monitors, which record the peak of a quantity, such as a contact force, while they are on."""
+
+    # Rows of the quantities, shape (m, k, channels), and the channels that they read, padded with `NOTHING`.
+    quantity: Rows3
+    terms: Indices3
+    # Whether monitor k is on in the mode, shape (m, k).
+    active: Flags2
+    # Row of the quantity recorded when the monitor is switched on, such as the approach speed, shape (k, channels).
+    approach: Rows
 
 
 class SignalTable(NamedTuple):
@@ -351,256 +283,29 @@ class AccountTable(NamedTuple):
 
 
 class System(NamedTuple):
-    """The tables of a piecewise linear system; m modes of at most g guards with c candidates, k monitors.
+    """The tables of a piecewise linear system of m modes."""
 
-    Attributes
-    ----------
-    counts : ndarray of COUNTS, shape (1,)
-        Numbers of coordinates, dynamic coordinates, signals, ramps, decaying terms and accelerations of signals.
-    equations : ndarray, shape (m, coordinates, channels)
-        Rows of A.
-    flow : ndarray of int, shape (m,)
-        Equal for modes whose dynamic coordinates obey the same equations.
-    coupled : ndarray of bool, shape (m,)
-        Whether dynamic coordinates enter each other's equations.
-    longest_segment : ndarray, shape (m,)
-        Longest segment [s] that the series of the mode's flow resolves to rounding.
-    reads_all : ndarray of int, shape (m, coordinates, channels)
-        Channels that the rows of A read, padded with `NOTHING`.
-    reads_forcing : ndarray of int, shape (m, coordinates, channels)
-        As `reads_all`, but for the rows of dynamic coordinates only the forcing of their linear flow.
-    row : ndarray, shape (rows, channels)
-        Distinct rows of G.
-    row_terms : ndarray of int, shape (rows, channels)
-        Channels that the rows of G read, padded with `NOTHING`.
-    driven : ndarray of bool, shape (rows,)
-        Whether the row reads a coordinate that is not dynamic.
-    guard : ndarray of int, shape (m, g)
-        Row of each guard of each mode, padded with `NOTHING`.
-    guard_effect : ndarray of int, shape (m, g)
-        Effect that the guard belongs to, padded with `NOTHING`. A candidate must satisfy its own guards of the same
-        effect, because only this effect changes. `UNCHECKED`: the candidates' `entry` rows alone decide.
-    candidate : ndarray of int, shape (m, g, c)
-        Modes to try when the guard fires, padded with `NOTHING`; the last is entered when no other is valid. A guard
-        without a candidate ends the system: the caller goes on with another one.
-    entry : ndarray of int, shape (m, g, c, n)
-        Rows that must not be negative, before the jump, for the candidate to be entered, padded with `NOTHING`.
-    jump : ndarray of int, shape (m, g, c)
-        Number of the `jump_matrix` by which the coordinates jump on the way to the candidate, or `NOTHING`.
-    jump_matrix : ndarray, shape (jumps, 2 coordinates, channels)
-        Rows of the positions and velocities after a jump.
-    blow_monitor : ndarray of int, shape (m, g)
-        Monitor for which the guard records a blow without duration, or `NOTHING`.
-    guard_event : ndarray of int, shape (m, g)
-        Kind of the event recorded when the guard fires and `event_kind` has none, or `NOTHING`.
-    mode_after_ramp_change : ndarray of int, shape (m, k)
-        Mode that follows when the rate of ramp k changes.
-    event_kind : ndarray of int, shape (m, m)
-        Kind of the event recorded when the mode changes from the first to the second, or `NOTHING`.
-    event_quantity : ndarray, shape (kinds, channels)
-        Row of the quantity recorded with an event of that kind, before the jump.
-    monitor : ndarray, shape (m, k, channels)
-        Rows of the quantities whose peaks are recorded while their monitor is on, such as contact forces.
-    monitor_terms : ndarray of int, shape (m, k, channels)
-        Channels that the rows of `monitor` read, padded with `NOTHING`.
-    monitored : ndarray of bool, shape (m, k)
-        Whether monitor k is on in the mode.
-    approach : ndarray, shape (k, channels)
-        Row of the quantity recorded when the monitor is switched on, such as the approach speed.
-    accounts : AccountTable
-        The energy accounts.
-    signals : SignalTable
-        The periodic signals.
-    decay : Decay
-        The decaying term.
-    rotor : Rotor
-        The phase as a coordinate.
-    shock : Shock
-        The shocks that no jump matrix gives.
-    """
-
-    counts: Counts
-    equations: Rows3
+    counts: Counts  # one record: numbers of coordinates, signals, ramps and other channels
+    equations: Rows3  # rows of A, shape (m, coordinates, channels)
+    # Of each mode, shape (m,): a number that modes share whose dynamic coordinates obey the same equations; whether
+    # dynamic coordinates enter each other's equations; the longest segment [s] that the series of the flow resolve.
     flow: Indices
     coupled: Flags
     longest_segment: Row
+    # Channels that the rows of A read, padded with `NOTHING`; and the same, but for the rows of dynamic coordinates
+    # only the forcing of their linear flow.
     reads_all: Indices3
     reads_forcing: Indices3
-    row: Rows
-    row_terms: Indices2
-    driven: Flags
-    guard: Indices2
-    guard_effect: Indices2
-    candidate: Indices3
-    entry: Indices4
-    jump: Indices3
-    jump_matrix: Rows3
-    blow_monitor: Indices2
-    guard_event: Indices2
+    guards: GuardTable
+    # Mode that follows when the rate of a ramp changes, shape (m, ramps).
     mode_after_ramp_change: Indices2
-    event_kind: Indices2
-    event_quantity: Rows
-    monitor: Rows3
-    monitor_terms: Indices3
-    monitored: Flags2
-    approach: Rows
+    events: EventTable
+    monitors: MonitorTable
     accounts: AccountTable
     signals: SignalTable
     decay: Decay
     rotor: Rotor
     shock: Shock
-
-
-
-def no_rotor(count: int) -> Rotor:
-    """Return `System.rotor` of a system of `count` channels whose phase is known in time."""
-    forms, row = np.empty((0, 0, count)), np.empty((0, count))
-    return Rotor(np.empty((0, 4)), forms, terms(forms), row, terms(row), np.empty(0, bool), np.empty(0, CONTROLLER))
-
-
-def no_shock() -> Shock:
-    """Return `System.shock` of a system whose jumps are all linear forms."""
-    return Shock(np.empty(0, SHOCK), np.empty((0, 0, 2)), np.empty(0), np.empty((0, 2)),
-                 np.empty((0, 0, 0), dtype=np.int64))
-
-
-def terms(forms: np.ndarray) -> np.ndarray:
-    """Return the indices of the nonzero entries of each form, padded with `NOTHING`; shape as `forms`."""
-    return _terms_by_zeros((forms == 0.0).tobytes(), forms.shape)
-
-
-@functools.lru_cache(maxsize=64)
-def _terms_by_zeros(zeros: bytes, shape: tuple[int, ...]) -> np.ndarray:
-    """Return `terms` of forms with these zeros; cached, because all systems of a sweep have the same zeros."""
-    zero = np.frombuffer(zeros, dtype=bool).reshape(shape)
-    order = np.argsort(zero, axis=-1, kind="stable")
-    return np.where(np.take_along_axis(zero, order, axis=-1), NOTHING, order)
-
-
-def equation_terms(acceleration: np.ndarray, channels: Channels) -> np.ndarray:
-    """Return `System.reads_forcing` of `System.equations`.
-
-    Raises
-    ------
-    ValueError
-        If a dynamic coordinate's row reads a driven coordinate or an acceleration, which the flow does not contain: the
-        equations must have these eliminated.
-    """
-    forcing = acceleration.copy()
-    read = np.asarray(acceleration[:, :channels.dynamic, :channels.signal(0)].any(axis=(0, 1)))
-    read[:channels.dynamic] = read[channels.velocity(0):channels.velocity(channels.dynamic)] = False
-    if read.any():
-        raise ValueError(f"rows of dynamic coordinates read channels {np.flatnonzero(read)}, which no flow sees")
-    if channels.decays:
-        forcing[:, :channels.dynamic, channels.decay] = 0.0
-    forcing[:, :channels.dynamic, :channels.signal(0)] = 0.0
-    return terms(forcing)
-
-
-def longest_segments(acceleration: np.ndarray, channels: Channels) -> np.ndarray:
-    """Return the longest segment of each mode [s], from the fastest eigenvalue of its dynamic coordinates.
-
-    Parameters
-    ----------
-    acceleration : ndarray, shape (m, coordinates, channels)
-        Rows of A.
-    channels : Channels
-        Layout of the rows.
-
-    Returns
-    -------
-    ndarray, shape (m,)
-        Infinite for a mode without an eigenvalue other than zero.
-    """
-    positions, velocities = _own_rows(acceleration, channels)
-    numbers = flow_numbers(np.concatenate([positions, velocities], axis=2))
-    first = np.unique(numbers, return_index=True)[1]
-    with np.errstate(divide="ignore"):
-        return (2.0 * RATE_LIMIT / fastest_rates(positions[first], velocities[first]))[numbers]
-
-
-def fastest_rates(positions: np.ndarray, velocities: np.ndarray) -> np.ndarray:
-    """Return the fastest eigenvalue of each mode [1/s], or a close upper bound where coordinates are coupled.
-
-    Parameters
-    ----------
-    positions : ndarray, shape (m, n, n)
-        K [1/s²] of the equations q'' = K q + C q' of each mode's n coordinates.
-    velocities : ndarray, shape (m, n, n)
-        C [1/s] of these equations.
-
-    Returns
-    -------
-    ndarray, shape (m,)
-        0 for a mode without an eigenvalue other than zero.
-    """
-    fastest, coupled = _fastest_own_rates(positions, velocities), _are_coupled(positions, velocities)
-    if coupled.any():
-        fastest[coupled] = _fastest_coupled_rates(positions[coupled], velocities[coupled])
-    return fastest
-
-
-def _fastest_own_rates(positions: np.ndarray, velocities: np.ndarray) -> np.ndarray:
-    """Return the fastest eigenvalue of each mode [1/s], as if no coordinate entered the equation of another one.
-
-    Coordinate i has the equation q'' = k q + c q', with k = positions[:, i, i] and c = velocities[:, i, i].
-    """
-    own = np.arange(positions.shape[1])
-    k, half = positions[:, own, own], abs(0.5 * velocities[:, own, own])
-    square = half * half + k
-    oscillates = square < 0.0
-    rates = np.sqrt(np.where(oscillates, -k, square)) + np.where(oscillates, 0.0, half)
-    return rates.max(axis=1, initial=0.0)
-
-
-# The bound by the power 2^n is too large by the 2^n-th root of the condition of the matrix, some tenths of a percent.
-_SQUARINGS = 10
-
-
-def _fastest_coupled_rates(positions: np.ndarray, velocities: np.ndarray) -> np.ndarray:
-    """Return a close upper bound of the fastest eigenvalue of each mode [1/s].
-
-    No eigenvalue of a matrix exceeds the k-th root of a norm of its k-th power, and this root converges to the largest
-    one as k grows (I. Gelfand). Powers need only products and sums, whose order is fixed, unlike LAPACK's.
-    """
-    n = positions.shape[1]
-    scale = np.sqrt(abs(positions).max(axis=(1, 2)))[:, None, None]  # of the rates, so that all entries are comparable
-    scale[scale == 0.0] = 1.0
-    power = np.zeros((len(positions), 2 * n, 2 * n))
-    power[:, :n, n:], power[:, n:, :n], power[:, n:, n:] = np.eye(n) * scale, positions / scale, velocities
-    exponent, share = np.zeros(len(power)), 1.0
-    for _ in range(_SQUARINGS):
-        size = abs(power).max(axis=(1, 2))
-        exponent += share * np.array([log(number) for number in size.tolist()])
-        power /= np.where(size > 0.0, size, 1.0)[:, None, None]
-        power = np.asarray(sum(power[:, :, j, None] * power[:, None, j, :] for j in range(2 * n)))
-        share *= 0.5
-    norm = 2 * n * abs(power).max(axis=(1, 2))  # at least the sum of any row's magnitudes
-    return np.array([exp(one + share * log(number)) for one, number in zip(
-        exponent.tolist(), norm.tolist(), strict=True)])
-
-
-def couplings(acceleration: np.ndarray, channels: Channels) -> np.ndarray:
-    """Return whether a dynamic coordinate of the mode enters the equation of another one; shape (m,)."""
-    return _are_coupled(*_own_rows(acceleration, channels))
-
-
-def _are_coupled(positions: np.ndarray, velocities: np.ndarray) -> np.ndarray:
-    """Return whether a coordinate enters the equation of another one in each mode; shape (m,)."""
-    different = ~np.eye(positions.shape[1], dtype=bool)
-    return np.asarray(positions[:, different].any(axis=1) | velocities[:, different].any(axis=1))
-
-
-def _own_rows(acceleration: np.ndarray, channels: Channels) -> tuple[np.ndarray, np.ndarray]:
-    """Return the parts of A by which dynamic coordinates depend on each other's positions and velocities."""
-    n, velocity = channels.dynamic, channels.velocity(0)
-    return acceleration[:, :n, :n], acceleration[:, :n, velocity:velocity + n]
-
-
-def flow_numbers(equations: np.ndarray) -> np.ndarray:
-    """Return a number for each mode, shape (m,), equal for equal `equations`, shape (m, rows, channels)."""
-    numbers: dict[bytes, int] = {}
-    return np.array([numbers.setdefault(rows.tobytes(), len(numbers)) for rows in equations])
 
 
 @entry

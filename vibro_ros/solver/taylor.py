@@ -23,6 +23,8 @@ import math
 
 import numpy as np
 
+from vibro_ros.solver.channels import first_acceleration, first_ramp, first_signal
+from vibro_ros.solver.drive import resolved_time
 from vibro_ros.solver.elementary import exp, log
 from vibro_ros.solver.guards import NO_ROOT, NOISE, first_root
 from vibro_ros.solver.polynomial import differentiate, recentre, scale_argument
@@ -38,15 +40,7 @@ from vibro_ros.solver.rotor import (
 )
 from vibro_ros.solver.segment import choose_segment, fill_forcing
 from vibro_ros.solver.state import MOST_DYNAMIC, State
-from vibro_ros.solver.system import (
-    NOTHING,
-    System,
-    first_acceleration,
-    first_ramp,
-    first_signal,
-    form_magnitude,
-    sparse_magnitude,
-)
+from vibro_ros.solver.system import NOTHING, System, form_magnitude, sparse_magnitude
 from vibro_ros.solver.typed import Indices, Row, Rows, entry, part
 from vibro_ros.solver.vector import LENGTH, as_column, store, vector
 
@@ -116,7 +110,7 @@ def _respond(system: System, mode: int, series: Rows, of_phase: bool, has_term: 
     (`of_phase`), or of d; return the response of the torque and of f."""
     counts, torque, factor = system.counts[0], 0.0, 0.0
     first, of_signals = first_acceleration(counts), first_signal(counts) + 2 * counts.signals
-    masses, decay = counts.dynamic - 2 * counts.rotors, system.row.shape[1] - 2
+    masses, decay = counts.dynamic - 2 * counts.rotors, system.guards.form.shape[1] - 2
     shaken = counts.signals if of_phase and counts.signal_accelerations > 0 else 0
     for i in range(masses):
         response[i] = 0.0 if of_phase else system.equations[mode, i, decay]
@@ -368,7 +362,8 @@ def solve_by_taylor(system: System, state: State, point: Row) -> None:
         segment.mode_start = -1.0
     else:
         choose_segment(system, state)
-        longest = trial = 2.0 * segment.half
+        longest = trial = min(2.0 * segment.half, resolved_time(state.drive, system.signals.reach[state.drive.cell]))
+        segment.half = 0.5 * trial
         _fill_known_forcing(system, state, trial)
     for channel in range(2 * counts.coordinates):
         z[channel, 0] = point[channel]

@@ -66,6 +66,9 @@ if not PLAIN:
             "need a C++ compiler and Python's headers (Debian, Ubuntu: apt install g++ python3-dev), or set "
             "VIBRO_ROS_PLAIN=1, with which kernels run as plain Python, about a thousand times slower") from None
 
+#: Returns the address of a contiguous array's first element; numpy's own way, `ctypes.data`, takes five times as long.
+address_of: Callable[[np.ndarray], int] = (lambda array: array.ctypes.data) if PLAIN else _core.address
+
 
 def part(function: Function) -> Function:
     """Declare a function that kernels may call; it becomes a part of them."""

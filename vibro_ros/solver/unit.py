@@ -27,8 +27,8 @@ from vibro_ros.solver.layout import kinds_of, parts_of  # noqa: E402
 from vibro_ros.solver.typed import Kind  # noqa: E402
 
 #: Modules with kernels.
-MODULES = ("elementary", "system", "polynomial", "drive", "segment", "flow", "guards", "rest", "rotor", "taylor",
-           "shock", "events", "energy", "lowpass", "event_loop", "right_hand_side", "fixed_step", "readout")
+MODULES = ("elementary", "channels", "system", "polynomial", "drive", "segment", "flow", "guards", "rest", "rotor",
+           "taylor", "shock", "events", "energy", "lowpass", "event_loop", "right_hand_side", "fixed_step", "readout")
 #: Named tuples that entries take by their layout.
 _LAID = ("System", "State", "Step")
 
@@ -80,6 +80,15 @@ cdef size_t address_of(array, long* lengths, int dimensions, Py_ssize_t size) ex
     if not fits:
         raise TypeError("an array has another type or other dimensions than the kernel takes")
     return address
+
+
+def address(array):
+    """Return the address of a contiguous array."""
+    cdef Py_buffer buffer
+    PyObject_GetBuffer(array, &buffer, PyBUF_ND)
+    cdef size_t result = <size_t> buffer.buf
+    PyBuffer_Release(&buffer)
+    return result
 
 
 def has_wide_registers():

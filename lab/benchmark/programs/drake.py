@@ -95,6 +95,6 @@ def prepare(problem, setting):
         for time in problem.times:
             simulator.AdvanceTo(time)
             rows.append(context.get_continuous_state_vector().CopyToVector())
-        return Answer(np.array(rows), callbacks=callbacks.seconds)
+        return Answer(lambda: np.array(rows), callbacks=callbacks.seconds)
 
     return run

@@ -54,7 +54,7 @@ def prepare(problem, setting):
             found = robot.integrate(problem.times, commands)
         except (RuntimeError, ValueError) as error:
             raise UnableError(f"heyoka: {error}") from error
-        return Answer(found.samples, ordered_events(found.events))
+        return Answer(found.samples, lambda: ordered_events(found.events))
 
     return run
 
@@ -86,11 +86,11 @@ def _ball(problem, setting):
             rows[done:done + len(found), 6:] = found
             done += len(found)
             if outcome == hy.taylor_outcome.time_limit:
-                return Answer(rows, event_array(landings))
+                return Answer(rows, lambda: event_array(landings))
             fall = -integrator.state[1]
             landings.append((integrator.time, "landing"))
             if tuned and fall <= setting.value:
-                return Answer(rows, event_array(landings))
+                return Answer(rows, lambda: event_array(landings))
             integrator.state[:] = _ABOVE, restitution * fall
             longest = 3.0 * restitution * fall / gravity if tuned else math.inf
         raise UnableError(f"landings without end at {integrator.time:.6g} s")

@@ -12,7 +12,7 @@ because a program may need another Python.
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -44,18 +44,31 @@ class Setting(NamedTuple):
     is_step: bool = False
 
 
-@dataclass(frozen=True)
 class Answer:
-    """Result of a run of a program."""
+    """Result of a run of a program.
 
-    # Positions and velocities at the requested instants [m, m/s], shape (n, 8), in the columns `COLUMNS`; zero for
-    # coordinates that the problem does not have.
-    samples: np.ndarray
-    # `time` [s] and `kind` of the contacts and of the body's changes of state, ordered by time; None from a program
-    # that locates no events.
-    events: np.ndarray | None = None
-    # Returns the part of the run's wall time [s] spent in Python functions that the program calls back.
-    callbacks: Callable[[], float] | None = None
+    A program may give `samples` and `events` as functions without arguments, which are called when the attribute is
+    first read, so that converting a result to this form is not timed as part of the run.
+    """
+
+    def __init__(self, samples: np.ndarray | Callable[[], np.ndarray],
+                 events: np.ndarray | Callable[[], np.ndarray] | None = None,
+                 callbacks: Callable[[], float] | None = None):
+        self._samples, self._events = samples, events
+        # Returns the part of the run's wall time [s] spent in Python functions that the program calls back.
+        self.callbacks = callbacks
+
+    @cached_property
+    def samples(self) -> np.ndarray:
+        """Positions and velocities at the requested instants [m, m/s], shape (n, 8), in the columns `COLUMNS`; zero for
+        coordinates that the problem does not have."""
+        return self._samples() if callable(self._samples) else self._samples
+
+    @cached_property
+    def events(self) -> np.ndarray | None:
+        """`time` [s] and `kind` of the contacts and of the body's changes of state, ordered by time; None from a
+        program that locates no events."""
+        return self._events() if callable(self._events) else self._events
 
 
 class Program(NamedTuple):
@@ -91,10 +104,7 @@ def event_array(events: Iterable[tuple[float, str]]) -> np.ndarray:
 
 
 def ordered_events(events: np.ndarray) -> np.ndarray:
-    """Return records with the fields `time` and `kind` as an array for `Answer.events`, ordered by time.
-
-    Whole columns are copied, because a loop over thousands of records would be timed as the program's own.
-    """
+    """Return records with the fields `time` and `kind` as an array for `Answer.events`, ordered by time."""
     ordered = np.empty(len(events), EVENT_DTYPE)
     order = np.argsort(events["time"], kind="stable")
     for name in ("time", "kind"):
@@ -132,8 +142,8 @@ def _device_run(method: str, scene: "Scene", times: np.ndarray, value: float) ->
         except SimulationError as error:
             raise UnableError(str(error)) from error
         events = device.take_events()
-        return Answer(np.stack([getattr(samples, column) for column in COLUMNS], axis=1),
-                      ordered_events(events[~np.isin(events["kind"], _FORCING_EVENTS)]))
+        return Answer(lambda: np.stack([getattr(samples, column) for column in COLUMNS], axis=1),
+                      lambda: ordered_events(events[~np.isin(events["kind"], _FORCING_EVENTS)]))
 
     return run
 
