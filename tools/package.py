@@ -81,7 +81,9 @@ def try_installed(programs: Path, folder: Path) -> None:
     (bag,) = folder.glob("vibro_robot_*")
     for program in ("report", "replay", "view"):
         _run([programs / program, bag], folder, environment)
-    _run([programs / "study", "sweep", "--vary", "guide.angle=1.0:1.2:2", "--output", "sweep"], folder, environment)
+    _run([programs / "study", "sweep", "--scene", "device", "--set", "motor.speed=100", "--vary",
+          "guide.angle=1.0:1.2:2", "--output", "sweep"],
+         folder, environment)
 
 
 def _run(command: list, folder: Path = ROOT, environment: Mapping[str, str] = os.environ) -> None:
