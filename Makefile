@@ -41,7 +41,7 @@ $(PACKAGES): another-python
 endif
 endif
 
-.PHONY: help setup demo view test test-slow check lint conflict-markers site package bench benchmark study documents accuracy paper literature map picture clean another-python
+.PHONY: help setup demo view test test-slow test-settings check lint conflict-markers site package bench benchmark study documents accuracy paper literature map picture clean another-python
 
 help:  ## list these commands
 	@sed -n 's/^\([a-z -]*\):[^#]*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -65,7 +65,10 @@ test: $(READY) $(TYPES) $(NEEDED)  ## run the tests, four at a time, and those t
 	@$(BIN)/python -m pytest -m quiet $$(grep -rl --include='*.py' 'mark\.quiet' $(TESTS))
 
 test-slow: $(READY) $(TYPES) $(NEEDED)  ## run the tests of installation, documents, notebooks and demonstration as well
-	@$(BIN)/python -m pytest --numprocesses 2 --dist loadfile -m slow $(TESTS)
+	@$(BIN)/python -m pytest --numprocesses 2 --dist loadfile -m "slow and not settings" $(TESTS)
+
+test-settings: $(READY) $(TYPES) $(NEEDED)  ## halve and double each setting of fit, twin, map and continuation: an hour, for who changes one of them
+	@$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -m settings lab/test
 
 # The rooms in which most changes are made; of them the tests without the mark `process`. They run as on a robot without the lab:
 # the folder's sitecustomize.py refuses the lab and what only the lab needs, in every Python that they start.

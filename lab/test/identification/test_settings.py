@@ -39,6 +39,7 @@ def scaled(value, name, factor):
 
 
 @pytest.mark.slow
+@pytest.mark.settings
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 @pytest.mark.parametrize("name", [field.name for field in fields(FitSettings)])
 def test_half_and_twice_a_setting_lead_to_the_same_robot(bags, name, factor):

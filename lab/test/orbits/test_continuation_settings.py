@@ -55,6 +55,7 @@ def scaled(value, factor):
 
 
 @pytest.mark.slow
+@pytest.mark.settings
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 @pytest.mark.parametrize("name", [field.name for field in fields(ContinuationSettings)])
 def test_no_special_point_depends_on_a_setting(name, factor, orbits, usual):

@@ -28,6 +28,7 @@ def usual():
 
 
 @pytest.mark.slow
+@pytest.mark.settings
 @pytest.mark.parametrize(("name", "factor"), [
     (field.name, factor) for field in fields(MapSettings) for factor in (0.5, 2.0)
     if (field.name, factor) != ("phase", 2.0)])  # the crank angle 0, where plates are touched: see `MapSettings`

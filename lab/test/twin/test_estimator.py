@@ -115,15 +115,11 @@ def test_variance_grows_with_what_the_scene_lacks(robot, difference):
     assert np.mean(ratios > 0.3) >= 0.3  # nor is the variance a number that every error is smaller than
 
 
-NEEDED: dict[str, int] = {}
-"""Numbers of verdicts that change when a setting is halved and doubled; of the others all stand."""
-
-
 @pytest.mark.slow
+@pytest.mark.settings
 @pytest.mark.parametrize("name", [field.name for field in fields(Settings)])
 def test_verdicts_stand_when_a_setting_is_halved_and_doubled(name):
-    changes = changed_verdicts(name)
-    assert len(changes) == NEEDED.get(name, 0), changes
+    assert changed_verdicts(name) == []
 
 
 def test_nothing_is_said_of_a_robot_that_keeps_to_the_model(ordinary):
