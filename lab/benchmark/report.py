@@ -185,10 +185,10 @@ def heyoka_sentence(scenes: Mapping[str, Sequence[Row]]) -> str:
         both = {name: rows["heyoka"].wall_time / rows["exact"].wall_time for name, rows in able.items()
                 if {"heyoka", "exact"} <= rows.keys()}
         cheaper = {name: ratio for name, ratio in both.items() if ratio < 1.0}
-        where = ", ".join(f"`{name}` ({two_digits(ratio)} of the time)" for name, ratio in sorted(cheaper.items()))
+        where = ", ".join(f"`{name}` ({two_digits(ratio)})" for name, ratio in sorted(cheaper.items()))
         parts.append(f"over {horizon:g} s on {where or 'none'} of {len(both)} scenes")
-    return (f"heyoka, a general Taylor integrator, keeps every position to {EXACT_TOLERANCE:g} m as `exact` does and "
-            f"takes less time, set-up included, {'; '.join(parts)}.")
+    return (f"heyoka, a general Taylor integrator, keeps {EXACT_TOLERANCE:g} m as `exact` does in less time (share of "
+            f"it, with set-up) {'; '.join(parts)}.")
 
 
 def known_to(scenes: Mapping[str, Sequence[Row]]) -> str:
