@@ -153,8 +153,8 @@ def locate_zero(before: BranchPoint, after: BranchPoint, test: Callable[[BranchP
             low, at_low, at_high, low_point = middle, at, 0.5 * at_high, point
         else:
             high, at_high, at_low, high_point = middle, at, 0.5 * at_low, point
-        if at == 0.0 or abs(low_point.unknowns[-1] - high_point.unknowns[-1]) < 1e-15:
-            break
+        if at == 0.0 or np.abs(low_point.unknowns - high_point.unknowns).max() < 1e-15:
+            break  # not where the parameter alone is equal, as it is on both sides of a fold
     best = low_point if abs(test(low_point)) < abs(test(high_point)) else high_point
     width = _width(low_point, high_point, (high - low) * length)
     return best, family.span(width)
