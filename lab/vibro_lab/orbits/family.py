@@ -66,6 +66,7 @@ class ContinuationSettings:
     circle: float = 1e-3  # largest distance from 1 of the magnitude of a Neimark-Sacker point's multipliers
     compared_arc: float = 1e-5  # beyond an edge, where the other side is compared with this one
     smooth_change: float = 5e-3  # largest changes there of the tangent (1 - cosine) and of multipliers, if smooth
+    # Doubled, it takes a corner of `device` for smooth; of all settings that are halved and doubled this one matters.
 
 
 class Family:
