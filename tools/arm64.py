@@ -51,8 +51,9 @@ def _digests(folder: Path, names: Sequence[str]) -> str:
     _run(["aarch64-linux-gnu-g++", *_flags(), *(f"-I{path}" for path in includes), "-idirafter",
           debian / "usr" / "include", "-shared", "-fPIC", unit / "core.cpp", "-o",
           copy / "vibro_ros" / "solver" / f"core.cpython-{PYTHON.replace('.', '')}-aarch64-linux-gnu.so"])
-    found = {"PYTHONPATH": f"{copy}{os.pathsep}{site}", "PYTHONDONTWRITEBYTECODE": "1"}
-    return _run(["qemu-aarch64", "-L", debian, debian / "usr" / "bin" / f"python{PYTHON}", DIGESTS, *names], found)
+    environment = {"PYTHONPATH": f"{copy}{os.pathsep}{site}", "PYTHONDONTWRITEBYTECODE": "1"}
+    return _run(["qemu-aarch64", "-L", debian, debian / "usr" / "bin" / f"python{PYTHON}", DIGESTS, *names],
+                environment)
 
 
 def _flags() -> list[str]:

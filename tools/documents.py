@@ -118,7 +118,8 @@ def main(words: Sequence[str]) -> int:
     parser.add_argument("--check", action="store_true", help="only name the stale pages")
     options = parser.parse_args(words)
     if not options.check:
-        return make(options.names or [*(name for name, one in DOCUMENTS.items() if not one.measured), *stale()])
+        quick = [name for name, document in DOCUMENTS.items() if not document.measured]
+        return make(options.names or [*quick, *stale()])
     for name in stale():
         document = DOCUMENTS[name]
         print(f"{document.page}: what decides the numbers of {name} has changed; `make documents ONLY={name}` makes "
@@ -269,7 +270,7 @@ def _structure(node: object, local: Mapping[str, str]) -> str:
     the same for every Python.
     """
     if isinstance(node, list):
-        return f"[{' '.join(_structure(one, local) for one in node if not _is_docstring(one))}]"
+        return f"[{' '.join(_structure(part, local) for part in node if not _is_docstring(part))}]"
     if isinstance(node, ast.arg):
         return local[node.arg]
     if isinstance(node, ast.Name):

@@ -65,34 +65,34 @@ def main(words: Sequence[str]) -> int:
     if options.bare:
         return _publish(options.bare, options.namespace, options.part)
     cases = [(rate, case) for rate in RATES for case in (BARE, *SPEEDS)] + [(PARTS_RATE, part) for part in PARTS]
-    found: dict[tuple[float, str], list[float]] = {case: [] for case in cases}
+    shares_of: dict[tuple[float, str], list[float]] = {case: [] for case in cases}
     for rate, case in tqdm(cases * ROUNDS, unit="process", disable=None):
-        found[rate, case].append(_share(rate, case))
-    print(f"{table(found)}\n\n{parts_table(found)}\n\n{starts()}")
+        shares_of[rate, case].append(_share(rate, case))
+    print(f"{table(shares_of)}\n\n{parts_table(shares_of)}\n\n{starts()}")
     return 0
 
 
-def table(found: Mapping[tuple[float, str], Sequence[float]]) -> str:
+def table(shares_of: Mapping[tuple[float, str], Sequence[float]]) -> str:
     """Return the table of loads in Markdown: medians over the rounds of core shares and of ratios to the bare node."""
     rows = ["| rate | bare node | robot | of a core | bare node = 1 |", "|---" * 5 + "|"]
-    for rate in dict.fromkeys(rate for rate, _ in found):
-        bare = found[rate, BARE]
+    for rate in dict.fromkeys(rate for rate, _ in shares_of):
+        bare = shares_of[rate, BARE]
         for case in SPEEDS:
-            robot = found[rate, case]
-            ratio = statistics.median(one / other for one, other in zip(robot, bare, strict=True))
+            robot = shares_of[rate, case]
+            ratio = statistics.median(of_robot / of_bare for of_robot, of_bare in zip(robot, bare, strict=True))
             rows.append(f"| {rate:g} Hz | {100.0 * statistics.median(bare):.1f} % | {case} | "
                         f"{100.0 * statistics.median(robot):.1f} % | {ratio:.2f} |")
     return "\n".join([*rows, "", f"medians of {len(bare)} rounds"])
 
 
-def parts_table(found: Mapping[tuple[float, str], Sequence[float]]) -> str:
+def parts_table(shares_of: Mapping[tuple[float, str], Sequence[float]]) -> str:
     """Return the table of parts in Markdown: medians over the rounds of core shares and of ratios to the bare node."""
     rows = [f"| part of the robot at {PARTS_RATE:g} Hz | of a core | bare node = 1 |", "|---" * 3 + "|"]
-    bare, running = (found[PARTS_RATE, case] for case in (BARE, "running"))
-    upto = [[0.0] * len(bare), *(found[PARTS_RATE, part] for part in PARTS), running]
+    bare, running = (shares_of[PARTS_RATE, case] for case in (BARE, "running"))
+    upto = [[0.0] * len(bare), *(shares_of[PARTS_RATE, part] for part in PARTS), running]
     for name, (before, after) in zip((*PARTS, "the rest"), pairwise(upto), strict=True):
-        shares = [one - other for one, other in zip(after, before, strict=True)]
-        ratio = statistics.median(share / other for share, other in zip(shares, bare, strict=True))
+        shares = [with_part - without for with_part, without in zip(after, before, strict=True)]
+        ratio = statistics.median(share / of_bare for share, of_bare in zip(shares, bare, strict=True))
         rows.append(f"| {name} | {100.0 * statistics.median(shares):.1f} % | {ratio:.2f} |")
     return "\n".join(rows)
 
@@ -109,12 +109,12 @@ def _share(rate: float, case: str) -> float:
 
 def starts() -> str:
     """Measure start times, and return the table of their medians [s] in Markdown."""
-    found: dict[str, list[float]] = {"robot": [], BARE: []}
+    times_of: dict[str, list[float]] = {"robot": [], BARE: []}
     for _ in range(STARTS):
-        for name, times in found.items():
+        for name, times in times_of.items():
             times.append(_start("running" if name != BARE else BARE))
     return "\n".join(["| what starts | until its first odometry |", "|---|---|",
-                      *(f"| {name} | {statistics.median(times):.1f} s |" for name, times in found.items() if times)])
+                      *(f"| {name} | {statistics.median(times):.1f} s |" for name, times in times_of.items() if times)])
 
 
 def _start(case: str) -> float:

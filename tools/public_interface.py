@@ -29,8 +29,8 @@ def breakages(released: str, public: str) -> list[str]:
     """Return in words, a line each, what a program written for one stub misses in another."""
     old, new = (griffe.visit("vibro_ros", FILE, text) for text in (released, public))
     style = griffe.ExplanationStyle.ONE_LINE
-    told = [breakage.explain(style).partition(": ")[2] for breakage in griffe.find_breaking_changes(old, new)]
-    return [re.sub(r"\x1b\[\d+m", "", line) for line in told]  # without colours
+    breakages = [breakage.explain(style).partition(": ")[2] for breakage in griffe.find_breaking_changes(old, new)]
+    return [re.sub(r"\x1b\[\d+m", "", line) for line in breakages]  # without colours
 
 
 def complaints(released: str, public: str, version: str) -> list[str]:
@@ -56,10 +56,10 @@ def main(words: Sequence[str] = ()) -> int:
 def _lines(name: str, member: griffe.Object, indent: str) -> Iterator[str]:
     if isinstance(member, griffe.Class):
         yield f"{indent}class {name}:"
-        inner = {name: _target(one) for name, one in sorted(member.all_members.items())
-                 if one.is_public and not name.startswith("__") or name == "__init__"}
-        for inner_name, one in inner.items():
-            yield from _lines(inner_name, one, indent + "    ")
+        inner = {name: _target(part) for name, part in sorted(member.all_members.items())
+                 if part.is_public and not name.startswith("__") or name == "__init__"}
+        for inner_name, part in inner.items():
+            yield from _lines(inner_name, part, indent + "    ")
         if not inner:
             yield f"{indent}    ..."
     elif isinstance(member, griffe.Function):

@@ -19,7 +19,8 @@ import vibro_ros
 ROOT = Path(__file__).resolve().parents[1]
 #: Pages outside docs/, by their names on the site.
 OUTSIDE = {"README.md": "index.md", "CHANGELOG.md": "changelog.md", ".github/CONTRIBUTING.md": "contributing.md",
-           ".github/SECURITY.md": "security.md", ".github/CODE_OF_CONDUCT.md": "code_of_conduct.md"}
+           ".github/SECURITY.md": "security.md", ".github/CODE_OF_CONDUCT.md": "code_of_conduct.md",
+           ".github/QUALITY_DECLARATION.md": "quality_declaration.md"}
 #: Classes of what public functions return, which a program does not import by name.
 RESULTS = ("vibro_ros.simulation.samples.Run", "vibro_ros.bag.reader.Bag", "vibro_lab.orbits.orbit.Orbit",
            "vibro_lab.orbits.branch.Branch", "vibro_lab.orbits.branch.Special",

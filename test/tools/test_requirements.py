@@ -50,10 +50,11 @@ def asked(tmp_path_factory) -> dict[tuple[str, str], set[Requirement]]:
         command = [sys.executable, "setup.py", "--quiet", "egg_info", "--egg-base", str(folder)]
         subprocess.run(command, cwd=source, check=True, timeout=60)
         metadata = Distribution.at(folder / f"{package}.egg-info")
-        required = {one for one in map(Requirement, metadata.requires) if canonical(one.name) != "vibro-ros"}
+        required = {requirement for requirement in map(Requirement, metadata.requires)
+                    if canonical(requirement.name) != "vibro-ros"}
         for extra in ("", *metadata.metadata.get_all("Provides-Extra")):
-            wanted[package, extra] = {one for one in required if one.marker is None or one.marker.evaluate(
-                {"extra": extra})}
+            wanted[package, extra] = {requirement for requirement in required if requirement.marker is None
+                                      or requirement.marker.evaluate({"extra": extra})}
     return wanted
 
 

@@ -94,8 +94,8 @@ def _fastest_own_rates(positions: np.ndarray, velocities: np.ndarray) -> np.ndar
 
     Coordinate i has the equation q'' = k q + c q', with k = positions[:, i, i] and c = velocities[:, i, i].
     """
-    own = np.arange(positions.shape[1])
-    k, half = positions[:, own, own], abs(0.5 * velocities[:, own, own])
+    diagonal = np.arange(positions.shape[1])
+    k, half = positions[:, diagonal, diagonal], abs(0.5 * velocities[:, diagonal, diagonal])
     square = half * half + k
     oscillates = square < 0.0
     rates = np.sqrt(np.where(oscillates, -k, square)) + np.where(oscillates, 0.0, half)
@@ -125,7 +125,7 @@ def _fastest_coupled_rates(positions: np.ndarray, velocities: np.ndarray) -> np.
         power = np.asarray(sum(power[:, :, j, None] * power[:, None, j, :] for j in range(2 * n)))
         share *= 0.5
     norm = 2 * n * abs(power).max(axis=(1, 2))  # at least the sum of any row's magnitudes
-    return np.array([exp(one + share * log(number)) for one, number in zip(
+    return np.array([exp(scale + share * log(number)) for scale, number in zip(
         exponent.tolist(), norm.tolist(), strict=True)])
 
 

@@ -97,11 +97,11 @@ def main(words: Sequence[str]) -> int:
                for name in WATCHED}
     results = read_results(folder)
     papers = {name: papers_robots(name, result, folder) for name, result in results.items()}
-    found = motions_of_optima(folder)
-    for file, numbers in ((LASTING, watched), (COMPARED, papers), (MOTIONS, found)):
+    motions = motions_of_optima(folder)
+    for file, numbers in ((LASTING, watched), (COMPARED, papers), (MOTIONS, motions)):
         (folder / file).write_text(json.dumps(numbers, indent=1) + "\n", encoding="utf-8")
     fronts_picture(results, papers["front"]).savefig(folder / FRONTS)
-    write_between(PAGE, *MARKS, lambda: section(results, watched, papers, found))
+    write_between(PAGE, *MARKS, lambda: section(results, watched, papers, motions))
     print(PAGE)
     return 0
 
@@ -112,7 +112,7 @@ def read_results(folder: Path) -> dict[str, Numbers]:
 
 
 def section(results: Mapping[str, Numbers], watched: Mapping[str, Sequence[Numbers]],
-            papers: Mapping[str, Sequence[Numbers]], found: Mapping[str, Sequence[Numbers]]) -> str:
+            papers: Mapping[str, Sequence[Numbers]], motions: Mapping[str, Sequence[Numbers]]) -> str:
     """Return the section in Markdown.
 
     Parameters
@@ -121,13 +121,13 @@ def section(results: Mapping[str, Numbers], watched: Mapping[str, Sequence[Numbe
         Results, and `papers_robots` under the same forces, by the name of the search.
     watched : mapping
         Results of `lasting` by the name of the robot: the scene `paper`, or a search's optimum.
-    found : mapping
+    motions : mapping
         Results of `motions_of_optima`.
     """
     findings = "\n".join(f"- {text}" for text in (
         about_power(watched["paper"]), about_front(results, papers["front"]),
-        about_thriftiest(results["thriftiest"], found["thriftiest"]), about_flight(results, found),
-        about_decree(results, found), about_undamped(results, watched), about_hills(watched)))
+        about_thriftiest(results["thriftiest"], motions["thriftiest"]), about_flight(results, motions),
+        about_decree(results, motions), about_undamped(results, watched), about_hills(watched)))
     commands = "\n".join(f"study optimise {search.words}  # {name}" for name, search in SEARCHES.items())
     return "\n\n".join([
         f"{findings}",
@@ -138,11 +138,11 @@ def section(results: Mapping[str, Numbers], watched: Mapping[str, Sequence[Numbe
         f"loses no energy; of such an optimum the slowest of {STARTS} starts over {DURATIONS[-1]:g} s is compared. "
         f"V/P, time in the air and N are those of the usual motion of 16 other starts, {VERIFIED}. Parameters and the "
         f"verification under other forces stand in `docs/{FOLDER}/NAME.json`, the scene in `NAME.yaml`.",
-        summary_table(results, watched, papers, found), f"```bash\n{commands}\n```"])
+        summary_table(results, watched, papers, motions), f"```bash\n{commands}\n```"])
 
 
 def summary_table(results: Mapping[str, Numbers], watched: Mapping[str, Sequence[Numbers]],
-                  papers: Mapping[str, Sequence[Numbers]], found: Mapping[str, Sequence[Numbers]]) -> str:
+                  papers: Mapping[str, Sequence[Numbers]], motions: Mapping[str, Sequence[Numbers]]) -> str:
     """Return a table with a line for each search."""
     heads = ["search", "faster than the paper's optimum by [mm/s]", "V/P [m/J]",
              "more than the paper's optimum [m/J]", "in the air", "N <= 0", "mean N over weight"]
@@ -151,7 +151,7 @@ def summary_table(results: Mapping[str, Numbers], watched: Mapping[str, Sequence
         best, paper = result["verified"][0], papers[name][0]
         pays = best["cost"] is not None
         cells = [f"{SEARCHES[name].title} (`{name}`)",
-                 number(1e3 * (slowest(name, watched, found) - paper["speed"])),
+                 number(1e3 * (slowest(name, watched, motions) - paper["speed"])),
                  number(best["ratio"]["mean"]) if pays else "-",
                  number(best["ratio"]["mean"] - paper["ratio"]) if pays else "-",
                  f"{100 * best['air']:.1f} %", f"{100 * best['unloaded']:.0f} %", number(best["load"])]
@@ -172,9 +172,9 @@ def ends(row: Numbers) -> str:
     return f"{number(row['slowest'])} to {number(row['fastest'])}"
 
 
-def slowest(name: str, watched: Mapping[str, Sequence[Numbers]], found: Mapping[str, Sequence[Numbers]]) -> float:
+def slowest(name: str, watched: Mapping[str, Sequence[Numbers]], motions: Mapping[str, Sequence[Numbers]]) -> float:
     """Speed [m/s] of the slowest motion of an optimum, or of its slowest start over the longest of `DURATIONS`."""
-    return min(abs(one["speed"]) for one in found[name]) if name in found else abs(watched[name][-1]["slowest"])
+    return min(abs(one["speed"]) for one in motions[name]) if name in motions else abs(watched[name][-1]["slowest"])
 
 
 def about_power(rows: Sequence[Numbers]) -> str:
@@ -208,45 +208,45 @@ def front_of_all(results: Mapping[str, Numbers]) -> list[Numbers]:
     """
     optima = ({"speed": abs(best["speed"]["mean"]), "cost": best["cost"]}
               for best in (results[name]["verified"][0] for name in OF_DEVICE))
-    robots = sorted([*optima, *(one for name in OF_DEVICE for one in results[name]["front"])],
-                    key=lambda one: -one["speed"])
+    robots = sorted([*optima, *(robot for name in OF_DEVICE for robot in results[name]["front"])],
+                    key=lambda robot: -robot["speed"])
     front: list[Numbers] = []
-    for one in robots:
-        if not front or one["cost"] < front[-1]["cost"]:
-            front.append(one)
+    for robot in robots:
+        if not front or robot["cost"] < front[-1]["cost"]:
+            front.append(robot)
     return front[::-1]
 
 
-def about_thriftiest(result: Numbers, found: Sequence[Numbers]) -> str:
+def about_thriftiest(result: Numbers, motions: Sequence[Numbers]) -> str:
     """Paragraph on the slow robot that V/P alone selects."""
     row = result["verified"][0]
-    return (f"V/P alone asks for a slow robot, {in_words(found[0])}. For each newton of its weight and each metre of "
+    return (f"V/P alone asks for a slow robot, {in_words(motions[0])}. For each newton of its weight and each metre of "
             f"its way the robot needs {number(row['cost'])} J. Somebody who drags the same body over the same ground "
             "needs 0.2 J, because the friction coefficient is 0.2. A front of speed and cost of transport is the "
             "better question.")
 
 
-def about_flight(results: Mapping[str, Numbers], found: Mapping[str, Sequence[Numbers]]) -> str:
+def about_flight(results: Mapping[str, Numbers], motions: Mapping[str, Sequence[Numbers]]) -> str:
     """Paragraph on optima that hop, and on searches that limit the time in the air."""
     shares = ", ".join(f"{100 * results[name]['verified'][0]['air']:.0f} % (`{name}`)"
                        for name in ("thriftiest", "thrifty", "fastest"))
     grounded = []
     for name in ("thrifty_grounded", "fastest_grounded"):
         best = results[name]["verified"][0]
-        grounded.append(f"{'; '.join(map(in_words, found[name]))}, at {number(best['ratio']['mean'])} m/J (`{name}`)")
+        grounded.append(f"{'; '.join(map(in_words, motions[name]))}, at {number(best['ratio']['mean'])} m/J (`{name}`)")
     return (f"In `device` most optima hop: the body is in the air for {shares} of the time. The model has no pitch, so "
             "that a body in the air cannot tumble. A robot without a guide against pitching should stay on the ground "
             "by itself. With `hop`, and in the air for 2 % of the time at most, the searches found "
             f"{' and '.join(grounded)}.")
 
 
-def about_decree(results: Mapping[str, Numbers], found: Mapping[str, Sequence[Numbers]]) -> str:
+def about_decree(results: Mapping[str, Numbers], motions: Mapping[str, Sequence[Numbers]]) -> str:
     """Paragraph on why no optimum is searched for with the body held on the ground (`unilateral`)."""
     held = []
     for name in HELD:
         forced = rows_of(results[name], "by decree")
-        held.append(f"`{name}` would go at {' or '.join(map(in_words, found[f'{name}, held']))}, not "
-                    f"{' or '.join(number(1e3 * one['speed']) for one in found[name])} mm/s, with a mean N of "
+        held.append(f"`{name}` would go at {' or '.join(map(in_words, motions[f'{name}, held']))}, not "
+                    f"{' or '.join(number(1e3 * one['speed']) for one in motions[name])} mm/s, with a mean N of "
                     f"{number(forced[0]['load'])} times the weight in its usual motion")
     return ("`unilateral` in place of `hop` finds no robot that stays on the ground: the rule holds the body there by "
             "decree, and breaks the balance of momentum, by which the mean of N in a steady motion is the weight. Held "

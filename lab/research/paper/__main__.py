@@ -27,10 +27,10 @@ def main(words: Sequence[str]) -> int:
         write_verdicts(docs / FOLDER / VERDICTS, judged(effort))
         for reading in SHOWN:
             draw_reading(reading, docs / FOLDER)
-        found = read_verdicts(docs / FOLDER / VERDICTS)
-        singles = [one._asdict() for one in single_runs(found)]
+        judgements = read_verdicts(docs / FOLDER / VERDICTS)
+        singles = [single._asdict() for single in single_runs(judgements)]
         (docs / FOLDER / SINGLES).write_text(json.dumps(singles, indent=1) + "\n", encoding="utf-8")
-        text = page(found, read_singles(docs / FOLDER / SINGLES), effort, FOLDER)
+        text = page(judgements, read_singles(docs / FOLDER / SINGLES), effort, FOLDER)
     except KeyboardInterrupt:
         print("paper: interrupted", file=sys.stderr)
         return 130
@@ -44,7 +44,7 @@ def main(words: Sequence[str]) -> int:
 
 def read_singles(path: Path) -> list[Single]:
     """Read the results of `single_runs` from a file."""
-    return [Single(**one) for one in json.loads(path.read_text(encoding="utf-8"))]
+    return [Single(**fields) for fields in json.loads(path.read_text(encoding="utf-8"))]
 
 
 if __name__ == "__main__":

@@ -323,9 +323,9 @@ def settled(claim: Claim, speed: Mapping[Point, np.ndarray], judge: Callable[[np
     return NAMED if named == HOLDS and of((*claim.named, *claim.others)) != HOLDS else named
 
 
-def single_scores(found: Displacements, span: Span) -> np.ndarray:
+def single_scores(displacements: Displacements, span: Span) -> np.ndarray:
     """Number of claims that hold in each start alone, over a span; shape (starts,)."""
-    speed = {point: speeds(values, span) for point, values in found.items()}
+    speed = {point: speeds(values, span) for point, values in displacements.items()}
     starts = len(next(iter(speed.values())))
     alone = [{point: values[[start]] for point, values in speed.items()} for start in range(starts)]
     return np.array([score(tuple(settled(claim, values, one_run_pairs) for claim in CLAIMS)) for values in alone])

@@ -112,8 +112,8 @@ def displacements(batch: Batch) -> np.ndarray:
         If the step of `Rkadapt` becomes too small.
     """
     times = np.array([instant for instant in instants(batch.reading) if instant <= batch.until])
-    one = functools.partial(_displacement, batch.reading, batch.point, times)
-    return np.array([one(number) for number in range(batch.starts)])
+    displacement = functools.partial(_displacement, batch.reading, batch.point, times)
+    return np.array([displacement(number) for number in range(batch.starts)])
 
 
 def _displacement(reading: Reading, point: Point, times: np.ndarray, number: int) -> np.ndarray:
@@ -171,7 +171,7 @@ class Single(NamedTuple):
     full: int
 
 
-def single_runs(found: Iterable[Verdict], runs: int = 300) -> list[Single]:
+def single_runs(judgements: Iterable[Verdict], runs: int = 300) -> list[Single]:
     """Simulate `runs` starts of each reading of the corrected equations whose first start alone gives all claims.
 
     Raises
@@ -180,15 +180,15 @@ def single_runs(found: Iterable[Verdict], runs: int = 300) -> list[Single]:
         If a run cannot go on.
     """
     singles = []
-    for one in found:
-        reading = one.reading
+    for verdict in judgements:
+        reading = verdict.reading
         if (reading.solver, reading.equations) == ("exact", "corrected") and reading.start != ON_SLIDERS \
-                and score(one.one_run) == len(CLAIMS):
+                and score(verdict.one_run) == len(CLAIMS):
             robots = list(points())
-            moved = computed(displacements, [Batch(reading, point, runs, one.span.end) for point in robots],
+            moved = computed(displacements, [Batch(reading, point, runs, verdict.span.end) for point in robots],
                              f"paper: {reading.normal_force} {reading.start}")
-            scores = single_scores(dict(zip(robots, moved, strict=True)), one.span)
-            singles.append(Single(reading.equations, reading.normal_force, reading.start, *one.span, runs,
+            scores = single_scores(dict(zip(robots, moved, strict=True)), verdict.span)
+            singles.append(Single(reading.equations, reading.normal_force, reading.start, *verdict.span, runs,
                                   int(np.sum(scores == len(CLAIMS)))))
     return singles
 

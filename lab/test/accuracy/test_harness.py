@@ -128,8 +128,8 @@ def test_chaos_is_seen_where_it_is_and_nowhere_else():
 def test_what_diverges_has_no_mean_speed(monkeypatch):
     """A mean speed above that of sound, such as the finite 1e6 m/s, counts as divergence."""
     monkeypatch.setattr(scene_rows, "_settled", fast)
-    found = list(scene_rows.averages_of_scene(vibro_ros.load_scene("damped"), Effort(patience_for_averages=0.0)))
-    assert found and all(row.compared == AVERAGE and math.isnan(row.mean) and "diverged" in row.note for row in found)
+    rows = list(scene_rows.averages_of_scene(vibro_ros.load_scene("damped"), Effort(patience_for_averages=0.0)))
+    assert rows and all(row.compared == AVERAGE and math.isnan(row.mean) and "diverged" in row.note for row in rows)
 
 
 def fast(_, __, number):

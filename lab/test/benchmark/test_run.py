@@ -97,20 +97,16 @@ def test_pages_and_table_hold_every_row(tmp_path):
     rows = read_rows(tmp_path / report.PROBLEM_ROWS)  # what is measured again replaces only its own rows
     assert [(kept.problem, kept.program, kept.cost == 0.2) for kept in rows] == [
         ("1_impact", "heyoka", True), ("6_device", "exact", False), ("6_device", "drake", False)]
-    assert report.publish(tmp_path, report.PROBLEM_ROWS) == [tmp_path / report.BENCHMARK, tmp_path / report.SETTINGS]
-    settings = (tmp_path / report.SETTINGS).read_text(encoding="utf-8")
-    assert "| exact | as documented | as it comes | 1.0e-13 | 0.001 | 0.0005 |  |" in settings
-    assert "| drake | tuned | RK3 |  | - | - | **out of time**; more than 60 s |" in settings
+    assert report.publish(tmp_path, report.PROBLEM_ROWS) == [tmp_path / report.BENCHMARK]
     page = (tmp_path / report.BENCHMARK).read_text(encoding="utf-8")
     assert "`exact` has an error of 1e-13 at 0.001 s for each simulated second and 0.0005 s of set-up." in page
     assert (tmp_path / "benchmark" / "6_device.png").stat().st_size > 10_000
 
 
-def test_the_committed_pages_are_made_of_the_committed_rows():
+def test_the_committed_page_is_made_of_the_committed_rows():
     docs = run.ROOT / "docs"
     rows = read_rows(docs / report.PROBLEM_ROWS)
     assert documents.without_marks((docs / report.BENCHMARK).read_text(encoding="utf-8")) == report.benchmark_page(rows)
-    assert (docs / report.SETTINGS).read_text(encoding="utf-8") == report.settings_page(rows)
 
 
 def test_a_name_that_is_none_is_refused(capsys):

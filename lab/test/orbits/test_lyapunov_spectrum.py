@@ -128,10 +128,10 @@ def test_turns_are_doubled_until_the_sign_is_known():
         stroboscope.turns(1024)
         for _ in range(6):
             state = stroboscope.turns(64).states[-1]
-            single, found = spectrum_from(turn_map, state, 20), spectrum_from(turn_map, state, 20, 3)
+            single, extended = spectrum_from(turn_map, state, 20), spectrum_from(turn_map, state, 20, 3)
             assert single.turns == 20
-            assert found.turns == 20 if single.sign else found.turns in (40, 80, 160)
-            assert found.sign or found.turns == 160
+            assert extended.turns == 20 if single.sign else extended.turns in (40, 80, 160)
+            assert extended.sign or extended.turns == 160
             signs.append(single.sign)
     assert 0 in signs[:6] and any(signs[6:])
 

@@ -260,7 +260,8 @@ def test_the_answer_is_what_the_verdicts_say():
     assert f"{full['corrected'] or 'none'} of {len(every['corrected'])} combinations give all 5 claims" in head
     single = {equations: sum(score(one.one_run) == len(CLAIMS) for one in told) for equations, told in every.items()}
     assert f"of our starts alone, {single['corrected']} of {len(every['corrected'])} comb" in head
-    assert [f"{one.full} of {one.runs} single runs by `{one.normal_force}`" in head for one in SINGLES] == 2 * [True]
+    said = [f"{single.full} of {single.runs} single runs by `{single.normal_force}`" for single in SINGLES]
+    assert len(said) == 2 and all(words in head for words in said)
     assert f"{single['misprint']} of {len(every['misprint'])} with the misprint" in head
     assert f"{full['misprint'] or 'none'} of {len(every['misprint'])} do" in head
     assert full["misprint"] == len(all_and_forwards(every["misprint"]))
@@ -270,12 +271,12 @@ def test_a_single_run_that_gives_every_claim_is_one_of_few():
     """The first start of `hop` at any phase gave all claims, and was told as if every run did. Start 0 gives them
     again, and few of the stored runs do.
     """
-    one = next(one for one in FOUND if one.reading == MISPRINT._replace(
-        equations="corrected", normal_force="hop", start=ANY_PHASE) and one.span == SPANS[0])
-    again = {point: displacements(Batch(one.reading, point, 3, SPANS[0].end)) for point in points()}
+    hop = MISPRINT._replace(equations="corrected", normal_force="hop", start=ANY_PHASE)
+    verdict = next(verdict for verdict in FOUND if (verdict.reading, verdict.span) == (hop, SPANS[0]))
+    again = {point: displacements(Batch(verdict.reading, point, 3, SPANS[0].end)) for point in points()}
     assert single_scores(again, SPANS[0])[0] == len(CLAIMS)
-    [told] = [single for single in SINGLES if single.normal_force == "hop"]
-    assert 0 < told.full < 0.25 * told.runs
+    [of_hop] = [single for single in SINGLES if single.normal_force == "hop"]
+    assert 0 < of_hop.full < 0.25 * of_hop.runs
 
 
 def test_only_the_misprint_gives_every_claim():

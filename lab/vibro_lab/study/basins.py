@@ -379,7 +379,7 @@ def in_words(design: BasinDesign, table: pa.Table, basins: Basins) -> list[str]:
 def _entropy_in_words(design: BasinDesign, basins: Basins) -> list[str]:
     if not design.starts.is_grid:
         return []
-    entropy = basin_entropy(basins.numbers.reshape([one.count for one in design.starts.over]))
+    entropy = basin_entropy(basins.numbers.reshape([axis.count for axis in design.starts.over]))
     if entropy is None:
         return []
     if not entropy.mixed:

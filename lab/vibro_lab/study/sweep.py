@@ -387,15 +387,15 @@ def summarised(design: SweepDesign, table: pa.Table) -> Summary:
         motions = [None if turns[row] is None else SettledMotion(
             turns[row], np.array(states[row]).reshape(turns[row] or KEPT_STATES, -1), float(speed), 0,
             tolerance_of(scene)) for row, speed in zip(rows, speeds, strict=True)]
-        own, places = group_starts(motions, speeds.tolist())
-        attractors.append(own)
-        groups += [(point, place, rows[places == place]) for place in range(len(own))]
+        of_point, places = group_starts(motions, speeds.tolist())
+        attractors.append(of_point)
+        groups += [(point, place, rows[places == place]) for place in range(len(of_point))]
     mean, spread, count = {}, {}, {}
     for name, column in columns.items():
         values = [column[rows][~np.isnan(column[rows])] for _, _, rows in groups]
-        count[name] = np.array([len(one) for one in values], dtype=int)
-        mean[name] = np.array([one.mean() if len(one) else math.nan for one in values])
-        spread[name] = np.array([float(half_interval(one)) if len(one) > 1 else math.nan for one in values])
+        count[name] = np.array([len(numbers) for numbers in values], dtype=int)
+        mean[name] = np.array([numbers.mean() if len(numbers) else math.nan for numbers in values])
+        spread[name] = np.array([float(half_interval(numbers)) if len(numbers) > 1 else math.nan for numbers in values])
     if EXPONENT in mean:
         own_interval = (count[EXPONENT] == 1) | (spread[EXPONENT] == 0.0)
         spread[EXPONENT] = np.where(own_interval, mean[SPREAD], spread[EXPONENT])
@@ -451,7 +451,7 @@ def in_words(summary: Summary) -> list[str]:
         count = len(set(summary.point[drifting].tolist()))
         lines.append(f"the mean speed drifts at {count} of {design.points} points, at most by {summary.drift[row]:.3g} "
                      f"m/s from one half of the time to the other at point {summary.point[row]}: give more --settling")
-    if several := sum(len(own) > 1 for own in summary.attractors):
+    if several := sum(len(motions) > 1 for motions in summary.attractors):
         lines.append(f"{several} of {design.points} points have several motions, a row each in the summary")
     for name in _shown_measures(design):
         if np.isnan(summary.mean[name]).all():
@@ -492,13 +492,14 @@ def _of_unknown_sign(summary: Summary) -> int:
 def _extreme_in_words(summary: Summary, name: str, row: int) -> str:
     point, attractor = int(summary.point[row]), summary.of_row(row)
     where = ", ".join(f"{parameter} = {value:.6g}" if isinstance(value, float) else f"{parameter} = {value}"
-                      for parameter, value in ((one, summary.parameters[one][point]) for one in summary.design.names))
+                      for parameter, value in (
+                          (varied, summary.parameters[varied][point]) for varied in summary.design.names))
     spread = summary.spread[name][row]
     same = summary.is_periodic(row) and summary.count[name][row] > 1 and name not in LYAPUNOV
     interval = f" ± {spread:.2g}" if spread > 0.0 and not same else ""
     unit = "" if MEASURES[name].unit == "1" else f" {MEASURES[name].unit}"
     of = len(summary.attractors[point])
-    starts = sum(one.starts for one in summary.attractors[point])
+    starts = sum(motion.starts for motion in summary.attractors[point])
     motion = f"; motion {summary.place[row] + 1} of {of}, {attractor.starts} of {starts} starts" if of > 1 else ""
     return (f"{summary.mean[name][row]:.4g}{interval}{unit}{' from every start' * bool(same and of == 1)} "
             f"({where}{motion})")
