@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import termios
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import closing
@@ -147,6 +148,19 @@ def test_a_node_without_a_place_for_its_log_runs_all_the_same(domain_id, monkeyp
         process.spin_once(node, 0.1)
     said = capfd.readouterr().err
     assert f"ROS writes no log file: {reason}; set ROS_LOG_DIR to a folder that can be written" in said
+
+
+def test_a_signal_and_the_end_of_work_end_a_wait_of_minutes(domain_id):
+    """Else a robot would have to look at its stop request many times a second, at half a millisecond each."""
+    begun = time.monotonic()
+    with StopRequest() as request, process.node_running("robot", ()) as node:
+        work = process.Work(partial(time.sleep, 0.2), process.waker(node))
+        process.spin_until(node, lambda: work.done, 100.0)
+        killer = threading.Timer(0.2, partial(os.kill, os.getpid(), signal.SIGTERM))
+        killer.start()
+        process.spin_until(node, lambda: bool(request), 100.0)
+        killer.join()
+    assert time.monotonic() - begun < 50.0  # either wait alone would last 100 s
 
 
 def test_a_robot_that_runs_and_records_has_loaded_only_what_it_needs(start, listener):

@@ -6,6 +6,7 @@ without an answer waits for ever, and such a message is refused.
 """
 
 import copy
+import time
 from collections.abc import Callable, Generator
 from functools import partial
 from importlib import import_module
@@ -40,6 +41,8 @@ LONGEST_NAME = 1000
 """Longest name in such a request [characters]."""
 RESULT_TIMEOUT = 60
 """Time [s] for which the result of a finished goal is kept for its sender; it takes memory until then."""
+UNPUBLISHED = 0.02
+"""Time [s] between two polls of a topic without publishers, for one that came and left between two polls."""
 SENTENCES = ("message", "reason", "error_message")
 """Fields of service responses that hold a sentence."""
 
@@ -154,6 +157,9 @@ class PollingSubscription:
     The depth of the quality of service limits the messages that wait. `topic` is the topic's full name, `profile` the
     quality of service with the user's `qos_overrides`. `take_message` of rclpy's handle is public but not documented;
     test_subscriptions.py fails with an explanation when it changes. Do not poll while the node is destroyed.
+
+    A topic without publishers is asked for messages only every `UNPUBLISHED` seconds, and once when its last publisher
+    has left, because asking for messages costs three times as much as asking for publishers.
     """
 
     def __init__(self, node: Node, kind: type, topic: str, profile: QoSProfile):
@@ -162,10 +168,16 @@ class PollingSubscription:
         self.topic: str = self._subscription.topic_name
         self.profile: QoSProfile = self._subscription.qos_profile
         self._take, self._kind = self._subscription.handle.take_message, self._subscription.msg_type
+        self._count_publishers, self._publishers, self._due = self._subscription.handle.get_publisher_count, 0, 0.0
 
     def take(self, most: int) -> list[tuple[bytes, int]]:
         """Take up to `most` messages in order of arrival, each with the wall time [ns] at which it arrived."""
         messages: list[tuple[bytes, int]] = []
+        earlier, self._publishers = self._publishers, self._count_publishers()
+        if not self._publishers and not earlier:
+            if (now := time.monotonic()) < self._due:
+                return messages
+            self._due = now + UNPUBLISHED
         while len(messages) < most and (taken := self._take(self._kind, True)):
             messages.append((taken[0], taken[1]["received_timestamp"]))
         return messages
