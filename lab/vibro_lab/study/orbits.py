@@ -181,15 +181,7 @@ _JOINING_SHARE = 0.05
 
 
 def followed_branches(plan: BranchPlan, folder: Path, execution: Execution) -> list[tuple[BranchTask, Branch]]:
-    """Return every branch of a plan with its task, by number, stored in a folder into which no other process writes.
-
-    Raises
-    ------
-    ForeignBlockError
-        For files of another study.
-    RuntimeError
-        When a file cannot be written, or a run cannot go on; finished branches are kept.
-    """
+    """Return every branch of a plan with its task, by number, stored in a folder into which no other process writes."""
     done: list[tuple[BranchTask, Branch]] = []
 
     def follow(tasks: Sequence[BranchTask]) -> None:

@@ -249,14 +249,9 @@ def given_in_words(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def design_of(file: Mapping[str, Any], words: Mapping[str, Any]) -> SweepDesign:
-    """Make the design from a sweep's file and the command line.
+    """Make the design from a sweep's file, or nothing, and the command line (`read_sweep` and `given_in_words`).
 
     A parameter that the command line sets or varies overrides its entry in the file; linked ones, if all of them are.
-
-    Parameters
-    ----------
-    file, words : mapping
-        From `read_sweep`, or empty, and `given_in_words`.
     """
     entries = {**DEFAULTS, **file, **words}
     given = {name for key in ("set", "vary") for linked in words.get(key, {}) for name in parameter_names(linked)}
