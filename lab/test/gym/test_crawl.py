@@ -10,7 +10,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box
 from gymnasium.utils.env_checker import check_env
 
-from vibro_lab.gym.crawl import PERIOD, Crawl
+from vibro_lab.gym import PERIOD, Crawl
 from vibro_ros.configuration.scene_file import load_scene
 
 NAME = "vibro_lab/Crawl-v1"

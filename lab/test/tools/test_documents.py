@@ -19,7 +19,7 @@ from tools import documents, effects, parameter_table, topic_table
 from tools.generated_text import replaced
 from vibro_lab.executables import EXECUTABLES as OF_THE_LAB
 from vibro_lab.study.measures import MEASURES
-from vibro_lab.study.sweep import design_of, read_sweep
+from vibro_lab.study.sweep_design import design_of, read_sweep
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.messages.commands import COMMANDED
 from vibro_ros.messages.frames import JOINTS

@@ -77,38 +77,12 @@ class Departure(NamedTuple):
 class Estimator:
     """Estimates the state and the free parameters of a robot.
 
-    Parameters
-    ----------
-    scene : Scene
-        The robot as it is believed to be; commands and instants are counted from its start.
-    free : sequence of str
-        Names of the parameters that are estimated, numbers above 0.
-    spread : float
-        Relative standard deviation of what is believed about each of them.
-    particles : int
-        Number of particles.
-    seed : int
-        Seed of all random numbers.
-    bandwidth : float
-        Bandwidth of the IMU's low-pass [Hz]; 0 without an IMU.
-    settings : Settings
-        The numbers of the filter.
-
-    Attributes
-    ----------
-    time : float
-        Instant [s] up to which measurements have been used.
-    innovations : list of Innovation
-        Those of the last step.
-    departure : Departure or None
-        How the robot differs from the model now.
-    late, restarts : int
-        Measurements that came after their step, or were too many; and how often the filter has started again.
-
-    Raises
-    ------
-    ValueError
-        For a free parameter that the filter cannot vary.
+    `scene` is the robot as it is believed to be; commands and instants are counted from its start. The parameters
+    `free`, numbers above 0 (else ValueError), are believed to have the relative standard deviation `spread`.
+    `bandwidth` is that of the IMU's low-pass [Hz]; 0 without an IMU. Measurements up to `time` [s] have been used;
+    `innovations` are those of the last step, and `departure` is how the robot differs from the model now, or None.
+    `late` counts measurements that came after their step, or were too many, and `restarts` how often the filter has
+    started again.
     """
 
     def __init__(self, scene: Scene, free: Sequence[str] = (), spread: float = 0.02, particles: int = 40,

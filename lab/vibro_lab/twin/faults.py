@@ -90,17 +90,9 @@ def most_likely(steps: Sequence[Step], bandwidth: float, settings: Settings, end
                 candidates: Mapping[int, Sequence[Incident]]) -> tuple[Incident, Replay] | None:
     """Return the change of the robot that explains the last `steps`, with its replay; None if none does so clearly.
 
-    Parameters
-    ----------
-    steps : sequence of Step
-    bandwidth : float
-        Bandwidth of the IMU's low-pass [Hz].
-    settings : Settings
-    end : Incident or None
-        The end of the fault that the robot has, if it has one. It is preferred to others that fit nearly as well, as
-        all do that have not begun to matter, and precedes each other fault.
-    candidates : mapping of int to sequence of Incident
-        Changes that may have begun so many steps before now.
+    `candidates` may have begun so many steps before now; `bandwidth` is that of the IMU's low-pass [Hz]. `end` is the
+    end of the fault that the robot has, if it has one. It is preferred to others that fit nearly as well, as all do
+    that have not begun to matter, and precedes each other fault.
     """
     replays = dict[Incident, Replay]()
     for back, changes in sorted(candidates.items()):

@@ -40,20 +40,12 @@ class _Sensor(NamedTuple):
 
 
 class Hearing:
-    """The subscriptions of a twin.
+    """The subscriptions of a twin to the sensors and commands of `scene`, the robot as it is believed to be.
 
     `heard` counts the messages by topic; refusals are counted by the node. An `odom` whose variances are 0, which is a
     simulated robot's truth or no statement, is not used. `waited` is the time [s] between the last two polls of the
-    measurements, in which messages wait for this node.
-
-    Parameters
-    ----------
-    node : GuardedNode
-        The twin's node.
-    scene : Scene
-        The robot as it is believed to be; it has the encoder's ticks, and bandwidth and range of the IMU.
-    joint_noise : float
-        Standard deviation [m] of the positions in `joint_states`; 0 if nobody measures them.
+    measurements, in which messages wait for this node. `joint_noise` is the standard deviation [m] of the positions in
+    `joint_states`; 0 if nobody measures them.
     """
 
     def __init__(self, node: GuardedNode, scene: Scene, joint_noise: float):

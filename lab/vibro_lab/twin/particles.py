@@ -18,25 +18,13 @@ INDEX = {name: k for k, name in enumerate(SAMPLE_FIELDS)}
 
 
 class Measurement(NamedTuple):
-    """One measured number.
+    """One measured number."""
 
-    Attributes
-    ----------
-    time : float
-        Instant of the measurement [s].
-    field : str
-        A field of `Samples`, or one of `ACCELERATIONS`: specific force [m/s²] after the IMU's low-pass.
-    value, variance : float
-        The measured value, and the variance of its error.
-    limit : float
-        Magnitude at which the sensor clips; the prediction is clipped likewise.
-    """
-
-    time: float
-    field: str
-    value: float
+    time: float  # instant of the measurement [s]
+    field: str  # a field of `Samples`, or one of `ACCELERATIONS`: specific force [m/s²] after the IMU's low-pass
+    value: float  # the measured value, and the variance of its error
     variance: float
-    limit: float = math.inf
+    limit: float = math.inf  # magnitude at which the sensor clips; the prediction is clipped likewise
 
 
 class Innovation(NamedTuple):
@@ -140,16 +128,11 @@ class Offsets:
 
     def weigh(self, measured: Sequence[Measurement], predicted: np.ndarray, weights: np.ndarray
               ) -> tuple[np.ndarray, np.ndarray, list[Innovation]]:
-        """Update the offsets; return log likelihoods and angles [rad] to turn the cranks by, shape (particles,) each,
-        and the innovations of the particles with the given `weights`.
+        """Update the offsets by measurements in their order, of which `predicted` has what each particle predicts, or
+        NaN.
 
-        Parameters
-        ----------
-        measured : sequence of Measurement
-            n measurements, by time.
-        predicted : ndarray, shape (particles, n)
-            What each particle predicts; NaN where it cannot.
-        weights : ndarray, shape (particles,)
+        Returns log likelihoods and angles [rad] to turn the cranks by, shape (particles,) each, and the innovations of
+        the particles with the given `weights`.
         """
         nothing, innovations, tail = np.zeros(len(weights)), [], self._settings.tail
         gains, angles, noise = nothing, [], 0.0
