@@ -73,24 +73,12 @@ def check_is_bag(folder: Path) -> None:
 
 @dataclass(frozen=True)
 class RecordedTopic:
-    """One topic of a recording.
+    """One topic of a recording."""
 
-    Attributes
-    ----------
-    type_name : str
-        ROS type, such as ``nav_msgs/msg/Odometry``.
-    messages : int
-        Number of messages.
-    qos_depth : int
-        History depth that the publisher offered.
-    transient_local : bool
-        Whether late subscribers got what was published before (transient local).
-    """
-
-    type_name: str
+    type_name: str  # ROS type, such as ``nav_msgs/msg/Odometry``
     messages: int
-    qos_depth: int = QOS_DEPTH
-    transient_local: bool = False
+    qos_depth: int = QOS_DEPTH  # history depth that the publisher offered
+    transient_local: bool = False  # whether late subscribers got what was published before
 
 
 class BagStream:
