@@ -18,6 +18,7 @@ from vibro_ros.bag.reader import BagError, load_bag, read_bag
 from vibro_ros.bag.recorder import Storage
 from vibro_ros.bag.stream import BagStream
 from vibro_ros.messages.codec import new_message, serialised
+from vibro_ros.recordings.energy import energy_of
 from vibro_ros.recordings.recover import recover
 from vibro_ros.recordings.summary import as_text, load_samples, summarise
 
@@ -33,7 +34,7 @@ def test_report_is_written_beside_the_recording_which_stays_untouched(record_run
     assert contents(folder) == before
     output = folder.with_name("run_report")
     assert sorted(path.name for path in output.iterdir()) == ["report.png", "summary.json", "summary.txt"]
-    summary = summarise(read_bag(folder))
+    summary = summarise(read_bag(folder)) | {"energy": energy_of(read_bag(folder))}
     assert json.loads((output / "summary.json").read_text(encoding="utf-8")) == summary
     assert (output / "summary.txt").read_text(encoding="utf-8") == as_text(summary)
     printed = capsys.readouterr().out

@@ -19,8 +19,10 @@ from std_msgs.msg import Float64, String
 from std_srvs.srv import SetBool, Trigger
 from test_operations import operations_in
 
+from vibro_ros.bag.reader import load_bag
 from vibro_ros.bag.stream import BagStream
 from vibro_ros.recordings.comparison import compare
+from vibro_ros.recordings.energy import energy_of
 
 own = pytest.importorskip("vibro_ros_interfaces.srv", reason="the project's own types are not built")
 LIVE = {"ground.friction": (0.0, 0.4), "ground.friction_backward": (-1.0, 0.4), "motor.max_speed": (100.0, 600.0),
@@ -140,3 +142,5 @@ def test_every_bag_of_a_random_run_replays_from_each_of_its_checkpoints(start, b
     assert sum(count for count, _ in replayed) > len(recorded)
     for bag in recorded:
         assert Counter(operations_in(bag)) <= done  # none that nobody asked for
+        energy = energy_of(load_bag(bag))
+        assert "unknown" not in energy or "no odometry follows" in energy["unknown"], energy

@@ -6,10 +6,11 @@ sample k + 1 is the device's start. Every message, also a command, is recorded w
 start plus the sample's time. So the bag gives k exactly, whatever the wall clock did (stalls, another real-time
 factor). A checkpoint has the device's whole state at its sample, before the commands and operations that follow it.
 
-`Rerun.through` is the one loop over a bag's samples. Comparison and changed runs are loops over it.
+`Rerun.through` is the one loop over a bag's samples. Comparison, changed runs and energy accounts are loops over it.
 """
 
 import json
+import math
 from collections import Counter
 from collections.abc import Collection, Iterator
 from contextlib import suppress
@@ -43,17 +44,20 @@ from vibro_ros.process.files import one_line
 from vibro_ros.sensors.device import SensedSimulator, new_device
 from vibro_ros.simulation.motion import SimulationError
 
-#: Longest pause [s] of robot time that is simulated beyond what the number of messages allows.
+#: Pause [s] of robot time without a message, after which a stamp is checked against a header.
 LONGEST_PAUSE = 10.0
 #: Longest robot time [s] that is simulated for a bag without samples, only with commands.
 LONGEST_UNSAMPLED = 86_400.0
 #: Most samples that are simulated for such a bag.
 MOST_UNSAMPLED = 40_000_000
-#: Most steps of fixed length of a sample.
+#: Most solver steps of a sample.
 MOST_STEPS = 1_000_000
+_PART = 0.1  # s of robot time between two checks of the number of steps
 SAMPLED = tuple(name for name, topic in TOPICS.items()
                 if topic.when == SAMPLE and not topic.of_dc_motor and NONE in topic.transforms)
 """Topics that every robot publishes with each sample."""
+STAMPED = tuple(name for name in SAMPLED if TOPICS[name].frame)
+"""Topics of `SAMPLED` whose headers have the recorded stamp."""
 
 Recorded = list[tuple[str, bytes]]
 """Messages with the same recorded stamp: topic (its key in `TOPICS`) and bytes of each."""
@@ -128,14 +132,14 @@ class Rerun:
 
     `tick` is the number of the last sample taken, -1 before the first; `origin` that of the sample at which the
     device's own time is 0. `latched` has the messages that the robot publishes once, by topic (a key of `TOPICS`).
-    `commands` counts the command messages passed to the device. During `through`, `stamp` [ns] and
+    `commands` counts the command messages passed to the device, `resets` its resets. During `through`, `stamp` [ns] and
     `recorded` are those of the present sample, or of the one that could not be reached, and `seen` counts the earlier
     messages by topic.
     """
 
     def __init__(self, facts: RecordedRun, scene: Scene):
         self.tick = -1
-        self.origin = self.commands = self.stamp = 0
+        self.origin = self.commands = self.resets = self.stamp = 0
         self.recorded: Recorded = []
         self.seen: Counter[str] = Counter()
         self._facts = facts
@@ -152,21 +156,23 @@ class Rerun:
         """Samples per simulated second [Hz]."""
         return self._facts.rate
 
-    def through(self, stream: BagStream) -> Iterator[tuple[int | None, Recorded]]:
+    def through(self, stream: BagStream, names: Collection[str] | None = None,
+                until: int = -1) -> Iterator[tuple[int | None, Recorded]]:
         """Simulate the run of a bag again; the device gets the inputs that the robot received after each sample.
 
         Yields the number of each sample, with the device at that sample, and the messages recorded with its stamp;
         `published` then returns the messages that the robot publishes there. If the bag `begins_late`, the simulation
         begins at its first checkpoint; messages recorded before, and with the checkpoint's sample, are yielded with
-        None as the number.
+        None as the number. `names` are the topics to read, by their keys in `TOPICS`, all by default. If the bag's
+        messages end before the sample `until`, the run is simulated up to it.
 
         StampError when a stamp is not that of a sample, or so far ahead that it would cost years of simulation.
         BagError when the bag's first checkpoint is not valid. SimulationError when the run cannot go on.
         """
-        most = most_ticks(stream, self._facts)
+        most, headed = most_ticks(stream, self._facts), self._are_headed(stream, names)
         is_late = begins_at_checkpoint(stream, self._facts)
         failure: SimulationError | None = None
-        for stamp, recorded in ticks(stream, self._facts):
+        for stamp, recorded in ticks(stream, self._facts, names):
             self.stamp, self.recorded, tick = stamp, recorded, self._facts.tick(stamp)
             if failure:
                 raise failure
@@ -175,7 +181,7 @@ class Rerun:
                 most += max(0, self.tick)
                 yield None, recorded
             else:
-                tick = self._checked(stream, tick, most)
+                tick = self._checked(stream, tick, most, headed)
                 while self.tick < tick - 1:
                     self.go_to(self.tick + 1)
                     yield self.tick, []
@@ -185,6 +191,11 @@ class Rerun:
                 self._pass_inputs(stream, begun=not is_late)
             except SimulationError as error:  # raised only if more follows: the robot may have ended here as well
                 failure = error
+        if failure and self.tick < until:
+            raise failure
+        while self.tick < until:
+            self.go_to(self.tick + 1)
+            yield self.tick, []
 
     def published(self) -> Recorded:
         """Return the messages that the robot publishes at the present sample; to be called at most once for each.
@@ -205,7 +216,15 @@ class Rerun:
         self.tick = tick
         if tick < self.origin:
             return
-        self.device.advance_to(self._facts.time(tick - self.origin))
+        until, most = self._facts.time(tick - self.origin), 0
+        while until - self.device.time > _PART:
+            samples = math.ceil((until - self.device.time) * self._facts.rate)
+            most = most or self.device.statistics["steps"] + MOST_STEPS * samples
+            self.device.advance_to(self.device.time + _PART)
+            if self.device.statistics["steps"] > most:
+                raise SimulationError(f"at {self.device.time:.9g} s: more than {MOST_STEPS} steps a sample; the robot "
+                                      "that recorded this bag cannot have taken them")
+        self.device.advance_to(until)
 
     def restore(self, tick: int, data: bytes) -> None:
         """Restore the device from a checkpoint recorded at the sample `tick` (ValueError if it is not valid)."""
@@ -234,16 +253,32 @@ class Rerun:
             perform(operation, self.device)
             if operation.name == RESET:
                 self.origin = self.tick + 1
+                self.resets += 1
         return ""
 
-    def _checked(self, stream: BagStream, tick: int | None, most: int) -> int:
-        """Check that the run can have reached the sample `tick` of `stamp`, and return it (StampError)."""
+    def _are_headed(self, stream: BagStream, names: Collection[str] | None) -> bool:
+        """Return whether the messages to be read include some whose headers have the recorded stamp."""
+        return any(self._facts.topics.get(name) in stream.topics for name in STAMPED if names is None or name in names)
+
+    def _checked(self, stream: BagStream, tick: int | None, most: int, headed: bool) -> int:
+        """Check that the run can have reached the sample `tick` of `stamp`, and return it (StampError).
+
+        After a long pause a header must confirm the stamp, because a damaged one could cost years of simulation.
+        """
         if tick is None or tick <= self.tick:
             raise StampError(f"{stream.folder}: its stamp {self.stamp} is of no sample; give a bag that the robot "
                              "recorded")
         if tick > most:
             raise StampError(f"{stream.folder}: its stamp {self.stamp} is that of sample {tick}, and its messages are "
                              f"of {most} samples at most; give a bag with the robot's own stamps")
+        if headed and tick - self.tick >= LONGEST_PAUSE * self._facts.rate:
+            try:
+                headers = [deserialised(data, TOPICS[name].type).header.stamp for name, data in self.recorded
+                           if name in STAMPED]
+            except ValueError:
+                headers = []
+            if not any(header.sec * 1_000_000_000 + header.nanosec == self.stamp for header in headers):
+                raise StampError(f"{stream.folder}: its stamp {self.stamp} is not that of the message's header")
         return tick
 
     def _begin_at_checkpoint(self, stream: BagStream, tick: int) -> bool:
@@ -259,9 +294,15 @@ class Rerun:
         return True
 
     def _pass_inputs(self, stream: BagStream, begun: bool) -> None:
-        """Pass the inputs in `recorded` to the device, if its run has `begun`."""
-        for name, data in self.recorded:
-            if name in INPUTS and begun:
+        """Pass the inputs in `recorded` to the device, if its run has `begun`.
+
+        Inputs before the sample's checkpoint are left out, because the robot receives inputs after it. Version 1 wrote
+        the changed parameters there, as an operation that nobody had asked for.
+        """
+        names = [name for name, _ in self.recorded]
+        first = names.index(CHECKPOINT) if CHECKPOINT in names else 0
+        for number, (name, data) in enumerate(self.recorded):
+            if name in INPUTS and begun and number >= first:
                 if unreadable := self.receive(name, data):
                     stream.unreadable.add(self._facts.topics[name], self.seen[name], self.stamp, unreadable)
                 self.commands += not unreadable and name in COMMANDS

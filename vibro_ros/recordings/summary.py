@@ -18,8 +18,8 @@ from vibro_ros.messages.topics import OPERATIONS
 from vibro_ros.model.parameters import BY_NAME, SCENE_PARAMETERS
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.files import one_line
+from vibro_ros.recordings.energy import LOST, RECEIVED, RECEIVED_BY_DC, differences_between_resets, reset_times
 from vibro_ros.recordings.rerun import SAMPLED
-from vibro_ros.simulation.samples import resets as resets_between
 from vibro_ros.simulation.validity import GAP, Validity, validity_of
 
 GUIDES = ("upper", "inclined")
@@ -143,19 +143,6 @@ def _validity(scene: Scene | None, bag: Bag) -> Validity:
     return validity_of(scene, samples | current)
 
 
-def reset_times(joints: Arrays) -> np.ndarray:
-    """Return the times [s] of the first samples after resets to the start, shape (n,)."""
-    return joints["time"][1:][resets_between(joints["time"], joints["crank.position"], joints["crank.velocity"])]
-
-
-def differences_between_resets(time: np.ndarray, values: np.ndarray, resets: np.ndarray) -> np.ndarray:
-    """Return the differences of neighbouring `values`, shape (n - 1,); 0 across each of the `resets` (times [s])."""
-    steps = np.diff(values)
-    after = np.searchsorted(time, resets)
-    steps[after[(after > 0) & (after < len(time))] - 1] = 0.0
-    return steps
-
-
 def _operations(bag: Bag) -> list[tuple[float, str]]:
     if OPERATIONS not in bag:
         return []
@@ -213,23 +200,26 @@ CAPTION = ("duration", "displacement", "mean speed", *(f"{guide} impacts per tur
 
 
 def as_text(summary: dict[str, Any]) -> str:
-    """Return the summary as text with units."""
+    """Return the summary as text with units, and with the accounts in ``energy``, the result of `energy_of`, if any."""
     lines = [("bag", summary["bag"]),
              *((one_line(key), one_line(value)) for key, value in summary["recorder"].items() if len(value) < 80),
              *((label, number.text(summary)) for label, number in NUMBERS.items()),
              *(("warning", warning) for warning in Validity(**summary["validity"]).warnings())]
     width = max(len(label) for label, _ in lines) + 2
+    energy = ["", *energy_as_lines(summary["energy"])] if "energy" in summary else []
     done = [f"{time:>10.3f} s  {one_line(text)}" for time, text in summary["operations"]]
-    return "\n".join([*(f"{label:<{width}}{value}" for label, value in lines),
+    return "\n".join([*(f"{label:<{width}}{value}" for label, value in lines), *energy,
                       *(["", "what was done to the run", *done] if done else []), "", *_table(summary["topics"]),
                       *flaw_lines(summary["not_read"])]) + "\n"
 
 
 def pair_as_text(first: dict[str, Any], second: dict[str, Any]) -> str:
-    """Return two summaries as one table: the parameters that differ, and all numbers of both."""
+    """Return two summaries with their energy as one table: the parameters that differ, and all numbers of both."""
     lines = aligned([("", "first", "second", "second - first"), *_rows_of_pair(first, second)])
     for title, summary in (("first", first), ("second", second)):
-        lines += [f"{title}: {line}" for line in flaw_lines(summary["not_read"])]
+        lines += [f"{title}: {line}" for line in (
+            *(energy_as_lines(summary["energy"]) if "unknown" in summary["energy"] else ()),
+            *flaw_lines(summary["not_read"]))]
     return "\n".join([f"first   {one_line(first['bag'])}", f"second  {one_line(second['bag'])}", "", *lines]) + "\n"
 
 
@@ -256,9 +246,13 @@ def _rows_of_pair(first: dict[str, Any], second: dict[str, Any]) -> list[tuple[s
 
 
 def _numbers(summary: dict[str, Any]) -> dict[str, float | None]:
-    """Return the numbers of a summary, by labels with units."""
-    return {f"{label} [{number.unit}]" if number.unit else label: number.of(summary)
-            for label, number in NUMBERS.items()}
+    """Return the numbers of a summary and of its energy, by labels with units."""
+    energy = summary.get("energy", {})
+    return {**{f"{label} [{number.unit}]" if number.unit else label: number.of(summary)
+               for label, number in NUMBERS.items()},
+            "cost of transport": energy.get("cost_of_transport"),
+            **{f"{name.replace('_', ' ')} [J]": amount for name, amount in energy.get("accounts", {}).items()
+               if amount}}
 
 
 def _parameters(recorder: dict[str, str]) -> dict[str, Any]:
@@ -286,6 +280,26 @@ def _table(topics: dict[str, dict[str, Any]]) -> list[str]:
                Number(lambda topic: topic.get("gaps"), ".0f"))
     return aligned([("topic", "messages", "period", "largest gap", "gaps"),
                     *((one_line(name), *(column.text(topic) for column in columns)) for name, topic in topics.items())])
+
+
+def energy_as_lines(energy: dict[str, Any]) -> list[str]:
+    """Return the accounts as a table: energy, and its share of what the motor, or its supply, delivered."""
+    if "unknown" in energy:
+        return [f"energy: unknown: {energy['unknown']}"]
+    accounts = energy["accounts"]
+    received, giver = (RECEIVED_BY_DC, "supply") if "supply" in accounts else (RECEIVED, "motor")
+    full = accounts["supply" if giver == "supply" else "motor_delivered"]
+    rows = []
+    for name, sign in {**received, **dict.fromkeys((*LOST, "stored", "residual"), -1.0)}.items():
+        amount = sign * accounts.get(name, 0.0)
+        if amount or name in ("motor_delivered", "supply", "stored"):
+            rows.append((name.replace("_", " "), f"{amount:+.6g} J", f"{amount / full:+.2%}" if full else ""))
+    power, cost = ("-" if energy[name] is None else format(energy[name], ".5g") for name in (
+        "mean_power", "cost_of_transport"))
+    return [f"energy over {energy['duration']:.3f} s, from the run simulated again: + received, - lost or stored; "
+            f"shares of what the {giver} delivered", *aligned(rows),
+            f"net power of the {giver} {power} W; cost of transport {cost}, its net work over weight times "
+            "displacement"]
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
