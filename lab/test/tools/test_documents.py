@@ -240,6 +240,15 @@ def test_a_page_is_stale_if_what_decides_its_numbers_changes_alone(file, text, c
     assert (documents.fingerprint(document) != before) == changes
 
 
+@pytest.mark.parametrize(("names", "code"), [([], 0), (["map", "paper"], 1)])
+def test_a_stale_page_fails_the_check(names, code, monkeypatch, capsys):
+    """`make lint` named twelve such pages and went on."""
+    monkeypatch.setattr(documents, "stale", lambda: names)
+    assert documents.main(["--check"]) == code
+    said = capsys.readouterr().out
+    assert [name for name in documents.DOCUMENTS if f"ONLY={name}`" in said] == names
+
+
 def test_a_fingerprint_reaches_modules_that_a_generator_takes_as_values():
     """The machines of the literature stand in a tuple of modules, and studies beside each other share functions."""
     reached = documents.reached(documents.DOCUMENTS["literature"].numbers)

@@ -35,7 +35,7 @@ class Statistic(NamedTuple):
     # Half of its 95 % interval by Student's distribution, NaN for fewer than two starts. The exponent of a single
     # start, or of starts whose exponents are all equal, has the interval that was measured with it.
     spread: float
-    count: int  # starts that have a value
+    starts: int  # that have a value
 
 
 class MotionRow(NamedTuple):
@@ -105,7 +105,7 @@ def _statistics(columns: dict[str, np.ndarray]) -> dict[str, Statistic]:
         mean = float(values.mean()) if len(values) else math.nan
         statistics[name] = Statistic(mean, float(half_interval(values)), len(values))
     exponent = statistics.get(EXPONENT)
-    if exponent and (exponent.count == 1 or exponent.spread == 0.0):
+    if exponent and (exponent.starts == 1 or exponent.spread == 0.0):
         statistics[EXPONENT] = exponent._replace(spread=statistics[SPREAD].mean)
     return statistics
 
@@ -189,7 +189,7 @@ def _row_in_words(summary: Summary, measure: str, row: MotionRow) -> str:
     statistic, motions = row.measures[measure], summary.motions[row.point]
     where = ", ".join(f"{name} = {_value(values[row.point], 6)}" for name, values in summary.parameters.items())
     # The interval of a periodic motion would only describe the choice of starts.
-    is_same = bool(row.attractor.turns) and statistic.count > 1 and measure not in LYAPUNOV
+    is_same = bool(row.attractor.turns) and statistic.starts > 1 and measure not in LYAPUNOV
     interval = f" ± {statistic.spread:.2g}" if statistic.spread > 0.0 and not is_same else ""
     unit = "" if MEASURES[measure].unit == "1" else f" {MEASURES[measure].unit}"
     if len(motions) > 1:

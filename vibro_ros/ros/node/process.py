@@ -98,7 +98,7 @@ def node_running(name: str, words: Sequence[str]) -> Iterator[GuardedNode]:
 
 
 def waker(node: Node) -> Callable[[], None]:
-    """Return a function that ends the executor's wait, in any thread, so that `spin_until` looks at what has changed."""
+    """Return a function that ends the executor's wait, from any thread, so that `spin_until` looks again."""
     turn = node.create_guard_condition(lambda: None)
 
     def wake() -> None:
