@@ -166,8 +166,9 @@ def test_a_signal_and_the_end_of_work_end_a_wait_of_minutes(domain_id):
 
 def test_a_robot_that_runs_and_records_has_loaded_only_what_it_needs(start, listener):
     """A robot starts in a second and takes 90 MB because of this; what a client calls may load more."""
-    program = ("import atexit, sys; from vibro_ros.process.entry_point import enter; atexit.register(lambda: "
-               "print('modules:', *(name for name, module in sys.modules.items() if module))); sys.exit(enter('robot'))")
+    program = ("import atexit, sys; from vibro_ros.process.entry_point import enter; "
+               "atexit.register(lambda: print('modules:', *(name for name in sys.modules if sys.modules[name]))); "
+               "sys.exit(enter('robot'))")
     robot = start("-c", program, "--ros-args", "-p", "rate.publish:=200.0")
     listener.spin_for_samples(400)  # diagnostics are published once a second
     resident = re.search(r"VmRSS:\s+(\d+) kB", Path(f"/proc/{robot.pid}/status").read_text())
