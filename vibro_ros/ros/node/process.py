@@ -7,6 +7,7 @@ that the node can still seal the bag and stop the motor while ROS is up; each si
 
 import os
 import re
+import resource
 import signal
 import socket
 import sys
@@ -43,6 +44,8 @@ REMEDIES = {
 """Remedy for the user, by words that occur in rcl's error message; the first that fits is given."""
 LAST_DOMAIN = 232
 """Largest ROS domain: from the next one on, the ports that DDSI-RTPS computes are above 65535."""
+OPEN_FILES = 64
+"""Open files that suffice: a robot that records has 30, and with a few less the middleware loses endpoints silently."""
 POLL = 0.05
 """Longest wait [s] of the executor before the loop checks whether it should end."""
 CLOCK = "/clock"
@@ -206,6 +209,10 @@ def _environment_fault() -> str:
     domain = os.environ.get("ROS_DOMAIN_ID", "").strip()
     if domain and not (domain.isdecimal() and int(domain) <= LAST_DOMAIN):
         return f"ROS_DOMAIN_ID={domain}: no ROS domain; set it to a whole number from 0 to {LAST_DOMAIN}, or unset it"
+    files = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+    if files < OPEN_FILES:
+        return (f"this shell limits a process to {files} open files, and ROS needs {OPEN_FILES}; raise the limit with "
+                "`ulimit -n 1024`")
     return ""
 
 
