@@ -312,7 +312,8 @@ class SimulationServices:
             except (ValueError, RuntimeError) as error:
                 goal.canceled() if goal.is_cancel_requested else goal.abort()
                 node.refusals.refuse(path, str(error))
-                _fill_refusal(result.result, error)
+                result.result.result = getattr(error, "code", Result.RESULT_OPERATION_FAILED)
+                result.result.error_message = str(error)
             finally:
                 taken.pop(key, None)
             return result
@@ -345,15 +346,8 @@ class SimulationServices:
 def _answering(perform: Callable[[Any, Any], Awaitable[None]]) -> Answer:
     """Return a callback that runs `perform`, which fills the response or raises, and then fills in the result."""
     async def answer(request: Any, response: Any) -> Any:
-        try:
-            await perform(request, response)
-            response.result.result = Result.RESULT_OK
-        except (ValueError, RuntimeError) as error:
-            _fill_refusal(response.result, error)
+        await perform(request, response)
+        response.result.result = Result.RESULT_OK
         return response
 
     return answer
-
-
-def _fill_refusal(result: Result, error: ValueError | RuntimeError) -> None:
-    result.result, result.error_message = getattr(error, "code", Result.RESULT_OPERATION_FAILED), str(error)
