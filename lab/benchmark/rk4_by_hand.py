@@ -304,7 +304,7 @@ def _flight(scene: Scene) -> Flight | None:
 
 def version() -> str:
     """Return the version of numba, which compiles the program."""
-    return f"numba {_version('numba')}"
+    return f"rk4_by_hand under numba {_version('numba')}"
 
 
 #: The program; it computes nothing between its steps, and has no events.

@@ -189,11 +189,6 @@ def test_a_torn_file_is_kept_beside_its_sealed_copy(unsealed, capsys, tail):
     assert messages == by_mcap(folder) == sent[:len(messages)]
     assert len(messages) == (31 if tail == -1400 else 60)  # a chunk is whole, or gone
     assert recover(folder).was_sealed
-    (folder / "metadata.yaml").unlink()
-    path.write_bytes(torn_file)
-    assert executable.main(["--discard-torn", str(folder)]) == 0
-    assert capsys.readouterr().out.endswith(" torn bytes cut\n")
-    assert len(torn(folder)) == 2 and by_rosbags(folder) == messages
 
 
 @pytest.mark.parametrize("error", [MemoryError(), OSError(errno.EMFILE, "Too many open files"), KeyboardInterrupt()])

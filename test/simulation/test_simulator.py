@@ -133,15 +133,6 @@ def test_the_state_is_a_sample_taken_now_whatever_came_before(method):
     assert states[-1] == states[0] != states[1]
 
 
-@pytest.mark.parametrize("times", [[0.4], [0.6, 0.5], [math.nan], [[0.6]], [math.inf]])
-def test_samples_run_forwards(times):
-    made = device()
-    made.advance_to(0.5)
-    with pytest.raises(ValueError, match="ascending array of finite instants, none below 0.5 s"):
-        made.sample(times)
-    assert made.time == 0.5
-
-
 def test_statistics_count_the_events_that_were_taken():
     made = device()
     taken = []

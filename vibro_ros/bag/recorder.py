@@ -92,28 +92,11 @@ class Recorder:
     `dropped` + `lost` is the number of `write` calls plus that of latched messages in all files; the bag's custom data
     have these three numbers, too.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder to make; it must not exist, its parents may be missing.
-    topics : sequence of Topic
-        Every topic that will be written.
-    metadata : mapping of str to str
-        The bag's custom data (scene, parameters, version, start time), which survive a killed process.
-    backlog : int
-        Largest number of messages waiting for the disk; beyond it, messages are dropped. Inputs are dropped only at
-        twice this number, because a replay computes all other messages again.
-    storage : Storage
-        How the bag is stored on the disk.
-
-    Raises
-    ------
-    FileExistsError
-        When the folder exists: a recording never overwrites.
-    OSError
-        When the folder cannot be made or written; nothing is left behind.
-    ValueError
-        For an unknown message type or a topic given twice.
+    `folder` is made and must not exist, its parents may be missing. `metadata` are the bag's custom data, which survive
+    a killed process. Beyond `backlog` messages that wait for the disk, messages are dropped; inputs only beyond twice
+    this number, because a replay computes all other messages again. FileExistsError when the folder exists, because a
+    recording never overwrites; OSError when it cannot be made or written, and then nothing is left behind; ValueError
+    for an unknown message type or a topic given twice.
     """
 
     def __init__(self, folder: Path, topics: Sequence[Topic], metadata: Mapping[str, str],

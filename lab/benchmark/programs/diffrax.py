@@ -5,7 +5,6 @@ by `diffrax.Event`, whose condition is the lowest guard of `benchmark.equations`
 output; the mode is an argument of the compiled call, so that nothing is called back from Python within it.
 """
 
-from dataclasses import replace
 from importlib.metadata import version as _version
 
 import diffrax
@@ -102,7 +101,12 @@ def _from_event_to_event(problem, p, rtol):
         callbacks.guards(now, rows[now], bounds)
         yield now, lambda time: rows[time], int(bounds.argmin()) if stopped else None
 
-    return lambda: replace(located.run(problem, callbacks, integrate), callbacks=None)  # this program has no callbacks
+    def run():
+        answer = located.run(problem, callbacks, integrate)
+        answer.callbacks = None  # no function of Python is called back within the compiled call
+        return answer
+
+    return run
 
 
 def _control(rtol):

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Generator
 from functools import partial
 from importlib import import_module
-from inspect import iscoroutinefunction
+from inspect import isawaitable
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor, ParameterType, SetParametersResult
@@ -71,8 +71,7 @@ class GuardedNode(Node):
 
     def create_service(self, srv_type: type, srv_name: str, callback: Callable, **options: Any) -> Service:
         """As in `Node`; if `callback`, a function or a coroutine, raises, the request is answered as refused."""
-        answer = self._answer_later if iscoroutinefunction(callback) else self._answer
-        callback = partial(answer, self.resolve_service_name(srv_name), callback)
+        callback = partial(self._answer, self.resolve_service_name(srv_name), callback)
         return super().create_service(srv_type, srv_name, callback, **options)
 
     def create_publisher(self, msg_type: type, topic: str, qos_profile: QoSProfile | int, **options: Any) -> Publisher:
@@ -100,29 +99,21 @@ class GuardedNode(Node):
         return (copy.copy(profile), {**options, "qos_overriding_options": QoSOverridingOptions(given)}) if given else (
             profile, options)
 
-    def _answer(self, name: str, callback: Callable, request: Any, response: Any) -> Any:
+    async def _answer(self, name: str, callback: Callable, request: Any, response: Any) -> Any:
         try:
             if reason := _fault(request):
                 self.refusals.refuse(name, reason)
                 return _fill_refusal(request, response, reason)
             if isinstance(request, SetParameters.Request | SetParametersAtomically.Request):
                 return _bounded(self._set_parameters(name, request, response))
-            return _bounded(self._count_refusal(name, callback(request, response)))
+            answer = callback(request, response)
+            response = await answer if isawaitable(answer) else answer
+            if reason := _reason_of(response):
+                self.refusals.refuse(name, reason)
+            return _bounded(response)
         except Exception as error:  # whatever it is, the caller waits for an answer
             self.refusals.catch(name, error)
             return _fill_refusal(request, response, f"{type(error).__name__}; the node's log says more")
-
-    async def _answer_later(self, name: str, callback: Callable, request: Any, response: Any) -> Any:
-        try:
-            return _bounded(self._count_refusal(name, await callback(request, response)))
-        except Exception as error:  # whatever it is, the caller waits for an answer
-            self.refusals.catch(name, error)
-            return _fill_refusal(request, response, f"{type(error).__name__}; the node's log says more")
-
-    def _count_refusal(self, name: str, response: Any) -> Any:
-        if reason := _reason_of(response):
-            self.refusals.refuse(name, reason)
-        return response
 
     def _set_parameters(self, name: str, request: Any, response: Any) -> Any:
         """Set all parameters of a request, or none; a read-only parameter may be given its present value."""
