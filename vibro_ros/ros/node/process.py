@@ -129,8 +129,9 @@ def _woken_by_signals(node: GuardedNode) -> Iterator[None]:
         yield
     finally:
         signal.set_wakeup_fd(before)
-        told.close()
+        told.shutdown(socket.SHUT_WR)  # ends the thread even if a child process has inherited the socket
         thread.join()
+        told.close()
         heard.close()
 
 
