@@ -37,16 +37,16 @@ _UNDAMPED = " ".join(f"--fix {side}.{part}.damping" for side in ("upper", "incli
 SEARCHES: Mapping[str, Search] = {
     "thriftiest": Search("V/P, whatever the speed", "--objective speed_per_power --budget 2000"),
     "thrifty": Search("V/P at 150 mm/s or more", "--objective speed_per_power --least-speed 0.15 --budget 1500"),
-    "fastest": Search("Speed alone", "--objective speed --budget 1000"),
+    "fastest": Search("Speed alone", "--objective speed"),
     "thrifty_grounded": Search("V/P at 50 mm/s or more, in the air for 2 % at most", "--objective speed_per_power "
                                "--least-speed 0.05 --most-air 0.02 --budget 1500"),
     "fastest_grounded": Search("Speed alone, in the air for 2 % at most", "--objective speed --most-air 0.02 --budget "
                                "1500"),
-    "front": Search("The front itself", "--objective front --budget 1500"),
-    "printed": Search("Speed by the paper's own rule", f"--scene paper --objective speed --budget 600 {_UNDAMPED}"),
+    "front": Search("The front itself", "--objective front"),
+    "printed": Search("Speed by the paper's own rule", f"--scene paper --objective speed {_UNDAMPED}"),
     "printed_zero": Search("Speed by the paper's own rule, drawn starts that begin from zero", "--scene paper "
                            f"--set start.state=zero --objective speed --budget 2000 {_UNDAMPED}"),
-    "unilateral": Search("Speed where the ground cannot pull", "--scene unilateral --objective speed --budget 600 "
+    "unilateral": Search("Speed where the ground cannot pull", "--scene unilateral --objective speed "
                          f"{_UNDAMPED}"),
     "unilateral_zero": Search("Speed where the ground cannot pull, drawn starts that begin from zero", "--scene "
                               f"unilateral --set start.state=zero --objective speed --budget 2000 {_UNDAMPED}"),
