@@ -79,7 +79,7 @@ check: lint $(TEST)  ## the fast loop, a minute: lint, and the device's quick te
 	@echo "check: rooms left out: $(filter-out $(QUICK),$(patsubst %/,%,$(filter-out %__pycache__/ %without_lab/,$(wildcard test/*/ lab/test/*/))))"
 	@echo "check: \`make test\` runs them and all of the above but installation and documents, which \`make test-slow\` runs"
 
-lint: $(READY) $(LAB) $(LINT) conflict-markers site  ## check style, spelling, types, links and promised names; name generated pages that are stale
+lint: $(READY) $(LAB) $(LINT) conflict-markers site  ## check style, spelling, types, links and promised names; fail on a generated page that is stale
 	@$(BIN)/ruff check
 	@$(BIN)/oxlint --config=tools/oxlint.json --format=unix vibro_ros/view/page
 	@$(BIN)/codespell *.md .github Makefile setup.py config docs examples lab test tools vibro_ros

@@ -47,7 +47,7 @@ REPEATED = {
 #: them out by the mark `process`, which single tests of other files have as well.
 PROCESS = {f"test_{name}.py" for name in (
     "continuation", "curve", "damaged_bags", "dc_orbits", "feedback", "hostile_bags", "kernel_cache", "kernels",
-    "kills", "lyapunov_spectrum", "many_runs", "published_bifurcations", "recorder_faults", "recovery", "recurrence",
+    "kills", "lyapunov_spectrum", "many_runs", "recorder_faults", "recovery", "recurrence",
     "replay")}
 
 #: Files that install the package, or run documents, notebooks and the demonstration as a reader would. Only

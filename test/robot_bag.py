@@ -69,7 +69,7 @@ def rewritten(bag: Path, folder: Path, change: Callable[[list[Message]], Iterabl
               storage: Storage = PLAIN, known: bool = True, **told: str | None) -> Path:
     """Return the same bag with a changed list of messages, another storage, or other custom data or none."""
     with BagStream(bag) as stream:
-        topics = [Topic(name, one.type_name, one.qos_depth) for name, one in stream.topics.items()]
+        topics = [Topic(name, one.type_name, 10) for name, one in stream.topics.items()]
         custom = {key: text for key, text in (stream.metadata | told).items() if known and text is not None}
         return _written(folder, topics, change(list(stream.messages())), custom, storage)
 

@@ -120,11 +120,12 @@ def main(words: Sequence[str]) -> int:
     if not options.check:
         quick = [name for name, document in DOCUMENTS.items() if not document.measured]
         return make(options.names or [*quick, *stale()])
-    for name in stale():
+    names = stale()
+    for name in names:
         document = DOCUMENTS[name]
         print(f"{document.page}: what decides the numbers of {name} has changed; `make documents ONLY={name}` makes "
               f"them again, about {document.minutes:g} min on two quiet cores")
-    return 0
+    return int(bool(names))
 
 
 def stale() -> list[str]:

@@ -29,7 +29,7 @@ from vibro_ros.recordings import recover as executable
 from vibro_ros.recordings.recover import recover
 
 KILLS = int(os.environ.get("VIBRO_ROS_KILLS", "3"))  # VIBRO_ROS_KILLS=100 for the long version
-LONGEST_LOSS = 0.15  # [s] what the issue allows
+LONGEST_LOSS = 0.1  # [s] what the recorder promises
 
 # Writes for ever and says what it has written, [ns] of the monotonic clock; its own pauses are the machine's.
 ENDLESS = """
@@ -189,11 +189,6 @@ def test_a_torn_file_is_kept_beside_its_sealed_copy(unsealed, capsys, tail):
     assert messages == by_mcap(folder) == sent[:len(messages)]
     assert len(messages) == (31 if tail == -1400 else 60)  # a chunk is whole, or gone
     assert recover(folder).was_sealed
-    (folder / "metadata.yaml").unlink()
-    path.write_bytes(torn_file)
-    assert executable.main(["--discard-torn", str(folder)]) == 0
-    assert capsys.readouterr().out.endswith(" torn bytes cut\n")
-    assert len(torn(folder)) == 2 and by_rosbags(folder) == messages
 
 
 @pytest.mark.parametrize("error", [MemoryError(), OSError(errno.EMFILE, "Too many open files"), KeyboardInterrupt()])

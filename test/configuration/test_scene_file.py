@@ -8,7 +8,6 @@ import pytest
 
 from vibro_ros.configuration.scene_file import (
     DEVICE_PARAMETERS,
-    MOST_SCENES,
     config_folder,
     load_scene,
     scene_origin,
@@ -150,15 +149,6 @@ def test_a_scene_of_itself_is_refused(tmp_path):
     for first in ("a", "self"):
         message = refusal(tmp_path / "here" / f"{first}.yaml", named=tmp_path / "here")
         assert ".yaml: as a scene it is a change of itself; let its `scene` be one of" in message
-
-
-def test_a_chain_of_scenes_has_an_end(tmp_path):
-    for number in range(MOST_SCENES + 2):
-        base = f"scene: {number - 1}.yaml" if number else "mass.body: 2.0"
-        (tmp_path / f"{number}.yaml").write_text(below_head(base))
-    assert load_scene(tmp_path / f"{MOST_SCENES - 1}.yaml")["mass.body"] == 2.0
-    with pytest.raises(ValueError, match=f"the end of {MOST_SCENES} changes"):
-        load_scene(tmp_path / f"{MOST_SCENES + 1}.yaml")
 
 
 @pytest.mark.parametrize(("base", "named"), [

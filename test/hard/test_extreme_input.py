@@ -31,7 +31,9 @@ TINY = [5e-324, 1e-321, 3.3e-318, 1e-310, 2.3e-308, 1e-306, 4e-200, 9.9e-31]
     (lambda device: device.command(motor_speed=50.0, upper_gap=0.001, inclined_gap=-math.inf), "inclined.gap: -inf"),
     (lambda device: device.advance_to(0.01), "0.01"), (lambda device: device.advance_to(math.nan), "nan"),
     (lambda device: device.advance_to(1.0000001e9), "give at most 1e+09 s"),
-    (lambda device: device.sample(np.array([0.04, 1e300])), "give instants up to 1e+09 s")])
+    (lambda device: device.sample(np.array([0.04, 1e300])), "give instants up to 1e+09 s"),
+    *[(lambda device, times=times: device.sample(times), "ascending array of finite instants, none below 0.03 s")
+      for times in ([0.02], [0.06, 0.05], [math.nan], [[0.06]], [math.inf])]])
 def test_a_refused_request_changes_nothing(request_, message):
     device = vibro_ros.Simulator(vibro_ros.load_scene("unilateral"))
     device.advance_to(0.03)

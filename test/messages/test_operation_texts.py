@@ -1,7 +1,5 @@
 """The texts of operations in a recording, including operations that no device can have performed."""
 
-import json
-
 import pytest
 
 import vibro_ros
@@ -43,34 +41,19 @@ def test_a_text_that_tells_none_is_refused_in_few_words(text: str):
     assert len(str(refused.value)) < 300 and "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize("parameters", [
-    {"mass.body": 2.0}, {"ground.friction": -1.0}, {"ground.friction": None}, {"ground.friction": [0.1]},
-    {"ground.friction": 10**400}, {"ground.friction": 0.1, "motor.max_speed": "fast"}])
-def test_parameters_that_no_robot_took_change_nothing(parameters: dict):
-    device = vibro_ros.Simulator(vibro_ros.load_scene("device"))
-    before = device.scene, device.state
-    with pytest.raises(ValueError, match=next(iter(parameters)) + "|motor.max_speed"):
-        perform(read_operation(f"set {json.dumps(parameters)}"), device)
-    assert (device.scene, device.state) == before
-
-
 @pytest.mark.parametrize("text", [
-    'reset {"self": 1.0}', 'reset {"mass": 1}',
-    'state {"self": 1.0}', 'state {"body_velocity": NaN}', 'state {"body_velocity": "fast"}', 'state {"mass": 1}',
-    'push {"duration": Infinity, "force_x": 1.0, "force_z": 0.0}',
-    'push {"duration": [1], "force_x": {}, "force_z": 0}',
-    'push {"duration": 1.0, "force_x": NaN, "force_z": 0.0}',
-    'fault {"fault": "earthquake", "duration": 1.0, "of": "", "value": 0.0, "from_x": 0.0, "to_x": 0.0}',
+    'set {"ground.friction": -1.0}', 'set {"ground.friction": [0.1]}', f'set {{"ground.friction": {10**400}}}',
+    'set {"ground.friction": 0.1, "motor.max_speed": "fast"}', 'reset {"self": 1.0}', 'state {"body_velocity": NaN}',
+    'state {"body_velocity": "fast"}', 'push {"duration": [1], "force_x": {}, "force_z": 0}',
     'fault {"fault": ["motor_stall"], "duration": 1.0, "of": {}, "value": null, "from_x": [], "to_x": "far"}',
     'fault {"fault": "friction_patch", "duration": 1.0, "of": "", "value": 0.1, "from_x": NaN, "to_x": 1.0}',
-    'fault {"fault": "friction_patch", "duration": 1.0, "of": "", "value": 0.1, "from_x": 1.0, "to_x": 1.0}',
     'fault {"fault": "sensor_dropout", "duration": 1.0, "of": "imu", "value": 0.0, "from_x": 0.0, "to_x": 0.0}'])
-def test_incidents_that_cannot_be_change_nothing(text: str):
+def test_an_operation_that_no_robot_performed_changes_nothing(text: str):
     device = vibro_ros.Simulator(vibro_ros.load_scene("device"))
-    before = device.state, device.disturbances
+    before = device.scene, device.state, device.disturbances
     with pytest.raises(ValueError, match="give|choose|does not have"):
         perform(read_operation(text), device)
-    assert (device.state, device.disturbances) == before
+    assert (device.scene, device.state, device.disturbances) == before
 
 
 @pytest.mark.parametrize("text", ["pause", "resume", "step 3", 'set {"rate.real_time_factor": 3.0}', "set {}",

@@ -10,26 +10,29 @@ import struct
 from pathlib import Path
 
 import pytest
-from asking import answer_of
+from asking import wait_until_known
+from nav_msgs.msg import Odometry
 from observation import bags, stop, value_of
+from random_requests import UNTOUCHED, random_request, service_class
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import (
-    DescribeParameters,
-    GetParameters,
-    GetParameterTypes,
-    ListParameters,
-    SetParameters,
-    SetParametersAtomically,
-)
+from rcl_interfaces.srv import ListParameters, SetParameters, SetParametersAtomically
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from recorded_bag import by_rosbags
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float32, Float64
+from std_srvs.srv import SetBool
 
 import vibro_ros
 from vibro_ros.messages.codec import deserialised
+from vibro_ros.ros.node.node import LONGEST_NAME, SENTENCES
+from vibro_ros.ros.node.refusals import LONGEST_SENTENCE
 
 COMMANDS = ("motor_speed", "upper_gap", "inclined_gap")
-ROUNDS = 20_000 if "VIBRO_ROS_HOSTILE" in os.environ else 300
+ROUNDS, ROUNDS_OF_REQUESTS = (20_000, 4000) if "VIBRO_ROS_HOSTILE" in os.environ else (300, 40)
+"""How often random commands and requests are sent; the larger numbers take some minutes."""
+AT_ONCE = 25
+"""Requests that wait together: fewer than a service of another node may queue."""
+DEEP = QoSProfile(depth=100)
 LITTLE, BIG = b"\0\1\0\0", b"\0\0\0\0"
 GOOD = {
     "little endian": LITTLE + struct.pack("<d", 50.0),
@@ -98,8 +101,6 @@ def any_command(chance: random.Random) -> bytes:
 def test_messages_that_are_no_command_and_thousands_at_random_are_refused_counted_said_and_recorded(
         start, attacker, listener, bench, tmp_path):
     """What is refused is what an offline device refuses of the recorded messages; what was dropped is not recorded.
-
-    With VIBRO_ROS_HOSTILE in the environment there are a hundred thousand of them, which takes some minutes.
     """
     chance = random.Random(12)
     robot = start("robot", "--ros-args", "-p", "rate.publish:=100.0", "-p", "motor.acceleration:=1000000.0")
@@ -138,12 +139,6 @@ def test_messages_that_are_no_command_and_thousands_at_random_are_refused_counte
     assert math.isfinite(robot_state["power"])
 
 
-@pytest.fixture
-def ask(bench):
-    """Call one of the robot's services; an answer must come."""
-    return lambda kind, name, **fields: answer_of(bench, kind, f"/vibro_robot/{name}", **fields)
-
-
 def wanted(name: str, kind: int, **value) -> Parameter:
     return Parameter(name=name, value=ParameterValue(type=kind, **value))
 
@@ -165,29 +160,69 @@ HOSTILE_PARAMETERS = {
 }
 
 
-def test_every_parameter_request_is_answered_and_changes_nothing_and_peers_of_another_type_are_named(
-        start, bench, ask, listener):
-    robot = start("robot", "--ros-args", "-p", "record.enabled:=false")
+@pytest.fixture
+def clients(bench):
+    """Return a client of each of the robot's services by name, without those of actions and that of rcl itself."""
+    def robots() -> list:
+        found = bench.node.get_service_names_and_types()
+        return [(name, kind) for name, (kind,) in found if name.startswith("/vibro_robot/")
+                and "/_action/" not in name and not name.endswith("/get_type_description")]
+
+    bench.spin_until(lambda: len(robots()) > 8, "the robot's services")
+    made = {name: bench.node.create_client(service_class(kind), name, qos_profile=DEEP) for name, kind in robots()}
+    bench.spin_until(lambda: all(client.service_is_ready() for client in made.values()), "services ready")
+    wait_until_known(bench)
+    return made
+
+
+def refused(request, response) -> bool:
+    """Whether an answer is a refusal; services that read parameters cannot refuse and return nothing."""
+    if any(len(name) > LONGEST_NAME for field in ("names", "prefixes") for name in getattr(request, field, ())):
+        return True
+    if isinstance(response, SetParameters.Response):
+        return not all(result.successful for result in response.results)
+    if isinstance(response, SetParametersAtomically.Response):
+        return not response.result.successful
+    if hasattr(response, "success"):  # of std_srvs and of the project's own
+        return not response.success
+    return bool(getattr(getattr(response, "result", None), "error_message", ""))  # of simulation_interfaces
+
+
+def test_every_request_is_answered_every_refusal_counted_and_every_sample_finite(start, bench, request, listener):
+    """Known requests that are refused in known words come first, then random ones to every service."""
+    robot = start("robot", "--ros-args", "-p", "motor.speed:=100.0")
     robot.wait_for("ready")
-    before = ask(GetParameters, "get_parameters", names=["mass.body", "use_sim_time", "scene"]).values
-    for parameter, reason in HOSTILE_PARAMETERS.values():
-        answers = [*ask(SetParameters, "set_parameters", parameters=[parameter]).results,
-                   ask(SetParametersAtomically, "set_parameters_atomically", parameters=[parameter]).result]
-        for answer in answers:
-            assert not answer.successful
-            assert reason in answer.reason and "\n" not in answer.reason
-    several = [one for one, _ in HOSTILE_PARAMETERS.values() if len(one.name) < 1000]
-    answers = ask(SetParameters, "set_parameters", parameters=several).results
-    assert [answer.successful for answer in answers] == [False] * len(several)
-    answers = ask(SetParameters, "set_parameters", parameters=several * 200).results
-    assert {answer.reason for answer in answers} == {f"{len(several) * 200} names in one request; give at most 1000"}
-    for names in (["mass.boddy"], [""], ["a" * 100_000], ["mass.body"] * 10_000, []):
-        assert not ask(GetParameters, "get_parameters", names=names).values
-        assert not ask(DescribeParameters, "describe_parameters", names=names).descriptors
-        assert not ask(GetParameterTypes, "get_parameter_types", names=names).types
-        assert not ask(ListParameters, "list_parameters", prefixes=names, depth=2**64 - 1).result.names or not names
-    assert ask(GetParameters, "get_parameters", names=["mass.body", "use_sim_time", "scene"]).values == before
-    listener.wait_for_status("simulation", lambda status: value_of(status, "refused requests") >= 24.0)
+    clients, chance = request.getfixturevalue("clients"), random.Random(7)
+    latest: dict[str, list[float]] = {}
+    bench.node.create_subscription(Odometry, "odom", lambda one: latest.update(
+        body=[one.pose.pose.position.x, one.pose.pose.position.z, one.twist.twist.linear.x]), 10)
+    bench.node.create_subscription(JointState, "joint_states", lambda one: latest.update(
+        joints=[*one.position, *one.velocity, *one.effort]), 10)
+    refusals = 0
+    for parameters, reason in (*(([parameter], reason) for parameter, reason in HOSTILE_PARAMETERS.values()),
+                               ([HOSTILE_PARAMETERS["simulated time"][0]] * 1200, "1200 names in one request; give")):
+        several, one = ask(bench, [(clients[f"/vibro_robot/{name}"], kind.Request(parameters=parameters))
+                                   for name, kind in (("set_parameters", SetParameters),
+                                                      ("set_parameters_atomically", SetParametersAtomically))])
+        refusals += 2
+        for answer in (*several.results, one.result):
+            assert not answer.successful and reason in answer.reason and "\n" not in answer.reason
+    answer = ask(bench, [(clients["/vibro_robot/list_parameters"], ListParameters.Request())])[0]
+    names = [name for name in answer.result.names if name not in UNTOUCHED]
+    for _ in range(ROUNDS_OF_REQUESTS):
+        asked = [(client, random_request(client.srv_type, names, chance))
+                 for client in chance.choices([*clients.values()], k=AT_ONCE)]
+        for (_, asked_for), response in zip(asked, ask(bench, asked), strict=True):
+            refusals += refused(asked_for, response)
+            assert all(text.isprintable() and len(text) <= LONGEST_SENTENCE for text in sentences(response)), response
+    assert refusals > ROUNDS_OF_REQUESTS
+    ask(bench, [(clients["/vibro_robot/pause"], SetBool.Request(data=False))])
+    status, values = listener.wait_for_status(
+        "simulation", lambda status: value_of(status, "refused requests") >= refusals)
+    assert (values["refused requests"], values["failed callbacks"]) == (str(refusals), "0"), robot.text
+    latest.clear()
+    bench.spin_until(lambda: len(latest) == 2, "a sample")
+    assert all(map(math.isfinite, (*latest["body"], *latest["joints"])))
     bench.node.create_publisher(Float32, "motor_speed", 10)
     assert "[WARN]" in robot.wait_for("/motor_speed: /bench publishes std_msgs/msg/Float32, which cannot arrive; "
                                       "publish std_msgs/msg/Float64")
@@ -196,4 +231,26 @@ def test_every_parameter_request_is_answered_and_changes_nothing_and_peers_of_an
         "/upper_gap: /bench publishes best effort, which cannot arrive; let it publish reliably, or start the robot "
         "with -p qos_overrides./upper_gap.subscription.reliability:=best_effort")
     stop(robot)
-    assert all(line.startswith("[") for line in robot.lines)
+    assert all(line.startswith("[") for line in robot.lines)  # nothing of a peer's text in the log as it came
+    assert "\x1b" not in robot.text and max(map(len, robot.lines)) < LONGEST_SENTENCE + 200
+
+
+def sentences(response) -> list[str]:
+    """Return the texts of an answer of any service."""
+    parts = [response, getattr(response, "result", None), *getattr(response, "results", ())]
+    found = [getattr(part, field, "") for part in parts for field in SENTENCES]
+    return [text for text in found if isinstance(text, str)]
+
+
+def ask(bench, asked: list) -> list:
+    """Send several requests, each to a client, and return the answers."""
+    futures = [client.call_async(request) for client, request in asked]
+
+    def waiting() -> list[str]:
+        return [str(request) for (_, request), future in zip(asked, futures, strict=True) if not future.done()]
+
+    try:
+        bench.spin_until(lambda: not waiting(), "answers")
+    except AssertionError as error:
+        raise AssertionError(f"no answer to {waiting()}") from error
+    return [future.result() for future in futures]

@@ -19,7 +19,7 @@ from vibro_ros.recordings.recover import recover
 
 UNLIMITED = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
 KILLS = int(os.environ.get("VIBRO_ROS_ROBOT_KILLS", "2"))  # VIBRO_ROS_ROBOT_KILLS=100 for the long version
-LONGEST_LOSS = 0.15  # [s] what the issue allows
+LONGEST_LOSS = 0.1  # [s] what the recorder promises
 
 
 @pytest.mark.quiet

@@ -160,10 +160,9 @@ def test_a_callback_that_fails_is_answered_all_the_same(types):
         raise KeyError("nobody foresaw it")
 
     caught: list[str] = []
-    node = SimpleNamespace(refusals=SimpleNamespace(catch=lambda name, error: caught.append(name)),
-                           _count_refusal=lambda name, response: response)
+    node = SimpleNamespace(refusals=SimpleNamespace(catch=lambda name, error: caught.append(name)))
     kind = types.srv.StepSimulation
-    answering = GuardedNode._answer_later(node, "/step", fail, kind.Request(), kind.Response())
+    answering = GuardedNode._answer(node, "/step", fail, kind.Request(), kind.Response())
     with pytest.raises(StopIteration) as end:
         answering.send(None)
     result = end.value.value.result

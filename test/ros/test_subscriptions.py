@@ -25,6 +25,20 @@ def test_rclpy_hands_out_bytes_and_instant_of_a_message(bench):
     assert subscription.take(10) == []
 
 
+def test_a_message_whose_publisher_came_and_left_between_two_polls_arrives(bench):
+    subscription, taken = PollingSubscription(bench.node, Float64, "numbers", 10), []
+    for number in range(3):  # also after a publisher that has left, which was polled in vain
+        publisher = bench.node.create_publisher(Float64, "numbers", 10)
+        bench.spin_until(publisher.get_subscription_count, "match")
+        publisher.publish(Float64(data=float(number)))
+        assert publisher.wait_for_all_acked()
+        bench.node.destroy_publisher(publisher)
+        bench.spin_until(lambda: not bench.node.count_publishers("numbers"), "the publisher's end")
+        bench.spin_until(lambda n=number: taken.extend(subscription.take(2)) or len(taken) > n, "the message")
+        assert subscription.take(2) == []
+    assert len(taken) == 3
+
+
 def test_commands_are_recorded_in_the_order_of_arrival_and_of_a_flood_the_last_ones_stand(bench):
     scene = vibro_ros.load_scene("device")
     device, commands, recorded = vibro_ros.Simulator(scene), CommandSubscriptions(bench.node, scene), []

@@ -75,16 +75,6 @@ def test_a_forged_memory_is_refused_and_changes_nothing():
         with pytest.raises(ValueError, match="the checkpoint"):
             device.restore(forged)
     assert np.array_equal(device.checkpoint(), good, equal_nan=True)
-    random = np.random.default_rng(5)
-    for place in random.integers(motion, len(good), 200):
-        forged = good.copy()
-        forged[place] = random.choice([np.inf, -1.0, 1e300, 0.5, np.nan])
-        try:
-            device.restore(forged)
-        except ValueError:
-            assert np.array_equal(device.checkpoint(), good, equal_nan=True)
-        device.advance_to(device.time + 0.01)
-        device.restore(good)
 
 
 def test_measurements_have_their_instants_and_come_out_after_the_delay():

@@ -11,7 +11,9 @@ import pytest
 from commanded_device import RAMP, device, of_kind, refused, state_bits, suffer
 
 import vibro_ros
+from vibro_ros.simulation.motion import Motion
 from vibro_ros.simulation.samples import Samples
+from vibro_ros.solver import event_loop
 from vibro_ros.solver.methods import SCHEMES
 
 
@@ -131,15 +133,6 @@ def test_the_state_is_a_sample_taken_now_whatever_came_before(method):
     assert states[-1] == states[0] != states[1]
 
 
-@pytest.mark.parametrize("times", [[0.4], [0.6, 0.5], [math.nan], [[0.6]], [math.inf]])
-def test_samples_run_forwards(times):
-    made = device()
-    made.advance_to(0.5)
-    with pytest.raises(ValueError, match="ascending array of finite instants, none below 0.5 s"):
-        made.sample(times)
-    assert made.time == 0.5
-
-
 def test_statistics_count_the_events_that_were_taken():
     made = device()
     taken = []
@@ -194,3 +187,18 @@ def test_a_checkpoint_that_no_device_made_ends_no_process(changes):
             except vibro_ros.SimulationError as error:
                 assert "report the scene" not in str(error)
     assert refused >= 1.25 * len(whole) - 10  # all that are not finite
+
+
+def test_a_buffer_full_of_events_within_a_nanosecond_ends_the_run():
+    """A stepper in place of the solver's, because the checks of states leave no scene that does this."""
+    motion, calls = Motion(vibro_ros.load_scene("damped")), []
+
+    class Rattle:
+        def advance(self, *_: object) -> tuple[int, int, int]:
+            calls.append(self)
+            return event_loop.EVENTS_FULL, 0, 0
+
+    motion.stepper = Rattle()
+    with pytest.raises(vibro_ros.SimulationError, match="events follow each other without any progress of time"):
+        motion.advance_at_once(np.array([1.0]), motion.new_trace(1))
+    assert len(calls) == 1

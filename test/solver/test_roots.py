@@ -1,5 +1,6 @@
 """The first root of a guard, compared with the eigenvalues of companion matrices and with exact rational arithmetic."""
 
+import math
 from fractions import Fraction
 from math import comb
 
@@ -177,7 +178,9 @@ def test_maximum():
         slope = np.arange(1, LENGTH) * polynomial[1:]
         turns = [x for x in real_roots(slope) if start < x < end]
         expected = max(np.polynomial.polynomial.polyval([start, end, *turns], polynomial))
-        assert maximum(polynomial, start, end, work) == pytest.approx(expected, abs=1e-13 * abs(polynomial).sum())
+        rounding = 1e-13 * abs(polynomial).sum()
+        assert maximum(polynomial, start, end, -math.inf, work) == pytest.approx(expected, abs=rounding)
+        assert maximum(polynomial, start, end, expected + 2.0 * rounding, work) == expected + 2.0 * rounding
 
 
 @pytest.mark.parametrize("magnitude", [1e-90, 1e-150, 1e-164, 1e-300, 1e-320])
@@ -190,7 +193,7 @@ def test_a_motion_that_has_died_away(magnitude):
         root = search(polynomial)
         expected = search(polynomial / magnitude) if magnitude > 1e-100 else NO_ROOT
         assert root == pytest.approx(expected, abs=1e-12)
-        highest = maximum(polynomial, 0.0, 1.0, np.empty((3, LENGTH)))
+        highest = maximum(polynomial, 0.0, 1.0, -math.inf, np.empty((3, LENGTH)))
         assert max(polynomial[0], polynomial.sum()) - magnitude * 1e-12 <= highest <= 10 * magnitude
 
 

@@ -1,6 +1,5 @@
 """The files that a public forge and an editor read: they name what is there, and their commands work."""
 
-import json
 import re
 import subprocess
 from pathlib import Path
@@ -36,12 +35,3 @@ def test_the_command_of_a_template_prints_the_provenance_of_a_bag(template, tmp_
     printed = subprocess.run(command.replace("BAG_FOLDER", str(tmp_path)), shell=True, check=True, text=True,
                              capture_output=True).stdout
     assert yaml.safe_load(printed)["custom_data"] == told
-
-
-def test_the_dev_container_is_that_of_the_containerfile():
-    folder = ROOT / ".devcontainer"
-    text = (folder / "devcontainer.json").read_text()
-    build = json.loads(re.sub(r"^//.*$", "", text, flags=re.MULTILINE))
-    assert (folder / build["build"]["dockerfile"]).resolve() == folder / "Containerfile"
-    told = (folder / "Containerfile").read_text()
-    assert f"USER {build['remoteUser']}\n" in told and f"WORKDIR {build['workspaceFolder']}\n" in told

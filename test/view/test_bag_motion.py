@@ -174,23 +174,20 @@ def test_a_recording_begun_late_is_exact_from_its_checkpoint_on(tmp_path):
     assert_is_run(motion, Samples(**{name: values[run.time >= 110 / RATE] for name, values in vars(run).items()}))
 
 
-@pytest.mark.parametrize("checkpoints", [(), (200,)])
-def test_a_recording_begun_late_without_a_checkpoint_is_followed_from_sample_to_sample(checkpoints, tmp_path):
-    whole = robot_bag(tmp_path / "whole", "device", 301, COMMANDS, RATE, checkpoints)
-    motion, setting = read(rewritten(whole, tmp_path / "late", without_earlier(110 / RATE)))
-    assert motion.header["exact"] and motion.header["exact_spans"] == [[110 / RATE, 300 / RATE]]
-    assert "begins 0.55 s after the robot's start" in setting["notes"][0] and "sample to sample" in setting["notes"][0]
-    assert_places_are_those_of_the_run(motion, offset_times(110 / RATE, 300 / RATE, 5000))
-
-
-def test_a_lost_command_is_told_by_the_samples(tmp_path):
-    whole = robot_bag(tmp_path / "whole", "device", 301, COMMANDS, RATE)
-    lost = rewritten(whole, tmp_path / "lost", edit_each(lambda one: None if one[1] == START + round(150 / RATE * 1e9)
-                                                    and one[0] == "/motor_speed" else one))
-    motion, setting = read(lost)
-    assert (motion.header["exact"], motion.header["why"]) == (True, "")
-    assert "after 0.75 s" in setting["notes"][0] and "not what was recorded" in setting["notes"][0]
-    assert_places_are_those_of_the_run(motion, offset_times(0.0, 1.5))
+def test_before_the_first_checkpoint_and_after_a_lost_command_it_is_interpolated_and_says_so(tmp_path):
+    whole = robot_bag(tmp_path / "whole", "device", 301, COMMANDS, RATE, checkpoints=(200,))
+    motion, _ = read(rewritten(whole, tmp_path / "late", lambda messages: edit_each(
+        lambda one: None if one[1] == START + round(230 / RATE * 1e9) and one[0] == "/motor_speed" else one)(
+            without_earlier(110 / RATE)(messages))))
+    header = motion.header
+    assert header["begin"] == 110 / RATE and header["exact_spans"] == [[200 / RATE, 230 / RATE]]
+    assert not header["exact"] and "begins 0.55 s after the robot's start" in header["why"]
+    assert "after 1.15 s" in header["why"] and "not what was recorded" in header["why"]
+    assert header["why"].endswith("there the motion is interpolated between the samples")
+    ticks = np.arange(110, 301) / RATE
+    run = run_of(ticks)
+    for name in ("body_position", "upper_position", "crank_angle"):
+        assert np.abs(motion.at(ticks)[name] - getattr(run, name)).max() <= NEAR
 
 
 def moved(stamps, distance):
@@ -201,10 +198,10 @@ def moved(stamps, distance):
     return edit_topic("odom", move, lambda stamp: round((stamp - START) * 1e-9, 6) in stamps)
 
 
-def test_one_recorded_position_that_differs_costs_the_intervals_beside_it(tmp_path):
+def test_one_recorded_position_that_differs_ends_the_exact_motion(tmp_path):
     whole = robot_bag(tmp_path / "bag", "device", 121, COMMANDS, RATE)
     header = read(rewritten(whole, tmp_path / "other", moved({90 / RATE}, 2e-9)))[0].header
-    assert header["exact_spans"] == [[0.0, 89 / RATE], [91 / RATE, 120 / RATE]] and not header["exact"]
+    assert header["exact_spans"] == [[0.0, 89 / RATE]] and not header["exact"]
     assert "body_position" in header["why"] and "interpolated" in header["why"]
 
 
@@ -216,15 +213,14 @@ def test_one_of_the_two_topics_of_state_is_enough(without, tmp_path):
     assert_is_run(motion, run_of(offset_times(0.0, 120 / RATE, 3000)))
 
 
-def test_the_bag_of_another_recorder_is_exact_by_its_samples_and_the_scene_that_is_named(tmp_path):
+def test_the_bag_of_another_recorder_is_interpolated_and_drawn_as_the_scene_that_is_named(tmp_path):
     whole = robot_bag(tmp_path / "bag", "damped", 241, {0: {"motor_speed": 60.0}, 120: "reset"}, RATE)
     bag, scene = rewritten(whole, tmp_path / "other", known=False), vibro_ros.load_scene("damped")
     motion, setting = read(bag, scene)
-    assert (motion.header["exact"], motion.header["why"], setting["robot"]) == (True, "", "damped")
+    assert (motion.header["exact_spans"], setting["robot"], setting["notes"]) == ([], "damped", [])
     with pytest.raises(BagError, match="says which scene its robot simulated; leave --scene out"):
         bag_motion(whole, scene=scene)
     assert motion.header["resets"] == [121 / RATE]
-    assert_is_run(motion, run_of(offset_times(0.0, 120 / RATE, 5000), "damped", {0: {"motor_speed": 60.0}}))
 
 
 @pytest.fixture

@@ -1,87 +1,64 @@
-"""Slow motions are computed one after the other, and an error is reported to the page that made the request."""
+"""Slow motion of a live robot passes through its samples, and says that it is interpolated between them."""
 
 import itertools
-import threading
-import time
-import warnings
+import json
 
 import numpy as np
 import pytest
+from motion_reader import NEAR, Motion
 
 import vibro_ros
-from vibro_ros.view import slow_motion
+from vibro_ros.view.motion import Impact
 from vibro_ros.view.protocol import COLUMNS, MOST_SECONDS
-from vibro_ros.view.slow_motion import MOST_WAITING, History, SlowMotions, motion_between
+from vibro_ros.view.slow_motion import History, motion_between
 
-PATIENCE = 60.0  # [s] of what takes milliseconds
 SCENE = vibro_ros.load_scene("device")
-SAMPLES = {"time": np.array([0.0, 0.005])}
+RATE = 200.0
 
 
-@pytest.fixture
-def motions(monkeypatch):
-    """Slow motions that call a test's function, by default one that returns its samples."""
-    def prepared(compute) -> SlowMotions:
-        monkeypatch.setattr(slow_motion, "motion_between", compute)
-        return SlowMotions()
-    return prepared
+def published(ticks: int, begin: int = 0) -> np.ndarray:
+    """Return rows as the robot publishes them, from its start on, beginning with the sample `begin`."""
+    device, rows = vibro_ros.Simulator(SCENE), []
+    device.command(motor_speed=100.0)
+    for tick in range(ticks):
+        device.advance_to(tick / RATE)
+        rows.append(device.values.copy())
+    rows = np.array(rows)
+    rows[:, COLUMNS.index("time")] += begin / RATE
+    return rows
 
 
-def until(done) -> None:
-    deadline = time.monotonic() + PATIENCE
-    while not done():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+def as_browser(document) -> Motion:
+    header, payload = document
+    return Motion(json.loads(json.dumps(header, allow_nan=False)), payload)
 
 
-def answer(motions: SlowMotions, samples=SAMPLES) -> object:
-    found: list[object] = []
-    motions.ask(SCENE, samples, found.append)
-    until(lambda: found)
-    return found[0]
+def test_it_passes_through_the_samples_with_the_reported_impacts_and_not_across_a_reset():
+    history = History()
+    history.add_impacts(Impact(time, time, "upper", 3.0) for time in (0.02, 0.9, 1.4))
+    for rows in (published(150), published(150, begin=150)):
+        history.add(rows)
+    motion = as_browser(history.motion(SCENE, 1.0))
+    assert not motion.header["exact"] and "record it" in motion.header["why"]
+    assert motion.header["resets"] == [pytest.approx(150 / RATE)]
+    assert [impact["time"] for impact in motion.header["impacts"]] == [0.9, 1.4]
+    samples = history.samples(1.0)
+    for name in ("body_position", "upper_position", "crank_angle"):
+        assert np.abs(motion.at(samples["time"])[name] - samples[name]).max() <= NEAR
+    assert np.isnan(motion.at(np.array([149.5 / RATE]))["body_position"]).all()
+    history.clear()
+    history.add(published(1))
+    with pytest.raises(ValueError, match="no samples of the last seconds; let the robot run"):
+        history.motion(SCENE, 1.0)
 
 
-def test_what_goes_wrong_is_said_and_the_next_one_is_computed(motions):
-    outcomes = iter([("first", b""), ZeroDivisionError("by chance"), ("third", b"")])
-
-    def compute(scene, samples):
-        outcome = next(outcomes)
-        if isinstance(outcome, Exception):
-            raise outcome
-        return outcome
-
-    asked = motions(compute)
-    assert answer(asked) == ("first", b"")
-    assert answer(asked) == "there is no slow motion of these samples: ZeroDivisionError: by chance"
-    assert answer(asked) == ("third", b"")
-    assert answer(asked, {"time": np.array([1.0])}) == ("there are no samples of the last seconds; let the robot run")
-
-
-def test_more_than_a_few_do_not_wait(motions):
-    going_on = threading.Event()
-    going_on.set()
-    asked = motions(lambda scene, samples: going_on.wait(PATIENCE) and ("done", b""))
-    going_on.clear()
-    found: list[object] = []
-    for _ in range(MOST_WAITING + 5):
-        asked.ask(SCENE, SAMPLES, found.append)
-    assert f"{MOST_WAITING} slow motions wait already; ask again later" in found
-    going_on.set()
-    until(lambda: len(found) == MOST_WAITING + 5)
-
-
-def test_huge_numbers_in_the_samples_are_no_warning_on_the_terminal(motions, capfd):
-    device = vibro_ros.Simulator(SCENE)
-    rows = [device.values.copy() for tick in range(40) if not device.advance_to(tick / 200.0)]
-    asked = motions(motion_between)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        for name, value in itertools.product(COLUMNS[1:], (-1.7e308, np.inf)):
-            samples = dict(zip(COLUMNS, np.array(rows).T.copy(), strict=True))
-            samples[name][[5, 9]] = value, -value
-            header, _ = answer(asked, samples)
-            assert header["end"] > header["begin"], name
-    assert capfd.readouterr() == ("", "")
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("name, value", [*itertools.product(COLUMNS[1:], (-1.7e308, 1e300))])
+def test_any_number_gives_a_motion_without_a_warning(name, value):
+    samples = dict(zip(COLUMNS, published(40).T.copy(), strict=True))
+    samples[name][[5, 9]] = value, -value
+    header = as_browser(motion_between(SCENE, samples)).header
+    assert header["end"] > header["begin"]
 
 
 def test_the_history_is_of_the_last_seconds():

@@ -22,8 +22,6 @@ LABEL_LIMITS = Limits(size=50_000, values=2000, depth=8)
 LAST_STAMP = 2**63 - 2
 """Largest recorded stamp [ns]: rosbag2 has signed 64-bit stamps, and rosbags reserves the largest."""
 
-_MOST_DEPTH = 2**31 - 1
-_TRANSIENT_LOCAL = "transient_local"
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}  # how ROS writes "no deadline"
 
 
@@ -87,7 +85,7 @@ def defined(topics: Sequence[Topic]) -> list[TopicInformation]:
 
 def _offered_qos(topic: Topic) -> dict:
     return {"history": "keep_last", "depth": topic.qos_depth, "reliability": "reliable",
-            "durability": _TRANSIENT_LOCAL if topic.transient_local else "volatile",
+            "durability": "transient_local" if topic.transient_local else "volatile",
             "deadline": dict(_FOREVER), "lifespan": dict(_FOREVER), "liveliness": "automatic",
             "liveliness_lease_duration": dict(_FOREVER), "avoid_ros_namespace_conventions": False}
 
@@ -173,17 +171,6 @@ def qos_profiles(text: str) -> list[dict]:
     except ValueError:
         return []
     return [one for one in found if isinstance(one, dict)] if isinstance(found, list) else []
-
-
-def is_transient_local(profiles: Sequence[Mapping]) -> bool:
-    """Return whether the first of the QoS profiles is transient local."""
-    return bool(profiles) and profiles[0].get("durability") in (_TRANSIENT_LOCAL, 1)  # a number in bags before Jazzy
-
-
-def depth_of(profiles: Sequence[Mapping], otherwise: int) -> int:
-    """Return the history depth in the first of the QoS profiles; `otherwise` if there is no valid one."""
-    depth = profiles[0].get("depth") if profiles else None
-    return depth if type(depth) is int and 0 <= depth <= _MOST_DEPTH else otherwise
 
 
 class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[misc]

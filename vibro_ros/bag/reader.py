@@ -66,32 +66,15 @@ class Bag(Mapping[str, Arrays]):
 
     A topic is found by its full name (``/robot1/odom``), or by its last part (``odom``) when only
     one topic ends so.
-
-    Attributes
-    ----------
-    path : Path
-        The bag folder.
-    start_ns : int
-        Recorded stamp of the first message, ROS time [ns]; 0 in an empty bag.
-    duration : float
-        Time from the first message to the last [s].
-    metadata : dict of str to str
-        The bag's custom data, in which the recorder describes the run.
-    topics : dict of str to RecordedTopic
-        Every topic, by full name, including those of types that are not read.
-    arrays : mapping of str to dict of str to ndarray
-        The arrays that `read_bag` lists, by full name of the topic.
-    flaws : tuple of str
-        Sentences on the parts of the recording that were not read; empty when all of it was.
     """
 
-    path: Path
-    start_ns: int
-    duration: float
-    metadata: dict[str, str]
-    topics: dict[str, RecordedTopic]
-    arrays: Mapping[str, Arrays]
-    flaws: tuple[str, ...] = ()
+    path: Path  # the bag folder
+    start_ns: int  # recorded stamp of the first message, ROS time [ns]; 0 in an empty bag
+    duration: float  # time from the first message to the last [s]
+    metadata: dict[str, str]  # the bag's custom data, in which the recorder describes the run
+    topics: dict[str, RecordedTopic]  # every topic, by full name, including those of types that are not read
+    arrays: Mapping[str, Arrays]  # the arrays that `read_bag` lists, by full name of the topic
+    flaws: tuple[str, ...] = ()  # sentences on the parts that were not read
 
     def __getitem__(self, name: str) -> Arrays:
         return self.arrays[self.full_name(name)]
@@ -289,12 +272,8 @@ class Series:
         self._texts: dict[str, dict[str, int]] = {name: {} for name, one in self._columns.items() if one.is_text}
 
     def append(self, time_ns: int, data: bytes) -> None:
-        """Add one serialised message recorded at `time_ns`.
-
-        Raises
-        ------
-        ValueError
-            When it cannot be read, or does not fit the columns; nothing is added then.
+        """Add one serialised message recorded at `time_ns` (ValueError when it cannot be read, or does not fit the
+        columns; nothing is added then).
         """
         message = deserialised(data, self._type)
         rows = message.transforms if self._type == TRANSFORMS else (message,)

@@ -3,9 +3,8 @@
 `Recorder.write` only puts the message on a bounded queue. The first message after a flush is due wakes the writer
 thread, so that the recorder works when a tick has just ended, not when the next one begins. If no message comes, the
 thread wakes by itself a little later. It does not wake more often, because waking costs more than writing the messages
-of a tick. The thread takes a few messages at a time: with many, it would hold the interpreter lock too long and delay
-the robot's clock; with one, it would wait for the lock so often that it could not keep up with a robot that publishes
-at 1 kHz.
+of a tick. A program with deadlines, such as the robot, lets its threads change more often (`sys.setswitchinterval`),
+because the thread would else hold the interpreter lock for up to 5 ms.
 
 Files are written by `McapWriter`. Each flush ends a chunk: a killed process loses the messages of the last
 `FLUSH_PERIOD`. Chunk indexes stay in memory, 12 MB an hour, so the robot begins another file after an hour
@@ -46,7 +45,6 @@ from vibro_ros.bag.metadata import (
 FLUSH_PERIOD = 0.05  # s, between two flushes; a message is promised to be safe after 0.1, as a busy machine is late
 WAKE_DELAY = 0.01  # s, from the time when a flush is due until the thread wakes by itself
 WAKING = 1000  # waiting messages that wake the thread early, so that a robot faster than real time fills no queue
-BATCH = 30  # messages between two offers of the interpreter lock; about 60 us
 BACKLOG = 20_000  # most messages waiting for the disk; about 4 s of a robot that publishes at 1 kHz
 
 SMALLEST_FILE = 100_000  # bytes; topics, index and metadata of a file take about a third of it
@@ -94,28 +92,11 @@ class Recorder:
     `dropped` + `lost` is the number of `write` calls plus that of latched messages in all files; the bag's custom data
     have these three numbers, too.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder to make; it must not exist, its parents may be missing.
-    topics : sequence of Topic
-        Every topic that will be written.
-    metadata : mapping of str to str
-        The bag's custom data (scene, parameters, version, start time), which survive a killed process.
-    backlog : int
-        Largest number of messages waiting for the disk; beyond it, messages are dropped. Inputs are dropped only at
-        twice this number, because a replay computes all other messages again.
-    storage : Storage
-        How the bag is stored on the disk.
-
-    Raises
-    ------
-    FileExistsError
-        When the folder exists: a recording never overwrites.
-    OSError
-        When the folder cannot be made or written; nothing is left behind.
-    ValueError
-        For an unknown message type or a topic given twice.
+    `folder` is made and must not exist, its parents may be missing. `metadata` are the bag's custom data, which survive
+    a killed process. Beyond `backlog` messages that wait for the disk, messages are dropped; inputs only beyond twice
+    this number, because a replay computes all other messages again. FileExistsError when the folder exists, because a
+    recording never overwrites; OSError when it cannot be made or written, and then nothing is left behind; ValueError
+    for an unknown message type or a topic given twice.
     """
 
     def __init__(self, folder: Path, topics: Sequence[Topic], metadata: Mapping[str, str],
@@ -248,21 +229,18 @@ class Recorder:
                 self._wake_up.get(timeout=max(0.0, self._due + WAKE_DELAY - time.monotonic()))
             self._wake_from = math.inf
             closing = self._closing  # read before the queue is emptied for the last time
-            self._write_batch()
-            while self._queue:
-                self._write_batch()
+            if self._new_custom:
+                known, self._new_custom = self._new_custom, {}
+                self._writer.describe(known)
+            while waiting := len(self._queue):
+                for _ in range(waiting):
+                    topic, stamp, data = self._queue.popleft()
+                    self._taken += 1
+                    self._writer.write(topic, stamp, data)
+                self._flush_if_due()
+            self._flush_if_due()
 
-    def _write_batch(self) -> None:
-        """Write new custom data and up to `BATCH` messages, and flush when that is due."""
-        if self._new_custom:
-            known, self._new_custom = self._new_custom, {}
-            self._writer.describe(known)
-        until = self._taken + BATCH
-        while self._queue and self._taken < until:
-            topic, stamp, data = self._queue.popleft()
-            self._taken += 1
-            self._writer.write(topic, stamp, data)
-        time.sleep(0)  # offer the interpreter lock
+    def _flush_if_due(self) -> None:
         if time.monotonic() >= self._due:
             self._writer.flush()
             self._due = time.monotonic() + FLUSH_PERIOD

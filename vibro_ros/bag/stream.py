@@ -13,12 +13,9 @@ from pathlib import Path
 
 from vibro_ros.bag.folders import bag_files
 from vibro_ros.bag.mcap_file import ForeignFileError, McapFile
-from vibro_ros.bag.metadata import FILE_NAME, custom_of, depth_of, is_transient_local, read_metadata
+from vibro_ros.bag.metadata import FILE_NAME, custom_of, read_metadata
 from vibro_ros.messages.topics import ROBOT_TOPICS, TOPICS
 from vibro_ros.process.files import one_line, user_path
-
-QOS_DEPTH = 10
-"""History depth of a topic if the bag does not state it."""
 
 MOST_FLAWS = 20
 """Most sentences on what cannot be read that are shown."""
@@ -73,24 +70,10 @@ def check_is_bag(folder: Path) -> None:
 
 @dataclass(frozen=True)
 class RecordedTopic:
-    """One topic of a recording.
+    """One topic of a recording."""
 
-    Attributes
-    ----------
-    type_name : str
-        ROS type, such as ``nav_msgs/msg/Odometry``.
-    messages : int
-        Number of messages.
-    qos_depth : int
-        History depth that the publisher offered.
-    transient_local : bool
-        Whether late subscribers got what was published before (transient local).
-    """
-
-    type_name: str
+    type_name: str  # ROS type, such as ``nav_msgs/msg/Odometry``
     messages: int
-    qos_depth: int = QOS_DEPTH
-    transient_local: bool = False
 
 
 class BagStream:
@@ -158,8 +141,7 @@ class BagStream:
                 before = found.get(topic.name)
                 number = file.information.counts[topic.name]
                 if before is None:
-                    found[topic.name] = RecordedTopic(topic.type_name, number, depth_of(topic.qos, QOS_DEPTH),
-                                                      is_transient_local(topic.qos))
+                    found[topic.name] = RecordedTopic(topic.type_name, number)
                 elif before.type_name == topic.type_name:
                     found[topic.name] = replace(before, messages=before.messages + number)
                 else:

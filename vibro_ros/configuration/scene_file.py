@@ -11,7 +11,6 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.process.files import user_path
 
 NODE_NAME = "vibro_robot"
-MOST_SCENES = 16  # longest chain of scenes, each based on the next
 
 NO_NODES = ("none",)  # default of `clock.lock_step`: ROS has no empty list of texts
 
@@ -82,7 +81,7 @@ def load_scene(name_or_path: str | Path, node: str | None = None) -> Scene:
     ------
     ValueError
         If there is no such scene or file, the file is not a valid parameter file, or its chain of scenes leads back to
-        it or is too long; the message names the file, the value, the limit and the remedy.
+        it; the message names the file, the value, the limit and the remedy.
 
     Examples
     --------
@@ -108,9 +107,9 @@ def scene_origin(name: str, folder: Path) -> str:
 
 def _load(path: Path, node: str | None, above: tuple[Path, ...]) -> Scene:
     """Load the scene of a file; `above` is the chain of files that led here, each based on the next."""
-    if path.resolve() in above or len(above) >= MOST_SCENES:
-        what = "is a change of itself" if path.resolve() in above else f"is the end of {MOST_SCENES} changes"
-        raise ValueError(f"{path}: as a scene it {what}; let its `scene` be one of {', '.join(shipped_scenes())}")
+    if path.resolve() in above:
+        raise ValueError(f"{path}: as a scene it is a change of itself; let its `scene` be one of "
+                         f"{', '.join(shipped_scenes())}")
     given = sections(path)
     named = {absolute(pattern) for pattern, _ in given if "*" not in pattern}
     robots = sorted(name for name in named if name.rpartition("/")[2] == NODE_NAME)

@@ -107,12 +107,6 @@ def deserialised(data: bytes, type_name: str) -> Any:
         raise ValueError(f"{len(data)} bytes are no {type_name}") from error
 
 
-def check_message(data: bytes, type_name: str) -> None:
-    """Raise a ValueError if the type is known and `data` is no message of it."""
-    if type_name in jazzy_types().fielddefs:
-        deserialised(data, type_name)
-
-
 def first_difference(one: bytes, other: bytes, type_name: str) -> tuple[str, object, object] | None:
     """Return the first field in which two serialised messages differ, and its two values; None when they are equal.
 

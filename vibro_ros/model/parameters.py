@@ -92,11 +92,8 @@ class Parameter:
     def checked(self, value: object) -> Value:
         """Return `value` as this parameter's type.
 
-        Raises
-        ------
-        ValueError
-            For a wrong type, a number that is not finite or out of range, or an unknown
-            choice; the message names the value, the limit and the remedy.
+        ValueError for a wrong type, a number that is not finite or out of range, or an unknown choice; the message
+        names the value, the limit and the remedy.
         """
         if isinstance(self.default, float):
             return self._checked_number(value)
@@ -380,10 +377,7 @@ LIVE: tuple[str, ...] = tuple(name for name, parameter in BY_NAME.items() if par
 def checked_parameters(changes: Mapping[str, object], table: Iterable[Parameter]) -> dict[str, Value]:
     """Return the values of `changes`, a mapping from names to values, checked by the parameters of `table`.
 
-    Raises
-    ------
-    ValueError
-        For a name that the table lacks (the message suggests the nearest one), or a bad value.
+    ValueError for a name that the table lacks (the message suggests the nearest one), or a bad value.
     """
     by_name = {parameter.name: parameter for parameter in table}
     return {name: parameter_named(name, by_name).checked(value) for name, value in changes.items()}

@@ -85,12 +85,7 @@ class Scene(ParameterValues):
         return hash((self.name, tuple(self.parameters.values())))
 
     def with_parameters(self, changes: Mapping[str, object]) -> "Scene":
-        """Return this scene with the values of `changes`, a mapping from names to values.
-
-        Raises
-        ------
-        ValueError
-            As for the constructor.
+        """Return this scene with the values of `changes`, a mapping from names to values (ValueError as for `Scene`).
 
         Examples
         --------

@@ -43,33 +43,17 @@ from vibro_ros.solver.system import (
 
 @dataclass(frozen=True)
 class Model:
-    """A compiled scene.
+    """A compiled scene."""
 
-    Attributes
-    ----------
-    forms : Forms
-        The linear forms of the scene.
-    sliders : tuple of Slider
-        The signals: sliders of the simulated masses, and the two directions of a crank pin that has a mass.
-    modes : tuple of Mode
-        The modes of the scene, by their numbers in the system.
-    system : System
-        The tables of the event loop.
-    output : ndarray, shape (modes, len(OUTPUTS) + linkage, channels)
-        Forms of the outputs, and of the forces that move the masses of `Forms.linkage`.
-    output_terms : ndarray of int, shape (modes, len(OUTPUTS) + linkage, channels)
-        Channels that the forms of the outputs read; see `solver.system.terms`.
-    initial_mode : int
-        Number of the mode in which a run starts.
-    """
-
-    forms: Forms
-    sliders: tuple[Slider, ...]
-    modes: tuple[Mode, ...]
-    system: System
+    forms: Forms  # linear forms of the scene
+    sliders: tuple[Slider, ...]  # signals: sliders of the masses, and both directions of a crank pin with mass
+    modes: tuple[Mode, ...]  # by their numbers in the system
+    system: System  # tables of the event loop
+    # forms of the outputs, and of the forces that move the masses of `Forms.linkage`; and the channels that these forms
+    # read (`solver.system.terms`); shape (modes, len(OUTPUTS) + linkage, channels)
     output: np.ndarray
     output_terms: np.ndarray
-    initial_mode: int
+    initial_mode: int  # number of the mode in which a run starts
 
     @functools.cached_property
     def laid(self) -> Laid:
@@ -80,14 +64,8 @@ class Model:
 def compile_scene(scene: Scene, push: tuple[float, float] = NO_PUSH, edges: tuple[float, float] = NO_EDGES) -> Model:
     """Compile `scene` to its tables, which all callers share and must not change.
 
-    Parameters
-    ----------
-    scene : Scene
-        The scene.
-    push : (float, float)
-        External force on the body [N], along x and upwards.
-    edges : (float, float)
-        Positions of the body [m] between which the tables hold: a guard without a target ends the system there.
+    `push` is an external force on the body [N], along x and upwards; `edges` are positions of the body [m] between
+    which the tables hold: a guard without a target ends the system there.
     """
     return _compile_machine(scene.machine, push, edges)
 

@@ -79,6 +79,8 @@ def enter(program: str, executables: Mapping[str, Any] = EXECUTABLES) -> int:
     _process.package = executables[program].module.partition(".")[0]
     if _process.package == "vibro_ros":  # no program of the device needs BLAS, whose second thread would spin for 0.1 s
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        # hashlib has digests of its own, which it takes where OpenSSL is missing: 3 MB less
+        sys.modules.setdefault("_hashlib", None)  # type: ignore[arg-type]  # as Python documents
     _on_stop_signals(_end_at_once)
     _open_streams()
     interrupted: list[int] = []

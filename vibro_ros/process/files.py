@@ -7,7 +7,6 @@ read blocks for ever, and read up to a limit.
 import errno
 import os
 import re
-import secrets
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -92,7 +91,7 @@ def replace_file(path: Path, data: bytes) -> None:
 def replacement(path: Path) -> Iterator[BinaryIO]:
     """Context with a new file that replaces what is at `path`, even a link, at its end, and not on an error (OSError).
     """
-    fresh = path.with_name(f".{path.name}.{secrets.token_hex(8)}")  # unguessable, so that no link can be put there
+    fresh = path.with_name(f".{path.name}.{os.urandom(8).hex()}")  # unguessable, so that no link can be put there
     descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
     try:
         with os.fdopen(descriptor, "wb") as file:

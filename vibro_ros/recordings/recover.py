@@ -55,10 +55,10 @@ def main(words: Sequence[str]) -> int:
     return exit_code("recover", lambda: _run(words))
 
 
-def recover(path: str | Path, keep_torn: bool = True) -> Recovery:
+def recover(path: str | Path) -> Recovery:
     """Seal the bag in the folder `path`, or the bag of the MCAP file `path`.
 
-    With `keep_torn` a file of which the sealed copy lacks anything is kept as ``<file>.torn``, ``<file>.torn.2``, …
+    A file of which the sealed copy lacks anything is kept as ``<file>.torn``, ``<file>.torn.2``, …
     BagError when it is no bag, holds nothing that can be read, is being recorded (`InUseError`), or cannot be written.
     """
     path = user_path(path)
@@ -69,7 +69,7 @@ def recover(path: str | Path, keep_torn: bool = True) -> Recovery:
             if writers := writing_processes([folder]):
                 processes = ", ".join(map(str, writers[folder]))
                 raise InUseError(f"{folder}: the bag is in use, process {processes} writes to it; end the recorder")
-            return _recovered(folder, keep_torn)
+            return _recovered(folder)
     except BlockingIOError:
         raise InUseError(f"{path}: the bag is in use, its recorder still runs; end the recorder") from None
     except OSError as error:
@@ -91,7 +91,7 @@ def recovery_lines(recovery: Recovery, stamp: Callable[[int], str]) -> Iterable[
     yield from flaw_lines(recovery.flaws)
 
 
-def _recovered(folder: Path, keep_torn: bool) -> Recovery:
+def _recovered(folder: Path) -> Recovery:
     bag = BagContents(folder, all_files=True)
     if not bag.files:
         raise BagError(f"{folder / (bag.flaws or ['it holds no .mcap file'])[-1]}; give the folder of a recording")
@@ -109,26 +109,23 @@ def _recovered(folder: Path, keep_torn: bool) -> Recovery:
         if not file.sealed:
             cut += file.size - file.end
             text = as_text(bag_information([file.information], file.topics, file.custom or bag.custom))
-            kept += _seal(file, text, keep_torn)
+            kept += _seal(file, text)
     written = str(sum(file.messages for file in files))
     custom = {**bag.custom, "written": written, "recovered": "true", "cut_bytes": str(cut)}
     metadata = folder / FILE_NAME
     if os.path.lexists(metadata) and (os.path.islink(metadata) or metadata.is_dir() or metadata.stat().st_size):
-        if keep_torn:
-            kept.append(metadata.rename(_torn_name(metadata)))
-        else:
-            metadata.unlink()
+        kept.append(metadata.rename(_torn_name(metadata)))
     topics = {topic.name: topic for file in reversed(bag.files) for topic in file.topics}  # the first file wins
     write_metadata(metadata, bag_information(files, [*topics.values()], custom))
     return _read_back(folder, cut, tuple(kept))
 
 
-def _seal(file: McapFile, metadata: str, keep_torn: bool) -> list[Path]:
+def _seal(file: McapFile, metadata: str) -> list[Path]:
     """Replace a file by a sealed copy, with the bag's `metadata` as text (OSError; the file is then as it was).
 
     The file is kept under another name if the copy lacks any of it; the path is returned.
     """
-    kept = [_torn_name(file.path)] if keep_torn and not file.is_whole else []
+    kept = [_torn_name(file.path)] if not file.is_whole else []
     with replacement(file.path) as copy:
         file.copy_sealed(copy, metadata)
         copy.flush()  # there is room for it
@@ -158,7 +155,7 @@ def _run(words: Sequence[str]) -> int:
     options = _parser().parse_args(words)
     for bag in options.bags:
         try:
-            print("\n".join(recovery_lines(recover(bag, keep_torn=not options.discard_torn), _clock)))
+            print("\n".join(recovery_lines(recover(bag), _clock)))
         except BagError as error:
             say("recover", str(error))
             code = BAD_INPUT
@@ -168,10 +165,7 @@ def _run(words: Sequence[str]) -> int:
 def _clock(stamp: int) -> str:
     """Return a time [ns] as text, in UTC."""
     seconds, nanoseconds = divmod(stamp, 10**9)
-    try:
-        return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%d %H:%M:%S}.{nanoseconds // 10**6:03d} UTC"
-    except (ValueError, OverflowError):
-        return f"{stamp} ns"
+    return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%d %H:%M:%S}.{nanoseconds // 10**6:03d} UTC"
 
 
 def _parser() -> Parser:
@@ -183,5 +177,4 @@ def _parser() -> Parser:
         epilog="Exit code 0: every bag is sealed now; 2: one is no bag, is empty, in use, or cannot be written; "
         "129, 130, 143: stopped by SIGHUP, SIGINT, SIGTERM.")
     parser.add_argument("bags", nargs="+", metavar="BAG_FOLDER", help="folder of a recording")
-    parser.add_argument("--discard-torn", action="store_true", help="do not keep a torn file, where there is no room")
     return parser

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from vibro_ros.bag.metadata import Topic, defined
 from vibro_ros.bag.recorder import BagWriter, Storage
-from vibro_ros.bag.stream import QOS_DEPTH, BagError, BagStream, bag_errors, flaw_lines
+from vibro_ros.bag.stream import BagError, BagStream, bag_errors, flaw_lines
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.configuration.strict_yaml import read_settings
 from vibro_ros.messages.topics import CHECKPOINT, COMMAND_UNITS, INPUTS, OF_DC_MOTOR, SENSOR_TOPICS, TOPICS
@@ -140,8 +140,7 @@ def _topics(stream: BagStream, facts: RecordedRun) -> dict[str, Topic]:
                    if name not in names and name not in OF_DC_MOTOR]:
         raise BagError(f"{stream.folder}: says nothing of the topics {', '.join(missing)}; give a bag that the robot "
                        "recorded itself")
-    depths = {topic: recorded.qos_depth for topic, recorded in stream.topics.items()}
-    return {name: Topic(names[name], topic.type, depths.get(names[name], QOS_DEPTH), topic.quality.transient_local)
+    return {name: Topic(names[name], topic.type, topic.quality.depth, topic.quality.transient_local)
             for name, topic in TOPICS.items()  # of a dc motor only where there is one
             if name in names and name != CHECKPOINT}
 

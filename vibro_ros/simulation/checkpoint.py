@@ -2,11 +2,9 @@
 
 A checkpoint is the time [s], the parameters that may change while the device runs, in the order of `SCENE_PARAMETERS`,
 and the arrays of `parts_of`, one after the other. It may come from a forged bag. All numbers must be finite. All
-indices must be within their tables, or a kernel would read foreign memory. The numbers that decide how much is computed
-must be within the limits of a device. Whether the numbers are consistent with each other is not checked.
+indices must be within their tables, or a kernel would read foreign memory. The numbers of a segment and of the crank's
+clock must be within the limits of a device. Whether the numbers are consistent with each other is not checked.
 """
-
-import math
 
 import numpy as np
 
@@ -14,13 +12,10 @@ from vibro_ros.model.parameters import BY_NAME, LIVE
 from vibro_ros.simulation.motion import Motion
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.state import lasting
-from vibro_ros.solver.system import BY_COMMAND, BY_CURRENT, NOTHING
+from vibro_ros.solver.system import NOTHING
 
 #: Largest number in a device's state, in SI units and counts; largest local time in a segment, with rounding.
 _LARGEST, _LOCAL = 1e15, 1.0 + 1e-9
-#: Fraction by which rounding may exceed a limit; and largest angle [rad] of a dc motor's crank at the end of a segment
-#: that starts within a turn.
-_CLOSE, _MOST_TURNED = 1e-6, 30.0
 _IMPOSSIBLE = ("the checkpoint is of no state that this device can be in; give one that a device of the same scene and "
                "version has made")
 
@@ -93,29 +88,9 @@ def _is_possible(motion: Motion) -> bool:
     spans = [(segment["half"], 0.0, LONGEST_SEGMENT), (abs(segment["residue"]), 0.0, LONGEST_SEGMENT),
              (motion.time - segment["start"], -2.0 * LONGEST_SEGMENT, 2.0 * LONGEST_SEGMENT),
              *((segment[name], -_LOCAL, _LOCAL) for name in ("mode_start", "next_event")),
-             (drive["offset"], 0.0, width * _LOCAL), (abs(drive["target"]), 0.0, fastest),
-             (drive["speed"], 0.0, fastest), (drive["time_left"], 0.0, _LARGEST),
-             *((ramp["time_left"], 0.0, _LARGEST) for ramp in state.ramp if ramp["rate"] != 0.0),
-             (abs(drive["acceleration"]), 0.0, scene["motor.acceleration"]), (drive["lag"], 0.0, _LARGEST)]
-    if scene.has_rotor:
-        spans += _motor_spans(motion, now["motor"], float(segment["start"]))
+             (drive["offset"], 0.0, width * _LOCAL), (drive["speed"], 0.0, fastest)]
     numbers = np.concatenate([np.ravel(part) for part in parts_of(motion)])
     endless = np.count_nonzero(~(np.abs(numbers) <= _LARGEST))
     return (all(low <= number <= high for number, low, high in spans)
-            and drive["lag"] in (0.0, scene["motor.time_constant"])
             and motion.disturbances.are_possible(scene, motion.model.forms, motion.time)
             and endless == (segment["cell_left"] > _LARGEST))  # infinite if the crank stands, or nearly so
-
-
-def _motor_spans(motion: Motion, motor: np.void, start: float) -> list[tuple[float, float, float]]:
-    """Return the numbers of a dc motor that decide how much is computed from the instant `start` [s], with limits."""
-    scene, controller, phase = motion.scene, motion.model.system.rotor.controller[0], motion.model.forms.phase
-    period, law = float(controller["period"]), controller["law"]
-    most = scene["motor.current_limit" if law == BY_CURRENT else "motor.supply_voltage"] * (1.0 + _CLOSE)
-    angles = motion.point[phase], motion.state.mode_point[phase], math.fsum(abs(motion.state.z[phase]))
-    spans = [*((abs(angle), 0.0, _MOST_TURNED) for angle in angles), (abs(motor["held"]), 0.0, most),
-             *((abs(motor[name]), 0.0, BY_NAME["motor.max_speed"].maximum) for name in ("target", "reference"))]
-    if law != BY_COMMAND:
-        step = 0.0 if scene["solver.method"] == "exact" else scene["solver.step"]
-        spans.append((motor["samples"] * period - start, -step - _CLOSE * period, (1.0 + _CLOSE) * period))
-    return spans

@@ -352,7 +352,7 @@ class Motion:
     def advance_at_once(self, times: np.ndarray, trace: Trace) -> int:
         """Advance as `advance` does, but in one part, during which Python handles no signal."""
         self._sampled, self._values = False, None
-        end, status, sampled, before = float(times[-1]), event_loop.EVENTS_FULL, 0, -math.inf
+        end, status, sampled, before = float(times[-1]), event_loop.EVENTS_FULL, 0, self.time
         while status == event_loop.EVENTS_FULL:
             status, taken, count = self.stepper.advance(self.state, times, self.point, *trace, self._new_events)
             sampled += taken

@@ -163,11 +163,7 @@ def resets(time: np.ndarray, crank_angle: np.ndarray, crank_speed: np.ndarray) -
     """Return whether the state was replaced between neighbouring samples, as by a reset; bool, shape (n - 1,).
 
     The crank has then turned against its speeds at both samples, or much farther than at these speeds.
-
-    Parameters
-    ----------
-    time, crank_angle, crank_speed : ndarray, shape (n,)
-        Instants [s], angle [rad] and its rate [rad/s].
+    Instants [s], angle [rad] and its rate [rad/s] have the shape (n,).
     """
     turned, elapsed = np.diff(crank_angle), np.diff(time)
     speeds = np.stack([crank_speed[:-1], crank_speed[1:]])

@@ -13,7 +13,7 @@ from vibro_ros.solver.polynomial import fill_form
 from vibro_ros.solver.segment import instant
 from vibro_ros.solver.shock import outcomes, strike
 from vibro_ros.solver.state import State
-from vibro_ros.solver.system import NOTHING, System, form_magnitude, form_value
+from vibro_ros.solver.system import NOTHING, System, form_value, sparse_magnitude, value_and_magnitude
 from vibro_ros.solver.taylor import decays, evaluate
 from vibro_ros.solver.typed import Row, Rows, entry, part
 
@@ -46,20 +46,15 @@ def _accelerate(system: System, state: State, mode: int, point: Row) -> None:
         evaluate(system, state, mode, point)
         _fill_magnitude(state, point)
         if decays(system, mode):  # the term reads the accelerations that it changes
-            magnitude[len(point) - 2] += form_magnitude(system.decay.factor[mode], magnitude)
+            factor, terms = system.decay.factor[mode], system.decay.terms[mode]
+            magnitude[len(point) - 2] += sparse_magnitude(factor, terms, magnitude)
             for i in range(system.counts[0].dynamic - 2 * system.counts[0].rotors):
-                magnitude[first + i] = form_magnitude(system.equations[mode, i], magnitude)
+                magnitude[first + i] = sparse_magnitude(system.equations[mode, i], system.reads_all[mode, i], magnitude)
         return
     _fill_magnitude(state, point)
     for i in range(system.counts[0].dynamic):
-        total = 0.0
-        scale = 0.0
-        for channel in range(len(point)):
-            factor = system.equations[mode, i, channel]
-            total += factor * point[channel]
-            scale += abs(factor) * magnitude[channel]
-        point[first + i] = total
-        magnitude[first + i] = scale
+        point[first + i], magnitude[first + i] = value_and_magnitude(
+            system.equations[mode, i], system.reads_all[mode, i], point, magnitude)
 
 
 @part
@@ -198,8 +193,7 @@ def update_peaks(system: System, state: State, x: float) -> None:
     for k in range(len(state.monitor)):
         if system.monitors.active[mode, k]:
             fill_form(system.monitors.quantity[mode, k], system.monitors.terms[mode, k], state.z, quantity)
-            peak = maximum(quantity, -1.0, x, state.scratch.peak_search)
-            state.monitor[k].peak = max(state.monitor[k].peak, peak)
+            state.monitor[k].peak = maximum(quantity, -1.0, x, state.monitor[k].peak, state.scratch.peak_search)
 
 
 @part

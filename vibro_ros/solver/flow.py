@@ -19,7 +19,7 @@ from vibro_ros.solver.channels import first_acceleration
 from vibro_ros.solver.polynomial import INVERSE, differentiate, economized_powers, fill_form, integrate_through, value
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.state import State
-from vibro_ros.solver.system import System, form_magnitude, sparse_magnitude
+from vibro_ros.solver.system import System, sparse_magnitude
 from vibro_ros.solver.typed import Row, Rows, Rows3, part
 from vibro_ros.solver.vector import LENGTH, Vector, powers, store, total, vector, with_first
 
@@ -176,9 +176,11 @@ def _share_that_stays(state: State) -> float:
 def fill_accelerations(system: System, state: State) -> None:
     """Fill in series and magnitudes of the dynamic coordinates' accelerations, from their velocities."""
     coordinates, first = system.counts[0].coordinates, first_acceleration(system.counts[0])
+    mode = state.automaton.mode
     for i in range(system.counts[0].dynamic):
         differentiate(state.z[coordinates + i], state.segment.half, state.z[first + i])
-        state.magnitude[first + i] = form_magnitude(system.equations[state.automaton.mode, i], state.magnitude)
+        state.magnitude[first + i] = sparse_magnitude(system.equations[mode, i], system.reads_all[mode, i],
+                                                      state.magnitude)
 
 
 @part
@@ -321,11 +323,31 @@ def _solve_coupled(loads: Rows, row: Rows, half: float, coordinates: int, dynami
 
 
 @part
+def _solve_pair(loads: Rows, row: Rows, half: float, coordinates: int, terms: Rows, motion: Rows) -> None:
+    """`_solve_coupled` for two coordinates, which most machines have; their terms stay in the processor's registers."""
+    first, second, first_rate, second_rate = motion[0, 0], motion[1, 0], motion[2, 0], motion[3, 0]
+    for n in range(LENGTH - 1):
+        step = half * INVERSE[n]
+        of_first = loads[0, n] + (row[0, 0] * first + row[0, coordinates] * first_rate)
+        of_second = loads[1, n] + (row[1, 0] * first + row[1, coordinates] * first_rate)
+        of_first += row[0, 1] * second + row[0, coordinates + 1] * second_rate
+        of_second += row[1, 1] * second + row[1, coordinates + 1] * second_rate
+        first, second = first_rate * step, second_rate * step
+        first_rate, second_rate = of_first * step, of_second * step
+        motion[0, n + 1], motion[1, n + 1] = first, second
+        motion[2, n + 1], motion[3, n + 1] = first_rate, second_rate
+    _economize_coupled(loads, row, half, coordinates, 2, terms, motion)
+
+
+@part
 def solve_series(system: System, state: State, motion: Rows) -> None:
     """Solve the series of a motion's components from their constant terms, under the loads in the scratch."""
     coordinates, dynamic = system.counts[0].coordinates, system.counts[0].dynamic
     mode, half, load = state.automaton.mode, state.segment.half, state.scratch.load
     rows = system.equations[mode]
+    if system.coupled[mode] and dynamic == 2:
+        _solve_pair(load, rows, half, coordinates, state.scratch.terms, motion)
+        return
     if system.coupled[mode]:
         _solve_coupled(load, rows, half, coordinates, dynamic, state.scratch.terms, motion)
         return

@@ -108,9 +108,10 @@ _MOST_HALLEY_STEPS = 20
 
 _ORDER = np.arange(LENGTH)
 _THIRD = (_ORDER * (_ORDER - 1) * (_ORDER - 2)).astype(float)
-# On [-1, 1] an odd term is at least -|p|, an even one at least min(p, 0) = (p - |p|) / 2, and the constant is p.
-_SHARE_OF_VALUE = np.where(_ORDER == 0, 1.0, np.where(_ORDER % 2 == 0, 0.5, 0.0))
-_SHARE_OF_MAGNITUDE = np.where(_ORDER == 0, 0.0, np.where(_ORDER % 2 == 0, 0.5, 1.0))
+# On [-1, 1] an odd term is at least -|p|, and an even one at least min(p, 0) = (p - |p|) / 2; a bound of a polynomial
+# without its parabola, the first three terms.
+_SHARE_OF_VALUE = np.where((_ORDER > 2) & (_ORDER % 2 == 0), 0.5, 0.0)
+_SHARE_OF_MAGNITUDE = np.where(_ORDER > 2, 1.0 - _SHARE_OF_VALUE, 0.0)
 
 
 @part
@@ -133,15 +134,13 @@ def _safe_step(f: float, d: float, dd: float, third: float, reach: float) -> flo
 
 
 @part
-def _lower_bound(p: Row) -> float:
-    """A value below p everywhere on [-1, 1]."""
-    return total(vector(_SHARE_OF_VALUE) * vector(p) - vector(_SHARE_OF_MAGNITUDE) * magnitudes(vector(p)))
-
-
-@part
-def _upper_bound(p: Row) -> float:
-    """A value above p everywhere on [-1, 1]."""
-    return total(vector(_SHARE_OF_VALUE) * vector(p) + vector(_SHARE_OF_MAGNITUDE) * magnitudes(vector(p)))
+def _lower_bound(sign: float, p: Row, a: float, b: float) -> float:
+    """A value below sign * p everywhere on [a, b]: the least value of the parabola, and a bound of the other terms."""
+    terms, constant, slope, bend = sign * vector(p), sign * p[0], sign * p[1], sign * p[2]
+    least = min(constant + a * (slope + a * bend), constant + b * (slope + b * bend))
+    if -2.0 * bend * b < slope < -2.0 * bend * a:  # the parabola's lowest point lies between
+        least = constant - 0.5 * slope * (0.5 * slope / bend)
+    return least + total(vector(_SHARE_OF_VALUE) * terms - vector(_SHARE_OF_MAGNITUDE) * magnitudes(terms))
 
 
 @part
@@ -274,19 +273,18 @@ def first_root(p: Row, a: float, limit: float, noise: float, work: Rows) -> floa
         The local time (dimensionless); `a` when the guard is negative from the start; `NO_ROOT`; or `SEARCH_FAILED`.
     """
     noise = max(noise, _VANISHING)
-    if _lower_bound(p) > noise:
-        return NO_ROOT
     guard, values = work[0], work[1]
     store(guard, vector(p))
-    f = value(guard, a)
     hidden = noise
     for _ in range(_DEEPEST_ZERO):
+        if _lower_bound(1.0, guard, a, limit) > hidden:
+            return NO_ROOT
+        f = value(guard, a)
         if f > hidden:
             return _search(guard, a, f, limit, noise, values)
         if f < -hidden:
             return a
         divide_by_root(guard, a)
-        f = value(guard, a)
         hidden = _ECHO * noise
     return NO_ROOT
 
@@ -305,15 +303,17 @@ def _highest_turning_point(p: Row, slope: Row, a: float, b: float, noise: float,
 
 
 @part
-def maximum(p: Row, a: float, b: float, work: Rows) -> float:
-    """Return the largest value of p on [a, b], from the ends and every turning point between them.
+def maximum(p: Row, a: float, b: float, known: float, work: Rows) -> float:
+    """Return the largest of `known` and the values of p on [a, b], from the ends and every turning point between them.
 
     `work`, shape (3, LENGTH), is overwritten.
     """
     slope, values = work[0], work[1]
+    best = max(known, value(p, a), value(p, b))
+    if NOISE * sum_of_magnitudes(p) - _lower_bound(-1.0, p, a, b) < best:
+        return best
     differentiate(p, 1.0, slope)
-    best = max(value(p, a), value(p, b))
-    if _lower_bound(slope) > 0.0 or _upper_bound(slope) < 0.0:
+    if _lower_bound(1.0, slope, a, b) > 0.0 or _lower_bound(-1.0, slope, a, b) > 0.0:
         return best
     noise = 1e-15 * sum_of_magnitudes(slope)
     bend = _evaluate_at_nodes(slope, noise, values)

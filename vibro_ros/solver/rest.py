@@ -12,7 +12,7 @@ from vibro_ros.solver.channels import first_signal
 from vibro_ros.solver.guards import EPSILON
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.state import State
-from vibro_ros.solver.system import System, form_magnitude
+from vibro_ros.solver.system import System, sparse_magnitude
 from vibro_ros.solver.typed import Row, part
 
 # A motion that has died away is never quite at rest, because each segment rounds it again. The rounding errors of as
@@ -43,7 +43,7 @@ def acceleration_noise(system: System, state: State, i: int, magnitude: Row) -> 
     # The slower part of the motion decays at these rates [1/s], below and beyond critical damping.
     ending = min(0.5 * damping, stiffness / damping) * system.longest_segment[mode] if damping > 0.0 else 0.0
     segments = 1.0 / ending if ending * _MOST_SEGMENTS > 1.0 else 1.0
-    return _ROUNDING * (1.0 + math.sqrt(segments)) * form_magnitude(row, magnitude)
+    return _ROUNDING * (1.0 + math.sqrt(segments)) * sparse_magnitude(row, system.reads_all[mode, i], magnitude)
 
 
 @part

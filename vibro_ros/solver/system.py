@@ -318,17 +318,9 @@ def form_value(row: Row, point: Row) -> float:
 
 
 @part
-def form_magnitude(row: Row, magnitude: Row) -> float:
-    """Magnitude of the terms of a form, sum of |row| magnitude, from the magnitude of each channel's terms."""
-    total = 0.0
-    for channel in range(len(row)):
-        total += abs(row[channel]) * magnitude[channel]
-    return total
-
-
-@part
 def sparse_magnitude(row: Row, terms: Indices, magnitude: Row) -> float:
-    """`form_magnitude` of a form that reads only the channels in `terms`."""
+    """Magnitude of the terms of a form, sum of |row| magnitude, from the magnitude of each channel's terms; the form
+    reads only the channels in `terms`."""
     total = 0.0
     for channel in terms:
         if channel == NOTHING:

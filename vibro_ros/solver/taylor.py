@@ -40,7 +40,7 @@ from vibro_ros.solver.rotor import (
 )
 from vibro_ros.solver.segment import choose_segment, fill_forcing
 from vibro_ros.solver.state import MOST_DYNAMIC, State
-from vibro_ros.solver.system import NOTHING, System, form_magnitude, sparse_magnitude
+from vibro_ros.solver.system import NOTHING, System, sparse_magnitude
 from vibro_ros.solver.typed import Indices, Row, Rows, entry, part
 from vibro_ros.solver.vector import LENGTH, as_column, store, vector
 
@@ -299,10 +299,10 @@ def _set_magnitudes(system: System, state: State) -> None:
         magnitude[len(z) - 2] = 0.0
         if decays(system, mode):  # f may read channels that d changes; e is 1 at most
             for i in range(masses):
-                magnitude[first + i] = form_magnitude(system.equations[mode, i], magnitude)
-            magnitude[len(z) - 2] = form_magnitude(system.decay.factor[mode], magnitude)
+                magnitude[first + i] = sparse_magnitude(system.equations[mode, i], system.reads_all[mode, i], magnitude)
+            magnitude[len(z) - 2] = sparse_magnitude(system.decay.factor[mode], system.decay.terms[mode], magnitude)
     for i in range(masses):
-        magnitude[first + i] = form_magnitude(system.equations[mode, i], magnitude)
+        magnitude[first + i] = sparse_magnitude(system.equations[mode, i], system.reads_all[mode, i], magnitude)
     if counts.rotors > 0:
         for k in range(counts.signals):
             a, b = system.rotor.signal[k, 0], system.rotor.signal[k, 3]
@@ -310,7 +310,7 @@ def _set_magnitudes(system: System, state: State) -> None:
             load = sparse_magnitude(system.rotor.load[mode, k], system.rotor.load_terms[mode, k], magnitude)
             magnitude[torque] += slope * load
         for i in range(masses, counts.dynamic):
-            magnitude[first + i] = form_magnitude(system.equations[mode, i], magnitude)
+            magnitude[first + i] = sparse_magnitude(system.equations[mode, i], system.reads_all[mode, i], magnitude)
     # The rounding error of a force moves a coordinate that no spring of its own holds, as long as the segment lasts.
     for i in range(counts.dynamic):
         duration, stiffness = 2.0 * state.segment.half, -system.equations[mode, i, i]

@@ -1,8 +1,8 @@
 """The `view` executable: writes a recording as one HTML file, or shows a live robot in the browser.
 
 The file has the motion at every instant, not only when the robot published. The recording of a robot's own recorder is
-simulated again from its commands or, where that is not possible, from sample to sample. The motion is exact wherever
-the simulation passes through the recorded positions; the rest is interpolated between the samples, and marked so.
+simulated again from its commands. The motion is exact wherever the simulation passes through the recorded positions;
+the rest, and the recording of another recorder, is interpolated between the samples, and marked so.
 """
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
@@ -36,7 +36,7 @@ from vibro_ros.process.executables import EXECUTABLES, shows_live_robot
 from vibro_ros.process.files import one_line, open_to_read, replace_file, user_path
 from vibro_ros.recordings.comparison import notes
 from vibro_ros.recordings.rerun import RecordedRun, Rerun, begins_late, recorded_run
-from vibro_ros.view.exact import ExactMotion, common_samples, evenly_spaced, inexact_spans, spans, state_of
+from vibro_ros.view.exact import ExactMotion, inexact_spans, spans
 from vibro_ros.view.motion import (
     ExactInterval,
     Impact,
@@ -45,12 +45,11 @@ from vibro_ros.view.motion import (
     fitted_motion,
     impacts_as_json,
     is_position,
-    quiet_device,
     without_tolerance_warning,
 )
 from vibro_ros.view.page import MARK, page_text
 from vibro_ros.view.protocol import drawing, shown_quantities
-from vibro_ros.view.recorded import Input, Recorded, Signal, interpolate, reset_instants
+from vibro_ros.view.recorded import Input, Recorded, Signal, common_samples, interpolate, reset_instants
 
 _HEAD = 4096  # bytes at the beginning of a file in which a page has its mark
 
@@ -170,7 +169,8 @@ class _BagMotion:
         self._stream, self._progress = stream, progress
         self._faults: list[str] = []  # why the run could not be simulated from its commands
         self._notes: list[str] = []
-        self._exact: list[ExactMotion] = []
+        self._exact: ExactMotion | None = None
+        self._resets: list[float] = []  # instants [s] of the first samples after resets
         self._scene = scene
         self._facts: RecordedRun | None = None
         try:
@@ -188,7 +188,12 @@ class _BagMotion:
             raise BagError(f"{stream.folder}: holds no state to draw; give a bag with odom or joint_states")
 
     def result(self) -> tuple[dict[str, Any], dict[str, Any], bytes]:
-        self._walk()
+        if self._facts:
+            self._run_again(self._facts)
+        elif not self._scene:
+            self._notes.append("the bag does not say which robot moved; name the robot's scene with --scene")
+        self._resets = sorted({*(self._exact.resets if self._exact else ()), *(
+            reset_instants(self._signals["crank_angle"]) if "crank_angle" in self._signals else ())})
         inexact = self._inexact_spans()
         if inexact:
             self._recorded.read_forces()
@@ -196,8 +201,8 @@ class _BagMotion:
         scene = self._scene or load_scene(UNKNOWN_ROBOT)
         self._add_voltage(scene)
         names = [name for name in shown_quantities(scene) if self._scene or name in self._signals]
-        rest = [interpolate(self._signals, names, span, self._resets()) for span in inexact]
-        instants = [times for motion in self._exact for times in motion.instants]
+        rest = [interpolate(self._signals, names, span, self._resets) for span in inexact]
+        instants = self._exact.instants if self._exact else []
         made = fitted_motion(names, self._intervals, instants, rest, LARGEST, self._part(_SIMULATED_SHARE, 1.0))
         if made.end < math.inf:
             self._notes.append(f"the motion after {made.end:.6g} s is left out: it would not fit into a page")
@@ -206,7 +211,7 @@ class _BagMotion:
         resolved = made.end < math.inf or len(made.exact) == len(self._intervals)
         facts = {"exact": resolved and not inexact, "why": self._why(bool(inexact), resolved),
                  "exact_spans": spans(made.exact), "impacts": self._impacts(made.end),
-                 "resets": [time for time in self._resets() if time <= made.end],
+                 "resets": [time for time in self._resets if time <= made.end],
                  "pushes": pushes(self._facts, self._recorded.inputs) if self._facts else []}
         header, payload = made.writer.document(facts)
         self._progress(1.0)
@@ -215,8 +220,7 @@ class _BagMotion:
 
     @property
     def _intervals(self) -> list[ExactInterval]:
-        return sorted((interval for motion in self._exact for interval in motion.intervals),
-                      key=lambda interval: interval.span)
+        return self._exact.intervals if self._exact else []
 
     def _part(self, begin: float, end: float) -> Progress:
         return lambda share: self._progress(begin + (end - begin) * share)
@@ -241,34 +245,13 @@ class _BagMotion:
             return np.rint(stamps * 1e-9 * self._facts.rate) / self._facts.rate
         return arrays.get("stamp", arrays["time"])
 
-    def _walk(self) -> None:
-        """Simulate the recording again: with the recorded inputs if they are known, else from the samples alone."""
-        if self._facts:
-            motion = self._run_again(self._facts)
-        elif self._scene and set(state_of(self._scene)) <= set(self._signals):
-            samples, times = common_samples(self._signals, state_of(self._scene))
-            motion = ExactMotion(quiet_device(self._scene), samples, evenly_spaced(times))
-        else:
-            if not self._scene:
-                self._notes.append("the bag does not say which robot moved; name the robot's scene with --scene")
-            return
-        motion.walk(self._part(_READ_SHARE, _SIMULATED_SHARE))
-        self._exact.append(motion)
-        if self._facts and begins_late(self._stream, self._facts) and not (
-                motion.run_since is not None and motion.run_since <= self._ends[0]):
-            late = (self._stream.start - self._facts.start) * 1e-9
-            self._faults.append(f"the recording begins {late:.6g} s after the robot's start and what it had "
-                                "received before is unknown")
-        self._faults += motion.faults
-
-    def _run_again(self, facts: RecordedRun) -> ExactMotion:
-        """Return the recorded run to be simulated again with its inputs.
+    def _run_again(self, facts: RecordedRun) -> None:
+        """Simulate the recorded run again with its inputs.
 
         Its samples are all those that any topic has, and those after which the robot received an input.
         """
         is_known = not begins_late(self._stream, facts)
-        signals = {name: signal for name, signal in self._signals.items()
-                   if name in state_of(facts.scene) or is_position(name)}
+        signals = {name: signal for name, signal in self._signals.items() if is_position(name)}
         numbers = {name: np.rint(signal.times * facts.rate).astype(np.int64) for name, signal in signals.items()}
         last = max(int(ticks_of_signal[-1]) for ticks_of_signal in numbers.values() if len(ticks_of_signal))
         numbered: list[tuple[int, Input]] = []
@@ -279,16 +262,22 @@ class _BagMotion:
                 numbered.append((tick, received))
         ticks = np.unique(np.concatenate([*numbers.values(), np.array([tick for tick, _ in numbered], np.int64),
                                           np.arange(int(is_known), dtype=np.int64)]))
-        samples = {name: np.full(len(ticks), np.nan) for name in signals}
+        positions = {name: np.full(len(ticks), np.nan) for name in signals}
         for name, signal in signals.items():
-            samples[name][np.searchsorted(ticks, numbers[name])] = signal.values
+            positions[name][np.searchsorted(ticks, numbers[name])] = signal.values
         inputs: dict[int, list[Input]] = {}
         for tick, received in numbered:
             inputs.setdefault(int(np.searchsorted(ticks, tick)), []).append(received)
         with without_tolerance_warning():
             rerun = Rerun(facts, facts.scene)
-        self._scene = rerun.device.scene
-        return ExactMotion(rerun.device, samples, ticks / facts.rate, rerun, ticks, inputs, is_known)
+        self._scene = rerun.scene
+        self._exact = ExactMotion(rerun, positions, ticks, inputs, is_known)
+        self._exact.walk(self._part(_READ_SHARE, _SIMULATED_SHARE))
+        if not is_known and (self._exact.run_since is None or self._exact.run_since > self._ends[0]):
+            late = (self._stream.start - facts.start) * 1e-9
+            self._faults.append(f"the recording begins {late:.6g} s after the robot's start and what it had "
+                                "received before is unknown")
+        self._faults += self._exact.faults
 
     def _add_voltage(self, scene: Scene) -> None:
         """Add the voltage of a dc motor, which is not recorded, from its power and current.
@@ -310,25 +299,23 @@ class _BagMotion:
 
     def _inexact_spans(self) -> list[Span]:
         """Return begin and end [s] of each span that is not exact, if there are samples to interpolate it from."""
-        resets = self._resets()
         return [span for span in inexact_spans(self._intervals, *self._ends)
-                if len(interpolate(self._signals, [], span, resets)[0])]
+                if len(interpolate(self._signals, [], span, self._resets)[0])]
 
     def _why(self, is_open: bool, resolved: bool) -> str:
-        """Return why not everything is exact; empty if it is. Simulation from sample to sample gives only a note."""
-        faults = self._faults
-        if faults and self._facts:
-            faults = [*faults[:MOST_FAULTS], *notes(self._stream, self._facts)]
+        """Return why not everything is exact; empty if it is, where a fault without effect is only noted."""
+        faults = self._faults[:MOST_FAULTS]
+        if self._facts and faults:
+            faults += notes(self._stream, self._facts)
         if is_open:
-            return "; ".join([*faults[:MOST_FAULTS], "there the motion is interpolated between the samples"])
-        if faults:
-            self._notes.append("; ".join([*faults[:MOST_FAULTS], "there the motion is computed from sample to sample"]))
+            return "; ".join([*faults, "there the motion is interpolated between the samples"])
+        self._notes += faults
         return "" if resolved else "the motion changes too often to be drawn as finely as it was computed"
 
     def _impacts(self, end: float) -> list[dict[str, Any]]:
         """Return the computed impacts where the motion is exact, and elsewhere the recorded ones, if the bag has them.
         """
-        impacts = [impact for motion in self._exact for impact in motion.impacts]
+        impacts = list(self._exact.impacts) if self._exact else []
         start = (self._stream.start - self._facts.start) * 1e-9 if self._facts else 0.0
         recorded = [Impact(stamp + start, stamp + start, side, force)
                     for stamp, side, force in self._recorded.impacts()]
@@ -340,12 +327,6 @@ class _BagMotion:
             impacts = sorted(impacts, key=lambda impact: impact.peak_force)[-MOST_IMPACTS:]
             self._notes.append(f"of the impacts, only the hardest {MOST_IMPACTS} are marked")
         return impacts_as_json(impacts)
-
-    def _resets(self) -> list[float]:
-        """Return the instants [s] of the first samples after resets."""
-        if self._facts and self._exact:
-            return self._exact[0].resets
-        return reset_instants(self._signals["crank_angle"]) if "crank_angle" in self._signals else []
 
 
 def pushes(facts: RecordedRun, inputs: Sequence[Input]) -> list[dict[str, float]]:

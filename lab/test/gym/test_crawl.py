@@ -1,4 +1,4 @@
-"""The environment: its checker, its seeds, its speed, and that a policy can learn what no constant command does."""
+"""The environment: its checker, its seeds, its refusals, rewards and observations."""
 
 import pickle
 import warnings
@@ -10,7 +10,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box
 from gymnasium.utils.env_checker import check_env
 
-from vibro_lab.gym.crawl import PERIOD, Crawl
+from vibro_lab.gym import PERIOD, Crawl
 from vibro_ros.configuration.scene_file import load_scene
 
 NAME = "vibro_lab/Crawl-v1"
@@ -18,17 +18,6 @@ NAME = "vibro_lab/Crawl-v1"
 
 def environment_of(**arguments) -> gymnasium.Env:
     return gymnasium.make(NAME, **arguments)
-
-
-def returns(env: gymnasium.Env, policy, seeds) -> float:
-    """Mean reward of a step over episodes with these seeds."""
-    rewards = []
-    for seed in seeds:
-        (observation, _), over = env.reset(seed=seed), False
-        while not over:
-            observation, reward, _, over, _ = env.step(policy(observation))
-            rewards.append(reward)
-    return float(np.mean(rewards))
 
 
 def test_gymnasiums_checker_has_nothing_to_say():
@@ -152,35 +141,3 @@ def test_another_observation_has_the_measurements_of_every_sensor():
     assert np.array_equal(seen[-1]["action"], np.float32([0.4, -1.0, -1.0]))
     with pytest.raises(ValueError, match="observation, observation_space: give both, or none"):
         Crawl(observation=acceleration)
-
-
-def trained(env: gymnasium.Env, count: int, policy_of) -> np.ndarray:
-    """Train a policy by the cross-entropy method, 4 generations of 12, each over three episodes; returns its numbers.
-    """
-    random, middle, spread = np.random.default_rng(0), np.zeros(count), np.full(count, 0.7)
-    for generation in range(4):
-        tried = random.normal(middle, spread, (12, count))
-        seeds = range(3 * generation, 3 * generation + 3)
-        scores = [returns(env, policy_of(numbers), seeds) for numbers in tried]
-        best = tried[np.argsort(scores)[-4:]]
-        middle, spread = best.mean(axis=0), best.std(axis=0) + 0.02
-    return middle
-
-
-@pytest.mark.process
-def test_a_policy_learns_what_no_constant_command_does():
-    """A policy whose motor speed follows the distance is compared with the best constant commands after the same
-    training.
-    """
-    env, unseen = environment_of(), range(1000, 1010)
-
-    def constant(numbers):
-        return lambda _: np.clip(numbers, -1.0, 1.0).astype(np.float32)
-
-    def feedback(numbers):
-        return lambda seen: np.clip([numbers[0] + 10.0 * numbers[1] * seen[0], *numbers[2:]], -1.0,
-                                    1.0).astype(np.float32)
-
-    best_constant = returns(env, constant(trained(env, 3, constant)), unseen)
-    learned = returns(env, feedback(trained(env, 4, feedback)), unseen)
-    assert learned > 0.5 * best_constant  # both are below 0

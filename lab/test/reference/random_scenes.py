@@ -1,4 +1,4 @@
-"""Scenes drawn at random, for a comparison with the reference beyond the stored tables.
+"""Scenes drawn at random, for comparisons beyond the stored ones.
 
 Left out is what no arithmetic decides: a body at rest without force under a negative normal force (so no
 standing motor or slider with the rule `printed`), and a mass that returns to zero penetration at zero speed.
@@ -71,22 +71,3 @@ def _commands(pick):
         change |= {f"{side}_gap": round(pick.uniform(-0.01, 0.01), 5) for side in SIDES if pick.random() < 0.5}
         commands.append([str(time), change])
     return commands
-
-
-def reference(seed: int, duration: float) -> dict:
-    """Return the reference of scene number `seed` over `duration` [s], in the form of the stored tables."""
-    from flint import arb
-    from generate import PAPER, decimal
-
-    from benchmark.reference_model import ReferenceModel
-
-    changes, commands = draw(seed)
-    model = ReferenceModel(PAPER | changes, commands, order=40, digits=54)
-    rows = []
-    for index in range(round(duration * 100) + 1):
-        model.advance_to((arb(index) / 100).mid())
-        rows.append(model.sample())
-    events = [{key: entry if key == "kind" else decimal(entry) for key, entry in event.items()}
-              for event in model.events]
-    return {"parameters": PAPER | changes, "commands": commands, "events": events,
-            "samples": {key: [decimal(row[key]) for row in rows] for key in rows[0]}}

@@ -28,11 +28,8 @@ from research.literature.findings import (
 )
 from research.literature.impact_oscillator import (
     Oscillator,
-    difference,
     doubling,
     followed,
-    settled,
-    started,
     verdict_of_tilt,
 )
 from tools.documents import without_marks
@@ -40,23 +37,6 @@ from tools.documents import without_marks
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 FINDINGS = literature.read_findings(DOCS / literature.FOLDER / literature.DATA)
 QUIET = dataclasses.replace(capsule.REFERENCE, alpha=0.05)
-
-
-@pytest.mark.parametrize("machine", [
-    capsule.REFERENCE, QUIET, dataclasses.replace(capsule.REFERENCE, gamma=1.0, omega=1.1, xi=0.1),
-    dataclasses.replace(capsule.REFERENCE, beta=50.0, delta=0.5, alpha=3.0)])
-def test_exact_and_scipy_agree_on_the_published_equations(machine):
-    assert capsule.difference(machine, 3) < 20.0 * capsule.rod_harmonics(machine)
-
-
-def test_what_differs_is_the_rods_harmonic():
-    """The difference is r²/(4 L): four times as large with a rod of a quarter of the length."""
-    ratio = capsule.difference(capsule.REFERENCE, 3, rod=2.5) / capsule.difference(capsule.REFERENCE, 3, rod=10.0)
-    assert ratio == pytest.approx(4.0, rel=0.05)
-
-
-def test_a_force_from_outside_is_an_internal_one_as_long_as_there_is_no_impact():
-    assert capsule.outside_difference(capsule.REFERENCE, 3) < 1e-6
 
 
 def test_scipys_free_mass_is_the_driven_oscillator():
@@ -92,37 +72,6 @@ def test_the_closed_form_is_the_zero_of_the_mean_friction():
     phase = (np.arange(1_000_000) + 0.5) * 2.0 * math.pi / 1_000_000
     friction = np.sign(speed + np.cos(phase)) * (1.0 + press * np.cos(phase) + quadrature * np.sin(phase))
     assert abs(np.mean(friction)) < 1e-5
-
-
-@pytest.mark.parametrize(("press", "tuning"), [(0.3, two_phase.STIFF), (0.9, two_phase.STIFF), (0.5, 0.7), (0.5, 1.0)])
-def test_the_simulated_speed_is_the_closed_forms(press, tuning):
-    share = two_phase.measured_share(two_phase.block_scene(press, tuning))
-    assert share.error < 3.0 * two_phase.WEAKNESS
-    assert share.shaking.press == pytest.approx(press, rel=1e-9)
-
-
-def test_what_averaging_leaves_out_falls_with_the_friction():
-    errors = [two_phase.measured_share(two_phase.block_scene(0.5, 1.0, weakness=weakness)).error
-              for weakness in (0.04, 0.01)]
-    assert errors[1] < errors[0] / 3.0  # of order 1
-
-
-def test_an_independent_integration_of_a_block_on_a_shaken_plate_agrees():
-    assert two_phase.difference(0.5) < 1e-4  # the rods' harmonics: l/(4 L) = 1.25e-5 of the stroke
-
-
-def test_friction_at_half_the_shaking_speed_is_a_third():
-    assert two_phase.friction_at_half_speed() == pytest.approx(1.0 / 3.0, abs=3.0 * two_phase.WEAKNESS)
-
-
-def test_the_way_turns_where_the_press_is_in_quadrature():
-    scene = two_phase.block_scene(0.5, 1.0, 0.1)
-    assert two_phase.measured_switch(scene) == pytest.approx(two_phase.switch_speed(scene), rel=1e-3)
-
-
-@pytest.mark.parametrize(("gap", "motor"), [(0.0, 100.0), (0.03, 80.0), (-0.003, 120.0)])
-def test_exact_and_scipy_agree_on_the_robot(gap, motor):
-    assert gap_speed.difference(gap, motor) < 1e-9
 
 
 def test_a_gap_that_is_never_bridged_moves_as_without_the_plate():
@@ -170,26 +119,6 @@ def test_an_end_of_the_scan_names_the_speed_without_the_plate():
     (1.0, -11.0, (True, True), FAILS), (1.0, 11.0, (True, False), MISSIGNED)])
 def test_a_tilt_has_a_wrong_sign_only_where_closed_form_and_orbits_agree(side, slope, orbits, verdict):
     assert verdict_of_tilt(side, slope, dict(zip((-1.0, 1.0), orbits, strict=True))) == verdict
-
-
-@pytest.mark.parametrize(("omega", "sign"), [(1.9, 1.0), (2.1, -1.0)])
-def test_the_fold_lies_on_the_side_to_which_the_closed_form_tilts(omega, sign):
-    oscillator = Oscillator(omega, 0.0, 0.8)
-    assert np.sign(-oscillator.shape(1)[0]) == np.sign(oscillator.fold(1)) == sign
-
-
-@pytest.mark.parametrize("oscillator", [
-    Oscillator(1.9, 1.05, 0.8), Oscillator(0.6, 1.3, 0.5), Oscillator(2.4, 1.01, 0.3)])
-def test_exact_and_scipy_agree_in_the_literatures_variables(oscillator):
-    assert difference(oscillator, 10) < 1e-5
-
-
-@pytest.mark.parametrize(("omega", "turns"), [(1.9, 1), (2.0, 1), (2.1, 1), (4.2, 2), (6.0, 3)])
-def test_the_settled_orbit_has_the_closed_forms_speed(omega, turns):
-    oscillator = Oscillator(omega, 0.2 / abs(1.0 - omega**2), 0.7)
-    motion = settled(started(oscillator, 1.0), oscillator)
-    assert (motion.impacts, motion.turns) == (1, turns)
-    assert motion.speeds[0] == pytest.approx(oscillator.speeds(turns)[0], rel=1e-5)
 
 
 def test_the_closed_form_is_a_periodic_motion():
@@ -244,13 +173,15 @@ def test_a_measured_robot_is_cited_with_what_was_read_and_what_is_missing():
         assert one.source in (DOCS / literature.TEXT).read_text(encoding="utf-8")
 
 
-def test_a_short_study_finds_what_the_document_says(tmp_path):
-    """The quick run has fewer scenes; statements and verdicts of this study must not depend on them."""
-    assert literature.main(["two_phase", "--quick", "--output", str(tmp_path)]) == 0
+@pytest.mark.parametrize("name", literature.PUBLISHED)
+def test_a_short_study_finds_what_the_document_says(name, tmp_path):
+    """The quick run has fewer scenes, so that a verdict may be `NOISE`; its checks are those by other integrators."""
+    assert literature.main([name, "--quick", "--output", str(tmp_path)]) == 0
     [quick] = literature.read_findings(tmp_path / literature.FOLDER / literature.DATA)
     stored = next(finding for finding in FINDINGS if finding.name == quick.name)
-    assert [(claim.statement, claim.verdict) for claim in quick.claims] == \
-        [(claim.statement, claim.verdict) for claim in stored.claims]
+    assert quick.checks and all(check.passed for check in quick.checks)
+    for claim, told in zip(quick.claims, stored.claims, strict=True):
+        assert claim.statement == told.statement and claim.verdict in (told.verdict, NOISE)
     assert quick.mapping == stored.mapping and quick.sources == stored.sources
 
 

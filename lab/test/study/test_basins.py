@@ -2,7 +2,6 @@
 """
 
 import json
-import math
 
 import numpy as np
 import pandas
@@ -12,7 +11,7 @@ import pytest
 import vibro_ros
 from vibro_lab.orbits.attractors import share_of
 from vibro_lab.orbits.turn_map import free_cut
-from vibro_lab.study.basins import Over, Starts, basin_entropy, everywhere, main
+from vibro_lab.study.basins import Over, Starts, everywhere, main
 
 RARE = ["--scene", "damped", "--set", "effects.normal_force=printed", "--set", "mass.inclined=0.25", "--set",
         "guide.angle=1.3962634015954636"]
@@ -20,7 +19,7 @@ GRID = [*RARE, "--over", "body_velocity=-2:2:20", "--over", "crank_angle=0:6:15"
 
 
 def test_the_rare_motion_is_found_among_300_starts(tmp_path, capsys):
-    """-35 mm/s and, rarely, -236 mm/s; both orbits close, and each start's motion is the one to which a plain run
+    """A51. -35 mm/s and, rarely, -236 mm/s; both orbits close, and each start's motion is the one to which a plain run
     settles.
     """
     assert main([*RARE, "--quick", "--output", str(tmp_path)]) == 0
@@ -48,13 +47,12 @@ def test_the_rare_motion_is_found_among_300_starts(tmp_path, capsys):
     assert "motion 2: -236.51 mm/s, again after 1 turn" in said.out
 
 
-def test_a_grid_gives_a_map_whose_files_tell_units_and_design(tmp_path, capsys):
+def test_a_grid_gives_a_map_whose_files_tell_units_and_design(tmp_path):
     assert main([*GRID, "--output", str(tmp_path)]) == 0
     table = pandas.read_parquet(tmp_path / "starts.parquet")
     numbers = table["attractor"].to_numpy().reshape(20, 15)
     assert table["body_velocity"].to_numpy().reshape(20, 15)[:, 0] == pytest.approx(np.linspace(-2.0, 2.0, 20))
     assert set(numbers[0]) != set(numbers[-1]) and np.all(numbers[-1] == 1)  # backwards is where the rare one is
-    assert "basin entropy" in capsys.readouterr().out
     schema = pq.read_schema(tmp_path / "blocks" / "block_000000.parquet")
     assert schema.field("body_velocity").metadata[b"unit"] == b"m/s"
     design = json.loads((tmp_path / "blocks.json").read_text())["design"]
@@ -146,37 +144,3 @@ def test_intervals_are_those_of_a_published_table(found, of, low, high):
     """A50. R. G. Newcombe, Stat. Med. 17 (1998) 857, table I, method 3."""
     share, *interval = share_of(found, of)
     assert share == found / of and interval == pytest.approx([low, high], abs=5e-5)
-
-
-def test_a_straight_boundary_has_the_entropy_of_its_boxes():
-    """A51. Columns 0 to 6 lead to motion 1, the others to 2: in the boxes over columns 5 to 9, two fifths belong to
-    motion 1.
-    """
-    numbers = np.where(np.arange(20)[None, :] < 7, 1, 2) * np.ones((10, 1), dtype=int)
-    entropy, mixed = basin_entropy(numbers, -1), -0.4 * math.log(0.4) - 0.6 * math.log(0.6)
-    assert (entropy.boxes, entropy.mixed) == (8, 2)
-    assert entropy.boundary == pytest.approx(mixed) and entropy.entropy == pytest.approx(mixed / 4.0)
-
-
-def test_three_motions_in_every_box_are_more_than_log_2():
-    numbers = np.random.default_rng(1).integers(1, 4, size=(100, 100))
-    entropy = basin_entropy(numbers, -1)
-    assert entropy.mixed == entropy.boxes == 400
-    assert math.log(2.0) < entropy.boundary < math.log(3.0)
-
-
-def test_what_is_left_over_at_the_ends_is_left_out_and_a_small_grid_has_none():
-    numbers = np.ones((12, 7), dtype=int)
-    numbers[10:], numbers[:, 5:] = 2, 3
-    entropy = basin_entropy(numbers, -1)
-    assert (entropy.entropy, entropy.boxes, entropy.mixed) == (0.0, 2, 0)
-    assert math.isnan(entropy.boundary)
-    assert basin_entropy(numbers[:4], -1) is None
-
-
-def test_a_box_in_which_something_cannot_start_is_left_out():
-    numbers = np.ones((5, 15), dtype=int)
-    numbers[:, 3:7], numbers[2, 12] = -1, 2
-    entropy = basin_entropy(numbers, -1)
-    assert (entropy.boxes, entropy.mixed) == (1, 1) and entropy.entropy == entropy.boundary > 0.0
-    assert basin_entropy(numbers[:, :10], -1) is None

@@ -6,7 +6,7 @@ import argparse
 
 import pytest
 
-from vibro_lab.study.sweep import design_of, given_in_words, read_sweep
+from vibro_lab.study.sweep_design import design_of, given_in_words, read_sweep
 from vibro_ros.configuration.scene_file import find_file, shipped
 
 WORDS = {"scene": None, "set": [], "vary": [], "sample": None, "measure": None, "starts": None, "settling": None,

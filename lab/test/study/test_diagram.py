@@ -41,7 +41,7 @@ def test_hysteresis_is_between_the_fold_and_the_end_of_the_branch(fold):
     two = column(folder, "two_motions")
     assert column(folder, "motor.speed")[two].tolist() == [105.2, 106.0, 107.0, 107.9, 107.9, 107.0, 106.0, 105.2]
     line, = [line for line in said.splitlines() if line.startswith("hysteresis")]
-    assert line.startswith("hysteresis: 105.2 to 107.9 rad/s (4 values): up every turn at -")
+    assert line == "hysteresis: 105.2 to 107.9 rad/s (4 values)"
 
 
 def test_each_way_finds_its_orbit_its_speed_and_its_multipliers(fold):
@@ -119,27 +119,6 @@ def test_a_plate_that_moves_into_a_mass_takes_it_along(tmp_path):
     words = ["--scene", "rigid", "--vary", "upper.gap=-0.01:0.01:3", "--exponents", "0", "--output", str(tmp_path)]
     assert main(words) == 0
     assert np.isfinite(column(tmp_path, "mean_speed")).all()
-
-
-@pytest.mark.process
-def test_the_sommerfeld_effect_is_hysteresis_over_the_voltage(tmp_path, capsys):
-    """A70. Without plates and flywheel, with a winding of 3 ohm, the sweep up has another motion than the sweep down
-    from 36 to 46 V, and the crank's speed jumps beside that range.
-    """
-    words = ["--scene", "machine", "--vary", "motor.voltage=26:50:13", "--exponents", "0", "--coordinate",
-             "motor_speed", "--output", str(tmp_path)]
-    for setting in ("effects.upper_contact=none", "effects.inclined_contact=none", "mass.upper_slider=0",
-                    "mass.inclined_slider=0", "motor.control=voltage", "motor.winding_resistance=3",
-                    "motor.supply_voltage=60", "motor.crank_inertia=3.5e-5"):
-        words += ["--set", setting]
-    assert main(words) == 0
-    assert "hysteresis: 36 to 46 V (6 values)" in capsys.readouterr().out
-    states = pq.read_table(tmp_path / command.STATES)
-    voltage, speed, direction = (states[name].to_numpy() for name in ("motor.voltage", "motor_speed", "direction"))
-    means = {way: [speed[(voltage == volts) & (direction == way)].mean() for volts in np.arange(26.0, 52.0, 2.0)]
-             for way in ("up", "down")}
-    jumps = {way: int(np.argmax(np.diff(found))) for way, found in means.items()}
-    assert jumps == {"up": 10, "down": 4}  # from 46 to 48 V, and from 36 to 34 V
 
 
 @pytest.mark.parametrize(("words", "reason"), [

@@ -75,7 +75,7 @@ def test_the_page_shows_verdict_and_pictures_without_another_file(file, found, o
         shown = f"{channel.sensor}: {channel.field.replace('_', ' ')}"
         assert sum(caption.startswith(shown) for caption in captions) == 1
     assert set(FREE) < set(captions)
-    assert len(captions) == len(found.recording.channels) + len(FREE) + 2  # and windows, and correlations
+    assert len(captions) == len(found.recording.channels) + len(FREE) + 1  # and windows
     words = page.evaluate("document.body.innerText")
     for part in ("slope\t41.5\t1e-09", *found.said, *found.rank):
         assert part in words

@@ -9,7 +9,8 @@ import pytest
 from scipy.stats import qmc
 
 import vibro_ros
-from vibro_lab.study.sweep import SweepDesign, study_of
+from vibro_lab.study.sweep import study_of
+from vibro_lab.study.sweep_design import SweepDesign
 from vibro_lab.study.variation import (
     Axis,
     Range,

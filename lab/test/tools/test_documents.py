@@ -19,7 +19,7 @@ from tools import documents, effects, parameter_table, topic_table
 from tools.generated_text import replaced
 from vibro_lab.executables import EXECUTABLES as OF_THE_LAB
 from vibro_lab.study.measures import MEASURES
-from vibro_lab.study.sweep import design_of, read_sweep
+from vibro_lab.study.sweep_design import design_of, read_sweep
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.messages.commands import COMMANDED
 from vibro_ros.messages.frames import JOINTS
@@ -238,6 +238,15 @@ def test_a_page_is_stale_if_what_decides_its_numbers_changes_alone(file, text, c
     before = documents.fingerprint(document)
     (tmp_path / file).write_text(text)
     assert (documents.fingerprint(document) != before) == changes
+
+
+@pytest.mark.parametrize(("names", "code"), [([], 0), (["map", "paper"], 1)])
+def test_a_stale_page_fails_the_check(names, code, monkeypatch, capsys):
+    """`make lint` named twelve such pages and went on."""
+    monkeypatch.setattr(documents, "stale", lambda: names)
+    assert documents.main(["--check"]) == code
+    said = capsys.readouterr().out
+    assert [name for name in documents.DOCUMENTS if f"ONLY={name}`" in said] == names
 
 
 def test_a_fingerprint_reaches_modules_that_a_generator_takes_as_values():

@@ -1,7 +1,6 @@
-"""The page on speeds has a row for every motion of every robot, and no page has a mean over several motions."""
+"""The page on speeds has a row for every motion of every robot."""
 
 import re
-from collections import defaultdict
 
 import pytest
 
@@ -9,10 +8,6 @@ from tools import speeds
 from vibro_ros.configuration.scene_file import load_scene
 
 PAGE = speeds.PAGE.read_text(encoding="utf-8")
-PAGES = {str(path.relative_to(speeds.ROOT)): path.read_text(encoding="utf-8")
-         for path in (speeds.ROOT / "README.md", *sorted((speeds.ROOT / "docs").rglob("*.md")))}
-#: Speed [mm/s] of a motion and the starts that lead to it, in a row of the page on speeds or in a list of motions.
-MOTION = re.compile(r"(-?[\d.]+)(?: ± [\d.]+)? mm/s, (?:again|without)[^|;(]*[|(] ?(\d+) of \d+")
 
 
 def test_every_robot_and_every_optimum_has_its_motions_on_the_page():
@@ -56,41 +51,3 @@ def test_a_robot_with_the_motor_of_machine_is_the_same_robot():
     assert moved.has_rotor and "motor.crank_inertia" in changed
     assert all(name == "effects.motor" or name.startswith("motor.") for name in changed)
     assert moved["motor.speed"] == device["motor.speed"]
-
-
-def means_over_motions():
-    """Mean speeds [mm/s] over the motions of each robot that has several: plain, and by the numbers of their starts."""
-    of_robot = defaultdict(list)
-    for line in PAGE.splitlines():
-        if (row := re.match(r"^\| (\S+, [\d.]+ rad/s) \|", line)) and (one := MOTION.search(line)):
-            of_robot[row[1]].append((float(one[1]), int(one[2])))
-    for line in PAGES["docs/literature.md"].splitlines():
-        if found := re.match(r"^- (-?\d+ mm, \d+ rad/s):", line):
-            of_robot[found[1]] += [(float(one[1]), int(one[2])) for one in MOTION.finditer(line)]
-    several = {robot: found for robot, found in of_robot.items() if len(found) > 1}
-    return {robot: (sum(speed for speed, _ in found) / len(found),
-                    sum(speed * starts for speed, starts in found) / sum(starts for _, starts in found))
-            for robot, found in several.items()}
-
-
-@pytest.mark.parametrize("page", PAGES)
-def test_no_page_has_a_mean_over_motions(page):
-    """The means that could be mistaken for a speed, to four digits or more, forwards or towards a plate."""
-    means = means_over_motions()
-    assert {"`device`, 100 rad/s", "`machine`, 100 rad/s", "`optimum/fastest`, 199.7 rad/s",
-            "56 mm, 100 rad/s"} <= set(means)
-    told = {float(text.replace("−", "-")) for text in re.findall(r"(?<![\d.])[-−]?\d+\.?\d*(?=[^|\n]{0,24}mm/s)",
-                                                               PAGES[page]) if len(re.sub(r"\D", "", text)) > 3}
-    for robot, both in means.items():
-        for mean in both:
-            close = {one for one in told if abs(mean) > 1.0 and abs(abs(one) - abs(mean)) < 1e-4 * abs(mean)}
-            assert not close, f"{page}: {close} is a mean over the motions of {robot}"
-
-
-@pytest.mark.parametrize("page", [page for page in PAGES if not page.startswith("docs/accuracy")])
-def test_an_interval_of_a_speed_is_of_one_motion_without_a_period(page):
-    """A periodic motion has one speed, and starts that have not settled have a range. In the pages of accuracy the
-    intervals are of rows that `averages` has grouped by motion.
-    """
-    intervals = re.findall(r"± [\d.e+-]+ mm/s[^;|]{0,20}", PAGES[page])
-    assert [text for text in intervals if "mm/s, without a period" not in text] == []

@@ -11,15 +11,15 @@ import os
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, replace
 from functools import cache, partial
 
 import numpy as np
 
 from vibro_lab.twin.estimator import Departure, Estimate, Estimator
-from vibro_lab.twin.particles import INDEX, Measurement
-from vibro_lab.twin.settings import Settings
+from vibro_lab.twin.particles import INDEX, MeasuredNumber
+from vibro_lab.twin.settings import FilterSettings
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.faults import Incident
 from vibro_ros.model.scene import Scene
@@ -84,28 +84,34 @@ def drawn(scene: Scene, seed: int) -> Scene:
         name: scene[name] * math.exp(SPREAD * random.standard_normal()) for name in FREE}})
 
 
-def measured(robot: SensedSimulator) -> Iterator[Measurement]:
+def measured(robot: SensedSimulator) -> Iterator[MeasuredNumber]:
     """Yield what has come out of the robot's sensors, as the node hears it."""
     axes = 1 + robot.scene.body_hops
     for sensor, at, values in robot.take_measurements():
         if sensor == "tracking":
             for field, value in zip(("body_position", "body_height")[:axes], values[:3:2], strict=False):
-                yield Measurement(at, field, value, values[3])
+                yield MeasuredNumber(at, field, value, values[3])
         elif sensor == "encoder":
-            yield Measurement(at, "crank_angle", values[0], (2.0 * math.pi / 4096.0)**2 / 12.0)
+            yield MeasuredNumber(at, "crank_angle", values[0], (2.0 * math.pi / 4096.0)**2 / 12.0)
         else:
             for field, value in zip(("acceleration_x", "acceleration_z")[:axes], values[:3:2], strict=False):
-                yield Measurement(at, field, value, values[6], RANGE)
+                yield MeasuredNumber(at, field, value, values[6], RANGE)
 
 
-def follow(estimator: Estimator, robot: SensedSimulator, duration: float
+def follow(estimator: Estimator, robot: SensedSimulator, duration: float,
+           acts: Mapping[float, Callable[[SensedSimulator, Estimator], object]] = {}, zero: float = 0.0
            ) -> Iterator[tuple[Estimate, Samples, Departure | None]]:
-    """Let the estimator follow the robot; yield estimate, true state and departure after each `PERIOD`."""
-    begin = round(robot.time / TICK)
+    """Let the estimator follow the robot; yield estimate, true state and departure after each `PERIOD`.
+
+    `acts` are called with robot and estimator at instants [s] of the estimator, whose time 0 is the robot's `zero` [s].
+    """
+    begin, due = round((robot.time - zero) / TICK), {round(at / TICK): act for at, act in acts.items()}
     for tick in range(begin + 1, begin + round(duration / TICK) + 1):
-        robot.advance_to(tick * TICK)
+        if tick in due:
+            due[tick](robot, estimator)
+        robot.advance_to(zero + tick * TICK)
         for measurement in measured(robot):
-            estimator.measure(measurement)
+            estimator.measure(measurement._replace(time=measurement.time - zero))
         if tick % round(PERIOD / TICK) == 0:
             estimator.advance_to(tick * TICK + 1e-9)
             yield estimator.estimate(), robot.state, estimator.departure
@@ -176,7 +182,7 @@ def print_faults(robot: str, seeds: int, names: list[str]) -> None:
 
 
 @cache
-def verdicts(settings: Settings) -> dict[str, str]:
+def verdicts(settings: FilterSettings) -> dict[str, str]:
     """Return what a twin with these settings says of a `damped` robot without a fault, and with each of three.
 
     Of 2.5 s without a fault: the false alarms, and whether 90 % of the errors of the speed are below 5 mm/s. Twelve
@@ -194,10 +200,10 @@ def verdicts(settings: Settings) -> dict[str, str]:
 
 def changed_verdicts(name: str) -> list[str]:
     """Return which verdicts change if a setting is halved or doubled."""
-    usual, changes, value = verdicts(Settings()), [], getattr(Settings(), name)
+    usual, changes, value = verdicts(FilterSettings()), [], getattr(FilterSettings(), name)
     for factor in (0.5, 2.0):
         changed = factor * value if isinstance(value, float) else max(1, round(factor * value))
-        said = verdicts(replace(Settings(), **{name: changed}))
+        said = verdicts(replace(FilterSettings(), **{name: changed}))
         changes += [f"{changed:g}: {of} {said[of]}" for of in usual if said[of] != usual[of]]
     return changes
 
@@ -211,7 +217,7 @@ def main() -> int:
     parser.add_argument("--faults", nargs="*", default=list(FAULTS))
     given = parser.parse_args()
     if given.what == "settings":
-        for name in (field.name for field in fields(Settings)):
+        for name in (field.name for field in fields(FilterSettings)):
             print(f"| {name} | {'; '.join(changed_verdicts(name)) or 'all stand'} |", flush=True)
         return 0
     for robot in given.robots:

@@ -4,11 +4,11 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
-from following import BANDWIDTH, FAULTS, FIELD, GAPS, PERIOD, TICK, begun, changed_verdicts, follow, measured
+from following import BANDWIDTH, FAULTS, FIELD, GAPS, TICK, begun, changed_verdicts, follow, measured
 
 from vibro_lab.twin.estimator import Estimator
-from vibro_lab.twin.particles import INDEX, Measurement, Particle
-from vibro_lab.twin.settings import Settings
+from vibro_lab.twin.particles import INDEX, MeasuredNumber, Particle
+from vibro_lab.twin.settings import FilterSettings
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.faults import Incident
 from vibro_ros.sensors.device import new_device
@@ -30,26 +30,12 @@ def new_estimator(**changes) -> Estimator:
 
 def followed(estimator: Estimator, duration: float, acts: dict | None = None, begin: float = 0.0,
              unheard: dict | None = None) -> list:
-    """Let the estimator follow the true robot; return (estimate, true state, departure) after each `PERIOD`.
-
-    `acts` are functions of robot and estimator, by instant [s]; the estimator's time 0 is the robot's `begin` [s]. The
-    robot begins with the commands `unheard`.
-    """
-    robot, rows = new_device(TRUE), []
+    """Return what `follow` yields of the true robot, which begins with the commands `unheard` `begin` [s] earlier."""
+    robot = new_device(TRUE)
     robot.command(**(unheard or {}))
     robot.advance_to(begin)
     robot.take_measurements()
-    acts = {round(at / TICK): act for at, act in (acts or {}).items()}
-    for tick in range(1, round(duration / TICK) + 1):
-        if act := acts.get(tick):
-            act(robot, estimator)
-        robot.advance_to(begin + tick * TICK)
-        for measurement in measured(robot):
-            estimator.measure(measurement._replace(time=measurement.time - begin))
-        if tick % round(PERIOD / TICK) == 0:
-            estimator.advance_to(tick * TICK + 1e-9)
-            rows.append((estimator.estimate(), robot.state, estimator.departure))
-    return rows
+    return list(follow(estimator, robot, duration, acts or {}, begin))
 
 
 def command(**given: float):
@@ -117,7 +103,7 @@ def test_variance_grows_with_what_the_scene_lacks(robot, difference):
 
 @pytest.mark.slow
 @pytest.mark.settings
-@pytest.mark.parametrize("name", [field.name for field in fields(Settings)])
+@pytest.mark.parametrize("name", [field.name for field in fields(FilterSettings)])
 def test_verdicts_stand_when_a_setting_is_halved_and_doubled(name):
     assert changed_verdicts(name) == []
 
@@ -187,7 +173,7 @@ def test_one_bad_message_does_not_move_the_estimate():
         for measurement in measured(robot):
             estimator.measure(measurement)
         if tick == 395:
-            estimator.measure(Measurement(tick * TICK, "body_position", 1e6, 1e-6))
+            estimator.measure(MeasuredNumber(tick * TICK, "body_position", 1e6, 1e-6))
     estimator.advance_to(2.0)
     assert abs(estimator.estimate().mean[INDEX["body_position"]] - robot.state.body_position) < 2e-3
 
@@ -220,7 +206,7 @@ def test_division_of_time_changes_nothing():
 def test_prediction_is_clipped_as_the_sensor_clips():
     estimator = new_estimator(particles=4)
     for k in range(1, 10):
-        estimator.measure(Measurement(0.005 * k, "acceleration_x", 0.5, 1e-4, 0.5))
+        estimator.measure(MeasuredNumber(0.005 * k, "acceleration_x", 0.5, 1e-4, 0.5))
     estimator.advance_to(0.05)
     assert max(abs(0.5 - innovation.value) for innovation in estimator.innovations) <= 0.5
 

@@ -42,53 +42,34 @@ _OWN_START = ", the scene's own start"
 
 @dataclass(frozen=True)
 class Attractor:
-    """A motion and the starts that lead to it.
+    """A motion and the starts that lead to it."""
 
-    Attributes
-    ----------
-    turns : int or None
-        Turns of the crank after which the motion repeats itself; 0 for a motion without a period; None for the starts
-        that have not settled, or whose motions are beyond the first `MOST_ATTRACTORS`: their motions may differ.
-    mean_speed : float
-        Mean speed of the body [m/s], forwards positive: over the period of a periodic motion, else over all starts of
-        the group.
-    spread : float
-        Half the width of its 95 % confidence interval [m/s], by Student's distribution; 0 for a periodic motion, NaN
-        for a single start without a period, and for starts that have not settled, whose motions may differ.
-    least, largest : float
-        Least and largest mean speed of its starts [m/s].
-    starts : int
-        Number of starts that lead to it; 0 if only the scene's own start does, which is not drawn.
-    share, low, high : float
-        Share of all starts that lead to it, and its 95 % confidence interval; dimensionless.
-    exponent : float
-        Largest Lyapunov exponent [1/s]: from the multipliers, or else measured over `MEASURED` turns; -inf where every
-        disturbance vanishes within a period, NaN if it was not measured.
-    exponent_spread : float
-        Half the width of its 95 % confidence interval [1/s]; 0 if it comes from the multipliers.
-    multipliers : ndarray of complex, shape (n,)
-        Floquet multipliers of the orbit, the largest first; empty for a motion without a period, for a dc motor whose
-        controller takes samples, and if Newton's method does not close the orbit.
-    states : ndarray, shape (m, n)
-        States at successive cuts, in units of the machine, as `SettledMotion.states`; empty if not settled.
-    of_scene_start : bool
-        Whether the scene's own start leads to it; false where the own start was not run.
-    """
-
+    # Turns of the crank after which the motion repeats itself; 0 for a motion without a period; None for the starts
+    # that have not settled, or whose motions are beyond the first `MOST_ATTRACTORS`: their motions may differ.
     turns: int | None
+    # Mean speed of the body [m/s], forwards positive: over the period of a periodic motion, else over all starts of the
+    # group.
     mean_speed: float
+    # Half the width of its 95 % confidence interval [m/s], by Student's distribution; 0 for a periodic motion, NaN for
+    # a single start without a period, and for starts that have not settled, whose motions may differ.
     spread: float
-    least: float
+    least: float  # least and largest mean speed of its starts [m/s]
     largest: float
-    starts: int
-    share: float
+    starts: int  # number of starts that lead to it; 0 if only the scene's own start does, which is not drawn
+    share: float  # share of all starts that lead to it, and its 95 % confidence interval; dimensionless
     low: float
     high: float
+    # Largest Lyapunov exponent [1/s]: from the multipliers, or else measured over `MEASURED` turns; -inf where every
+    # disturbance vanishes within a period, NaN if it was not measured.
     exponent: float = math.nan
+    # Half the width of its 95 % confidence interval [1/s]; 0 if it comes from the multipliers.
     exponent_spread: float = math.nan
+    # Shape (n,): Floquet multipliers of the orbit, the largest first; empty for a motion without a period, for a dc
+    # motor whose controller takes samples, and if Newton's method does not close the orbit.
     multipliers: np.ndarray = field(default_factory=lambda: np.empty(0, complex))
+    # Shape (m, n): states at successive cuts, in units of the machine, as `SettledMotion.states`; empty if not settled.
     states: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
-    of_scene_start: bool = False
+    of_scene_start: bool = False  # whether the scene's own start leads to it; false where the own start was not run
 
     def in_words(self) -> str:
         """Return a text such as ``-79.80 mm/s, again after 3 turns``, or ``-45.468 ± 0.008 mm/s, without a period``.
@@ -141,21 +122,10 @@ def share_of(starts: int, total: int) -> tuple[float, float, float]:
 
 def group_starts(motions: Sequence[SettledMotion | None],
                  mean_speeds: Sequence[float]) -> tuple[Attractors, np.ndarray]:
-    """Group starts by the motions that they lead to.
+    """Group starts by the motions that they lead to; returns the attractors and the index of each start's one.
 
-    Parameters
-    ----------
-    motions : sequence of SettledMotion or None
-        Motion of each start, all at the cut of one turn map; None for a start that has not settled.
-    mean_speeds : sequence of float
-        Mean speed of the body in each start [m/s].
-
-    Returns
-    -------
-    Attractors
-        Without multipliers and exponents, which `with_exponents` adds.
-    ndarray of int, shape (starts,)
-        Index of each start's attractor.
+    `motions` has the motion of each start at the cut of one turn map, None for a start that has not settled;
+    `mean_speeds` are those of the body [m/s]. Multipliers and exponents are added by `with_exponents`.
     """
     known, distinct = [], list[SettledMotion]()
     for motion in motions:
@@ -275,12 +245,8 @@ def with_scene_start(motions: Sequence[SettledMotion | None], mean_speeds: Seque
                      ) -> tuple[list[Attractor], list[int]]:
     """Group random starts, and name the motion of the scene's own start, which is the first of `motions`.
 
-    Returns
-    -------
-    list of Attractor
-        Those of `group_starts` from the random starts, and last the motion of the own start if none leads to it.
-    list of int
-        Number of a start of each, -1 for the own start.
+    Returns the attractors, last the motion of the own start if no random one leads to it, and the number of a start of
+    each, -1 for the own start.
     """
     drawn, places = group_starts(motions[1:], mean_speeds[1:])
     grouped, numbers = list(drawn), [int(np.argmax(places == place)) for place in range(len(drawn))]

@@ -23,82 +23,37 @@ _CLOSING_DISTANCE = 0.75  # steps: distance from its first orbit at which a bran
 
 @dataclass(frozen=True)
 class Special:
-    """A special point of a branch: a bifurcation, or a change of the order of events.
+    """A special point of a branch: a bifurcation, or a change of the order of events."""
 
-    Attributes
-    ----------
-    kind : str
-        ``fold``, ``period doubling``, ``Neimark-Sacker``, ``grazing`` or ``corner``.
-    mean_speed : float
-        Mean speed of the body [m/s].
-    multipliers : ndarray of complex, shape (n,)
-        Floquet multipliers; at a change of the order of events, those before the change.
-    change : str
-        Change of the order of events in words, and whether the branch turns back; empty if the order does not change.
-    phase : float
-        Crank angle at the cut [rad].
-    state : ndarray, shape (n,)
-        State at the cut, in units of the machine.
-    at : int
-        Number of the branch's orbits that lie before it.
-    value : float
-        Value of the parameter, in its unit.
-    width : float
-        Width of the interval of the parameter [its unit] in which it was found.
-    """
-
-    kind: str
-    mean_speed: float
+    kind: str  # ``fold``, ``period doubling``, ``Neimark-Sacker``, ``grazing`` or ``corner``
+    mean_speed: float  # mean speed of the body [m/s]
+    # Shape (n,): Floquet multipliers; at a change of the order of events, those before the change.
     multipliers: np.ndarray
+    # Change of the order of events in words, and whether the branch turns back; empty if the order does not change.
     change: str
-    phase: float
-    state: np.ndarray
-    at: int
-    value: float
-    width: float
+    phase: float  # crank angle at the cut [rad]
+    state: np.ndarray  # shape (n,): state at the cut, in units of the machine
+    at: int  # number of the branch's orbits that lie before it
+    value: float  # value of the parameter, in its unit
+    width: float  # width of the interval of the parameter [its unit] in which it was found
 
 
 @dataclass(frozen=True)
 class Branch:
-    """A sequence of neighbouring orbits over a parameter; along a branch the parameter may turn back.
+    """A sequence of neighbouring orbits over a parameter; along a branch the parameter may turn back."""
 
-    Attributes
-    ----------
-    scene : Scene
-        Scene of the orbits, apart from the value of the varied parameter.
-    name : str
-        Name of the varied parameter.
-    turns : int
-        Turns of the crank after which the orbits repeat themselves.
-    values : ndarray, shape (points,)
-        Values of the parameter, in its unit, in the order of the orbits.
-    mean_speeds : ndarray, shape (points,)
-        Mean speeds of the body [m/s].
-    multipliers : ndarray of complex, shape (points, n)
-        Floquet multipliers, the largest first.
-    phases : ndarray, shape (points,)
-        Crank angles of the cuts [rad].
-    states : ndarray, shape (points, n)
-        States at the cuts, in units of the machine (`turn_map.units_of` the scene).
-    strobe : dict of str to ndarray, shape (points, turns)
-        State [m, m/s, rad/s, A] each time the crank passes the angle 0, by the names of `Samples`.
-    special_points : tuple of Special
-        Special points in the order of the branch.
-    end : str
-        Reason why the branch ends.
-    """
-
-    scene: Scene
-    name: str
-    turns: int
-    values: np.ndarray
-    mean_speeds: np.ndarray
-    multipliers: np.ndarray
-    phases: np.ndarray
-    states: np.ndarray
+    scene: Scene  # scene of the orbits, apart from the value of the varied parameter
+    name: str  # name of the varied parameter
+    turns: int  # turns of the crank after which the orbits repeat themselves
+    values: np.ndarray  # shape (points,): values of the parameter, in its unit, in the order of the orbits
+    mean_speeds: np.ndarray  # shape (points,): mean speeds of the body [m/s]
+    multipliers: np.ndarray  # shape (points, n): Floquet multipliers, the largest first
+    phases: np.ndarray  # shape (points,): crank angles of the cuts [rad]
+    states: np.ndarray  # shape (points, n): states at the cuts, in units of the machine (`turn_map.units_of` the scene)
+    # Shape (points, turns): state [m, m/s, rad/s, A] each time the crank passes the angle 0, by the names of `Samples`.
     strobe: dict[str, np.ndarray]
-    special_points: tuple[Special, ...]
-    end: str
+    special_points: tuple[Special, ...]  # special points in the order of the branch
+    end: str  # reason why the branch ends
 
     def __len__(self) -> int:
         """Number of orbits."""

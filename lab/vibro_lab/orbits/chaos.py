@@ -42,24 +42,16 @@ _ALIGNMENT_PARTS = 10  # one part in so many of the turns precedes, in which the
 
 @dataclass(frozen=True)
 class LyapunovSpectrum:
-    """Lyapunov exponents of a motion.
+    """Lyapunov exponents of a motion."""
 
-    Attributes
-    ----------
-    exponents : ndarray, shape (n,)
-        Lyapunov exponents [1/s], the largest first, one for each coordinate of `TurnMap`; -inf for a direction that
-        vanishes within a turn. The crank's angle and the body's position along the ground are not coordinates; their
-        exponents would be 0.
-    spread : ndarray, shape (n,)
-        Half the width of 95 % confidence intervals [1/s], from the means of ten parts of the run; 0 for -inf, and for a
-        periodic motion.
-    turns : int
-        Turns of the crank over which the exponents were measured: the period of a periodic motion.
-    """
-
+    # Shape (n,): Lyapunov exponents [1/s], the largest first, one for each coordinate of `TurnMap`; -inf for a
+    # direction that vanishes within a turn. The crank's angle and the body's position along the ground are not
+    # coordinates; their exponents would be 0.
     exponents: np.ndarray
+    # Shape (n,): half the width of 95 % confidence intervals [1/s], from the means of ten parts of the run; 0 for -inf,
+    # and for a periodic motion.
     spread: np.ndarray
-    turns: int
+    turns: int  # turns of the crank over which the exponents were measured: the period of a periodic motion
 
     @property
     def sign(self) -> int:

@@ -51,17 +51,9 @@ class EdgeError(LostError):
 
 
 def follow(point: BranchPoint) -> Iterator[tuple[BranchPoint, BranchPoint]]:
-    """Follow the branch from a point, along its tangent, until it leaves the parameter's range.
+    """Follow the branch from a point, along its tangent, until it leaves the parameter's range (else LostError).
 
-    Yields
-    ------
-    BranchPoint, BranchPoint
-        A point and the next one, with the same cut; first the point twice.
-
-    Raises
-    ------
-    LostError
-        Where the branch cannot be followed.
+    Yields each point with the next one, both with the same cut; first the point twice.
     """
     point, step = _well_cut(point), point.family.settings.first_step
     yield point, point
@@ -123,19 +115,9 @@ def locate_zero(before: BranchPoint, after: BranchPoint, test: Callable[[BranchP
             tolerance: float) -> tuple[BranchPoint, float]:
     """Locate the zero of a test function between two neighbours by the Illinois method (secant and bisection).
 
-    Parameters
-    ----------
-    before, after : BranchPoint
-        Neighbours with the same cut.
-    test : callable
-        Test function, of different signs at both neighbours; with values +-1 the method bisects.
-    tolerance : float
-        Tolerance of the parameter, as a share of its range, dimensionless.
-
-    Returns
-    -------
-    BranchPoint, float
-        The point, and the width of the interval of the parameter [its unit] that contains the zero.
+    The test has different signs at both neighbours, which have the same cut; with values +-1 the method bisects.
+    Returns the point, and the width of the interval of the parameter [its unit] that contains the zero; `tolerance`
+    limits this width, as a share of the parameter's range.
     """
     family, start, end = before.family, before.unknowns, after.unknowns
     span = end - start
@@ -170,10 +152,7 @@ def _width(low: BranchPoint, high: BranchPoint, arc: float) -> float:
 def point_before_edge(point: BranchPoint, step: float) -> BranchPoint | None:
     """Return the farthest point of the branch, within an arc of `step`, with the same order of events as `point`.
 
-    Returns
-    -------
-    BranchPoint or None
-        The edge, with tangent and multipliers of this side; None if the order of events does not change there.
+    It has tangent and multipliers of this side; None if the order of events does not change there.
     """
     low, far, family, settings = point, step, point.family, point.family.settings
     try:
@@ -235,11 +214,6 @@ def point_beyond_edge(before: BranchPoint) -> BranchPoint:
 
     The derivative of the residual is computed on the extrapolation of this side's branch, which lies on the other side;
     its null vector is the branch's direction there, forwards or backwards.
-
-    Raises
-    ------
-    EdgeError
-        If no orbit is found there.
     """
     family, settings = before.family, before.family.settings
     for probe in settings.derivative_arcs:

@@ -72,27 +72,9 @@ class ContinuationSettings:
 class Family:
     """Equations of orbits with a period of `turns` turns, over a parameter of a scene.
 
-    Parameters
-    ----------
-    scene : Scene
-        The machine.
-    name : str
-        One of its numeric parameters.
-    limits : (float, float)
-        Ends of the parameter's range, the smaller first, in its unit.
-    turns : int
-        Turns of the crank after which orbits repeat themselves.
-    phase : float
-        Crank angle at the cut [rad].
-    settings : ContinuationSettings
-        Of the continuation.
-
-    Attributes
-    ----------
-    scene, name, limits, turns, phase, settings
-        The parameters.
-    units : ndarray, shape (n,)
-        Unit of each coordinate [m, m/s, rad/s or A], the same for all values of the parameter.
+    `limits` are the ends of the parameter's range, the smaller first, in its unit; `phase` is the crank angle at the
+    cut [rad]. The `units` of the coordinates [m, m/s, rad/s or A], shape (n,), are the same for all values of the
+    parameter.
     """
 
     def __init__(self, scene: Scene, name: str, limits: tuple[float, float], turns: int, phase: float,
@@ -245,7 +227,7 @@ class BranchPoint:
     family: Family  # the equations, with the cut that was used
     unknowns: np.ndarray  # shape (n + 1,): state and share of the parameter
     tangent: np.ndarray  # shape (n + 1,): unit vector along the branch
-    multipliers: np.ndarray  # shape (n,): floquet multipliers, the largest first
+    multipliers: np.ndarray  # shape (n,): Floquet multipliers, the largest first
     mean_speed: float  # mean speed of the body [m/s]
     passage: Passage  # events of the orbit
     # If the order of events changes just beyond this point: width of the interval of the parameter [its unit] in which
@@ -276,19 +258,7 @@ def corrected_orbit(family: Family, guess: np.ndarray, normal: np.ndarray,
                     reach: float = math.inf) -> tuple[np.ndarray, int]:
     """Return the orbit in the plane through `guess` perpendicular to `normal`, and the number of Jacobians computed.
 
-    Parameters
-    ----------
-    family : Family
-        The equations.
-    guess, normal : ndarray, shape (n + 1,)
-        State and share; the plane's normal.
-    reach : float
-        See `Family.jacobian`; dimensionless, at most the longest step.
-
-    Raises
-    ------
-    LostError
-        If Newton's method does not converge.
+    LostError if Newton's method does not converge. `reach` is that of `Family.jacobian`, at most the longest step.
     """
     reach = min(reach, family.settings.longest_step)
     at, best, closest, matrix, derivatives = guess.copy(), np.inf, guess, None, 0

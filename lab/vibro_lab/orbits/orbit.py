@@ -61,40 +61,25 @@ class FixedPoint(NamedTuple):
 
 @dataclass(frozen=True)
 class Orbit:
-    """A periodic orbit.
+    """A periodic orbit."""
 
-    Attributes
-    ----------
-    scene : Scene
-        Scene that has this orbit.
-    turns : int
-        Turns of the crank after which it repeats itself.
-    state : Samples
-        Quantities at the cut, at a crank angle from 0 to 2 pi [rad] without contacts; the body at 0.
-    multipliers : ndarray of complex, shape (n,)
-        Floquet multipliers: the eigenvalues of the map's derivative over `turns` turns, the largest first. A coordinate
-        that is held at the cut by friction, the ground or a rigid plate has the multiplier 0. The body's position along
-        the ground is not a coordinate; its multiplier would be 1.
-    multiplier_error : float
-        Bound on the error of any multiplier, dimensionless: twice the largest change of a multiplier between two
-        difference steps that differ by a factor of ten, for the pair of steps that agree best.
-    mean_speed : float
-        Mean speed of the body [m/s], forwards positive.
-    residual : float
-        Largest difference between the state and the one `turns` turns later, in units of the machine: lengths in
-        `crank.radius`, velocities in `crank.radius` times `motor.speed`; see `period`.
-    period : float
-        Time after which the motion repeats itself [s]. With a dc motor it follows from the orbit, and the crank's speed
-        and the current belong to the state, in units of the speed without load.
-    """
-
-    scene: Scene
-    turns: int
+    scene: Scene  # scene that has this orbit
+    turns: int  # turns of the crank after which it repeats itself
+    # Quantities at the cut, at a crank angle from 0 to 2 pi [rad] without contacts; the body at 0.
     state: Samples[float]
+    # Shape (n,): Floquet multipliers: the eigenvalues of the map's derivative over `turns` turns, the largest first. A
+    # coordinate that is held at the cut by friction, the ground or a rigid plate has the multiplier 0. The body's
+    # position along the ground is not a coordinate; its multiplier would be 1.
     multipliers: np.ndarray
+    # Bound on the error of any multiplier, dimensionless: twice the largest change of a multiplier between two
+    # difference steps that differ by a factor of ten, for the pair of steps that agree best.
     multiplier_error: float
-    mean_speed: float
+    mean_speed: float  # mean speed of the body [m/s], forwards positive
+    # Largest difference between the state and the one `turns` turns later, in units of the machine: lengths in
+    # `crank.radius`, velocities in `crank.radius` times `motor.speed`; see `period`.
     residual: float
+    # Time after which the motion repeats itself [s]. With a dc motor it follows from the orbit, and the crank's speed
+    # and the current belong to the state, in units of the speed without load.
     period: float
 
     @property
@@ -277,16 +262,10 @@ class Seed:
 
 
 def seeds_of(scene: Scene, starts: int, most_turns: int) -> list[Seed]:
-    """Distinct orbits of a scene, those of the fewest turns first.
+    """Distinct orbits of a scene, of at most `most_turns` turns, those of the fewest turns first.
 
-    Parameters
-    ----------
-    scene : Scene
-        Its motor has a constant `motor.speed` or `motor.voltage`.
-    starts : int
-        Number of starts: the scene's own, and others with random crank angle and velocities, the same in every call.
-    most_turns : int
-        Longest period of an orbit [turns].
+    They are sought from the scene's own start, and from others with random crank angle and velocities, the same in
+    every call.
     """
     check_closes(scene)
     turn_map = free_cut(scene)

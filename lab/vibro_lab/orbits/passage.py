@@ -89,17 +89,10 @@ def end_and_order(turn_map: TurnMap, state: np.ndarray, turns: int = 1) -> tuple
 
 
 def event_order(events: np.ndarray, until: float, speeds: np.ndarray) -> EventOrder:
-    """Order of the events before the time `until` [s].
+    """Order of the `events`, from `Simulator.take_events`, before the time `until` [s].
 
-    Parameters
-    ----------
-    events : ndarray, shape (events,)
-        As returned by `Simulator.take_events`.
-    until : float
-        Time [s].
-    speeds : ndarray, shape (landings, 2)
-        Speeds of the body along the ground before and after each landing [m/s]. Landings after which the body slips
-        on, stops, or slips the other way are different kinds of events.
+    `speeds`, shape (landings, 2), are those of the body along the ground before and after each landing [m/s]. Landings
+    after which the body slips on, stops, or slips the other way are different kinds of events.
     """
     happened = list(zip(events["time"].tolist(), events["kind"].tolist(), strict=True))
     ends = [(time + duration, kind + _ENDS) for (time, kind), duration in

@@ -60,27 +60,17 @@ class NotSettledError(RuntimeError):
 
 @dataclass(frozen=True)
 class SettledMotion:
-    """Motion that a start has settled to.
+    """Motion that a start has settled to."""
 
-    Attributes
-    ----------
-    turns : int
-        Turns of the crank after which the motion repeats itself; 0 where it has no period up to `LONGEST_PERIOD`.
-    states : ndarray, shape (m, n)
-        States at successive cuts, in units of the machine: one period, or `CLOUD` states of a motion without a period.
-        The last state is the device's present one.
-    mean_speed : float
-        Mean speed of the body [m/s], forwards positive: over one period, or over the second half of all turns.
-    after : int
-        Turns of the crank during which the start was observed.
-    tolerance : float
-        Largest distance between states of the same motion, in units of the machine: `SAME`, or twice `JITTER`.
-    """
-
+    # Turns of the crank after which the motion repeats itself; 0 where it has no period up to `LONGEST_PERIOD`.
     turns: int
+    # Shape (m, n): states at successive cuts, in units of the machine: one period, or `CLOUD` states of a motion
+    # without a period. The last state is the device's present one.
     states: np.ndarray
+    # Mean speed of the body [m/s], forwards positive: over one period, or over the second half of all turns.
     mean_speed: float
-    after: int
+    after: int  # turns of the crank during which the start was observed
+    # Largest distance between states of the same motion, in units of the machine: `SAME`, or twice `JITTER`.
     tolerance: float = SAME
 
     def is_same(self, other: "SettledMotion") -> bool:
@@ -97,24 +87,10 @@ class SettledMotion:
 
 
 def settle(stroboscope: Stroboscope, first: int = FIRST_TURNS, most: int = MOST_TURNS) -> SettledMotion | None:
-    """Advance a device until it has settled, and return its motion.
+    """Advance a device until it has settled, and return its motion; None if it has not within `most` turns.
 
-    Parameters
-    ----------
-    stroboscope : Stroboscope
-        The device, at a cut; it is advanced.
-    first, most : int
-        Turns after which the motion is judged for the first time, at least 8; then after twice as many, and so on up to
-        `most`.
-
-    Returns
-    -------
-    SettledMotion or None
-        None for a start that has not settled within `most` turns.
-
-    Notes
-    -----
-    A periodic start has settled when the rest of its approach, extrapolated as a geometric series from the last two
+    It is judged for the first time after `first` turns, at least 8; then after twice as many, and so on up to `most`. A
+    periodic start has settled when the rest of its approach, extrapolated as a geometric series from the last two
     quarters of all turns, is below `CLOSE`; for a controller that takes samples see the module's docstring. Transient
     chaos that lasts long cannot be distinguished from chaos that stays.
     """
@@ -138,14 +114,8 @@ def settle(stroboscope: Stroboscope, first: int = FIRST_TURNS, most: int = MOST_
 def motion_of(states: np.ndarray, mean_speed: float, scene: Scene) -> SettledMotion | None:
     """Identify the motion of a start that was observed for a fixed time; None if it still changes.
 
-    Parameters
-    ----------
-    states : ndarray, shape (cuts, n)
-        States at successive cuts, in units of the machine. A motion without a period needs `LEAST_WATCHED` cuts.
-    mean_speed : float
-        Mean speed of the body [m/s].
-    scene : Scene
-        The device's scene.
+    `states` are those at successive cuts, in units of the machine, shape (cuts, n); a motion without a period needs
+    `LEAST_WATCHED` cuts.
     """
     turns = period_in(states, scene)
     if not turns and (len(states) < LEAST_WATCHED or not _is_stationary(states)):
@@ -216,17 +186,9 @@ def number_among(motion: SettledMotion, known: Sequence[SettledMotion]) -> int |
 
 
 def long_cycle(stroboscope: Stroboscope) -> np.ndarray | None:
-    """States of one period of a motion whose period is longer than `LONGEST_PERIOD`, shape (turns, n).
+    """States of one period that is longer than `LONGEST_PERIOD`, shape (turns, n); None if none is up to `WATCHED` / 4.
 
-    Parameters
-    ----------
-    stroboscope : Stroboscope
-        The device, at a cut of the motion; it is advanced.
-
-    Returns
-    -------
-    ndarray or None
-        None for a motion without a period up to a quarter of `WATCHED`.
+    The device stands at a cut of the motion; it is advanced.
     """
     states = stroboscope.turns(WATCHED).states
     turns = period_of(states, WATCHED)
@@ -234,14 +196,9 @@ def long_cycle(stroboscope: Stroboscope) -> np.ndarray | None:
 
 
 def period_of(states: np.ndarray, longest: int = LONGEST_PERIOD) -> int:
-    """Least number of turns after which states repeat themselves; 0 if they have no period or have not settled.
+    """Least number of turns after which states at cuts, shape (cuts, n), repeat themselves.
 
-    Parameters
-    ----------
-    states : ndarray, shape (cuts, n)
-        States at successive cuts, in units of the machine.
-    longest : int
-        Longest period that is tried [turns]; never longer than a quarter of the states.
+    0 if they have no period or have not settled. No period above `longest`, or a quarter of the states, is tried.
     """
     quarter = len(states) // 4
     for turns in range(1, min(longest, quarter) + 1):
@@ -272,13 +229,7 @@ def _period_within_jitter(states: np.ndarray) -> int:
 
 
 class Cloud:
-    """States of a motion without a period, with a test whether other states are near them.
-
-    Parameters
-    ----------
-    states : ndarray, shape (k, n)
-        States at cuts, in units of the machine.
-    """
+    """States of a motion without a period, shape (k, n), with a test whether other states are near them."""
 
     def __init__(self, states: np.ndarray):
         self._extent = np.maximum(np.ptp(states, axis=0), _LEAST_EXTENT)

@@ -306,11 +306,6 @@ class Stroboscope:
 
     A call of `TurnMap` sets the device's state, which costs as much as twenty turns. A stroboscope sets the state once
     and lets the device run on.
-
-    Parameters
-    ----------
-    turn_map : TurnMap
-        Scene, cut and units.
     """
 
     def __init__(self, turn_map: TurnMap):
@@ -358,20 +353,11 @@ class Stroboscope:
 
 
 def free_phase(scene: Scene, device: Simulator) -> tuple[float, float]:
-    """Crank phase farthest from all events of the next `SEEN` turns, and the share of a turn around it without events.
+    """Crank phase farthest from all events of the next `SEEN` turns [rad], and the share of a turn around it without
+    any.
 
-    Parameters
-    ----------
-    scene : Scene
-        The device's scene.
-    device : Simulator
-        Device that has settled; it is advanced by `SEEN` turns.
-
-    Returns
-    -------
-    float, float
-        Crank angle [rad], from 0 to 2 pi, and the share. The share is 0 if no phase is free of events and contacts; the
-        phase is then one of those with the fewest.
+    The device has settled; it is advanced. The share is 0 if no phase is free of events and contacts; the phase is then
+    one of those with the fewest.
     """
     device.take_events()
     if scene.has_rotor:
@@ -418,10 +404,7 @@ def _events_by_angle(device: Simulator) -> tuple[np.ndarray, np.ndarray]:
 def events_in_cells(phase: np.ndarray, lasting: np.ndarray) -> np.ndarray:
     """Number of events in each of the `CELLS` of a turn, shape (CELLS,).
 
-    Parameters
-    ----------
-    phase, lasting : ndarray, shape (events,)
-        Phase at which an event begins, from 0 to 1, and its duration in turns; dimensionless.
+    An event begins at a `phase`, from 0 to 1, and is `lasting` so many turns.
     """
     count = np.zeros(CELLS)
     for first, last in zip(phase * CELLS, (phase + np.minimum(lasting, 1.0)) * CELLS, strict=True):

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -268,48 +267,6 @@ def basins_in(design: BasinDesign, table: pa.Table) -> Basins:
     return Basins(Attractors(exact), numbers)
 
 
-class BasinEntropy(NamedTuple):
-    """Basin entropy: a measure of the uncertainty of the motion that a start leads to."""
-
-    # Mean over all boxes of the entropy of the motions within a box [nat]: 0 if every box has one motion.
-    entropy: float
-    # Mean over the boxes with more than one motion [nat]; NaN without such boxes. In the limit of small boxes with many
-    # starts, a value above log 2 proves a fractal boundary; with the boxes of a grid it is only a hint.
-    boundary: float
-    boxes: int  # number of boxes, and of those with more than one motion
-    mixed: int
-
-
-def basin_entropy(numbers: np.ndarray, outside: int = IMPOSSIBLE, side: int = 5) -> BasinEntropy | None:
-    """Compute basin entropy and boundary basin entropy of a grid of starts; None for a grid without a whole box.
-
-    Both, and the criterion of log 2, are those of A. Daza, A. Wagemakers, B. Georgeot, D. Guery-Odelin and
-    M. A. F. Sanjuan, Sci. Rep. 6 (2016) 31416.
-
-    Parameters
-    ----------
-    numbers : ndarray of int, shape (rows, columns)
-        Number of each start's attractor.
-    outside : int
-        Number that marks impossible starts; boxes with such a start are left out.
-    side : int
-        Starts along a side of a box, dimensionless; incomplete boxes at the ends of the grid are left out.
-    """
-    rows, columns = (count // side for count in numbers.shape)
-    boxes = numbers[:rows * side, :columns * side].reshape(rows, side, columns, side).swapaxes(1, 2)
-    of_box = []
-    for box in boxes.reshape(rows * columns, side * side):
-        if outside not in box:
-            shares = np.unique(box, return_counts=True)[1] / len(box)
-            of_box.append(float(-np.sum(shares * np.log(shares))) if len(shares) > 1 else 0.0)
-    if not of_box:
-        return None
-    entropies = np.array(of_box)
-    mixed = entropies > 0.0
-    boundary = float(entropies[mixed].mean()) if mixed.any() else math.nan
-    return BasinEntropy(float(entropies.mean()), boundary, len(entropies), int(mixed.sum()))
-
-
 def starts_table(table: pa.Table, basins: Basins) -> bytes:
     """Return a Parquet file of all starts with the numbers of their attractors."""
     meaning = ("number of the motion that the start leads to; 0: nothing had settled; -1: it cannot start, or not go "
@@ -366,7 +323,6 @@ def in_words(design: BasinDesign, table: pa.Table, basins: Basins) -> list[str]:
                      f"{100.0 * attractor.low:.2f} to {100.0 * attractor.high:.2f} %); {stability}")
     if len(basins.attractors) > _SHOWN:
         lines.append(f"{len(basins.attractors) - _SHOWN} more motions; without losses every start has one of its own")
-    lines += _entropy_in_words(design, basins)
     for number, what in ((UNSETTLED, f"starts had not settled within {design.most_turns} turns"),
                          (OTHER, f"starts have other motions than the first {MOST_ATTRACTORS}"),
                          (IMPOSSIBLE, "starts cannot be, or could not go on")):
@@ -376,33 +332,15 @@ def in_words(design: BasinDesign, table: pa.Table, basins: Basins) -> list[str]:
     return lines
 
 
-def _entropy_in_words(design: BasinDesign, basins: Basins) -> list[str]:
-    if not design.starts.is_grid:
-        return []
-    entropy = basin_entropy(basins.numbers.reshape([axis.count for axis in design.starts.over]))
-    if entropy is None:
-        return []
-    if not entropy.mixed:
-        return [f"basin entropy 0: each of {entropy.boxes} boxes has one motion"]
-    says = "above log 2 = 0.693, which hints at a fractal boundary" if entropy.boundary > math.log(2.0) else (
-        "not above log 2 = 0.693, which leaves open whether the boundary is fractal")
-    return [f"basin entropy {entropy.entropy:.4f}, of the {entropy.mixed} of {entropy.boxes} boxes with more than one "
-            f"motion {entropy.boundary:.4f}, {says}"]
-
-
 _GREY, _WHITE = "#a0a0a0", "#ffffff"  # for `UNSETTLED` and `OTHER`, and for `IMPOSSIBLE`
 
 
 @figures.default_settings()
-def draw_basins(design: BasinDesign, table: pa.Table, basins: Basins) -> bytes:
+def draw_basins(design: BasinDesign, basins: Basins) -> bytes:
     """Draw the motions that the starts lead to; returns a PNG file."""
     figure, over = figures.new_figure(9.0, 5.0), design.starts.over
     if design.starts.is_grid:
         _draw_map(figure.subplots(), over, basins.numbers)
-    elif len(over) > 1:
-        shares, dots = figure.subplots(1, 2)
-        _draw_shares(shares, basins)
-        _draw_dots(dots, table, over, basins.numbers)
     else:
         _draw_shares(figure.subplots(), basins)
     figures.set_heading(figure, f"{design.scene.name} at {command_in_words(design.scene)}: where "
@@ -423,16 +361,6 @@ def _draw_map(axes: figures.Axes, over: tuple[Over, ...], numbers: np.ndarray) -
     places = np.searchsorted(kinds, numbers).reshape(first.count, second.count)
     figures.draw_classes(axes, second.values, first.values, places, [_colour(int(number)) for number in kinds])
     axes.set(xlabel=f"{second.name} [{second.unit}]", ylabel=f"{first.name} [{first.unit}]")
-
-
-def _draw_dots(axes: figures.Axes, table: pa.Table, over: tuple[Over, ...], numbers: np.ndarray) -> None:
-    first, second = over[:2]
-    for number in sorted(set(numbers.tolist()) - {IMPOSSIBLE}):  # the motions with fewer starts lie on top
-        chosen = numbers == number
-        axes.plot(table[second.name].to_numpy()[chosen], table[first.name].to_numpy()[chosen], ".", ms=3.0,
-                  color=_colour(number), alpha=0.8)
-    axes.set(xlabel=f"{second.name} [{second.unit}]", ylabel=f"{first.name} [{first.unit}]")
-    figures.style_axes(axes)
 
 
 def _draw_shares(axes: figures.Axes, basins: Basins) -> None:
@@ -462,7 +390,7 @@ def _results(design: BasinDesign, folder: Path, execution: Execution) -> Iterato
         raise ValueError(f"none of {len(errors)} starts can be simulated; the first one: {errors[0]}")
     basins = basins_in(design, table)
     yield Results({STARTS: starts_table(table, basins), ATTRACTORS: attractors_table(basins),
-                   PICTURE: draw_basins(design, table, basins)}, in_words(design, table, basins),
+                   PICTURE: draw_basins(design, basins)}, in_words(design, table, basins),
                   any(not text.startswith(NO_START) for text in errors))
 
 

@@ -216,16 +216,8 @@ _BAR_DELAY = 2.0  # s before a bar is drawn
 class Progress:
     """Progress bar with the remaining time, or occasional lines if standard error is not a terminal; a context manager.
 
-    Parameters
-    ----------
-    what : str
-        Description of the work.
-    unit : str
-        Name of a counted unit, such as ``run``.
-    total, done : int
-        Number of units, and number of them that were done before [-].
-
-    Within another one it is silent, because two remaining times would contradict each other.
+    `done` of the `total` units were done before. Within another one it is silent, because two remaining times would
+    contradict each other.
     """
 
     _running = 0

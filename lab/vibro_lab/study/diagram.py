@@ -303,27 +303,17 @@ class Diagram:
         return runs
 
 
-def states_table(design: DiagramDesign, table: pa.Table) -> bytes:
-    """Return a Parquet file of all states."""
+def values_table(diagram: Diagram, states: pa.Table) -> bytes:
+    """Return a Parquet file with one row for each visit, from the table of all states."""
+    design, two, measured = diagram.design, diagram.differ(), diagram.exponents
+    _, first = np.unique(states["visit"].to_numpy(), return_index=True)
+    table = states.drop_columns(["cut", *design.names]).take(first)
+    table = table.append_column("two_motions", pa.array([two[design.place(number)] for number in range(design.visits)]))
+    if measured is not None:
+        table = table.set_column(table.column_names.index("period"), "period", measured["period"])
+        for name in measured.column_names[2:]:
+            table = table.append_column(name, measured[name])
     return _file(table, design)
-
-
-def values_table(diagram: Diagram) -> bytes:
-    """Return a Parquet file with one row for each visit."""
-    design, two = diagram.design, diagram.differ()
-    first = {
-        "visit": pa.array([visit.number for visit in diagram.visits], pa.int64()),
-        "direction": pa.array([design.direction(visit.number) for visit in diagram.visits], pa.string()),
-        design.axis.name: pa.array([design.value(visit.number) for visit in diagram.visits], pa.float64()),
-        "period": pa.array([diagram.period(visit) for visit in diagram.visits], pa.int64()),
-        "settled": pa.array([visit.settled for visit in diagram.visits], pa.bool_()),
-        "after": pa.array([visit.motion.after for visit in diagram.visits], pa.int64()),
-        "mean_speed": pa.array([visit.motion.mean_speed for visit in diagram.visits], pa.float64()),
-        "two_motions": pa.array([two[design.place(visit.number)] for visit in diagram.visits], pa.bool_()),
-    }
-    exponents = diagram.exponents.drop_columns(["visit", "period"]) if diagram.exponents is not None else None
-    rest = dict(zip(exponents.column_names, exponents.columns, strict=True)) if exponents is not None else {}
-    return _file(pa.table({**first, **rest}), design)
 
 
 def _file(table: pa.Table, design: DiagramDesign) -> bytes:
@@ -352,14 +342,8 @@ def in_words(diagram: Diagram) -> Iterator[str]:
         yield f"and {len(ranges) - _MOST_RANGES} ranges more; the files hold all"
     regions = diagram.hysteresis()
     for places in regions:
-        ways = []
-        for direction in (UP, DOWN):
-            visits = [diagram.of(direction)[place] for place in places]
-            speeds = _between([1e3 * visit.motion.mean_speed for visit in visits], ".2f")
-            ways.append(f"{direction} {', '.join(dict.fromkeys(map(diagram.kind, visits)))} at {speeds} mm/s")
         where = _between([float(design.axis.values[place]) for place in places], ".6g")
-        yield (f"hysteresis: {where}{f' {unit}' if unit else ''} ({len(places)} value{'s' * (len(places) > 1)}): "
-               f"{'; '.join(ways)}")
+        yield f"hysteresis: {where} {unit}".rstrip() + f" ({len(places)} value{'s' * (len(places) > 1)})"
     if not regions:
         yield f"hysteresis: none at the {len(design.axis.values)} values; both ways lead to the same motions"
     unknown = dict.fromkeys(f"{design.value(visit.number):.6g}" for visit in diagram.visits if diagram.sign(visit) == 0)
@@ -393,8 +377,7 @@ def _between(values: Sequence[float], form: str) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-# Okabe and Ito's blue and vermilion, which colour-blind readers can distinguish. Where both directions found the same
-# motion, the dot of the downward visit lies within the ring of the upward one.
+# Where both directions found the same motion, the dot of the downward visit lies within the ring of the upward one.
 _COLOURS = {UP: figures.BLUE, DOWN: figures.VERMILION}
 _MARKS: dict[str, dict[str, Any]] = {
     UP: {"marker": "o", "markerfacecolor": "none", "markeredgewidth": 0.8},
@@ -489,8 +472,8 @@ def _results(design: DiagramDesign, folder: Path, execution: Execution) -> Itera
     states, seen = visit_table(design, folder / VISITS)
     periods = period_table(design, seen, folder / EXPONENTS, execution) if design.exponents else None
     diagram = Diagram(design, seen, periods)
-    yield Results({STATES: states_table(design, states), VALUES: values_table(diagram), PICTURE: draw_diagram(diagram)},
-                  in_words(diagram))
+    yield Results({STATES: _file(states, design), VALUES: values_table(diagram, states),
+                   PICTURE: draw_diagram(diagram)}, in_words(diagram))
 
 
 def _axis(options: argparse.Namespace) -> Axis:

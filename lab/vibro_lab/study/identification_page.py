@@ -30,21 +30,12 @@ _SPECIFIC_FORCE = "specific force", "m/s²"
 _STRETCH = 1.5  # windows on either side of the middle of the one that fits worst
 _SHADE = "#d55e0022"
 _STYLE = """
-:root { color-scheme: light; }
-* { box-sizing: border-box; }
-body { margin: 0 auto; max-width: 1400px; padding: 12px 16px; background: #f4f5f7; color: #1f2630;
-  overflow-wrap: anywhere;
-  font: 14px/1.4 system-ui, -apple-system, "Segoe UI", Roboto, "Noto Sans", "Liberation Sans", sans-serif;
-  font-variant-numeric: tabular-nums; }
-h1 { font-size: 20px; } h2 { font-size: 16px; margin: 24px 0 8px; }
-p, ul { max-width: 50em; } ul { padding-left: 18px; }
+body { margin: 0 auto; max-width: 1400px; padding: 12px; overflow-wrap: anywhere; font: 14px/1.4 sans-serif; }
+p, ul { max-width: 50em; } figcaption { font-weight: 600; }
 .pictures { display: grid; gap: 10px; grid-template-columns: repeat(auto-fit, minmax(min(100%, 520px), 1fr)); }
 .small { grid-template-columns: repeat(auto-fill, minmax(min(100%, 260px), 1fr)); }
-figure { margin: 0; padding: 8px; background: #fff; border: 1px solid #d8dde3; border-radius: 10px; }
-figure img { display: block; width: 100%; max-width: 720px; height: auto; } figcaption { font-weight: 600; }
-table { border-collapse: collapse; } th, td { text-align: left; padding: 2px 12px 2px 0; vertical-align: top; }
-th { font-weight: 400; color: #596373; }
-@media (max-width: 500px) { body { padding: 8px; font-size: 13px; } }
+figure { margin: 0; } figure img { width: 100%; max-width: 720px; }
+th, td { text-align: left; padding: 2px 12px 2px 0; }
 """
 
 
@@ -69,8 +60,7 @@ def identification_page(found: Identification, bag: str) -> str:
         "<h2>Profiles of the likelihood</h2>",
         f"<p>Growth of twice the negative logarithm of the likelihood, the other parameters fitted again. Dots: "
         f"computed; line: by the covariance; dashed: the 95 % interval, at which it has grown by {quantile:.3g}.</p>",
-        _pictures(((name, _profile(found, name, quantile)) for name in found.values), "pictures small"),
-        "<h2>Correlations of the values</h2>", _pictures([("by the covariance", _correlations(found))])]
+        _pictures(((name, _profile(found, name, quantile)) for name in found.values), "pictures small")]
     if found.alternatives:
         parts += [f"<h2>Other effects</h2><p>The same recording with one effect more; a p below {REJECTED:g} is "
                   "evidence for it.</p>", _table(("effect", "better by", "p"), (
@@ -179,20 +169,4 @@ def _profile(found: Identification, name: str, quantile: float) -> Figure:
     axes.locator_params(axis="x", nbins=4)
     axes.ticklabel_format(axis="x", scilimits=(-2, 3))
     style_axes(axes)
-    return figure
-
-
-@default_settings()
-def _correlations(found: Identification) -> Figure:
-    figure, names = new_figure(6.4, 6.0), list(found.values)
-    deviations = np.sqrt(np.maximum(np.diag(found.covariance), 1e-300))
-    correlations = np.clip(found.covariance / np.outer(deviations, deviations), -1.0, 1.0)
-    axes = figure.subplots()
-    picture = axes.imshow(correlations, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
-    axes.set_xticks(range(len(names)), names, rotation=90, fontsize="small")
-    axes.set_yticks(range(len(names)), names, fontsize="small")
-    for (row, column), value in np.ndenumerate(correlations):
-        axes.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=6,
-                  color="white" if abs(value) > 0.6 else BLACK)
-    figure.colorbar(picture, ax=axes, shrink=0.7)
     return figure

@@ -22,7 +22,7 @@ DEFAULT = ("ground.friction", "mass.body", "guide.angle",
 
 
 @dataclass(frozen=True)
-class Design:
+class IdentificationDesign:
     """Arguments of `identify`, the bag None for a script alone; and the duration of a script [s], 0 for none."""
 
     bag: Path | None
@@ -52,7 +52,7 @@ def _add_options(parser: Parser) -> None:
                         f"by commas: {', '.join(EFFECTS)}")
 
 
-def _design_of(options: argparse.Namespace) -> Design:
+def _design_of(options: argparse.Namespace) -> IdentificationDesign:
     if options.scheduler:
         raise ValueError("--scheduler: a recording is fitted on this machine; leave it out")
     if options.bag is None and not options.excite:
@@ -74,7 +74,7 @@ def _design_of(options: argparse.Namespace) -> Design:
             raise ValueError(f"--noise {word}: give SENSOR=SIGMA, such as tracking=0.001")
         noise[name] = float("inf") if sigma == "inf" else _number(word, sigma)
     Unknowns.of(scene, free, ranges)  # refuses what cannot be free before the bag is read
-    return Design(options.bag, scene, free, ranges, noise, _names(options.effects), options.excite)
+    return IdentificationDesign(options.bag, scene, free, ranges, noise, _names(options.effects), options.excite)
 
 
 def _names(words: str) -> tuple[str, ...]:
@@ -88,7 +88,7 @@ def _number(option: str, word: str) -> float:
     return float(value)
 
 
-def _results(design: Design, folder: Path, execution: Execution) -> Iterator[Results]:
+def _results(design: IdentificationDesign, folder: Path, execution: Execution) -> Iterator[Results]:
     scene, sensors = design.scene, None
     if design.bag:
         with bag_errors(design.bag):

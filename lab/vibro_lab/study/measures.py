@@ -63,15 +63,7 @@ def _window_of_dc_motor(device: Simulator, duration: float) -> Window:
 
 
 def checked_times(settling: float, duration: float, drawn_start: bool) -> None:
-    """Check the times of a measurement.
-
-    Parameters
-    ----------
-    settling, duration : float
-        Settling time [s], which is not measured, and measuring time [s].
-    drawn_start : bool
-        Whether the start is random, which takes `STARTING` seconds.
-    """
+    """Check settling and measuring time of a measurement [s]; a random start alone takes `STARTING` seconds."""
     least = STARTING if drawn_start else 0.0
     if not least <= settling <= LATEST_TIME:
         reason = f" (a drawn start takes {STARTING:g} s)" if drawn_start else ""
@@ -90,17 +82,9 @@ def standing_and_airborne(device: Simulator, checkpoint: np.ndarray | None, befo
                           end: float) -> tuple[float, float]:
     """Times [s] during which the body stood still on the ground (NaN without a checkpoint), and was in the air.
 
-    Parameters
-    ----------
-    device : Simulator
-        The device. It is left at some instant of the measuring time if an event does not determine whether the body
-        sticks or slips after it, because the speed is then sampled.
-    checkpoint : ndarray, shape (n,), or None
-        Checkpoint of the device at the first instant.
-    before : Samples of float
-        Quantities at the first instant, SI units.
-    events : structured ndarray, shape (n,)
-        Events from `Simulator.take_events` between the first instant and `end` [s].
+    `checkpoint` and `before` are those of the first instant; `events` happened from then on to `end` [s]. The device is
+    left at some instant of the measuring time if an event does not determine whether the body sticks or slips after it,
+    because the speed is then sampled.
     """
     events = events[np.isin(events["kind"], (*_STICK_EVENTS, *_MOVING_EVENTS, *_NEUTRAL_EVENTS))]
     events = events[np.argsort(events["time"], kind="stable")]
@@ -431,25 +415,10 @@ def checked_names(names: Sequence[str]) -> tuple[str, ...]:
 
 def measure(scene: Scene, names: Collection[str], settling: float, duration: float,
             start: int | None = None) -> dict[str, float]:
-    """Measure a scene from one start.
+    """Measure a scene from one start; returns the measures by name, in the order of `checked_names`.
 
-    Parameters
-    ----------
-    scene : Scene
-        Scene that is simulated, with its own solver method.
-    names : collection of str
-        Names in `MEASURES`.
-    settling : float
-        Time before the measurement [s].
-    duration : float
-        Time of the measurement [s], of which the whole turns of the crank are used (see `window`).
-    start : int, optional
-        Number of a random start (`vibro_lab.orbits.starts`), equal for all scenes; by default the scene's own start.
-
-    Returns
-    -------
-    dict of str to float
-        The measures by name, in the order of `checked_names`.
+    `duration` [s] is cut to whole turns of the crank (`window`). `start` is the number of a random start
+    (`vibro_lab.orbits.starts`), equal for all scenes; None is the scene's own start.
     """
     return _measured(scene, checked_names(tuple(names)), settling, duration, start, frozenset())[0]
 

@@ -17,7 +17,6 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from vibro_lab.orbits.branch import Branch, Special, branch_from, doubled_branch_from, lies_on
 from vibro_lab.orbits.continuation import CORNER, DOUBLING, FOLD, GRAZING, TORUS
@@ -28,12 +27,11 @@ from vibro_lab.orbits.turn_map import TurnMap, state_names, units_of
 from vibro_lab.study import figures
 from vibro_lab.study.command import Progress, Results, StudyCommand, machine_of
 from vibro_lab.study.execution import Execution, Rows
-from vibro_lab.study.page import markdown_table
 from vibro_lab.study.table import NUMBERS, Field, Study, check_folder, file_of, parameter_field, stored, table_of
 from vibro_lab.study.variation import Range, varied_in_words, whole_number
 from vibro_ros import PARAMETERS, STATE_UNITS, Parser, Scene, read_scalar, say
 
-BRANCHES, SPECIAL, PICTURE, TEXT = "branches.parquet", "special_points.parquet", "orbits.png", "orbits.md"
+BRANCHES, PICTURE = "branches.parquet", "orbits.png"
 FOLDER = "branches"
 MOST_TURNS, MOST_BRANCHES = 32, 10_000
 _QUICK_VARY, _QUICK_FROM = "motor.speed=60:66", 65.0
@@ -181,15 +179,7 @@ _JOINING_SHARE = 0.05
 
 
 def followed_branches(plan: BranchPlan, folder: Path, execution: Execution) -> list[tuple[BranchTask, Branch]]:
-    """Return every branch of a plan with its task, by number, stored in a folder into which no other process writes.
-
-    Raises
-    ------
-    ForeignBlockError
-        For files of another study.
-    RuntimeError
-        When a file cannot be written, or a run cannot go on; finished branches are kept.
-    """
+    """Return every branch of a plan with its task, by number, stored in a folder into which no other process writes."""
     done: list[tuple[BranchTask, Branch]] = []
 
     def follow(tasks: Sequence[BranchTask]) -> None:
@@ -256,7 +246,7 @@ def _doublings(plan: BranchPlan, done: Sequence[tuple[BranchTask, Branch]], begu
 
 
 LETTERS = {FOLD: "F", DOUBLING: "P", TORUS: "N", GRAZING: "G", CORNER: "C"}
-"""First letter of a special point's name in picture and table, by its kind."""
+"""First letter of a special point's name in picture and files, by its kind."""
 
 
 def special_points_of(done: Sequence[tuple[BranchTask, Branch]]) -> Iterator[tuple[int, Branch, str, Special]]:
@@ -271,34 +261,17 @@ def special_points_of(done: Sequence[tuple[BranchTask, Branch]]) -> Iterator[tup
             yield number, branch, f"{LETTERS[special.kind]}{counts[special.kind]}", special
 
 
-def document(plan: BranchPlan, done: Sequence[tuple[BranchTask, Branch]]) -> str:
-    """Return the tables of branches and special points as a Markdown page."""
-    head, unit = figures.of_parameter(plan.name), PARAMETERS[plan.name].unit
-    lines = [
-        f"# Orbits of {plan.scene.name} over {plan.name}", "",
-        f"{plan.name} from {plan.low:g} to {plan.high:g} {unit}".rstrip(" 1") + f"; orbits of at most {plan.turns} "
-        f"turns of the crank; looked for at {', '.join(f'{value:g}' for value in plan.begin)}, from {plan.starts} "
-        "starts each.", "",
-        "![Branches](orbits.png)", "", "## Branches", "",
-        markdown_table(["branch", "turns", "begins", "orbits", head, "stable for", "mean speed, mm/s", "ends"],
-                       [_row(number, task, branch) for number, (task, branch) in enumerate(done)]),
-        "", "## Special points", "",
-        markdown_table(["name", "kind", "branch", "turns", head, "known to", "mean speed, mm/s", "multipliers",
-                        "what happens"], [
-            (name, special.kind, number, branch.turns, f"{special.value:.10g}", f"{special.width:.1g}",
-             f"{1e3 * special.mean_speed:.4f}", _multipliers(special.multipliers), special.change)
-            for number, branch, name, special in special_points_of(done)])]
-    return "\n".join(lines) + "\n"
-
-
 def in_words(done: Sequence[tuple[BranchTask, Branch]]) -> Iterator[str]:
     """Yield one line of text for each branch."""
-    every = list(special_points_of(done))
+    named = list(special_points_of(done))
     for number, (task, branch) in enumerate(done):
-        special = ", ".join(f"{name} {one.kind} at {one.value:.9g}" for of, _, name, one in every
-                            if of == number and one.kind != CORNER)
-        yield (f"branch {number}, {_turns(branch.turns)}: {len(branch)} orbits {_begin(task)}; "
-               f"{special + '; ' if special else ''}{branch.end}")
+        special = ", ".join(f"{name} {point.kind} at {point.value:.9g}" for of, _, name, point in named
+                            if of == number and point.kind != CORNER)
+        stable = ", ".join(f"{low:.6g} to {high:.6g}" for low, high in stable_ranges(branch))
+        begin = f"{task.direction} from {task.value:.6g}" if task.parent is None else (
+            f"from a period doubling of branch {task.parent} at {task.value:.6g}")
+        yield (f"branch {number}, {_turns(branch.turns)}: {len(branch)} orbits {begin}; "
+               f"{f'stable for {stable}; ' if stable else ''}{special + '; ' if special else ''}{branch.end}")
 
 
 def stable_ranges(branch: Branch) -> list[tuple[float, float]]:
@@ -309,32 +282,6 @@ def stable_ranges(branch: Branch) -> list[tuple[float, float]]:
 
 def _turns(turns: int) -> str:
     return f"{turns} turn{'s' * (turns > 1)}"
-
-
-def _begin(task: BranchTask) -> str:
-    if task.parent is not None:
-        return f"from a period doubling of branch {task.parent} at {task.value:.6g}"
-    return f"{task.direction} from {task.value:g}"
-
-
-def _row(number: int, task: BranchTask, branch: Branch) -> tuple[object, ...]:
-    if not len(branch):
-        return number, branch.turns, _begin(task), 0, "", "", "", branch.end
-    stable = ", ".join(f"{low:.6g} to {high:.6g}" for low, high in stable_ranges(branch))
-    speeds = 1e3 * branch.mean_speeds
-    return (number, branch.turns, _begin(task), len(branch), f"{branch.values.min():.6g} to {branch.values.max():.6g}",
-            stable, f"{speeds.min():.2f} to {speeds.max():.2f}", branch.end)
-
-
-def _multipliers(values: np.ndarray) -> str:
-    """Format the two largest multipliers; a complex pair is one entry."""
-    shown = []
-    for value in values[:2]:
-        if value.imag == 0.0:
-            shown.append(f"{value.real:.6f}")
-        elif value.imag > 0.0:
-            shown.append(f"{value.real:.6f} ± {value.imag:.6f}i")
-    return ", ".join(shown)
 
 
 # Colours of branches by their turns, with 0 for all others.
@@ -447,9 +394,8 @@ def _files(plan: BranchPlan, done: Sequence[tuple[BranchTask, Branch]]) -> dict[
     if rows:
         own = [Field("branch", pa.int64(), "1", "number of the branch"),
                Field("name", pa.string(), "1", "of a special point, as in the picture", True)]
-        whole = table_of(rows, [*own, *fields_of(plan)])
-        files = {BRANCHES: file_of(whole), SPECIAL: file_of(whole.filter(pc.is_valid(whole["kind"])))}
-    return {**files, TEXT: document(plan, done).encode(), PICTURE: draw_orbits(plan, done)}
+        files = {BRANCHES: file_of(table_of(rows, [*own, *fields_of(plan)]))}
+    return {**files, PICTURE: draw_orbits(plan, done)}
 
 
 def _add_options(own: Parser) -> None:

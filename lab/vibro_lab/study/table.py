@@ -78,17 +78,7 @@ class Study:
 
 
 def computed(study: Study, folder: Path, execution: Execution) -> pa.Table:
-    """Return the whole table of a study, stored in a folder into which no other process writes.
-
-    Raises
-    ------
-    ForeignBlockError
-        For files of another study.
-    OSError
-        For files that cannot be read.
-    RuntimeError
-        When a file cannot be written, or the runs cannot go on; finished blocks are kept.
-    """
+    """Return the whole table of a study, stored in a folder into which no other process writes."""
     blocks = {block: study.points(block) for block in range(study.blocks)}
     tables = stored(study, folder, blocks, lambda numbers: execution.rows(
         study.rows, numbers, study.run_time))
@@ -151,15 +141,7 @@ def read_block(study: Study, folder: Path, block: int) -> pa.Table | None:
 
 
 def check_folder(study: Study, folder: Path) -> None:
-    """Make the folder with its design, or delete files of an interrupted write in it.
-
-    Raises
-    ------
-    ForeignBlockError
-        For a folder of another design or version, with the first difference, and for files of others.
-    OSError, RuntimeError
-        As `computed`.
-    """
+    """Make the folder with its design, or delete files of an interrupted write in it."""
     folder.mkdir(exist_ok=True)
     identity, path = _identity(study), design_of(folder)
     remedy = f"give another --output, or delete {folder.name} and {path.name} there"

@@ -86,15 +86,10 @@ def values_at_shares(low: float, high: float, log: bool, shares: np.ndarray) -> 
 
 
 def varied(name: str, given: object) -> Axis | Range:
-    """Return the axis or range of a parameter from its entry in a sweep's file.
+    """Return the axis or range of a parameter, or of linked ones, from its entry in a sweep's file.
 
-    Parameters
-    ----------
-    name : str
-        Name of a parameter of the scene, or names of several with `LINK` between them.
-    given : object
-        A list of values; or a mapping with `from`, `to` and optionally `scale` for a range that is sampled, and with
-        `count` for a grid.
+    A list has the values; a mapping has `from`, `to` and optionally `scale` for a range that is sampled, and `count`
+    for a grid.
     """
     parameters = [parameter_named(one, PARAMETERS) for one in parameter_names(name)]
     first = parameters[0]

@@ -25,9 +25,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibro_lab.twin.faults import Frozen, Step, most_likely, possible_faults, words_of
-from vibro_lab.twin.particles import INDEX, Innovation, Measurement, Offsets, Particle, run, thinned
-from vibro_lab.twin.settings import STEP, Settings
+from vibro_lab.twin.faults import FilterStep, Frozen, most_likely, possible_faults, words_of
+from vibro_lab.twin.particles import INDEX, Innovation, MeasuredNumber, Offsets, Particle, run, thinned
+from vibro_lab.twin.settings import STEP, FilterSettings
 from vibro_ros import ACCELERATIONS, IMU_FORGETTING, SAMPLE_FIELDS, STATE_UNITS, Incident, Scene, motor_coordinates
 
 MOST_WAITING = 10_000
@@ -47,7 +47,7 @@ PLACES, SPEEDS = ("body_position", "body_height"), ("body_velocity", "body_verti
 _OF_DC_MOTOR = ("motor_current", "controller_integral")
 
 
-DEFAULT = Settings()
+DEFAULT = FilterSettings()
 
 
 class Estimate(NamedTuple):
@@ -77,42 +77,16 @@ class Departure(NamedTuple):
 class Estimator:
     """Estimates the state and the free parameters of a robot.
 
-    Parameters
-    ----------
-    scene : Scene
-        The robot as it is believed to be; commands and instants are counted from its start.
-    free : sequence of str
-        Names of the parameters that are estimated, numbers above 0.
-    spread : float
-        Relative standard deviation of what is believed about each of them.
-    particles : int
-        Number of particles.
-    seed : int
-        Seed of all random numbers.
-    bandwidth : float
-        Bandwidth of the IMU's low-pass [Hz]; 0 without an IMU.
-    settings : Settings
-        The numbers of the filter.
-
-    Attributes
-    ----------
-    time : float
-        Instant [s] up to which measurements have been used.
-    innovations : list of Innovation
-        Those of the last step.
-    departure : Departure or None
-        How the robot differs from the model now.
-    late, restarts : int
-        Measurements that came after their step, or were too many; and how often the filter has started again.
-
-    Raises
-    ------
-    ValueError
-        For a free parameter that the filter cannot vary.
+    `scene` is the robot as it is believed to be; commands and instants are counted from its start. The parameters
+    `free`, numbers above 0 (else ValueError), are believed to have the relative standard deviation `spread`.
+    `bandwidth` is that of the IMU's low-pass [Hz]; 0 without an IMU. Measurements up to `time` [s] have been used;
+    `innovations` are those of the last step, and `departure` is how the robot differs from the model now, or None.
+    `late` counts measurements that came after their step, or were too many, and `restarts` how often the filter has
+    started again.
     """
 
     def __init__(self, scene: Scene, free: Sequence[str] = (), spread: float = 0.02, particles: int = 40,
-                 seed: int = 0, bandwidth: float = 0.0, settings: Settings = DEFAULT):
+                 seed: int = 0, bandwidth: float = 0.0, settings: FilterSettings = DEFAULT):
         for name in free:
             value = scene.parameters.get(name)
             if not isinstance(value, float) or value <= 0.0 or name.startswith(("sensors.", "solver.", "start.")):
@@ -128,11 +102,11 @@ class Estimator:
         self._least_scatter = np.array([scatter.get(name, 0.0) for name in SAMPLE_FIELDS])
         self._scattered = tuple(name for name in SAMPLE_FIELDS if name in scatter)
         self.late, self.restarts = 0, -1
-        self._measured: list[Measurement] = []
+        self._measured: list[MeasuredNumber] = []
         self._commands: list[tuple[float, dict[str, float]]] = []
         self._given: dict[str, float] = {}  # the last command of each kind
         self._weights, self._logs = np.full(particles, 1.0 / particles), np.zeros((particles, len(self._free)))
-        self._anchor: Measurement | None = None  # the encoder's first angle, while the command is not known
+        self._anchor: MeasuredNumber | None = None  # the encoder's first angle, while the command is not known
         self.start_again(0.0)
 
     def start_again(self, time: float) -> None:
@@ -145,7 +119,7 @@ class Estimator:
         self._frozen: Mapping[str, Frozen] = {}  # quantities that a sensor no longer measures
         self._usual, self._latest = dict[str, float](), dict[str, float]()
         self._unusual_since, self._last_unusual = math.inf, -math.inf
-        self._history: deque[Step] = deque(maxlen=self._settings.most_kept)
+        self._history: deque[FilterStep] = deque(maxlen=self._settings.most_kept)
         self._temper = 1.0  # the power of the last step's likelihoods
         self._unexplained_acceleration, self._lagging_offset = dict[str, float](), math.nan
         believed, deviation = np.log([self._scene[name] for name in self._free]), self._spread
@@ -168,7 +142,7 @@ class Estimator:
     def _with(self, logs: np.ndarray) -> Scene:
         return self._scene.with_parameters(dict(zip(self._free, np.exp(logs).tolist(), strict=True)))
 
-    def measure(self, measurement: Measurement) -> None:
+    def measure(self, measurement: MeasuredNumber) -> None:
         """Take a measurement, which is used when its step comes; one that comes too late is counted."""
         if measurement.time <= self.time or len(self._measured) == MOST_WAITING:
             self.late += 1
@@ -265,8 +239,8 @@ class Estimator:
         self._commands = self._commands[len(commands):]
         self._adopt_speed(measured)
         chosen = self._random.choice(self._count, self._settings.replayed, p=self._weights)
-        self._history.append(Step(end, measured, commands, [self._particles[k].kept() for k in chosen],
-                                  self._offsets.part(chosen), self._logs[chosen]))
+        self._history.append(FilterStep(end, measured, commands, [self._particles[k].kept() for k in chosen],
+                                        self._offsets.part(chosen), self._logs[chosen]))
         earlier_speeds = self._values()[:, INDEX["motor_speed"]]
         predicted = run(self._particles, measured, commands, end)
         for _, given in commands:
@@ -292,7 +266,7 @@ class Estimator:
         if is_due or not alive.all():
             self._resample()
 
-    def _without_frozen(self, measured: list[Measurement]) -> list[Measurement]:
+    def _without_frozen(self, measured: list[MeasuredNumber]) -> list[MeasuredNumber]:
         """Return the measurements without those of a frozen sensor; if it gives other values, the fault is over."""
         frozen = self._frozen
         used = [measurement for measurement in measured
@@ -309,7 +283,7 @@ class Estimator:
         self._unusual_since, self._began = math.inf, self.time
         self._has_turned = False  # the fault may have begun within a step
 
-    def _adopt_speed(self, measured: Sequence[Measurement]) -> None:
+    def _adopt_speed(self, measured: Sequence[MeasuredNumber]) -> None:
         """Let the cranks turn as the encoder says, if they do not when the filter begins: it may have missed commands.
 
         The speed over a step is coarse by a tick of the encoder, so that half a second later it is corrected once.

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibro_lab.twin.particles import Kept, Measurement, Offsets, run
-from vibro_lab.twin.settings import STEP, Settings
+from vibro_lab.twin.particles import KeptParticle, MeasuredNumber, Offsets, run
+from vibro_lab.twin.settings import STEP, FilterSettings
 from vibro_ros import ACCELERATIONS, Incident, Scene
 
 FOREVER, FAR = 86_400.0, 1e6
@@ -29,13 +29,13 @@ FRICTIONS, SUPPLIES = (0.1, 0.4, 2.5), (0.2, 0.35, 0.5, 0.75)
 """Factors of the friction coefficient and of the supply's voltage that are tried as faults."""
 
 
-class Step(NamedTuple):
+class FilterStep(NamedTuple):
     """A step that has been taken: its end [s], what was measured and commanded, and some particles at its beginning."""
 
     end: float
-    measured: list[Measurement]
+    measured: list[MeasuredNumber]
     commands: list[tuple[float, dict[str, float]]]
-    kept: list[Kept]
+    kept: list[KeptParticle]
     offsets: Offsets
     logs: np.ndarray
 
@@ -56,7 +56,8 @@ class Replay:
     likelihoods mean less by so much. ValueError if the device cannot have a fault.
     """
 
-    def __init__(self, steps: Sequence[Step], bandwidth: float, settings: Settings, changes: Iterable[Incident]):
+    def __init__(self, steps: Sequence[FilterStep], bandwidth: float, settings: FilterSettings,
+                 changes: Iterable[Incident]):
         first = steps[0]
         self.begin, self.logs = first.end - STEP, first.logs
         self.particles = [kept.restored(bandwidth) for kept in first.kept]
@@ -86,21 +87,13 @@ class Replay:
         self.discount = max(1.0, (2.0 * misfit)**2)
 
 
-def most_likely(steps: Sequence[Step], bandwidth: float, settings: Settings, end: Incident | None,
+def most_likely(steps: Sequence[FilterStep], bandwidth: float, settings: FilterSettings, end: Incident | None,
                 candidates: Mapping[int, Sequence[Incident]]) -> tuple[Incident, Replay] | None:
     """Return the change of the robot that explains the last `steps`, with its replay; None if none does so clearly.
 
-    Parameters
-    ----------
-    steps : sequence of Step
-    bandwidth : float
-        Bandwidth of the IMU's low-pass [Hz].
-    settings : Settings
-    end : Incident or None
-        The end of the fault that the robot has, if it has one. It is preferred to others that fit nearly as well, as
-        all do that have not begun to matter, and precedes each other fault.
-    candidates : mapping of int to sequence of Incident
-        Changes that may have begun so many steps before now.
+    `candidates` may have begun so many steps before now; `bandwidth` is that of the IMU's low-pass [Hz]. `end` is the
+    end of the fault that the robot has, if it has one. It is preferred to others that fit nearly as well, as all do
+    that have not begun to matter, and precedes each other fault.
     """
     replays = dict[Incident, Replay]()
     for back, changes in sorted(candidates.items()):
@@ -127,7 +120,7 @@ def most_likely(steps: Sequence[Step], bandwidth: float, settings: Settings, end
     return change, best
 
 
-def _frozen(steps: Sequence[Step], sensor: str, repeated: int) -> dict[str, Frozen]:
+def _frozen(steps: Sequence[FilterStep], sensor: str, repeated: int) -> dict[str, Frozen]:
     """Return what a sensor repeats at the end of `steps` (ValueError: not the same value `repeated` times)."""
     frozen = dict[str, Frozen]()
     for field in SENSORS[sensor]:

@@ -17,7 +17,7 @@ from std_msgs.msg import Float64
 
 from vibro_lab.identification.noise import is_measured
 from vibro_lab.identification.recording import ONE_TURN
-from vibro_lab.twin.particles import Measurement
+from vibro_lab.twin.particles import MeasuredNumber
 from vibro_ros import ACCELERATIONS, JOINTS, TOPICS, Scene, commands_in, commands_of, deserialised, of_imu
 from vibro_ros.ros import GuardedNode, PollingSubscription, qos_profile
 
@@ -34,26 +34,18 @@ Numbers = list[tuple[str, float, float]]
 """Quantity, value and variance of each number in a message."""
 
 
-class _Sensor(NamedTuple):
+class _SensorTopic(NamedTuple):
     type: type
     read: Callable[["Hearing", Any], Numbers]
 
 
 class Hearing:
-    """The subscriptions of a twin.
+    """The subscriptions of a twin to the sensors and commands of `scene`, the robot as it is believed to be.
 
     `heard` counts the messages by topic; refusals are counted by the node. An `odom` whose variances are 0, which is a
     simulated robot's truth or no statement, is not used. `waited` is the time [s] between the last two polls of the
-    measurements, in which messages wait for this node.
-
-    Parameters
-    ----------
-    node : GuardedNode
-        The twin's node.
-    scene : Scene
-        The robot as it is believed to be; it has the encoder's ticks, and bandwidth and range of the IMU.
-    joint_noise : float
-        Standard deviation [m] of the positions in `joint_states`; 0 if nobody measures them.
+    measurements, in which messages wait for this node. `joint_noise` is the standard deviation [m] of the positions in
+    `joint_states`; 0 if nobody measures them.
     """
 
     def __init__(self, node: GuardedNode, scene: Scene, joint_noise: float):
@@ -68,7 +60,7 @@ class Hearing:
         self._commands = {name: PollingSubscription(node, JointState if name == "joint_commands" else Float64, name,
                                                     qos_profile(name)) for name in commands_of(scene)}
 
-    def measurements(self, now: int) -> Iterator[tuple[int, Measurement]]:
+    def measurements(self, now: int) -> Iterator[tuple[int, MeasuredNumber]]:
         """Yield stamp [ns] and measurement, whose own time is 0, of all that has arrived; `now` is ROS time [ns]."""
         self.waited, self._polled = max(0.0, (now - (self._polled or now)) * 1e-9), now
         for name, subscription in self._sensors.items():
@@ -85,7 +77,7 @@ class Hearing:
                 self.heard[name if numbers else f"{name}, without a variance"] += 1
                 for field, value, variance in numbers:
                     limit = self._limit if field in ACCELERATIONS else math.inf
-                    yield stamp, Measurement(0.0, field, value, variance, limit)
+                    yield stamp, MeasuredNumber(0.0, field, value, variance, limit)
 
     def commands(self) -> Iterator[tuple[int, dict[str, float]]]:
         """Yield wall time of arrival [ns] and commands, arguments of `Simulator.command`, of all that has arrived."""
@@ -145,12 +137,12 @@ class Hearing:
                 if name in parts and not math.isnan(value)]
 
 
-SENSORS: Mapping[str, _Sensor] = {
-    "tracking": _Sensor(PoseWithCovarianceStamped, Hearing._of_tracking),
-    "odom": _Sensor(Odometry, Hearing._of_odometry),
-    "imu/data_raw": _Sensor(Imu, Hearing._of_imu),
-    "encoder": _Sensor(JointState, Hearing._of_encoder),
-    "joint_states": _Sensor(JointState, Hearing._of_joints),
+SENSORS: Mapping[str, _SensorTopic] = {
+    "tracking": _SensorTopic(PoseWithCovarianceStamped, Hearing._of_tracking),
+    "odom": _SensorTopic(Odometry, Hearing._of_odometry),
+    "imu/data_raw": _SensorTopic(Imu, Hearing._of_imu),
+    "encoder": _SensorTopic(JointState, Hearing._of_encoder),
+    "joint_states": _SensorTopic(JointState, Hearing._of_joints),
 }
 """Topics of sensors by the robot's own names."""
 

@@ -11,32 +11,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibro_lab.twin.settings import STEP, Settings
+from vibro_lab.twin.settings import STEP, FilterSettings
 from vibro_ros import ACCELERATIONS, SAMPLE_FIELDS, Scene, SimulationError, Simulator, force_at_rest
 
 INDEX = {name: k for k, name in enumerate(SAMPLE_FIELDS)}
 
 
-class Measurement(NamedTuple):
-    """One measured number.
+class MeasuredNumber(NamedTuple):
+    """One measured number."""
 
-    Attributes
-    ----------
-    time : float
-        Instant of the measurement [s].
-    field : str
-        A field of `Samples`, or one of `ACCELERATIONS`: specific force [m/s²] after the IMU's low-pass.
-    value, variance : float
-        The measured value, and the variance of its error.
-    limit : float
-        Magnitude at which the sensor clips; the prediction is clipped likewise.
-    """
-
-    time: float
-    field: str
-    value: float
+    time: float  # instant of the measurement [s]
+    field: str  # a field of `Samples`, or one of `ACCELERATIONS`: specific force [m/s²] after the IMU's low-pass
+    value: float  # the measured value, and the variance of its error
     variance: float
-    limit: float = math.inf
+    limit: float = math.inf  # magnitude at which the sensor clips; the prediction is clipped likewise
 
 
 class Innovation(NamedTuple):
@@ -58,11 +46,11 @@ class Particle:
         self.device, self.scene, self.start = Simulator(scene, bandwidth), scene, start
         self.settled, self.is_alive = start, True
 
-    def kept(self) -> "Kept":
+    def kept(self) -> "KeptParticle":
         """Return the present state, for a replay."""
-        return Kept(self.scene, self.start, self.settled, self.device.checkpoint())
+        return KeptParticle(self.scene, self.start, self.settled, self.device.checkpoint())
 
-    def predict(self, instants: Mapping[float, tuple[list[tuple[int, Measurement]], list[dict[str, float]]]],
+    def predict(self, instants: Mapping[float, tuple[list[tuple[int, MeasuredNumber]], list[dict[str, float]]]],
                 predicted: np.ndarray) -> None:
         """Advance to each instant [s], fill in what the sensors would measure there, and pass on the commands."""
         at_rest = force_at_rest(self.scene)
@@ -80,7 +68,7 @@ class Particle:
                     self.device.command(**given)
 
 
-class Kept(NamedTuple):
+class KeptParticle(NamedTuple):
     """A particle's state, for a replay."""
 
     scene: Scene
@@ -106,7 +94,7 @@ class Offsets:
     replays do not correct it.
     """
 
-    def __init__(self, count: int, settings: Settings):
+    def __init__(self, count: int, settings: FilterSettings):
         self._settings = settings
         self._walks = {"body_position": settings.place_walk, **dict.fromkeys(ACCELERATIONS, settings.bias_walk),
                        "crank_angle": settings.crank_walk}
@@ -123,33 +111,28 @@ class Offsets:
         part.variance = {field: values[chosen] for field, values in self.variance.items()}
         return part
 
-    def error_of(self, measurement: Measurement) -> float:
+    def error_of(self, measurement: MeasuredNumber) -> float:
         """Return the variance of what separates a measurement from the best particle: sensor and model."""
         return measurement.variance + self._model_error.get(measurement.field, 0.0)**2
 
     def grow(self, faster: np.ndarray | float, is_loaded: bool) -> None:
         """Increase the variances by what a step may add; the cranks have become `faster` by so much [rad/s].
 
-        A change of speed begins at an instant that is known to `Settings.lateness` only. A dc motor is loaded, so that
-        its crank does not turn evenly.
+        A change of speed begins at an instant that is known to `FilterSettings.lateness` only. A dc motor is loaded, so
+        that its crank does not turn evenly.
         """
         for field, variance in self.variance.items():
             self.variance[field] = variance + self._walks[field]**2 * STEP
         self.variance["crank_angle"] += ((self._settings.lateness * faster)**2
                                          + is_loaded * self._settings.loaded_crank_walk**2 * STEP)
 
-    def weigh(self, measured: Sequence[Measurement], predicted: np.ndarray, weights: np.ndarray
+    def weigh(self, measured: Sequence[MeasuredNumber], predicted: np.ndarray, weights: np.ndarray
               ) -> tuple[np.ndarray, np.ndarray, list[Innovation]]:
-        """Update the offsets; return log likelihoods and angles [rad] to turn the cranks by, shape (particles,) each,
-        and the innovations of the particles with the given `weights`.
+        """Update the offsets by measurements in their order, of which `predicted` has what each particle predicts, or
+        NaN.
 
-        Parameters
-        ----------
-        measured : sequence of Measurement
-            n measurements, by time.
-        predicted : ndarray, shape (particles, n)
-            What each particle predicts; NaN where it cannot.
-        weights : ndarray, shape (particles,)
+        Returns log likelihoods and angles [rad] to turn the cranks by, shape (particles,) each, and the innovations of
+        the particles with the given `weights`.
         """
         nothing, innovations, tail = np.zeros(len(weights)), [], self._settings.tail
         gains, angles, noise = nothing, [], 0.0
@@ -194,7 +177,7 @@ class Offsets:
         return gains, turns, innovations
 
 
-def run(particles: Sequence[Particle], measured: Sequence[Measurement],
+def run(particles: Sequence[Particle], measured: Sequence[MeasuredNumber],
         commands: Sequence[tuple[float, dict[str, float]]], end: float) -> np.ndarray:
     """Advance the particles to `end` [s], and return what each predicts, shape (particles, measurements).
 
@@ -213,9 +196,9 @@ def run(particles: Sequence[Particle], measured: Sequence[Measurement],
     return predicted
 
 
-def thinned(measured: Iterable[Measurement], most: int) -> list[Measurement]:
+def thinned(measured: Iterable[MeasuredNumber], most: int) -> list[MeasuredNumber]:
     """Return at most `most` measurements of each quantity, evenly chosen, by time."""
-    by_field: dict[str, list[Measurement]] = {}
+    by_field: dict[str, list[MeasuredNumber]] = {}
     for measurement in sorted(measured):
         by_field.setdefault(measurement.field, []).append(measurement)
     kept = [measurement for series in by_field.values() for measurement in (series if len(series) <= most else [

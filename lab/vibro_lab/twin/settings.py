@@ -11,7 +11,7 @@ STEP = 0.05
 
 
 @dataclass(frozen=True)
-class Settings:
+class FilterSettings:
     """The tuned numbers of the filter, in SI units."""
 
     # What a command and a measurement are worth

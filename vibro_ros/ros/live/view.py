@@ -47,7 +47,7 @@ from vibro_ros.ros.node.node import GuardedNode
 from vibro_ros.ros.node.parameters import declare, parameter_lines, take_overrides
 from vibro_ros.ros.node.refusals import peer_text
 from vibro_ros.ros.node.robot_parameters import Settings
-from vibro_ros.view.motion import Document
+from vibro_ros.view.motion import Impact
 from vibro_ros.view.page import page_text
 from vibro_ros.view.protocol import (
     CALL,
@@ -61,7 +61,7 @@ from vibro_ros.view.protocol import (
     text_frame,
 )
 from vibro_ros.view.server import Server, is_loopback, listening
-from vibro_ros.view.slow_motion import History, SlowMotions
+from vibro_ros.view.slow_motion import History
 
 NODE_NAME = "vibro_view"
 PORT = 8742
@@ -202,7 +202,6 @@ class LivePage:
         self._commands, self._requests = Commands(node), Requests(node, robot)
         self._robot_status = RobotStatus(node, robot)
         self._robot = LiveRobot(node, robot)  # last: a robot that answers it has discovered all clients
-        self._slow_motions = SlowMotions()
         self._history, self._requested = History(), deque[tuple[int, Request]](maxlen=MOST_REQUESTED)
         self._presence = Presence("the view is starting", None, None, {})
         self._in_force = text_frame("commands", values={})
@@ -286,10 +285,12 @@ class LivePage:
         impacts = [((impact.stamp - origin) * 1e-9, impact) for impact in self._robot_status.impacts()
                    if origin is not None]
         if last is not None:
-            near = [{"time": time, "side": impact.side, "peak_force": impact.peak_force} for time, impact in impacts
+            near = [Impact(time, time, impact.side, impact.peak_force) for time, impact in impacts
                     if -IMPACT_MARGIN < time < last[_TIME] + IMPACT_MARGIN]
+            self._history.add_impacts(near)
             if near:
-                server.send("impacts", text_frame("impacts", list=near))
+                server.send("impacts", text_frame("impacts", list=[
+                    {"time": impact.time, "side": impact.side, "peak_force": impact.peak_force} for impact in near]))
         for level, words in self._robot_status.log():
             server.send("log", text_frame("log", level=level, words=words))
 
@@ -316,17 +317,13 @@ class LivePage:
                 self._requests.ask(request, answer)
 
     def _slow_motion(self, page: int, request: Request, server: Server) -> None:
-        def done(motion: Document | str) -> None:
-            if isinstance(motion, str):
-                server.answer(page, request.id, False, motion)
-            else:
-                server.send_motion(page, request.id, motion)
-
-        if self._presence.settings is None:
-            done(f"there is no robot: {self._presence.absence}")
-        else:
-            samples = self._history.samples(float(request.value or 0.0))
-            self._slow_motions.ask(self._presence.settings.scene, samples, done)
+        settings = self._presence.settings
+        try:
+            if settings is None:
+                raise ValueError(f"there is no robot: {self._presence.absence}")
+            server.send_motion(page, request.id, self._history.motion(settings.scene, float(request.value or 0.0)))
+        except ValueError as error:
+            server.answer(page, request.id, False, str(error))
 
     def _status(self) -> str:
         return text_frame("status", **{**STATUS, **self._robot_status.status})

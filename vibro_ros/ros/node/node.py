@@ -6,10 +6,11 @@ without an answer waits for ever, and such a message is refused.
 """
 
 import copy
+import time
 from collections.abc import Callable, Generator
 from functools import partial
 from importlib import import_module
-from inspect import iscoroutinefunction
+from inspect import isawaitable
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor, ParameterType, SetParametersResult
@@ -40,6 +41,8 @@ LONGEST_NAME = 1000
 """Longest name in such a request [characters]."""
 RESULT_TIMEOUT = 60
 """Time [s] for which the result of a finished goal is kept for its sender; it takes memory until then."""
+UNPUBLISHED = 0.02
+"""Time [s] between two polls of a topic without publishers, for one that came and left between two polls."""
 SENTENCES = ("message", "reason", "error_message")
 """Fields of service responses that hold a sentence."""
 
@@ -68,8 +71,7 @@ class GuardedNode(Node):
 
     def create_service(self, srv_type: type, srv_name: str, callback: Callable, **options: Any) -> Service:
         """As in `Node`; if `callback`, a function or a coroutine, raises, the request is answered as refused."""
-        answer = self._answer_later if iscoroutinefunction(callback) else self._answer
-        callback = partial(answer, self.resolve_service_name(srv_name), callback)
+        callback = partial(self._answer, self.resolve_service_name(srv_name), callback)
         return super().create_service(srv_type, srv_name, callback, **options)
 
     def create_publisher(self, msg_type: type, topic: str, qos_profile: QoSProfile | int, **options: Any) -> Publisher:
@@ -97,29 +99,21 @@ class GuardedNode(Node):
         return (copy.copy(profile), {**options, "qos_overriding_options": QoSOverridingOptions(given)}) if given else (
             profile, options)
 
-    def _answer(self, name: str, callback: Callable, request: Any, response: Any) -> Any:
+    async def _answer(self, name: str, callback: Callable, request: Any, response: Any) -> Any:
         try:
             if reason := _fault(request):
                 self.refusals.refuse(name, reason)
                 return _fill_refusal(request, response, reason)
             if isinstance(request, SetParameters.Request | SetParametersAtomically.Request):
                 return _bounded(self._set_parameters(name, request, response))
-            return _bounded(self._count_refusal(name, callback(request, response)))
+            answer = callback(request, response)
+            response = await answer if isawaitable(answer) else answer
+            if reason := _reason_of(response):
+                self.refusals.refuse(name, reason)
+            return _bounded(response)
         except Exception as error:  # whatever it is, the caller waits for an answer
             self.refusals.catch(name, error)
             return _fill_refusal(request, response, f"{type(error).__name__}; the node's log says more")
-
-    async def _answer_later(self, name: str, callback: Callable, request: Any, response: Any) -> Any:
-        try:
-            return _bounded(self._count_refusal(name, await callback(request, response)))
-        except Exception as error:  # whatever it is, the caller waits for an answer
-            self.refusals.catch(name, error)
-            return _fill_refusal(request, response, f"{type(error).__name__}; the node's log says more")
-
-    def _count_refusal(self, name: str, response: Any) -> Any:
-        if reason := _reason_of(response):
-            self.refusals.refuse(name, reason)
-        return response
 
     def _set_parameters(self, name: str, request: Any, response: Any) -> Any:
         """Set all parameters of a request, or none; a read-only parameter may be given its present value."""
@@ -154,6 +148,9 @@ class PollingSubscription:
     The depth of the quality of service limits the messages that wait. `topic` is the topic's full name, `profile` the
     quality of service with the user's `qos_overrides`. `take_message` of rclpy's handle is public but not documented;
     test_subscriptions.py fails with an explanation when it changes. Do not poll while the node is destroyed.
+
+    A topic without publishers is asked for messages only every `UNPUBLISHED` seconds, and once when its last publisher
+    has left, because asking for messages costs three times as much as asking for publishers.
     """
 
     def __init__(self, node: Node, kind: type, topic: str, profile: QoSProfile):
@@ -162,10 +159,16 @@ class PollingSubscription:
         self.topic: str = self._subscription.topic_name
         self.profile: QoSProfile = self._subscription.qos_profile
         self._take, self._kind = self._subscription.handle.take_message, self._subscription.msg_type
+        self._count_publishers, self._publishers, self._due = self._subscription.handle.get_publisher_count, 0, 0.0
 
     def take(self, most: int) -> list[tuple[bytes, int]]:
         """Take up to `most` messages in order of arrival, each with the wall time [ns] at which it arrived."""
         messages: list[tuple[bytes, int]] = []
+        earlier, self._publishers = self._publishers, self._count_publishers()
+        if not self._publishers and not earlier:
+            if (now := time.monotonic()) < self._due:
+                return messages
+            self._due = now + UNPUBLISHED
         while len(messages) < most and (taken := self._take(self._kind, True)):
             messages.append((taken[0], taken[1]["received_timestamp"]))
         return messages

@@ -2,12 +2,14 @@
 
 SIGINT, SIGTERM and SIGHUP are handled by `entry_point`, not by rclpy: rclpy's handlers shut down the context while
 threads still publish, and a wait without a timeout may then never return. A signal is a request that the loop polls, so
-that the node can still seal the bag and stop the motor while ROS is up.
+that the node can still seal the bag and stop the motor while ROS is up; each signal ends the wait of that loop.
 """
 
 import os
 import re
 import resource
+import signal
+import socket
 import sys
 import tempfile
 import time
@@ -22,6 +24,7 @@ import rclpy
 from rclpy.exceptions import InvalidNamespaceException, InvalidNodeNameException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.logging import LoggingSeverity, set_logger_level
+from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from vibro_ros.ros.node.arguments import with_user_paths
@@ -89,11 +92,46 @@ def node_running(name: str, words: Sequence[str]) -> Iterator[GuardedNode]:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
-        yield node
+        with _woken_by_signals(node):
+            yield node
     finally:
         executor.shutdown()
         node.destroy_node()
         rclpy.try_shutdown()
+
+
+def waker(node: Node) -> Callable[[], None]:
+    """Return a function that ends the executor's wait, from any thread, so that `spin_until` looks again."""
+    turn = node.create_guard_condition(lambda: None)
+
+    def wake() -> None:
+        if node.context.ok():
+            turn.trigger()
+
+    return wake
+
+
+@contextmanager
+def _woken_by_signals(node: GuardedNode) -> Iterator[None]:
+    """Context in which a signal ends the executor's wait, because Python handles signals in the main thread alone."""
+    heard, told = socket.socketpair()
+    told.setblocking(False)
+    wake = waker(node)
+
+    def listen() -> None:
+        while heard.recv(1):
+            wake()
+
+    thread = Thread(target=listen, name="signals", daemon=True)
+    thread.start()
+    before = signal.set_wakeup_fd(told.fileno(), warn_on_full_buffer=False)
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(before)
+        told.close()
+        thread.join()
+        heard.close()
 
 
 class Work(Generic[Result]):
@@ -104,7 +142,7 @@ class Work(Generic[Result]):
     work : callable
         The function to call in the thread.
     ended : callable
-        Called when the work has ended, such as `executor.wake`: else the loop would notice it up to `POLL` later.
+        Called when the work has ended, such as `waker` returns it: else the loop would notice it up to `POLL` later.
     """
 
     def __init__(self, work: Callable[[], Result], ended: Callable[[], object]):

@@ -65,8 +65,10 @@ from vibro_ros.simulation.simulator import Simulator, ToleranceWarning
 
 PUBLISHED = tuple(full_name(name) for name, topic in TOPICS.items() if topic.when in (SAMPLE, EVENT, ONCE))
 """Topics on which any robot publishes its device's motion, before namespace and remapping."""
-WATCH = 0.2
-"""Longest time [s] until the node reacts to a signal, or to a failure of the device or the recording."""
+THREAD_CHANGE = 1e-4
+"""Longest time [s] for which a thread keeps the interpreter lock that another one waits for: a delay of a tick."""
+WATCH = 1.0
+"""Longest time [s] until the node reacts to a failure of the recording; a signal or the run's end wakes it."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -87,7 +89,7 @@ def _run(words: Sequence[str]) -> int:
                                      [settings[name] for name in VARIANCES], settings["ros2_control"])
         plan = _plan(node, settings, scene, publishers)
         node.get_logger().info(f"scene {settings['scene']}")
-        preparation = process.Work(partial(_prepare, node, settings, scene, plan), node.executor.wake)
+        preparation = process.Work(partial(_prepare, node, settings, scene, plan), process.waker(node))
         process.spin_until(node, lambda: bool(stop) or preparation.done)
         device = None if stop else preparation.result()
         if not settings["clock.publish"]:  # else the robot itself publishes the time
@@ -96,6 +98,7 @@ def _run(words: Sequence[str]) -> int:
             say("robot", "stopped while starting")
             return 0
         gc.freeze()  # permanent objects: to collect among them would delay ticks and the process's end
+        sys.setswitchinterval(THREAD_CHANGE)
         set_real_time_priority(settings["rate.real_time_factor"], settings["rate.start_paused"])
         return _operate(node, settings, device, publishers, plan, stop)
 

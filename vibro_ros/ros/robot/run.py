@@ -41,7 +41,7 @@ from vibro_ros.model.faults import COMMANDS, FAULTS, Incident, check_lasting, ch
 from vibro_ros.model.parameters import Value, checked_parameters
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.parameters import TABLE
-from vibro_ros.ros.node.process import CLOCK
+from vibro_ros.ros.node.process import CLOCK, waker
 from vibro_ros.ros.robot.lock_step import LockStep, checked_nodes
 from vibro_ros.ros.robot.pacing import (
     LONGEST_SLEEP,
@@ -118,7 +118,7 @@ class RobotRun:
         nodes = checked_nodes(node, settings["clock.lock_step"])
         self._lock_step = LockStep(node, nodes, self._notify) if nodes else None
         self._clock = (node.create_publisher(Clock, CLOCK, qos.profile("clock")) if settings["clock.publish"] else None)
-        self._node, self._stop_requested = node, stop_requested
+        self._node, self._stop_requested, self._wake = node, stop_requested, waker(node)
         self._publisher = node.create_publisher(String, full_name(OPERATIONS), qos.profile(OPERATIONS))
         self.topic = self._publisher.topic_name
         self._samples: deque[np.ndarray] = deque(maxlen=MOST_KEPT)
@@ -346,6 +346,7 @@ class RobotRun:
                 self._end.set()
                 if self.steps:
                     self._enter(RunState.PAUSED, RuntimeError(ENDED))
+            self._wake()
 
     def _fail_with(self, error: Exception) -> None:
         self.error = self.error or error
@@ -436,11 +437,6 @@ class RobotRun:
         if self._clock:
             seconds, nanoseconds = divmod(self.robot_time.stamp, 1_000_000_000)
             self._clock.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
-
-    def _wake(self) -> None:
-        """Wake the executor because a future is done; else it would notice half a second later."""
-        if self._node.executor:
-            self._node.executor.wake()
 
     def _notify(self) -> None:
         """Wake the stepping thread, if it waits."""
