@@ -76,8 +76,7 @@ class BuildKernels(build_ext):
 
 
 # Products are not fused with sums, so that all builds have the same bits.
-FLAGS = ["-O3", "-std=gnu++17", "-ffp-contract=off", "-fno-math-errno", "-fno-strict-aliasing", "-fvisibility=hidden",
-         "-Wno-psabi", "-g0"]
+FLAGS = ["-O3", "-std=gnu++17", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden", "-Wno-psabi", "-g0"]
 #: Modules of the same source, by name: for x86-64 also one for processors with registers of 256 bits, chosen at import.
 KERNELS = {"core": ["-march=x86-64-v2"], "core_v3": ["-march=x86-64-v3", "-DPyInit_core=PyInit_core_v3"]} \
     if platform.machine() == "x86_64" else {"core": []}

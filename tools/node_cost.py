@@ -4,7 +4,8 @@ The bare node has a publisher for each topic with every sample, a thread that pu
 executor in the main thread, as every node; it neither simulates nor records. A node of parts does in such a thread what
 the robot does in a tick, up to one of `PARTS`; a part costs what this adds to the parts before it. All of them run in
 their own processes, alternately and with the same priority, so that other load of the machine affects them alike. A
-start lasts until the first odometry.
+start lasts until the first odometry. A lateness is the time by which a wait for the next sample ends too late, while
+commands arrive as often as samples are due.
 """
 
 import argparse
@@ -20,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TransformStamped, WrenchStamped
 from nav_msgs.msg import Odometry
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -40,6 +42,7 @@ from vibro_ros.sensors.device import new_device
 
 RATES = (1000.0, 200.0)  # Hz
 ROUNDS, STARTS = 5, 3  # repetitions of the measurements of load, and of start times
+LATENESSES = 20  # s of lateness
 SETTLING, DURATION = 3.0, 5.0  # s, time before and of each measurement
 BARE = "bare node"
 #: What a tick of the robot consists of, in order; the rest of a running robot are commands, services and diagnostics.
@@ -68,7 +71,7 @@ def main(words: Sequence[str]) -> int:
     shares_of: dict[tuple[float, str], list[float]] = {case: [] for case in cases}
     for rate, case in tqdm(cases * ROUNDS, unit="process", disable=None):
         shares_of[rate, case].append(_share(rate, case))
-    print(f"{table(shares_of)}\n\n{parts_table(shares_of)}\n\n{starts()}")
+    print(f"{table(shares_of)}\n\n{parts_table(shares_of)}\n\n{starts()}\n\n{latenesses()}")
     return 0
 
 
@@ -141,6 +144,33 @@ def _start(case: str) -> float:
         executor.shutdown()
         node.destroy_node()
         rclpy.try_shutdown(context=context)
+
+
+def latenesses() -> str:
+    """Measure the lateness of a robot that takes commands at its own rate, and return a table of it in Markdown."""
+    rows: list[dict[str, str]] = []
+    rclpy.init(args=[])
+    node = Node("node_cost")
+    commands = node.create_publisher(Float64, "motor_speed", qos.profile("motor_speed"))
+
+    def keep(message: DiagnosticArray) -> None:
+        rows.extend({entry.key: entry.value for entry in status.values} for status in message.status
+                    if status.name.endswith("simulation"))
+
+    node.create_subscription(DiagnosticArray, "/diagnostics", keep, qos.profile("diagnostics"))
+    node.create_timer(1.0 / PARTS_RATE, lambda: commands.publish(Float64(data=SPEEDS["running"])))
+    with tempfile.TemporaryDirectory() as folder, Child(*_words(PARTS_RATE, "running", folder), shown=False) as child:
+        child.wait_for("ready")
+        while len(rows) < SETTLING + LATENESSES:  # one a second
+            rclpy.spin_once(node)
+    node.destroy_node()
+    rclpy.try_shutdown()
+    title = f"lateness of {LATENESSES} s at {PARTS_RATE:g} Hz"
+    lines = [f"| {title}, beside as many commands | median of the seconds | worst second |", "|---" * 3 + "|"]
+    for kind in ("median", "p99", "max"):
+        values = [float(row[f"lateness {kind} [us]"]) for row in rows[int(SETTLING):]]
+        lines.append(f"| {kind} | {statistics.median(values):.0f} us | {max(values):.0f} us |")
+    return "\n".join(lines)
 
 
 def _words(rate: float, case: str, folder: str) -> list[str]:

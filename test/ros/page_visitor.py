@@ -16,14 +16,7 @@ PATIENCE = 60.0  # [s] deadline of what takes a second on an idle machine
 class PageVisitor:
     """Connects as the page does, keeps what it is sent, and asks.
 
-    Attributes
-    ----------
-    texts : list of dict
-        Text frames.
-    rows : list of ndarray
-        Samples, each of shape (n, len(COLUMNS)).
-    motions : dict of int to bytes
-        Payloads.
+    `texts` are the text frames, `rows` the samples, each of shape (n, len(COLUMNS)), `motions` the payloads by id.
     """
 
     def __init__(self, address: Address):

@@ -1,25 +1,18 @@
-"""The run behind its lock: whatever acts on it at any instant is replayed, and every waiting caller is answered when
-the run ends.
+"""The run behind its lock: its states, and the answer of every waiting caller when the run ends.
+
+`test_late_bags.py` acts on a run at any instant, and replays it.
 """
 
-import random
 import signal
 import time
 from types import SimpleNamespace
 
 import pytest
 from asking import known_client
-from observation import bags
-from random_run import FASTER, RANGES
-from rcl_interfaces.srv import SetParameters
-from rclpy.parameter import Parameter
-from std_msgs.msg import Float64
-from std_srvs.srv import SetBool, Trigger
 
 import vibro_ros
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.messages.operations import STATE, Operation
-from vibro_ros.recordings import replay
 from vibro_ros.ros.robot.pacing import SUMMARY_PERIOD, StallReport
 from vibro_ros.ros.robot.recording import RobotPublishers
 from vibro_ros.ros.robot.run import ENDED, RobotRun, RunState
@@ -103,45 +96,6 @@ def test_each_operation_leads_to_the_state_that_the_table_of_transitions_names(b
         assert run.state is RunState.PAUSED and not run.is_ending
         run.end()
         assert run.is_ending
-
-
-def test_commands_and_operations_at_any_instant_replay_to_the_last_bit(start, bench, tmp_path, capsys):
-    """Requests are sent without waiting for answers, so that they arrive at every phase of a tick."""
-    robot = start("robot", "--ros-args", "-p", f"rate.real_time_factor:={FASTER}")
-    robot.wait_for("ready")
-    chance = random.Random(11)
-    pause, reset, step = (known_client(bench, kind, name) for kind, name in (
-        (SetBool, "pause"), (Trigger, "reset"), (Trigger, "step")))
-    parameters = known_client(bench, SetParameters, "set_parameters")
-    clients = [pause, reset, step, parameters]
-    own = pytest.importorskip("vibro_ros_interfaces.srv", reason="types are not built: no compiler")
-    state, push = (known_client(bench, kind, name) for kind, name in ((own.SetState, "set_state"), (own.Push, "push")))
-    publishers = {name: bench.node.create_publisher(Float64, name, 10) for name in RANGES}
-    bench.spin_until(lambda: all(one.get_subscription_count() for one in publishers.values()), "robot listens")
-    acts = [
-        lambda: reset.call_async(Trigger.Request()), lambda: step.call_async(Trigger.Request()),
-        lambda: pause.call_async(SetBool.Request(data=True)), lambda: pause.call_async(SetBool.Request(data=False)),
-        lambda: pause.call_async(SetBool.Request(data=False)),
-        lambda: state.call_async(own.SetState.Request(names=["body_velocity"], values=[chance.uniform(-0.1, 0.1)])),
-        lambda: push.call_async(own.Push.Request(duration=0.01, force_x=chance.uniform(-3.0, 3.0))),
-        lambda: parameters.call_async(SetParameters.Request(parameters=[
-            Parameter("ground.friction", value=chance.uniform(0.1, 0.4)).to_parameter_msg()]))]
-    answers, begun = [], time.monotonic()
-    while time.monotonic() < begun + 3.0:
-        if chance.random() < 0.4:
-            answers.append(chance.choice(acts)())
-        name = chance.choice(list(RANGES))
-        publishers[name].publish(Float64(data=chance.uniform(*RANGES[name])))
-        due = time.monotonic() + chance.uniform(0.0, 0.02)
-        bench.spin_until(lambda due=due: time.monotonic() >= due, "the next", patience=10.0)
-    bench.spin_until(lambda: all(future.done() for future in answers), "answers")
-    for client in clients:
-        bench.node.destroy_client(client)
-    robot.send(signal.SIGINT)
-    assert robot.end() == 0, robot.text
-    (bag,) = bags(tmp_path)
-    assert replay.main([str(bag)]) == 0
-    assert int(capsys.readouterr().out.split()[-2]) > 20  # commands
 
 
 def test_a_crank_that_spins_too_fast_is_named_and_the_robot_hears_signals(start, bench):

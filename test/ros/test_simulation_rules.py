@@ -13,7 +13,6 @@ from vibro_ros.ros.robot.simulation_services import (  # noqa: E402  (needs the 
     STATES,
     TRANSITIONS,
     RefusalError,
-    current_state,
     transition,
 )
 
@@ -46,10 +45,3 @@ def test_every_number_of_a_state_has_an_answer(current):
             transition(current, wanted)
         assert refused.value.code == REFUSED[current, wanted], wanted
         assert str(wanted) in str(refused.value) or STATES[wanted] in str(refused.value)
-
-
-@pytest.mark.parametrize(("paused", "at_start", "quitting", "state"), [
-    (False, False, False, State.PLAYING), (False, True, False, State.PLAYING), (True, True, False, State.STOPPED),
-    (True, False, False, State.PAUSED), (True, False, True, State.QUITTING), (False, True, True, State.QUITTING)])
-def test_the_state_follows_from_what_the_robot_does(paused, at_start, quitting, state):
-    assert current_state(paused, at_start, quitting) == state

@@ -36,12 +36,6 @@ def run_of(times, scene="device", told=COMMANDS):
     return vibro_ros.simulate(scene, times=times, commands=[(tick / RATE, command) for tick, command in told.items()])
 
 
-def assert_places_are_those_of_the_run(motion, times):
-    expected = run_of(times)
-    for name in ("body_position", "body_height", "upper_position", "inclined_position", "crank_angle"):
-        assert np.abs(motion.at(times)[name] - getattr(expected, name)).max() <= NEAR
-
-
 def run_with(last, *acts):
     """Return the samples up to the number `last` of a `device` on which each (number, method, arguments) is carried out
     in turn.

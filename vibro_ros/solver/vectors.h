@@ -44,7 +44,7 @@ template <class T> struct Records {
 
 enum { LENGTH = 24 };
 typedef double Part __attribute__((vector_size(32)));
-typedef double Anywhere __attribute__((vector_size(32), aligned(8), may_alias));
+typedef double Anywhere __attribute__((vector_size(32), aligned(8)));
 typedef int64_t Mask __attribute__((vector_size(32)));
 
 struct Vector {

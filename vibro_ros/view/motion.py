@@ -188,16 +188,9 @@ class ExactInterval(NamedTuple):
         return np.column_stack([getattr(samples, name) for name in names])
 
 
-
 def without_tolerance_warning() -> warnings.catch_warnings:
     """Return a context without the ToleranceWarning, which the robot of the scene has given already."""
     return warnings.catch_warnings(action="ignore", category=ToleranceWarning)
-
-
-def quiet_device(scene: Scene) -> Simulator:
-    """Return the device of a scene, without a ToleranceWarning."""
-    with without_tolerance_warning():
-        return new_device(scene)
 
 
 class FittedMotion(NamedTuple):
@@ -226,7 +219,8 @@ def fitted_motion(names: Sequence[str], intervals: Sequence[ExactInterval], inst
     def sampler(interval: ExactInterval) -> Sampler:
         nonlocal device
         if device is None or device.scene != interval.scene:
-            device = quiet_device(interval.scene)
+            with without_tolerance_warning():
+                device = new_device(interval.scene)
         return lambda times: interval.values(device, times, names)
 
     rest = [pieces for pieces in rest if len(pieces[0])]

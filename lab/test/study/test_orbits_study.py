@@ -1,12 +1,7 @@
-"""`study orbits`: the same numbers however often it is interrupted, no foreign files accepted, bad input refused in one
-line.
-"""
-
-import json
+"""`study orbits`: its branches are those of Python, and are read as they were written; `test_table.py` has the rest."""
 
 import numpy as np
 import pandas
-import pyarrow.parquet as pq
 import pytest
 
 import vibro_lab
@@ -49,28 +44,6 @@ def test_branches_are_those_that_python_follows(short):
             assert np.sort(np.abs(row["multipliers_real"])) == pytest.approx(magnitudes, abs=1e-5)
         assert rows["mean_speed"].iloc[-1] == pytest.approx(branch.mean_speeds[-1], abs=1e-9)
     assert table["motor.speed"].min() == 99.5 and table["motor.speed"].max() == 101.0
-
-
-def test_columns_say_their_units_and_the_file_its_origin(short):
-    schema = pq.read_schema(short / "branches" / "block_000000.parquet")
-    assert schema.field("mean_speed").metadata[b"unit"] == b"m/s"
-    assert schema.field("upper_position").metadata[b"unit"] == b"m"
-    origin = json.loads((short / "branches.json").read_text())
-    assert origin["design"]["scene"] == "damped" and origin["version"] and origin["sources"]
-
-
-def test_the_same_command_goes_on_where_it_was_and_more_processes_change_no_byte(short, bytes_of, tmp_path,
-                                                                                  capsys):
-    """Missing or damaged branches are followed again; finished ones are not."""
-    (tmp_path / "branches").mkdir()
-    for name in ("branches.json", "branches/block_000000.parquet", "branches/block_000001.parquet"):
-        (tmp_path / name).write_bytes((short / name).read_bytes())
-    (tmp_path / "branches" / "block_000001.parquet").write_bytes(b"PAR1 nonsense")
-    assert main([*SHORT, "--workers", "2", "--output", str(tmp_path)]) == 0
-    said = capsys.readouterr().err
-    assert "block_000001.parquet: is damaged" in said
-    assert "branch 1: 1 turn" in said and "branch 0: 1 turn" not in said
-    assert bytes_of(tmp_path) == bytes_of(short)
 
 
 @pytest.mark.parametrize(("words", "message"), [

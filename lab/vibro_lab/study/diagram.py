@@ -464,7 +464,7 @@ def _shade(axes: figures.Axes, diagram: Diagram) -> None:
 
 VISITS, EXPONENTS = "visits", "exponents"
 STATES, VALUES, PICTURE = "states.parquet", "values.parquet", "diagram.png"
-_SCENE, _VARY, _COUNT, _QUICK_COUNT = "device", "motor.speed=60:240", 181, 31
+_VARY, _COUNT, _QUICK_COUNT = "motor.speed=60:240", 181, 31
 _MOST_TURNS, _EXPONENTS = 4096, 100
 
 

@@ -70,7 +70,10 @@ class GuardedNode(Node):
         return super().declare_parameters(namespace, parameters, ignore_override)
 
     def create_service(self, srv_type: type, srv_name: str, callback: Callable, **options: Any) -> Service:
-        """As in `Node`; if `callback`, a function or a coroutine, raises, the request is answered as refused."""
+        """As in `Node`; if `callback`, a function or a coroutine, raises, the request is answered as refused.
+
+        The words of a ValueError or RuntimeError are the answer's; its `code`, if it has one, is the result's.
+        """
         callback = partial(self._answer, self.resolve_service_name(srv_name), callback)
         return super().create_service(srv_type, srv_name, callback, **options)
 
@@ -102,18 +105,20 @@ class GuardedNode(Node):
     async def _answer(self, name: str, callback: Callable, request: Any, response: Any) -> Any:
         try:
             if reason := _fault(request):
-                self.refusals.refuse(name, reason)
-                return _fill_refusal(request, response, reason)
+                raise ValueError(reason)
             if isinstance(request, SetParameters.Request | SetParametersAtomically.Request):
-                return _bounded(self._set_parameters(name, request, response))
+                callback = partial(self._set_parameters, name)
             answer = callback(request, response)
             response = await answer if isawaitable(answer) else answer
             if reason := _reason_of(response):
                 self.refusals.refuse(name, reason)
-            return _bounded(response)
+        except (ValueError, RuntimeError) as error:  # a refusal in words
+            self.refusals.refuse(name, str(error))
+            response = _fill_refusal(request, response, str(error), getattr(error, "code", None))
         except Exception as error:  # whatever it is, the caller waits for an answer
             self.refusals.catch(name, error)
-            return _fill_refusal(request, response, f"{type(error).__name__}; the node's log says more")
+            response = _fill_refusal(request, response, f"{type(error).__name__}; the node's log says more")
+        return _bounded(response)
 
     def _set_parameters(self, name: str, request: Any, response: Any) -> Any:
         """Set all parameters of a request, or none; a read-only parameter may be given its present value."""
@@ -251,7 +256,7 @@ def _bounded(response: Any) -> Any:
     return response
 
 
-def _fill_refusal(request: Any, response: Any, reason: str) -> Any:
+def _fill_refusal(request: Any, response: Any, reason: str, code: int | None = None) -> Any:
     """Make `response` the refusal of `request`, with the reason where its type has a field for it."""
     if isinstance(request, SetParameters.Request):
         response.results = [_answer_to_set(reason)] * len(request.parameters)
@@ -260,5 +265,6 @@ def _fill_refusal(request: Any, response: Any, reason: str) -> Any:
     elif hasattr(response, "success"):  # of std_srvs and of the project's own
         response.success, response.message = False, reason
     elif hasattr(getattr(response, "result", None), "error_message"):  # of simulation_interfaces
-        response.result.result, response.result.error_message = response.result.RESULT_OPERATION_FAILED, reason
+        response.result.result = response.result.RESULT_OPERATION_FAILED if code is None else code
+        response.result.error_message = reason
     return response

@@ -137,12 +137,8 @@ def _woken_by_signals(node: GuardedNode) -> Iterator[None]:
 class Work(Generic[Result]):
     """A piece of work in a thread of its own, so that callbacks run and signals are heard meanwhile.
 
-    Parameters
-    ----------
-    work : callable
-        The function to call in the thread.
-    ended : callable
-        Called when the work has ended, such as `waker` returns it: else the loop would notice it up to `POLL` later.
+    `ended` is called when the work has ended, such as what `waker` returns: else the loop would notice it only after
+    up to `POLL`.
     """
 
     def __init__(self, work: Callable[[], Result], ended: Callable[[], object]):

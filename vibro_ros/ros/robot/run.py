@@ -38,9 +38,8 @@ from vibro_ros.messages.codec import new_message, serialised
 from vibro_ros.messages.operations import FAULT, PAUSE, RESET, RESUME, SET, STEP, TIMEOUT, Operation, perform
 from vibro_ros.messages.topics import CHECKPOINT, JOINT_COMMANDS, OPERATIONS, TOPICS, full_name
 from vibro_ros.model.faults import COMMANDS, FAULTS, Incident, check_lasting, checked_incident
-from vibro_ros.model.parameters import Value, checked_parameters
+from vibro_ros.model.parameters import Value
 from vibro_ros.ros.node import qos
-from vibro_ros.ros.node.parameters import TABLE
 from vibro_ros.ros.node.process import CLOCK, waker
 from vibro_ros.ros.robot.lock_step import LockStep, checked_nodes
 from vibro_ros.ros.robot.pacing import (
@@ -226,7 +225,7 @@ class RobotRun:
         The node calls this for each request, and answers with the result.
         """
         try:
-            values = checked_parameters({parameter.name: parameter.value for parameter in parameters}, TABLE)
+            values = {parameter.name: parameter.value for parameter in parameters}  # checked by `set_refusal`
             with self._locked():
                 self._perform(Operation(SET, parameters=values))
                 if FACTOR in values:

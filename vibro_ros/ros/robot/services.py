@@ -28,11 +28,8 @@ def offer_run_services(node: GuardedNode, run: RobotRun) -> None:
         return response
 
     async def step(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        try:
-            response.message = await finished(run, run.begin_steps(1))
-            response.success = True
-        except (ValueError, RuntimeError) as error:
-            response.message = str(error)
+        response.message = await finished(run, run.begin_steps(1))
+        response.success = True
         return response
 
     node.create_service(SetBool, "~/record", record)
@@ -58,13 +55,10 @@ def offer_disturbances(node: GuardedNode, run: RobotRun) -> None:
 
 
 def _offer(node: GuardedNode, kind: type, name: str, act: Callable[[Any], str]) -> None:
-    """Offer a service that is answered with the words that `act` returns, or with the error that it raises."""
+    """Offer a service that is answered with the words that `act` returns."""
     def answer(request: Any, response: Any) -> Any:
-        try:
-            response.message = act(request)
-            response.success = True
-        except (ValueError, RuntimeError) as error:
-            response.message = str(error)
+        response.message = act(request)
+        response.success = True
         return response
 
     node.create_service(kind, name, answer)

@@ -85,15 +85,6 @@ class RefusalError(ValueError):
         self.code = code
 
 
-def current_state(paused: bool, at_start: bool, quitting: bool) -> int:
-    """Return the state of the simulation, one of `STATES`."""
-    if quitting:
-        return SimulationState.STATE_QUITTING
-    if not paused:
-        return SimulationState.STATE_PLAYING
-    return SimulationState.STATE_STOPPED if at_start else SimulationState.STATE_PAUSED
-
-
 def transition(current: int, wanted: int) -> tuple[str, ...]:
     """Return the operations that lead from the current state to the wanted one.
 
@@ -129,12 +120,6 @@ def check_scope(scope: int) -> None:
         raise RefusalError(Result.RESULT_NOT_FOUND, f"scope {scope}: {unknown} is no scope; {remedy}")
     why = "robot time never runs back" if scope & asked.SCOPE_TIME else "this robot spawns nothing"
     raise RefusalError(Result.RESULT_FEATURE_UNSUPPORTED, f"scope {scope}: {why}; {remedy}")
-
-
-def check_steps(steps: int) -> None:
-    """Refuse a number of steps that is not from 1 to `MOST_STEPS` (ValueError)."""
-    if not 1 <= steps <= MOST_STEPS:
-        raise ValueError(f"{steps} steps; give 1 to {MOST_STEPS}, and ask again for more")
 
 
 def _state_list(states: Iterable[int]) -> str:
@@ -173,13 +158,7 @@ def check_entity(asked: str, entity: str) -> None:
 
 
 def is_chosen(filters: Any, entity: str) -> bool:
-    """Return whether the filters of a request choose the robot, which has no tags.
-
-    Raises
-    ------
-    RefusalError
-        For bounds, and for a regular expression that is wrong or could take long.
-    """
+    """Return whether the filters of a request choose the robot, which has no tags (RefusalError for bounds)."""
     if filters.bounds.type or len(filters.bounds.points):
         raise RefusalError(Result.RESULT_FEATURE_UNSUPPORTED, "bounds: this robot has none; leave them empty")
     text = filters.filter
@@ -236,8 +215,12 @@ class SimulationServices:
 
     @property
     def state(self) -> int:
-        """State of the simulation; a robot that takes steps is paused."""
-        return current_state(self._run.paused, self._run.robot_time.at_start, self._run.is_ending)
+        """State of the simulation, one of `STATES`; a robot that takes steps is paused."""
+        if self._run.is_ending:
+            return SimulationState.STATE_QUITTING
+        if not self._run.paused:
+            return SimulationState.STATE_PLAYING
+        return SimulationState.STATE_STOPPED if self._run.robot_time.at_start else SimulationState.STATE_PAUSED
 
     def _get_features(self, request: Any, response: Any) -> Any:
         response.features.features, response.features.custom_info = self._features, ABOUT
@@ -292,7 +275,8 @@ class SimulationServices:
         await self._finish(self._begin_steps(request.steps))
 
     def _begin_steps(self, steps: int, counted: Callable[[int], object] | None = None) -> Steps:
-        check_steps(steps)
+        if not 1 <= steps <= MOST_STEPS:
+            raise ValueError(f"{steps} steps; give 1 to {MOST_STEPS}, and ask again for more")
         self._check_idle()
         if not self._run.paused:
             raise ValueError("the robot is not paused; set the state 2 (PAUSED) first")
@@ -328,7 +312,8 @@ class SimulationServices:
             except (ValueError, RuntimeError) as error:
                 goal.canceled() if goal.is_cancel_requested else goal.abort()
                 node.refusals.refuse(path, str(error))
-                _fill_refusal(result.result, error)
+                result.result.result = getattr(error, "code", Result.RESULT_OPERATION_FAILED)
+                result.result.error_message = str(error)
             finally:
                 taken.pop(key, None)
             return result
@@ -361,15 +346,8 @@ class SimulationServices:
 def _answering(perform: Callable[[Any, Any], Awaitable[None]]) -> Answer:
     """Return a callback that runs `perform`, which fills the response or raises, and then fills in the result."""
     async def answer(request: Any, response: Any) -> Any:
-        try:
-            await perform(request, response)
-            response.result.result = Result.RESULT_OK
-        except (ValueError, RuntimeError) as error:
-            _fill_refusal(response.result, error)
+        await perform(request, response)
+        response.result.result = Result.RESULT_OK
         return response
 
     return answer
-
-
-def _fill_refusal(result: Result, error: ValueError | RuntimeError) -> None:
-    result.result, result.error_message = getattr(error, "code", Result.RESULT_OPERATION_FAILED), str(error)
