@@ -13,17 +13,8 @@ PART = 1e-6  # of the largest value of a force, a speed or a power
 
 
 class Motion:
-    """A document, read.
-
-    Attributes
-    ----------
-    borders : ndarray, shape (pieces, 2)
-        Begin and end [s] of each piece.
-    known : ndarray of bool, shape (pieces, quantities)
-        Where a quantity is known.
-    coefficients : ndarray, shape (pieces, quantities, n)
-        Of the Chebyshev polynomials (SI); 0 where nothing is known.
-    """
+    """A document, read: `borders`, begin and end [s] of each piece; where each quantity is `known`; and the
+    `coefficients` of the Chebyshev polynomials (SI), shape (pieces, quantities, n), 0 where nothing is known."""
 
     def __init__(self, header: Mapping[str, Any], payload: bytes):
         self.header, self.quantities = header, tuple(header["quantities"])

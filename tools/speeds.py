@@ -197,10 +197,16 @@ def with_machines_motor(scene: Scene) -> Scene:
 
 
 def cost_rows(name: str, scene: Scene) -> Iterator[str]:
-    """A row of the second table for each motion of a robot, with an ideal motor and with that of `machine`."""
+    """A row of the second table for each motion of a robot, with an ideal motor and with that of `machine`, and one
+    that says why a robot cannot have that motor.
+    """
     stroke = 2.0 * scene["crank.radius"] / scene["body.wheelbase"]
-    for motor, moved in (("ideal", scene.with_parameters({"effects.motor": "ideal"})),
-                         ("of `machine`", with_machines_motor(scene))):
+    robots_by_motor, refusal = {"ideal": scene.with_parameters({"effects.motor": "ideal"})}, ""
+    try:
+        robots_by_motor["of `machine`"] = with_machines_motor(scene)
+    except ValueError as error:
+        refusal = str(error).partition(";")[0]
+    for motor, moved in robots_by_motor.items():
         for one in measured_motions(moved, _COSTS):
             seen, speed = one.values, abs(one.values["mean_speed"])
             pitch = validity_of(moved, vars(one.samples)).pitch_index
@@ -214,6 +220,8 @@ def cost_rows(name: str, scene: Scene) -> Iterator[str]:
             cells = [name, motor, one.in_words(COSTED_STARTS), *prices, f"{100 * seen['air_share']:.0f} %",
                      f"{peak:.3g} N", f"{stroke:.2f}", "-" if pitch is None else f"{pitch:.2g}"]
             yield f"| {' | '.join(cells)} |"
+    if refusal:
+        yield f"| {name} | of `machine` | refused: {refusal}{' | -' * 5} | {stroke:.2f} | - |"
 
 
 def motion_table() -> str:

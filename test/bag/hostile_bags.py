@@ -200,17 +200,12 @@ OF_MCAP: dict[str, Maker] = {
     "empty": lambda folder: part(folder).write_bytes(b"") and None,
     "magic": edited(lambda data: MAGIC),
     "label of laughs": behind_header(*labelled(LAUGHS)),
-    "label of depth": behind_header(*labelled(DEEP)),
     "label of numbers": behind_header(*labelled("[1, {depth: [1]}, {depth: -1}]")),
 }
 
 OF_METADATA: dict[str, Maker] = {
     "metadata flip": flipped(0, "metadata.yaml"),
     "metadata of laughs": metadata(LAUGHS),
-    "metadata of depth": metadata(DEEP),
-    "metadata in themselves": metadata("rosbag2_bagfile_information: &x {version: 9, custom_data: *x}"),
-    "metadata of bytes": metadata(b"\xff\xfe" * 1000),
-    "metadata of size": metadata(b"#" * 2**24),
     "version of text": replaced("version: 9", "version: nine"),
     "names passwd": replaced("- run_0", "- ../../etc/passwd\n  - run_0"),
     "names nothing": replaced("- run_0.mcap", "[]"),

@@ -78,17 +78,6 @@ def test_a_file_without_a_channel_of_ros_2_is_refused_with_its_encodings(tmp_pat
         load_bag(tmp_path / "run")
 
 
-def test_a_damaged_chunk_costs_its_own_messages_alone(unsealed):
-    folder, sent = unsealed()  # two chunks
-    path = mcap_file(folder)
-    data = bytearray(path.read_bytes())
-    data[data.index(sent[3][2])] ^= 1
-    path.write_bytes(data)
-    file = McapFile(path)
-    assert list(file.messages(frozenset(["/motor_power"]))) == sent[31:]
-    assert file.flaws[0].startswith("run_0.mcap: ") and "another checksum than it says at byte" in file.flaws[0]
-
-
 def test_of_a_sealed_file_the_summary_names_topics_whose_chunk_is_damaged(tmp_path, published):
     with Recorder(tmp_path / "run", POWER, {}, storage=Storage()) as recorder:
         recorder.write("/motor_power", 1, published["/motor_power"](1))

@@ -240,22 +240,6 @@ def test_a_message_that_is_none_is_named_and_the_rest_is_read(tmp_path, publishe
     assert bag.topics[topic].messages == 6
 
 
-def test_messages_out_of_order_are_put_in_order(tmp_path, published, start_ns):
-    order = [3, 1, 2, 0, 5, 4]
-    with Recorder(tmp_path / "run", topics(), {}) as recorder:
-        for i in order:
-            recorder.write("/motor_power", start_ns + i, published["/motor_power"](i))
-    np.testing.assert_array_equal(read_bag(tmp_path / "run")["motor_power"]["value"], np.arange(6) * 0.25)
-
-
-def test_what_is_no_bag_is_an_error_that_says_so(tmp_path):
-    (tmp_path / "file").write_text("")
-    (tmp_path / "folder").mkdir()
-    for name, reason in (("nowhere", "no such folder"), ("file", "a file, not a bag"), ("folder", "not a bag")):
-        with pytest.raises(BagError, match=f"{name}: {reason}"):
-            read_bag(tmp_path / name)
-
-
 def test_chosen_columns_alone_are_read(run, bag):
     chosen = read_bag(run, {"odom": ["position"], "joint_states": ["*.position"], "motor_power": []})
     found = {topic: set(arrays) for topic, arrays in chosen.items()}

@@ -48,11 +48,6 @@ def test_bag_keeps_types_qos_and_what_the_recorder_says_of_itself(sealed):
         assert reader.storage.metadata.custom == METADATA | {"written": "1600", "dropped": "0", "lost": "0"}
 
 
-def test_topics_are_on_the_disk_right_after_opening(folder):
-    with Recorder(folder, TOPICS, METADATA):
-        assert b"/joint_states" in mcap_file(folder).read_bytes()
-
-
 def test_last_message_before_a_silence_reaches_the_disk(folder, published, start_ns, recorded, wait_for):
     message = ("/motor_power", start_ns, published["/motor_power"](1))
     with Recorder(folder, POWER, METADATA) as recorder:

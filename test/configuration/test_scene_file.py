@@ -188,11 +188,6 @@ def test_a_file_of_several_robots_needs_the_name_of_one(scene_file):
     assert load_scene(path, node="/right/vibro_robot")["mass.body"] == 3.0
 
 
-def test_a_file_for_other_nodes_alone_is_refused(scene_file):
-    assert "holds parameters for /vibro_controller, none for" in refusal(
-        scene_file("/vibro_controller:\n  ros__parameters: {rate: 20.0}\n"))
-
-
 def test_a_scenes_origin_means_the_same_from_everywhere(tmp_path, monkeypatch):
     (tmp_path / "mine.yaml").write_text(below_head("mass.body: 2.0"))
     assert scene_origin("paper", tmp_path) == "paper"

@@ -63,15 +63,6 @@ def test_a_motion_without_losses_goes_back_the_way_it_came(reaction):
         assert getattr(device.state, name) == pytest.approx(-getattr(start, name), abs=1e-10), name
 
 
-def test_the_torque_is_known_where_the_speed_is_0():
-    """Power over speed would be rounding over rounding there. The torque changes by some 10 N m/s."""
-    scene = vibro_ros.load_scene("damped").with_parameters({"effects.motor": "ramp"})
-    times = 0.5 + np.array([-1e-6, -1e-15, 0.0, 1e-15, 1e-6])  # 100 rad/s at 200 rad/s²
-    torque = vibro_ros.simulate(scene, times=times, commands=[(0.0, {"motor_speed": -100.0})]).motor_torque
-    np.testing.assert_allclose(torque, torque[2], rtol=0, atol=1e-4)
-    assert abs(torque[2]) > 0.01
-
-
 @pytest.mark.parametrize("motor", MOTORS)
 @pytest.mark.parametrize(("method", "order"), [("rk4", 4), ("rk4_located", 4)])
 def test_steps_of_fixed_length_pass_0_with_their_order(motor, method, order):

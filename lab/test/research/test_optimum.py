@@ -52,7 +52,7 @@ def test_the_optima_do_what_is_said(name):
         span = optimum.whole_turns(scene, 10.0)
         device.advance_to(4.0 + span)
         speeds.append((device.state.body_position - begin) / span)
-    assert np.mean(speeds) == pytest.approx(found["mean"], rel=1e-3, abs=8.0 * found["spread"])
+    assert np.mean(speeds) == pytest.approx(found["mean"], rel=1e-3, abs=8.0 * (found["spread"] or 0.0))  # a period has none
 
 
 @pytest.mark.parametrize("name", ["thrifty_grounded", "fastest_grounded"])
@@ -75,31 +75,31 @@ def test_what_the_rule_holds_on_the_ground_leans_on_it():
     for name in ("thrifty", "fastest", "unilateral"):
         held = next(row for row in RESULTS[name]["verified"] if "as sought" in row["reading"] and name == "unilateral"
                     or "by decree" in row["reading"])
-        assert held["load"] > 1.2
+        assert held["load"] > 1.05
 
 
 @pytest.mark.parametrize("name", [name for name in optimum.SEARCHES if name != "front"])
 def test_the_optimum_beats_the_best_start_of_the_paper(name):
     best, paper = RESULTS[name]["verified"][0], PAPERS[name][0]
     if "speed_per_power" in optimum.SEARCHES[name].words:
-        assert best["ratio"]["mean"] - best["ratio"]["spread"] > paper["ratio"]
+        assert best["ratio"]["mean"] - (best["ratio"]["spread"] or 0.0) > paper["ratio"]
     else:
         assert optimum.slowest(name, WATCHED, MOTIONS) > paper["speed"]
 
 
 def test_the_speeds_are_those_of_the_page_on_speeds():
-    """Every motion of an optimum in `device`; the fastest has two, of which its verification finds one."""
+    """Every motion of an optimum in `device` to which a random start leads."""
     speeds = SPEEDS.read_text(encoding="utf-8")
-    rows = {name: re.findall(rf"^\| `optimum/{name}`, .*? rad/s \| (.*?) \| (\d+) of 64 ", speeds,
+    rows = {name: re.findall(rf"^\| `optimum/{name}`, .*? rad/s \| (.*?) \| ([1-9]\d*) of 64 ", speeds,
                              re.MULTILINE) for name in optimum.OF_DEVICE}
     assert rows == {name: [(one["words"], str(one["starts"])) for one in MOTIONS[name]] for name in optimum.OF_DEVICE}
-    assert len(rows["fastest"]) == 2 and "not -6170 or -3270 mm/s" in optimum.about_decree(RESULTS, MOTIONS)
+    assert "not -10600 mm/s" in optimum.about_decree(RESULTS, MOTIONS)
 
 
 def test_an_optimum_that_does_not_settle_has_no_mean_on_the_page():
-    """`printed` goes at 24 m/s over 10 s after 4 s and at 35 m/s over 256 s: the first number is a transient's."""
-    assert WATCHED["printed"][0]["slowest"] > -22.0 and WATCHED["printed"][-1]["slowest"] < -34.0
-    assert "goes at -34.6 to -35.6 m/s" in optimum.about_hills(WATCHED)
+    """All starts of `unilateral` go faster over 256 s than any of them over 4 s: the first number is a transient's."""
+    assert 0.0 < WATCHED["unilateral"][0]["fastest"] < WATCHED["unilateral"][-1]["slowest"]
+    assert "goes at 49.4 to 53.5 m/s" in optimum.about_hills(WATCHED)
     assert "no start settles" in optimum.about_undamped(RESULTS, WATCHED)
 
 
