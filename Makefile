@@ -162,7 +162,7 @@ $(PACKAGES): $(LOCKS)
 		grep --invert-match --extended-regexp '^(WARNING|Collecting| )' $(NEW)/pip.log | tail -n 20 >&2; \
 		test ! -e $(VENV) || echo "setup: $(VENV) is as it was before" >&2; \
 		exit 1; }
-	@$(NEW)/bin/python -m pip check >/dev/null || { $(NEW)/bin/python -m pip check; exit 1; }
+	@$(NEW)/bin/python -I -m pip check >/dev/null || { $(NEW)/bin/python -I -m pip check; exit 1; }  # -I: not what PYTHONPATH has
 	@sed --in-place 's|$(NEW)|$(abspath $(VENV))|g' $$(grep --recursive --files-with-matches --binary-files=without-match \
 		'$(NEW)' $(NEW)/bin $(NEW)/pyvenv.cfg)
 	@rm -rf $(OLD)
