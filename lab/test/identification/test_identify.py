@@ -248,7 +248,7 @@ MOVING = ((0.0, {"motor_speed": 100.0}), (0.8, {"upper_gap": 0.001}), (1.4, {"mo
 @pytest.mark.parametrize(("scene", "free", "correlation", "commands", "fields", "duration", "draws", "jitter",
                           "late"), [
     (DAMPED, FIVE, 0.0, (), FIELDS, 1.0, 120, 0.0, 0.0), (DAMPED, FIVE, 0.6, (), FIELDS, 1.0, 120, 0.0, 0.0),
-    (DAMPED, FIVE, 0.0, (), FIELDS, 1.0, 40, 3e-4, 0.003),
+    (DAMPED, FIVE, 0.0, (), FIELDS, 1.0, 120, 3e-4, 0.003),
     (vibro_ros.load_scene("device"), THIRTEEN, 0.0, MOVING, HOPS, 2.0, 40, 0.0, 0.0)],
     ids=["white", "correlated", "jitter", "device"])
 def test_intervals_cover(scene, free, correlation, commands, fields, duration, draws, jitter, late):
