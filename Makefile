@@ -67,7 +67,7 @@ test: $(READY) $(TYPES) $(NEEDED)  ## run the tests, four at a time, and those t
 test-slow: $(READY) $(TYPES) $(NEEDED)  ## run the tests of installation, documents, notebooks and demonstration as well
 	@$(BIN)/python -m pytest --numprocesses 2 --dist loadfile -m "slow and not settings" $(TESTS)
 
-test-settings: $(READY) $(TYPES) $(NEEDED)  ## halve and double each setting of twin, map and continuation, for who changes one of them: half an hour
+test-settings: $(READY) $(TYPES) $(NEEDED)  ## halve and double each setting of fit, twin, map and continuation: an hour, for who changes one of them
 	@$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -m settings lab/test
 
 # The rooms in which most changes are made; of them the tests without the mark `process`. They run as on a robot without the lab:

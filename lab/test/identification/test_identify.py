@@ -89,6 +89,39 @@ def test_a_laboratory_recording_tells_a_few_parameters_within_their_intervals(tm
     assert found.windows["used"].all() and found.passes < 500
 
 
+@pytest.mark.process
+def test_a_recording_with_every_fault_of_a_laboratory_is_fitted_as_a_clean_one(tmp_path):
+    """Stamps that jitter by 0.3 ms, a camera that is late by 3 ms and states a third of its noise, 2 % wild samples,
+    10 % lost ones, and a motor that was started before the recording. Each interval is doubled, as above."""
+    record = laboratory()
+    from laboratory import Faults
+    made = record(tmp_path / "bag", "damped", seed=2, duration=1.5, faults=Faults(
+        jitter=3e-4, late={"odom": 0.003}, outliers=0.02, lost=0.1, stated=0.33, begins_in_motion=0.5))
+    free = (*FREE, "guide.angle")
+    scene = made.truth.with_parameters({name: made.scene[name] for name in free} | {"motor.speed": 90.0})
+    found = identify(made.bag, scene, free, workers=1)
+    assert found.verdict.startswith("the model fits"), found.verdict
+    for name, (low, high) in found.intervals.items():
+        assert abs(found.values[name] - made.truth[name]) < high - low, name
+    assert found.sensors["odom.offset"][0] == pytest.approx(0.003, abs=1e-4)
+    jitters = {noise.sensor: noise.jitter for noise in found.noises}
+    assert all(jitter == pytest.approx(3e-4, rel=0.15) for jitter in jitters.values()), jitters
+    assert 5 <= len(found.outliers["odom.body_position"]) <= 30  # of 675 samples that are not lost, 13 are wild
+    assert any("odom: body_position: states a noise of 1.65e-05" in line for line in found.words())
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(("robot", "remedy"), [("viscous", "viscous"), ("dragged", "drag")])
+def test_a_model_that_lacks_an_effect_is_rejected_in_words_that_name_it(tmp_path, robot, remedy):
+    """At one constant speed a slope, a drag and a viscous friction are nearly one; the words name each of them."""
+    made = laboratory()(tmp_path / "bag", robot, seed=1, duration=1.5)
+    hidden = {"ground.viscous_friction": 0.0, "ground.drag": 0.0}
+    scene = made.truth.with_parameters(hidden | {name: made.scene[name] for name in FREE})
+    found = identify(made.bag, scene, FREE, workers=1)
+    assert found.p_value < 1e-3
+    assert "odom.body" in found.verdict and remedy in found.verdict.partition("try effects")[2], found.verdict
+
+
 @pytest.mark.slow
 def test_a_laboratory_recording_tells_all_thirteen_from_the_defaults(tmp_path):
     made = laboratory()(tmp_path / "bag", "damped", seed=1)
@@ -100,13 +133,12 @@ def test_a_laboratory_recording_tells_all_thirteen_from_the_defaults(tmp_path):
 
 
 @pytest.mark.slow
-def test_noise_that_neighbours_only_bound_is_taken_from_the_residuals(tmp_path, monkeypatch):
+def test_noise_that_neighbours_only_bound_is_taken_taken_from_the_residuals(tmp_path):
     """At 100 Hz a mass moves by 4 mm between two samples: neighbouring values give a hundred times its noise, and a fit
     that weighed by it was up to 70 % off and left a quarter of the windows out."""
     record = laboratory()
-    import laboratory as module
-    monkeypatch.setattr(module, "RATE", 100.0)
-    made = record(tmp_path / "bag", "damped", seed=1, covariances=False)
+    from laboratory import Faults
+    made = record(tmp_path / "bag", "damped", seed=1, covariances=False, faults=Faults(rate=100.0))
     bounds = [one.sigma / deviation(one.field) for one in read_recording(made.bag, made.scene).channels
               if one.field.startswith(("upper", "inclined"))]
     assert len(bounds) == 4 and min(bounds) > 100.0
@@ -213,17 +245,22 @@ MOVING = ((0.0, {"motor_speed": 100.0}), (0.8, {"upper_gap": 0.001}), (1.4, {"mo
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("scene", "free", "correlation", "commands", "fields", "duration"), [
-    (DAMPED, FIVE, 0.0, (), FIELDS, 1.0), (DAMPED, FIVE, 0.6, (), FIELDS, 1.0),
-    (vibro_ros.load_scene("device"), THIRTEEN, 0.0, MOVING, HOPS, 2.0)], ids=["white", "correlated", "device"])
-def test_intervals_cover(scene, free, correlation, commands, fields, duration):
-    """Of 95 % intervals from 40 recordings 91 to 98 % have the truth.
+@pytest.mark.parametrize(("scene", "free", "correlation", "commands", "fields", "duration", "draws", "jitter",
+                          "late"), [
+    (DAMPED, FIVE, 0.0, (), FIELDS, 1.0, 120, 0.0, 0.0), (DAMPED, FIVE, 0.6, (), FIELDS, 1.0, 120, 0.0, 0.0),
+    (DAMPED, FIVE, 0.0, (), FIELDS, 1.0, 120, 3e-4, 0.003),
+    (vibro_ros.load_scene("device"), THIRTEEN, 0.0, MOVING, HOPS, 2.0, 40, 0.0, 0.0)],
+    ids=["white", "correlated", "jitter", "device"])
+def test_intervals_cover(scene, free, correlation, commands, fields, duration, draws, jitter, late):
+    """Of 95 % intervals from 40 or 120 recordings 91 to 98 % have the truth.
 
-    If the parameters were independent, the number that cover would be binomial: of 200, 190 with a standard deviation
-    of 3.1, and the bounds are 2.6 and 2 of them away. The seed is fixed, so that the test ends alike each time. Noise
-    with correlated neighbours has about twice the effect of white noise on what changes slowly: intervals that took it
-    for white would cover two thirds. The crank's noise is drawn as well, because an encoder's steps at constant speed
-    are much the same in every recording.
+    The share of a recording's five intervals that cover varies by 12 %, because the parameters are correlated: of 40
+    recordings 95 % cover with a standard deviation of 1.9 %, and one right program in thirteen is beyond the bounds;
+    the first 40 with white noise are at 98.5 %, the next two at 94.5 and 93 %. Of 120 it is 1.1 %, and one in 300. The
+    seed is fixed, so that the test ends alike each time. Noise with correlated neighbours has about twice the effect
+    of white noise on what changes slowly: intervals that took it for white would cover two thirds. The crank's noise
+    is drawn as well, because an encoder's steps at constant speed are much the same in every recording. `jitter` [s]
+    is that of all stamps, by `late` [s] the camera is late.
     """
     unknowns, times = Unknowns.of(scene, free, {}), np.arange(round(500 * duration) + 1) / 500.0
     run = vibro_ros.simulate(scene, times=times, commands=commands)
@@ -231,18 +268,23 @@ def test_intervals_cover(scene, free, correlation, commands, fields, duration):
     sigmas["encoder", "crank_angle"] = TICK / math.sqrt(12.0)
 
     def covered(seed):
-        random = np.random.default_rng([38, seed])
+        random, chance = np.random.default_rng([38, seed]), np.random.default_rng([49, seed])
+        stamps = {sensor: times + jitter * chance.standard_normal(len(times)) + late * (sensor == "odom")
+                  for sensor in (*fields, "encoder")}
         recording = Recording(0.0, times[-1], tuple(Channel(
-            sensor, field, times, getattr(run, field) + sigma * noise(random, len(times), correlation), sigma, "given")
-            for (sensor, field), sigma in sigmas.items()), commands, ())
+            sensor, field, stamps[sensor], getattr(run, field) + sigma * noise(random, len(times), correlation), sigma,
+            "given") for (sensor, field), sigma in sigmas.items()), commands, ())
         fitting = Fitting(recording, unknowns, 1, lambda words: None)
-        begin = np.append(unknowns.coordinates(scene.parameters), fitting._start_coordinates())
+        errors = [late / each.unit if (each.owner, each.kind) == ("odom", "offset") else first for each, first in zip(
+            fitting.nuisances.each, fitting.nuisances.coordinates, strict=True)]
+        begin = np.append(unknowns.coordinates(scene.parameters), errors)
         found, _ = intervals(fitting.followed(begin), lambda words: None)
         return [low <= scene[name] <= high for name, (low, high) in found.items()]
 
-    all_covered = np.array([future.result() for _, future in in_processes(covered, range(40), core_count())])
+    all_covered = np.array([future.result() for _, future in in_processes(covered, range(draws), core_count())])
     assert 0.91 <= all_covered.mean() <= 0.98, dict(zip(free, all_covered.sum(axis=0).tolist(), strict=True))
-    assert all_covered.sum(axis=0).min() >= 33  # of 40, where 38 are expected: 3.6 standard deviations of each
+    lowest = 0.95 * draws - 3.6 * math.sqrt(0.95 * 0.05 * draws)  # 3.6 standard deviations of each parameter's number
+    assert all_covered.sum(axis=0).min() >= lowest
 
 
 def test_a_motor_that_is_switched_on_at_the_first_sample_rests_there_and_a_running_one_has_its_speed():
@@ -256,9 +298,10 @@ def test_a_motor_that_is_switched_on_at_the_first_sample_rests_there_and_a_runni
         angle = TICK * np.round(run.crank_angle / TICK)
         encoder = Channel("encoder", "crank_angle", times, angle, TICK / math.sqrt(12.0), "resolution", TICK)
         fitting = Fitting(Recording(0.0, times[-1], (encoder,), commands, ()), Unknowns.of(scene, FREE, {}), 1, print)
-        assert fitting._first_start["motor_speed"] == pytest.approx(speed, abs=0.3)
-        assert fitting._first_start["crank_angle"] == pytest.approx(0.0, abs=TICK)
-        assert len(fitting._start_coordinates()) == 1 + moving
+        start = fitting.nuisances.start(fitting.nuisances.coordinates).state
+        assert start["motor_speed"] == pytest.approx(speed, abs=0.3)
+        assert start["crank_angle"] == pytest.approx(0.0, abs=TICK)
+        assert [one.kind for one in fitting.nuisances.each] == ["crank_angle"] + ["motor_speed"] * moving
 
 
 def bag(folder, *, duration=0.5, sensors=("odom", "joint_states", "encoder"), still=False):
@@ -298,7 +341,7 @@ def moving(tmp_path_factory):
     ({"ranges": {"mass.body": ("low", "high")}}, ["range of mass.body", "give two numbers"]),
     ({"ranges": {"mass.body": (math.nan, 2.0)}}, ["range of mass.body", "no range"]),
     ({"noise": {"odom": "loud"}}, ["odom", "loud", "a number above 0"]),
-    ({"effects": ("wind",)}, ["wind", "stribeck, slope, viscous, reaction, lag"]),
+    ({"effects": ("wind",)}, ["wind", "stribeck, slope, drag, viscous, reaction, lag"]),
     ({"free": ("ground.slope",), "effects": ("slope",)}, ["slope", "leave it out"]),
     ({"noise": {"odom": 0.0}}, ["odom", "number above 0", "inf to leave it out"]),
     ({"noise": {"radar": 1.0}}, ["radar", "no such channel", "encoder"]),

@@ -13,9 +13,10 @@ from vibro_lab.identification.recording import read_recording
 
 pytest.importorskip("heyoka", reason="heyoka, the extra `bench`, is not installed")
 
-from laboratory import FIELD, ROBOTS, lowpassed, record
+from laboratory import FIELD, ROBOTS, Faults, lowpassed, record
 
-HORIZON = {"damped": 4.0, "starts": 4.0}  # s; the others' motions are chaotic, and noise of rounding grows
+#: Seconds that are compared; the other motions are chaotic, and noise of rounding grows.
+HORIZON = {"damped": 4.0, "starts": 4.0, "viscous": 4.0, "dragged": 4.0}
 CHANNELS = {"body_position", "body_velocity", "upper_position", "upper_velocity", "inclined_position",
             "inclined_velocity", "crank_angle"}
 
@@ -53,6 +54,35 @@ def test_field_sensors_measure_what_our_own_sensors_would(tmp_path):
     # The same seed draws the same noise. The low-pass by steps of 50 µs is 1 % off where a blow lasts some of them.
     assert np.abs(measured.values - read).max() < 0.02 * np.abs(read).max()
     assert measured.resolution > 0.0
+
+
+def test_each_fault_of_a_laboratory_is_in_its_bag(tmp_path):
+    """Of 501 messages 10 % are lost and 2 % wild; jitter and stated noise have their size to 15 %, 4 deviations."""
+    faults = Faults(rate=100.0, jitter=3e-4, late={"odom": 0.003}, fast={"joint_states": 1e-3}, outliers=0.02, lost=0.1,
+                    stated=0.33, begins_in_motion=0.5, camera_scale=1.01)
+    made = record(tmp_path / "bag", "damped", duration=5.0, faults=faults)
+    recording = read_recording(made.bag, made.truth)
+    found = {one.field: one for one in recording.channels}
+    body, mass, crank = found["body_position"], found["upper_position"], found["crank_angle"]
+    begin = min(one.times[0] for one in recording.channels)
+    for channel, late, share in ((body, 0.003, 0.0), (mass, 0.0, 1e-3), (crank, 0.0, 0.0)):
+        assert 420 < len(channel.times) < 480
+        since = channel.times + (recording.start - 1_763_700_000.0) - begin
+        true = np.round((since - late) / (1.0 + share) * 100.0) / 100.0
+        away = since - late - true * (1.0 + share)
+        assert np.std(away) == pytest.approx(3e-4, rel=0.15)
+        assert abs(np.mean(away)) < 1e-4
+    assert body.sigma == pytest.approx(0.33 * 5e-5)
+    assert not recording.commands  # those of before the recording
+    true = vibro_ros.simulate(made.truth, times=0.5 + np.round((body.times + (recording.start - 1_763_700_000.0)
+                                                               - 0.003) * 100.0) / 100.0)
+    away = np.abs(body.values - 1.01 * true.body_position)
+    assert np.median(away) == pytest.approx(0.674 * 5e-5, rel=0.15)
+    assert 3 <= (away > 5e-4).sum() <= 18
+    camera = record(tmp_path / "camera", "damped", duration=0.5, faults=Faults(rate=100.0, positions_only=True))
+    assert {f"{one.sensor}.{one.field}" for one in read_recording(camera.bag, camera.truth).channels} == {
+        "tracking.body_position", "joint_states.upper_position", "joint_states.inclined_position",
+        "encoder.crank_angle"}
 
 
 def test_the_low_pass_of_a_step_is_that_of_butterworth():

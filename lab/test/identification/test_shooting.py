@@ -6,6 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import vibro_ros
+from vibro_lab.identification.nuisances import Start
 from vibro_lab.identification.recording import Channel, Recording
 from vibro_lab.identification.shooting import TIGHT, Jacobian, Shooting
 from vibro_lab.identification.unknowns import Unknowns
@@ -233,8 +234,8 @@ def robot():
     spans = np.array([[0.0, 0.1], [0.1, 0.2], [0.2, 0.3001]])
     windows = Windows(Recording(0.0, times[-1], channels, (), ()), names, spans)
     unknowns = Unknowns.of(scene, ("ground.friction", "upper.gap", "guide.angle"), {})
-    shooting = Shooting(windows, lambda own, states: windows.simulate(unknowns.scene_of(own), {}, states))
-    states = windows.course(scene, {})
+    shooting = Shooting(windows, lambda own, states: windows.simulate(unknowns.scene_of(own), Start({}, {}), states))
+    states = windows.course(scene, Start({}, {}))
     return shooting, shooting.point(unknowns.coordinates(scene.parameters), states)
 
 
@@ -266,6 +267,6 @@ def test_a_robot_without_masses_has_no_state_to_begin_with():
     channel = Channel("joint_states", "crank_angle", times, simulate(scene, times=times).crank_angle, 1e-3, "given")
     recording, spans = Recording(0.0, times[-1], (channel,), (), ()), np.array([[0.0, 0.1], [0.1, 0.2001]])
     windows = Windows(recording, state_names(scene), spans)
-    states = windows.course(scene, {})
+    states = windows.course(scene, Start({}, {}))
     assert states.shape == (2, 0)
-    assert np.abs(windows.simulate(scene, {}, states).residuals).max() < 1e-6
+    assert np.abs(windows.simulate(scene, Start({}, {}), states).residuals).max() < 1e-6

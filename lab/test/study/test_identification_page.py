@@ -37,7 +37,7 @@ def file(made, found, tmp_path_factory):
     better = Alternative("slope", 41.5, 1e-9, found.values, found.scene, 1.01)
     folder = tmp_path_factory.mktemp("output")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(study, "identify", lambda *_: replace(found, windows=windows, alternatives=(better,)))
+        patch.setattr(study, "identify", lambda *_, **__: replace(found, windows=windows, alternatives=(better,)))
         assert study.main([str(made.bag), "--scene", "damped", "--output", str(folder)]) == 0
     return folder / study.PAGE
 

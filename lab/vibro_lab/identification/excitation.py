@@ -17,6 +17,7 @@ from functools import partial
 import numpy as np
 import yaml
 
+from vibro_lab.identification.nuisances import Start
 from vibro_lab.identification.recording import Channel, Recording
 from vibro_lab.identification.shooting import RESOLVED, TIGHT, Jacobian, Point, Shooting
 from vibro_lab.identification.unknowns import Unknowns
@@ -191,7 +192,7 @@ def _excited(unknowns: Unknowns, duration: float, sensors: Sensors, script: tupl
     states = state_names(unknowns.scene)
     windows = Windows(Recording(0.0, duration, tuple(channels), commands, ()), states,
                       np.column_stack([edges[:-1], edges[1:]]))
-    shooting = Shooting(windows, lambda own, starts: windows.simulate(unknowns.scene_of(own), {}, starts))
+    shooting = Shooting(windows, lambda own, starts: windows.simulate(unknowns.scene_of(own), Start({}, {}), starts))
     try:
         run = simulate(unknowns.scene, times=edges[:-1], commands=commands)
     except (SimulationError, ValueError):

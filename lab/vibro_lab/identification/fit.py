@@ -1,14 +1,17 @@
 """The fit of a scene to a recording: from short arcs to one motion, with the noise that the recording shows."""
 
 import math
-from collections.abc import Callable, Mapping
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from vibro_lab.identification.noise import clipped
-from vibro_lab.identification.recording import AT_MOST, Recording
+from vibro_lab.identification.noise import clipped, refined_sizes, sizes_of, wild
+from vibro_lab.identification.nuisances import Nuisances, Start, crank_at
+from vibro_lab.identification.recording import AT_MOST, Channel, Recording
+from vibro_lab.identification.settings import FitSettings
 from vibro_lab.identification.shooting import RESOLVED, TIGHT, Jacobian, Point, Shooting, width_of
 from vibro_lab.identification.unknowns import Unknowns
 from vibro_lab.identification.windowing import (
@@ -23,35 +26,8 @@ from vibro_lab.identification.windowing import (
     roughness,
     unmeasured,
 )
-from vibro_lab.identification.windows import Windows, state_names
-from vibro_ros import SimulationError, in_processes, simulate
-
-#: Stages of the fit: turns of the crank in a window, loosenesses in turn, the most sets of derivatives at each, and the
-#: share of the misfit that a step wins before the next looseness is tried: the looser, the less is a minimum worth.
-_ARC, _HALF, _CHAIN = 0.16, 0.5, 2.0
-_ARC_LOOSENESSES, _HALF_LOOSENESSES, _CHAIN_LOOSENESSES = (1.0, 0.3, 0.1), (0.3, 0.1), (0.1, 0.01, 1e-3)
-_STEPS, _ENOUGH_OF_PARTS, _ENOUGH_OF_CHAIN, _ENOUGH = 10, 0.05, 5e-3, 1e-5
-#: Of masses that no sensor measures: loosenesses; that of the defects over that of the measurements, because only the
-#: chain tells how such a mass moves; blur of an IMU at looseness 1 [s], and the least looseness at which it is blurred;
-#: the weight of a prior, most rounds, and share of lost windows after which there is none more; standard deviations of
-#: the first draws, of logarithms and of other coordinates, shares of them, draws with each, and largest share of the
-#: misfit of the best that a better one has.
-_UNSEEN_LOOSENESSES, _TIED, _BLUR, _LEAST_BLURRED = (0.3, 0.1, 0.03, 0.01), 0.1, 0.01, 0.03
-_UNSEEN_WEIGHT, _ROUNDS, _FEW_LOST = 30.0, 6, 0.1
-_FAR_OFF_IN_SHARES, _FAR_OFF, _SCOUTS, _DRAWN, _BETTER = 0.1, 0.2, (1.0, 0.5, 0.25), 60, 0.95
-_PRESUMED = 0.1  # looseness as large as which a noise is presumed that neighbours do not tell: 0.1 mm, 10 mm/s
-_MOST_WINDOWS = 60
-_SLOWEST = 20.0  # rad/s: a slower crank makes windows no longer
-_REPAIRS = 4
-_MOST_LOST = 0.3  # share of lost windows beyond which they are not left out
-_MISFIT = 1.5  # mean square of a window's residuals beyond which it counts as lost
-#: Weights of the first stages' prior, in coordinates: a plate's stiffness shows only within a blow.
-_WEIGHT, _STIFF_WEIGHT = 1.0, 100.0
-_RATE = 1000.0  # Hz, of simulated speeds where none are measured
-_FIRST = 0.02  # s at a recording's start from which the crank's speed there is told
-_SETTLED = 3.0  # standard deviations beyond which a correlation, a noise or a speed is taken from the measurements
-
-_ANGLE_UNIT, _SPEED_UNIT = 0.1, 10.0  # rad, rad/s: of the coordinates of the motor's start
+from vibro_lab.identification.windows import Colours, Windows, state_names
+from vibro_ros import Scene, SimulationError, ToleranceWarning, in_processes, simulate
 
 
 @dataclass
@@ -65,22 +41,29 @@ class Fit:
     shooting : Shooting
         The chain of windows.
     at : Point
-        The best point; its parameters are the coordinates of `unknowns`, then those of the motor's start, and then the
-        constant errors of an IMU in their standard deviations.
+        The best point; its parameters are the coordinates of `unknowns`, then those of `nuisances`.
     jacobian : Jacobian
         The derivatives there.
     passes : int
         Passes through the recording, of all stages.
-    colours : tuple of (ndarray, ndarray)
-        Standard deviations of the noise, and correlations of its neighbours, by channel.
+    white, colours : Colours
+        The noise that was found, and the one by which the residuals are weighed: with correlations of neighbours.
+    errors : dict of (str, str) to float
+        Errors of the sensors that were found, as `nuisances.Errors`.
+    jitters : dict of str to float
+        Standard deviation [s] of the stamps of sensors that jitter.
     """
 
     unknowns: Unknowns
+    nuisances: Nuisances
     shooting: Shooting
     at: Point
     jacobian: Jacobian
     passes: int
-    colours: tuple[np.ndarray, np.ndarray]
+    white: Colours
+    colours: Colours
+    errors: dict[tuple[str, str], float]
+    jitters: dict[str, float]
 
     @property
     def coordinates(self) -> np.ndarray:
@@ -91,6 +74,11 @@ class Fit:
     def values(self) -> dict[str, float]:
         """Values of the free parameters by name."""
         return self.unknowns.values(self.coordinates)
+
+    @property
+    def start(self) -> Start:
+        """The recording's start."""
+        return self.nuisances.start(self.at.parameters[len(self.unknowns.each):])
 
     @property
     def misfit(self) -> float:
@@ -122,65 +110,152 @@ class Fitting:
         Told what is being done.
     """
 
-    def __init__(self, recording: Recording, unknowns: Unknowns, workers: int, say: Callable[[str], None]):
+    def __init__(self, recording: Recording, unknowns: Unknowns, workers: int, say: Callable[[str], None],
+                 offsets: Mapping[str, float] | None = None, camera: Sequence[str] = (),
+                 settings: FitSettings | None = None):
+        self.settings = settings or FitSettings()
+        self._offsets = {sensor: 0.0 for sensor in dict.fromkeys(one.sensor for one in recording.channels)}
         self.recording = replace(recording, channels=tuple(
-            replace(one, sigma=min(one.sigma, _PRESUMED * width_of(one.field))) if one.sigma_from == AT_MOST else one
-            for one in recording.channels))
+            replace(one, sigma=min(one.sigma, self.settings.presumed * width_of(one.field)))
+            if one.sigma_from == AT_MOST else one for one in recording.channels))
+        self._retime(offsets or {})
         self.unknowns, self._workers, self._say = unknowns, workers, say
         self._names, self._passes = state_names(unknowns.scene), 0
-        angle, speed = self._crank_at(0.0, unknowns.scene["motor.speed"])
-        self._first_start = {} if unknowns.scene.has_rotor else {"crank_angle": angle} | (
-            {} if unknowns.scene["effects.motor"] == "ideal" else {"motor_speed": speed})
-        self._biased = [one for one in recording.channels if one.bias]
-        self.stretches = self._course(speed == 0.0)
+        self.nuisances = Nuisances(self.recording, unknowns.scene, unknowns.names, self.settings, offsets or {}, camera)
+        self._jitters: dict[str, float] = {}
+        self.stretches = self._course()
 
     def fitted(self) -> Fit:
         """Fit from the scene's own parameters: arcs, half turns, then the chain."""
-        parameters = np.append(self.unknowns.coordinates(self.unknowns.scene.parameters), self._start_coordinates())
+        settings = self.settings
+        parameters = np.append(self.unknowns.coordinates(self.unknowns.scene.parameters), self.nuisances.coordinates)
         if not self._unseen:
             turned, lasting = np.array([(np.ptp(angle), times[-1] - times[0])
                                         for times, angle, *_ in self.stretches]).sum(axis=0).tolist()
-            speed = max(_SLOWEST, turned / lasting)
-            spans = arcs(self.stretches, _ARC * 2.0 * math.pi / speed, _MOST_WINDOWS)
+            speed = max(settings.slowest, turned / lasting)
+            spacing = max(float(np.median(np.diff(one.times))) for one in self._of_state())
+            length, fewest = settings.arc * math.tau / speed, settings.samples * spacing
+            coarse = length < fewest
+            spans = arcs(self.stretches, max(length, fewest), settings.most_windows)
             if len(spans):
-                parameters = self._loosely(spans, parameters, "short arcs", _ARC_LOOSENESSES)
-            spans = chain(self.stretches, _HALF)
-            every = np.unique(np.linspace(0, len(spans) - 1, _MOST_WINDOWS).astype(int))
-            parameters = self._loosely(spans[every], parameters, "half turns", _HALF_LOOSENESSES)
+                parameters = self._scanned(spans[::max(1, len(spans) // settings.scouted)], parameters)
+            if len(spans) and not coarse:
+                parameters = self._loosely(spans, parameters, "short arcs", settings.arc_loosenesses, 0)
+            spans = chain(self.stretches, max(settings.half, fewest * speed / math.tau))
+            every = np.unique(np.linspace(0, len(spans) - 1, settings.most_windows).astype(int))
+            parameters = self._loosely(spans[every], parameters, "half turns",
+                                       settings.coarse_loosenesses if coarse else settings.half_loosenesses,
+                                       settings.draws if coarse else 0)
         return self.followed(parameters)
 
     def followed(self, parameters: np.ndarray) -> Fit:
         """Fit the chain of windows from coordinates of parameters that are near, or less near if masses are unseen."""
-        shooting = self._shooting(chain(self.stretches, _CHAIN))
+        settings, count = self.settings, len(self.unknowns.each)
+        parameters = self._retimed(parameters)
+        shooting = self._shooting(chain(self.stretches, settings.chain))
         candidates = self._candidates(shooting, parameters)
         at = self._begun(shooting, parameters, candidates)
         if self._unseen:
             at = self._begun_unseen(shooting, at)
-        for looseness in _CHAIN_LOOSENESSES[-1:] if self._unseen else _CHAIN_LOOSENESSES:
+        for looseness in settings.chain_loosenesses[-1:] if self._unseen else settings.chain_loosenesses:
             at = self._tightened(shooting, at, looseness, looseness)
             at = self._with_noise_of_residuals(shooting, at)
-        shooting.prior = self._prior(parameters, np.zeros(len(self.unknowns.each)), 0.0) if self._biased else None
+        shooting.prior = self._prior(parameters, np.zeros(count))
         at = self._repaired(shooting, at, 0.0)
         jumped = shooting.left_out & self._unseen  # such a window holds up the last, tight steps
-        shooting.left_out = (mean_squares(shooting, at) > _MISFIT) | jumped
-        if shooting.left_out.mean() > _MOST_LOST:  # then it is the model that does not fit
-            shooting.left_out[:] = False
-        colours = self._recoloured(shooting, at)
-        at = shooting.point(at.parameters, at.states) or at
-        self._say("all windows as one motion")
-        at = shooting.minimise(at, 0.0, TIGHT, _STEPS, _ENOUGH)
-        return Fit(self.unknowns, shooting, at, shooting.jacobian(at), self._passes + shooting.passes, colours)
+        for _ in range(settings.rounds_of_noise):
+            shooting.left_out = (mean_squares(shooting, at) > settings.lost) | jumped
+            if shooting.left_out.mean() > settings.most_lost:  # then it is the model that does not fit
+                shooting.left_out[:] = False
+            white, colours = shooting.windows.colours, self._recoloured(shooting, at)
+            at = shooting.point(at.parameters, at.states) or at
+            self._say("all windows as one motion")
+            at = shooting.minimise(at, 0.0, TIGHT, settings.steps, settings.enough)
+            if not white.differs_from(self.recording):
+                break
+            at = self._with_noise_of_residuals(shooting, at)  # of a motion that is nearer
+        else:
+            white, colours = shooting.windows.colours, self._recoloured(shooting, at)
+            unstated = [one.sigma_from in ("neighbours", AT_MOST) and self._jitters.get(one.sensor, 0.0) > 0.0
+                        for one in self.recording.channels]
+            white = white._replace(sigmas=np.where(unstated, colours.sigmas, white.sigmas))
+            at = shooting.point(at.parameters, at.states) or at
+        errors = self.nuisances.errors(at.parameters[count:])
+        for sensor, offset in self._offsets.items():
+            errors[sensor, "offset"] = errors.get((sensor, "offset"), 0.0) + offset
+        return Fit(self.unknowns, self.nuisances, shooting, at, shooting.jacobian(at), self._passes + shooting.passes,
+                   white, colours, errors, self._jitters)
+
+    def _of_state(self) -> list[Channel]:
+        """Return the channels that tell positions of the body and the masses, the least noisy of each."""
+        known = measured(self.recording)
+        return [known[name] for name in self._names if name in known and name == positions_of(name)[0]] or [
+            *self.recording.channels]
+
+    def _retime(self, offsets: Mapping[str, float]) -> None:
+        """Take so much [s] more off the stamps of sensors."""
+        self.recording = replace(self.recording, channels=tuple(
+            replace(one, times=one.times - offsets.get(one.sensor, 0.0)) for one in self.recording.channels))
+        for sensor, offset in offsets.items():
+            self._offsets[sensor] = self._offsets.get(sensor, 0.0) + offset
+
+    def _retimed(self, parameters: np.ndarray) -> np.ndarray:
+        """Take large offsets off the stamps, and return the coordinates without them."""
+        parameters, before, offsets = parameters.copy(), len(self.unknowns.each), dict[str, float]()
+        for number, nuisance in enumerate(self.nuisances.each, before):
+            offset = parameters[number] * nuisance.unit
+            if nuisance.kind == "offset" and abs(offset) > self.settings.retimed:
+                offsets[nuisance.owner], parameters[number] = offset, 0.0
+        if not offsets:
+            return parameters
+        self._retime(offsets)
+        self.stretches = self._course()
+        return parameters
+
+    def _scanned(self, spans: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+        """Return the coordinates with the offset of each sensor that fits short windows best, where it does so clearly:
+        a sensor that is late by a third of a turn is not led back by small steps."""
+        settings, before = self.settings, len(self.unknowns.each)
+        masses = {one.sensor for one in self.recording.channels if one.field.startswith(("upper", "inclined"))}
+        clocks = [(one.owner not in masses, number, one) for number, one in enumerate(self.nuisances.each)]
+        for _, number, nuisance in sorted(clocks):  # the body moves as the masses do, so theirs is the first clock
+            if nuisance.kind != "offset" or all(one.bandwidth for one in self.recording.channels
+                                                if one.sensor == nuisance.owner):
+                continue
+            misfits = {offset: self._misfit_if_late(nuisance.owner, offset, spans, parameters)
+                       for offset in np.linspace(-1.0, 1.0, settings.scanned) * settings.latest}
+            best = min(misfits, key=misfits.__getitem__)
+            if misfits[best] < settings.clearly * min(misfits[offset] for offset in misfits if abs(offset) < 1e-9):
+                parameters = parameters.copy()
+                parameters[before + number] = best / nuisance.unit
+                parameters = self._retimed(parameters)
+                self._say(f"the stamps of {nuisance.owner} are late by about {1e3 * best:.0f} ms")
+        return parameters
+
+    def _misfit_if_late(self, sensor: str, offset: float, spans: np.ndarray, parameters: np.ndarray) -> float:
+        """Return the mean loss of a sensor's measurements in windows that start as they tell, if they are so late [s].
+        """
+        self._retime({sensor: offset})
+        shooting = self._shooting(spans)
+        starts = shooting.windows.spans[:, 0]
+        own = shooting.windows.course(*self._begin(parameters))
+        at = shooting.point(parameters, local_states(self.recording, self._names, starts, REACHES[0], own))
+        mine = np.array([one.sensor == sensor for one in self.recording.channels])[shooting.windows.channel]
+        self._retime({sensor: -offset})
+        self._passes += shooting.passes
+        return float(shooting.losses(at, 1.0)[0][mine].mean()) if at else math.inf
 
     def _begun_unseen(self, shooting: Shooting, at: Point) -> Point:
         """Return the point that fits the chain loosely, of masses that no sensor measures: again and again from the
         motion of the scene that was found, because windows in which a mass has lost its blows find none by themselves.
         """
+        settings = self.settings
         at = self._scouted(shooting, at)
-        for _ in range(_ROUNDS):
-            shooting.prior = self._prior(at.parameters, np.full(len(self.unknowns.each), _UNSEEN_WEIGHT), 0.0)
-            for looseness in _UNSEEN_LOOSENESSES:
-                at = self._tightened(shooting, at, looseness, _TIED * looseness)
-            if float((mean_squares(shooting, at) > _MISFIT).mean()) <= _FEW_LOST:
+        for _ in range(settings.rounds):
+            shooting.prior = self._prior(at.parameters, np.full(len(self.unknowns.each), settings.unseen_weight))
+            for looseness in settings.unseen_loosenesses:
+                at = self._tightened(shooting, at, looseness, settings.tied * looseness)
+            if float((mean_squares(shooting, at) > settings.lost).mean()) <= settings.few_lost:
                 break
             own = self._candidates(shooting, at.parameters)[-1]
             at = shooting.point(at.parameters, own) or at
@@ -190,93 +265,218 @@ class Fitting:
         """Return the best of many points whose scene moves from its own start: with parameters drawn around the best so
         far, less and less far. A mass that strikes once a turn instead of twice is not led to the other motion by small
         steps."""
+        settings = self.settings
         unknowns, count, random = self.unknowns, len(self.unknowns.each), np.random.default_rng(0)
-        spread = np.array([_FAR_OFF if one.unit else _FAR_OFF_IN_SHARES for one in unknowns.each])
+        spread = np.array([settings.far_off if one.unit else settings.far_off_in_shares for one in unknowns.each])
         low, high = np.array([ends for _, *ends in unknowns.limits(count)]).T
-        shooting.windows.blur(_BLUR)
+        shooting.windows.blur(settings.blur)
 
         def scored(parameters: np.ndarray) -> tuple[float, Point | None]:
             try:
-                own = shooting.windows.course(unknowns.scene_of(parameters[:count]), self._start(parameters))
+                own = shooting.windows.course(*self._begin(parameters))
             except (SimulationError, ValueError):
                 return math.inf, None
             there = shooting.point(parameters, own)
             return math.inf if there is None else shooting.windows.square_of_imu(there.found), there
 
         best, passes = scored(at.parameters)[0], shooting.passes
-        for share in _SCOUTS:
+        for share in settings.scouts:
             draws = []
-            for normal in random.standard_normal((_DRAWN, count)):
+            for normal in random.standard_normal((settings.drawn, count)):
                 own = unknowns.directions @ at.parameters[:count] + share * spread * normal
                 draws.append(np.append(np.linalg.solve(unknowns.directions, np.clip(own, low, high)),
                                        at.parameters[count:]))
             for _, future in in_processes(scored, draws, self._workers):
                 square, there = future.result()
-                if square < _BETTER * best:  # else the recording does not tell, and rounding would choose
+                if square < settings.better * best:  # else the recording does not tell, and rounding would choose
                     best, at = square, there
-        shooting.passes = passes + _DRAWN * len(_SCOUTS)  # whether this process has made them or another
+        shooting.passes = passes + settings.drawn * len(settings.scouts)  # whoever has made them
         return at
 
     def _tightened(self, shooting: Shooting, at: Point, looseness: float, width: float) -> Point:
         """Return the point with all windows, at a looseness of the measurements and one of the defects."""
-        self._say(f"{len(at.states)} windows of {_CHAIN:g} turns, looseness {looseness:g}")
+        settings = self.settings
+        self._say(f"{len(at.states)} windows of {settings.chain:g} turns, looseness {looseness:g}")
         shooting.left_out[:] = False
-        shooting.windows.blur(_BLUR * looseness if self._unseen and looseness >= _LEAST_BLURRED else 0.0)
+        is_blurred = self._unseen and looseness >= settings.least_blurred
+        shooting.windows.blur(settings.blur * looseness if is_blurred else 0.0)
         at = shooting.point(at.parameters, at.states) or at
         at = self._repaired(shooting, at, looseness)
-        return shooting.minimise(at, looseness, width, _STEPS, _ENOUGH_OF_CHAIN)
+        return shooting.minimise(at, looseness, width, settings.steps, settings.enough_of_chain)
 
     def _with_noise_of_residuals(self, shooting: Shooting, at: Point) -> Point:
-        """Return the point with the noise that its residuals show, where neighbouring values told only a bound."""
-        noises = residuals_in(shooting, at)
-        self.recording = replace(self.recording, channels=tuple(
+        """Return the point weighed by the noise that its residuals show: its size, where neighbouring values told only
+        a bound or where what the recording states is clearly another; the jitter of stamps; and outliers."""
+        windows = shooting.windows
+        windows.recolour()
+        plain = shooting.point(at.parameters, at.states) or at
+        noises = residuals_in(shooting, plain)
+        self.recording = windows.recording = replace(self.recording, channels=tuple(
             replace(channel, sigma=noise.sigma) if channel.sigma_from == AT_MOST else channel
             for channel, noise in zip(self.recording.channels, noises, strict=True)))
-        shooting.windows.recording = self.recording
-        shooting.windows.recolour(np.array([one.sigma for one in self.recording.channels]), np.zeros(len(noises)))
-        return shooting.point(at.parameters, at.states) or at
+        windows.recolour()
+        plain = shooting.point(at.parameters, at.states) or at
+        windows.recolour(self._colours(shooting, plain))
+        there = shooting.point(at.parameters, at.states) or at
+        if windows.colours.jitters.any():  # what is small beside the jitter may be large beside the same message's rest
+            more = self._wild(shooting, there.found.residuals, np.ones(len(there.found.residuals)))
+            if (more & ~windows.is_wild).any():
+                windows.recolour(windows.colours._replace(is_wild=windows.is_wild | more))
+                there = shooting.point(at.parameters, at.states) or at
+        return there
+
+    def _wild(self, shooting: Shooting, residuals: np.ndarray, expected: np.ndarray) -> np.ndarray:
+        """Return which measurements are outliers, the whole message if one number is; never one of an IMU, whose blows
+        are peaks, nor one in a window that jumps."""
+        windows, settings = shooting.windows, self.settings
+        of_imu = np.array([one.bandwidth > 0.0 for one in windows.recording.channels])[windows.channel]
+        counts = ~of_imu & ~shooting.left_out[windows.window]
+        is_wild = counts & wild(windows.channel, residuals, expected, settings.wild, settings.most_wild)
+        return windows.of_message(is_wild)
+
+    def _colours(self, shooting: Shooting, plain: Point) -> Colours:
+        """Return the noise that the residuals of a point show, which are those of white noise as stated."""
+        windows, settings = shooting.windows, self.settings
+        channels, residuals = windows.recording.channels, plain.found.residuals
+        sizes, jitters, bent = np.ones(len(channels)), np.zeros(len(residuals)), np.zeros(len(residuals))
+        if self._is_as_stated(shooting, plain):
+            return windows.colours
+        follows = np.append(False, (windows.channel[1:] == windows.channel[:-1]) & (
+            windows.window[1:] == windows.window[:-1])) & ~shooting.left_out[windows.window]
+        rates, bends, means = self._of_jitter(shooting, plain)
+        expected, shifts = np.ones(len(residuals)), np.zeros(len(residuals))
+        for sensor in dict.fromkeys(one.sensor for one in channels):
+            of = [number for number, one in enumerate(channels) if one.sensor == sensor and not one.bandwidth]
+            mine = np.isin(windows.channel, of)
+            if not mine.any():
+                continue
+            squares = [float(np.mean(residuals[windows.channel == number]**2)) for number in of]
+            if max(squares) < 1.0 + settings.settled * math.sqrt(6.0 / mine.sum()) and min(squares) > 0.5:
+                self._jitters[sensor] = 0.0
+                continue  # as stated; steps of an encoder at a constant speed are no white noise
+            is_exact = np.array([channels[number].resolution > 0.0 for number in of])
+            found, jitter = sizes_of(np.searchsorted(of, windows.channel[mine]), follows[mine], residuals[mine],
+                                     np.hypot(rates, bends)[mine], is_exact)
+            among = np.zeros(len(channels))
+            among[of] = found
+            own = residuals[mine] / np.hypot(among[windows.channel[mine]], jitter * np.hypot(rates, bends)[mine])
+            if float(np.mean(np.minimum(own**2, settings.wild**2))) > settings.unexplained:
+                found, jitter = np.ones(len(of)), 0.0
+            if jitter:
+                kept = mine & ~shooting.left_out[windows.window] & (
+                    np.abs(residuals) < settings.wild * np.hypot(1.0, jitter * np.hypot(rates, bends)))
+                found, share = refined_sizes(
+                    np.searchsorted(of, windows.channel[kept]), windows.messages(kept),
+                    (residuals + jitter**2 * means)[kept], jitter * rates[kept], jitter * bends[kept], found, is_exact)
+                jitter *= share
+            self._jitters[sensor] = jitter
+            jitters[mine], bent[mine] = jitter * rates[mine], jitter * bends[mine]
+            shifts[mine] = jitter**2 * means[mine]
+            for number, size in zip(of, found.tolist(), strict=True):
+                rows = (windows.channel == number) & ~shooting.left_out[windows.window]
+                sizes[number] = size
+                expected[windows.channel == number] = max(size, 1e-3)
+        expected = np.sqrt(expected**2 + jitters**2 + bent**2)
+        is_wild = self._wild(shooting, residuals + shifts, expected)
+        for number, channel in enumerate(channels):
+            rows = (windows.channel == number) & ~shooting.left_out[windows.window] & ~is_wild
+            if channel.sigma_from in ("neighbours", AT_MOST):
+                sizes[number] = max(sizes[number], RESOLVED * width_of(channel.field) / channel.sigma)
+                continue
+            excess = settings.settled * math.sqrt(3.0 / max(rows.sum(), 1))
+            square = float(np.mean(residuals[rows]**2)) if rows.any() else 1.0
+            if not jitters[rows].any() and sizes[number] < 1.0:  # neighbours that go together look too quiet
+                sizes[number] = math.sqrt(max(sizes[number]**2, min(square, 1.0)))
+            if abs(sizes[number]**2 - 1.0) < excess:
+                sizes[number] = 1.0
+        sigmas = np.array([one.sigma for one in channels])
+        return Colours(sizes * sigmas, np.zeros(len(sigmas)), jitters * sigmas[windows.channel],
+                       bent * sigmas[windows.channel], shifts * sigmas[windows.channel], is_wild)
+
+    def _is_as_stated(self, shooting: Shooting, plain: Point) -> bool:
+        """Return whether the residuals of all channels are as large as the recording states, without an outlier."""
+        windows, settings = shooting.windows, self.settings
+        for number, noise in enumerate(residuals_in(shooting, plain)):
+            excess = settings.settled * math.sqrt(6.0 / max(noise.number, 1))
+            largest = np.abs(plain.found.residuals[windows.channel == number]).max(initial=0.0)
+            if not (abs(noise.mean_square - 1.0) < excess and largest < settings.wild):
+                return False
+        return True
+
+    def _of_jitter(self, shooting: Shooting, at: Point) -> np.ndarray:
+        """Return what the jitter of a stamp makes of each residual: by how much it grows with the lateness [1/s], what
+        it deviates from that, in parts of the jitter [1/s], and by how much it is larger on the average, shape (3, n).
+
+        The mean over normal stamps is a sum over five instants (Gauss and Hermite), so that a blow nearby counts; the
+        average is why a jitter that is taken for noise alone makes a damper 0.1 % stronger.
+        """
+        windows, jitter = shooting.windows, max(self._jitters.values(), default=0.0) or self.settings.jitter
+        delays, weights = np.polynomial.hermite_e.hermegauss(5)
+        weights, changes = weights / weights.sum(), []
+        for delay in (jitter * delays).tolist():
+            windows.delay = delay
+            there = shooting.point(at.parameters, at.states) if delay else at
+            changes.append((there or at).found.residuals - at.found.residuals)
+        windows.delay = 0.0
+        mean, rates = weights @ changes, (weights * delays) @ changes / jitter
+        rest = weights @ np.square(changes) - mean**2 - (jitter * rates)**2
+        return np.array([rates, np.sqrt(np.maximum(rest, 0.0)) / jitter, mean / jitter**2])
 
     def _repaired(self, shooting: Shooting, at: Point, looseness: float) -> Point:
         candidates = self._candidates(shooting, at.parameters)
-        for _ in range(_REPAIRS):  # each may mend the window after one that was mended
+        for _ in range(self.settings.repairs):  # each may mend the window after one that was mended
             at, before = shooting.repaired(at, looseness, candidates), at
             if at is before:
                 break
             candidates = []
         return at
 
-    def _loosely(self, spans: np.ndarray, parameters: np.ndarray, what: str,
-                 loosenesses: tuple[float, ...]) -> np.ndarray:
-        """Return the coordinates that fit windows loosely, from a state for each that the measurements tell."""
-        shooting = self._shooting(spans)
+    def _loosely(self, spans: np.ndarray, parameters: np.ndarray, what: str, loosenesses: tuple[float, ...],
+                 draws: int) -> np.ndarray:
+        """Return the coordinates that fit windows loosely, from a state for each that the measurements tell; `draws`
+        other speeds are tried where samples are too few to tell them."""
+        shooting, settings = self._shooting(spans), self.settings
         shooting.prior = self._prior(parameters, np.array([
-            _STIFF_WEIGHT if name.endswith("plate.stiffness") else _WEIGHT for name in self.unknowns.names]), _WEIGHT)
+            settings.stiff_weight if name.endswith("plate.stiffness") else settings.weight
+            for name in self.unknowns.names]))
         candidates = self._candidates(shooting, parameters)
         at = self._begun(shooting, parameters, candidates)
         for looseness in loosenesses:
             self._say(f"{len(spans)} {what}, looseness {looseness:g}")
+            if draws and looseness == loosenesses[0]:
+                at = shooting.repaired(at, looseness, [*candidates, *self._drawn(shooting, at, draws)])
             at = shooting.repaired(at, looseness, candidates)
-            at = shooting.minimise(at, looseness, looseness, _STEPS, _ENOUGH_OF_PARTS)
+            at = shooting.minimise(at, looseness, looseness, settings.steps, settings.enough_of_parts)
         self._passes += shooting.passes
         return at.parameters
+
+    def _drawn(self, shooting: Shooting, at: Point, draws: int) -> list[np.ndarray]:
+        """Return states with other speeds."""
+        random = np.random.default_rng(0)
+        spread = np.array([self.settings.drawn_speed if name.endswith("velocity") else 0.0 for name in self._names])
+        return [at.states + spread * random.standard_normal(at.states.shape) for _ in range(draws)]
 
     def _shooting(self, spans: np.ndarray) -> Shooting:
         times = np.unique(np.concatenate([one.times for one in self.recording.channels]))
         inside = np.diff(np.searchsorted(times, spans), axis=1)[:, 0] > 0  # no window is without a measurement
-        windows = Windows(self.recording, self._names, spans[inside])
+        windows, before = Windows(self.recording, self._names, spans[inside]), len(self.unknowns.each)
 
         def simulated(parameters: np.ndarray, states: np.ndarray):
             try:
-                scene = self.unknowns.scene_of(parameters[:len(self.unknowns.each)])
+                scene, start = self._begin(parameters)
             except ValueError:  # a combination that no robot has
                 return None
-            biases = {one.field: one.bias * own for one, own in zip(
-                self._biased, parameters[len(parameters) - len(self._biased):].tolist(), strict=True)}
-            return windows.simulate(scene, self._start(parameters), states, biases)
+            return windows.simulate(scene, start, states, self.nuisances.errors(parameters[before:]))
 
         shooting = Shooting(windows, simulated, self._workers)
-        shooting.limits = self.unknowns.limits(len(self.unknowns.each) + len(self._start_coordinates()))
+        shooting.limits = [*self.unknowns.limits(before + len(self.nuisances.each)), *self.nuisances.limits(before)]
         return shooting
+
+    def _begin(self, parameters: np.ndarray) -> tuple[Scene, Start]:
+        """Return the scene and the start of coordinates (ValueError: if there is no such robot)."""
+        before = len(self.unknowns.each)
+        start = self.nuisances.start(parameters[before:])
+        return self.unknowns.scene_of(parameters[:before], start.settings), start
 
     def _begun(self, shooting: Shooting, parameters: np.ndarray, candidates: list[np.ndarray]) -> Point:
         for states in candidates:
@@ -289,8 +489,7 @@ class Fitting:
         """Return states at the windows' starts by the measurements around them, then those of the scene's own motion
         from its start."""
         starts = shooting.windows.spans[:, 0]
-        scene = self.unknowns.scene_of(parameters[:len(self.unknowns.each)])
-        own = shooting.windows.course(scene, self._start(parameters))
+        own = shooting.windows.course(*self._begin(parameters))
         near = [local_states(self.recording, self._names, starts, reach, own) for reach in REACHES]
         if all(np.array_equal(states, own) for states in near):
             return [own]
@@ -298,8 +497,8 @@ class Fitting:
         first[0] = own[0]
         return [*near, first]
 
-    def _course(self, rests: bool) -> list[Stretch]:
-        """Return the stretches of the recording that have measurements; `rests` is whether the crank does at time 0."""
+    def _course(self) -> list[Stretch]:
+        """Return the stretches of the recording that have measurements."""
         known, channels = measured(self.recording), {}
         for name in self._names:
             position, speed = positions_of(name)
@@ -311,10 +510,12 @@ class Fitting:
             """Return how long was measured until `time`."""
             return float((np.clip(time, *spans.T) - spans[:, 0]).sum())
 
-        rate = min((len(one.times) / max(lasting(one.times[-1]), _FIRST) for one in channels.values() if one),
-                   default=_RATE)
+        rate = min((len(one.times) / max(lasting(one.times[-1]), self.settings.first)
+                    for one in channels.values() if one), default=self.settings.rate)
         parts = [begin + np.arange(0.0, end - begin, 1.0 / rate) for begin, end in spans.tolist()]
-        run = simulate(self.unknowns.scene, times=np.concatenate(parts), commands=self.recording.commands)
+        scene = self.unknowns.scene.with_parameters(self.nuisances.start(self.nuisances.coordinates).settings)
+        with warnings.catch_warnings(action="ignore", category=ToleranceWarning):
+            run = simulate(scene, times=np.concatenate(parts), commands=self.recording.commands)
         found, first = list[Stretch](), 0
         for times in parts:
             part = slice(first, first := first + len(times))
@@ -326,68 +527,35 @@ class Fitting:
                     values = np.interp(times, channel.times, channel.values)
                     speeds.append(values if channel.field == speed else np.gradient(values, times))
             angle = np.interp(times, crank.times, crank.values) if crank else run.crank_angle[part]
-            if found:
-                rests = self._crank_at(times[0], float(run.motor_speed[part.start]))[1] == 0.0
+            rests = self.nuisances.rests if not found else crank_at(
+                self.recording, times[0], float(run.motor_speed[part.start]), self.settings)[1] == 0.0
             found.append(Stretch(times, angle, roughness(times, speeds), rests))
         return found
-
-    def _crank_at(self, begin: float, speed: float) -> tuple[float, float]:
-        """Return angle and speed of the crank at `begin` [s], as far as the recording tells them from there on, speed 0
-        if it rests; `speed` is what counts otherwise."""
-        crank = measured(self.recording).get("crank_angle")
-        if crank is None or not (from_then := crank.times >= begin).any():
-            return 0.0, speed
-        times, values = crank.times[from_then], crank.values[from_then]
-        first, angle = times <= times[0] + _FIRST, float(values[0])
-        if first.sum() > 2:  # a parabola, because the motor may gain speed from the first instant on
-            found, covariance = np.polyfit(times[first] - begin, values[first], 2,
-                                           w=np.full(first.sum(), 1.0 / crank.sigma), cov="unscaled")
-            speed, angle = found[1:].tolist()
-            if abs(speed) < _SETTLED * math.sqrt(covariance[1, 1]):
-                speed = 0.0
-        return angle, speed
 
     @property
     def _unseen(self) -> bool:
         return bool(unmeasured(self.recording, self._names))
 
-    def _prior(self, parameters: np.ndarray, weights: np.ndarray, of_motor: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return a prior around coordinates, with `weights` of the unknowns; of an IMU's constant errors, it is the
-        data sheet's."""
-        motor = np.full(len(parameters) - len(weights) - len(self._biased), of_motor)
-        expected = parameters.copy()
-        expected[len(parameters) - len(self._biased):] = 0.0
-        return expected, np.concatenate([weights, motor, np.ones(len(self._biased))])
+    def _prior(self, parameters: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return a prior around coordinates, with `weights` of the unknowns; that of a sensor's errors is around 0."""
+        expected, own = parameters.copy(), self.nuisances.weights
+        expected[len(weights):] = np.where(own > 0.0, 0.0, parameters[len(weights):])
+        return expected, np.concatenate([weights, own])
 
-    def _start_coordinates(self) -> np.ndarray:
-        """Return the first coordinates of what is no unknown: the motor's start, and an IMU's constant errors."""
-        units = {"crank_angle": _ANGLE_UNIT, "motor_speed": _SPEED_UNIT}
-        motor = [value / units[name] for name, value in self._first_start.items() if name == "crank_angle" or value]
-        return np.array([*motor, *(0.0 for _ in self._biased)])
-
-    def _start(self, parameters: np.ndarray) -> Mapping[str, float]:
-        """Return the motor's start of coordinates; a motor that rests stays at rest."""
-        own = parameters[len(self.unknowns.each):len(parameters) - len(self._biased)].tolist()
-        found = dict(self._first_start)
-        if own:
-            found["crank_angle"] = own[0] * _ANGLE_UNIT
-        if len(own) > 1:
-            found["motor_speed"] = own[1] * _SPEED_UNIT
-        return found
-
-    def _recoloured(self, shooting: Shooting, at: Point) -> tuple[np.ndarray, np.ndarray]:
+    def _recoloured(self, shooting: Shooting, at: Point) -> Colours:
         """Take correlations and standard deviations of the noise from the residuals, where they differ clearly.
 
         Noise that the recording states is never taken as less, nor a negative correlation, as an encoder's steps have
         at a constant speed: intervals become wider by what is found here, and not narrower.
         """
-        sigmas, correlations = [], []
+        colours, sigmas, correlations = shooting.windows.colours, [], []
         for sigma, correlation, number, mean_square in residuals_in(shooting, at):
-            excess = _SETTLED * math.sqrt(2.0 / number)
+            excess = self.settings.settled * math.sqrt(2.0 / max(number, 1))
             sigmas.append(sigma * math.sqrt(mean_square) if mean_square > 1.0 + excess else sigma)
-            correlations.append(correlation if correlation > _SETTLED / math.sqrt(number) else 0.0)
-        colours = np.array(sigmas), np.array(correlations)
-        shooting.windows.recolour(*colours)
+            clear = self.settings.settled / math.sqrt(max(number, 1))
+            correlations.append(correlation if correlation > clear else 0.0)
+        colours = colours._replace(sigmas=np.array(sigmas), correlations=np.array(correlations))
+        shooting.windows.recolour(colours)
         return colours
 
 
@@ -395,7 +563,7 @@ def mean_squares(shooting: Shooting, at: Point) -> np.ndarray:
     """Return the mean of the squared residuals of each window; 0 for a window without measurements."""
     windows, count = shooting.windows, len(at.states)
     squares = np.bincount(windows.window, at.found.residuals**2, count)
-    return squares / np.maximum(np.bincount(windows.window, minlength=count), 1)
+    return squares / np.maximum(np.bincount(windows.window, ~windows.is_wild, count), 1)
 
 
 class Residual(NamedTuple):
@@ -416,7 +584,8 @@ def residuals_in(shooting: Shooting, at: Point) -> list[Residual]:
     """
     windows, found = shooting.windows, []
     for number, channel in enumerate(windows.recording.channels):
-        mine = (windows.channel == number) & ~shooting.left_out[windows.window]
+        mine = (windows.channel == number) & ~shooting.left_out[windows.window] & ~windows.is_wild
+        sigma = float(windows.colours.sigmas[number])
         residuals, window = at.found.residuals[mine], windows.window[mine]
         together = window[1:] == window[:-1]
         square = float(residuals @ residuals)
@@ -424,7 +593,7 @@ def residuals_in(shooting: Shooting, at: Point) -> list[Residual]:
         scale = 1.0
         if channel.sigma_from in ("neighbours", AT_MOST) and together.any():
             scale = max(clipped(np.abs(np.diff(residuals)[together]) / math.sqrt(2.0)),
-                        RESOLVED * width_of(channel.field) / channel.sigma)  # less than this, no fit resolves
-        found.append(Residual(scale * channel.sigma, min(max(correlation, -0.99), 0.99), len(residuals),
+                        RESOLVED * width_of(channel.field) / sigma)  # less than this, no fit resolves
+        found.append(Residual(scale * sigma, min(max(correlation, -0.99), 0.99), len(residuals),
                               square / max(len(residuals), 1) / scale**2))
     return found

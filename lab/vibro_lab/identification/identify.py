@@ -3,16 +3,30 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from scipy.stats import chi2
 
 from vibro_lab.identification.fit import Fit, Fitting, mean_squares, residuals_in
-from vibro_lab.identification.inference import REJECTED, Noise, covariance_of, intervals, p_value, rank_in_words
-from vibro_lab.identification.recording import AT_MOST, IMU, Recording, read_recording
+from vibro_lab.identification.inference import (
+    HALF_WIDTH,
+    REJECTED,
+    Noise,
+    covariance_of,
+    intervals,
+    p_value,
+    rank_in_words,
+    suspicion,
+    whiteness,
+)
+from vibro_lab.identification.nuisances import CAMERA
+from vibro_lab.identification.recording import AT_MOST, IMU, LATEST, Recording, read_recording
+from vibro_lab.identification.settings import FitSettings
 from vibro_lab.identification.shooting import TIGHT, Point
 from vibro_lab.identification.unknowns import Unknowns
+from vibro_lab.identification.windows import Colours
 from vibro_ros import PARAMETERS, BagError, Scene, check_scene, core_count, quoted
 
 WINDOW = np.dtype([("start", float), ("end", float), ("mean_square", float), ("used", bool)])
@@ -37,11 +51,14 @@ EFFECTS: Mapping[str, Effect] = {
                        {"ground.static_friction": lambda scene: 1.25 * scene["ground.friction"],
                         "ground.stribeck_speed": lambda scene: scene["ground.stribeck_speed"]}),
     "slope": Effect({}, {"ground.slope": lambda scene: scene["ground.slope"]}),
+    "drag": Effect({}, {"ground.drag": lambda scene: scene["ground.drag"]}),
     "viscous": Effect({}, {"ground.viscous_friction": lambda scene: scene["ground.viscous_friction"]}),
     "reaction": Effect({"effects.reaction": True}, {}),
     "lag": Effect({"effects.motor": "lag"}, {"motor.time_constant": lambda scene: scene["motor.time_constant"]}),
 }
 """Effects that can be tried in addition, by name."""
+_LITTLE = {"stribeck": ("ground.static_friction", 1e-4), "slope": ("ground.slope", 1e-5), "drag": ("ground.drag", 1e-4),
+           "viscous": ("ground.viscous_friction", 1e-4)}  # of effects that begin at nothing: parameter, and a little
 
 
 @dataclass(frozen=True)
@@ -98,6 +115,15 @@ class Identification:
         The scene with the values, and the scene that the fit began with.
     windows : ndarray, dtype `WINDOW`
         The windows of the fit.
+    noises : tuple of Noise
+        What is left of each channel, and how it was judged.
+    sensors : dict of str to (float, float, float)
+        Errors of the sensors that were found, such as ``odom.offset`` [s], by how much its stamps are late: value and
+        95 % interval by the covariance.
+    outliers : dict of str to ndarray, shape (n, 2)
+        Instants [s] and values of the measurements that were taken as outliers, by channel.
+    suspicion : str
+        What would explain that the model does not fit; empty if it does.
     passes : int
         Number of simulations of the whole recording.
     said : tuple of str
@@ -124,6 +150,10 @@ class Identification:
     scene: Scene
     given: Scene
     windows: np.ndarray
+    noises: tuple[Noise, ...]
+    sensors: dict[str, tuple[float, float, float]]
+    outliers: dict[str, np.ndarray]
+    suspicion: str
     passes: int
     said: tuple[str, ...]
     recording: Recording
@@ -145,11 +175,38 @@ class Identification:
                     "or try others")
         if self.p_value < REJECTED:
             return (f"the model does not fit, p = {self.p_value:.1g}: values and intervals are of the nearest robot "
-                    "that the scene can be, not of the one recorded; try effects")
+                    f"that the scene can be, not of the one recorded. {self._evidence}; {self.suspicion}")
         if (lost := float((~self.windows["used"]).mean())) > DOUBTFUL:
             return (f"the model fits the windows that count, p = {self.p_value:.2g}, but {100.0 * lost:.0f} % of them "
                     "are left out, and what they would say is not known: measure masses and body, or begin nearer")
         return f"the model fits, p = {self.p_value:.2g}"
+
+    @property
+    def _evidence(self) -> str:
+        """Which residuals speak against the model, in a sentence without its end."""
+        worst = min(self.noises, key=lambda noise: (noise.p_value, -noise.excess))
+        size = math.sqrt(worst.mean_square)
+        return (f"The residuals of {worst.sensor}.{worst.field} are {size:.3g} times the noise, and neighbours go "
+                f"together by {worst.correlation:.2f}")
+
+    def of_sensors(self) -> list[str]:
+        """Return lines on clocks, cameras and noise that differ from what the recording states."""
+        lines = []
+        for name, (value, low, high) in self.sensors.items():
+            sensor, _, kind = name.partition(".")
+            half = 0.5 * (high - low)
+            lines.append({
+                "offset": f"{sensor}: stamps are late by {1e3 * value:.4f} ms ± {1e3 * half:.2g} ms",
+                "drift": f"{sensor}: its clock is fast by {1e6 * value:.1f} ppm ± {1e6 * half:.2g} ppm",
+                "scale": f"{sensor}: its metre is {1.0 + value:.6f} m ± {half:.2g} m",
+                "tilt": f"{sensor}: its axis is tilted by {value:.5f} rad ± {half:.2g} rad"}.get(
+                    kind, f"{sensor}: {kind} is off by {value:.4g} m/s² ± {half:.2g} m/s²"))
+        lines += [f"{sensor}: stamps jitter by {1e3 * jitter:.3g} ms" for sensor, jitter in dict.fromkeys(
+            (noise.sensor, noise.jitter) for noise in self.noises if noise.jitter)]
+        lines += [f"{noise.sensor}: {noise.field}: states a noise of {noise.stated:.3g}, its residuals are "
+                  f"{noise.size * noise.stated:.3g}" for noise in self.noises if noise.known and noise.size != 1.0]
+        return lines + [f"{noise.sensor}: {noise.field}: {noise.outliers} of {noise.count + noise.outliers} "
+                        "measurements are outliers, and left out" for noise in self.noises if noise.outliers]
 
     def words(self) -> list[str]:
         """Return the result in lines: values with intervals, what the recording does not tell, and the verdict."""
@@ -159,7 +216,7 @@ class Identification:
         lines += [f"{label:{width}} = {value:.6g}   95 %: {low:.6g} to {high:.6g}   scene: {self.given[name]:.6g}"
                   for label, (name, value), (low, high) in zip(labels, self.values.items(), self.intervals.values(),
                                                                strict=True)]
-        lines += self.rank
+        lines += [*self.of_sensors(), *self.rank]
         lines += [f"{sensor}: mean square of the residuals {square:.3f}" for sensor, square in self.chi_square.items()]
         if lost := int((~self.windows["used"]).sum()):
             lines.append(f"{lost} of {len(self.windows)} windows are left out: their motion jumps with its start")
@@ -169,7 +226,8 @@ class Identification:
 
 def identify(bag: str | Path, scene: Scene, free: Sequence[str],
              ranges: Mapping[str, tuple[float, float]] | None = None, noise: Mapping[str, float] | None = None,
-             effects: Sequence[str] = (), workers: int | None = None,
+             effects: Sequence[str] = (), workers: int | None = None, offsets: Mapping[str, float] | None = None,
+             camera: Sequence[str] = (), settings: FitSettings | None = None,
              say: Callable[[str], None] = lambda words: None) -> Identification:
     """Find the parameters of the robot that made a recording.
 
@@ -189,6 +247,12 @@ def identify(bag: str | Path, scene: Scene, free: Sequence[str],
         Effects to be tried in addition, keys of `EFFECTS`.
     workers : int
         Number of processes, by default the number of cores.
+    offsets : mapping of str to float
+        By how much the stamps of a sensor are late [s], where that is known; else it is found, up to 20 ms either way.
+    camera : sequence of str
+        What else is found of each camera, `odom` and `tracking`: `scale` and `tilt`.
+    settings : FitSettings
+        Settings of the fit.
     say : callable
         Told what is being done, a sentence at a time.
 
@@ -217,9 +281,14 @@ def identify(bag: str | Path, scene: Scene, free: Sequence[str],
     unknowns, wanted = Unknowns.of(scene, free, dict(ranges or {})), _checked(effects, scene, free)
     recording = _usable(read_recording(bag, scene, noise))
     workers = core_count() if workers is None else workers
-    fit = Fitting(recording, unknowns, workers, say).fitted()
-    alternatives = [_alternative(name, recording, fit, workers, say) for name in wanted]
-    (noises, simulated), covariance = _noises(fit), covariance_of(fit)
+    _check_sensors(recording, offsets or {}, camera)
+
+    def fitted(unknowns: Unknowns) -> Fit:
+        return Fitting(recording, unknowns, workers, say, offsets, camera, settings).fitted()
+
+    fit = fitted(unknowns)
+    alternatives = [_alternative(name, fit, fitted, say) for name in wanted]
+    (noises, _), covariance = _judged(fit), covariance_of(fit)
     recording = fit.shooting.windows.recording
     said = (*recording.said, *(f"{one.sensor}: {one.field}: noise {one.sigma:.3g} by the residuals of the fit"
                                for one in recording.channels if one.sigma_from == AT_MOST))
@@ -229,14 +298,17 @@ def identify(bag: str | Path, scene: Scene, free: Sequence[str],
     table = np.array([(*span, square, not left_out) for span, square, left_out in zip(
         windows.spans, fit.mean_squares, fit.shooting.left_out, strict=True)], dtype=WINDOW)
     found, profiles = intervals(fit, say)
+    chance = p_value(noises)
     return Identification(
         values=fit.values, intervals=found, covariance=slopes @ own @ slopes.T, rank=rank_in_words(fit),
-        chi_square=_by_sensor(noises), p_value=p_value(noises),
+        chi_square=_by_sensor(noises), p_value=chance, noises=tuple(noises), sensors=_sensors(fit, covariance),
+        outliers={name: rows for name, rows in _by_channel(fit, windows.values, windows.is_wild).items() if len(rows)},
+        suspicion=suspicion(fit, _trials(fit)) if chance < REJECTED else "",
         autocorrelation={f"{one.sensor}.{one.field}": one.correlation for one in noises},
         alternatives=tuple(sorted(alternatives, key=lambda one: (one.p_value, -one.gain))),
         scene=unknowns.scene_of(fit.coordinates), given=unknowns.scene, windows=table, passes=fit.passes, said=said,
         recording=recording, residuals=_by_channel(fit, fit.at.found.residuals),
-        simulated=_by_channel(fit, simulated), profiles=profiles)
+        simulated=_by_channel(fit, _simulated(fit)), profiles=profiles)
 
 
 def _checked(effects: Sequence[str], scene: Scene, free: Sequence[str]) -> tuple[str, ...]:
@@ -249,6 +321,17 @@ def _checked(effects: Sequence[str], scene: Scene, free: Sequence[str]) -> tuple
     return tuple(effects)
 
 
+def _check_sensors(recording: Recording, offsets: Mapping[str, float], camera: Sequence[str]) -> None:
+    """Raise a ValueError for an offset of a sensor that the recording lacks, or for a camera's error that is none."""
+    sensors = sorted({one.sensor for one in recording.channels})
+    for name, offset in offsets.items():
+        if name not in sensors or not (isinstance(offset, int | float) and abs(offset) < LATEST):
+            raise ValueError(f"offset of {name}: {quoted(offset)}; give one of {', '.join(sensors)}, and a number of "
+                             f"seconds below {LATEST:g}")
+    if wrong := [name for name in camera if name not in CAMERA]:
+        raise ValueError(f"camera: {quoted(wrong[0])} is none of its errors; give any of {', '.join(CAMERA)}")
+
+
 def _usable(recording: Recording) -> Recording:
     """Return the recording (BagError: it has measurements of an IMU alone)."""
     if all(one.sensor == IMU for one in recording.channels):
@@ -257,26 +340,59 @@ def _usable(recording: Recording) -> Recording:
     return recording
 
 
-def _stated(fit: Fit) -> Point:
-    """Return the best point, its residuals in the noise that the recording states, and white."""
-    shooting = fit.shooting
-    channels = shooting.windows.recording.channels
-    shooting.windows.recolour(np.array([one.sigma for one in channels]), np.zeros(len(channels)))
-    at = shooting.point(fit.at.parameters, fit.at.states) or fit.at
-    shooting.windows.recolour(*fit.colours)
+def _weighed(fit: Fit, colours: Colours) -> Point:
+    """Return the best point with its residuals weighed by other noise."""
+    fit.shooting.windows.recolour(colours)
+    at = fit.shooting.point(fit.at.parameters, fit.at.states) or fit.at
+    fit.shooting.windows.recolour(fit.colours)
     return at
 
 
-def _noises(fit: Fit) -> tuple[list[Noise], np.ndarray]:
-    """Return what is left of each channel, in the noise that the recording states, and the simulated value of each
-    measurement."""
-    windows, at = fit.shooting.windows, _stated(fit)
-    channels = windows.recording.channels
-    found = [Noise(channel.sensor, channel.field, count, square, correlation,
-                   channel.sigma_from not in ("neighbours", AT_MOST))
-             for channel, (_, correlation, count, square) in zip(channels, residuals_in(fit.shooting, at), strict=True)]
-    sigmas = np.array([one.sigma for one in channels])[windows.channel]
-    return found, windows.values - at.found.residuals * sigmas
+def _stated(fit: Fit) -> Colours:
+    """Return white noise of the size that the recording states, without jitter; outliers do not count."""
+    channels = fit.shooting.windows.recording.channels
+    nothing = np.zeros(len(channels))
+    of_each = np.zeros_like(fit.white.jitters)
+    return Colours(np.array([one.sigma for one in channels]), nothing, of_each, of_each, of_each, fit.white.is_wild)
+
+
+def _judged(fit: Fit) -> tuple[list[Noise], Colours]:
+    """Return what is left of each channel, and the noise by which it is judged: the one that was found, if that is
+    white, else the one that the recording states."""
+    windows, shooting, stated = fit.shooting.windows, fit.shooting, _stated(fit)
+    counts = ~shooting.left_out[windows.window] & ~windows.is_wild
+    left = _weighed(fit, fit.white).found.residuals
+    sigmas, own, chances = stated.sigmas.copy(), [np.zeros_like(part) for part in fit.white[2:5]], []
+    for number, channel in enumerate(windows.recording.channels):
+        mine = windows.channel == number
+        found_other = fit.white.sigmas[number] != channel.sigma or fit.white.jitters[mine].any()
+        is_guess = channel.sigma_from == "neighbours" and not fit.white.jitters[mine].any()
+        chance = whiteness(left[mine & counts]) if found_other and not is_guess else 1.0
+        chances.append(chance)
+        if chance >= REJECTED:
+            sigmas[number] = fit.white.sigmas[number]
+            for part, found in zip(own, fit.white[2:5], strict=True):
+                part[mine] = found[mine]
+    jitters = own[0]
+    judged = Colours(sigmas, stated.correlations, own[0], own[1], own[2], fit.white.is_wild)
+    at = _weighed(fit, judged)
+    windows.recolour(judged)
+    residuals = residuals_in(shooting, at)
+    windows.recolour(fit.colours)
+    return [Noise(channel.sensor, channel.field, count, square, correlation,
+                  channel.sigma_from not in ("neighbours", AT_MOST), channel.sigma, sigma / channel.sigma,
+                  fit.jitters.get(channel.sensor, 0.0) if jitters[windows.channel == number].any() else 0.0,
+                  int(windows.is_wild[windows.channel == number].sum()), chance)
+            for number, (channel, sigma, chance, (_, correlation, count, square)) in enumerate(zip(
+                windows.recording.channels, sigmas, chances, residuals, strict=True))], judged
+
+
+def _simulated(fit: Fit) -> np.ndarray:
+    """Return the simulated value of each measurement."""
+    windows = fit.shooting.windows
+    plain = _stated(fit)._replace(is_wild=np.zeros_like(fit.white.is_wild))
+    residuals = _weighed(fit, plain).found.residuals
+    return windows.values - residuals * plain.sigmas[windows.channel]
 
 
 def _by_sensor(noises: Sequence[Noise]) -> dict[str, float]:
@@ -287,21 +403,50 @@ def _by_sensor(noises: Sequence[Noise]) -> dict[str, float]:
             for sensor in sensors}
 
 
-def _by_channel(fit: Fit, numbers: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the instants and a number for each measurement, by channel."""
+def _sensors(fit: Fit, covariance: np.ndarray) -> dict[str, tuple[float, float, float]]:
+    """Return the errors of the sensors that were found, each with its interval."""
+    before = len(fit.unknowns.each)
+    return {f"{one.owner}.{one.kind}": (value := fit.errors[one.owner, one.kind], value - reach, value + reach)
+            for number, one in enumerate(fit.nuisances.each, before) if (one.owner, one.kind) in fit.errors
+            for reach in (HALF_WIDTH * one.unit * math.sqrt(float(covariance[number, number])),)}
+
+
+def _trials(fit: Fit) -> dict[str, Callable[[], tuple[Scene, float]]]:
+    """Return for each effect that the fit lacks a scene with a little of it, and how much."""
+    scene = fit.unknowns.scene_of(fit.coordinates, fit.start.settings)
+    trials = dict[str, Callable[[], tuple[Scene, float]]]()
+    for name, (parameter, little) in _LITTLE.items():
+        settings = EFFECTS[name].settings
+        is_part = parameter in fit.unknowns.names or (settings and all(scene[key] == value for key, value in
+                                                                       settings.items()))
+        if not is_part and scene["effects.friction"] != "none":
+            first = scene["ground.friction"] if name == "stribeck" else scene[parameter]
+            trials[name] = partial(_with_a_little, scene, settings, parameter, first, little)
+    return trials
+
+
+def _with_a_little(scene: Scene, settings: Mapping[str, object], parameter: str, first: float,
+                   little: float) -> tuple[Scene, float]:
+    return scene.with_parameters({**settings, parameter: first + little}), little
+
+
+def _by_channel(fit: Fit, numbers: np.ndarray, which: np.ndarray | None = None) -> dict[str, np.ndarray]:
+    """Return the instants and a number for each measurement, or for those of them `which` are wanted, by channel."""
     windows = fit.shooting.windows
-    mine = [windows.channel == number for number in range(len(windows.recording.channels))]
+    wanted = np.ones(len(numbers), bool) if which is None else which
+    mine = [wanted & (windows.channel == number) for number in range(len(windows.recording.channels))]
     return {f"{channel.sensor}.{channel.field}": np.column_stack([windows.times[one], numbers[one]])
             for channel, one in zip(windows.recording.channels, mine, strict=True)}
 
 
 def _lack_of(fit: Fit) -> float:
     """Return the mean square of the windows' residuals, in which a lost window counts as much as a bad one; in the
-    noise that the recording states, because noise that a fit has found is as large as its residuals."""
-    return float(np.minimum(mean_squares(fit.shooting, _stated(fit)), _BAD).mean())
+    noise by which the fit is judged."""
+    return float(np.minimum(mean_squares(fit.shooting, _weighed(fit, _judged(fit)[1])), _BAD).mean())
 
 
-def _alternative(name: str, recording: Recording, fit: Fit, workers: int, say: Callable[[str], None]) -> Alternative:
+def _alternative(name: str, fit: Fit, fitted: Callable[[Unknowns], Fit],
+                 say: Callable[[str], None]) -> Alternative:
     """Fit with one effect more, from the values that were found without it; if that ends in no fit, from the scene's,
     because values that a wrong model has bent may lie beyond a blow from the right ones."""
     effect, fits = EFFECTS[name], []
@@ -310,18 +455,20 @@ def _alternative(name: str, recording: Recording, fit: Fit, workers: int, say: C
         say(f"with the effect {name}")
         more = {parameter: value(plain) for parameter, value in effect.free.items()}
         scene = plain.with_parameters({**effect.settings, **more})
-        fits.append(Fitting(recording, Unknowns.of(scene, (*fit.unknowns.names, *more), ranges), workers, say).fitted())
+        fits.append(fitted(Unknowns.of(scene, (*fit.unknowns.names, *more), ranges)))
         if _lack_of(fits[-1]) < GOOD:
             break
     found = min(fits, key=_lack_of)
-    # Both by the noise that the better model leaves: the residuals of a wrong model are no noise.
-    fit.shooting.windows.recolour(*found.colours)
+    # Both by the noise that the better model leaves, measurement by measurement: the residuals of a wrong model are no
+    # noise. Only where stamps are taken alike are the measurements of a window the same ones.
+    fit.shooting.windows.recolour(found.colours if len(found.colours.jitters) == len(fit.colours.jitters) else
+                                  fit.colours)
     at = fit.shooting.point(fit.at.parameters, fit.at.states) or fit.at
     at = fit.shooting.minimise(at, 0.0, TIGHT, 2)
     either = fit.shooting.left_out | found.shooting.left_out
     gain = float((fit.shooting.by_window(at, 0.0, TIGHT)
                   - found.shooting.by_window(found.at, 0.0, TIGHT))[~either].sum())
-    fit.shooting.windows.recolour(*fit.colours)
+    fit.shooting.windows.recolour(fit.colours)
     chance = float(chi2.sf(gain, len(more))) if more else math.exp(-0.5 * max(gain, 0.0))
     return Alternative(name, gain, min(chance, 1.0), found.values, found.unknowns.scene_of(found.coordinates),
                        _lack_of(found))

@@ -1,8 +1,9 @@
 """What a fit is worth: intervals by profile likelihood, what the recording cannot tell, and whether the model fits."""
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from copy import copy
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2, norm
@@ -10,9 +11,12 @@ from scipy.stats import chi2, norm
 from vibro_lab.identification.fit import Fit
 from vibro_lab.identification.shooting import TIGHT
 from vibro_lab.identification.unknowns import plates_in
+from vibro_ros import Scene
 
 LEVEL = 0.95
 """Coverage of the intervals."""
+HALF_WIDTH = float(norm.ppf(0.5 + 0.5 * LEVEL))
+"""Half an interval in standard deviations, where the likelihood is normal."""
 REJECTED = 1e-3
 """p-value below which a model does not fit."""
 #: Standard deviation of a coordinate beyond which the recording does not tell it: a third of a positive parameter.
@@ -23,6 +27,9 @@ _ALONE = 0.9  # squared share of a parameter in what is not told, above which it
 _SHARE = 0.25  # of a combination's largest part, below which another part is not named
 #: Variance of an estimate of noise from neighbours, in units of that of as many squares of white noise.
 _ESTIMATED = 5.0
+_DELAY = 1e-5  # s, of a clock's derivative
+_EXPLAINS, _ALIKE = 0.3, 0.9  # share of the excess that explains it; and of the best one, that is as good
+_LAGS = 10  # samples: a third of a turn at 500 Hz, more than a turn at 100 Hz
 _JACOBIANS, _TRIES = 3, 2  # sets of derivatives, the first of the best point, and lengths, of a side of an interval
 _LEAST, _MOST = 0.3, 3.0  # factors between two lengths
 
@@ -80,13 +87,11 @@ def held(fit: Fit, direction: np.ndarray, covariance: np.ndarray, shift: float) 
     at = shooting.point(fit.at.parameters + own, fit.at.states + equations.states_for(own))
     if at is None:
         return math.inf
-    limits, left_out = shooting.limits, shooting.left_out.copy()
-    shooting.limits = [*limits, (direction, target, target)]
-    try:
-        at = shooting.minimise(at, 0.0, TIGHT, _JACOBIANS, 1e-6, fit.jacobian)
-        return shooting.misfit(at, 0.0, TIGHT) - fit.misfit
-    finally:
-        shooting.limits, shooting.left_out = limits, left_out
+    within = shooting.with_limit(direction, target, target)
+    at = within.minimise(at, 0.0, TIGHT, _JACOBIANS, 1e-6, fit.jacobian)
+    growth = within.misfit(at, 0.0, TIGHT) - within.misfit(fit.at, 0.0, TIGHT)
+    shooting.passes += within.passes
+    return growth
 
 
 def rank_in_words(fit: Fit) -> tuple[str, ...]:
@@ -127,13 +132,22 @@ class Noise:
     sensor, field : str
         The channel.
     count : int
-        Number of measurements.
+        Number of measurements, without outliers.
     mean_square : float
-        Of the residuals in standard deviations; 1 if the model fits and the noise is as stated.
+        Of the residuals in standard deviations; 1 if the model fits and the noise is as stated, or as found.
     correlation : float
         Of neighbouring residuals; 0 for white noise.
     known : bool
         Whether the standard deviation is known, not estimated from neighbours.
+    stated, size : float
+        Standard deviation of the noise that the recording states, and the size of the one found in parts of it.
+    jitter : float
+        Standard deviation [s] of the sensor's stamps; 0 if none was found.
+    outliers : int
+        Number of outliers.
+    whiteness : float
+        Probability of residuals that go together as much, if the noise that was found were white; 1 where it is the
+        stated one.
     """
 
     sensor: str
@@ -142,14 +156,84 @@ class Noise:
     mean_square: float
     correlation: float
     known: bool
+    stated: float
+    size: float
+    jitter: float
+    outliers: int
+    whiteness: float
 
     @property
     def excess(self) -> float:
         """Mean square above 1 in standard deviations, with the uncertainty of an estimated noise and of correlation."""
-        white = (1.0 + self.correlation**2) / (1.0 - self.correlation**2) if self.known else _ESTIMATED
-        return (self.mean_square - 1.0) / math.sqrt(2.0 * white / self.count)
+        if self.jitter and not self.known:  # nothing states its size, and jitter hides it from neighbours
+            return 0.0
+        is_known = self.known and self.size == 1.0 and not self.jitter
+        white = (1.0 + self.correlation**2) / (1.0 - self.correlation**2) if is_known else _ESTIMATED
+        return (self.mean_square - 1.0) / math.sqrt(2.0 * white / max(self.count, 1))
+
+    @property
+    def p_value(self) -> float:
+        """Probability of residuals as large and as little white if the model were right."""
+        return min(float(norm.sf(self.excess)), self.whiteness)
 
 
 def p_value(noises: list[Noise]) -> float:
-    """Return the probability of a channel with so large an excess if the model were right (Bonferroni's bound)."""
-    return min(1.0, len(noises) * float(norm.sf(max(noise.excess for noise in noises))))
+    """Return the probability of a channel as bad as the worst if the model were right (Bonferroni's bound)."""
+    return min(1.0, len(noises) * min(noise.p_value for noise in noises))
+
+
+def whiteness(residuals: np.ndarray) -> float:
+    """Return the probability of correlations as large as those of the residuals, up to `_LAGS` samples apart, if they
+    were white (Box and Pierce). A residual beyond three standard deviations counts as one of three."""
+    size = float(np.sqrt(np.mean(residuals**2))) if len(residuals) else 0.0
+    if len(residuals) <= 2 * _LAGS or not size:
+        return 1.0
+    own = np.clip(residuals / size, -3.0, 3.0)
+    shares = [float(own[lag:] @ own[:-lag]) / float(own @ own) for lag in range(1, _LAGS + 1)]
+    return float(chi2.sf(len(own) * sum(share**2 for share in shares), _LAGS))
+
+
+def suspicion(fit: Fit, trials: Mapping[str, Callable[[], tuple[Scene, float]]]) -> str:
+    """Return in words what would explain that the model does not fit: an effect, by a score test of its parameter, or
+    the clock of a sensor, by one of a shift in each third of the recording.
+
+    `trials` returns for each effect a scene that has a little of it, and how much.
+    """
+    shooting, windows, at = fit.shooting, fit.shooting.windows, fit.at
+    used = ~shooting.left_out[windows.window] & ~windows.is_wild
+    excess = float((at.found.residuals[used]**2).sum()) - used.sum()
+    shares: dict[str, float] = {}
+    for name, trial in trials.items():
+        scene, size = trial()
+        there = windows.simulate(scene, fit.start, at.states, fit.nuisances.errors(
+            at.parameters[len(fit.unknowns.each):]))
+        if there is not None:
+            shares[f"the effect {name}"] = _gain(fit, (there.residuals - at.found.residuals) / size,
+                                                 (there.ends - at.found.ends) / size) / max(excess, 1.0)
+    windows.delay = _DELAY
+    late = shooting.point(at.parameters, at.states) or at
+    windows.delay = 0.0
+    rates, third = (late.found.residuals - at.found.residuals) / _DELAY, fit.shooting.windows.recording.duration / 3.0
+    sensors = np.array([one.sensor for one in windows.recording.channels])[windows.channel]
+    for sensor in np.unique(sensors):
+        parts = [_gain(fit, np.where((sensors == sensor) & (windows.times // third == k), rates, 0.0),
+                       np.zeros_like(at.found.ends)) for k in range(3)]
+        shares[f"another clock of {sensor}"] = max(parts) / max(excess, 1.0)
+    best = max(shares, key=shares.__getitem__)
+    if shares[best] < _EXPLAINS:
+        return "no effect that can be tried and no clock would explain it"
+    alike = [name for name in sorted(shares, key=shares.__getitem__, reverse=True)
+             if shares[name] > _ALIKE * shares[best]]
+    remedy = f"look at the clock of {best.split()[-1]}" if "clock" in best else "try effects " + ",".join(
+        name.split()[-1] for name in alike if "effect" in name)
+    return f"{' or '.join(alike)} would explain {100.0 * min(shares[best], 1.0):.0f} % of it: {remedy}"
+
+
+def _gain(fit: Fit, residuals: np.ndarray, ends: np.ndarray) -> float:
+    """Return by how much the misfit falls along one more derivative of the residuals and of the windows' ends."""
+    more = replace(fit.jacobian, residuals=np.column_stack([fit.jacobian.residuals, residuals]),
+                   ends=np.concatenate([fit.jacobian.ends, ends[..., None]], axis=2))
+    at, shooting = replace(fit.at, parameters=np.append(fit.at.parameters, 0.0)), copy(fit.shooting)
+    if shooting.prior is not None:
+        shooting.prior = np.append(shooting.prior[0], 0.0), np.append(shooting.prior[1], 0.0)
+    return shooting.equations(at, more, 0.0, TIGHT).gain_of_last()

@@ -4,6 +4,8 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.optimize import nnls
 
 from vibro_ros import Scene, of_imu
 
@@ -13,6 +15,9 @@ _ORDERS = 4, 5, 6, 7  # of differences; lower ones keep too much of the motion, 
 _MOST = 50_000  # differences
 _CLIP = 2.0  # standard deviations
 _SHARE = 1.0 - 2.0 * _CLIP * math.exp(-0.5 * _CLIP**2) / math.sqrt(math.tau) / math.erf(_CLIP / math.sqrt(2.0))
+_FEWEST_MIDDLES = 30  # samples between neighbours for an estimate of jitter
+_ROUNDS, _TRIMMED, _SURE = 20, 4.0, 5.0  # of least squares; beyond so many deviations left out; of a jitter that counts
+_BEFORE = 0.1  # weight of the size by rates: without it a channel could take all lateness, with no noise at all
 _MEDIAN = 0.6744897501960817  # of the magnitude of a standard normal number
 
 
@@ -74,3 +79,92 @@ def resolution_of(field: str, values: np.ndarray, scene: Scene) -> float:
     else:
         return 0.0
     return step if step and np.abs(values / step - np.round(values / step)).max() < 1e-6 else 0.0
+
+
+def sizes_of(channel: np.ndarray, follows: np.ndarray, residuals: np.ndarray, rates: np.ndarray,
+             is_exact: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return the size of the noise of a sensor's channels, shape (channels,), and the jitter [s] of its stamps.
+
+    The residual of a sample less the mean of its neighbours has no motion in it, and its mean square is a weighted sum
+    of the channel's variance and of that of the jitter times the rate squared: linear least squares over all channels
+    find both. Beyond four standard deviations a square does not count.
+
+    Parameters
+    ----------
+    channel : ndarray of int, shape (n,)
+        Channel of each measurement, neighbours side by side.
+    follows : ndarray of bool, shape (n,)
+        Whether a measurement is of the same channel and window as the one before.
+    residuals, rates : ndarray, shape (n,)
+        Residuals in the standard deviation stated, and by how much they grow with the lateness of the stamp [1/s].
+    is_exact : ndarray of bool, shape (channels,)
+        Channels whose size is known to be 1, as that of a resolution.
+    """
+    middle = np.flatnonzero(follows[1:-1] & follows[2:]) + 1
+    of, sizes = channel[middle], np.ones(len(is_exact))
+    if len(middle) < _FEWEST_MIDDLES:
+        return sizes, 0.0
+    squares = (residuals[middle] - 0.5 * (residuals[middle - 1] + residuals[middle + 1]))**2 / 1.5
+    slopes = (rates[middle]**2 + 0.25 * (rates[middle - 1]**2 + rates[middle + 1]**2)) / 1.5
+    for k in np.flatnonzero(~is_exact):
+        sizes[k] = clipped(np.sqrt(squares[of == k])) if (of == k).any() else 1.0
+    with_size, jitter = np.zeros((len(middle), len(sizes) + 1)), 0.0
+    with_size[np.arange(len(middle)), of] = ~is_exact[of]
+    with_size[:, -1] = slopes * 1e-6  # of milliseconds
+    variance = float(np.median(squares)) / _MEDIAN**2 / max(float(np.median(slopes)), 1e-300)
+    expected = np.where(is_exact[of], 1.0, 0.0) + with_size @ np.append(np.minimum(sizes**2, 1.0), variance * 1e6)
+    deviation = math.inf
+    for _ in range(_ROUNDS):
+        kept = squares < (_TRIMMED**2) * expected
+        weights = kept / expected
+        rows = weights[:, None] * with_size
+        found = nnls(rows, weights * (squares - is_exact[of]))[0]
+        expected = np.maximum(with_size @ found + is_exact[of], 1e-6)
+        deviation = math.sqrt(3.0 * float(np.linalg.pinv(rows.T @ rows)[-1, -1]))
+        jitter = math.sqrt(found[-1]) * 1e-3
+    if found[-1] < _SURE * deviation:
+        for k in np.flatnonzero(~is_exact):
+            sizes[k] = clipped(np.sqrt(squares[of == k])) if (of == k).any() else 1.0
+        return sizes, 0.0
+    return np.where(is_exact, 1.0, np.sqrt(np.append(found, 0.0)[:len(sizes)])), jitter
+
+
+def wild(channel: np.ndarray, residuals: np.ndarray, expected: np.ndarray, beyond: float,
+         most: float) -> np.ndarray:
+    """Return which residuals are outliers, shape (n,): above `beyond` standard deviations `expected`, and as far above
+    the middle one of their six neighbours, because where the model is wrong all are large. A channel with a larger
+    share of them than `most` has none."""
+    away, is_wild = np.abs(residuals) / expected, np.zeros(len(residuals), bool)
+    for number in np.unique(channel):
+        mine = np.flatnonzero(channel == number)
+        padded = np.pad(away[mine], 3, mode="reflect") if len(mine) > 3 else np.pad(away[mine], 3, mode="edge")
+        around = np.median(np.delete(sliding_window_view(padded, 7), 3, axis=1), axis=1)
+        one = away[mine] > beyond * np.maximum(1.0, around / _MEDIAN)
+        is_wild[mine] = one & (one.mean() <= most)
+    return is_wild
+
+
+def refined_sizes(channel: np.ndarray, message: np.ndarray, residuals: np.ndarray, jitters: np.ndarray,
+                  bends: np.ndarray, sizes: np.ndarray, is_exact: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return the sizes of the noise of a sensor's channels, and the share by which its jitter is another, from what the
+    numbers of each message say together (expectation and maximisation).
+
+    Where jitter is fifty times the noise, the square of one number hardly tells the noise; that what the other numbers
+    of the message say of its lateness leaves of it does. `jitters` is what one standard deviation of lateness makes of
+    each residual, `bends` what it makes beside that; all are in the standard deviation stated.
+    """
+    before = np.maximum(sizes, 1e-3)
+    sizes, share = before.copy(), 1.0
+    for _ in range(2 * _ROUNDS):
+        deviation = np.hypot(sizes[channel], bends)
+        own, along = residuals / deviation, share * jitters / deviation
+        known = 1.0 + np.bincount(message, along**2)
+        late = np.bincount(message, along * own) / known
+        left = np.minimum((own - along * late[message])**2 + along**2 / known[message], _TRIMMED**2)
+        share *= math.sqrt(float(np.mean(np.minimum(late**2, _TRIMMED**2) + 1.0 / known)))
+        for k in np.flatnonzero(~is_exact):
+            mine = (channel == k) & (bends <= sizes[k])
+            if mine.sum() > _FEWEST_MIDDLES:
+                square = float(np.mean(left[mine] * deviation[mine]**2) - np.mean(bends[mine]**2))
+                sizes[k] = math.sqrt((max(square, 0.0) + _BEFORE * before[k]**2) / (1.0 + _BEFORE))
+    return sizes, share

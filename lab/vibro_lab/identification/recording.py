@@ -259,7 +259,7 @@ def _since(begin: int, commands: list[tuple[int, dict[str, float]]], scene: Scen
     wanted = (scene.motor_command, *(f"{side}_gap" for side in scene.plates))
     if missing := [name for name in wanted if name not in found.get(0.0, {})]:
         said.append(f"no command of {', '.join(missing)} was recorded before the first measurement: until one "
-                    "comes, the scene's values hold")
+                    "comes, a motor turns as the encoder says, and else the scene's values hold")
     return tuple(sorted(found.items()))
 
 

@@ -16,6 +16,7 @@ problemmethoden zur Parameteridentifizierung, 1987, has the method; it is restar
 """
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,6 +45,7 @@ _CHORDS, _HOLDS = 5, 0.7
 _LITTLE = 1e-3  # of the misfit, where a parameter is within a thirtieth of its standard deviation of the best
 #: A window jumps if it spoils a step by this share of what the step should have won; largest share of such windows.
 _JUMP, _MOST_LEFT_OUT = 0.3, 0.3
+_TOLD = 1e-9  # share of a parameter's information that the others leave, below which rounding has made it
 _HELD = 1e6  # times the largest curvature: the weight that holds a parameter at its limit
 
 
@@ -118,6 +120,12 @@ class Shooting:
         self.left_out = np.zeros(len(windows.spans), bool)
         self.limits: Sequence[tuple[np.ndarray, float, float]] = ()
 
+    def with_limit(self, direction: np.ndarray, low: float, high: float) -> "Shooting":
+        """Return a shooting through the same windows with one limit more, whose passes count from 0."""
+        more = copy(self)
+        more.passes, more.limits, more.left_out = 0, [*self.limits, (direction, low, high)], self.left_out.copy()
+        return more
+
     def point(self, parameters: np.ndarray, states: np.ndarray) -> Point | None:
         """Return the point with these parameters and states; None where there is no motion."""
         self.passes += 1
@@ -149,7 +157,7 @@ class Shooting:
         squares = at.found.residuals**2
         if not looseness:
             return squares, np.ones(len(squares))
-        shrunk = 1.0 / (1.0 + (looseness * self._blurs / self.windows.sigmas)**2)
+        shrunk = 1.0 / (1.0 + (looseness * self._blurs / self.windows.spreads)**2)
         ratio = shrunk * squares / OUTLIER**2
         return OUTLIER**2 * np.log1p(ratio), shrunk / (1.0 + ratio)
 
@@ -351,6 +359,15 @@ class NormalEquations:
     def information(self) -> np.ndarray:
         """Return Fisher's information of the parameters, shape (p, p), when the states are unknown as well."""
         return self._eliminated(0.0)[0]
+
+    def gain_of_last(self) -> float:
+        """Return by how much the misfit falls where the last parameter is free, to first order, if all others are at
+        their best (a score test)."""
+        matrix, gradient = self._eliminated(0.0)[:2]
+        along = np.linalg.pinv(matrix[:-1, :-1], hermitian=True) @ np.column_stack([matrix[:-1, -1], gradient[:-1]])
+        told = float(matrix[-1, -1] - matrix[-1, :-1] @ along[:, 0])
+        left = float(gradient[-1] - matrix[-1, :-1] @ along[:, 1])
+        return left**2 / told if told > _TOLD * matrix[-1, -1] else 0.0
 
     def _eliminated(self, damping: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Eliminate the states: return what is left of `corner` and its gradient, and the states' step by those."""

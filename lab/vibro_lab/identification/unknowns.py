@@ -138,9 +138,10 @@ class Unknowns:
                  unknown.coordinate(unknown.high))
                 for direction, unknown in zip(self.directions, self.each, strict=True)]
 
-    def scene_of(self, coordinates: np.ndarray) -> Scene:
-        """Return the scene with the values of coordinates (ValueError: if they contradict each other)."""
-        return self.scene.with_parameters(self.values(coordinates))
+    def scene_of(self, coordinates: np.ndarray, settings: Mapping[str, float] | None = None) -> Scene:
+        """Return the scene with the values of coordinates, and with `settings` (ValueError: if they contradict each
+        other)."""
+        return self.scene.with_parameters(self.values(coordinates) | dict(settings or {}))
 
 
 def plates_in(free: Sequence[str]) -> list[tuple[str, str]]:

@@ -57,9 +57,10 @@ class Stretch(NamedTuple):
 
 
 def measured_spans(recording: Recording) -> np.ndarray:
-    """Return first and last measurement [s] of each part of the recording without pauses, shape (parts, 2)."""
+    """Return first and last measurement [s] of each part of the recording without pauses, shape (parts, 2). One whose
+    stamp is late may be of before time 0, where no motion is known."""
     channels = recording.channels
-    times = np.unique(np.concatenate([one.times for one in channels]))
+    times = np.unique(np.concatenate([one.times[one.times >= 0.0] for one in channels]))
     spacing = min(float(np.median(np.diff(one.times))) for one in channels)
     ends = np.flatnonzero(np.diff(times) > max(_PAUSE, _SPACINGS * spacing))
     firsts, lasts = np.append(0, ends + 1), np.append(ends, len(times) - 1)

@@ -6,16 +6,34 @@ not part of a window's state: they follow from the commands alone, in one course
 motor feels its load, and its angle and speed are part of the state.
 """
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from vibro_lab.identification.recording import Recording
-from vibro_ros import ACCELERATIONS, IMU_FORGETTING, SAMPLE_FIELDS, Scene, SimulationError, Simulator, force_at_rest
+from vibro_lab.identification.nuisances import Errors, Start
+from vibro_lab.identification.recording import AT_MOST, IMU, Recording
+from vibro_lab.identification.windowing import positions_of
+from vibro_ros import (
+    ACCELERATIONS,
+    IMU_FORGETTING,
+    SAMPLE_FIELDS,
+    Scene,
+    SimulationError,
+    Simulator,
+    ToleranceWarning,
+    force_at_rest,
+)
 
 _QUANTITIES = (*SAMPLE_FIELDS, *ACCELERATIONS)
+#: Of each quantity the one that is its rate, and of the body's the one along the other axis; -1 for none.
+_RATES = np.array([_QUANTITIES.index(positions_of(name)[1]) if name.endswith(("_position", "_height", "_angle")) and
+                   positions_of(name)[1] in _QUANTITIES else -1 for name in _QUANTITIES])
+_ACROSS = {"body_position": "body_height", "body_velocity": "body_vertical_velocity"}
+_ACROSS |= {up: along for along, up in _ACROSS.items()}
 
 
 def state_names(scene: Scene) -> tuple[str, ...]:
@@ -45,6 +63,26 @@ class Pass:
     ends: np.ndarray
 
 
+class Colours(NamedTuple):
+    """Noise by which residuals are weighed: by channel its standard deviation and the correlation of neighbours, shape
+    (channels,); by measurement what the jitter of its stamp adds [in the channel's unit], with the sign of its rate,
+    what it adds beside that near a blow and by how much it makes the value smaller on the average, and whether it is an
+    outlier, shape (measurements,)."""
+
+    sigmas: np.ndarray
+    correlations: np.ndarray
+    jitters: np.ndarray
+    bends: np.ndarray
+    shifts: np.ndarray
+    is_wild: np.ndarray
+
+    def differs_from(self, recording: Recording) -> bool:
+        """Return whether the noise is another than the recording states, or was found without it."""
+        stated = all(sigma == one.sigma and one.sigma_from != AT_MOST
+                     for sigma, one in zip(self.sigmas.tolist(), recording.channels, strict=True))
+        return not stated or bool(self.jitters.any() or self.is_wild.any())
+
+
 class Windows:
     """Windows of a recording.
 
@@ -68,6 +106,10 @@ class Windows:
         Instant [s] and measured value of each.
     slices : list of slice
         The measurements of each window.
+    is_wild : ndarray of bool, shape (measurements,)
+        Outliers, whose residual is 0.
+    delay : float
+        Lateness [s] of all stamps in addition.
     """
 
     def __init__(self, recording: Recording, names: tuple[str, ...], spans: np.ndarray):
@@ -75,38 +117,60 @@ class Windows:
         self.joined = spans[1:, 0] == spans[:-1, 1]
         channels = recording.channels
         self._bandwidth = max((one.bandwidth for one in channels), default=0.0)
-        self._blur = 0.0
-        times = np.unique(np.concatenate([channel.times for channel in channels]))
-        self._times = times[self._window_of(times) >= 0]
-        self._first, self._end = np.searchsorted(self._times, spans.T)
+        self._blur, self.delay = 0.0, 0.0
         parts = []
         for number, channel in enumerate(channels):
             window = self._window_of(channel.times)
             used = window >= 0
             if channel.bandwidth:  # a window's start is a step of the speed for the low-pass
                 used &= channel.times >= spans[window, 0] + IMU_FORGETTING / channel.bandwidth
-            parts.append((np.full(used.sum(), number), window[used],
-                          np.searchsorted(self._times, channel.times[used]), channel.values[used]))
-        of, window, rows, values = (np.concatenate(part) for part in zip(*parts, strict=True))
+            parts.append((np.full(used.sum(), number), window[used], channel.times[used], channel.values[used]))
+        of, window, times, values = (np.concatenate(part) for part in zip(*parts, strict=True))
         order = np.lexsort((of, window))  # stable: the measurements of a channel stay in their order
-        self.channel, self.window, self._rows, self.values = (part[order] for part in (of, window, rows, values))
-        self.times = self._times[self._rows]
+        self.channel, self.window, self.times, self.values = (part[order] for part in (of, window, times, values))
+        sensors = [one.sensor for one in channels]
+        self._sensors = list(dict.fromkeys(sensors))
+        self._sensor = np.array([self._sensors.index(one) for one in sensors])[self.channel]
+        self._message = np.unique(np.stack([self._sensor, self.times]), axis=1, return_inverse=True)[1].ravel()
         self._fields = np.array([_QUANTITIES.index(one.field) for one in channels])[self.channel]
+        across = [_QUANTITIES.index(_ACROSS.get(one.field, one.field)) for one in channels]
+        self._across = np.array(across)[self.channel]
+        self._sign = np.array([{"body_position": 1.0, "body_velocity": 1.0, "body_height": -1.0,
+                                "body_vertical_velocity": -1.0}.get(one.field, 0.0) for one in channels])[self.channel]
         self._limits = np.array([one.limit for one in channels])[self.channel]
         self.values = np.clip(self.values, -self._limits, self._limits)
         self._of_imu = np.array([one.bandwidth > 0.0 for one in channels])[self.channel]
         self.slices = [slice(*np.searchsorted(self.window, (k, k + 1))) for k in range(len(spans))]
         self._states = [SAMPLE_FIELDS.index(name) for name in names]
-        self.recolour(np.array([one.sigma for one in channels]), np.zeros(len(channels)))
+        self.recolour()
 
-    def recolour(self, sigmas: np.ndarray, correlations: np.ndarray) -> None:
-        """Take noise of these standard deviations and of these correlations of neighbours, by channel; the noise of a
-        sample is then ``correlation * the one before + white noise``, an AR(1) process."""
-        self.sigmas = sigmas[self.channel]
+    def recolour(self, colours: Colours | None = None) -> None:
+        """Take noise of these colours, by default white noise of the recording's standard deviations.
+
+        The noise of a sample is ``correlation * the one before + white noise``, an AR(1) process. All numbers of a
+        message have the same error of its stamp: their residuals g times it are whitened together, which leaves the
+        part of length ``|g|`` along g divided by ``sqrt(1 + |g|²)``. An outlier does not count."""
+        sigmas, nothing = np.array([one.sigma for one in self.recording.channels]), np.zeros(len(self.channel))
+        self.colours = colours or Colours(sigmas, np.zeros(len(sigmas)), nothing, nothing, nothing, nothing > 0.0)
+        sigmas, correlations, jitters, bends, self._shifts, self.is_wild = self.colours
+        self.sigmas = np.hypot(sigmas[self.channel], bends)
+        self._jitters = np.where(self.is_wild, 0.0, jitters / self.sigmas)
+        self.spreads = self.sigmas * np.sqrt(1.0 + self._jitters**2)
+        square = np.bincount(self._message, self._jitters**2)
+        self._along = np.divide(1.0 - 1.0 / np.sqrt(1.0 + square), square, out=np.zeros(len(square)),
+                                where=square > 0.0)
         follows = np.zeros(len(self.channel), bool)  # whether the measurement before is of the same channel and window
         follows[1:] = (self.channel[1:] == self.channel[:-1]) & (self.window[1:] == self.window[:-1])
         self._correlation = np.where(follows, correlations[self.channel], 0.0)
         self._whitening = 1.0 / np.sqrt(1.0 - self._correlation**2)
+
+    def of_message(self, are: np.ndarray) -> np.ndarray:
+        """Return of each measurement whether any of its message is one of those that `are`, shape (measurements,)."""
+        return np.bincount(self._message, are)[self._message] > 0
+
+    def messages(self, which: np.ndarray) -> np.ndarray:
+        """Return the numbers of the messages of some measurements, from 0 on."""
+        return np.unique(self._message[which], return_inverse=True)[1]
 
     def blur(self, duration: float) -> None:
         """Blur what an IMU has left unexplained by a normal distribution of this standard deviation [s], 0 for none.
@@ -121,51 +185,78 @@ class Windows:
         window = np.searchsorted(self.spans[:, 0], times, side="right") - 1
         return np.where((window >= 0) & (times < self.spans[window, 1]), window, -1)
 
-    def simulate(self, scene: Scene, start: Mapping[str, float], states: np.ndarray,
-                 biases: Mapping[str, float] | None = None) -> Pass | None:
+    def simulate(self, scene: Scene, start: Start, states: np.ndarray, errors: Errors | None = None) -> Pass | None:
         """Simulate all windows in one pass; None if a state is impossible or the motion cannot go on.
 
         Parameters
         ----------
         scene : Scene
             The scene with the parameters that are tried.
-        start : mapping of str to float
-            What the commands do not tell of the motor at time 0: arguments of `Simulator.set_state`.
+        start : Start
+            What the commands do not tell of time 0; its settings are those of the scene already.
         states : ndarray, shape (windows, states)
             State at the start of each window.
-        biases : mapping of str to float
-            Constant errors [m/s²] of an IMU by field.
+        errors : mapping of (str, str) to float
+            Errors of the sensors.
         """
-        predicted, ends = np.empty((len(_QUANTITIES), len(self._times))), np.empty_like(states)
+        instants = self.times - self._lateness(errors or {}) - self.delay
+        first, last = self.spans[self.window].T
+        inside = np.clip(instants, first, np.nextafter(last, -np.inf))
+        times, rows = np.unique(inside, return_inverse=True)
+        predicted, ends = np.empty((len(_QUANTITIES), len(times))), np.empty_like(states)
+        firsts, stops = np.searchsorted(times, self.spans.T)
         try:
-            device = Simulator(scene, self._bandwidth)
-            _put(device, start)
+            device = _device(scene, self._bandwidth)
+            _put(device, start.state)
             commands = Commands(self.recording, device)
             for k, (begin, end) in enumerate(self.spans.tolist()):
                 commands.advance_to(begin, with_those_at_it=True)
                 _put(device, _possible(device, dict(zip(self.names, states[k].tolist(), strict=True))))
-                done = self._first[k]
+                done = firsts[k]
                 while (instant := commands.next_instant) < end:
-                    upto = int(np.searchsorted(self._times, instant))
-                    self._sample(device, predicted, done, upto)
+                    upto = int(np.searchsorted(times, instant))
+                    self._sample(device, times, predicted, done, upto)
                     done = upto
                     commands.advance_to(instant, with_those_at_it=True)
-                self._sample(device, predicted, done, self._end[k])
+                self._sample(device, times, predicted, done, stops[k])
                 device.advance_to(end)
                 ends[k] = device.values[self._states]
         except (SimulationError, ValueError):
             return None
-        for field, at_rest in zip(ACCELERATIONS, force_at_rest(scene), strict=True):
-            predicted[_QUANTITIES.index(field)] += at_rest + (biases or {}).get(field, 0.0)
-        simulated = np.clip(predicted[self._fields, self._rows], -self._limits, self._limits)
-        residuals = self._blurred((self.values - simulated) / self.sigmas)
+        residuals = self._blurred((self.values + self._shifts - self._seen(
+            scene, predicted, rows, instants - inside, errors or {})) / self.sigmas)
+        residuals[self.is_wild] = 0.0
+        along = np.bincount(self._message, self._jitters * residuals)
+        residuals -= self._jitters * (self._along * along)[self._message]
         before = np.concatenate([[0.0], residuals[:-1]])
         return Pass((residuals - self._correlation * before) * self._whitening, ends)
 
-    def course(self, scene: Scene, start: Mapping[str, float]) -> np.ndarray:
+    def _lateness(self, errors: Errors) -> np.ndarray:
+        """Return how late the stamp of each measurement is [s]."""
+        offsets, drifts = (np.array([errors.get((name, kind), 0.0) for name in self._sensors])[self._sensor]
+                           for kind in ("offset", "drift"))
+        return offsets + drifts * (self.times - 0.5 * self.recording.duration)
+
+    def _seen(self, scene: Scene, predicted: np.ndarray, rows: np.ndarray, beyond: np.ndarray,
+              errors: Errors) -> np.ndarray:
+        """Return what the sensors make of the predicted quantities, shape (quantities, instants), in the `rows` of each
+        measurement; where its instant is `beyond` its window [s], a position goes on at its speed."""
+        for field, at_rest in zip(ACCELERATIONS, force_at_rest(scene), strict=True):
+            predicted[_QUANTITIES.index(field)] += at_rest + errors.get((IMU, field), 0.0)
+        rates = _RATES[self._fields]
+        seen = predicted[self._fields, rows] + np.where(rates >= 0, predicted[rates, rows], 0.0) * beyond
+        for number, name in enumerate(self._sensors):
+            scale, tilt = (errors.get((name, kind), 0.0) for kind in ("scale", "tilt"))
+            if scale or tilt:
+                mine = self._sensor == number
+                across = predicted[self._across[mine], rows[mine]] * self._sign[mine]
+                seen[mine] = (1.0 + scale) * (np.cos(tilt) * seen[mine] + np.sin(tilt) * across)
+        return np.clip(seen, -self._limits, self._limits)
+
+    def course(self, scene: Scene, start: Start) -> np.ndarray:
         """Return the states at the windows' starts, shape (windows, states), in one motion from the scene's start."""
-        states, device = np.empty((len(self.spans), len(self._states))), Simulator(scene)
-        _put(device, start)
+        states, device = np.empty((len(self.spans), len(self._states))), _device(scene)
+        _put(device, start.state)
         commands = Commands(self.recording, device)
         for k, begin in enumerate(self.spans[:, 0].tolist()):
             commands.advance_to(begin)
@@ -185,13 +276,13 @@ class Windows:
                 residuals[mine] = gaussian_filter1d(residuals[mine], self._blur / max(step, 1e-6), mode="constant")
         return residuals
 
-    def _sample(self, device: Simulator, predicted: np.ndarray, first: int, end: int) -> None:
+    def _sample(self, device: Simulator, times: np.ndarray, predicted: np.ndarray, first: int, end: int) -> None:
         if end > first:
-            times, accelerations = self._times[first:end], np.zeros((end - first, len(ACCELERATIONS)))
+            accelerations = np.zeros((end - first, len(ACCELERATIONS)))
             if self._bandwidth:
-                samples, accelerations = device.sample_filtered(times)
+                samples, accelerations = device.sample_filtered(times[first:end])
             else:
-                samples = device.sample(times)
+                samples = device.sample(times[first:end])
             predicted[:, first:end] = [*(getattr(samples, name) for name in SAMPLE_FIELDS), *accelerations.T]
 
 
@@ -214,6 +305,12 @@ class Commands:
             self._device.command(**command)
             self._next += 1
         self._device.advance_to(time)
+
+
+def _device(scene: Scene, bandwidth: float = 0.0) -> Simulator:
+    """Return a device of the scene, without the warning that its tolerance is below rounding: a fit makes 1000."""
+    with warnings.catch_warnings(action="ignore", category=ToleranceWarning):
+        return Simulator(scene, bandwidth)
 
 
 def _put(device: Simulator, state: Mapping[str, float]) -> None:

@@ -49,6 +49,7 @@ def identification_page(found: Identification, bag: str) -> str:
             ("parameter", "value", "95 % interval"),
             ((name, with_unit(f"{value:.6g}", PARAMETERS[name].unit), "{:.6g} to {:.6g}".format(*found.intervals[name]))
              for name, value in found.values.items())),
+        "<h2>The sensors</h2>", _list(found.of_sensors()) if found.of_sensors() else "<p>They are as stated.</p>",
         "<h2>What the recording does not tell</h2>",
         _list(found.rank) if found.rank else "<p>It tells all free parameters apart.</p>",
         "<h2>Recording and twin</h2>",
@@ -113,6 +114,8 @@ def _overlay(found: Identification, channel: Channel) -> Figure:
             np.column_stack([channel.times, channel.values]), simulated))
         axes.plot(*measured.T, ".", color=BLACK, ms=3.0, label="recording")
         axes.plot(*twin.T, color=BLUE, lw=1.0, label="twin")
+        if len(outliers := found.outliers.get(_name(channel), np.empty((0, 2)))):
+            axes.plot(*outliers.T, "x", color=VERMILION, ms=4.0, label="outlier")
         quantity = channel.field.rpartition("_")[2]
         axes.set_ylabel(with_unit(*((quantity, _UNITS[quantity]) if quantity in _UNITS else _SPECIFIC_FORCE)))
         axes.set_xlim(max(low, 0.0), min(high, found.recording.duration))

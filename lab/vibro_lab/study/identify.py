@@ -8,6 +8,7 @@ from pathlib import Path
 
 from vibro_lab.identification.excitation import Excitation, excite, sensors_of
 from vibro_lab.identification.identify import EFFECTS, WINDOW, Identification, identify
+from vibro_lab.identification.nuisances import CAMERA
 from vibro_lab.identification.unknowns import Unknowns
 from vibro_lab.study.command import Results, StudyCommand, machine_of
 from vibro_lab.study.execution import Execution
@@ -31,6 +32,8 @@ class IdentificationDesign:
     ranges: dict[str, tuple[float, float]]
     noise: dict[str, float]
     effects: tuple[str, ...]
+    offsets: dict[str, float]
+    camera: tuple[str, ...]
     excite: float
 
 
@@ -50,6 +53,11 @@ def _add_options(parser: Parser) -> None:
                         "repeatable (default: by the covariances in the messages, else by neighbouring values)")
     parser.add_argument("--effects", default="", metavar="NAMES", help="effects that are tried in addition, separated "
                         f"by commas: {', '.join(EFFECTS)}")
+    parser.add_argument("--offset", action="append", default=[], metavar="SENSOR=SECONDS", help="by how much the "
+                        "stamps of a sensor are late, such as odom=0.003, where that is known; repeatable (default: "
+                        "found, up to 0.02 s either way)")
+    parser.add_argument("--camera", default="", metavar="NAMES", help="what else is found of odom and tracking, "
+                        f"separated by commas: {', '.join(CAMERA)}")
 
 
 def _design_of(options: argparse.Namespace) -> IdentificationDesign:
@@ -67,14 +75,22 @@ def _design_of(options: argparse.Namespace) -> IdentificationDesign:
         if not colon:
             raise ValueError(f"--range {word}: give NAME=LOW:HIGH, such as ground.friction=0.1:0.4")
         ranges[name] = _number(word, low), _number(word, high)
-    noise = {}
-    for word in options.noise:
-        name, equals, sigma = word.partition("=")
-        if not equals:
-            raise ValueError(f"--noise {word}: give SENSOR=SIGMA, such as tracking=0.001")
-        noise[name] = float("inf") if sigma == "inf" else _number(word, sigma)
+    noise = {name: float("inf") if number == "inf" else _number(word, number)
+             for word, name, number in _pairs("--noise", options.noise, "SENSOR=SIGMA, such as tracking=0.001")}
+    offsets = {name: _number(word, number) for word, name, number in _pairs(
+        "--offset", options.offset, "SENSOR=SECONDS, such as odom=0.003")}
     Unknowns.of(scene, free, ranges)  # refuses what cannot be free before the bag is read
-    return IdentificationDesign(options.bag, scene, free, ranges, noise, _names(options.effects), options.excite)
+    return IdentificationDesign(options.bag, scene, free, ranges, noise, _names(options.effects),
+                                offsets, _names(options.camera), options.excite)
+
+
+def _pairs(option: str, words: Sequence[str], form: str) -> Iterator[tuple[str, str, str]]:
+    """Yield each word with the name and the number in it."""
+    for word in words:
+        name, equals, number = word.partition("=")
+        if not equals:
+            raise ValueError(f"{option} {word}: give {form}")
+        yield word, name, number
 
 
 def _names(words: str) -> tuple[str, ...]:
@@ -93,7 +109,7 @@ def _results(design: IdentificationDesign, folder: Path, execution: Execution) -
     if design.bag:
         with bag_errors(design.bag):
             found = identify(design.bag, design.scene, design.free, design.ranges, design.noise, design.effects,
-                             execution.workers, lambda words: say("study", words))
+                             execution.workers, design.offsets, design.camera, say=lambda words: say("study", words))
         comment = f"found by study identify in {design.bag.name}: {found.verdict}"
         page = identification_page(found, design.bag.resolve().name).encode()
         yield Results({SCENE: scene_as_file(found.scene, comment), NUMBERS: numbers_of(found), PAGE: page},
@@ -119,7 +135,9 @@ def numbers_of(found: Identification) -> bytes:
         "values": found.values, "intervals": found.intervals, "covariance": found.covariance.tolist(),
         "rank": found.rank, "chi_square": found.chi_square, "p_value": found.p_value,
         "autocorrelation": found.autocorrelation, "verdict": found.verdict, "said": found.said,
-        "passes": found.passes, "profiles": {name: points.tolist() for name, points in found.profiles.items()},
+        "passes": found.passes, "sensors": found.sensors,
+        "outliers": {name: rows.tolist() for name, rows in found.outliers.items()},
+        "profiles": {name: points.tolist() for name, points in found.profiles.items()},
         "windows": [dict(zip(WINDOW.names or (), row.tolist(), strict=True)) for row in found.windows],
         "alternatives": [{"effect": one.effect, "gain": one.gain, "p_value": one.p_value, "values": one.values,
                           "mean_square": one.mean_square}
