@@ -37,6 +37,7 @@ def test_help_has_each_option_and_the_exit_codes(capsys):
     (["--noise", "odom"], "--noise odom: give SENSOR=SIGMA"),
     (["--noise", "odom=loud"], "loud is no number; give one such as 0.1"),
     (["--noise", "odom=-1"], "noise of odom: -1.0 is no standard deviation; give a number above 0"),
+    (["--offset", "odom"], "--offset odom: give SENSOR=SECONDS"),
     (["--effects", "wind"], "'wind' is none that can be tried; give any of stribeck"),
     (["--free", "mass.bodi"], "'mass.bodi' is no number of the robot"),
     (["--free", "mass.body,mass.body"], "each once"),
@@ -56,14 +57,16 @@ def test_the_scene_and_the_numbers_are_written_and_can_be_loaded(tmp_path, capsy
     """`identify` is replaced: what is given to it and what becomes of its result is the command's part."""
     given = {}
 
-    def found(bag, scene, free, ranges, noise, effects, workers, say):
-        given.update(bag=bag, scene=scene, free=free, ranges=ranges, noise=noise, effects=effects)
+    def found(bag, scene, free, ranges, noise, effects, workers, offsets, camera, say):
+        given.update(bag=bag, scene=scene, free=free, ranges=ranges, noise=noise, effects=effects, offsets=offsets,
+                     camera=camera)
         return SimpleNamespace(
             values={"ground.friction": 0.21}, intervals={"ground.friction": (0.2, 0.22)},
             covariance=np.array([[1e-4]]), rank=("a sentence",), chi_square={"odom": 1.0}, p_value=0.5,
             autocorrelation={"odom.body_position": 0.0}, verdict="the model fits, p = 0.5", said=("read",), passes=7,
             profiles={"ground.friction": np.array([[0.21, 0.0]])},
-            windows=np.zeros(1, study.WINDOW), alternatives=(),
+            windows=np.zeros(1, study.WINDOW), alternatives=(), sensors={"odom.offset": (0.003, 0.0029, 0.0031)},
+            outliers={"odom.body_position": np.array([[0.5, 2.0]])},
             recording=SimpleNamespace(channels=()), words=lambda: ["words of the result"],
             scene=scene.with_parameters({"ground.friction": 0.21}))
 
@@ -71,7 +74,9 @@ def test_the_scene_and_the_numbers_are_written_and_can_be_loaded(tmp_path, capsy
     monkeypatch.setattr(study, "identification_page", lambda found, name: f"<p>{name}: {found.verdict}")
     assert study.main(["bag", "--scene", "damped", "--set", "mass.body=1.1", "--output", str(tmp_path), "--free",
                        "ground.friction, upper.gap", "--range", "ground.friction=0.1:0.4", "--noise", "odom=inf",
-                       "--noise", "encoder=1e-3", "--effects", "stribeck,slope"]) == 0
+                       "--noise", "encoder=1e-3", "--effects", "stribeck,slope", "--offset", "odom=0.003",
+                       "--camera", "scale"]) == 0
+    assert given["offsets"] == {"odom": 0.003} and given["camera"] == ("scale",)
     assert given["free"] == ("ground.friction", "upper.gap") and given["effects"] == ("stribeck", "slope")
     assert given["ranges"] == {"ground.friction": (0.1, 0.4)}
     assert given["noise"] == {"odom": float("inf"), "encoder": 1e-3} and given["scene"]["mass.body"] == 1.1
@@ -80,13 +85,15 @@ def test_the_scene_and_the_numbers_are_written_and_can_be_loaded(tmp_path, capsy
     numbers = json.loads((tmp_path / study.NUMBERS).read_text())
     assert numbers["intervals"] == {"ground.friction": [0.2, 0.22]} and numbers["verdict"] == "the model fits, p = 0.5"
     assert (tmp_path / study.PAGE).read_text() == "<p>bag: the model fits, p = 0.5"
+    assert numbers["sensors"] == {"odom.offset": [0.003, 0.0029, 0.0031]}
+    assert numbers["outliers"] == {"odom.body_position": [[0.5, 2.0]]}
     said = capsys.readouterr().out
     assert "words of the result" in said and str(tmp_path / study.SCENE) in said
 
 
 def test_by_default_all_that_a_scene_has_is_free_and_what_is_0_is_not(tmp_path, monkeypatch):
     given = {}
-    monkeypatch.setattr(study, "identify", lambda bag, scene, free, *rest: given.update(free=free) or 1 / 0)
+    monkeypatch.setattr(study, "identify", lambda bag, scene, free, *rest, say: given.update(free=free) or 1 / 0)
     for name, missing in (("damped", ()), ("unilateral", ("upper.spring.damping", "inclined.plate.damping"))):
         with pytest.raises(ZeroDivisionError):
             study.main(["bag", "--scene", name, "--output", str(tmp_path)])
@@ -97,7 +104,7 @@ def test_by_default_all_that_a_scene_has_is_free_and_what_is_0_is_not(tmp_path, 
 @pytest.mark.process
 def test_ctrl_c_ends_a_fit_with_130_and_says_so(tmp_path):
     program = ("import sys, time; from vibro_lab.study import identify as study\n"
-               "def fit(*given): print('fitting', flush=True); time.sleep(600)\n"
+               "def fit(*given, say): print('fitting', flush=True); time.sleep(600)\n"
                "study.identify = fit\n"
                "from vibro_ros.process.entry_point import enter\n"
                f"sys.exit(study.main(['bag', '--scene', 'damped', '--output', {str(tmp_path / 'out')!r}]))\n")
