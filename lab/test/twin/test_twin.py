@@ -241,5 +241,6 @@ def test_what_is_not_measured_is_dropped_and_lateness_is_no_offset(hearing, benc
     ("solver.method:=rk4", "solver.method: rk4 has no filtered acceleration; choose exact"),
     ("twin.fre:=[nothing]", "twin.fre: unknown parameter"),
 ])
-def test_parameters_are_refused(refusal, given, why):
+def test_parameters_are_refused(refusal, monkeypatch, given, why):
+    monkeypatch.setattr("os.nice", lambda _: None)  # or all tests that follow would be nice
     assert why in refusal(twin.main, "--ros-args", "-p", given)
