@@ -59,6 +59,7 @@ class Scene(ParameterValues):
 
     # The package `model` sets this method, because the module of the method imports this one.
     describe: ClassVar[Callable[["Scene"], str]]
+    """Return states, forcing, equations, modes, guards and events in the paper's symbols with values."""
 
     def __post_init__(self) -> None:
         complete = _DEFAULTS | checked_parameters(self.parameters, SCENE_PARAMETERS)
