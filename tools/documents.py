@@ -4,8 +4,8 @@ Each measured page has, in a comment at its end, the fingerprint of what decides
 the device's results (`test/reference/digests.json`, which tests hold), and the statements of every definition that its
 generator reaches in the packages beside the device, without comments, docstrings, annotations and names of variables.
 So a change of the device that changes no bit, and a change of code that the page does not use, leave the page valid.
-`--check`, used by `make lint`, names the stale pages. The tests compare pages without measured numbers with their
-generators.
+`--check`, used by `make lint`, names the stale pages, and fails if there are any. The tests
+compare pages without measured numbers with their generators.
 
 A document that is interrupted goes on where it was: a search or a line of a map that is finished lies in
 `out/documents/NAME-FINGERPRINT`, and each document gets its fingerprint as soon as it is made.

@@ -81,7 +81,7 @@ def test_a_hostile_bag_is_read_or_refused(tmp_path, bags, run, storage, name, ma
     run(replay.main, str(folder))
     run(report.main, str(folder), "--output", str(tmp_path / "report"))
     shutil.rmtree(tmp_path / "report", ignore_errors=True)
-    found = readable(folder)
+    messages = readable(folder)
     assert tree(tmp_path) == before, "a reader wrote"
     originals = [path.read_bytes() for path in folder.iterdir()
                  if path.suffix == ".mcap" and path.is_file() and not path.is_symlink()]
@@ -91,7 +91,7 @@ def test_a_hostile_bag_is_read_or_refused(tmp_path, bags, run, storage, name, ma
     run(replay.main, str(folder))
     outside = {path: digest for path, digest in tree(tmp_path).items() if path.startswith("outside")}
     assert outside == {path: digest for path, digest in before.items() if path.startswith("outside")}
-    assert readable(folder) >= (found if code else max(found, 0))
+    assert readable(folder) >= (messages if code else max(messages, 0))
     files = [path.read_bytes() for path in folder.iterdir() if path.is_file() and not path.is_symlink()]
     for data in originals:  # cut bytes are kept beside the file
         kept = max(_common(data, one) for one in files)

@@ -164,8 +164,8 @@ HOSTILE_PARAMETERS = {
 def clients(bench):
     """Return a client of each of the robot's services by name, without those of actions and that of rcl itself."""
     def robots() -> list:
-        found = bench.node.get_service_names_and_types()
-        return [(name, kind) for name, (kind,) in found if name.startswith("/vibro_robot/")
+        services = bench.node.get_service_names_and_types()
+        return [(name, kind) for name, (kind,) in services if name.startswith("/vibro_robot/")
                 and "/_action/" not in name and not name.endswith("/get_type_description")]
 
     bench.spin_until(lambda: len(robots()) > 8, "the robot's services")
@@ -238,8 +238,8 @@ def test_every_request_is_answered_every_refusal_counted_and_every_sample_finite
 def sentences(response) -> list[str]:
     """Return the texts of an answer of any service."""
     parts = [response, getattr(response, "result", None), *getattr(response, "results", ())]
-    found = [getattr(part, field, "") for part in parts for field in SENTENCES]
-    return [text for text in found if isinstance(text, str)]
+    texts = [getattr(part, field, "") for part in parts for field in SENTENCES]
+    return [text for text in texts if isinstance(text, str)]
 
 
 def ask(bench, asked: list) -> list:

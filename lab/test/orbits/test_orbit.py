@@ -70,12 +70,12 @@ def test_an_impact_oscillator_has_the_multipliers_of_its_closed_form(restitution
                       "upper.spring.damping": damping})
     orbit, closed = vibro_lab.find_orbit(of), ImpactOscillator(of)
     phases = closed.phases_where(lambda phase: closed.blow(phase).gap - gap)
-    found = in_order(orbit.multipliers)
+    multipliers = in_order(orbit.multipliers)
     expected = min((in_order(closed.multipliers(phase)) for phase in phases),
-                   key=lambda pair: np.abs(found - pair).max())
-    assert found == pytest.approx(expected, abs=1e-7)
-    assert np.abs(found - expected).max() <= orbit.multiplier_error + 1e-9  # of the phase
-    assert np.prod(found) == pytest.approx(restitution**2 * math.exp(-damping / of["mass.upper"] * PERIOD))
+                   key=lambda pair: np.abs(multipliers - pair).max())
+    assert multipliers == pytest.approx(expected, abs=1e-7)
+    assert np.abs(multipliers - expected).max() <= orbit.multiplier_error + 1e-9  # of the phase
+    assert np.prod(multipliers) == pytest.approx(restitution**2 * math.exp(-damping / of["mass.upper"] * PERIOD))
 
 
 def test_the_step_of_the_differences_suits_contacts_that_lie_close_together():

@@ -217,9 +217,9 @@ def design_of(file: Mapping[str, Any], words: Mapping[str, Any]) -> SweepDesign:
     entries = {**DEFAULTS, **file, **words}
     given = {name for key in ("set", "vary") for linked in words.get(key, {}) for name in parameter_names(linked)}
     for key in ("set", "vary"):
-        own = words.get(key, {})
+        on_command_line = words.get(key, {})
         entries[key] = {name: value for name, value in file.get(key, {}).items()
-                     if name in own or not given.issuperset(parameter_names(name))} | own
+                     if name in on_command_line or not given.issuperset(parameter_names(name))} | on_command_line
     varied_names = {name for linked in entries["vary"] for name in parameter_names(linked)}
     for name in entries["set"]:
         if name in varied_names:

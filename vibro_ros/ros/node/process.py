@@ -114,25 +114,25 @@ def waker(node: Node) -> Callable[[], None]:
 @contextmanager
 def _woken_by_signals(node: GuardedNode) -> Iterator[None]:
     """Context in which a signal ends the executor's wait, because Python handles signals in the main thread alone."""
-    heard, told = socket.socketpair()
-    told.setblocking(False)
+    receiver, sender = socket.socketpair()
+    sender.setblocking(False)
     wake = waker(node)
 
     def listen() -> None:
-        while heard.recv(1):
+        while receiver.recv(1):
             wake()
 
     thread = Thread(target=listen, name="signals", daemon=True)
     thread.start()
-    before = signal.set_wakeup_fd(told.fileno(), warn_on_full_buffer=False)
+    before = signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)
     try:
         yield
     finally:
         signal.set_wakeup_fd(before)
-        told.shutdown(socket.SHUT_WR)  # ends the thread even if a child process has inherited the socket
+        sender.shutdown(socket.SHUT_WR)  # ends the thread even if a child process has inherited the socket
         thread.join()
-        told.close()
-        heard.close()
+        sender.close()
+        receiver.close()
 
 
 class Work(Generic[Result]):
