@@ -1,5 +1,6 @@
 """`make bench` prints its table, from a short run."""
 
+import math
 import re
 from importlib.util import find_spec
 
@@ -13,7 +14,9 @@ def test_the_table_has_a_row_a_scene_and_a_cell_a_column(monkeypatch, capsys):
     table = [re.split(r" *\| *", line.strip("|")) for line in lines if line.startswith("|")]
     assert [row[0].strip() for row in table] == ["scene", "---", "`no_impact`", "`machine`"]
     assert {len(row) for row in table} == {len(costs.COLUMNS)}
-    heyoka, set_ups = ([row.pop(place) for row in table[2:]] for place in (3, 2))
-    assert all(float(cell.split()[0]) > 0.0 for row in table[2:] for cell in row[1:])
-    assert all(float(cell) >= 0.0 for cell in set_ups)
-    assert all(float(cell) > 0.0 for cell in heyoka) if find_spec("heyoka") else set(heyoka) == {"nan"}
+    values = [[float(cell.split()[0]) for cell in row[1:]] for row in table[2:]]
+    for exact, set_up, heyoka, rk4, segments, event, tick in values:
+        # A cost is a difference of two times: over 0.05 s on a busy computer it may have either sign.
+        assert all(map(math.isfinite, (exact, set_up, rk4, event)))
+        assert math.isfinite(heyoka) is bool(find_spec("heyoka"))
+        assert segments > 0.0 and tick > 0.0
