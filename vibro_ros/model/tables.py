@@ -217,7 +217,7 @@ def _guard_table(builder: ModeBuilder) -> tuple[GuardTable, Shock]:
                 jump[k, c] = matrices.number(matrix_of[id(target)])
             if target.shock:
                 shock[k, c], _ = shocks.setdefault(id(target.shock), (len(shocks), target.shock))
-    at = mode_set.padded([len(of_one) for of_one in of_context])
+    at = mode_set.padded(tuple(map(len, of_context)))
     of_body = [channel(i) for channel in (channels.position, channels.velocity)
                for i in range(channels.dynamic, channels.coordinates)]
     form = np.array(rows.arrays).reshape(len(rows.arrays), channels.count)
