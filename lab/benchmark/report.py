@@ -31,13 +31,13 @@ from vibro_lab.accuracy.report import (
     goes_wrong_way,
     how_measured,
     is_one_speed,
+    markdown_table,
     section,
     two_digits,
 )
 from vibro_lab.accuracy.scene_rows import LONG, SHORT, lyapunov_time_in
 from vibro_lab.orbits.starts import SETTLING, STARTING, started_at_share
 from vibro_lab.study.figures import Figure, default_settings, new_figure, png, set_heading, style_axes
-from vibro_lab.study.page import markdown_table
 from vibro_ros import Scene, load_scene
 
 SCENE_ROWS, PROBLEM_ROWS = Path("accuracy/accuracy.csv"), Path("benchmark/results.csv")

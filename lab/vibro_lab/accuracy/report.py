@@ -4,7 +4,7 @@ Costs are in seconds of wall time for each simulated second, without set-up, in 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import takewhile
 from typing import NamedTuple
 
@@ -23,7 +23,6 @@ from vibro_lab.accuracy.harness import (
 )
 from vibro_lab.accuracy.scene_rows import LONG, SHORT, lyapunov_time_in
 from vibro_lab.orbits.starts import RUNNING_SPEED, SETTLING
-from vibro_lab.study.page import markdown_table
 
 COST = "cost [s/s]"  # heading of the unit of all costs
 WITHIN = 0.05  # largest relative error of a mean speed that counts as right
@@ -48,6 +47,12 @@ REQUIREMENTS = (Requirement(f"every position to 1 mm for {SHORT:g} s", SHORT, "p
                 Requirement(f"every position to 1 mm for {LONG:g} s", LONG, "position_error", 1e-3),
                 Requirement(f"every position to 1 µm for {LONG:g} s", LONG, "position_error", 1e-6))
 MEAN_SPEED = "the mean speed"
+
+
+def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Return a table with a line for each row; a bar within a cell is a slash, because it would end the cell."""
+    first, *others = (f"| {' | '.join(str(cell).replace('|', '/') for cell in cells)} |" for cells in (heads, *rows))
+    return "\n".join([first, "|---" * len(heads) + "|", *others])
 
 
 def two_digits(value: float) -> str:
