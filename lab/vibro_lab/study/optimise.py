@@ -481,7 +481,7 @@ def _results(plan: SearchPlan, folder: Path, execution: Execution) -> Iterator[R
 def chosen_variables(fixed: Sequence[str], words: Sequence[str]) -> tuple[Variable, ...]:
     """Return `VARIABLES` without the fixed ones, and with the bounds of the options `--vary` (ValueError)."""
     variables = {variable.name: variable for variable in VARIABLES}
-    ranges = dict(map(varied_in_words, words))
+    ranges = {over.name: over for over in map(varied_in_words, words)}
     for option, name in [*(("--fix", name) for name in fixed), *(("--vary", name) for name in ranges)]:
         if name not in variables:
             parameter_named(name, PARAMETERS)
