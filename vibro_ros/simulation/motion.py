@@ -352,7 +352,7 @@ class Motion:
     def advance_at_once(self, times: np.ndarray, trace: Trace) -> int:
         """Advance as `advance` does, but in one part, during which Python handles no signal."""
         self._sampled, self._values = False, None
-        end, status, sampled, before = float(times[-1]), event_loop.EVENTS_FULL, 0, self.time
+        end, status, sampled, previous_start = float(times[-1]), event_loop.EVENTS_FULL, 0, self.time
         while status == event_loop.EVENTS_FULL:
             status, taken, count = self.stepper.advance(self.state, times, self.point, *trace, self._new_events)
             sampled += taken
@@ -360,9 +360,9 @@ class Motion:
                 self.events.add(self._new_events[:count])
             if status == event_loop.EVENTS_FULL:
                 times, trace = times[taken:], trace.part(taken, len(times))
-                if (began := self._mode_began()) - before < _PROGRESS:
+                if (began := self._mode_began()) - previous_start < _PROGRESS:
                     status = event_loop.STUCK
-                before = began
+                previous_start = began
         if status == event_loop.SYSTEM_ENDS:
             return sampled
         if status != event_loop.REACHED:
