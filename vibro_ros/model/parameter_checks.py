@@ -106,8 +106,8 @@ def _check_friction(values: ParameterValues) -> None:
         raise ValueError(f"ground.friction_backward: {backward:g} makes a one-way wheel, which is sound only where N "
                          "is never 0, and elsewhere slides on its tyre; choose weight for effects.normal_force, or "
                          f"give at most {BY_NAME['ground.friction'].maximum:g}")
-    # The friction coefficient at which the inertia of slipping body and inclined mass is singular. It is above twice the
-    # body's mass over all others, whatever the directions in which these move.
+    # The friction coefficient at which the inertia of slipping body and inclined mass is singular. It is above twice
+    # the body's mass over all others, whatever the directions in which these move.
     largest = max(map(abs, values.slipping_frictions))
     others = values.total_mass - values["mass.body"]
     if (not values["effects.reaction"] or values["effects.normal_force"] == "weight"

@@ -59,8 +59,8 @@ class Readout:
 
     def _arguments(self, times: np.ndarray, trace: Trace, slopes: np.ndarray, values: np.ndarray) -> tuple:
         model = self._model
-        return (_LINEAR, _SPECIAL, model.output_by_channel, model.forms.pressed_only, self._drives, self._linkage, slopes,
-                times, *trace, self._form_values, values)
+        return (_LINEAR, _SPECIAL, model.output_by_channel, model.forms.pressed_only, self._drives, self._linkage,
+                slopes, times, *trace, self._form_values, values)
 
     def _slopes_where_standing(self, phases: np.ndarray) -> np.ndarray:
         """ds/dtheta [m/rad] of each signal where the crank stands, elsewhere 0; shape (signals, n)."""
