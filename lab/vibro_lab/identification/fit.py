@@ -165,6 +165,7 @@ class Fitting:
         shooting = self._shooting(half_turns[0] if half_turns else chain(self.stretches, settings.chain))
         candidates = [*(half_turns[1:] if half_turns else ()), *self._candidates(shooting, parameters)]
         at = self._begun(shooting, parameters, candidates)
+        shooting.prior = self._prior(parameters)
         if self._unseen:
             at = self._begun_unseen(shooting, at)
         for looseness in settings.chain_loosenesses[-1:] if self._unseen else settings.chain_loosenesses:
@@ -446,9 +447,7 @@ class Fitting:
         """Return the windows that have measurements, and the point that fits them loosely, from states that samples
         tell; `draws` other speeds are tried where samples are too few to tell them."""
         shooting, settings = self._shooting(spans), self.settings
-        shooting.prior = self._prior(parameters, np.array([
-            settings.stiff_weight if name.endswith("plate.stiffness") else settings.weight
-            for name in self.unknowns.names]))
+        shooting.prior = self._prior(parameters)
         candidates = self._candidates(shooting, parameters)
         at = self._begun(shooting, parameters, candidates)
         for looseness in loosenesses:
@@ -546,8 +545,12 @@ class Fitting:
     def _unseen(self) -> bool:
         return bool(unmeasured(self.recording, self._names))
 
-    def _prior(self, parameters: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return a prior around coordinates, with `weights` of the unknowns; that of a sensor's errors is around 0."""
+    def _prior(self, parameters: np.ndarray, weights: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Return a prior around coordinates, with `weights` of the unknowns, by default those of the first stages; that
+        of a sensor's errors is around 0."""
+        if weights is None:
+            weights = np.array([self.settings.stiff_weight if name.endswith("plate.stiffness") else self.settings.weight
+                                for name in self.unknowns.names])
         expected, own = parameters.copy(), self.nuisances.weights
         expected[len(weights):] = np.where(own > 0.0, 0.0, parameters[len(weights):])
         return expected, np.concatenate([weights, own])
