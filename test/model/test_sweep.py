@@ -37,7 +37,7 @@ def arrays(table):
 def tables(scene):
     """All tables of a device of the scene."""
     compiled = compile_scene(scene)
-    return arrays(compiled.system), compiled.output.tobytes(), compiled.output_terms.tobytes(), compiled.sliders
+    return arrays(compiled.system), compiled.output.tobytes(), compiled.sliders
 
 
 def other_values(parameter, value):

@@ -51,9 +51,10 @@ class Model:
     sliders: tuple[Slider, ...]  # signals: sliders of the masses, and both directions of a crank pin with mass
     modes: tuple[Mode, ...]  # by their numbers in the system
     system: System  # tables of the event loop
-    # forms of the outputs, and of the forces that move the masses of `Forms.linkage`, shape (modes, len(OUTPUTS) +
-    # linkage, channels)
-    output: np.ndarray
+    # forms of the outputs, and of the forces that move the masses of `Forms.linkage`, shape (stances, len(OUTPUTS) +
+    # linkage, channels); and the number of each mode's stance
+    output_of_stance: np.ndarray
+    stance: np.ndarray
     initial_mode: int  # number of the mode in which a run starts
 
     @functools.cached_property
@@ -61,13 +62,18 @@ class Model:
         """The tables in the form that the event loop's kernels take."""
         return Laid(self.system)
 
+    @property
+    def output(self) -> np.ndarray:
+        """The forms of the outputs of every mode, shape (modes, len(OUTPUTS) + linkage, channels)."""
+        return self.output_of_stance[self.stance]
+
     @functools.cached_property
     def output_by_channel(self) -> np.ndarray:
         """The forms `output`, each channel's coefficients as a vector; shape (modes, channels, LENGTH)."""
-        modes, forms, channels = self.output.shape
-        by_channel = np.zeros((modes, channels, LENGTH))
-        by_channel[:, :, :forms] = self.output.transpose(0, 2, 1)
-        return by_channel
+        stances, forms, channels = self.output_of_stance.shape
+        by_channel = np.zeros((stances, channels, LENGTH))
+        by_channel[:, :, :forms] = self.output_of_stance.transpose(0, 2, 1)
+        return by_channel[self.stance]
 
 
 def compile_scene(scene: Scene, push: tuple[float, float] = NO_PUSH, edges: tuple[float, float] = NO_EDGES) -> Model:
@@ -123,7 +129,7 @@ def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float
         rotor=_rotor(builder, scene, sliders),
         shock=shock,
     )
-    return Model(forms, sliders, builder.modes, system, builder.outputs()[stance], builder.initial_mode)
+    return Model(forms, sliders, builder.modes, system, builder.outputs(), stance, builder.initial_mode)
 
 
 @functools.lru_cache(maxsize=64)
