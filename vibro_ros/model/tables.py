@@ -108,6 +108,7 @@ def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float
         flow_equations += [factor[:, None], np.where(slips, acceleration[:, forms.body], 0.0)[:, None]]
     flow = flow_numbers(np.concatenate(flow_equations, axis=1))
     first = np.unique(flow, return_index=True)[1]  # stance of each flow
+    on_themselves = acceleration[first, :channels.dynamic, :channels.velocity(channels.dynamic)]
     guards, shock = _guard_table(builder)
     quantities = np.zeros((len(MODE_EVENTS), channels.count))
     quantities[MODE_EVENTS.index("landing")] -= forms.body_velocity()[1]  # the speed of the fall that a landing ends
@@ -118,7 +119,7 @@ def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float
         reads_forcing=reads_forcing,
         flow=flow[stance],
         coupled=couplings(acceleration, channels)[stance],
-        longest_segment=longest_segments(acceleration[first], channels)[flow[stance]],
+        longest_segment=_longest_segments(channels, on_themselves.tobytes(), on_themselves.shape)[flow[stance]],
         guards=guards,
         events=EventTable(mode_set.event_kind, quantities),
         monitors=_monitor_table(builder),
@@ -138,6 +139,13 @@ def _equation_terms(mode_set: ModeSet, channels: Channels, nonzeros: bytes,
     """Return `System.reads_all` and `System.reads_forcing` of equations, by stance, with these entries other than 0."""
     acceleration = np.frombuffer(nonzeros, dtype=bool).reshape(shape)
     return (terms(acceleration)[mode_set.stance], equation_terms(acceleration, channels)[mode_set.stance])
+
+
+@functools.lru_cache(maxsize=64)
+def _longest_segments(channels: Channels, rows: bytes, shape: tuple[int, ...]) -> np.ndarray:
+    """Return `longest_segments` of the rows of dynamic coordinates, up to the channels of their own velocities; cached,
+    because many parameters, such as those of guards and controller, do not change them."""
+    return longest_segments(np.frombuffer(rows).reshape(shape), channels)
 
 
 def _rotor(builder: ModeBuilder, scene: Scene, sliders: tuple[Slider, ...]) -> Rotor:
