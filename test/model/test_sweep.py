@@ -71,6 +71,34 @@ def test_tables_of_a_changed_scene_are_those_of_a_process_that_compiled_no_other
         assert warm == tables(scene)
 
 
+def misses():
+    """How often each cache had to compute its result so far, by the function's name."""
+    return {cache.__name__: cache.cache_info().misses for cache in caches() if cache.cache_info().maxsize}
+
+
+OF_EFFECTS = {"ModeSet", "_guard_indices", "_equation_terms", "_terms_by_mode", "_terms_by_zeros", "_no_accounts"}
+
+
+@pytest.mark.parametrize(("name", "parameter", "kept"), [
+    ("device", "guide.angle", OF_EFFECTS), ("device", "upper.spring.damping", OF_EFFECTS | {"signal_table"}),
+    ("damped", "ground.friction", OF_EFFECTS | {"signal_table", "_longest_segments"}),
+    ("machine", "motor.supply_voltage", OF_EFFECTS | {"signal_table", "_longest_segments"}),
+    ("device", "motor.max_speed", OF_EFFECTS | {"signal_table", "_longest_segments", "_compile_machine",
+                                                "check_machine"})])
+def test_a_sweep_makes_only_what_its_parameter_touches(name, parameter, kept):
+    forget()
+    scene = vibro_ros.load_scene(name)
+    vibro_ros.Simulator(scene)
+    before = misses()
+    assert kept <= before.keys()
+    for k in range(1, 6):
+        vibro_ros.Simulator(scene.with_parameters({parameter: scene[parameter] * (1.0 - 0.01 * k)}))
+    after = misses()
+    assert {function for function in kept if after[function] != before[function]} == set()
+    made = {"_compile_machine", "check_machine"} - kept
+    assert all(after[function] == before[function] + 5 for function in made)
+
+
 @pytest.mark.parametrize("changes", [
     {"effects.upper_contact": "restitution"}, {"effects.friction": "none"}, {"guide.angle": 0.0},
     {"gravity": 0.0}, {"upper.plate.stiffness": 0.0}, {"ground.friction": 1e-3, "ground.static_friction": 1e-3}],

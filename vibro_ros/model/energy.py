@@ -95,11 +95,6 @@ def _kinetic_energies(forms: Forms, scene: Scene, with_body: bool) -> Iterator[t
         yield from ((velocity, scene[f"mass.{side}"]) for velocity in velocities)
 
 
-def _moved_mass(scene: Scene) -> float:
-    """Mass [kg] that moves as the body does, when the masses on the guides are counted by themselves."""
-    return math.fsum(scene[f"mass.{part}"] for part in ("body", *scene.linkage))
-
-
 def _height(forms: Forms, scene: Scene) -> Form:
     """Energy [J] of the height of a body that hops or is on a slope, with its masses."""
     energy: Form = forms.zero
@@ -109,13 +104,6 @@ def _height(forms: Forms, scene: Scene) -> Form:
         if not force.account:
             energy = energy + constant * forms.position(forms.body)
     return energy
-
-
-def _motor_energies(builder: ModeBuilder) -> Iterator[tuple[Form, float]]:
-    """Yield the motor's stored energies, each as a form and its weight: θ' with J, and i with L."""
-    if builder.motor:
-        yield builder.motor.speed, builder.motor.inertia
-        yield builder.motor.current, builder.motor.inductance
 
 
 def _powers(builder: ModeBuilder, scene: Scene) -> Iterator[Power]:
@@ -148,17 +136,12 @@ def _powers(builder: ModeBuilder, scene: Scene) -> Iterator[Power]:
             yield _FRICTION, -builder.friction_force(), speed
         if not paid:
             yield _UNPAID, builder.at_contact(forms.inertial_force), speed
-    yield from ((_UNPAID, push, rate) for push, rate in _pushes(forms) if paid)
+    for coordinate, push in zip((forms.body, forms.height), forms.push, strict=True):
+        if push and paid:  # a push is part of F_in and N
+            yield _UNPAID, push * forms.one, channels.velocity(coordinate)
     if forms.body_hops and not paid:
         lift = scene.total_mass * scene.gravity[1] * forms.one - builder.at_contact(forms.normal_force)
         yield _UNPAID, np.where(builder.mode_set.airborne[:, None], lift, 0.0), channels.velocity(forms.height)
-
-
-def _pushes(forms: Forms) -> Iterator[tuple[Form, int]]:
-    """Yield forces from outside on the body, with the channels of its velocities; they are part of F_in and N."""
-    for row, force in zip((forms.body, forms.height), forms.push, strict=True):
-        if force:
-            yield force * forms.one, forms.channels.velocity(row)
 
 
 def _damper(account: int, damping: float, rate: Form | StanceForms, mass: int, other: int) -> Iterator[Power]:
@@ -172,8 +155,9 @@ def _stored(builder: ModeBuilder, scene: Scene) -> Iterator[Stored]:
     """Yield the stored energies; those of the masses come first, as `AccountTable.momentum` requires."""
     forms, paid = builder.forms, scene["effects.reaction"]
     yield from ((velocity, mass, _BLOWS) for velocity, mass in _kinetic_energies(forms, scene, paid))
+    with_body = math.fsum(scene[f"mass.{part}"] for part in ("body", *scene.linkage))  # without the masses on guides
     for rate in forms.body_velocity():
-        yield rate, _moved_mass(scene) if paid else scene.total_mass, _BLOWS if paid else _UNPAID
+        yield rate, with_body if paid else scene.total_mass, _BLOWS if paid else _UNPAID
     # With V the body's velocity, m (s' + e V)²/2 - m (e V)²/2, because m V²/2 belongs to the body. The crank gives the
     # change of this energy in a shock of the body.
     for part in forms.linkage:
@@ -182,7 +166,9 @@ def _stored(builder: ModeBuilder, scene: Scene) -> Iterator[Stored]:
         giver = _BLOWS if forms.has_rotor else _MOTOR  # a crank that is struck pays as the body does
         yield rate + of_body, part.mass, giver
         yield of_body, -part.mass, giver
-    yield from ((form, weight, _BLOWS) for form, weight in _motor_energies(builder))
+    if builder.motor:
+        yield builder.motor.speed, builder.motor.inertia, _BLOWS
+        yield builder.motor.current, builder.motor.inductance, _BLOWS
     for side in forms.guides:
         yield forms.stretch(side)[0], scene[f"{side}.spring.stiffness"], _BLOWS
     for _, _, stiffness in scene.ground_laws.values():

@@ -36,11 +36,6 @@ SLIDER = {"upper": "s_B", "inclined": "s_C"}
 PLATE = {"upper": "E", "inclined": "H"}
 
 
-def pressed_only(scene: Scene) -> bool:
-    """Whether a negative N counts as zero: by the rule `unilateral`, and by `hop`, where it is rounding error."""
-    return scene["effects.normal_force"] in ("unilateral", "hop")
-
-
 def cached(method: Callable) -> Callable:
     """Return a method that stores its forms in the object's dict `_cache`, by name and arguments.
 
@@ -83,7 +78,8 @@ class Forms:
         self.guides = scene.guides  # those whose masses are simulated
         self.plates = scene.plates  # guides that have a plate
         self.body_moves, self.body_hops = scene.body_moves, scene.body_hops  # whether x and y are coordinates
-        self.pressed_only = pressed_only(scene)
+        # whether a negative N counts as zero: by the rule `unilateral`, and by `hop`, where it is rounding error
+        self.pressed_only = scene["effects.normal_force"] in ("unilateral", "hop")
         self.has_misprint = scene["effects.misprint"]
         self.friction_decays = (  # by Stribeck's law, with a static coefficient above mu
             self.body_moves and scene.has_dry_friction and scene["effects.friction"] == "stribeck"

@@ -136,9 +136,10 @@ def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float
 @functools.lru_cache(maxsize=64)
 def _equation_terms(mode_set: ModeSet, channels: Channels, nonzeros: bytes,
                     shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Return `System.reads_all` and `System.reads_forcing` of equations, by stance, with these entries other than 0."""
+    """Return `System.reads_all` and `System.reads_forcing` of equations by stance with these entries other than 0;
+    cached as `ModeSet.with_terms`."""
     acceleration = np.frombuffer(nonzeros, dtype=bool).reshape(shape)
-    return (terms(acceleration)[mode_set.stance], equation_terms(acceleration, channels)[mode_set.stance])
+    return terms(acceleration)[mode_set.stance], equation_terms(acceleration, channels)[mode_set.stance]
 
 
 @functools.lru_cache(maxsize=64)
