@@ -264,7 +264,7 @@ class ModeBuilder:
         m = self.mode_set.number(mode.states)
         for context in self.mode_set.contexts[m]:
             for guard in self.guards_in(context):
-                yield guard, context.effect, [int(self.mode_set.target_modes(context.effect, target.leads_to)[m])
+                yield guard, context.effect, [self.mode_set.target_mode(mode, context.effect, target.leads_to)
                                               for target in guard.targets]
 
     def guards_in(self, context: Context) -> list[Guard]:
@@ -346,7 +346,7 @@ class ModeSet:
             frozenset(side for side, state in zip(plates, of_mode, strict=False) if state == wanted)
             for wanted in ("closed", "resting"))) for of_mode in itertools.product(*states))
         self._number_by_states = {mode.states: m for m, mode in enumerate(self.modes)}
-        # number of each mode's stance, in the order of the modes that have a stance first, and these modes
+        # number of each mode's stance, in the order of the modes that have a stance first; and the first mode of each
         stances = [(mode.closed, mode.resting, mode.motor, mode.ground) for mode in self.modes]
         distinct = list(dict.fromkeys(stances))
         self.stance = np.array([distinct.index(stance) for stance in stances])
@@ -402,11 +402,17 @@ class ModeSet:
         most = max(1, max(map(len, of_mode)))
         return np.array([guards + [firsts[-1]] * (most - len(guards)) for guards in of_mode])
 
-    def target_modes(self, effect: int, leads_to: NewStates) -> np.ndarray:
-        """Number of the mode to which a target of an effect leads from every mode, shape (modes,); `NOTHING` from a
-        mode whose effect has no such target."""
-        return np.array([self._number_by_states.get(_states_after(mode, effect, leads_to), NOTHING)
-                         for mode in self.modes])
+    def target_mode(self, mode: Mode, effect: int, leads_to: NewStates) -> int:
+        """Number of the mode to which a target of an effect leads from `mode`; `NOTHING` if the effect has no such
+        target there."""
+        state, ground, bearing, frees_resting_masses = leads_to
+        states = ["open" if frees_resting_masses and old == "resting" else old for old in mode.states]
+        states[effect] = state
+        if ground:
+            states[-1] = ground
+        if bearing:
+            states[next(k for k, old in enumerate(states) if old in BEARING)] = bearing
+        return self._number_by_states.get(tuple(states), NOTHING)
 
     def with_terms(self, forms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return forms by stance, shape (stances, ..., channels), as forms by mode; and the channels that these read
@@ -419,18 +425,6 @@ def _terms_by_mode(mode_set: ModeSet, nonzeros: bytes, shape: tuple[int, ...]) -
     """Return `terms` by mode of forms by stance with these entries other than 0; cached, because all scenes of a sweep
     have the same."""
     return terms(np.frombuffer(nonzeros, dtype=bool).reshape(shape))[mode_set.stance]
-
-
-def _states_after(mode: Mode, effect: int, leads_to: NewStates) -> tuple[str, ...]:
-    """Return the states of every effect when a target of `effect` has been entered from `mode`."""
-    state, ground, bearing, frees_resting_masses = leads_to
-    states = ["open" if frees_resting_masses and old == "resting" else old for old in mode.states]
-    states[effect] = state
-    if ground:
-        states[-1] = ground
-    if bearing:
-        states[next(k for k, old in enumerate(states) if old in BEARING)] = bearing
-    return tuple(states)
 
 
 def _event_kind(old: tuple[str, str], new: tuple[str, str]) -> int:

@@ -210,7 +210,7 @@ class _GuardNumbers(NamedTuple):
     entries_decide: bool
     event: str
     is_blow: bool
-    # each target as `ModeSet.target_modes` takes it, with its rows of entry, its jump and its shock
+    # each target as `ModeSet.target_mode` takes it, with its rows of entry, its jump and its shock
     targets: tuple[tuple[tuple, tuple[int, ...], int, int], ...]
 
 
@@ -271,7 +271,7 @@ def _guard_indices(mode_set: ModeSet, counts: tuple[int, ...],
         event[k] = MODE_EVENTS.index(guard.event) if guard.event else NOTHING
         blow[k] = guard.effect if guard.is_blow else NOTHING
         for c, (leads_to, entries, jump[k, c], shock[k, c]) in enumerate(guard.targets):
-            candidate[k, c] = mode_set.target_modes(guard.effect, leads_to)
+            candidate[k, c] = [mode_set.target_mode(mode, guard.effect, leads_to) for mode in mode_set.modes]
             entry[k, c, :len(entries)] = entries
     at = mode_set.padded(counts)
     indices = {"row": row[at], "effect": effect[at], "entry": entry[at], "jump": jump[at], "event": event[at],
