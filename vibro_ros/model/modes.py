@@ -10,7 +10,8 @@ Every effect needs places 1 to 3, 10 and 11. The others are for the effects that
 1. `model/parameters.py`: the choice, or each number with unit, limits and description. A default leaves the paper's
    robot as it is. A number that enters no equation is listed in `_OPERATION` of `model/scene.py` as well.
 2. `model/parameter_checks.py`: a check refuses a value that contradicts another choice, by a ValueError
-   "parameter: value ...; give ...". `ParameterValues` says which parts the robot has.
+   "parameter: value ...; give ...": in `check_machine` or, for what enters no equation, in `check_operation`.
+   `ParameterValues` says which parts the robot has.
 3. `lab/benchmark/support.py`: a row of `SUPPORT` says whether the peer and the baseline have the parameter. They refuse
    a parameter without a row. Their equations: `lab/benchmark/heyoka_robot/equations.py` and
    `lab/benchmark/rk4_by_hand.py`.
