@@ -77,14 +77,14 @@ def misses():
 
 
 OF_EFFECTS = {"ModeSet", "_guard_indices", "_equation_terms", "_terms_by_mode", "_terms_by_zeros", "_no_accounts"}
+ALL = OF_EFFECTS | {"signal_table", "_longest_segments", "_compile_machine", "check_machine"}
 
 
 @pytest.mark.parametrize(("name", "parameter", "kept"), [
     ("device", "guide.angle", OF_EFFECTS), ("device", "upper.spring.damping", OF_EFFECTS | {"signal_table"}),
     ("damped", "ground.friction", OF_EFFECTS | {"signal_table", "_longest_segments"}),
     ("machine", "motor.supply_voltage", OF_EFFECTS | {"signal_table", "_longest_segments"}),
-    ("device", "motor.max_speed", OF_EFFECTS | {"signal_table", "_longest_segments", "_compile_machine",
-                                                "check_machine"})])
+    ("device", "motor.max_speed", ALL), ("device", "motor.supply_voltage", ALL)])
 def test_a_sweep_makes_only_what_its_parameter_touches(name, parameter, kept):
     forget()
     scene = vibro_ros.load_scene(name)

@@ -233,11 +233,6 @@ class Forms:
         return self._scene[f"mass.{side}"] * acceleration
 
 
-#: States that change when a target is entered: that of the guard's own effect; those of ground and bearing, if they
-#: change, else None; and whether masses that rest on other plates part from these plates.
-NewStates = tuple[str, str | None, str | None, bool]
-
-
 class Target(NamedTuple):
     """A state that a guard may lead to."""
 
@@ -256,8 +251,8 @@ class Target(NamedTuple):
     frees_resting_masses: bool = False
 
     @property
-    def leads_to(self) -> NewStates:
-        """The states that change."""
+    def leads_to(self) -> tuple[str, str | None, str | None, bool]:
+        """What decides the mode to which the target leads from each mode; see `modes.ModeSet.target_mode`."""
         return self.state, self.ground, self.bearing, self.frees_resting_masses
 
 

@@ -45,18 +45,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibro_ros.model.contact import CompliantContact, RigidContact, make_contact
-from vibro_ros.model.forms import (
-    NO_EDGES,
-    NO_PUSH,
-    Form,
-    Forms,
-    Guard,
-    LinkageMass,
-    NewStates,
-    StanceForms,
-    cached,
-    solve,
-)
+from vibro_ros.model.forms import NO_EDGES, NO_PUSH, Form, Forms, Guard, LinkageMass, StanceForms, cached, solve
 from vibro_ros.model.ground import GROUND_STATES, Ground
 from vibro_ros.model.motor import BEARING, LIMITS, Bearing, CurrentLoop, Motor
 from vibro_ros.model.scene import Scene
@@ -96,11 +85,6 @@ class Mode:
         """States of a dc motor's bearing and of its current loop; "" for an absent one."""
         bearing = next((state for state in self.states if state in BEARING), "")
         return bearing, next((state for state in self.states if state in LIMITS), "")
-
-    @property
-    def pressing(self) -> frozenset[str]:
-        """Guides whose masses press on their plates."""
-        return self.closed | self.resting
 
 
 class Context(NamedTuple):
@@ -353,7 +337,8 @@ class ModeSet:
         self.stance = np.array([distinct.index(stance) for stance in stances])
         self.stances = tuple(self.modes[stances.index(stance)] for stance in distinct)
         # by guide with a plate: the stances in which its mass presses on the plate
-        self.pressing = {side: np.array([side in mode.pressing for mode in self.stances]) for side in plates}
+        self.pressing = {side: np.array([side in mode.closed | mode.resting for mode in self.stances])
+                         for side in plates}
         # `GroundState.friction` in each stance, shape (stances, 1); NaN for None
         self.friction = np.array([[GROUND_STATES[mode.ground].friction] for mode in self.stances], dtype=float)
         self.airborne = np.array([mode.ground == "airborne" for mode in self.stances])
@@ -403,7 +388,7 @@ class ModeSet:
         most = max(1, max(map(len, of_mode)))
         return np.array([guards + [firsts[-1]] * (most - len(guards)) for guards in of_mode])
 
-    def target_mode(self, mode: Mode, effect: int, leads_to: NewStates) -> int:
+    def target_mode(self, mode: Mode, effect: int, leads_to: tuple[str, str | None, str | None, bool]) -> int:
         """Number of the mode to which a target of an effect leads from `mode`; `NOTHING` if the effect has no such
         target there."""
         state, ground, bearing, frees_resting_masses = leads_to
