@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from benchmark.problems import COLUMNS, Problem
+from benchmark.problems import COLUMNS, StoredProblem
 
 BACKWARD, FREE, FORWARD, STICK, AIR = -1, 0, 1, 2, 3
 _RULES = {"weight": 0, "unilateral": 1, "hop": 2}
@@ -22,7 +22,7 @@ _jit = numba.njit(error_model="numpy", cache=True)
 _inlined = numba.njit(error_model="numpy", inline="always")
 
 
-class Machine(NamedTuple):
+class ProblemNumbers(NamedTuple):
     """Numbers of a problem: those of each guide, then those of the whole."""
 
     m2: float
@@ -54,7 +54,7 @@ class Machine(NamedTuple):
     slow: float
 
 
-def machine(problem: Problem, slow: float = 0.0) -> Machine:
+def machine(problem: StoredProblem, slow: float = 0.0) -> ProblemNumbers:
     """Return the numbers of a problem. An absent mass gets numbers with which it exerts no force.
 
     A landing at a speed of at most `slow` [m/s] does not bounce, so that a sequence of infinitely many landings ends.
@@ -62,7 +62,7 @@ def machine(problem: Problem, slow: float = 0.0) -> Machine:
     given = problem.parameters
     gone = {name: 0.0 for mass, names in (("m2", ("k2", "k4")), ("m3", ("k3", "k1")))
             if not given[mass] for name in (*names, "c2" if mass == "m2" else "c3")}
-    return Machine(
+    return ProblemNumbers(
         **{name: given[name] for name in ("m2", "k2", "c2", "k4", "c4", "L2", "m3", "k3", "c3", "k1", "c1", "L3",
                                           "omega", "g", "mu", "adhesion")} | gone,
         radius=given["l"],
@@ -73,7 +73,7 @@ def machine(problem: Problem, slow: float = 0.0) -> Machine:
         restitution=given["restitution"], slow=slow)
 
 
-def start(problem: Problem) -> np.ndarray:
+def start(problem: StoredProblem) -> np.ndarray:
     """The state at t = 0, shape (8,)."""
     return np.array([problem.start[column] for column in COLUMNS])
 
@@ -292,7 +292,7 @@ class Callbacks:
         `guards`.
     """
 
-    def __init__(self, p: Machine, width: float = 0.0) -> None:
+    def __init__(self, p: ProblemNumbers, width: float = 0.0) -> None:
         @numba.njit(error_model="numpy")
         def _slope(mode, t, y, out):
             mode[3] += 1

@@ -37,7 +37,7 @@ STAND_IN = 0.25  # kg, in place of an absent mass: no force acts on it, and the 
 
 
 @dataclass(frozen=True)
-class Problem:
+class StoredProblem:
     """A problem with its reference values, as `accuracy.harness.Problem` asks for.
 
     Attributes
@@ -97,7 +97,7 @@ class Problem:
             "effects.friction": "coulomb" if given["mu"] else "none", "ground.static_friction": given["mu"],
             "effects.motor": "ideal", "start.state": "given" if start else "rest"}
 
-    def at(self, times: np.ndarray) -> "Problem":
+    def at(self, times: np.ndarray) -> "StoredProblem":
         """The same problem, sampled at other instants [s]."""
         return replace(self, times=times)
 
@@ -161,12 +161,12 @@ def names() -> list[str]:
     return [path.stem for path in sorted(FOLDER.glob("*.json"))]
 
 
-def load(name: str) -> Problem:
+def load(name: str) -> StoredProblem:
     """The problem of that name, or of the name without its number."""
     for path in sorted(FOLDER.glob("*.json")):
         if name in (path.stem, path.stem.split("_", 1)[1]):
             stored = json.loads(path.read_text(encoding="utf-8"))
             del stored["made_by"]
-            return Problem(name=path.stem, **stored | {"times": np.array(list(map(float, stored["times"]))),
-                                                      "judged": tuple(stored["judged"])})
+            times = np.array(list(map(float, stored["times"])))
+            return StoredProblem(name=path.stem, **stored | {"times": times, "judged": tuple(stored["judged"])})
     raise ValueError(f"{name!r} is no problem of the benchmark; there are {', '.join(names())}")

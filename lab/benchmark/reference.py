@@ -14,7 +14,7 @@ import numpy as np
 from flint import arb, ctx
 from mpmath import mp, mpf
 
-from benchmark.problems import COLUMNS, FOLDER, STAND_IN, Problem
+from benchmark.problems import COLUMNS, FOLDER, STAND_IN, StoredProblem
 from benchmark.reference_model import ReferenceModel, derivative, exact, value
 
 _ROBOT: dict[str, Any] = {
@@ -55,9 +55,9 @@ _ROWS = 21
 DIGITS, FIRST, SECOND = 60, {"order": 64, "digits": 84}, {"order": 76, "digits": 94}
 
 
-def _unsolved(parameters: dict[str, Any], height: float = 0.0) -> Problem:
+def _unsolved(parameters: dict[str, Any], height: float = 0.0) -> StoredProblem:
     """Return a problem without reference values, whose body starts at a height [m]."""
-    return Problem("", "", parameters, {"y": height}, np.zeros(0), {}, {}, (), 0)
+    return StoredProblem("", "", parameters, {"y": height}, np.zeros(0), {}, {}, (), 0)
 
 
 def integrate(parameters: dict[str, Any], duration: float, order: int, digits: int) -> tuple[list, list]:

@@ -58,11 +58,10 @@ class ReferenceModel:
     def _guide(self, side, angle):
         value = self.values
         rod = arb(value[f"crank.{side}_rod"])
-        return Guide(side, arb(value[f"mass.{side}"]), rod, arb(angle),
-                     *(arb(value[f"{side}.{part}.{kind}"]) for part in ("spring", "plate")
-                       for kind in ("stiffness", "damping")),
-                     has_contact=value[f"effects.{side}_contact"] == "compliant",
-                     plate=exact(rod + arb(value[f"{side}.gap"])))
+        return ReferenceGuide(
+            side, arb(value[f"mass.{side}"]), rod, arb(angle),
+            *(arb(value[f"{side}.{part}.{kind}"]) for part in ("spring", "plate") for kind in ("stiffness", "damping")),
+            has_contact=value[f"effects.{side}_contact"] == "compliant", plate=exact(rod + arb(value[f"{side}.gap"])))
 
     def _start(self):
         if self.values["start.state"] == "zero":
@@ -378,7 +377,7 @@ def exact(value: arb) -> arb:
 
 
 @dataclass
-class Guide:
+class ReferenceGuide:
     """One impact mass with its slider and its plate; positions along the guide [m]."""
 
     side: str

@@ -24,7 +24,7 @@ _inlined = numba.njit(error_model="numpy", inline="always")
 _stored = numba.njit(error_model="numpy", cache=True)
 
 
-class Guide(NamedTuple):
+class GuideNumbers(NamedTuple):
     """One guide: its direction from the vertical, mass and weight along it, rod, drive, and plate (inf: none)."""
 
     sine: float
@@ -42,7 +42,7 @@ class Guide(NamedTuple):
     may_pull: bool
 
 
-class Machine(NamedTuple):
+class MachineNumbers(NamedTuple):
     """The numbers of a scene that the integration needs, without those of the two guides."""
 
     radius: float
@@ -270,9 +270,9 @@ def prepare(problem: Problem, setting: Setting) -> Callable[[], Answer]:
     return run
 
 
-def _guide(scene: Scene, side: str, angle: float) -> Guide:
+def _guide(scene: Scene, side: str, angle: float) -> GuideNumbers:
     rod, mass, contact = scene[f"crank.{side}_rod"], scene[f"mass.{side}"], scene[f"effects.{side}_contact"]
-    return Guide(
+    return GuideNumbers(
         sine=math.sin(angle), cosine=math.cos(angle), mass=mass,
         weight=mass * scene["gravity"] * math.cos(angle) if scene["effects.mass_weight"] else 0.0,
         rod=rod, spring=scene[f"{side}.spring.stiffness"], damper=scene[f"{side}.spring.damping"],
@@ -282,10 +282,10 @@ def _guide(scene: Scene, side: str, angle: float) -> Guide:
         may_pull=scene["effects.adhesion"])
 
 
-def _machine(scene: Scene, speed: float | None) -> Machine:
+def _machine(scene: Scene, speed: float | None) -> MachineNumbers:
     target = scene["motor.speed"] if speed is None else speed
     ramp = scene["effects.motor"] == "ramp"
-    return Machine(
+    return MachineNumbers(
         radius=scene["crank.radius"], total=scene.total_mass, gravity=scene["gravity"],
         friction=scene["ground.friction"] if scene["effects.friction"] != "none" else 0.0,
         rule=_RULES[scene["effects.normal_force"]], reaction=scene["effects.reaction"],

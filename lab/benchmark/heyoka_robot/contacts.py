@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmark.heyoka_robot.equations import BODY_PARAMETERS, Equations, Guide
-from benchmark.heyoka_robot.run_state import RunState, Series, leading_sign
+from benchmark.heyoka_robot.equations import BODY_PARAMETERS, Equations, GuideEquations
+from benchmark.heyoka_robot.run_state import GuardSeries, IntegratorState, leading_sign
 
 _HEIGHT_NUDGE = 1e-23  # m
 _SPEED_NUDGE = 1e-18  # m/s; outweighs the rounding error, 1e-12 N, of the force with which a stick ends
@@ -32,7 +32,7 @@ class Body:
         What is called with the time [s] when a landing has changed the crank's speed.
     """
 
-    def __init__(self, equations: Equations, run: RunState, series: Series):
+    def __init__(self, equations: Equations, run: IntegratorState, series: GuardSeries):
         self._equations, self._run, self._series = equations, run, series
         self._state, self._speed, self._height = run.state, equations.body + 1, equations.height
         rubs, self._static_frictions = equations.has_dry_friction, equations.static_frictions
@@ -56,7 +56,7 @@ class Body:
                 "body backward": lambda t, d: self._leave_stick(t, -1.0), "normal": self._cross_normal_force,
                 "decay": lambda t, d: None}  # a step must end at this zero, and nothing else changes
 
-    def feel_blow(self, time: float, guide: Guide, change: float) -> None:
+    def feel_blow(self, time: float, guide: GuideEquations, change: float) -> None:
         """Change the body's speeds after a blow that has changed the speed of a mass by `change` [m/s].
 
         By the rule `hop` nothing holds the body, which is thrown up. By the other rules M x' - m3 w' sin(phi) does not
@@ -69,7 +69,7 @@ class Body:
             if self.friction == "stick":
                 self._slip(time, self._state[self._speed])
 
-    def feel_last_blow(self, time: float, guide: Guide, change: float) -> None:
+    def feel_last_blow(self, time: float, guide: GuideEquations, change: float) -> None:
         """Change the body's speeds after the blow with which a mass comes to rest on its plate.
 
         Such a blow is too slow to lift the body off the ground, and to part another mass from its plate.
@@ -85,7 +85,7 @@ class Body:
         if self.friction == "airborne":
             self._body_parameters[:] = self._modes["airborne", self.resting]
 
-    def _throw(self, time: float, guide: Guide, change: float, staying: frozenset[str]) -> None:
+    def _throw(self, time: float, guide: GuideEquations, change: float, staying: frozenset[str]) -> None:
         """Throw the body up; the masses of the guides `staying` stay at rest on their plates, the others are free."""
         equations, state = self._equations, self._state
         along_x, upwards = equations.thrown_body_jumps(guide, change, staying)
@@ -283,7 +283,7 @@ class Plates:
     """The contacts, each in one of the states `open`, `closed`, `released`, `resting`, and the actions of their guards.
     """
 
-    def __init__(self, equations: Equations, run: RunState, body: Body, series: Series):
+    def __init__(self, equations: Equations, run: IntegratorState, body: Body, series: GuardSeries):
         self._guides, self._run, self._body, self._series = equations.guides, run, body, series
         self._state, self._misprint = run.state, equations.scene["effects.misprint"]
         self._compliant = [guide for guide in equations.guides if guide.kind == "compliant"]
@@ -305,7 +305,7 @@ class Plates:
             found[f"{side} kink"] = lambda t, d, g=guide: self._pass_kink(t, g, d)
         return found
 
-    def _pass_kink(self, time: float, guide: Guide, direction: int) -> None:
+    def _pass_kink(self, time: float, guide: GuideEquations, direction: int) -> None:
         """Change the sign of the root in the slider's position."""
         self._run.set_parameter(f"{guide.side}.sign", float(direction))
         self._body.reconsider(time)  # the slider's speed has jumped, and with it the force of the drive's damper
@@ -318,7 +318,7 @@ class Plates:
             elif guide.kind == "compliant":
                 self._settle_compliant(time, guide)
 
-    def _cross_plate(self, time: float, guide: Guide, direction: int) -> None:
+    def _cross_plate(self, time: float, guide: GuideEquations, direction: int) -> None:
         """Close or open the contact, because the depth has passed zero upwards (1) or downwards (-1)."""
         self._state[self._index[guide.side]] = direction * _DEPTH_NUDGE
         self._enter(time, guide, "closed" if direction > 0 else "open")
@@ -332,14 +332,14 @@ class Plates:
             if wrong:
                 self._cross_plate(time, other, 1 if depth > 0.0 else -1)
 
-    def _cross_force(self, time: float, guide: Guide, direction: int) -> None:
+    def _cross_force(self, time: float, guide: GuideEquations, direction: int) -> None:
         """Close or release the contact, because the plate's force has passed zero upwards (1) or downwards (-1)."""
         self._run.set_parameter(f"{guide.side}.offset", direction * _FORCE_NUDGE - self._run.plate_force(time, guide))
         self._enter(time, guide, "closed" if direction > 0 else "released")
         if self._is_misread(guide):
             self._body.reconsider(time)
 
-    def _is_misread(self, guide: Guide) -> bool:
+    def _is_misread(self, guide: GuideEquations) -> bool:
         """Whether the body feels another force than the mass from the plate's spring, which jumps at contact."""
         return self._misprint and guide.side == "inclined"
 
@@ -365,7 +365,7 @@ class Plates:
                 self._run.set_parameter(f"{guide.side}.offset", 0.0)
                 self._enter(time, guide, "closed" if self._run.plate_force(time, guide) >= 0.0 else "released")
 
-    def _enter(self, time: float, guide: Guide, contact: str) -> None:
+    def _enter(self, time: float, guide: GuideEquations, contact: str) -> None:
         """Set the parameters of a compliant contact's state, and begin or end the event of the contact."""
         run, side, old = self._run, guide.side, self.contact[guide.side]
         self.contact[side] = contact
@@ -381,7 +381,7 @@ class Plates:
         elif old == "closed" and not acts:
             run.end_contact(time, side)
 
-    def _settle_compliant(self, time: float, guide: Guide) -> None:
+    def _settle_compliant(self, time: float, guide: GuideEquations) -> None:
         """Decide the state of a compliant contact by depth and force, at zero by the sign just after."""
         at = self._index[guide.side]
         if self._state[at] != 0.0:
@@ -395,7 +395,7 @@ class Plates:
             pulls = guide.watches_force and self._series.plate_force_sign(time, guide) < 0
             self._enter(time, guide, "released" if pulls else "closed")
 
-    def _meet_rigid(self, time: float, guide: Guide) -> None:
+    def _meet_rigid(self, time: float, guide: GuideEquations) -> None:
         """Strike the plate, or end a rest, because the depth or the pressing force has passed zero."""
         at, side = self._index[guide.side], guide.side
         self._state[at] = -_DEPTH_NUDGE
@@ -405,7 +405,7 @@ class Plates:
             self._blow(time, guide, float(self._state[at + 1]))
         self._body.reconsider(time)
 
-    def _blow(self, time: float, guide: Guide, approach: float) -> None:
+    def _blow(self, time: float, guide: GuideEquations, approach: float) -> None:
         """Rest after a slow approach; else strike a blow and fly, or rest where the bounce is very low."""
         if approach <= _REST_SPEED and self._run.pressing_force(time, guide) >= 0.0:
             self._rest(time, guide, approach, -approach)
@@ -417,7 +417,7 @@ class Plates:
         self._body.feel_blow(time, guide, -rebound - approach)
         self._leave(time, guide, rebound)
 
-    def _leave(self, time: float, guide: Guide, rebound: float) -> None:
+    def _leave(self, time: float, guide: GuideEquations, rebound: float) -> None:
         """Leave the plate with `rebound` [m/s]; a flight so low that heyoka cannot find its end ends in rest."""
         if rebound > _FAST:
             return
@@ -430,7 +430,7 @@ class Plates:
             else:
                 self._run.announce_flight(flight)
 
-    def _rest(self, time: float, guide: Guide, approach: float, change: float) -> None:
+    def _rest(self, time: float, guide: GuideEquations, approach: float, change: float) -> None:
         """Rest after an arrival with `approach` [m/s]; `change` [m/s] is the jump of the mass's speed."""
         at, side = self._index[guide.side], guide.side
         self._run.begin_contact(time, side, approach)
@@ -456,7 +456,7 @@ class Plates:
                 self._state[self._index[guide.side]] = -_DEPTH_NUDGE
                 self._body.reconsider(time)
 
-    def _settle_rigid(self, time: float, guide: Guide) -> None:
+    def _settle_rigid(self, time: float, guide: GuideEquations) -> None:
         """Decide the state of a rigid contact by depth and approach, at zero by the sign just after."""
         at, side = self._index[guide.side], guide.side
         approach = float(self._state[at + 1])

@@ -37,7 +37,7 @@ class RunTimeParameters:
 
 
 @dataclass(frozen=True)
-class Guide:
+class GuideEquations:
     """One mass on its guide."""
 
     side: str  # upper or inclined
@@ -89,7 +89,7 @@ class Equations:
         guard), `angle`, `speed` and `change` (of a motor that is given in time). Of a dc motor: `turns` (1, or 0 while
         the bearing sticks), `bearing` (direction in which friction is overcome), `held` (voltage or current), `within`
         (1, or 0 at a limit of the supply), `limit` (1 or -1, the limit that is met), `loop_offset` (added to a guard).
-    guides : list of Guide
+    guides : list of GuideEquations
         The guides that have a mass.
     system : list of (expression, expression)
         Variables and their rates, for `heyoka.taylor_adaptive`: d, d' of each guide, then x, x' if the body can move,
@@ -221,7 +221,7 @@ class Equations:
         resisted = scene["motor.damping"] * self.omega + at["bearing"] * scene["motor.friction"]
         return at["turns"] * (torque - resisted) / (own + coupled)
 
-    def _guide(self, side: str, angle: float) -> Guide:
+    def _guide(self, side: str, angle: float) -> GuideEquations:
         scene, at = self.scene, self.parameters
         depth, rate = hy.make_vars(f"{side}_d", f"{side}_v")
         kind, rod, mass = scene[f"effects.{side}_contact"], scene[f"crank.{side}_rod"], scene[f"mass.{side}"]
@@ -240,10 +240,10 @@ class Equations:
             load -= at[f"{side}.spring"] * depth
             if damper > 0.0:
                 load -= at[f"{side}.damper"] * rate
-        return Guide(side, angle, mass, kind, rod, spring, damper, scene[f"{side}.plate.restitution"],
-                     kind == "compliant" and damper > 0.0 and not scene["effects.adhesion"],
-                     scene["crank.radius"] == rod, depth, rate, pull, slope, load, spring * depth + damper * rate,
-                     crank)
+        return GuideEquations(
+            side, angle, mass, kind, rod, spring, damper, scene[f"{side}.plate.restitution"],
+            kind == "compliant" and damper > 0.0 and not scene["effects.adhesion"], scene["crank.radius"] == rod,
+            depth, rate, pull, slope, load, spring * depth + damper * rate, crank)
 
     def _slider(self, side: str, rod: float, angle: float):
         """Slider position, its first and second derivative by the crank angle, and cos of the crank angle from the
@@ -349,7 +349,7 @@ class Equations:
         """Position of a plate [m]."""
         return self.parameters[f"{side}.plate"] + self.parameters[f"{side}.plate_speed"] * hy.time
 
-    def _unless_resting(self, guide: Guide, force: hy.expression | float) -> hy.expression | float:
+    def _unless_resting(self, guide: GuideEquations, force: hy.expression | float) -> hy.expression | float:
         """`force`, or 0 while the mass rests on a rigid plate and moves with the plate."""
         return self.parameters[f"{guide.side}.free"] * force if guide.kind == "restitution" else force
 
@@ -386,7 +386,7 @@ class Equations:
         lift = 0.0 if self.rule == "weight" else slide * across
         return slide, direction, 1.0 / (along + lift), 0.0, abs(direction), 0.0
 
-    def thrown_body_jumps(self, guide: Guide, change: float, resting: Collection[str]) -> tuple[float, float]:
+    def thrown_body_jumps(self, guide: GuideEquations, change: float, resting: Collection[str]) -> tuple[float, float]:
         """Jumps of x' and y' [m/s] of a body that nothing holds when a blow changes d' of one mass by `change` [m/s].
 
         The body gains the momentum m e `change` that the mass loses along its guide. The mass itself and the masses of

@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmark.heyoka_robot.contacts import Body, Plates
 from benchmark.heyoka_robot.equations import Equations
-from benchmark.heyoka_robot.run_state import RunState, Series
+from benchmark.heyoka_robot.run_state import GuardSeries, IntegratorState
 from vibro_lab.accuracy.programs import COLUMNS
 from vibro_ros import Scene
 
@@ -77,8 +77,8 @@ class HeyokaRobot:
         self._integrator = hy.taylor_adaptive(sys=equations.system, state=[0.0] * len(equations.system), tol=tolerance,
                                               t_events=events)
         self._state, self._parameters = self._integrator.state, self._integrator.pars
-        self._run = RunState(equations, self._state, self._parameters)
-        series = Series(equations, self._state, self._parameters)
+        self._run = IntegratorState(equations, self._state, self._parameters)
+        series = GuardSeries(equations, self._state, self._parameters)
         self._body = Body(equations, self._run, series)
         self._contacts = Plates(equations, self._run, self._body, series)
         self._motor: DcMotor | GivenMotor = GivenMotor(scene, self._run)
@@ -269,7 +269,7 @@ class HeyokaRobot:
 class GivenMotor:
     """A motor whose speed follows from the commands alone: `ideal`, `ramp` or `lag`."""
 
-    def __init__(self, scene: Scene, run: RunState):
+    def __init__(self, scene: Scene, run: IntegratorState):
         self._scene, self._run, self._kind = scene, run, scene["effects.motor"]
 
     def start(self, angle: float) -> None:
@@ -344,7 +344,7 @@ class DcMotor:
         What is called with the time [s] when theta'' has jumped.
     """
 
-    def __init__(self, equations: Equations, run: RunState):
+    def __init__(self, equations: Equations, run: IntegratorState):
         self._equations, self._run, self._scene = equations, run, equations.scene
         self._theta, self._omega = equations.crank, equations.crank + 1
         scene = equations.scene

@@ -7,7 +7,7 @@ import math
 import heyoka as hy
 import numpy as np
 
-from benchmark.heyoka_robot.equations import Equations, Guide
+from benchmark.heyoka_robot.equations import Equations, GuideEquations
 
 _SHORT_FLIGHT = 1e-5  # s; heyoka may take too long to find a root in a small part of a step, which lasts about 1e-3 s
 _TIME = hy.expression("t")
@@ -17,7 +17,7 @@ _POWERS = 6
 _NOISE = 64.0 * np.finfo(float).eps
 
 
-class RunState:
+class IntegratorState:
     """The integrator's own arrays `state` and `parameters`, which are changed in place, and the list of events.
 
     Attributes
@@ -68,11 +68,11 @@ class RunState:
         """N and F_in [N] at `time` [s] in the present mode."""
         return self._read(time)[:2].tolist()
 
-    def plate_force(self, time: float, guide: Guide) -> float:
+    def plate_force(self, time: float, guide: GuideEquations) -> float:
         """Force of a compliant plate, k d + c d' [N], at `time` [s]."""
         return float(self._read(time)[self._plate_force_index[guide.side]])
 
-    def pressing_force(self, time: float, guide: Guide) -> float:
+    def pressing_force(self, time: float, guide: GuideEquations) -> float:
         """Force [N] that presses a mass on its rigid plate at `time` [s]."""
         return float(self._read(time)[self._pressing_force_index[guide.side]])
 
@@ -119,7 +119,7 @@ class RunState:
         self.events[number] = began, kind, speed, self.time_origin + time - began
 
 
-class Series:
+class GuardSeries:
     """Taylor coefficients of a scene's guards, from an integrator without events.
 
     A start, a command or an event may leave a guard exactly at zero; the sign just after decides the mode.
@@ -150,12 +150,12 @@ class Series:
         probe.step(max_delta_t=1e-12, write_tc=True)
         return probe.tc[:, :_POWERS + 2]
 
-    def depth_sign(self, time: float, guide: Guide) -> int:
+    def depth_sign(self, time: float, guide: GuideEquations) -> int:
         """Sign of d just after `time` [s]: -1, 0 or 1."""
         series = self._expand(time)[2 * self._equations.guides.index(guide)]
         return leading_sign(series, np.append(0.0, self._rounding[1:]))
 
-    def plate_force_sign(self, time: float, guide: Guide) -> int:
+    def plate_force_sign(self, time: float, guide: GuideEquations) -> int:
         """Sign of k d + c d' just after `time` [s]: -1, 0 or 1."""
         series = self._expand(time)[2 * self._equations.guides.index(guide)]
         factor = guide.plate_stiffness, guide.plate_damping

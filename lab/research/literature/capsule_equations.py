@@ -20,7 +20,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 
-class Guard:
+class TerminalGuard:
     """A function of time and state at whose passage through zero an integration by scipy ends.
 
     Attributes
@@ -122,7 +122,7 @@ class _Equations:
             return [state[1], mass, state[3] if slides else 0.0, acceleration]
         return right
 
-    def guards(self, slides: int, touched: bool) -> list[Guard]:
+    def guards(self, slides: int, touched: bool) -> list[TerminalGuard]:
         """Guards that end a mode: the second spring's gap, and the end of sliding or of rest."""
         def gap(_time: float, state: np.ndarray) -> float:
             return state[0] - state[2] - self._capsule.delta
@@ -131,7 +131,8 @@ class _Equations:
             force = self.forces(time, state, touched)[1]
             return state[3] if slides else min(1.0 - force, self._capsule.grip + force)
 
-        return [Guard(gap, -1.0 if touched else 1.0), Guard(friction, -float(slides) if slides else -1.0)]
+        return [TerminalGuard(gap, -1.0 if touched else 1.0),
+                TerminalGuard(friction, -float(slides) if slides else -1.0)]
 
     def next_slides(self, time: float, state: np.ndarray, touched: bool, slides: int) -> int:
         """Direction of sliding after the friction's guard, 0 for rest."""

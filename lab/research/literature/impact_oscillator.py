@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.stats import binomtest
 
-from research.literature.capsule_equations import Guard
+from research.literature.capsule_equations import TerminalGuard
 from research.literature.findings import FAILS, HOLDS, MISSIGNED, Check, Claim, Finding, Mapped, Studied
 from research.starts import computed
 from vibro_ros import Scene, Simulator
@@ -96,7 +96,7 @@ def oscillator_scene(oscillator: Oscillator) -> Scene:
 
 
 @dataclass(frozen=True)
-class Motion:
+class OscillatorMotion:
     """A settled motion: impacts and turns of its period, 0 if no period was found, and the impact speeds."""
 
     impacts: int
@@ -113,7 +113,7 @@ def started(oscillator: Oscillator, spin: float) -> Simulator:
     return device
 
 
-def settled(device: Simulator, oscillator: Oscillator, turns: int = _SETTLING) -> Motion:
+def settled(device: Simulator, oscillator: Oscillator, turns: int = _SETTLING) -> OscillatorMotion:
     """Let a device settle for `turns` turns, and return its motion."""
     turn = 2.0 * math.pi / (oscillator.omega * _RATE)
     device.advance_to(device.time + turns * turn)
@@ -125,11 +125,11 @@ def settled(device: Simulator, oscillator: Oscillator, turns: int = _SETTLING) -
     for count in range(1, len(blows) // 3 + 1):
         if np.allclose(blows[count:], blows[:-count], rtol=_EQUAL, atol=0.0):
             took = round(_SEEN * count / len(blows))
-            return Motion(count, took, tuple(float(speed) for speed in blows[:count]))
-    return Motion(0, 0, tuple(float(speed) for speed in blows))
+            return OscillatorMotion(count, took, tuple(float(speed) for speed in blows[:count]))
+    return OscillatorMotion(0, 0, tuple(float(speed) for speed in blows))
 
 
-def followed(oscillator: Oscillator, start: float) -> Motion:
+def followed(oscillator: Oscillator, start: float) -> OscillatorMotion:
     """Return the motion after the stop has been moved slowly from `start` to its position."""
     device = started(replace(oscillator, sigma=start), 1.0)
     settled(device, oscillator)
@@ -156,7 +156,7 @@ def _by_scipy(oscillator: Oscillator, times: np.ndarray) -> np.ndarray:
     def right(time: float, state: np.ndarray) -> list[float]:
         return [state[1], math.cos(oscillator.omega * time) - state[0]]
 
-    stop = Guard(lambda _time, state: state[0] - oscillator.sigma, 1.0)
+    stop = TerminalGuard(lambda _time, state: state[0] - oscillator.sigma, 1.0)
     found, done, time, state = np.empty(len(times)), 0, 0.0, np.array([1.0, 0.0])
     while done < len(times):
         piece = solve_ivp(right, (time, times[-1]), state, method="DOP853", rtol=1e-12, atol=1e-13, max_step=0.1,
@@ -186,7 +186,7 @@ class Compared:
 
     oscillator: Oscillator
     turns: int
-    motion: Motion
+    motion: OscillatorMotion
 
     @property
     def error(self) -> float:
@@ -315,7 +315,7 @@ def _attraction(starts: int) -> Claim:
                  f"{100.0 * low:.1f} %)", HOLDS if there == len(jobs) else FAILS, "every drawn start settles on it")
 
 
-def _from_spin(job: tuple[Oscillator, float]) -> Motion:
+def _from_spin(job: tuple[Oscillator, float]) -> OscillatorMotion:
     oscillator, spin = job
     return settled(started(oscillator, spin), oscillator)
 

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from research.literature.capsule_equations import Guard
+from research.literature.capsule_equations import TerminalGuard
 from research.literature.findings import FAILS, HOLDS, OUTSIDE, Check, Claim, Finding, Mapped, Studied
 from research.starts import computed
 from vibro_ros import Scene, Simulator
@@ -149,7 +149,7 @@ def _on_plate(motion: Shaking, grip: float, turns: int, counted: int) -> float:
             piece = solve_ivp(lambda at, values, way=direction: [
                 values[1], -math.sin(at) - way * grip * (1.0 + motion.press * math.cos(at + motion.lead))],
                 (time, stop), state, method="DOP853", rtol=1e-10, atol=1e-12, max_step=0.5,
-                events=Guard(_speed, -direction))
+                events=TerminalGuard(_speed, -direction))
             time, state = piece.t[-1], piece.y[:, -1].copy()
             if piece.status == 1:
                 state[1], direction = 0.0, -direction

@@ -37,7 +37,7 @@ SERIES = {
 UNITS = {"angle": "°", "mass": "kg", "crank": "m"}
 
 
-class Point(NamedTuple):
+class FigureRobot(NamedTuple):
     """One robot of a figure.
 
     Attributes
@@ -61,9 +61,9 @@ class Point(NamedTuple):
         return best | {"mass.inclined": BEST_MASS, "crank.radius": self.value}
 
 
-def points() -> Iterator[Point]:
+def points() -> Iterator[FigureRobot]:
     """Yield every robot of every figure."""
-    return (Point(series, value) for series, values in SERIES.items() for value in values)
+    return (FigureRobot(series, value) for series, values in SERIES.items() for value in values)
 
 
 #: Kinds of starts of a robot.
@@ -106,7 +106,7 @@ class Reading(NamedTuple):
         friction = "" if self.friction == "eq5" else f", {self.friction} friction"
         return f"{self.equations}, {self.normal_force}, {self.start}, {self.solver}{step}{friction}"
 
-    def scene(self, point: Point) -> Scene:
+    def scene(self, point: FigureRobot) -> Scene:
         """Return the scene of the robot `point` under this reading, for event-driven simulation."""
         return Scene("paper", point.changes() | {
             "effects.misprint": self.equations == "misprint", "effects.normal_force": self.normal_force,
@@ -183,7 +183,7 @@ EXPLODED = 3e8
 Pairs = tuple[tuple[float, float], ...]
 
 
-class Claim(NamedTuple):
+class PaperClaim(NamedTuple):
     """One claim of the paper.
 
     Attributes
@@ -215,22 +215,22 @@ def _rising(*values: float) -> Pairs:
 
 
 CLAIMS = (
-    Claim("80° is best", "of 40°, 50°, … 90°, the mean speed is greatest at φ = 80°", "angle",
+    PaperClaim("80° is best", "of 40°, 50°, … 90°, the mean speed is greatest at φ = 80°", "angle",
           _faster(80.0, 40.0, 50.0, 60.0, 70.0, 90.0), _faster(80.0, 85.0)),
-    Claim("falls beyond 85°", "a further increase of φ over 85…90° reduces the mean speed", "angle",
+    PaperClaim("falls beyond 85°", "a further increase of φ over 85…90° reduces the mean speed", "angle",
           _rising(90.0, 85.0), _rising(100.0, 95.0, 90.0)),
-    Claim("heavier is slower", "from m3 = 0.08 to 0.25 kg the mean speed falls gradually", "mass",
+    PaperClaim("heavier is slower", "from m3 = 0.08 to 0.25 kg the mean speed falls gradually", "mass",
           _rising(0.25, 0.08), _rising(0.25, 0.18, 0.12, 0.08)),
-    Claim("0.02 kg is best", "a decrease of m3 to 0.02 kg gives the greatest mean speed", "mass",
+    PaperClaim("0.02 kg is best", "a decrease of m3 to 0.02 kg gives the greatest mean speed", "mass",
           _faster(0.02, 0.08, 0.25), _faster(0.02, 0.05, 0.12, 0.18)),
-    Claim("longer is faster", "the longer the crank, the greater the mean speed, up to l = 0.06 m", "crank",
+    PaperClaim("longer is faster", "the longer the crank, the greater the mean speed, up to l = 0.06 m", "crank",
           _rising(0.02, 0.06), _rising(*SERIES["crank"])),
 )
 """Every claim, in the paper's order. Of the crank's lengths the text names that of the first robot, 0.02 m, and 0.06 m.
 """
 
 #: Displacements [m], shape (starts, instants), of each robot under one reading.
-Displacements = Mapping[Point, np.ndarray]
+Displacements = Mapping[FigureRobot, np.ndarray]
 
 
 class Mean(NamedTuple):
@@ -262,7 +262,7 @@ class Verdict(NamedTuple):
     one_run: tuple[str, ...]
     along_ox: tuple[str, ...]
     size: tuple[str, ...]
-    means: dict[Point, Mean]
+    means: dict[FigureRobot, Mean]
 
     @property
     def forwards(self) -> tuple[int, int]:
@@ -313,10 +313,10 @@ def one_run_pairs(differences: np.ndarray) -> str:
     return HOLDS if (differences[:, 0] > 0.0).all() else DOES_NOT
 
 
-def settled(claim: Claim, speed: Mapping[Point, np.ndarray], judge: Callable[[np.ndarray], str]) -> str:
+def settled(claim: PaperClaim, speed: Mapping[FigureRobot, np.ndarray], judge: Callable[[np.ndarray], str]) -> str:
     """Outcome of a claim, by the function `judge` of differences; `speed` [m/s], shape (starts,), by robot."""
     def of(pairs: Pairs) -> str:
-        return judge(np.array([speed[Point(claim.series, fast)] - speed[Point(claim.series, slow)]
+        return judge(np.array([speed[FigureRobot(claim.series, fast)] - speed[FigureRobot(claim.series, slow)]
                                for fast, slow in pairs]))
 
     named = of(claim.named)

@@ -27,13 +27,13 @@ from research.paper.claims import (
     SPANS,
     STARTS,
     UNITS,
-    Point,
+    FigureRobot,
     Reading,
     Span,
     Verdict,
     score,
 )
-from research.paper.runs import NEAR, Effort, Single
+from research.paper.runs import NEAR, SimulationEffort, Single
 
 MARKS = {HOLDS: "●", NAMED: "○", DOES_NOT: "–", NOISE: "~", DIVERGES: "∞"}
 #: Readings whose figures are on the page.
@@ -41,18 +41,18 @@ SHOWN = tuple(Reading("exact", 0.0, equations, rule, start, "eq5") for equations
     ("misprint", "printed", NEAR_REST), ("corrected", "printed", NEAR_ZERO), ("corrected", "unilateral", NEAR_REST)))
 #: Physically possible rules of the normal force, under which the ground cannot pull.
 PHYSICAL = ("unilateral", "hop")
-_ALL, _BEST = len(CLAIMS), Point("angle", BEST_ANGLE)
+_ALL, _BEST = len(CLAIMS), FigureRobot("angle", BEST_ANGLE)
 _WHERE = {NEAR_ZERO: "near `zero`", NEAR_REST: "near `rest`", ANY_PHASE: "at any phase", ON_SLIDERS: "on the sliders"}
 
 
-class Work(NamedTuple):
+class FirstSecondEnergies(NamedTuple):
     """Energies in the first second [J]: net work of the motor, and energy that the body gains without a source."""
 
     motor: float
     unpaid: float
 
 
-def page(found: Sequence[Verdict], singles: Sequence[Single], effort: Effort, data: str) -> str:
+def page(found: Sequence[Verdict], singles: Sequence[Single], effort: SimulationEffort, data: str) -> str:
     """Return the whole page; `singles` are those of `single_runs`, `data` is the folder of the verdicts' file and of
     the pictures, relative to the page.
 
@@ -111,7 +111,7 @@ def _row(one: Verdict) -> str:
     reading = f"{one.reading.equations}, `{one.reading.normal_force}`, {_WHERE[one.reading.start]}"
     fastest = ", ".join(_valued(series, one.fastest(series)) for series in SERIES)
     cells = [reading, *(MARKS[outcome] for outcome in one.along_ox), *scores, " / ".join(map(str, one.forwards)),
-             fastest, _interval(*one.means[Point("angle", BEST_ANGLE)])]
+             fastest, _interval(*one.means[FigureRobot("angle", BEST_ANGLE)])]
     return f"| {' | '.join(cells)} |"
 
 
@@ -121,7 +121,7 @@ def all_and_forwards(found: Iterable[Verdict]) -> list[Verdict]:
 
 
 def short_answer(corrected: Sequence[Verdict], misprint: Sequence[Verdict], singles: Sequence[Single],
-                 effort: Effort) -> str:
+                 effort: SimulationEffort) -> str:
     """Return the answer in some sentences: in the mean of the starts, and in the one run that the paper may show."""
     right, wrong = all_and_forwards(corrected), all_and_forwards(misprint)
     single, literal = ([one for one in found if score(one.one_run) == _ALL] for found in (corrected, misprint))
@@ -143,7 +143,7 @@ def short_answer(corrected: Sequence[Verdict], misprint: Sequence[Verdict], sing
             "the text that was studied.")
 
 
-def answers(corrected: Sequence[Verdict], misprint: Sequence[Verdict], work: Work) -> list[str]:
+def answers(corrected: Sequence[Verdict], misprint: Sequence[Verdict], work: FirstSecondEnergies) -> list[str]:
     """Return the results in sentences."""
     best, most = max(score(one.along_ox) for one in corrected), max(score(one.size) for one in corrected)
     back = sum(one.forwards[1] > one.forwards[0] for one in corrected)
@@ -324,7 +324,7 @@ def speed_in_words(speed: float) -> str:
     return f"{speed:.0f} m/s" if abs(speed) >= 10.0 else f"{speed:.3g} m/s"
 
 
-def work_of_a_second() -> Work:
+def work_of_a_second() -> FirstSecondEnergies:
     """Compute the energies of the first second at φ = 80°, from `rest`, with the rule `printed` and the misprint.
 
     Raises
@@ -333,10 +333,11 @@ def work_of_a_second() -> Work:
         If the run cannot go on.
     """
     reading = Reading("exact", 0.0, "misprint", "printed", NEAR_REST, "eq5")
-    device = vibro_ros.Simulator(reading.scene(Point("angle", BEST_ANGLE)).with_parameters({"solver.accounts": True}))
+    scene = reading.scene(FigureRobot("angle", BEST_ANGLE))
+    device = vibro_ros.Simulator(scene.with_parameters({"solver.accounts": True}))
     device.advance_to(1.0)
     accounts = device.statistics["energy_accounts"]
-    return Work(accounts["motor_delivered"] - accounts["motor_taken_back"], accounts["unpaid"])
+    return FirstSecondEnergies(accounts["motor_delivered"] - accounts["motor_taken_back"], accounts["unpaid"])
 
 
 #: Duration of the figures [s], and their number of samples.
@@ -348,7 +349,7 @@ _TITLES = {"angle": "2(b)  body, by angle φ", "mass": "3(a)  body at φ = 80°,
 #: Values that are drawn: the angles of the paper's Fig. 2(b) [°], and all values of the other series.
 _DRAWN = SERIES | {"angle": (40.0, 50.0, 60.0, 70.0, 80.0, 90.0)}
 #: The paper's first robot.
-_FIRST = Point("angle", 50.0)
+_FIRST = FigureRobot("angle", 50.0)
 
 
 def file_name(reading: Reading) -> str:
@@ -391,7 +392,7 @@ def _draw_masses(reading: Reading, axes: Axes) -> None:
 def _draw_body(reading: Reading, series: str, axes: Axes) -> None:
     times = np.linspace(0.0, DURATION, SAMPLES)
     for value in _DRAWN[series]:
-        run = vibro_ros.Simulator(reading.scene(Point(series, value))).sample(times)
+        run = vibro_ros.Simulator(reading.scene(FigureRobot(series, value))).sample(times)
         unit = UNITS[series]
         axes.plot(times, run.body_position, label=f"{value:g}{'' if unit == '°' else ' '}{unit}")
     axes.set(title=_TITLES[series], xlabel="time [s]", ylabel="displacement [m]")

@@ -22,7 +22,7 @@ from research.paper.claims import (
     ON_SLIDERS,
     SERIES,
     SPANS,
-    Point,
+    FigureRobot,
     Reading,
     instants,
     judged_pairs,
@@ -40,7 +40,7 @@ from research.paper.page import SHOWN, all_and_forwards, file_name, page
 from research.paper.runs import (
     NEAR,
     Batch,
-    Effort,
+    SimulationEffort,
     advance,
     displacements,
     full_effort,
@@ -66,7 +66,7 @@ READING = Reading("exact", 0.0, "corrected", "weight", NEAR_REST, "eq5")
 def speed_of(series, mean):
     """Return speeds of every robot of a series, shape (starts,), with the given mean for each value."""
     draw = np.random.default_rng(7)
-    return {Point(series, value): mean(value) + 0.01 * draw.standard_normal(STARTS) for value in SERIES[series]}
+    return {FigureRobot(series, value): mean(value) + 0.01 * draw.standard_normal(STARTS) for value in SERIES[series]}
 
 
 @pytest.mark.parametrize(("claim", "mean", "outcome"), [
@@ -96,7 +96,7 @@ def test_pure_noise_hardly_ever_settles_a_claim():
 def test_what_diverges_is_told():
     speed = speed_of("angle", lambda angle: -abs(angle - 80.0))
     for value in (np.inf, np.nan, -1e40):
-        speed[Point("angle", 60.0)][3] = value
+        speed[FigureRobot("angle", 60.0)][3] = value
         assert settled(BEST, speed, judged_pairs) == DIVERGES and settled(BEST, speed, one_run_pairs) == HOLDS
 
 
@@ -116,22 +116,22 @@ def test_backwards_is_not_forwards_but_may_be_fast():
 
 REST = Reading("exact", 0.0, "corrected", "printed", NEAR_REST, "eq5")
 COARSE = Reading("rkfixed", 1e-3, "misprint", "printed", NEAR_ZERO, "eq5")
-SMALL = Effort((COARSE, COARSE._replace(start=NEAR_REST)), 2, 3)
+SMALL = SimulationEffort((COARSE, COARSE._replace(start=NEAR_REST)), 2, 3)
 
 
 def test_the_first_start_is_the_named_state_and_the_others_are_near_it():
     assert advance(NEAR_ZERO, 0) == advance(NEAR_REST, 0) == 0.0
     ahead = [advance(NEAR_REST, number) for number in range(1, 200)]
     assert 0.0 < min(ahead) and max(ahead) < NEAR and len(set(ahead)) == len(ahead)
-    scene = REST.scene(Point("angle", 80.0))
+    scene = REST.scene(FigureRobot("angle", 80.0))
     named = vibro_ros.Simulator(scene).sample(np.array(instants(REST))).body_position
-    np.testing.assert_array_equal(displacements(Batch(REST, Point("angle", 80.0), 1))[0], named)
+    np.testing.assert_array_equal(displacements(Batch(REST, FigureRobot("angle", 80.0), 1))[0], named)
 
 
 @pytest.mark.parametrize("start", [NEAR_REST, ON_SLIDERS])
 def test_masses_rest_where_the_sliders_were_or_where_they_are(start):
     """At the crank's angle of 0.05 rad the inclined slider is 1 mm further, by the crank's geometry at φ = 80°."""
-    scene = REST._replace(start=start).scene(Point("angle", 80.0)).with_parameters({"inclined.gap": 0.005})
+    scene = REST._replace(start=start).scene(FigureRobot("angle", 80.0)).with_parameters({"inclined.gap": 0.005})
     device = vibro_ros.Simulator(scene)
     device.command(motor_speed=1e4)
     device.advance_to(0.05 / 1e4)
@@ -153,7 +153,7 @@ def test_a_phase_is_where_the_upper_slider_moves():
 @pytest.mark.parametrize("start", [NEAR_ZERO, NEAR_REST, ANY_PHASE])
 def test_starts_of_a_crank_as_long_as_its_rods_differ(start):
     """They differ from the first second on."""
-    found = displacements(Batch(REST._replace(start=start), Point("crank", 0.06), 6))[:, 0]
+    found = displacements(Batch(REST._replace(start=start), FigureRobot("crank", 0.06), 6))[:, 0]
     assert np.min(np.abs(np.subtract.outer(found, found)) + np.eye(6)) > 1e-6
 
 
@@ -161,7 +161,7 @@ def test_masses_at_rest_on_a_slider_that_stands_still_make_copies():
     """With φ = 80° both sliders stand at 0 from 170° to 270°: a start 0.3 rad further repeats the same motion 3 ms
     sooner.
     """
-    scene, times = REST._replace(start=NEAR_ZERO).scene(Point("crank", 0.06)), np.array([0.05, 0.06])
+    scene, times = REST._replace(start=NEAR_ZERO).scene(FigureRobot("crank", 0.06)), np.array([0.05, 0.06])
     first = worksheet.rkfixed(scene, "eq5", 3.3, 1e-5, times + 0.003)
     np.testing.assert_allclose(worksheet.rkfixed(scene, "eq5", 3.6, 1e-5, times), first, rtol=1e-6)
     assert np.abs(worksheet.rkfixed(scene, "eq5", 0.3, 1e-5, times) - first).max() > 1e-4
@@ -171,14 +171,14 @@ def test_every_reading_of_an_effort_is_judged_in_its_order():
     found = judged(SMALL)
     assert [(one.reading, one.span) for one in found] == [
         (reading, span) for reading in SMALL.readings for span in spans(reading)]
-    own = displacements(Batch(SMALL.readings[1], Point("crank", 0.06), 3))
-    np.testing.assert_equal(found[-1].means[Point("crank", 0.06)], mean_of(speeds(own, found[-1].span)))
+    own = displacements(Batch(SMALL.readings[1], FigureRobot("crank", 0.06), 3))
+    np.testing.assert_equal(found[-1].means[FigureRobot("crank", 0.06)], mean_of(speeds(own, found[-1].span)))
 
 
 TIMES = np.array([0.05, 0.1])
 
 
-FIRST = Point("angle", 60.0)
+FIRST = FigureRobot("angle", 60.0)
 
 
 def scene_of(equations, rule, start, point=FIRST):
@@ -235,7 +235,7 @@ def test_every_reading_has_a_verdict_for_each_of_its_spans():
 @pytest.mark.parametrize(("reading", "spans"), [
     (MISPRINT, SPANS[:2]), (MISPRINT._replace(equations="corrected", start=NEAR_ZERO), SPANS[:2]),
     (MISPRINT._replace(equations="corrected", normal_force="unilateral"), SPANS[:1])])
-@pytest.mark.parametrize("point", [Point("angle", 80.0), Point("mass", 0.02)])
+@pytest.mark.parametrize("point", [FigureRobot("angle", 80.0), FigureRobot("mass", 0.02)])
 def test_mean_speeds_of_the_first_seconds_are_found_again(reading, spans, point):
     """Over as long as chaos leaves five digits: two seconds, and one by `unilateral`, where a start that is moved by
     1e-15 of itself changes its speed by up to 1e-11 m/s over one second, but by 3e-6 m/s over two.
@@ -283,4 +283,4 @@ def test_only_the_misprint_gives_every_claim():
     """Every reading that gives all claims, those with fixed steps included, has the misprint."""
     full = all_and_forwards(FOUND)
     assert full and {one.reading.equations for one in full} == {"misprint"}
-    assert min(one.means[Point("angle", 80.0)].mean for one in full) > 100.0  # m/s
+    assert min(one.means[FigureRobot("angle", 80.0)].mean for one in full) > 100.0  # m/s

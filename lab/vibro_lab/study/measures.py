@@ -423,7 +423,7 @@ def measure(scene: Scene, names: Collection[str], settling: float, duration: flo
     return _measured(scene, checked_names(tuple(names)), settling, duration, start, frozenset())[0]
 
 
-class Measured(NamedTuple):
+class MeasuredStart(NamedTuple):
     """Results of one start."""
 
     values: dict[str, float]  # the measures by name, as returned by `measure`
@@ -434,11 +434,11 @@ class Measured(NamedTuple):
 
 
 def measure_with_motion(scene: Scene, names: Collection[str], settling: float, duration: float,
-                        start: int | None) -> Measured:
+                        start: int | None) -> MeasuredStart:
     """As `measure`, and also return the motion that the start has settled to, and the drift of its speed."""
     values, seen = _measured(scene, checked_names(tuple(names)), settling, duration, start, frozenset({MOTION}))
     motion = None if seen.cuts is None or not seen.steady else motion_of(seen.cuts, _speed(seen), scene)
-    return Measured(values, motion, seen.drift)
+    return MeasuredStart(values, motion, seen.drift)
 
 
 def drift_in(drifts: np.ndarray, speed: float) -> float:

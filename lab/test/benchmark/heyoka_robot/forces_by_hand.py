@@ -14,7 +14,7 @@ X, Y, U, W, NORMAL, FRICTION, PRESS, _, CRANK = range(9)
 
 
 @dataclass(frozen=True)
-class Motion:
+class SampledMotion:
     """A scene's state at n instants: arrays of shape (n,) by the names of `Samples`."""
 
     scene: object

@@ -5,7 +5,7 @@ Heyoka's forces are computed by hand from its states. A force is as far off as t
 """
 
 import numpy as np
-from forces_by_hand import SIDES, Motion
+from forces_by_hand import SIDES, SampledMotion
 
 import vibro_ros
 from benchmark.heyoka_robot import COLUMNS, DRIVEN, HeyokaRobot
@@ -40,7 +40,7 @@ def simulated(scene, times, commands):
 
 def motion(scene, run):
     """Heyoka's motion, by the names of `Samples`."""
-    return Motion(scene, dict(zip(COLUMNS + DRIVEN, np.hstack([run.samples, run.driven]).T, strict=True)))
+    return SampledMotion(scene, dict(zip(COLUMNS + DRIVEN, np.hstack([run.samples, run.driven]).T, strict=True)))
 
 
 def assert_agreement(scene, duration, commands=(), position=POSITION, place=0.0):
