@@ -13,7 +13,6 @@ from vibro_lab.orbits.orbit import derivative
 from vibro_lab.orbits.recurrence import JITTER
 from vibro_lab.orbits.turn_map import TurnMap, crank_speed
 from vibro_ros.model.slider import Slider
-from vibro_ros.simulation.crank_angle import first_reached
 from vibro_ros.simulation.motion import SimulationError
 
 VOLTS = {"effects.motor": "dc", "motor.control": "voltage", "motor.voltage": 15.0, "motor.speed": 90.0,
@@ -178,64 +177,14 @@ def test_motions_of_a_controller_are_told_within_the_jitter_of_its_samples():
     assert np.ptp(seen, axis=0).max() > 10.0 * JITTER  # its two turns are not one
 
 
-def test_an_angle_is_passed_by_the_device_that_runs_on():
-    """The device's bits do not change, and the angle is met to rounding, whatever the crank does before."""
-    of = scene("machine", SOMMERFELD, {"motor.voltage": 40.0})
-    device, other = vibro_ros.Simulator(of), vibro_ros.Simulator(of)
-    for turn in (0, 1, 2, 30):
-        assert device.advance_to_angle(turn, 2.0)
-        assert device.state.crank_angle == pytest.approx(2.0 * math.pi * turn + 2.0, abs=1e-13 * (1 + turn))
-        other.advance_to(device.time)
-        assert other.state == device.state
-    assert device.take_events().tolist() == other.take_events().tolist()
-    assert device.statistics == other.statistics
-    time = device.time
-    assert device.advance_to_angle(3, 1.0) and device.time == time  # gone by already
-
-
 def test_a_crank_that_does_not_come_round_is_told():
     """2 V turn a crank without load, but not against the pressed masses; the error says so."""
     of = machine(**{"motor.control": "voltage", "motor.voltage": 2.0, "motor.speed": 0.0})
-    device = vibro_ros.Simulator(of)
-    assert not device.advance_to_angle(1, 0.0, latest=1.0) and device.time == 1.0
     with pytest.raises(SimulationError, match="the crank has not come round for .* give more than 2 for "
                                               "motor.voltage"):
         vibro_lab.settled_motion(of)
     with pytest.raises(ValueError, match="motor.voltage: 0.2 V turns no crank forwards; give more than 0.291"):
         vibro_lab.find_orbit(of.with_parameters({"motor.voltage": 0.2}))
-    with pytest.raises(ValueError, match="latest: 0.5 s is out of range; give a time from 1 to"):
-        device.advance_to_angle(1, 0.0, latest=0.5)
-    with pytest.raises(ValueError, match="ideal, exact have no angle to advance to; choose dc and exact"):
-        vibro_ros.Simulator(vibro_ros.load_scene("paper")).advance_to_angle(1, 0.0)
-
-
-@pytest.mark.parametrize(("value", "expected"), [(0.1, 0.10050506338833465), (-2.0, -1.0), (5.0, None)])
-def test_the_first_of_several_places_is_found(value, expected):
-    """x - x³ from -0.577 on rises to 0.385 at 0.577 and falls again, so it passes a value more than once."""
-    found = first_reached(np.array([0.0, 1.0, 0.0, -1.0]), value, -0.55 if value > 0.0 else -1.0, 1.0)
-    assert found == (expected if expected is None else pytest.approx(expected, abs=1e-2))
-    if expected and value > 0.0:
-        assert found - found**3 == pytest.approx(value, abs=1e-15) and found < 0.5
-
-
-def test_a_controller_continues_with_a_given_integral():
-    """i = I + k_p e is held from the sample at this instant on, which is taken again."""
-    device = vibro_ros.Simulator(machine())
-    device.advance_to(0.05)
-    device.set_state(motor_speed=95.0, controller_integral=1.5)
-    assert device.state.motor_current == pytest.approx(1.5 + 0.05 * 5.0, abs=1e-14)
-    assert device.controller_integral == pytest.approx(1.5 + 0.5 * 5.0 / 1000.0, abs=1e-14)
-    wound = vibro_ros.Simulator(machine(**{"motor.control": "voltage", "motor.voltage": 12.0} | WINDING))
-    wound.set_state(motor_current=0.75)
-    assert wound.state.motor_current == 0.75
-    before = device.checkpoint().tolist()
-    with pytest.raises(ValueError, match="motor_current: 1.0 is no part of this motor's state; .*winding_inductance"):
-        device.set_state(motor_current=1.0)
-    with pytest.raises(ValueError, match="controller_integral: 1.0 is no part of this motor's state; .*motor.control"):
-        wound.set_state(controller_integral=1.0)
-    with pytest.raises(ValueError, match="controller_integral: nan is not finite"):
-        device.set_state(controller_integral=math.nan)
-    assert device.checkpoint().tolist() == before
 
 
 def test_the_unit_of_speed_at_a_voltage_is_that_without_load():
