@@ -114,16 +114,16 @@ def accelerations(f2, f3, slide, ground, p):
     if p.rule != 0 or ground == AIR:
         pressed -= f2 + f3 * p.cosine
     up = p.cosine if p.rule != 0 else 0.0
-    own = p.reaction * p.m3
+    reacting = p.reaction * p.m3
     if ground == AIR:
-        along, across = p.total - own * p.sine * p.sine, own * p.sine * p.cosine
-        high = p.total - p.reaction * p.m2 - own * p.cosine * p.cosine
+        along, across = p.total - reacting * p.sine * p.sine, reacting * p.sine * p.cosine
+        high = p.total - p.reaction * p.m2 - reacting * p.cosine * p.cosine
         scale = 1.0 / (along * high - across * across)
         ax, ay = scale * (high * inward + across * pressed), -scale * (along * pressed + across * inward)
     elif ground != STICK:
         rub = p.mu * slide
-        ax = (inward - rub * pressed) / (p.total - own * p.sine * (p.sine - rub * up))
-    normal = 0.0 if ground == AIR else pressed + own * p.sine * up * ax
+        ax = (inward - rub * pressed) / (p.total - reacting * p.sine * (p.sine - rub * up))
+    normal = 0.0 if ground == AIR else pressed + reacting * p.sine * up * ax
     au = -f2 / p.m2 - p.reaction * ay if p.m2 > 0.0 else 0.0
     aw = -f3 / p.m3 + p.reaction * (p.sine * ax - p.cosine * ay) if p.m3 > 0.0 else 0.0
     return au, aw, ax, ay, normal
@@ -209,9 +209,9 @@ def land(y, p):
     if p.restitution > 0.0 and -y[7] > p.slow:
         y[6], y[7] = 0.0, -p.restitution * y[7]
         return
-    own = p.reaction * p.m3
-    along, across = p.total - own * p.sine * p.sine, own * p.sine * p.cosine
-    high = p.total - p.reaction * p.m2 - own * p.cosine * p.cosine
+    reacting = p.reaction * p.m3
+    along, across = p.total - reacting * p.sine * p.sine, reacting * p.sine * p.cosine
+    high = p.total - p.reaction * p.m2 - reacting * p.cosine * p.cosine
     fall, before = y[7], y[5]
     after, left = before, fall
     if before != 0.0:

@@ -123,11 +123,11 @@ class StoredProblem:
         if answer.events is None:
             return ""
         kinds, counts = np.unique(answer.events["kind"], return_counts=True)
-        found = {str(kind): int(count) for kind, count in zip(kinds, counts, strict=True)}
+        numbers = {str(kind): int(count) for kind, count in zip(kinds, counts, strict=True)}
         return "; ".join(
-            f"{found.get(kind, 0)} of {event['count']} {kind.replace('_', ' ')}{'' if event['count'] == 1 else 's'}"
+            f"{numbers.get(kind, 0)} of {event['count']} {kind.replace('_', ' ')}{'' if event['count'] == 1 else 's'}"
             for kind, event in self.events.items()
-            if (kind in found or kind.endswith("contact")) and found.get(kind, 0) != event["count"])
+            if (kind in numbers or kind.endswith("contact")) and numbers.get(kind, 0) != event["count"])
 
     def falls_through(self, states: np.ndarray) -> bool:
         """Whether a body that may leave the ground (y >= 0) is ever deeper below it than it rises above it in the

@@ -137,11 +137,11 @@ def data(name: str) -> dict[str, Any]:
         parameters = parameters | {"gap2": float(graze + _GRAZE), "gap3": float(graze - _GRAZE)}
     check, _ = integrate(parameters, duration, **SECOND)
     closed = parameters["restitution"] > 0.0
-    rows, found = (bounced(parameters, duration) if closed else integrate(parameters, duration, **FIRST))
+    rows, events = (bounced(parameters, duration) if closed else integrate(parameters, duration, **FIRST))
     ctx.dps = FIRST["digits"]
     gap = max(abs(float(a - b)) for pair in zip(rows, check, strict=True) for a, b in zip(*pair, strict=True))
-    kinds = {event["kind"] for event in found} & (_KINDS | (_FRICTION if parameters["normal"] == "weight" else set()))
-    times = {kind: [event["time"] for event in found if event["kind"] == kind] for kind in sorted(kinds)}
+    kinds = {event["kind"] for event in events} & (_KINDS | (_FRICTION if parameters["normal"] == "weight" else set()))
+    times = {kind: [event["time"] for event in events if event["kind"] == kind] for kind in sorted(kinds)}
     start = {column: float(number) for column, number in zip(COLUMNS, rows[0], strict=True)}
     return {
         "title": title, "made_by": f"python -m benchmark.reference {name}", "parameters": parameters, "start": start,

@@ -135,8 +135,8 @@ def _landed(dx, fall, friction, flight):
         return dx + backwards * fall
     if abs(flight.across) <= friction * flight.up:
         return 0.0
-    first, then = (forwards, backwards) if dx > 0.0 else (backwards, forwards)
-    return then * (dx / first + fall)
+    first, second = (forwards, backwards) if dx > 0.0 else (backwards, forwards)
+    return second * (dx / first + fall)
 
 
 @_inlined

@@ -296,14 +296,14 @@ class Plates:
 
     def actions(self) -> dict[str, Callable[[float, int], None]]:
         """The action of each guard of a guide: a function of time [s] and the sign of the guard's derivative."""
-        found: dict[str, Any] = {}
+        actions: dict[str, Any] = {}
         for guide in self._guides:
             side = guide.side
-            found[f"{side} depth"] = lambda t, d, g=guide: self._cross_plate(t, g, d)
-            found[f"{side} force"] = lambda t, d, g=guide: self._cross_force(t, g, d)
-            found[f"{side} plate"] = lambda t, d, g=guide: self._meet_rigid(t, g)
-            found[f"{side} kink"] = lambda t, d, g=guide: self._pass_kink(t, g, d)
-        return found
+            actions[f"{side} depth"] = lambda t, d, g=guide: self._cross_plate(t, g, d)
+            actions[f"{side} force"] = lambda t, d, g=guide: self._cross_force(t, g, d)
+            actions[f"{side} plate"] = lambda t, d, g=guide: self._meet_rigid(t, g)
+            actions[f"{side} kink"] = lambda t, d, g=guide: self._pass_kink(t, g, d)
+        return actions
 
     def _pass_kink(self, time: float, guide: GuideEquations, direction: int) -> None:
         """Change the sign of the root in the slider's position."""

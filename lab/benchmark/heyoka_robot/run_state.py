@@ -90,8 +90,8 @@ class IntegratorState:
 
     def coupling(self, time: float) -> tuple[float, float, float]:
         """`Equations.coupling` of a dc motor at `time` [s]; zero of another."""
-        found = self._read(time)[self._rise_index + 3:].tolist()
-        return tuple(found) if found else (0.0, 0.0, 0.0)
+        couplings = self._read(time)[self._rise_index + 3:].tolist()
+        return tuple(couplings) if couplings else (0.0, 0.0, 0.0)
 
     def announce_flight(self, flight: float) -> None:
         """Store that a bounce ends after about `flight` [s], if heyoka needs short steps to find that end."""
@@ -173,7 +173,7 @@ class GuardSeries:
         if equations.scene["effects.misprint"]:
             stiffness = float(self._parameters[equations.parameters.number["inclined.spring"]])
             noise += 2.0 * stiffness * self._rounding[:_POWERS]
-        normal, inertial = (_derivative(one)[:_POWERS] for one in series[-2:])
+        normal, inertial = (_derivative(force)[:_POWERS] for force in series[-2:])
         return normal, inertial, noise
 
 

@@ -51,10 +51,10 @@ def prepare(problem, setting):
 
     def run():
         try:
-            found = robot.integrate(problem.times, commands)
+            answer = robot.integrate(problem.times, commands)
         except (RuntimeError, ValueError) as error:
             raise UnableError(f"heyoka: {error}") from error
-        return Answer(found.samples, lambda: ordered_events(found.events))
+        return Answer(answer.samples, lambda: ordered_events(answer.events))
 
     return run
 
@@ -81,10 +81,10 @@ def _ball(problem, setting):
             integrator.time = now = integrator.time  # drops the low part, with which the grid would start too early
             later = times[done:]
             before = [now] if later[0] > now else []
-            outcome, *_, found = integrator.propagate_grid(np.concatenate([before, later]), max_delta_t=longest)
-            found = found[len(before):]
-            rows[done:done + len(found), 6:] = found
-            done += len(found)
+            outcome, *_, states = integrator.propagate_grid(np.concatenate([before, later]), max_delta_t=longest)
+            states = states[len(before):]
+            rows[done:done + len(states), 6:] = states
+            done += len(states)
             if outcome == hy.taylor_outcome.time_limit:
                 return Answer(rows, lambda: event_array(landings))
             fall = -integrator.state[1]

@@ -39,11 +39,11 @@ def _plain(problem, callbacks, rtol):
 
     def run():
         callbacks.begin(start(problem))
-        found = solve_ivp(_returned(callbacks.smooth, 8), (0.0, problem.times[-1]), start(problem),
+        solution = solve_ivp(_returned(callbacks.smooth, 8), (0.0, problem.times[-1]), start(problem),
                           t_eval=problem.times, rtol=rtol, atol=1e-3 * rtol)
-        if not found.success:
-            raise UnableError(found.message)
-        return Answer(found.y.T, callbacks=callbacks.seconds)
+        if not solution.success:
+            raise UnableError(solution.message)
+        return Answer(solution.y.T, callbacks=callbacks.seconds)
 
     return run
 

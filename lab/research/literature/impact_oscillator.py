@@ -73,10 +73,10 @@ class Oscillator:
     def multipliers(self, turns: int, speed: float) -> np.ndarray:
         """Multipliers of the (1, `turns`) orbit with impact speed `speed`, shape (2,), complex."""
         a, _ = self.shape(turns)
-        own = self.restitution
+        restitution = self.restitution
         sine, cosine = math.sin(2.0 * math.pi * turns / self.omega), math.cos(2.0 * math.pi * turns / self.omega)
         push = (1.0 - self.omega**2) * (self.sigma + a * speed) - self.sigma  # acceleration at the impact
-        impact = np.array([[-own, 0.0], [(1.0 + own) * push / speed, -own]])
+        impact = np.array([[-restitution, 0.0], [(1.0 + restitution) * push / speed, -restitution]])
         return np.linalg.eigvals(np.array([[cosine, sine], [-sine, cosine]]) @ impact)
 
     def doubling_defect(self, turns: int) -> float:
@@ -148,8 +148,8 @@ def difference(oscillator: Oscillator, turns: int) -> float:
     The stop of `oscillator` must lie beyond 1, where the mass is at its slider initially.
     """
     times = np.linspace(0.0, turns * 2.0 * math.pi / oscillator.omega, _SAMPLES + 1)
-    own = (Simulator(oscillator_scene(oscillator)).sample(times / _RATE).upper_position - _ROD) / _RADIUS
-    return float(np.max(np.abs(own - _by_scipy(oscillator, times))))
+    by_device = (Simulator(oscillator_scene(oscillator)).sample(times / _RATE).upper_position - _ROD) / _RADIUS
+    return float(np.max(np.abs(by_device - _by_scipy(oscillator, times))))
 
 
 def _by_scipy(oscillator: Oscillator, times: np.ndarray) -> np.ndarray:
@@ -157,16 +157,16 @@ def _by_scipy(oscillator: Oscillator, times: np.ndarray) -> np.ndarray:
         return [state[1], math.cos(oscillator.omega * time) - state[0]]
 
     stop = TerminalGuard(lambda _time, state: state[0] - oscillator.sigma, 1.0)
-    found, done, time, state = np.empty(len(times)), 0, 0.0, np.array([1.0, 0.0])
+    positions, done, time, state = np.empty(len(times)), 0, 0.0, np.array([1.0, 0.0])
     while done < len(times):
         piece = solve_ivp(right, (time, times[-1]), state, method="DOP853", rtol=1e-12, atol=1e-13, max_step=0.1,
                           events=stop, dense_output=True)
         upto = len(times) if piece.status == 0 else int(np.searchsorted(times, piece.t[-1]))
         if upto > done:
-            found[done:upto] = piece.sol(times[done:upto])[0]
+            positions[done:upto] = piece.sol(times[done:upto])[0]
         done, time = upto, piece.t[-1]
         state = np.array([oscillator.sigma, -oscillator.restitution * piece.y[1, -1]])
-    return found
+    return positions
 
 
 NAME = "impact_oscillator"
@@ -204,7 +204,7 @@ def compared(job: tuple[Oscillator, int]) -> Compared:
 
 def study(quick: bool) -> Studied:
     """Compare orbits, folds and period doublings; a tenth of the starts if `quick`."""
-    jobs = [(Oscillator(omega, 0.0, own), turns) for own in _RESTITUTIONS for omega, turns in _ORBITS]
+    jobs = [(Oscillator(omega, 0.0, restitution), turns) for restitution in _RESTITUTIONS for omega, turns in _ORBITS]
     jobs = [(replace(oscillator, sigma=place * oscillator.reach), turns)
             for oscillator, turns in jobs for place in _PLACES]
     rows = computed(compared, jobs, "impact_oscillator: orbits")
@@ -236,10 +236,10 @@ def _tilt() -> list[Claim]:
     claims = []
     for omega, side, words in ((1.9, -1.0, "negative"), (2.1, 1.0, "positive")):
         beyond = Oscillator(omega, 0.0, 0.8)
-        found = {sign: followed(replace(beyond, sigma=sign * 1.2 * beyond.reach), 0.0) for sign in (-1.0, 1.0)}
-        there = {sign: (motion.impacts, motion.turns) == (1, 1) for sign, motion in found.items()}
+        motions = {sign: followed(replace(beyond, sigma=sign * 1.2 * beyond.reach), 0.0) for sign in (-1.0, 1.0)}
+        there = {sign: (motion.impacts, motion.turns) == (1, 1) for sign, motion in motions.items()}
         slope = beyond.shape(1)[0]
-        speed = found[-side].speeds[0] if there[-side] else math.nan
+        speed = motions[-side].speeds[0] if there[-side] else math.nan
         claims.append(Claim(
             f"The ellipse is tilted into the {words} σ for ω {'<' if omega < 2 else '>'} 2n.",
             f"at ω = {omega:g} the simulated (1, 1) orbit exists at σ = {-side * 1.2 * beyond.reach:.3f} (V = "

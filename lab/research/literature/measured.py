@@ -78,7 +78,7 @@ SOURCES = (
 
 def section() -> str:
     """Return the section in Markdown."""
-    rows = [f"| {one.source} | {one.read} | {one.reports} | {one.missing} |" for one in SOURCES]
+    rows = [f"| {source.source} | {source.read} | {source.reports} | {source.missing} |" for source in SOURCES]
     return "\n".join([
         "## Measured vibration robots",
         "",

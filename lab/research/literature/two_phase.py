@@ -74,8 +74,8 @@ def block_scene(press: float, tuning: float = STIFF, damping: float = 0.3, weakn
     weakness : float
         Change of speed by friction per radian over the amplitude of the speed, dimensionless.
     """
-    own = tuning * _SPEED
-    reach = abs(_response(own, damping, _SPEED))
+    natural = tuning * _SPEED
+    reach = abs(_response(natural, damping, _SPEED))
     upper = press * (_BODY + _INCLINED) * _GRAVITY / (reach * _STROKE * _SPEED**2 - press * _GRAVITY)
     total = _BODY + upper + _INCLINED
     stiffness = _INCLINED * (10.0 * _SPEED) ** 2
@@ -83,19 +83,19 @@ def block_scene(press: float, tuning: float = STIFF, damping: float = 0.3, weakn
     return Scene("two_phase", {
         "mass.body": _BODY, "mass.upper": upper, "mass.inclined": _INCLINED, "guide.angle": math.pi / 2.0,
         "crank.radius": _STROKE, "crank.upper_rod": _ROD, "crank.inclined_rod": _ROD,
-        "upper.spring.stiffness": upper * own**2, "upper.spring.damping": 2.0 * damping * upper * own,
+        "upper.spring.stiffness": upper * natural**2, "upper.spring.damping": 2.0 * damping * upper * natural,
         "inclined.spring.stiffness": stiffness, "inclined.spring.damping": 0.6 * math.sqrt(stiffness * _INCLINED),
         "ground.friction": weakness * swing * _SPEED / _GRAVITY, "gravity": _GRAVITY, "motor.speed": _SPEED,
         "effects.upper_contact": "none", "effects.inclined_contact": "none", "effects.normal_force": "unilateral"})
 
 
-def _response(own: float, damping: float, motor: float) -> complex:
+def _response(natural: float, damping: float, motor: float) -> complex:
     """Complex amplitude of a mass over the slider's (base excitation).
 
-    `own` is the natural frequency, `motor` the motor speed [rad/s], `damping` the damping ratio.
+    `natural` is the natural frequency, `motor` the motor speed [rad/s], `damping` the damping ratio.
     """
-    lag = 2j * damping * own * motor
-    return (own**2 + lag) / (own**2 - motor**2 + lag)
+    lag = 2j * damping * natural * motor
+    return (natural**2 + lag) / (natural**2 - motor**2 + lag)
 
 
 def _responses(scene: Scene) -> tuple[complex, complex]:
@@ -189,8 +189,8 @@ def friction_at_half_speed() -> float:
     drift = speeds - math.cos(cmath.phase(_responses(scene)[1]))  # speed at the ends of turns, without the shaking
     middle = (drift[1:] + drift[:-1]) / 2.0
     pulls = -np.diff(drift) * motion.speed / (grip * turn)
-    own = pulls - 2.0 / math.pi * motion.press * math.cos(motion.lead) * np.sqrt(1.0 - middle**2)
-    return float(np.interp(0.5, middle, own))
+    speeds = pulls - 2.0 / math.pi * motion.press * math.cos(motion.lead) * np.sqrt(1.0 - middle**2)
+    return float(np.interp(0.5, middle, speeds))
 
 
 @dataclass(frozen=True)

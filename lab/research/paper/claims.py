@@ -132,9 +132,9 @@ def exact_readings() -> Iterator[Reading]:
 
 def slider_readings() -> Iterator[Reading]:
     """Yield the readings whose masses rest on the sliders at the crank's own angle."""
-    for one in exact_readings():
-        if one.start == NEAR_REST:
-            yield one._replace(start=ON_SLIDERS)
+    for reading in exact_readings():
+        if reading.start == NEAR_REST:
+            yield reading._replace(start=ON_SLIDERS)
 
 
 def worksheet_readings() -> Iterator[Reading]:
@@ -272,8 +272,8 @@ class Verdict(NamedTuple):
 
     def fastest(self, series: str) -> float:
         """Value of the robot of a series with the greatest mean speed along Ox."""
-        own = {point: mean.mean for point, mean in self.means.items() if point.series == series}
-        return max(own, key=lambda point: own[point]).value
+        means = {point: mean.mean for point, mean in self.means.items() if point.series == series}
+        return max(means, key=lambda point: means[point]).value
 
 
 def score(outcomes: tuple[str, ...]) -> int:
@@ -331,12 +331,12 @@ def single_scores(displacements: Displacements, span: Span) -> np.ndarray:
     return np.array([score(tuple(settled(claim, values, one_run_pairs) for claim in CLAIMS)) for values in alone])
 
 
-def verdicts(reading: Reading, found: Displacements) -> list[Verdict]:
+def verdicts(reading: Reading, displacements: Displacements) -> list[Verdict]:
     """Judge every claim under a reading, over each of its spans."""
     found_verdicts = []
     for span in spans(reading):
         with np.errstate(invalid="ignore", over="ignore"):
-            speed = {point: speeds(values, span) for point, values in found.items()}
+            speed = {point: speeds(values, span) for point, values in displacements.items()}
             size = {point: np.abs(values) for point, values in speed.items()}
             one_run, along_ox, by_size = (
                 tuple(settled(claim, values, judge) for claim in CLAIMS)

@@ -153,9 +153,9 @@ def judged(effort: SimulationEffort) -> list[Verdict]:
     every = batches(effort)
     for reading in {batch.reading.solver: batch.reading for batch in every}.values():
         displacements(Batch(reading, FigureRobot("angle", 40.0), 1))  # compiles the method once for all processes
-    found = iter(computed(displacements, every, "paper: robots"))
+    displaced = iter(computed(displacements, every, "paper: robots"))
     return [verdict for reading in effort.readings
-            for verdict in verdicts(reading, {point: next(found) for point in points()})]
+            for verdict in verdicts(reading, {point: next(displaced) for point in points()})]
 
 
 class Single(NamedTuple):
@@ -201,14 +201,15 @@ _VERDICT_COLUMNS = (
       for part in ("mean m/s", "spread m/s")))
 
 
-def write_verdicts(path: Path, found: Iterable[Verdict]) -> None:
+def write_verdicts(path: Path, verdicts: Iterable[Verdict]) -> None:
     """Write verdicts to a file, speeds with six digits."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(_VERDICT_COLUMNS)
-        for one in found:
-            speeds = (f"{number:.6g}" for point in _POINTS for number in one.means[point])
-            writer.writerow([*one.reading, *one.span, *one.one_run, *one.along_ox, *one.size, *speeds])
+        for verdict in verdicts:
+            speeds = (f"{number:.6g}" for point in _POINTS for number in verdict.means[point])
+            writer.writerow([*verdict.reading, *verdict.span, *verdict.one_run, *verdict.along_ox, *verdict.size,
+                             *speeds])
 
 
 def read_verdicts(path: Path) -> list[Verdict]:

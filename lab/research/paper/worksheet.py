@@ -71,7 +71,7 @@ def _sign(friction, speed):
 
 
 @numba.njit(error_model="numpy")
-def _fill_rates(time, state, sheet, found):
+def _fill_rates(time, state, sheet, rate):
     """Set `found` to the time derivatives of u, u', w, w', x, x' at `time` [s], shape (6,)."""
     u, w, speed = state[0], state[2], state[5]
     angle = SPEED * time + sheet.advance
@@ -96,16 +96,16 @@ def _fill_rates(time, state, sheet, found):
         braking = kinetic * _sign(sheet.friction, speed)
     else:
         braking = inertial if abs(inertial) <= kinetic else kinetic * _sign(0, inertial)
-    found[0], found[2], found[4] = state[1], state[3], speed
-    found[1], found[3], found[5] = -force2 / sheet.m2, -force3 / sheet.m3, (inertial - braking) / total
+    rate[0], rate[2], rate[4] = state[1], state[3], speed
+    rate[1], rate[3], rate[5] = -force2 / sheet.m2, -force3 / sheet.m3, (inertial - braking) / total
 
 
 @numba.njit(error_model="numpy")
 def rates(time, state, sheet):
     """Return the time derivatives of u, u', w, w', x, x' at `time` [s], shape (6,)."""
-    found = np.empty(6)
-    _fill_rates(time, state, sheet, found)
-    return found
+    rate = np.empty(6)
+    _fill_rates(time, state, sheet, rate)
+    return rate
 
 
 @numba.njit(error_model="numpy")
@@ -126,14 +126,14 @@ def _take_step(time, state, sheet, step, rate, stage, change):
 @numba.njit(error_model="numpy")
 def _rkfixed(state, sheet, step, counts):
     """Displacement x [m] after each of the numbers of steps in `counts`."""
-    found, done = np.empty(len(counts)), 0
+    positions, done = np.empty(len(counts)), 0
     rate, stage, change = np.empty(6), np.empty(6), np.empty(6)
     for k in range(len(counts)):
         while done < counts[k]:
             _take_step(done * step, state, sheet, step, rate, stage, change)
             done += 1
-        found[k] = state[4]
-    return found
+        positions[k] = state[4]
+    return positions
 
 
 def start_state(scene: Scene) -> np.ndarray:

@@ -74,8 +74,8 @@ class ImpactOscillator:
         """Phases of physical blows, at positive speed, at which `test` of the phase changes its sign."""
         phases = np.linspace(0.0, 2.0 * math.pi, count)
         values = np.array([test(phase) if self.blow(phase).speed > 0.0 else np.nan for phase in phases])
-        found = np.flatnonzero(values[1:] * values[:-1] < 0.0)
-        return [brentq(test, phases[i], phases[i + 1], xtol=1e-14) for i in found]
+        crossings = np.flatnonzero(values[1:] * values[:-1] < 0.0)
+        return [brentq(test, phases[i], phases[i + 1], xtol=1e-14) for i in crossings]
 
     def doublings(self) -> list[float]:
         """Phases of the blow at period doublings."""

@@ -89,8 +89,8 @@ def test_pure_noise_hardly_ever_settles_a_claim():
     never hold.
     """
     draw = np.random.default_rng(11)
-    found = [judged_pairs(draw.standard_normal((5, STARTS))) for _ in range(2000)]
-    assert found.count(DOES_NOT) < 0.065 * len(found) and found.count(HOLDS) == 0
+    outcomes = [judged_pairs(draw.standard_normal((5, STARTS))) for _ in range(2000)]
+    assert outcomes.count(DOES_NOT) < 0.065 * len(outcomes) and outcomes.count(HOLDS) == 0
 
 
 def test_what_diverges_is_told():
@@ -108,10 +108,10 @@ def test_backwards_is_not_forwards_but_may_be_fast():
         return -order[point.series]
 
     draw = np.random.default_rng(5)
-    found = {point: np.outer(speed(point) + 0.01 * draw.standard_normal(STARTS), INSTANTS) for point in points()}
-    for one in verdicts(READING, found):
-        assert score(one.size) == len(CLAIMS) and score(one.along_ox) == 0
-        assert one.forwards == (0, len(found)) and one.fastest("crank") == 0.01
+    moved = {point: np.outer(speed(point) + 0.01 * draw.standard_normal(STARTS), INSTANTS) for point in points()}
+    for verdict in verdicts(READING, moved):
+        assert score(verdict.size) == len(CLAIMS) and score(verdict.along_ox) == 0
+        assert verdict.forwards == (0, len(moved)) and verdict.fastest("crank") == 0.01
 
 
 REST = Reading("exact", 0.0, "corrected", "printed", NEAR_REST, "eq5")
@@ -153,8 +153,8 @@ def test_a_phase_is_where_the_upper_slider_moves():
 @pytest.mark.parametrize("start", [NEAR_ZERO, NEAR_REST, ANY_PHASE])
 def test_starts_of_a_crank_as_long_as_its_rods_differ(start):
     """They differ from the first second on."""
-    found = displacements(Batch(REST._replace(start=start), FigureRobot("crank", 0.06), 6))[:, 0]
-    assert np.min(np.abs(np.subtract.outer(found, found)) + np.eye(6)) > 1e-6
+    moved = displacements(Batch(REST._replace(start=start), FigureRobot("crank", 0.06), 6))[:, 0]
+    assert np.min(np.abs(np.subtract.outer(moved, moved)) + np.eye(6)) > 1e-6
 
 
 def test_masses_at_rest_on_a_slider_that_stands_still_make_copies():
@@ -168,11 +168,11 @@ def test_masses_at_rest_on_a_slider_that_stands_still_make_copies():
 
 
 def test_every_reading_of_an_effort_is_judged_in_its_order():
-    found = judged(SMALL)
-    assert [(one.reading, one.span) for one in found] == [
+    small = judged(SMALL)
+    assert [(verdict.reading, verdict.span) for verdict in small] == [
         (reading, span) for reading in SMALL.readings for span in spans(reading)]
-    own = displacements(Batch(SMALL.readings[1], FigureRobot("crank", 0.06), 3))
-    np.testing.assert_equal(found[-1].means[FigureRobot("crank", 0.06)], mean_of(speeds(own, found[-1].span)))
+    moved = displacements(Batch(SMALL.readings[1], FigureRobot("crank", 0.06), 3))
+    np.testing.assert_equal(small[-1].means[FigureRobot("crank", 0.06)], mean_of(speeds(moved, small[-1].span)))
 
 
 TIMES = np.array([0.05, 0.1])
@@ -194,16 +194,16 @@ def test_fine_steps_find_the_motion_of_the_robot(equations, rule, start):
     """
     scene = scene_of(equations, rule, start)
     exact = vibro_ros.Simulator(scene).sample(TIMES).body_position
-    found = rkfixed(scene, "eq5", 0.0, 1e-6, TIMES)
+    moved = rkfixed(scene, "eq5", 0.0, 1e-6, TIMES)
     allowed = 1e-2 * np.abs(exact).max() if equations == "misprint" else 2e-4
-    np.testing.assert_allclose(found, exact, rtol=0.0, atol=allowed)
+    np.testing.assert_allclose(moved, exact, rtol=0.0, atol=allowed)
     assert np.abs(exact).max() > 1e-4
 
 
 def test_steps_longer_than_a_contact_diverge():
     """A contact of 0.3 ms on 1e7 N/m is unstable with steps of 1 ms."""
-    found = rkfixed(scene_of("misprint", "printed", NEAR_REST), "eq5", 0.0, 1e-3, np.array([1.0]))
-    assert not abs(found[0]) < 1e6
+    moved = rkfixed(scene_of("misprint", "printed", NEAR_REST), "eq5", 0.0, 1e-3, np.array([1.0]))
+    assert not abs(moved[0]) < 1e6
 
 
 def test_adaptive_steps_find_the_first_turn():
@@ -223,13 +223,13 @@ def test_the_page_is_the_one_that_its_verdicts_make(tmp_path):
 
 
 def of(reading, span):
-    [one] = [one for one in FOUND if (one.reading, one.span) == (reading, span)]
-    return one
+    [verdict] = [verdict for verdict in FOUND if (verdict.reading, verdict.span) == (reading, span)]
+    return verdict
 
 
 def test_every_reading_has_a_verdict_for_each_of_its_spans():
     wanted = [(reading, span) for reading in full_effort().readings for span in spans(reading)]
-    assert [(one.reading, one.span) for one in FOUND] == wanted
+    assert [(verdict.reading, verdict.span) for verdict in FOUND] == wanted
 
 
 @pytest.mark.parametrize(("reading", "spans"), [
@@ -240,9 +240,9 @@ def test_mean_speeds_of_the_first_seconds_are_found_again(reading, spans, point)
     """Over as long as chaos leaves five digits: two seconds, and one by `unilateral`, where a start that is moved by
     1e-15 of itself changes its speed by up to 1e-11 m/s over one second, but by 3e-6 m/s over two.
     """
-    found = displacements(Batch(reading, point, full_effort().exact_starts))
+    moved = displacements(Batch(reading, point, full_effort().exact_starts))
     for span in spans:
-        mean, spread = mean_of(speeds(found, span))
+        mean, spread = mean_of(speeds(moved, span))
         told = of(reading, span).means[point]
         assert told.mean == pytest.approx(mean, rel=1e-5, abs=1e-8)
         assert told.spread == pytest.approx(spread, rel=1e-4, abs=1e-8)
@@ -250,15 +250,16 @@ def test_mean_speeds_of_the_first_seconds_are_found_again(reading, spans, point)
 
 def test_the_answer_is_what_the_verdicts_say():
     """The counts in the first paragraph are those of the verdicts."""
-    exact = [one for one in FOUND if one.reading.solver == "exact" and one.reading.start != ON_SLIDERS]
-    every = {equations: [one for one in exact if one.reading.equations == equations]
+    exact = [verdict for verdict in FOUND if verdict.reading.solver == "exact" and verdict.reading.start != ON_SLIDERS]
+    every = {equations: [verdict for verdict in exact if verdict.reading.equations == equations]
              for equations in ("corrected", "misprint")}
-    full = {equations: sum(all(outcome in (HOLDS, NAMED) for outcome in one.along_ox)
-                           and all(mean.mean > mean.spread for mean in one.means.values()) for one in told)
+    full = {equations: sum(all(outcome in (HOLDS, NAMED) for outcome in verdict.along_ox)
+                           and all(mean.mean > mean.spread for mean in verdict.means.values()) for verdict in told)
             for equations, told in every.items()}
     head = " ".join(TEXT.partition("## ")[0].split())
     assert f"{full['corrected'] or 'none'} of {len(every['corrected'])} combinations give all 5 claims" in head
-    single = {equations: sum(score(one.one_run) == len(CLAIMS) for one in told) for equations, told in every.items()}
+    single = {equations: sum(score(verdict.one_run) == len(CLAIMS) for verdict in told)
+              for equations, told in every.items()}
     assert f"of our starts alone, {single['corrected']} of {len(every['corrected'])} comb" in head
     said = [f"{single.full} of {single.runs} single runs by `{single.normal_force}`" for single in SINGLES]
     assert len(said) == 2 and all(words in head for words in said)
@@ -282,5 +283,5 @@ def test_a_single_run_that_gives_every_claim_is_one_of_few():
 def test_only_the_misprint_gives_every_claim():
     """Every reading that gives all claims, those with fixed steps included, has the misprint."""
     full = all_and_forwards(FOUND)
-    assert full and {one.reading.equations for one in full} == {"misprint"}
-    assert min(one.means[FigureRobot("angle", 80.0)].mean for one in full) > 100.0  # m/s
+    assert full and {verdict.reading.equations for verdict in full} == {"misprint"}
+    assert min(verdict.means[FigureRobot("angle", 80.0)].mean for verdict in full) > 100.0  # m/s

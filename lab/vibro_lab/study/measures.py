@@ -410,7 +410,7 @@ def checked_names(names: Sequence[str]) -> tuple[str, ...]:
             raise ValueError(f"{name or repr(name)}: no such measure; {remedy}")
     if not names:
         raise ValueError(f"measure: none named; measures are {', '.join(MEASURES)}")
-    return tuple(dict.fromkeys(one for name in names for one in (LYAPUNOV if name in LYAPUNOV else (name,))))
+    return tuple(dict.fromkeys(measured for name in names for measured in (LYAPUNOV if name in LYAPUNOV else (name,))))
 
 
 def measure(scene: Scene, names: Collection[str], settling: float, duration: float,
