@@ -42,7 +42,7 @@ class GuideNumbers(NamedTuple):
     may_pull: bool
 
 
-class MachineNumbers(NamedTuple):
+class Machine(NamedTuple):
     """The numbers of a scene that the integration needs, without those of the two guides."""
 
     radius: float
@@ -135,8 +135,8 @@ def _landed(dx, fall, friction, flight):
         return dx + backwards * fall
     if abs(flight.across) <= friction * flight.up:
         return 0.0
-    first, second = (forwards, backwards) if dx > 0.0 else (backwards, forwards)
-    return second * (dx / first + fall)
+    slope, opposite_slope = (forwards, backwards) if dx > 0.0 else (backwards, forwards)
+    return opposite_slope * (dx / slope + fall)
 
 
 @_inlined
@@ -216,9 +216,9 @@ def _integrate(start, upper, inclined, machine, flight, h, per_sample, samples):
             x += h / 6.0 * (dx + 2.0 * (dx2 + dx3) + dx4)
             du += h / 6.0 * (au1 + 2.0 * (au2 + au3) + au4)
             dw += h / 6.0 * (aw1 + 2.0 * (aw2 + aw3) + aw4)
-            before = dx
+            previous_speed = dx
             dx += h / 6.0 * (ax1 + 2.0 * (ax2 + ax3) + ax4)
-            if before * dx < 0.0 and abs(inertial) <= bound:
+            if previous_speed * dx < 0.0 and abs(inertial) <= bound:
                 dx = 0.0
             u, du = _blow(u, du, au4, h, upper)
             incoming = dw
@@ -282,10 +282,10 @@ def _guide(scene: Scene, side: str, angle: float) -> GuideNumbers:
         may_pull=scene["effects.adhesion"])
 
 
-def _machine(scene: Scene, speed: float | None) -> MachineNumbers:
+def _machine(scene: Scene, speed: float | None) -> Machine:
     target = scene["motor.speed"] if speed is None else speed
     ramp = scene["effects.motor"] == "ramp"
-    return MachineNumbers(
+    return Machine(
         radius=scene["crank.radius"], total=scene.total_mass, gravity=scene["gravity"],
         friction=scene["ground.friction"] if scene["effects.friction"] != "none" else 0.0,
         rule=_RULES[scene["effects.normal_force"]], reaction=scene["effects.reaction"],

@@ -74,8 +74,7 @@ def acts_on(bench, chance: random.Random) -> list:
         (SetBool, "pause"), (SetBool, "record"), (Trigger, "reset"), (Trigger, "step"),
         (SetParameters, "set_parameters"), (own.SetState, "set_state"), (own.Push, "push"),
         (own.InjectFault, "inject_fault")))
-    publishers = {name: bench.node.create_publisher(Float64, name, 10) for name in RANGES}
-    bench.spin_until(lambda: all(one.get_subscription_count() for one in publishers.values()), "robot listens")
+    publishers = bench.publishers(dict.fromkeys(RANGES, Float64))
 
     def command():
         name = chance.choice(list(RANGES))

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmark.heyoka_robot.equations import BODY_PARAMETERS, Equations, GuideEquations
-from benchmark.heyoka_robot.run_state import GuardSeries, IntegratorState, leading_sign
+from benchmark.heyoka_robot.equations import BODY_PARAMETERS, Equations, Guide
+from benchmark.heyoka_robot.run_state import GuardSeries, IntegrationState, leading_sign
 
 _HEIGHT_NUDGE = 1e-23  # m
 _SPEED_NUDGE = 1e-18  # m/s; outweighs the rounding error, 1e-12 N, of the force with which a stick ends
@@ -32,7 +32,7 @@ class Body:
         What is called with the time [s] when a landing has changed the crank's speed.
     """
 
-    def __init__(self, equations: Equations, run: IntegratorState, series: GuardSeries):
+    def __init__(self, equations: Equations, run: IntegrationState, series: GuardSeries):
         self._equations, self._run, self._series = equations, run, series
         self._state, self._speed, self._height = run.state, equations.body + 1, equations.height
         rubs, self._static_frictions = equations.has_dry_friction, equations.static_frictions
@@ -56,7 +56,7 @@ class Body:
                 "body backward": lambda t, d: self._leave_stick(t, -1.0), "normal": self._cross_normal_force,
                 "decay": lambda t, d: None}  # a step must end at this zero, and nothing else changes
 
-    def feel_blow(self, time: float, guide: GuideEquations, change: float) -> None:
+    def feel_blow(self, time: float, guide: Guide, change: float) -> None:
         """Change the body's speeds after a blow that has changed the speed of a mass by `change` [m/s].
 
         By the rule `hop` nothing holds the body, which is thrown up. By the other rules M x' - m3 w' sin(phi) does not
@@ -69,7 +69,7 @@ class Body:
             if self.friction == "stick":
                 self._slip(time, self._state[self._speed])
 
-    def feel_last_blow(self, time: float, guide: GuideEquations, change: float) -> None:
+    def feel_last_blow(self, time: float, guide: Guide, change: float) -> None:
         """Change the body's speeds after the blow with which a mass comes to rest on its plate.
 
         Such a blow is too slow to lift the body off the ground, and to part another mass from its plate.
@@ -85,7 +85,7 @@ class Body:
         if self.friction == "airborne":
             self._body_parameters[:] = self._modes["airborne", self.resting]
 
-    def _throw(self, time: float, guide: GuideEquations, change: float, staying: frozenset[str]) -> None:
+    def _throw(self, time: float, guide: Guide, change: float, staying: frozenset[str]) -> None:
         """Throw the body up; the masses of the guides `staying` stay at rest on their plates, the others are free."""
         equations, state = self._equations, self._state
         along_x, upwards = equations.thrown_body_jumps(guide, change, staying)
@@ -115,7 +115,7 @@ class Body:
         if not self.friction and self._equations.hops and np.any(self._state[self._height:self._height + 2]):
             self._enter(time, "airborne")  # a start in the air
             return
-        before, known = self.friction or self._initial, len(self._run.events)
+        previous, known = self.friction or self._initial, len(self._run.events)
         if self._equations.has_dry_friction:
             self._settle_friction(time)
         else:
@@ -123,8 +123,8 @@ class Body:
         if self._without_load and leading_sign(*self._series.ground_force_series(time)[::2]) < 0:
             self._unload(time)
         del self._run.events[known:]  # of states that were only tried
-        if before != self.friction:
-            self._add_event(time, before)
+        if previous != self.friction:
+            self._add_event(time, previous)
 
     def _settle_friction(self, time: float) -> None:
         """Decide between stick and slip, at rest by the series of N and F_in."""
@@ -206,13 +206,14 @@ class Body:
         """Set the parameters of a state, and add an event if the state is another one."""
         self._body_parameters[:] = self._modes[friction, self.resting]
         if self.friction != friction:
-            before, self.friction = self.friction, friction
-            if before:
-                self._add_event(time, before, -float(self._state[self._height + 1]) if before == "airborne" else 0.0)
+            previous, self.friction = self.friction, friction
+            if previous:
+                fall = -float(self._state[self._height + 1]) if previous == "airborne" else 0.0
+                self._add_event(time, previous, fall)
 
-    def _add_event(self, time: float, before: str, fall: float = 0.0) -> None:
-        """Add the event of a change from the state `before`; a landing ends a `fall` [m/s]."""
-        kind = "landing" if before == "airborne" else "lift_off" if self.friction == "airborne" else self.friction
+    def _add_event(self, time: float, previous: str, fall: float = 0.0) -> None:
+        """Add the event of a change from the state `previous`; a landing ends a `fall` [m/s]."""
+        kind = "landing" if previous == "airborne" else "lift_off" if self.friction == "airborne" else self.friction
         self._run.add_event(time, kind, fall)
 
     def _slip(self, time: float, direction: float) -> None:
@@ -235,19 +236,20 @@ class Body:
         inelastic.
         """
         equations, state = self._equations, self._state
-        before = float(state[self._speed]) if equations.body_moves else 0.0
+        speed_before = float(state[self._speed]) if equations.body_moves else 0.0
         fall = float(state[self._height + 1])
         parts = equations.scene["effects.reaction"] and -fall > _SLOW_LANDING
         staying = frozenset() if parts else self.resting
         restitution = equations.scene["ground.restitution"] if -fall > _SLOW_LANDING else 0.0
         coupling = self._run.coupling(time)
-        after, rise, sticks = equations.after_landing(before, fall, staying, restitution, coupling)
+        speed_after, rise, sticks = equations.after_landing(speed_before, fall, staying, restitution, coupling)
         state[self._height] = 0.0
         if equations.body_moves:
-            state[self._speed] = after
-        self._move_free_masses(after - before, rise - fall, staying)
+            state[self._speed] = speed_after
+        self._move_free_masses(speed_after - speed_before, rise - fall, staying)
         if equations.crank_is_struck:
-            state[equations.crank + 1] -= (coupling[0] * (after - before) + coupling[1] * (rise - fall)) / coupling[2]
+            along, up, inertia = coupling
+            state[equations.crank + 1] -= (along * (speed_after - speed_before) + up * (rise - fall)) / inertia
             self.strike_crank(time)
         if rise > 0.0:
             self._rebound(time, fall, rise, self.resting - staying)
@@ -257,7 +259,7 @@ class Body:
         elif sticks:
             self._enter(time, "stick")
         else:
-            self._slip(time, after)
+            self._slip(time, speed_after)
         state[self._height + 1] = 0.0
         self.feel_shock(time, self.resting - staying)
         self.reconsider(time)
@@ -283,7 +285,7 @@ class Plates:
     """The contacts, each in one of the states `open`, `closed`, `released`, `resting`, and the actions of their guards.
     """
 
-    def __init__(self, equations: Equations, run: IntegratorState, body: Body, series: GuardSeries):
+    def __init__(self, equations: Equations, run: IntegrationState, body: Body, series: GuardSeries):
         self._guides, self._run, self._body, self._series = equations.guides, run, body, series
         self._state, self._misprint = run.state, equations.scene["effects.misprint"]
         self._compliant = [guide for guide in equations.guides if guide.kind == "compliant"]
@@ -305,7 +307,7 @@ class Plates:
             actions[f"{side} kink"] = lambda t, d, g=guide: self._pass_kink(t, g, d)
         return actions
 
-    def _pass_kink(self, time: float, guide: GuideEquations, direction: int) -> None:
+    def _pass_kink(self, time: float, guide: Guide, direction: int) -> None:
         """Change the sign of the root in the slider's position."""
         self._run.set_parameter(f"{guide.side}.sign", float(direction))
         self._body.reconsider(time)  # the slider's speed has jumped, and with it the force of the drive's damper
@@ -318,7 +320,7 @@ class Plates:
             elif guide.kind == "compliant":
                 self._settle_compliant(time, guide)
 
-    def _cross_plate(self, time: float, guide: GuideEquations, direction: int) -> None:
+    def _cross_plate(self, time: float, guide: Guide, direction: int) -> None:
         """Close or open the contact, because the depth has passed zero upwards (1) or downwards (-1)."""
         self._state[self._index[guide.side]] = direction * _DEPTH_NUDGE
         self._enter(time, guide, "closed" if direction > 0 else "open")
@@ -332,14 +334,14 @@ class Plates:
             if wrong:
                 self._cross_plate(time, other, 1 if depth > 0.0 else -1)
 
-    def _cross_force(self, time: float, guide: GuideEquations, direction: int) -> None:
+    def _cross_force(self, time: float, guide: Guide, direction: int) -> None:
         """Close or release the contact, because the plate's force has passed zero upwards (1) or downwards (-1)."""
         self._run.set_parameter(f"{guide.side}.offset", direction * _FORCE_NUDGE - self._run.plate_force(time, guide))
         self._enter(time, guide, "closed" if direction > 0 else "released")
         if self._is_misread(guide):
             self._body.reconsider(time)
 
-    def _is_misread(self, guide: GuideEquations) -> bool:
+    def _is_misread(self, guide: Guide) -> bool:
         """Whether the body feels another force than the mass from the plate's spring, which jumps at contact."""
         return self._misprint and guide.side == "inclined"
 
@@ -365,7 +367,7 @@ class Plates:
                 self._run.set_parameter(f"{guide.side}.offset", 0.0)
                 self._enter(time, guide, "closed" if self._run.plate_force(time, guide) >= 0.0 else "released")
 
-    def _enter(self, time: float, guide: GuideEquations, contact: str) -> None:
+    def _enter(self, time: float, guide: Guide, contact: str) -> None:
         """Set the parameters of a compliant contact's state, and begin or end the event of the contact."""
         run, side, old = self._run, guide.side, self.contact[guide.side]
         self.contact[side] = contact
@@ -381,7 +383,7 @@ class Plates:
         elif old == "closed" and not acts:
             run.end_contact(time, side)
 
-    def _settle_compliant(self, time: float, guide: GuideEquations) -> None:
+    def _settle_compliant(self, time: float, guide: Guide) -> None:
         """Decide the state of a compliant contact by depth and force, at zero by the sign just after."""
         at = self._index[guide.side]
         if self._state[at] != 0.0:
@@ -395,7 +397,7 @@ class Plates:
             pulls = guide.watches_force and self._series.plate_force_sign(time, guide) < 0
             self._enter(time, guide, "released" if pulls else "closed")
 
-    def _meet_rigid(self, time: float, guide: GuideEquations) -> None:
+    def _meet_rigid(self, time: float, guide: Guide) -> None:
         """Strike the plate, or end a rest, because the depth or the pressing force has passed zero."""
         at, side = self._index[guide.side], guide.side
         self._state[at] = -_DEPTH_NUDGE
@@ -405,7 +407,7 @@ class Plates:
             self._blow(time, guide, float(self._state[at + 1]))
         self._body.reconsider(time)
 
-    def _blow(self, time: float, guide: GuideEquations, approach: float) -> None:
+    def _blow(self, time: float, guide: Guide, approach: float) -> None:
         """Rest after a slow approach; else strike a blow and fly, or rest where the bounce is very low."""
         if approach <= _REST_SPEED and self._run.pressing_force(time, guide) >= 0.0:
             self._rest(time, guide, approach, -approach)
@@ -417,7 +419,7 @@ class Plates:
         self._body.feel_blow(time, guide, -rebound - approach)
         self._leave(time, guide, rebound)
 
-    def _leave(self, time: float, guide: GuideEquations, rebound: float) -> None:
+    def _leave(self, time: float, guide: Guide, rebound: float) -> None:
         """Leave the plate with `rebound` [m/s]; a flight so low that heyoka cannot find its end ends in rest."""
         if rebound > _FAST:
             return
@@ -430,7 +432,7 @@ class Plates:
             else:
                 self._run.announce_flight(flight)
 
-    def _rest(self, time: float, guide: GuideEquations, approach: float, change: float) -> None:
+    def _rest(self, time: float, guide: Guide, approach: float, change: float) -> None:
         """Rest after an arrival with `approach` [m/s]; `change` [m/s] is the jump of the mass's speed."""
         at, side = self._index[guide.side], guide.side
         self._run.begin_contact(time, side, approach)
@@ -456,7 +458,7 @@ class Plates:
                 self._state[self._index[guide.side]] = -_DEPTH_NUDGE
                 self._body.reconsider(time)
 
-    def _settle_rigid(self, time: float, guide: GuideEquations) -> None:
+    def _settle_rigid(self, time: float, guide: Guide) -> None:
         """Decide the state of a rigid contact by depth and approach, at zero by the sign just after."""
         at, side = self._index[guide.side], guide.side
         approach = float(self._state[at + 1])

@@ -37,7 +37,7 @@ class RunTimeParameters:
 
 
 @dataclass(frozen=True)
-class GuideEquations:
+class Guide:
     """One mass on its guide."""
 
     side: str  # upper or inclined
@@ -89,7 +89,7 @@ class Equations:
         guard), `angle`, `speed` and `change` (of a motor that is given in time). Of a dc motor: `turns` (1, or 0 while
         the bearing sticks), `bearing` (direction in which friction is overcome), `held` (voltage or current), `within`
         (1, or 0 at a limit of the supply), `limit` (1 or -1, the limit that is met), `loop_offset` (added to a guard).
-    guides : list of GuideEquations
+    guides : list of Guide
         The guides that have a mass.
     system : list of (expression, expression)
         Variables and their rates, for `heyoka.taylor_adaptive`: d, d' of each guide, then x, x' if the body can move,
@@ -206,22 +206,22 @@ class Equations:
         scene, at = self.scene, self.parameters
         reaction, weighs = float(scene["effects.reaction"]), float(scene["effects.mass_weight"])
         inertia = scene["motor.gear_ratio"] ** 2 * scene["motor.rotor_inertia"] + scene["motor.crank_inertia"]
-        driven_inertia, coupled, torque = hy.expression(inertia), hy.expression(0.0), self.constant * self.current
+        crank_inertia, coupled, torque = hy.expression(inertia), hy.expression(0.0), self.constant * self.current
         for guide in self.guides:
             torque += guide.pull * guide.slope
         for part in self.linkage:
             torque -= part.mass * part.slope * (
                 part.bend * self.omega * self.omega + reaction * (part.along * body[0] + part.up * body[1])
                 + weighs * (part.along * self.downhill + part.up * self.down))
-            driven_inertia += part.mass * part.slope * part.slope
+            crank_inertia += part.mass * part.slope * part.slope
             coupled += reaction * part.mass * part.slope * (part.along * felt[0] + part.up * felt[1])
         self.torque = torque
         self.coupling = [*(sum((getattr(part, way) * part.mass * part.slope for part in self.linkage),
-                               hy.expression(0.0)) for way in ("along", "up")), driven_inertia]
+                               hy.expression(0.0)) for way in ("along", "up")), crank_inertia]
         resisted = scene["motor.damping"] * self.omega + at["bearing"] * scene["motor.friction"]
-        return at["turns"] * (torque - resisted) / (driven_inertia + coupled)
+        return at["turns"] * (torque - resisted) / (crank_inertia + coupled)
 
-    def _guide(self, side: str, angle: float) -> GuideEquations:
+    def _guide(self, side: str, angle: float) -> Guide:
         scene, at = self.scene, self.parameters
         depth, rate = hy.make_vars(f"{side}_d", f"{side}_v")
         kind, rod, mass = scene[f"effects.{side}_contact"], scene[f"crank.{side}_rod"], scene[f"mass.{side}"]
@@ -240,10 +240,10 @@ class Equations:
             load -= at[f"{side}.spring"] * depth
             if damper > 0.0:
                 load -= at[f"{side}.damper"] * rate
-        return GuideEquations(
-            side, angle, mass, kind, rod, spring, damper, scene[f"{side}.plate.restitution"],
-            kind == "compliant" and damper > 0.0 and not scene["effects.adhesion"], scene["crank.radius"] == rod,
-            depth, rate, pull, slope, load, spring * depth + damper * rate, crank)
+        return Guide(side, angle, mass, kind, rod, spring, damper, scene[f"{side}.plate.restitution"],
+                     kind == "compliant" and damper > 0.0 and not scene["effects.adhesion"],
+                     scene["crank.radius"] == rod, depth, rate, pull, slope, load, spring * depth + damper * rate,
+                     crank)
 
     def _slider(self, side: str, rod: float, angle: float):
         """Slider position, its first and second derivative by the crank angle, and cos of the crank angle from the
@@ -349,7 +349,7 @@ class Equations:
         """Position of a plate [m]."""
         return self.parameters[f"{side}.plate"] + self.parameters[f"{side}.plate_speed"] * hy.time
 
-    def _unless_resting(self, guide: GuideEquations, force: hy.expression | float) -> hy.expression | float:
+    def _unless_resting(self, guide: Guide, force: hy.expression | float) -> hy.expression | float:
         """`force`, or 0 while the mass rests on a rigid plate and moves with the plate."""
         return self.parameters[f"{guide.side}.free"] * force if guide.kind == "restitution" else force
 
@@ -386,7 +386,7 @@ class Equations:
         lift = 0.0 if self.rule == "weight" else slide * across
         return slide, direction, 1.0 / (along + lift), 0.0, abs(direction), 0.0
 
-    def thrown_body_jumps(self, guide: GuideEquations, change: float, resting: Collection[str]) -> tuple[float, float]:
+    def thrown_body_jumps(self, guide: Guide, change: float, resting: Collection[str]) -> tuple[float, float]:
         """Jumps of x' and y' [m/s] of a body that nothing holds when a blow changes d' of one mass by `change` [m/s].
 
         The body gains the momentum m e `change` that the mass loses along its guide. The mass itself and the masses of
@@ -455,46 +455,46 @@ class Equations:
 
     def guards(self) -> dict[str, hy.expression]:
         """Expressions whose zeros end a mode, by name; a guard that a mode does not have is switched to a constant."""
-        at, guards = self.parameters, {}
+        at, expressions = self.parameters, {}
         for guide in self.guides:
             side = guide.side
             if guide.kind == "compliant":
-                guards[f"{side} depth"] = guide.depth
+                expressions[f"{side} depth"] = guide.depth
             if guide.watches_force:
                 watch = at[f"{side}.watch"]
-                guards[f"{side} force"] = watch * (guide.push + at[f"{side}.offset"]) + (1.0 - watch)
+                expressions[f"{side} force"] = watch * (guide.push + at[f"{side}.offset"]) + (1.0 - watch)
             if guide.kind == "restitution":
                 free = at[f"{side}.free"]
-                guards[f"{side} plate"] = free * guide.depth - (1.0 - free) * self.forces[side]
+                expressions[f"{side} plate"] = free * guide.depth - (1.0 - free) * self.forces[side]
             if guide.has_kink:
-                guards[f"{side} kink"] = guide.crank
+                expressions[f"{side} kink"] = guide.crank
         if self.has_dry_friction:
             stick, slip = at["stick"], at["slip"]
             forward, backward = (self.static_frictions[sign] * self.normal for sign in (1.0, -1.0))
-            guards["body forward"] = (stick * (forward - self.inertial) + slip * self.velocity
+            expressions["body forward"] = (stick * (forward - self.inertial) + slip * self.velocity
                                      + (1.0 - stick - slip))
             if self.scene["effects.friction"] == "stribeck":
                 faded = at["direction"] * self.velocity - _FADED * self.scene["ground.stribeck_speed"]
-                guards["decay"] = slip * faded + (1.0 - slip)
-            guards["body backward"] = stick * (backward + self.inertial) + (1.0 - stick)
+                expressions["decay"] = slip * faded + (1.0 - slip)
+            expressions["body backward"] = stick * (backward + self.inertial) + (1.0 - stick)
         if self.hops:
-            guards["normal"] = at["air"] * self.altitude + (1.0 - at["air"]) * (self.normal + at["normal_offset"])
+            expressions["normal"] = at["air"] * self.altitude + (1.0 - at["air"]) * (self.normal + at["normal_offset"])
         elif self.has_dry_friction and self.rule == "unilateral":
-            guards["normal"] = self.normal + at["normal_offset"]
+            expressions["normal"] = self.normal + at["normal_offset"]
         if self.has_rotor:
-            guards |= self._motor_guards()
-        return guards
+            expressions |= self._motor_guards()
+        return expressions
 
     def _motor_guards(self) -> dict[str, hy.expression]:
         """Guards of the bearing and of the current loop."""
-        at, scene, guards = self.parameters, self.scene, {}
+        at, scene, expressions = self.parameters, self.scene, {}
         if static := scene["motor.static_friction"]:
             turns = at["turns"]
-            guards["crank forward"] = turns * self.omega + (1.0 - turns) * (static - self.torque)
-            guards["crank backward"] = (1.0 - turns) * (static + self.torque) + turns
+            expressions["crank forward"] = turns * self.omega + (1.0 - turns) * (static - self.torque)
+            expressions["crank backward"] = (1.0 - turns) * (static + self.torque) + turns
         if self.has_current_loop:
             within, supply = at["within"], scene["motor.supply_voltage"]
-            guards["upper limit"] = (within * (supply - self.wanted_voltage) + at["loop_offset"]
+            expressions["upper limit"] = (within * (supply - self.wanted_voltage) + at["loop_offset"]
                                     + (1.0 - within) * (at["limit"] * self.wanted_voltage - supply))
-            guards["lower limit"] = within * (supply + self.wanted_voltage + at["loop_offset"]) + (1.0 - within)
-        return guards
+            expressions["lower limit"] = within * (supply + self.wanted_voltage + at["loop_offset"]) + (1.0 - within)
+        return expressions

@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmark.heyoka_robot.contacts import Body, Plates
 from benchmark.heyoka_robot.equations import Equations
-from benchmark.heyoka_robot.run_state import GuardSeries, IntegratorState
+from benchmark.heyoka_robot.run_state import GuardSeries, IntegrationState
 from vibro_lab.accuracy.programs import COLUMNS
 from vibro_ros import Scene
 
@@ -77,7 +77,7 @@ class HeyokaRobot:
         self._integrator = hy.taylor_adaptive(sys=equations.system, state=[0.0] * len(equations.system), tol=tolerance,
                                               t_events=events)
         self._state, self._parameters = self._integrator.state, self._integrator.pars
-        self._run = IntegratorState(equations, self._state, self._parameters)
+        self._run = IntegrationState(equations, self._state, self._parameters)
         series = GuardSeries(equations, self._state, self._parameters)
         self._body = Body(equations, self._run, series)
         self._contacts = Plates(equations, self._run, self._body, series)
@@ -252,12 +252,12 @@ class HeyokaRobot:
             integrator.time = now  # heyoka's time has a second double, by which the grid's first instant may lie behind
             end = min(stop, now + 1.5 * flight) if flight else stop
             within = times[done:np.searchsorted(times, end, side="right")]
-            before = [now] if not len(within) or within[0] > now else []
-            after = [end] if end > (within[-1] if len(within) else now) else []
+            leading = [now] if not len(within) or within[0] > now else []
+            trailing = [end] if end > (within[-1] if len(within) else now) else []
             run.short_flight = 0.0
             outcome, *_, points = integrator.propagate_grid(
-                np.concatenate([before, within, after]), max_delta_t=1.5 * flight if flight else math.inf)
-            parts.append(points[len(before):len(before) + len(within)])
+                np.concatenate([leading, within, trailing]), max_delta_t=1.5 * flight if flight else math.inf)
+            parts.append(points[len(leading):len(leading) + len(within)])
             done += len(parts[-1])
             if outcome == hy.taylor_outcome.time_limit:
                 if end == stop:
@@ -269,7 +269,7 @@ class HeyokaRobot:
 class GivenMotor:
     """A motor whose speed follows from the commands alone: `ideal`, `ramp` or `lag`."""
 
-    def __init__(self, scene: Scene, run: IntegratorState):
+    def __init__(self, scene: Scene, run: IntegrationState):
         self._scene, self._run, self._kind = scene, run, scene["effects.motor"]
 
     def start(self, angle: float) -> None:
@@ -344,7 +344,7 @@ class DcMotor:
         What is called with the time [s] when theta'' has jumped.
     """
 
-    def __init__(self, equations: Equations, run: IntegratorState):
+    def __init__(self, equations: Equations, run: IntegrationState):
         self._equations, self._run, self._scene = equations, run, equations.scene
         self._theta, self._omega = equations.crank, equations.crank + 1
         scene = equations.scene
@@ -483,13 +483,13 @@ class DcMotor:
 
     def _cross_limit(self, time: float, limit: float) -> None:
         """Change the state of the current loop, whose guard is put on the new side of zero."""
-        before = self._limit
+        previous_limit = self._limit
         self._enter_limit(limit)
         wanted = self._run.wanted_voltage(time)
         if limit:
             guard = limit * wanted - self._supply
         else:
-            guard = self._supply - before * wanted
+            guard = self._supply - previous_limit * wanted
         self._run.set_parameter("loop_offset", _VOLTAGE_NUDGE - guard)
 
     def _enter_limit(self, limit: float) -> None:

@@ -7,7 +7,7 @@ import math
 import heyoka as hy
 import numpy as np
 
-from benchmark.heyoka_robot.equations import Equations, GuideEquations
+from benchmark.heyoka_robot.equations import Equations, Guide
 
 _SHORT_FLIGHT = 1e-5  # s; heyoka may take too long to find a root in a small part of a step, which lasts about 1e-3 s
 _TIME = hy.expression("t")
@@ -17,7 +17,7 @@ _POWERS = 6
 _NOISE = 64.0 * np.finfo(float).eps
 
 
-class IntegratorState:
+class IntegrationState:
     """The integrator's own arrays `state` and `parameters`, which are changed in place, and the list of events.
 
     Attributes
@@ -68,11 +68,11 @@ class IntegratorState:
         """N and F_in [N] at `time` [s] in the present mode."""
         return self._read(time)[:2].tolist()
 
-    def plate_force(self, time: float, guide: GuideEquations) -> float:
+    def plate_force(self, time: float, guide: Guide) -> float:
         """Force of a compliant plate, k d + c d' [N], at `time` [s]."""
         return float(self._read(time)[self._plate_force_index[guide.side]])
 
-    def pressing_force(self, time: float, guide: GuideEquations) -> float:
+    def pressing_force(self, time: float, guide: Guide) -> float:
         """Force [N] that presses a mass on its rigid plate at `time` [s]."""
         return float(self._read(time)[self._pressing_force_index[guide.side]])
 
@@ -90,8 +90,8 @@ class IntegratorState:
 
     def coupling(self, time: float) -> tuple[float, float, float]:
         """`Equations.coupling` of a dc motor at `time` [s]; zero of another."""
-        couplings = self._read(time)[self._rise_index + 3:].tolist()
-        return tuple(couplings) if couplings else (0.0, 0.0, 0.0)
+        coupling = self._read(time)[self._rise_index + 3:].tolist()
+        return tuple(coupling) if coupling else (0.0, 0.0, 0.0)
 
     def announce_flight(self, flight: float) -> None:
         """Store that a bounce ends after about `flight` [s], if heyoka needs short steps to find that end."""
@@ -150,12 +150,12 @@ class GuardSeries:
         probe.step(max_delta_t=1e-12, write_tc=True)
         return probe.tc[:, :_POWERS + 2]
 
-    def depth_sign(self, time: float, guide: GuideEquations) -> int:
+    def depth_sign(self, time: float, guide: Guide) -> int:
         """Sign of d just after `time` [s]: -1, 0 or 1."""
         series = self._expand(time)[2 * self._equations.guides.index(guide)]
         return leading_sign(series, np.append(0.0, self._rounding[1:]))
 
-    def plate_force_sign(self, time: float, guide: GuideEquations) -> int:
+    def plate_force_sign(self, time: float, guide: Guide) -> int:
         """Sign of k d + c d' just after `time` [s]: -1, 0 or 1."""
         series = self._expand(time)[2 * self._equations.guides.index(guide)]
         factor = guide.plate_stiffness, guide.plate_damping
@@ -173,7 +173,7 @@ class GuardSeries:
         if equations.scene["effects.misprint"]:
             stiffness = float(self._parameters[equations.parameters.number["inclined.spring"]])
             noise += 2.0 * stiffness * self._rounding[:_POWERS]
-        normal, inertial = (_derivative(force)[:_POWERS] for force in series[-2:])
+        normal, inertial = (_derivative(integral)[:_POWERS] for integral in series[-2:])
         return normal, inertial, noise
 
 

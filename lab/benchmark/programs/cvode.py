@@ -65,12 +65,12 @@ def _steps(times, callbacks, rtol):
                        first_step=brief if brief < end - t else 0.0)
         solver.init_step(t, y)
         for stop in (time for time in times if time > t):
-            solution = solver.step(stop, tstop=end)
-            if not solution.success:
-                raise UnableError(str(solution.message))
-            state = np.array(solution.y)
-            which = None if solution.i_events is None else int(np.flatnonzero(np.ravel(solution.i_events))[0])
-            yield float(solution.t), lambda time, state=state: state, which
+            step = solver.step(stop, tstop=end)
+            if not step.success:
+                raise UnableError(str(step.message))
+            state = np.array(step.y)
+            which = None if step.i_events is None else int(np.flatnonzero(np.ravel(step.i_events))[0])
+            yield float(step.t), lambda time, state=state: state, which
             if which is not None:
                 return
 

@@ -54,7 +54,7 @@ def prepare(problem, setting):
     push = 0.0 if p["reaction"] else 1.0
 
     def forces(t, q, v):
-        sums = [0.0, -total * p["g"], 0.0, 0.0]
+        applied = [0.0, -total * p["g"], 0.0, 0.0]
         for k, (mass, angle, rod, spring, damper, stiff, damp, plate, weight) in enumerate(guides):
             if not mass:
                 continue
@@ -65,10 +65,10 @@ def prepare(problem, setting):
             if stiff and q[2 + k] > plate:
                 contact = stiff * (q[2 + k] - plate) + damp * v[2 + k]
                 force += contact if p["adhesion"] else max(contact, 0.0)
-            sums[2 + k] = -force - weight
-            sums[0] += push * force * (0.0, ex)[k]
-            sums[1] += lift * force * (1.0, ey)[k]
-        return sums
+            applied[2 + k] = -force - weight
+            applied[0] += push * force * (0.0, ex)[k]
+            applied[1] += lift * force * (1.0, ey)[k]
+        return applied
 
     def run():
         q = [problem.start[c] for c in ("x", "y", "u", "w")]

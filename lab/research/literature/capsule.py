@@ -65,21 +65,21 @@ def difference(capsule: Capsule, periods: int, rod: float = _ROD) -> float:
     It is proportional to 1/`rod`, like the rod's harmonics r²/(4 L), which are the only difference of the equations.
     """
     times = np.linspace(0.0, periods * capsule.period, _SAMPLES + 1)
-    by_device = -Simulator(capsule_scene(capsule, rod)).sample(times / _RATE).body_position / _LENGTH
-    other = integrate(capsule, times, harmonic(capsule, drive_phase(capsule)))[:, 2]
-    return float(np.max(np.abs(by_device - other)))
+    simulated = -Simulator(capsule_scene(capsule, rod)).sample(times / _RATE).body_position / _LENGTH
+    by_scipy = integrate(capsule, times, harmonic(capsule, drive_phase(capsule)))[:, 2]
+    return float(np.max(np.abs(simulated - by_scipy)))
 
 
 def outside_difference(capsule: Capsule, periods: int) -> float:
     """The same without the second spring; scipy's internal mass is driven from outside by the force m1 r Ω²."""
     scene = capsule_scene(capsule).with_parameters({"effects.inclined_contact": "none"})
     times = np.linspace(0.0, periods * capsule.period, _SAMPLES + 1)
-    by_device = Simulator(scene).sample(times / _RATE)
+    samples = Simulator(scene).sample(times / _RATE)
     reach = scene["crank.radius"] / _LENGTH
     free = Capsule(reach * capsule.omega**2, capsule.omega, 0.0, capsule.gamma, 0.0, capsule.xi)
     # Its internal mass has our position minus the slider's, r sin τ; so its speed at t = 0 is -r ω.
-    other = integrate(free, times, harmonic(free, -math.pi / 2.0, reaction=0.0), speed=-reach * capsule.omega)[:, 2]
-    return float(np.max(np.abs(-by_device.body_position / _LENGTH - other)))
+    by_scipy = integrate(free, times, harmonic(free, -math.pi / 2.0, reaction=0.0), speed=-reach * capsule.omega)[:, 2]
+    return float(np.max(np.abs(-samples.body_position / _LENGTH - by_scipy)))
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 
-class TerminalGuard:
-    """A function of time and state at whose passage through zero an integration by scipy ends.
+class TerminalEvent:
+    """An event of scipy's `solve_ivp`: a function of time and state at whose passage through zero an integration ends.
 
     Attributes
     ----------
@@ -122,7 +122,7 @@ class _Equations:
             return [state[1], mass, state[3] if slides else 0.0, acceleration]
         return right
 
-    def guards(self, slides: int, touched: bool) -> list[TerminalGuard]:
+    def guards(self, slides: int, touched: bool) -> list[TerminalEvent]:
         """Guards that end a mode: the second spring's gap, and the end of sliding or of rest."""
         def gap(_time: float, state: np.ndarray) -> float:
             return state[0] - state[2] - self._capsule.delta
@@ -131,8 +131,8 @@ class _Equations:
             force = self.forces(time, state, touched)[1]
             return state[3] if slides else min(1.0 - force, self._capsule.grip + force)
 
-        return [TerminalGuard(gap, -1.0 if touched else 1.0),
-                TerminalGuard(friction, -float(slides) if slides else -1.0)]
+        return [TerminalEvent(gap, -1.0 if touched else 1.0),
+                TerminalEvent(friction, -float(slides) if slides else -1.0)]
 
     def next_slides(self, time: float, state: np.ndarray, touched: bool, slides: int) -> int:
         """Direction of sliding after the friction's guard, 0 for rest."""

@@ -137,8 +137,8 @@ def difference(gap: float, motor: float) -> float:
     """Largest difference [m] of the body's position from scipy's within `CHECKED_TURNS`, from rest at the slider."""
     robot = in_units(gap, motor)
     times = np.linspace(0.0, CHECKED_TURNS * robot.capsule.period, _SAMPLES + 1)
-    by_device = -Simulator(robot_scene(gap, motor)).sample(times * robot.time).body_position
-    return float(np.max(np.abs(by_device - robot.length * integrate(robot.capsule, times, robot.drive)[:, 2])))
+    simulated = -Simulator(robot_scene(gap, motor)).sample(times * robot.time).body_position
+    return float(np.max(np.abs(simulated - robot.length * integrate(robot.capsule, times, robot.drive)[:, 2])))
 
 
 NAME = "gap"
@@ -150,25 +150,28 @@ def study(quick: bool) -> Studied:
     starts = 2 if quick else STARTS
     gaps = (*GAPS[:-1:4], GAPS[-1]) if quick else GAPS
     scenes = [(gap, motor) for motor in MOTORS for gap in gaps]
-    moves = [moved for gap, motor in tqdm(scenes, "gap: gaps", disable=None) for moved in motions(gap, motor, starts)]
-    curves = {motor: [moved for moved in moves if moved.motor == motor] for motor in MOTORS}
+    all_motions = [motion for gap, motor in tqdm(scenes, "gap: gaps", disable=None)
+                   for motion in motions(gap, motor, starts)]
+    curves = {motor: [motion for motion in all_motions if motion.motor == motor] for motor in MOTORS}
     finding = Finding(
         NAME, "Impact gap and speed", _SOURCES, _CONTAINED, _MAPPING,
         (Check(f"body's position over {CHECKED_TURNS} turns, exact against scipy's DOP853, in m; gap 10 mm, 100 rad/s",
                difference(0.010, 100.0), _BOUND),),
-        (*(claim(curve) for curve in curves.values()), _UNREAD), f"{_MISSING} {_several(moves, starts)}")
+        (*(claim(curve) for curve in curves.values()), _UNREAD), f"{_MISSING} {_several(all_motions, starts)}")
     return Studied(finding, lambda: _figure(curves))
 
 
 def claim(curve: Sequence[Moved]) -> Claim:
     """Judge the rule that the fastest impacts make the robot fastest, at one motor speed; `curve` is ordered by gap."""
     frequent = _frequent(curve)
-    with_plate = [moved for moved in frequent if math.isfinite(moved.gap)]
-    fastest, hardest = max(with_plate, key=lambda moved: moved.speed), max(with_plate, key=lambda moved: moved.approach)
+    with_plate = [motion for motion in frequent if math.isfinite(motion.gap)]
+    fastest = max(with_plate, key=lambda motion: motion.speed)
+    hardest = max(with_plate, key=lambda motion: motion.approach)
     same = abs(fastest.gap - hardest.gap) <= with_plate[1].gap - with_plate[0].gap + 1e-9
     equal = fastest.speed - hardest.speed <= math.hypot(fastest.spread, hardest.spread)
     blows = "" if fastest.approach else ", without a blow"
-    without = "".join(f"; without any plate it moves at {moved.words}" for moved in frequent if math.isinf(moved.gap))
+    without = "".join(f"; without any plate it moves at {motion.words}" for motion in frequent
+                      if math.isinf(motion.gap))
     at_end = fastest in (with_plate[0], with_plate[-1])
     end = f", an end of the scan, so that no best gap is known{without}" if at_end else ""
     return Claim(
@@ -182,39 +185,40 @@ def claim(curve: Sequence[Moved]) -> Claim:
 def _frequent(curve: Iterable[Moved]) -> list[Moved]:
     """The motion of most starts at each gap, in the order of the gaps."""
     most = dict[float, Moved]()
-    for moved in curve:
-        most.setdefault(moved.gap, moved)
+    for motion in curve:
+        most.setdefault(motion.gap, motion)
     return list(most.values())
 
 
-def _several(moves: Sequence[Moved], starts: int) -> str:
+def _several(all_motions: Sequence[Moved], starts: int) -> str:
     """Sentences on the gaps that have several motions."""
-    scenes = list(dict.fromkeys((moved.gap, moved.motor) for moved in moves))
-    there = {scene: [moved.words for moved in moves if (moved.gap, moved.motor) == scene] for scene in scenes}
+    scenes = list(dict.fromkeys((motion.gap, motion.motor) for motion in all_motions))
+    words_of = {scene: [motion.words for motion in all_motions if (motion.gap, motion.motor) == scene]
+                for scene in scenes}
     named = [f"\n- {1e3 * gap:g} mm, {motor:g} rad/s: {'; '.join(words)}"
-             for (gap, motor), words in there.items() if len(words) > 1]
+             for (gap, motor), words in words_of.items() if len(words) > 1]
     if not named:
         return f"All {starts} starts of each gap lead to one motion."
     return (f"Of {len(scenes)} pairs of gap and motor speed, these have several motions from {starts} starts; each of "
-            f"the others has moved, and more starts may find more:\n{''.join(named)}")
+            f"the others has one, and more starts may find more:\n{''.join(named)}")
 
 
 def _figure(curves: Mapping[float, Sequence[Moved]]) -> Figure:
     figure = Figure(figsize=(7.0, 4.8), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     for motor, curve in curves.items():
-        shown = [moved for moved in curve if math.isfinite(moved.gap)]
-        areas = [4.0 + 30.0 * moved.share for moved in shown]
-        gaps = [1e3 * moved.gap for moved in shown]
-        points = upper.scatter(gaps, [moved.speed for moved in shown], areas, label=f"{motor:g} rad/s")
-        lower.scatter(gaps, [moved.approach for moved in shown], areas)
+        shown = [motion for motion in curve if math.isfinite(motion.gap)]
+        areas = [4.0 + 30.0 * motion.share for motion in shown]
+        gaps = [1e3 * motion.gap for motion in shown]
+        points = upper.scatter(gaps, [motion.speed for motion in shown], areas, label=f"{motor:g} rad/s")
+        lower.scatter(gaps, [motion.approach for motion in shown], areas)
         color = points.get_facecolor()[0]
         for axes, name in ((upper, "speed"), (lower, "approach")):
-            axes.plot(*zip(*((1e3 * moved.gap, getattr(moved, name)) for moved in _frequent(shown)), strict=True),
+            axes.plot(*zip(*((1e3 * motion.gap, getattr(motion, name)) for motion in _frequent(shown)), strict=True),
                       lw=0.8, color=color)
-        for moved in curve:
-            if math.isinf(moved.gap):
-                upper.axhline(moved.speed, lw=0.8, ls=":", color=color)
+        for motion in curve:
+            if math.isinf(motion.gap):
+                upper.axhline(motion.speed, lw=0.8, ls=":", color=color)
     upper.set_ylabel("speed towards the\nplate in m/s")
     lower.set(xlabel="impact gap in mm; area of a point: share of the starts; dotted: without the plate",
               ylabel="speed at which the\nplate is hit in m/s")

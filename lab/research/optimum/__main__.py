@@ -265,9 +265,9 @@ def about_undamped(results: Mapping[str, Numbers], watched: Mapping[str, Sequenc
         short, long = watched[name][0], watched[name][-1]
         sentences.append(
             f"{STARTS} starts of `{name}` go at {ends(long)} m/s over {long['duration']:g} s ({ends(short)} m/s over "
-            f"the first {short['duration']:g} s), with a mean N of {number(results[name]['verified'][0]['load'])} "
-            f"times the weight; with every effect of `device` they go at "
-            f"{range_of(rows_of(results[name], 'every effect of `device`'))} m/s.")
+            f"the first {short['duration']:g} s), with a mean N of "
+            f"{number(results[name]['verified'][0]['load'])} times the weight; with every effect of `device` they go "
+            f"at {range_of(rows_of(results[name], 'every effect of `device`'))} m/s.")
     return ("Speed has an optimum by the paper's own rules, too, but nobody should build it: without dampers and "
             f"reaction the masses keep what they gain near resonance, and no start settles. {' '.join(sentences)}")
 
@@ -319,9 +319,8 @@ def motions_of_optima(folder: Path) -> dict[str, list[Numbers]]:
 
 def settled_motions(scene: vibro_ros.Scene, starts: int = MOTION_STARTS) -> list[Numbers]:
     """Find the motions to which drawn starts of an optimum lead, that of most starts first; speeds in m/s."""
-    return [{"words": attractor.in_words(), "speed": attractor.mean_speed, "starts": attractor.starts,
-             "low": attractor.low, "high": attractor.high}
-            for attractor in vibro_lab.attractors(scene, starts).drawn]
+    return [{"words": motion.in_words(), "speed": motion.mean_speed, "starts": motion.starts, "low": motion.low,
+             "high": motion.high} for motion in vibro_lab.attractors(scene, starts).drawn]
 
 
 def papers_robots(name: str, result: Numbers, folder: Path) -> list[Numbers]:
@@ -364,13 +363,13 @@ def _watched(job: tuple[vibro_ros.Scene, int, Sequence[float]]) -> list[tuple[fl
     scene, start, durations = job
     device = started(scene.with_parameters({"solver.accounts": True}), np.random.default_rng(start))
     device.advance_to(SETTLING)
-    begin, before = device.state.body_position, dict(device.statistics["energy_accounts"])
+    begin, earlier_accounts = device.state.body_position, dict(device.statistics["energy_accounts"])
     rows = []
     for duration in durations:
         span = whole_turns(scene, duration)
         device.advance_to(SETTLING + span)
         accounts = device.statistics["energy_accounts"]
-        given, back = (accounts[name] - before[name] for name in ("motor_delivered", "motor_taken_back"))
+        given, back = (accounts[name] - earlier_accounts[name] for name in ("motor_delivered", "motor_taken_back"))
         rows.append(((device.state.body_position - begin) / span, (given - back) / span))
     return rows
 

@@ -20,7 +20,7 @@ from research.paper.claims import (
     ON_SLIDERS,
     STEPS,
     UNITS,
-    FigureRobot,
+    FigurePoint,
     Mean,
     Reading,
     Span,
@@ -66,7 +66,7 @@ class Batch(NamedTuple):
     """One robot under one reading, from `starts` starts, until an instant [s]."""
 
     reading: Reading
-    point: FigureRobot
+    point: FigurePoint
     starts: int
     until: float = math.inf
 
@@ -116,7 +116,7 @@ def displacements(batch: Batch) -> np.ndarray:
     return np.array([displacement(number) for number in range(batch.starts)])
 
 
-def _displacement(reading: Reading, point: FigureRobot, times: np.ndarray, number: int) -> np.ndarray:
+def _displacement(reading: Reading, point: FigurePoint, times: np.ndarray, number: int) -> np.ndarray:
     scene, ahead = reading.scene(point), advance(reading.start, number)
     if reading.solver == "rkfixed":
         return worksheet.rkfixed(scene, reading.friction, ahead, reading.step, times)
@@ -152,10 +152,10 @@ def judged(effort: SimulationEffort) -> list[Verdict]:
     """
     every = batches(effort)
     for reading in {batch.reading.solver: batch.reading for batch in every}.values():
-        displacements(Batch(reading, FigureRobot("angle", 40.0), 1))  # compiles the method once for all processes
-    displaced = iter(computed(displacements, every, "paper: robots"))
+        displacements(Batch(reading, FigurePoint("angle", 40.0), 1))  # compiles the method once for all processes
+    moved = iter(computed(displacements, every, "paper: robots"))
     return [verdict for reading in effort.readings
-            for verdict in verdicts(reading, {point: next(displaced) for point in points()})]
+            for verdict in verdicts(reading, {point: next(moved) for point in points()})]
 
 
 class Single(NamedTuple):
@@ -201,12 +201,12 @@ _VERDICT_COLUMNS = (
       for part in ("mean m/s", "spread m/s")))
 
 
-def write_verdicts(path: Path, verdicts: Iterable[Verdict]) -> None:
+def write_verdicts(path: Path, judgements: Iterable[Verdict]) -> None:
     """Write verdicts to a file, speeds with six digits."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(_VERDICT_COLUMNS)
-        for verdict in verdicts:
+        for verdict in judgements:
             speeds = (f"{number:.6g}" for point in _POINTS for number in verdict.means[point])
             writer.writerow([*verdict.reading, *verdict.span, *verdict.one_run, *verdict.along_ox, *verdict.size,
                              *speeds])

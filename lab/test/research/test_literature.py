@@ -49,11 +49,11 @@ def test_scipys_free_mass_is_the_driven_oscillator():
 
 def test_a_capsule_with_wheels_that_turn_one_way_never_moves_backwards():
     times = np.linspace(0.0, 5 * capsule.REFERENCE.period, 400)
-    both, single = (integrate(dataclasses.replace(capsule.REFERENCE, grip=grip, gamma=1.0), times,
+    both_ways, one_way = (integrate(dataclasses.replace(capsule.REFERENCE, grip=grip, gamma=1.0), times,
                            harmonic(capsule.REFERENCE, 0.0))[:, 2] for grip in (1.0, math.inf))
-    assert np.min(np.diff(both)) < -1e-3
-    assert np.min(np.diff(single)) > -1e-9
-    assert single[-1] > both[-1]
+    assert np.min(np.diff(both_ways)) < -1e-3
+    assert np.min(np.diff(one_way)) > -1e-9
+    assert one_way[-1] > both_ways[-1]
 
 
 def test_a_slide_within_a_step_ends_after_it_began():
@@ -145,8 +145,8 @@ def test_a_multiplier_is_one_at_the_fold():
 
 def test_the_orbit_ends_at_the_fold_and_doubles_where_a_multiplier_is_minus_one():
     folding, fold = Oscillator(1.9, 0.0, 0.8), Oscillator(1.9, 0.0, 0.8).fold(1)
-    motions = [followed(replace(folding, sigma=fold * share), 0.0) for share in (0.99, 1.01)]
-    assert [motion.impacts == 1 for motion in motions] == [True, False]
+    beside_fold = [followed(replace(folding, sigma=fold * share), 0.0) for share in (0.99, 1.01)]
+    assert [motion.impacts == 1 for motion in beside_fold] == [True, False]
     oscillator = Oscillator(2.8, 0.0, 0.8)
     place = doubling(oscillator, 1, -0.07, 0.0)
     motions = [followed(replace(oscillator, sigma=place + step), place - 0.01) for step in (-0.003, 0.003)]
@@ -167,10 +167,10 @@ def test_the_document_has_every_study_a_passed_check_each_and_known_verdicts():
 
 def test_a_measured_robot_is_cited_with_what_was_read_and_what_is_missing():
     """A row without a reference, or with nothing missing, would promise a comparison that nobody made."""
-    for source in measured.SOURCES:
-        assert "](https://" in source.source or "IOSR J. Mech. Civ. Eng." in source.source
-        assert "abstract" in source.read and source.reports and source.missing
-        assert source.source in (DOCS / literature.TEXT).read_text(encoding="utf-8")
+    for row in measured.SOURCES:
+        assert "](https://" in row.source or "IOSR J. Mech. Civ. Eng." in row.source
+        assert "abstract" in row.read and row.reports and row.missing
+        assert row.source in (DOCS / literature.TEXT).read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("name", literature.PUBLISHED)

@@ -43,7 +43,7 @@ def test_the_scene_files_are_the_optima(name):
 @pytest.mark.parametrize("name", ["thriftiest", "thrifty", "fastest", "thrifty_grounded", "fastest_grounded"])
 def test_the_optima_do_what_is_said(name):
     """From three starts: the mean speed, with its sign, lies within two standard deviations of one start."""
-    speed, scene = RESULTS[name]["verified"][0]["speed"], vibro_ros.load_scene(FOLDER / f"{name}.yaml")
+    stored, scene = RESULTS[name]["verified"][0]["speed"], vibro_ros.load_scene(FOLDER / f"{name}.yaml")
     speeds = []
     for start in range(3):
         device = started(scene, np.random.default_rng(start))
@@ -52,8 +52,8 @@ def test_the_optima_do_what_is_said(name):
         span = optimum.whole_turns(scene, 10.0)
         device.advance_to(4.0 + span)
         speeds.append((device.state.body_position - begin) / span)
-    spread = speed["spread"] or 0.0  # a motion with a period has none
-    assert np.mean(speeds) == pytest.approx(speed["mean"], rel=1e-3, abs=8.0 * spread)
+    spread = stored["spread"] or 0.0  # a motion with a period has none
+    assert np.mean(speeds) == pytest.approx(stored["mean"], rel=1e-3, abs=8.0 * spread)
 
 
 @pytest.mark.parametrize("name", ["thrifty_grounded", "fastest_grounded"])

@@ -154,8 +154,8 @@ class SampledMotion:
         """
         forward, backward = self.scene["ground.friction"], self.scene["ground.friction_backward"]
         kinetic = np.where(direction < 0.0, forward if backward == -1.0 else backward, forward)
-        sticks_firmly = self.scene["effects.friction"] in ("static", "stribeck")
-        return kinetic, np.full(len(self), self.scene["ground.static_friction"]) if sticks_firmly else kinetic
+        has_static = self.scene["effects.friction"] in ("static", "stribeck")
+        return kinetic, np.full(len(self), self.scene["ground.static_friction"]) if has_static else kinetic
 
     def _solve(self, air, sticks, slide):
         """Solve with F_fr = `slide` N where the body does not stick; a mass that its rigid plate would have to pull is

@@ -79,8 +79,8 @@ def assert_agreement(scene, duration, commands=(), position=POSITION, place=0.0)
     return run
 
 
-def assert_close(name, times, measured, expected, limit):
-    error = np.abs(measured - expected)
+def assert_close(name, times, actual, expected, limit):
+    error = np.abs(actual - expected)
     worst = (error - limit).argmax()
     assert np.all(error <= limit), f"{name} off by {error[worst]:.1e} at {times[worst]:g} s"
 
@@ -158,15 +158,15 @@ def assert_forces_agree(times, samples, moved, position):
 
 
 def assert_peaks_agree(side, robot, run, commands, ours, theirs, position):
-    """Check the peak forces of contacts: infinite for a blow, otherwise found in heyoka's states."""
+    """Check the peak forces of contacts: infinite for a blow, otherwise those of heyoka's states."""
     scene, blows = robot.scene, theirs["duration"] == 0.0
     assert np.all(np.isinf(ours["peak_force"]) == blows), side
     ours, theirs = ours[~blows], theirs[~blows]
     if len(ours) == 0:
         return
-    springs = [(side, part) for side in SIDES for part in ("spring", "plate")
-               if part == "spring" or scene[f"effects.{side}_contact"] == "compliant"]
-    rate = np.sqrt(sum(scene[f"{side}.{part}.stiffness"] / scene[f"mass.{side}"] for side, part in springs))
+    springs = [(guide, part) for guide in SIDES for part in ("spring", "plate")
+               if part == "spring" or scene[f"effects.{guide}_contact"] == "compliant"]
+    rate = np.sqrt(sum(scene[f"{guide}.{part}.stiffness"] / scene[f"mass.{guide}"] for guide, part in springs))
     seams = np.concatenate([run.events["time"], run.events["time"] + run.events["duration"],
                             [instant for instant, _ in commands]])
     grids, owners = [], []
@@ -182,7 +182,8 @@ def assert_peaks_agree(side, robot, run, commands, ours, theirs, position):
                      scene[f"{side}.plate.damping"] * theirs["speed"], 0.0)
     np.maximum.at(peaks, owners, [force.max() for force in plate_forces(side, robot, commands, finer)])
     # the last grid's instants are 0.01 / POINTS rad apart: at most an eighth of that, squared, is missed
-    limit = position * sum(stiffness(scene, side, part) for side, part in springs) + (0.01 / POINTS) ** 2 / 8.0 * peaks
+    limit = (position * sum(stiffness(scene, guide, part) for guide, part in springs)
+             + (0.01 / POINTS) ** 2 / 8.0 * peaks)
     assert_close(f"peak of {side}_contact", theirs["time"], ours["peak_force"], peaks, limit)
 
 
