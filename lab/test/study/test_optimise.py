@@ -237,6 +237,8 @@ def test_everything_is_written_and_of_one_robot(folder):
         "optimum.yaml", "optimum.json", "front.png", "candidates.parquet"}
     robot, numbers = load_scene(folder / "optimum.yaml"), json.loads((folder / "optimum.json").read_text())
     assert all(robot[name] == value for name, value in numbers["optimum"].items())
+    assert numbers["verified"][0]["reading"] == "as sought (`device`)" and len(numbers["verified"]) > 2
+    assert all(on_front["speed"] > 0.0 and on_front["cost"] > 0.0 for on_front in numbers["front"])
     assert 0.005 <= robot["crank.radius"] <= 0.02 and robot["upper.gap"] == 0.001
     table = pandas.read_parquet(folder / "candidates.parquet")
     assert len(table) == 2 * numbers["robots"] and table["crank.radius"].between(0.005, 0.02).all()
