@@ -167,18 +167,18 @@ def test_the_mean_of_a_transient_says_that_it_drifts():
     rows = [LyapunovTime(0.0, 0.0, False, 15.0).row("damped"), row, replace(row, program="rk4", value=1e-4)]
     assert f" mm/s, {row.note}" in speeds_table(rows)
     damped = vibro_ros.load_scene("damped").with_parameters({"motor.speed": 100.0})
-    assert [one.note for one in averages(damped, "exact", math.nan, Effort(starts=1, duration=10.0))] == [""]
+    assert [row.note for row in averages(damped, "exact", math.nan, Effort(starts=1, duration=10.0))] == [""]
 
 
 def test_several_motions_have_a_row_each_and_no_mean():
     """`device` at 160 rad/s: no robot runs at the mean of -79.8 and -53.6 mm/s."""
     scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 160.0})
-    found = averages(scene, "exact", math.nan, Effort(starts=2, duration=6.0))
-    assert [1e3 * row.mean for row in found] == pytest.approx([-79.8, -53.6], abs=0.2)
-    assert [(row.motions, row.starts_forwards) for row in found] == [(2, 0)] * 2
-    assert sum(row.repeats for row in found) == 8
-    rows = [LyapunovTime(0.0, 0.0, False, 15.0).row("device"), *found,
-            replace(found[0], program="rk4", value=1e-4), replace(found[1], program="rk4", value=1e-4)]
+    averaged = averages(scene, "exact", math.nan, Effort(starts=2, duration=6.0))
+    assert [1e3 * row.mean for row in averaged] == pytest.approx([-79.8, -53.6], abs=0.2)
+    assert [(row.motions, row.starts_forwards) for row in averaged] == [(2, 0)] * 2
+    assert sum(row.repeats for row in averaged) == 8
+    rows = [LyapunovTime(0.0, 0.0, False, 15.0).row("device"), *averaged,
+            replace(averaged[0], program="rk4", value=1e-4), replace(averaged[1], program="rk4", value=1e-4)]
     assert finding(rows).startswith("There are several mean speeds (-79.8") and " of 8 starts; -53.6" in finding(rows)
     assert "8 drawn starts of 6 s after 4 s: -79.8" in speeds_table(rows) and "; -53.6 (" in speeds_table(rows)
     assert "not one: 2 motions" in advice(rows).values()

@@ -31,8 +31,8 @@ def test_the_seed_decides_all():
     actions = random.uniform(-1.0, 1.0, (20, 3)).astype(np.float32)
 
     def episode(seed):
-        found = [env.reset(seed=seed)[0]]
-        return np.array(found + [env.step(action)[0] for action in actions])
+        seen = [env.reset(seed=seed)[0]]
+        return np.array(seen + [env.step(action)[0] for action in actions])
 
     first, other = episode(4), episode(5)
     assert np.array_equal(episode(4), first) and not np.array_equal(first, other)

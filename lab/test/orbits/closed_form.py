@@ -19,7 +19,7 @@ from vibro_ros.model.slider import Slider
 HARMONICS = 64
 
 
-class Blow(NamedTuple):
+class OrbitBlow(NamedTuple):
     """The one orbit whose blow falls on a phase: the gap [m] and the speed before the blow [m/s]."""
 
     gap: float
@@ -50,14 +50,14 @@ class ImpactOscillator:
         turned = self._steady * np.exp(self._rate * phase / self.speed)
         return tuple(float(np.sum(turned * self._rate**order).real) for order in range(3))
 
-    def blow(self, phase: float) -> Blow:
+    def blow(self, phase: float) -> OrbitBlow:
         """From d = M11 d + M12 (-e v - b), v - b = M21 d + M22 (-e v - b): d from the steady motion to the plate, b the
         steady velocity, v the speed before the blow, M = e^(A T)."""
         (m11, m12), (m21, m22) = expm(self.matrix * self.period)
         position, velocity, _ = self.steady(phase)
         equations = [[1.0 - m11, self.restitution * m12], [-m21, 1.0 + self.restitution * m22]]
         distance, speed = np.linalg.solve(equations, [-m12 * velocity, (1.0 - m22) * velocity])
-        return Blow(position + distance - self.rod, speed)
+        return OrbitBlow(position + distance - self.rod, speed)
 
     def multipliers(self, phase: float) -> np.ndarray:
         """Eigenvalues of e^(A T) S, with the jump S of the blow."""
@@ -74,8 +74,8 @@ class ImpactOscillator:
         """Phases of physical blows, at positive speed, at which `test` of the phase changes its sign."""
         phases = np.linspace(0.0, 2.0 * math.pi, count)
         values = np.array([test(phase) if self.blow(phase).speed > 0.0 else np.nan for phase in phases])
-        found = np.flatnonzero(values[1:] * values[:-1] < 0.0)
-        return [brentq(test, phases[i], phases[i + 1], xtol=1e-14) for i in found]
+        crossings = np.flatnonzero(values[1:] * values[:-1] < 0.0)
+        return [brentq(test, phases[i], phases[i + 1], xtol=1e-14) for i in crossings]
 
     def doublings(self) -> list[float]:
         """Phases of the blow at period doublings."""

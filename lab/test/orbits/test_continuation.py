@@ -45,12 +45,12 @@ def test_folds_and_doublings_of_an_impact_oscillator_are_those_of_its_closed_for
     closed = ImpactOscillator(scene)
     expected = [closed.blow(phase).gap for phase in (closed.folds() if kind == FOLD else closed.doublings())]
     neighbours = branch(scene, "upper.gap", LOW, HIGH, direction)
-    found = next(special for pair in neighbours for special in special_points(*pair))
-    assert found.kind == kind
-    assert found.point.value == pytest.approx(expected[0], abs=1e-10)
-    assert found.width < 1e-9
+    special = next(special for pair in neighbours for special in special_points(*pair))
+    assert special.kind == kind
+    assert special.point.value == pytest.approx(expected[0], abs=1e-10)
+    assert special.width < 1e-9
     critical = {FOLD: 1.0, DOUBLING: -1.0}[kind]
-    assert np.abs(found.point.multipliers - critical).min() < 1e-6
+    assert np.abs(special.point.multipliers - critical).min() < 1e-6
 
 
 def test_points_of_a_branch_lie_on_the_curve_of_its_closed_form():
@@ -70,7 +70,7 @@ def test_a_branch_is_the_same_from_either_end(scene, name, low, high, direction,
     """The branch is followed through its special points, and back again from beyond them."""
     forwards, kinds = [], []
     for pair in branch(scene, name, low, high, direction):
-        kinds += [one.kind for one in special_points(*pair)]
+        kinds += [special.kind for special in special_points(*pair)]
         forwards.append(pair)
         if kinds == special:
             break
@@ -83,8 +83,8 @@ def test_a_branch_is_the_same_from_either_end(scene, name, low, high, direction,
     part = (start.value - before.value) / (after.value - before.value)
     guess = before.unknowns + part * (after.unknowns - before.unknowns)
     across = np.eye(len(start.unknowns))[-1]
-    found, _ = corrected_orbit(before.family, guess, across)
-    _, (there,) = before.family.recut(start.family.phase, [found])
+    unknowns, _ = corrected_orbit(before.family, guess, across)
+    _, (there,) = before.family.recut(start.family.phase, [unknowns])
     assert there == pytest.approx(start.unknowns, abs=1e-9)
 
 
@@ -108,9 +108,9 @@ def test_a_rigid_plate_is_grazed_and_passed():
     """
     scene = oscillator(170.0, 0.8, 0.005)
     for before, after in branch(scene, "upper.gap", LOW, HIGH, -1.0):
-        if found := list(special_points(before, after)):
+        if specials := list(special_points(before, after)):
             break
-    (grazing,) = found
+    (grazing,) = specials
     assert grazing.kind == GRAZING and grazing.change == "upper_contact appears"
     assert grazing.point.passage.miss < 1e-9 and before.passage.contacts == (("upper_contact", 1),)
     assert after.passage.contacts == (("upper_contact", 2),)
@@ -120,19 +120,19 @@ def test_a_rigid_plate_is_grazed_and_passed():
 def test_a_landing_that_no_longer_stops_the_body_is_a_corner():
     scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 62.19})
     for before, after in branch(scene, "motor.speed", 60.0, 65.0, 1.0):
-        if found := list(special_points(before, after)):
+        if specials := list(special_points(before, after)):
             break
-    assert [one.kind for one in found] == [CORNER]
-    assert found[0].change == "landing_stops vanishes, landing_slips_backward appears"
-    assert found[0].point.value == pytest.approx(62.208519643, abs=1e-8) and found[0].width < 1e-8
+    assert [special.kind for special in specials] == [CORNER]
+    assert specials[0].change == "landing_stops vanishes, landing_slips_backward appears"
+    assert specials[0].point.value == pytest.approx(62.208519643, abs=1e-8) and specials[0].width < 1e-8
     assert np.abs(before.multipliers[0]) < 2.01 and np.abs(after.multipliers[0]) > 2.3
 
 
 def test_a_machine_has_a_neimark_sacker_point_beyond_which_a_circle_appears():
     """`device` at 62.626 rad/s: a run that begins beside the orbit ends on the orbit, or on a circle around it."""
     scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 62.64})
-    special = next(one for pair in branch(scene, "motor.speed", 62.0, 63.0, -1.0) for one in special_points(*pair)
-                   if one.kind == TORUS)
+    special = next(point for pair in branch(scene, "motor.speed", 62.0, 63.0, -1.0) for point in special_points(*pair)
+                   if point.kind == TORUS)
     phase, state = special.point.family.phase, special.point.state
 
     def settled(beside):

@@ -13,7 +13,6 @@ from vibro_lab.orbits.orbit import derivative
 from vibro_lab.orbits.recurrence import JITTER
 from vibro_lab.orbits.turn_map import TurnMap, crank_speed
 from vibro_ros.model.slider import Slider
-from vibro_ros.simulation.crank_angle import first_reached
 from vibro_ros.simulation.motion import SimulationError
 
 VOLTS = {"effects.motor": "dc", "motor.control": "voltage", "motor.voltage": 15.0, "motor.speed": 90.0,
@@ -57,11 +56,11 @@ def test_a_motor_without_load_has_the_multipliers_of_its_run_up(winding):
     speed = constant * 15.0 / (resistance * b + constant**2)
     roots = (np.roots([inductance * inertia, resistance * inertia + inductance * b, resistance * b + constant**2])
              if inductance else np.array([-(b + constant**2 / resistance) / inertia]))
-    found = vibro_lab.find_orbit(of)
-    assert found.state.motor_speed == pytest.approx(speed, rel=1e-12)
-    assert found.period == pytest.approx(2.0 * math.pi / speed, rel=1e-12)
+    orbit = vibro_lab.find_orbit(of)
+    assert orbit.state.motor_speed == pytest.approx(speed, rel=1e-12)
+    assert orbit.period == pytest.approx(2.0 * math.pi / speed, rel=1e-12)
     # Central differences over 1e-5: their own error is 1e-10 of the curvature, rounding 1e-16 / 1e-5.
-    assert in_order(found.multipliers) == pytest.approx(in_order(np.exp(roots * found.period)), abs=1e-9)
+    assert in_order(orbit.multipliers) == pytest.approx(in_order(np.exp(roots * orbit.period)), abs=1e-9)
     spectrum = vibro_lab.lyapunov_spectrum(of)
     assert spectrum.exponents == pytest.approx(np.sort(roots.real)[::-1], abs=1e-4)
 
@@ -83,29 +82,30 @@ def section_map(of, phase, state):
     def passes(time, y):
         return y[2] - phase - 2.0 * math.pi
     passes.terminal, passes.direction = True, 1.0
-    found = solve_ivp(rate, (0.0, 1.0), [*state[:2], phase, *state[2:]], method="DOP853", rtol=1e-13, atol=1e-14,
+    solution = solve_ivp(rate, (0.0, 1.0), [*state[:2], phase, *state[2:]], method="DOP853", rtol=1e-13, atol=1e-14,
                       events=passes)
-    return found.y[[0, 1, 3, 4], -1], found.t[-1]
+    return solution.y[[0, 1, 3, 4], -1], solution.t[-1]
 
 
 def test_the_map_of_a_section_is_that_of_another_integrator():
     """An orbit with 29 % of ripple, its period, and the derivative by central differences of that integrator's map."""
     of = scene("unilateral", VOLTS, WINDING, {"effects.inclined_mass": False, "effects.upper_contact": "none",
                                               "upper.spring.damping": 3.0, "motor.crank_inertia": 2e-4})
-    found = vibro_lab.find_orbit(of)
-    here = TurnMap(of, found.state.crank_angle)
+    orbit = vibro_lab.find_orbit(of)
+    turn_map = TurnMap(of, orbit.state.crank_angle)
     names = ("upper_position", "upper_velocity", "motor_speed", "motor_current")
-    assert here.names == names
-    state = np.array([getattr(found.state, name) for name in names])
-    after, period = section_map(of, here.phase, state)
+    assert turn_map.names == names
+    state = np.array([getattr(orbit.state, name) for name in names])
+    after, period = section_map(of, turn_map.phase, state)
     assert after == pytest.approx(state, rel=1e-10)  # the integrator's own error over a turn
-    assert found.period == pytest.approx(period, rel=1e-11)
+    assert orbit.period == pytest.approx(period, rel=1e-11)
     matrix = np.empty((4, 4))
-    for k, unit in enumerate(here.units):
-        moved = [section_map(of, here.phase, state + sign * 1e-4 * unit * np.eye(4)[k])[0] for sign in (1.0, -1.0)]
-        matrix[:, k] = (moved[0] - moved[1]) / 2e-4 / here.units
-    assert derivative(here, here.read(found.state))[0] == pytest.approx(matrix, abs=1e-6)  # 1e-4² of the curvature
-    assert in_order(found.multipliers) == pytest.approx(in_order(np.linalg.eigvals(matrix)), abs=1e-6)
+    for k, unit in enumerate(turn_map.units):
+        moved = [section_map(of, turn_map.phase, state + sign * 1e-4 * unit * np.eye(4)[k])[0] for sign in (1.0, -1.0)]
+        matrix[:, k] = (moved[0] - moved[1]) / 2e-4 / turn_map.units
+    by_device, _ = derivative(turn_map, turn_map.read(orbit.state))
+    assert by_device == pytest.approx(matrix, abs=1e-6)  # 1e-4² of the curvature
+    assert in_order(orbit.multipliers) == pytest.approx(in_order(np.linalg.eigvals(matrix)), abs=1e-6)
 
 
 def test_a_heavy_flywheel_has_the_orbit_and_the_multipliers_of_the_ideal_motor():
@@ -114,17 +114,17 @@ def test_a_heavy_flywheel_has_the_orbit_and_the_multipliers_of_the_ideal_motor()
     apart = []
     for inertia in (0.2, 0.4):
         of = scene("damped", VOLTS, {"motor.crank_inertia": inertia, "motor.speed": 100.0, "motor.voltage": 16.35})
-        found = vibro_lab.find_orbit(of)
-        turning = 2.0 * math.pi / found.period
+        orbit = vibro_lab.find_orbit(of)
+        turning = 2.0 * math.pi / orbit.period
         ideal = of.with_parameters({"effects.motor": "ideal", "motor.speed": turning})
-        there = TurnMap(ideal, found.state.crank_angle)
-        state = there.read(found.state)
+        there = TurnMap(ideal, orbit.state.crank_angle)
+        state = there.read(orbit.state)
         closes = vibro_lab.find_orbit(ideal)
-        apart.append([abs(found.mean_speed / closes.mean_speed - 1.0),
-                      np.abs(found.multipliers[1:3] - closes.multipliers[:2]).max(),
+        apart.append([abs(orbit.mean_speed / closes.mean_speed - 1.0),
+                      np.abs(orbit.multipliers[1:3] - closes.multipliers[:2]).max(),
                       np.abs(there(state).state - state).max()])
         constant, whole, resistance, _, b = motor_numbers(of)
-        rate = -math.log(found.multipliers[0].real) / found.period
+        rate = -math.log(orbit.multipliers[0].real) / orbit.period
         assert rate * whole == pytest.approx(b + constant**2 / resistance, rel=0.5)
     assert np.array(apart[0]) / apart[1] == pytest.approx(2.0, rel=0.05)
     assert max(apart[1]) < 1e-2
@@ -165,77 +165,27 @@ def test_motions_of_a_controller_are_told_within_the_jitter_of_its_samples():
     motions = [vibro_lab.settled_motion(machine(), **start)
                for start in ({}, {"crank_angle": 0.1234}, {"motor_speed": 80.0, "body_velocity": 0.5})]
     assert [motion.turns for motion in motions] == [2, 2, 2]
-    assert all(one.is_same(motions[0]) for one in motions)
+    assert all(motion.is_same(motions[0]) for motion in motions)
     device = vibro_ros.Simulator(machine())
     device.advance_to(20.0)
     begun = device.state.body_position
     device.advance_to(20.0 + 400 * math.pi / 100.0)
     mean = (device.state.body_position - begun) / (4.0 * math.pi)
     assert motions[0].mean_speed == pytest.approx(mean, rel=1e-3)
-    here = TurnMap(machine(), 1.0)
-    seen = here.cuts(device, 200).states
+    turn_map = TurnMap(machine(), 1.0)
+    seen = turn_map.cuts(device, 200).states
     assert max(np.ptp(seen[half::2], axis=0).max() for half in (0, 1)) < 0.5 * JITTER
-    assert np.ptp(seen, axis=0).max() > 10.0 * JITTER  # its two turns are not one
-
-
-def test_an_angle_is_passed_by_the_device_that_runs_on():
-    """The device's bits do not change, and the angle is met to rounding, whatever the crank does before."""
-    of = scene("machine", SOMMERFELD, {"motor.voltage": 40.0})
-    device, other = vibro_ros.Simulator(of), vibro_ros.Simulator(of)
-    for turn in (0, 1, 2, 30):
-        assert device.advance_to_angle(turn, 2.0)
-        assert device.state.crank_angle == pytest.approx(2.0 * math.pi * turn + 2.0, abs=1e-13 * (1 + turn))
-        other.advance_to(device.time)
-        assert other.state == device.state
-    assert device.take_events().tolist() == other.take_events().tolist()
-    assert device.statistics == other.statistics
-    time = device.time
-    assert device.advance_to_angle(3, 1.0) and device.time == time  # gone by already
+    assert np.ptp(seen, axis=0).max() > 10.0 * JITTER  # its two turns are not motion
 
 
 def test_a_crank_that_does_not_come_round_is_told():
     """2 V turn a crank without load, but not against the pressed masses; the error says so."""
     of = machine(**{"motor.control": "voltage", "motor.voltage": 2.0, "motor.speed": 0.0})
-    device = vibro_ros.Simulator(of)
-    assert not device.advance_to_angle(1, 0.0, latest=1.0) and device.time == 1.0
     with pytest.raises(SimulationError, match="the crank has not come round for .* give more than 2 for "
                                               "motor.voltage"):
         vibro_lab.settled_motion(of)
     with pytest.raises(ValueError, match="motor.voltage: 0.2 V turns no crank forwards; give more than 0.291"):
         vibro_lab.find_orbit(of.with_parameters({"motor.voltage": 0.2}))
-    with pytest.raises(ValueError, match="latest: 0.5 s is out of range; give a time from 1 to"):
-        device.advance_to_angle(1, 0.0, latest=0.5)
-    with pytest.raises(ValueError, match="ideal, exact have no angle to advance to; choose dc and exact"):
-        vibro_ros.Simulator(vibro_ros.load_scene("paper")).advance_to_angle(1, 0.0)
-
-
-@pytest.mark.parametrize(("value", "expected"), [(0.1, 0.10050506338833465), (-2.0, -1.0), (5.0, None)])
-def test_the_first_of_several_places_is_found(value, expected):
-    """x - x³ from -0.577 on rises to 0.385 at 0.577 and falls again, so it passes a value more than once."""
-    found = first_reached(np.array([0.0, 1.0, 0.0, -1.0]), value, -0.55 if value > 0.0 else -1.0, 1.0)
-    assert found == (expected if expected is None else pytest.approx(expected, abs=1e-2))
-    if expected and value > 0.0:
-        assert found - found**3 == pytest.approx(value, abs=1e-15) and found < 0.5
-
-
-def test_a_controller_continues_with_a_given_integral():
-    """i = I + k_p e is held from the sample at this instant on, which is taken again."""
-    device = vibro_ros.Simulator(machine())
-    device.advance_to(0.05)
-    device.set_state(motor_speed=95.0, controller_integral=1.5)
-    assert device.state.motor_current == pytest.approx(1.5 + 0.05 * 5.0, abs=1e-14)
-    assert device.controller_integral == pytest.approx(1.5 + 0.5 * 5.0 / 1000.0, abs=1e-14)
-    wound = vibro_ros.Simulator(machine(**{"motor.control": "voltage", "motor.voltage": 12.0} | WINDING))
-    wound.set_state(motor_current=0.75)
-    assert wound.state.motor_current == 0.75
-    before = device.checkpoint().tolist()
-    with pytest.raises(ValueError, match="motor_current: 1.0 is no part of this motor's state; .*winding_inductance"):
-        device.set_state(motor_current=1.0)
-    with pytest.raises(ValueError, match="controller_integral: 1.0 is no part of this motor's state; .*motor.control"):
-        wound.set_state(controller_integral=1.0)
-    with pytest.raises(ValueError, match="controller_integral: nan is not finite"):
-        device.set_state(controller_integral=math.nan)
-    assert device.checkpoint().tolist() == before
 
 
 def test_the_unit_of_speed_at_a_voltage_is_that_without_load():

@@ -22,17 +22,17 @@ def test_a_linear_mass_has_the_real_parts_of_its_eigenvalues(damping):
     """A43. For an oscillating and for an overdamped mass."""
     alone = scene("unilateral", **{"effects.inclined_mass": False, "upper.spring.damping": damping, "upper.gap": 0.03})
     expected = np.sort(np.roots([alone["mass.upper"], damping, alone["upper.spring.stiffness"]]).real)[::-1]
-    found = vibro_lab.lyapunov_spectrum(alone)
-    assert found.exponents == pytest.approx(expected, abs=1e-4)
-    assert (found.turns, found.spread.tolist()) == (1, [0.0, 0.0])
+    spectrum = vibro_lab.lyapunov_spectrum(alone)
+    assert spectrum.exponents == pytest.approx(expected, abs=1e-4)
+    assert (spectrum.turns, spectrum.spread.tolist()) == (1, [0.0, 0.0])
 
 
 def test_a_run_finds_the_same_but_for_the_phase_that_a_complex_pair_ends_in():
     """The phase changes each exponent of the pair by about 1 / (turns T); their sum is exact."""
     alone = scene("unilateral", **{"effects.inclined_mass": False, "upper.spring.damping": 3.0, "upper.gap": 0.03})
-    found = spectrum_from(TurnMap(alone), np.array([3.0, 0.1]), 200).exponents
-    assert found == pytest.approx([-15.0, -15.0], abs=1.0 / (200 * 0.0628))
-    assert found.sum() == pytest.approx(-30.0, abs=1e-6)
+    exponents = spectrum_from(TurnMap(alone), np.array([3.0, 0.1]), 200).exponents
+    assert exponents == pytest.approx([-15.0, -15.0], abs=1.0 / (200 * 0.0628))
+    assert exponents.sum() == pytest.approx(-30.0, abs=1e-6)
 
 
 def test_masses_that_yield_to_each_other_have_the_eigenvalues_of_their_matrices():
@@ -64,10 +64,10 @@ def test_of_a_periodic_motion_they_are_its_multipliers_logarithms(name, changes,
         expected = np.log(np.abs(orbit.multipliers)) / period
     along_run = spectrum_from(free_cut(machine), motion.states[-1], 40 * turns)
     of_cycle = vibro_lab.lyapunov_spectrum(machine)
-    for found, error in ((along_run, 6.0 / (40 * period)), (of_cycle, 0.05)):
-        lasting = ~np.isneginf(found.exponents)
-        assert found.exponents[lasting] == pytest.approx(expected[lasting], abs=error)
-        assert found.exponents[lasting].sum() == pytest.approx(expected[lasting].sum(), abs=1e-3)
+    for spectrum, error in ((along_run, 6.0 / (40 * period)), (of_cycle, 0.05)):
+        lasting = ~np.isneginf(spectrum.exponents)
+        assert spectrum.exponents[lasting] == pytest.approx(expected[lasting], abs=error)
+        assert spectrum.exponents[lasting].sum() == pytest.approx(expected[lasting].sum(), abs=1e-3)
         assert (orbit.multipliers[~lasting] < 1e-7).all()
 
 
@@ -76,13 +76,13 @@ def test_the_sum_is_the_mean_logarithm_of_the_determinant():
     chaotic = scene("unilateral", **{"effects.friction": "none"})
     turn_map = free_cut(chaotic)
     state = Stroboscope(turn_map).begin_as().states[-1]
-    found = spectrum_from(turn_map, state, 50)
+    spectrum = spectrum_from(turn_map, state, 50)
     logarithms = []
     for turn in range(55):
         matrix, (state, *_) = derivative(turn_map, state)
         if turn >= 5:
             logarithms.append(np.linalg.slogdet(matrix)[1])
-    assert found.exponents.sum() == pytest.approx(np.mean(logarithms) / turn_map.period, abs=1e-6)
+    assert spectrum.exponents.sum() == pytest.approx(np.mean(logarithms) / turn_map.period, abs=1e-6)
 
 
 def test_the_largest_is_that_of_two_runs_that_part():
@@ -112,8 +112,8 @@ def test_a_motion_of_a_long_period_is_no_chaos():
     ([-1.75, -14.0], [9.7, 2.0], 0, 0.0), ([1.0, 0.5, -math.inf], [0.1, 0.1, 0.0], 1, 2.0),
     ([0.2, 0.1], [0.0, 0.0], 1, 2.0)])
 def test_sign_and_dimension_of_known_exponents(exponents, spread, sign, dimension):
-    found = LyapunovSpectrum(np.array(exponents), np.array(spread), 100)
-    assert found.sign == sign and found.dimension == pytest.approx(dimension, abs=1e-3)
+    spectrum = LyapunovSpectrum(np.array(exponents), np.array(spread), 100)
+    assert spectrum.sign == sign and spectrum.dimension == pytest.approx(dimension, abs=1e-3)
 
 
 def test_turns_are_doubled_until_the_sign_is_known():

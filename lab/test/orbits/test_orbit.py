@@ -37,30 +37,30 @@ def in_order(values) -> np.ndarray:
 @pytest.mark.process
 def test_a_mirrored_crank_has_the_same_orbits():
     """The inclined mass cannot tell which way the crank turns; with the body it moves at the same mean speed."""
-    found = {speed: vibro_lab.find_orbit(scene("damped", **{"effects.upper_mass": False, "motor.speed": speed}))
+    orbits = {speed: vibro_lab.find_orbit(scene("damped", **{"effects.upper_mass": False, "motor.speed": speed}))
              for speed in (SPEED, -SPEED)}
-    forwards, backwards = found.values()
+    forwards, backwards = orbits.values()
     assert backwards.mean_speed == pytest.approx(forwards.mean_speed, abs=1e-13) and abs(forwards.mean_speed) > 0.01
     assert in_order(backwards.multipliers) == pytest.approx(in_order(forwards.multipliers), abs=1e-6)
-    ends = {name: vibro_lab.follow_orbit(found[speed], "motor.speed", low, high, upwards=speed > 0.0)
+    ends = {name: vibro_lab.follow_orbit(orbits[speed], "motor.speed", low, high, upwards=speed > 0.0)
             for name, speed, low, high in (("forwards", SPEED, 99.0, 102.0), ("backwards", -SPEED, -102.0, -99.0))}
     assert ends["backwards"].values[-1] == -ends["forwards"].values[-1] == -102.0
     assert ends["backwards"].mean_speeds[-1] == pytest.approx(ends["forwards"].mean_speeds[-1], abs=1e-9)
     with pytest.raises(ValueError, match="motor.speed: from -1 to 102 rad/s holds 0, which turns no crank; give a ran"):
-        vibro_lab.follow_orbit(found[SPEED], "motor.speed", -1.0, 102.0)
+        vibro_lab.follow_orbit(orbits[SPEED], "motor.speed", -1.0, 102.0)
 
 
 @pytest.mark.parametrize("damping", [3.0, 20.0])
 def test_a_linear_machine_has_the_multipliers_of_its_eigenvalues(damping):
     """Of e^(lambda T); 20 N s/m is the critical damping, whose two multipliers are equal."""
     of = lone_mass(**{"effects.upper_contact": "none", "upper.spring.damping": damping})
-    found = vibro_lab.find_orbit(of)
+    orbit = vibro_lab.find_orbit(of)
     expected = in_order(np.exp(np.linalg.eigvals(matrix(of)) * PERIOD))
     # A turn's rounding of 1e-14 over a step of 1e-6; two equal eigenvalues part with the root of this error.
-    assert in_order(found.multipliers) == pytest.approx(expected, abs=1e-4 if damping == 20.0 else 1e-8)
-    assert np.abs(in_order(found.multipliers) - expected).max() <= found.multiplier_error
-    assert found.multiplier_error < (1e-4 if damping == 20.0 else 1e-8)
-    assert found.stable and found.residual < 1e-13 and found.mean_speed == 0.0
+    assert in_order(orbit.multipliers) == pytest.approx(expected, abs=1e-4 if damping == 20.0 else 1e-8)
+    assert np.abs(in_order(orbit.multipliers) - expected).max() <= orbit.multiplier_error
+    assert orbit.multiplier_error < (1e-4 if damping == 20.0 else 1e-8)
+    assert orbit.stable and orbit.residual < 1e-13 and orbit.mean_speed == 0.0
 
 
 @pytest.mark.parametrize(("restitution", "gap", "damping"), [(0.8, 0.0, 3.0), (0.5, 0.005, 1.0)])
@@ -81,50 +81,50 @@ def test_an_impact_oscillator_has_the_multipliers_of_its_closed_form(restitution
 def test_the_step_of_the_differences_suits_contacts_that_lie_close_together():
     """`device` at 62 rad/s: four steps agree to 1.6e-6 that the pair is -1.120327 ± 1.154315 i; 1e-5 is 5e-6 off."""
     of = scene("device", **{"motor.speed": 62.0})
-    found = vibro_lab.find_orbit(of)
-    turn_map = TurnMap(of, found.state.crank_angle)
-    state = turn_map.read(found.state)
+    orbit = vibro_lab.find_orbit(of)
+    turn_map = TurnMap(of, orbit.state.crank_angle)
+    state = turn_map.read(orbit.state)
     pairs = [in_order(np.linalg.eigvals(derivative(turn_map, state, 1, step)[0]))[:2] for step in (
         3e-6, 1e-6, 3e-7, 1e-7)]
     assert np.ptp(pairs, axis=0).max() < 1.6e-6
     pair = np.mean(pairs, axis=0)
     assert pair[1] == pytest.approx(-1.120327 + 1.154315j, abs=1e-6)
-    assert np.abs(in_order(found.multipliers)[:2] - pair).max() < 1e-6
-    assert 1e-8 < found.multiplier_error < 2.0 * 1.6e-6  # twice the difference between two of these steps
+    assert np.abs(in_order(orbit.multipliers)[:2] - pair).max() < 1e-6
+    assert 1e-8 < orbit.multiplier_error < 2.0 * 1.6e-6  # twice the difference between two of these steps
 
 
 @pytest.mark.process
 @pytest.mark.parametrize(("name", "turns"), [("damped", 1), ("device", 2)])
 def test_multipliers_do_not_depend_on_the_cut_nor_on_the_step_of_the_differences(name, turns):
     of = scene(name)
-    found = vibro_lab.find_orbit(of, turns)
+    orbit = vibro_lab.find_orbit(of, turns)
     for ahead in (0.1, -0.1):
-        there = TurnMap(of, (found.state.crank_angle + ahead) % (2.0 * math.pi))
+        there = TurnMap(of, (orbit.state.crank_angle + ahead) % (2.0 * math.pi))
         device = vibro_ros.Simulator(of)
-        here = TurnMap(of, found.state.crank_angle)
-        here.put(device, here.read(found.state))
+        turn_map = TurnMap(of, orbit.state.crank_angle)
+        turn_map.put(device, turn_map.read(orbit.state))
         device.advance_to((ahead / SPEED) % PERIOD)
         closed = fixed_point(there, there.read(device.state), turns)
         other = orbit_at(there, closed, turns)
-        assert other.mean_speed == pytest.approx(found.mean_speed, abs=1e-12)
-        large = np.abs(found.multipliers) > 1e-3
-        assert in_order(other.multipliers[large]) == pytest.approx(in_order(found.multipliers[large]), abs=1e-6)
+        assert other.mean_speed == pytest.approx(orbit.mean_speed, abs=1e-12)
+        large = np.abs(orbit.multipliers) > 1e-3
+        assert in_order(other.multipliers[large]) == pytest.approx(in_order(orbit.multipliers[large]), abs=1e-6)
         for step in (1e-4, 1e-6):
             other = np.linalg.eigvals(derivative(there, closed.state, turns, step)[0])
             other = other[np.abs(other) > 1e-3]
-            assert in_order(other) == pytest.approx(in_order(found.multipliers[large]), abs=1e-5)
+            assert in_order(other) == pytest.approx(in_order(orbit.multipliers[large]), abs=1e-5)
 
 
 def test_a_disturbed_motion_leaves_an_unstable_orbit_as_fast_as_its_multiplier_says():
     of = scene("device")
-    found = vibro_lab.find_orbit(of, 2)
-    assert not found.stable
-    turn_map = TurnMap(of, found.state.crank_angle)
-    state = turn_map.read(found.state)
+    orbit = vibro_lab.find_orbit(of, 2)
+    assert not orbit.stable
+    turn_map = TurnMap(of, orbit.state.crank_angle)
+    state = turn_map.read(orbit.state)
     free = ~turn_map.held(state)
     values, vectors = np.linalg.eig(derivative(turn_map, state, 2)[0][np.ix_(free, free)])
     fastest = int(np.argmax(np.abs(values)))
-    assert values[fastest] == pytest.approx(found.multipliers[0])
+    assert values[fastest] == pytest.approx(orbit.multipliers[0])
     away = 1e-8 * np.real(vectors[:, fastest])
     for passes in (1, 2, 3, 4):
         moved = turn_map(state + away, 2 * passes).state - state
@@ -152,14 +152,14 @@ def test_a_number_of_turns_out_of_range_and_a_crank_that_stands_are_refused():
 
 
 def test_an_orbit_can_be_taken_up():
-    found = vibro_lab.find_orbit(scene("damped"))
-    device = vibro_ros.Simulator(found.scene)
-    here = TurnMap(found.scene, found.state.crank_angle)
-    device.set_state(crank_angle=found.state.crank_angle,
-                     **{name: getattr(found.state, name) for name in here.names})
+    orbit = vibro_lab.find_orbit(scene("damped"))
+    device = vibro_ros.Simulator(orbit.scene)
+    turn_map = TurnMap(orbit.scene, orbit.state.crank_angle)
+    device.set_state(crank_angle=orbit.state.crank_angle,
+                     **{name: getattr(orbit.state, name) for name in turn_map.names})
     device.advance_to(10 * PERIOD)
-    assert here.read(device.state) == pytest.approx(here.read(found.state), abs=1e-12)
-    assert device.state.body_position == pytest.approx(found.mean_speed * 10 * PERIOD, abs=1e-12)
+    assert turn_map.read(device.state) == pytest.approx(turn_map.read(orbit.state), abs=1e-12)
+    assert device.state.body_position == pytest.approx(orbit.mean_speed * 10 * PERIOD, abs=1e-12)
 
 
 def test_a_guess_far_off_leads_nowhere_and_says_so():
@@ -176,7 +176,7 @@ def test_what_cannot_be_moved_one_way_has_a_one_sided_difference_and_what_is_hel
         return np.array([at[0]**2, 3.0 * at[1], at[2]])
 
     at, free = np.array([1.0, 2.0, 5.0]), np.array([True, True, False])
-    found = differences(end_of, at, free, 1e-6, end_of(at))
-    assert found == pytest.approx(np.diag([2.0, 3.0, 0.0]), abs=2e-6)
+    slopes = differences(end_of, at, free, 1e-6, end_of(at))
+    assert slopes == pytest.approx(np.diag([2.0, 3.0, 0.0]), abs=2e-6)
     with pytest.raises(ValueError, match="within the wall"):
         differences(end_of, at, free, 1e-6)

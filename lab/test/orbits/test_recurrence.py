@@ -114,15 +114,16 @@ def test_the_least_period_is_found(period):
 
 def henon(x: float, y: float, a: float) -> np.ndarray:
     """Henon's map, chaotic at a = 1.4 and 1.3."""
-    found = []
+    speeds = []
     for number in range(1256):
         x, y = 1.0 - a * x * x + y, 0.3 * x
         if number >= 1000:
-            found.append((x, y))
-    return np.array(found)
+            speeds.append((x, y))
+    return np.array(speeds)
 
 
 def test_a_strange_attractor_is_known_from_any_start_and_told_from_what_is_not_it():
-    one, other = henon(0.1, 0.1, 1.4), henon(-0.2, 0.05, 1.4)
-    assert Cloud(other).holds(one) and Cloud(one).holds(other)
-    assert Cloud(other).holds(np.stack([one + [0.0, 0.1], one, one * [-1.0, 1.0]])).tolist() == [False, True, False]
+    first, other = henon(0.1, 0.1, 1.4), henon(-0.2, 0.05, 1.4)
+    assert Cloud(other).holds(first) and Cloud(first).holds(other)
+    moved_and_turned = np.stack([first + [0.0, 0.1], first, first * [-1.0, 1.0]])
+    assert Cloud(other).holds(moved_and_turned).tolist() == [False, True, False]

@@ -37,7 +37,7 @@ def test_the_rare_motion_is_found_among_300_starts(tmp_path, capsys):
         assert speed == pytest.approx(motions["mean_speed"][number - 1], abs=1e-6)
     largest = [complex(real[0], imaginary[0]) for real, imaginary in zip(
         motions["multipliers_real"], motions["multipliers_imaginary"], strict=True)]
-    assert all(0.0 < abs(one) < 1.0 for one in largest)
+    assert all(0.0 < abs(multiplier) < 1.0 for multiplier in largest)
     rate = np.log(np.abs(largest)) / (2.0 * np.pi / 100.0)
     assert motions["lyapunov_exponent"].tolist() == pytest.approx(rate.tolist())
     said = capsys.readouterr()
@@ -93,7 +93,8 @@ def test_the_box_that_is_drawn_from_unless_said_otherwise_holds_no_impossible_st
     for number in range(50):
         device.reset()
         device.set_state(**draws.start(number))
-    assert {*(one.name for one in draws.over), "body_height", "body_vertical_velocity"} >= set(free_cut(scene).names)
+    drawn = {coordinate.name for coordinate in draws.over}
+    assert drawn | {"body_height", "body_vertical_velocity"} >= set(free_cut(scene).names)
 
 
 def test_chaos_is_one_motion_beside_a_periodic_one(tmp_path):
@@ -130,9 +131,9 @@ def test_bad_words_are_refused_in_one_line(refusal, words, said):
     assert said in refusal(main, *RARE, *words)
 
 
-@pytest.mark.parametrize(("found", "of", "low", "high"), [
+@pytest.mark.parametrize(("successes", "of", "low", "high"), [
     (81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718)])
-def test_intervals_are_those_of_a_published_table(found, of, low, high):
+def test_intervals_are_those_of_a_published_table(successes, of, low, high):
     """A50. R. G. Newcombe, Stat. Med. 17 (1998) 857, table I, method 3."""
-    share, *interval = share_of(found, of)
-    assert share == found / of and interval == pytest.approx([low, high], abs=5e-5)
+    share, *interval = share_of(successes, of)
+    assert share == successes / of and interval == pytest.approx([low, high], abs=5e-5)

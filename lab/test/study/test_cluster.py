@@ -48,12 +48,12 @@ def scheduler(started, tmp_path) -> subprocess.Popen:
 @pytest.fixture
 def address(scheduler, tmp_path) -> str:
     """Return the scheduler's address."""
-    found = tmp_path / "scheduler.json"
+    file = tmp_path / "scheduler.json"
     deadline = time.monotonic() + PATIENCE
     while True:
         assert time.monotonic() < deadline and scheduler.poll() is None
         with suppress(OSError, ValueError):  # not there yet, or half of it
-            return json.loads(found.read_text())["address"]
+            return json.loads(file.read_text())["address"]
         time.sleep(0.02)
 
 

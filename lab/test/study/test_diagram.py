@@ -110,8 +110,8 @@ def test_a_long_period_is_found_and_an_unknown_sign_is_said(tmp_path, capsys):
 def test_the_sign_of_an_exponent_is_not_known_within_its_interval():
     exponents = pa.table({"exponent_1": [-1.0, 1.0, 1.0], "spread_1": [0.5, 0.5, 2.0]})
     visits = [SimpleNamespace(number=number) for number in range(3)]
-    found = Diagram(None, tuple(visits), exponents)
-    assert [found.sign(one) for one in visits] == [-1, 1, 0]
+    diagram = Diagram(None, tuple(visits), exponents)
+    assert [diagram.sign(visit) for visit in visits] == [-1, 1, 0]
 
 
 def test_a_plate_that_moves_into_a_mass_takes_it_along(tmp_path):

@@ -72,10 +72,10 @@ def test_the_shares_are_those_of_the_same_starts_by_another_road():
     scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0, "upper.gap": 0.002,
                                                             "inclined.gap": 0.002})
     led = vibro_lab.attractors(scene, MapSettings().histories)
-    known = [(one.turns, one.mean_speed) for one in reversed(led)]
+    known = [(attractor.turns, attractor.mean_speed) for attractor in reversed(led)]
     assert sorted(round(1e3 * speed, 1) for _, speed in known) == [-113.6, -84.6]
     counts = motions_module._led(MapDesign(scene, SIDES, *axes), [((0, 0), known)], 0)
-    assert counts == [one.starts for one in reversed(led)] == [2, 6]
+    assert counts == [attractor.starts for attractor in reversed(led)] == [2, 6]
 
 
 @pytest.mark.parametrize(("turns", "speed", "place"), [
@@ -99,37 +99,37 @@ def test_a_motion_is_measured_as_studies_measure_it():
     """At 116 rad/s and 4 mm the device has one motion, of period 2."""
     scene = vibro_ros.load_scene("device")
     design = MapDesign(scene, SIDES, GridAxis(114.0, 116.0, 2), GridAxis(0.004, 0.005, 2))
-    *_, found = visits(design, Line(SPEED, 0, True))
-    one = measure(design.scene_at(1, 0), ("mean_speed", "cost_of_transport", "stick_share", "air_share", "period"),
+    *_, visited = visits(design, Line(SPEED, 0, True))
+    measured = measure(design.scene_at(1, 0), ("mean_speed", "cost_of_transport", "stick_share", "air_share", "period"),
                   20.0, 5.0)
-    assert found.turns == one.pop("period") == 2
-    for name, value in one.items():
-        assert getattr(found, name) == pytest.approx(value, rel=1e-5, abs=1e-6), name
+    assert visited.turns == measured.pop("period") == 2
+    for name, value in measured.items():
+        assert getattr(visited, name) == pytest.approx(value, rel=1e-5, abs=1e-6), name
 
 
 def test_a_sweep_goes_on_from_cell_to_cell():
     """At 110 rad/s and -2 to 8 mm a gap's sweep visits each cell once, in its order, either way."""
     design = MapDesign(vibro_ros.load_scene("device"), SIDES, GridAxis(110.0, 120.0, 2), GridAxis(0.003, 0.004, 3))
     up, down = (visits(design, Line(GAP, 0, upwards)) for upwards in (True, False))
-    assert [(one.speed_index, one.gap_index) for one in up] == [(0, 0), (0, 1), (0, 2)]
-    assert [one.gap_index for one in down] == [2, 1, 0]
-    for one, other in zip(up, reversed(down), strict=True):  # one motion, whichever way
-        assert one.mean_speed == pytest.approx(other.mean_speed, abs=1e-6)
+    assert [(cell.speed_index, cell.gap_index) for cell in up] == [(0, 0), (0, 1), (0, 2)]
+    assert [cell.gap_index for cell in down] == [2, 1, 0]
+    for cell, other in zip(up, reversed(down), strict=True):  # one motion, whichever way
+        assert cell.mean_speed == pytest.approx(other.mean_speed, abs=1e-6)
 
 
 def test_other_machines_get_the_work_as_it_is():
     design = MapDesign(vibro_ros.load_scene("device"), SIDES, GridAxis(110.0, 120.0, 2), GridAxis(0.003, 0.004, 2))
     work = pickle.loads(pickle.dumps(partial(rows_of_line, design)))
-    found = work(3)
-    assert [row["mean_speed"] for row in found] == [one.mean_speed for one in visits(design, design.lines()[3])]
+    rows = work(3)
+    assert [row["mean_speed"] for row in rows] == [cell.mean_speed for cell in visits(design, design.lines()[3])]
 
 
 def test_a_cell_has_each_motion_once():
     """Told apart by period and states, not by the mean speed: two motions may have one."""
-    found, rows = motions([visit(), visit(at=1e-7), visit(at=0.1), visit(turns=2), visit(turns=0),
+    table, rows = motions([visit(), visit(at=1e-7), visit(at=0.1), visit(turns=2), visit(turns=0),
                            visit(turns=0, at=0.1), visit(turns=0, at=5.0), visit(turns=UNSETTLED)])
-    assert [(one.turns, round(float(one.states.mean()))) for one in rows] == [(1, 0), (1, 0), (2, 0), (0, 0), (0, 5)]
-    assert found.motion.tolist() == [PATCHWORK] * 5
+    assert [(cell.turns, round(float(cell.states.mean()))) for cell in rows] == [(1, 0), (1, 0), (2, 0), (0, 0), (0, 5)]
+    assert table.motion.tolist() == [PATCHWORK] * 5
 
 
 def test_neighbours_are_one_motion_unless_they_jump_or_are_of_another_kind():
@@ -137,8 +137,8 @@ def test_neighbours_are_one_motion_unless_they_jump_or_are_of_another_kind():
     row = [visit(i, 0, speed=-0.05 - 0.002 * i) for i in range(count)]
     jumped = [visit(i, 1, speed=-0.2) for i in range(count)]
     other = [visit(i, 2, turns=2, speed=-0.2) for i in range(count)]
-    found, rows = motions([*row, *jumped, *other])
-    numbers = {(one.gap_index, number) for one, number in zip(rows, found.motion.tolist(), strict=True)}
+    table, rows = motions([*row, *jumped, *other])
+    numbers = {(cell.gap_index, number) for cell, number in zip(rows, table.motion.tolist(), strict=True)}
     assert len(numbers) == len({number for _, number in numbers}) == 3
 
 
@@ -146,10 +146,11 @@ def test_two_motions_of_one_cell_are_never_one_even_around_the_end_of_a_fold():
     """Two sheets whose difference vanishes towards one side: a cusp."""
     sheets = [visit(i, j, speed=-0.05 - sign * 0.01 * i, at=0.1 * sign)
               for i in range(6) for j in range(4) for sign in (0, 1) if i or not sign]
-    found, rows = motions(sheets)
-    cells = [(one.speed_index, one.gap_index, number) for one, number in zip(rows, found.motion.tolist(), strict=True)]
+    table, rows = motions(sheets)
+    cells = [(cell.speed_index, cell.gap_index, number)
+             for cell, number in zip(rows, table.motion.tolist(), strict=True)]
     assert len(set(cells)) == len(cells) == len(sheets)
-    assert PATCHWORK not in found.motion
+    assert PATCHWORK not in table.motion
 
 
 @pytest.mark.parametrize("words, reason", [

@@ -34,29 +34,29 @@ def test_measures_are_those_of_dense_samples(name, start):
     """Power and shares to what 1e5 samples a second tell; speed and counts to rounding."""
     scene = running(name)
     samples, measured, device = dense_samples(scene, start)
-    found = measure(scene, list(MEASURES), SETTLING, DURATION, start)
+    measured_values = measure(scene, list(MEASURES), SETTLING, DURATION, start)
     speed = np.ptp(samples.body_position[[0, -1]]) * np.sign(samples.body_position[-1] - samples.body_position[0])
-    assert found["mean_speed"] == pytest.approx(speed / measured.duration, rel=1e-12)
+    assert measured_values["mean_speed"] == pytest.approx(speed / measured.duration, rel=1e-12)
     power = np.trapezoid(samples.motor_power, samples.time) / measured.duration
     delivered = np.trapezoid(np.maximum(samples.motor_power, 0.0), samples.time) / measured.duration
-    assert found["mean_power"] == pytest.approx(power, abs=1e-4 * delivered)
-    assert found["delivered_power"] == pytest.approx(delivered, rel=1e-4)
+    assert measured_values["mean_power"] == pytest.approx(power, abs=1e-4 * delivered)
+    assert measured_values["delivered_power"] == pytest.approx(delivered, rel=1e-4)
     stands = (samples.body_velocity == 0.0) & (samples.body_height == 0.0)
-    assert found["stick_share"] == pytest.approx(stands.mean(), abs=2e-3)
-    assert found["air_share"] == pytest.approx((samples.body_height > 0.0).mean(), abs=2e-3)
+    assert measured_values["stick_share"] == pytest.approx(stands.mean(), abs=2e-3)
+    assert measured_values["air_share"] == pytest.approx((samples.body_height > 0.0).mean(), abs=2e-3)
     weight, changed = scene.total_mass * scene["gravity"], 5e-2
     if scene["effects.normal_force"] == "unilateral":
         mean = np.trapezoid(samples.normal_force, samples.time) / measured.duration / weight
-        assert mean > 1.5 and found["mean_load"] == pytest.approx(mean, rel=5e-3)
+        assert mean > 1.5 and measured_values["mean_load"] == pytest.approx(mean, rel=5e-3)
     else:  # the balance of momentum; the masses' own momentum is another at the end
-        assert found["mean_load"] == pytest.approx(1.0, abs=changed)
-    assert found["unloaded_share"] == pytest.approx((samples.normal_force <= 0.0).mean(), abs=2e-3)
+        assert measured_values["mean_load"] == pytest.approx(1.0, abs=changed)
+    assert measured_values["unloaded_share"] == pytest.approx((samples.normal_force <= 0.0).mean(), abs=2e-3)
     events = device.take_events()
     for side in ("upper", "inclined"):
-        own = events[events["kind"] == f"{side}_contact"]
-        assert found[f"{side}_impacts"] * measured.turns == pytest.approx(len(own), rel=1e-9)
+        contacts = events[events["kind"] == f"{side}_contact"]
+        assert measured_values[f"{side}_impacts"] * measured.turns == pytest.approx(len(contacts), rel=1e-9)
         if name != "rigid":
-            assert found[f"{side}_peak_force"] == own["peak_force"].max()
+            assert measured_values[f"{side}_peak_force"] == contacts["peak_force"].max()
 
 
 @pytest.mark.parametrize(("changes", "period"), [
@@ -64,7 +64,7 @@ def test_measures_are_those_of_dense_samples(name, start):
 def test_measures_of_a_dc_motor_are_those_of_dense_samples_over_its_whole_turns(changes, period):
     """The turns of its crank, which are in no step with the commanded speed; where a voltage commands it has none."""
     scene = vibro_ros.load_scene("machine").with_parameters({"motor.speed": 100.0, **changes})
-    found = measure(scene, list(MEASURES), 4.0, 2.0)
+    values = measure(scene, list(MEASURES), 4.0, 2.0)
     device = vibro_ros.Simulator(scene)
     device.advance_to(4.0)
     samples = device.sample(np.linspace(4.0, 6.0, 200_001))
@@ -72,14 +72,14 @@ def test_measures_of_a_dc_motor_are_those_of_dense_samples_over_its_whole_turns(
     last = np.searchsorted(turned, math.floor(turned[-1] / (2.0 * math.pi)) * 2.0 * math.pi)
     time, current = samples.time[:last] - 4.0, samples.motor_current[:last]
     speed = (samples.body_position[last] - samples.body_position[0]) / (samples.time[last] - 4.0)
-    assert found["mean_speed"] == pytest.approx(speed, rel=1e-4)
+    assert values["mean_speed"] == pytest.approx(speed, rel=1e-4)
     power = np.trapezoid(samples.electrical_power[:last], time) / time[-1]
-    assert found["supply_power"] == pytest.approx(power, rel=1e-3) and power > found["mean_power"] > 0.0
+    assert values["supply_power"] == pytest.approx(power, rel=1e-3) and power > values["mean_power"] > 0.0
     share = math.sqrt(np.trapezoid(current**2, time) / time[-1]) / scene["motor.continuous_current"]
-    assert found["current_share"] == pytest.approx(share, rel=1e-3)
+    assert values["current_share"] == pytest.approx(share, rel=1e-3)
     assert measure(scene, ["period"], 8.0, 8.0)["period"] == period
     alone = measure(scene, ["upper_impacts", "inclined_impacts"], 4.0, 2.0)  # events that a motion's cuts do not take
-    assert {name: found[name] for name in alone} == alone and alone["upper_impacts"] > 0.5
+    assert {name: values[name] for name in alone} == alone and alone["upper_impacts"] > 0.5
 
 
 def test_a_dc_motor_is_measured_backwards_and_from_drawn_starts_of_its_voltage():
@@ -87,15 +87,15 @@ def test_a_dc_motor_is_measured_backwards_and_from_drawn_starts_of_its_voltage()
     backwards = measure(machine.with_parameters({"motor.speed": -100.0}), list(MEASURES), 2.0, 1.0)
     assert backwards["supply_power"] > 0.0 and math.isnan(backwards["period"])
     by_voltage = machine.with_parameters({"motor.control": "voltage", "motor.voltage": 15.0})
-    found = [measure(by_voltage, ["mean_speed"], 2.0, 1.0, start)["mean_speed"] for start in (0, 1, 0)]
-    assert found[0] == found[2] != found[1]
+    speeds = [measure(by_voltage, ["mean_speed"], 2.0, 1.0, start)["mean_speed"] for start in (0, 1, 0)]
+    assert speeds[0] == speeds[2] != speeds[1]
 
 
 def test_a_dc_motor_that_does_not_get_round_is_measured_for_the_time_given():
     scene = vibro_ros.load_scene("machine").with_parameters({"motor.control": "voltage", "motor.voltage": 0.5})
-    found = measure(scene, list(MEASURES), 1.0, 1.0)
-    assert found["mean_speed"] == 0.0 and found["current_share"] > 0.0
-    assert math.isnan(found["period"]) and math.isnan(found["upper_impacts"])
+    values = measure(scene, list(MEASURES), 1.0, 1.0)
+    assert values["mean_speed"] == 0.0 and values["current_share"] > 0.0
+    assert math.isnan(values["period"]) and math.isnan(values["upper_impacts"])
 
 
 def test_power_of_a_fixed_step_is_near_the_exact_one_and_ratios_are_made_of_it():
@@ -103,12 +103,12 @@ def test_power_of_a_fixed_step_is_near_the_exact_one_and_ratios_are_made_of_it()
     exact, fixed = (measure(scene.with_parameters({"solver.method": method}), ["mean_power", "delivered_power"],
                             SETTLING, DURATION) for method in ("exact", "rk4"))
     assert list(fixed.values()) == pytest.approx(list(exact.values()), rel=2e-3)
-    found = measure(scene, list(MEASURES), SETTLING, DURATION)
+    values = measure(scene, list(MEASURES), SETTLING, DURATION)
     weight = (1.0 + 0.1 + 0.08) * 9.81
-    assert found["speed_per_power"] == pytest.approx(found["mean_speed"] / found["mean_power"], rel=1e-15)
-    cost = found["mean_power"] / abs(weight * found["mean_speed"])
-    assert found["cost_of_transport"] == pytest.approx(cost, rel=1e-15)
-    assert found["delivered_cost_of_transport"] > found["cost_of_transport"] > 0.0
+    assert values["speed_per_power"] == pytest.approx(values["mean_speed"] / values["mean_power"], rel=1e-15)
+    cost = values["mean_power"] / abs(weight * values["mean_speed"])
+    assert values["cost_of_transport"] == pytest.approx(cost, rel=1e-15)
+    assert values["delivered_cost_of_transport"] > values["cost_of_transport"] > 0.0
 
 
 def test_the_mean_of_n_as_printed_is_that_of_dense_samples():
@@ -122,8 +122,8 @@ def test_the_mean_of_n_as_printed_is_that_of_dense_samples():
 def test_a_measure_does_not_depend_on_the_others():
     scene = running("device")
     together = measure(scene, list(MEASURES), SETTLING, DURATION, 4)
-    for one in ("mean_speed", "upper_impacts", "stick_share", "period"):
-        np.testing.assert_equal(measure(scene, [one], SETTLING, DURATION, 4)[one], together[one])
+    for name in ("mean_speed", "upper_impacts", "stick_share", "period"):
+        np.testing.assert_equal(measure(scene, [name], SETTLING, DURATION, 4)[name], together[name])
 
 
 def test_a_mean_speed_is_that_of_whole_turns():
@@ -163,17 +163,17 @@ def test_chaos_is_told_from_order():
     {"motor__speed": 0.0}, {"gravity": 0.0}, {"effects__inclined_mass": False}, {"effects__upper_mass": False},
     {"motor__speed": 1e-29}, {"guide__angle": 0.0}, {"ground__friction": 1e3, "effects__normal_force": "weight"}])
 def test_no_measure_is_infinite(changes):
-    found = measure(running("device", **changes), list(MEASURES), 1.5, 1.0, 0)
-    assert list(found) == list(MEASURES)
-    assert not any(math.isinf(value) for value in found.values())
-    if found["mean_speed"] == 0.0:
-        assert math.isnan(found["cost_of_transport"])
+    values = measure(running("device", **changes), list(MEASURES), 1.5, 1.0, 0)
+    assert list(values) == list(MEASURES)
+    assert not any(math.isinf(value) for value in values.values())
+    if values["mean_speed"] == 0.0:
+        assert math.isnan(values["cost_of_transport"])
 
 
 def test_a_robot_that_stands_has_speed_and_power_0_and_no_rates():
-    found = measure(vibro_ros.load_scene("device"), list(MEASURES), 1.0, 1.0)
-    assert (found["mean_speed"], found["mean_power"], found["stick_share"]) == (0.0, 0.0, 1.0)
-    assert all(math.isnan(found[name]) for name in ("speed_per_power", "cost_of_transport", "upper_impacts", "period"))
+    values = measure(vibro_ros.load_scene("device"), list(MEASURES), 1.0, 1.0)
+    assert (values["mean_speed"], values["mean_power"], values["stick_share"]) == (0.0, 0.0, 1.0)
+    assert all(math.isnan(values[name]) for name in ("speed_per_power", "cost_of_transport", "upper_impacts", "period"))
 
 
 @pytest.mark.parametrize(("names", "settling", "duration", "start", "words"), [

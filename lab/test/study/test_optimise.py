@@ -125,10 +125,10 @@ def test_finds_the_top_of_a_hill_within_its_budget(hill):
 
 
 def test_the_same_seed_proposes_the_same_robots(hill):
-    one, same, other = (searched(planned(f"--objective speed --budget 60 --seed {seed} {hill}"), Execution(1)).points
+    first, same, other = (searched(planned(f"--objective speed --budget 60 --seed {seed} {hill}"), Execution(1)).points
                         for seed in (3, 3, 4))
-    np.testing.assert_array_equal(one, same)
-    assert (one[:len(other)] != other[:len(one)]).any()
+    np.testing.assert_array_equal(first, same)
+    assert (first[:len(other)] != other[:len(first)]).any()
 
 
 def test_the_front_reaches_from_slow_and_cheap_to_fast_and_dear(hill, monkeypatch):
@@ -150,10 +150,10 @@ def test_values_do_not_depend_on_workers_and_a_robot_that_cannot_be_built_has_no
                                                                              "guide.angle")]
     plan = planned("--set ground.friction=12 --set ground.static_friction=12 --fix " + " --fix ".join(fixed))
     points = np.array([[0.0, 1.0, 0.45], [0.5, 0.1, 0.9], [1.0, 0.0, 0.2]])
-    one, two = (np.array(list(values_of(plan, points, SHORT, Execution(workers)))) for workers in (1, 2))
-    np.testing.assert_array_equal(one, two)
-    assert one.shape == (3, 3, len(MEASURED))
-    assert np.isfinite(one[..., 0]).all(axis=1).tolist() == [False, True, True]
+    by_one, two = (np.array(list(values_of(plan, points, SHORT, Execution(workers)))) for workers in (1, 2))
+    np.testing.assert_array_equal(by_one, two)
+    assert by_one.shape == (3, 3, len(MEASURED))
+    assert np.isfinite(by_one[..., 0]).all(axis=1).tolist() == [False, True, True]
     with pytest.raises(ValueError, match="Painl"):
         plan.robot(points[0])
 
@@ -162,18 +162,19 @@ def test_two_motions_of_an_optimum_are_two_rows_without_a_mean():
     """`device` at 160 rad/s: no robot runs at the mean of -79.8 and -53.6 mm/s."""
     plan, trials = planned("--set motor.speed=160"), Trials(20_000, 8, 4.0, 6.0)
     rows = verified(plan.scene, "net", trials, Execution(1))
-    own = [row for row in rows if row["reading"] == "as sought (`device`)"]
-    assert [row["turns"] for row in own] == [3, 3]
-    assert [1e3 * row["speed"]["mean"] for row in own] == pytest.approx([-79.8, -53.6], abs=0.2)
-    assert sum(row["starts"] for row in own) == 8 and own[0]["share"] == own[0]["starts"] / 8
+    as_sought = [row for row in rows if row["reading"] == "as sought (`device`)"]
+    assert [row["turns"] for row in as_sought] == [3, 3]
+    assert [1e3 * row["speed"]["mean"] for row in as_sought] == pytest.approx([-79.8, -53.6], abs=0.2)
+    assert sum(row["starts"] for row in as_sought) == 8 and as_sought[0]["share"] == as_sought[0]["starts"] / 8
     fixed = replace(plan, variables=VARIABLES[:1], scene=plan.scene)
     share = math.log(plan.scene["mass.upper"] / 0.02) / math.log(0.25 / 0.02)
     (fresh,) = values_of(fixed, [np.array([share])], trials, Execution(1))
     fast = fresh[fresh[:, 0] < -0.07]
-    assert own[0]["starts"] == len(fast) and own[0]["power"]["mean"] == pytest.approx(fast[:, 1].mean(), rel=1e-4)
+    first = as_sought[0]
+    assert first["starts"] == len(fast) and first["power"]["mean"] == pytest.approx(fast[:, 1].mean(), rel=1e-4)
     weight = plan.scene.total_mass * plan.scene["gravity"]
-    assert own[0]["cost"] == pytest.approx(own[0]["power"]["mean"] / weight / -own[0]["speed"]["mean"])
-    assert own[0]["load"] == pytest.approx(1.0, abs=0.01)
+    assert first["cost"] == pytest.approx(first["power"]["mean"] / weight / -first["speed"]["mean"])
+    assert first["load"] == pytest.approx(1.0, abs=0.01)
     forced = next(row for row in rows if "by decree" in row["reading"])
     assert forced["load"] > 1.5 and forced["air"] == 0.0
 
@@ -181,7 +182,7 @@ def test_two_motions_of_an_optimum_are_two_rows_without_a_mean():
 def test_readings_differ():
     for name in ("device", "paper", "unilateral"):
         scenes = list(readings(load_scene(name)).values())
-        assert all(one != other for place, one in enumerate(scenes) for other in scenes[:place])
+        assert all(scene != other for place, scene in enumerate(scenes) for other in scenes[:place])
     assert any(scene["effects.reaction"] for scene in readings(load_scene("paper")).values())
 
 
@@ -236,6 +237,8 @@ def test_everything_is_written_and_of_one_robot(folder):
         "optimum.yaml", "optimum.json", "front.png", "candidates.parquet"}
     robot, numbers = load_scene(folder / "optimum.yaml"), json.loads((folder / "optimum.json").read_text())
     assert all(robot[name] == value for name, value in numbers["optimum"].items())
+    assert numbers["verified"][0]["reading"] == "as sought (`device`)" and len(numbers["verified"]) > 2
+    assert all(on_front["speed"] > 0.0 and on_front["cost"] > 0.0 for on_front in numbers["front"])
     assert 0.005 <= robot["crank.radius"] <= 0.02 and robot["upper.gap"] == 0.001
     table = pandas.read_parquet(folder / "candidates.parquet")
     assert len(table) == 2 * numbers["robots"] and table["crank.radius"].between(0.005, 0.02).all()

@@ -73,11 +73,11 @@ def test_a_branch_is_read_as_it_was_written():
                     random.normal(size=4), random.normal(size=(4, 5)),
                     {name: random.normal(size=(4, 2)) for name in names}, special, "an end")
     table = table_of(rows_of(branch), fields_of(plan))
-    found = branch_in(table, plan.scene, branch.name)
-    assert found.end == "an end" and found.turns == 2
+    read = branch_in(table, plan.scene, branch.name)
+    assert read.end == "an end" and read.turns == 2
     for key in ("values", "mean_speeds", "multipliers", "phases", "states"):
-        np.testing.assert_array_equal(getattr(found, key), getattr(branch, key))
+        np.testing.assert_array_equal(getattr(read, key), getattr(branch, key))
     for name in names:
-        np.testing.assert_array_equal(found.strobe[name], branch.strobe[name])
-    assert [(one.kind, one.value, one.change, one.at) for one in found.special_points] == [
-        (one.kind, one.value, one.change, one.at) for one in special]
+        np.testing.assert_array_equal(read.strobe[name], branch.strobe[name])
+    assert [(point.kind, point.value, point.change, point.at) for point in read.special_points] == [
+        (point.kind, point.value, point.change, point.at) for point in special]

@@ -58,14 +58,14 @@ def files_in(folder):
 
 
 def test_only_what_is_missing_is_computed_and_the_bytes_stay(study, tmp_path):
-    own, done = study
-    table, files = table_and_files(own, tmp_path / "whole")
+    roots, done = study
+    table, files = table_and_files(roots, tmp_path / "whole")
     assert table["point"].to_pylist() == sorted(2 * list(range(10))) and done == list(range(10)) and len(files) == 5
     (tmp_path / "cut" / "blocks").mkdir(parents=True)
     for name in ("blocks.json", "blocks/block_000001.parquet"):
         (tmp_path / "cut" / name).write_bytes(files[name.rpartition("/")[2]])
     done.clear()
-    assert table_and_files(own, tmp_path / "cut")[1] == files and done == [0, 1, 2, 6, 7, 8, 9]
+    assert table_and_files(roots, tmp_path / "cut")[1] == files and done == [0, 1, 2, 6, 7, 8, 9]
 
 
 def test_columns_say_their_units_and_the_folder_its_origin(study, tmp_path):
@@ -78,19 +78,19 @@ def test_columns_say_their_units_and_the_folder_its_origin(study, tmp_path):
 
 def test_a_damaged_file_is_computed_again_or_has_its_values(study, tmp_path):
     """A changed byte may go undetected if no value depends on it, as in the file's own description of its columns."""
-    own, draw = study[0], random.Random(3)
-    table_and_files(own, tmp_path)
+    roots, draw = study[0], random.Random(3)
+    table_and_files(roots, tmp_path)
     path = tmp_path / "blocks" / "block_000000.parquet"
     data, table, damaged = path.read_bytes(), pq.read_table(path), 0
     for place in [0, len(data) - 1, *(draw.randrange(len(data)) for _ in range(600))]:
         path.write_bytes(data[:place] + bytes([data[place] ^ 1 << draw.randrange(8)]) + data[place + 1:])
-        found = tables.read_block(own, tmp_path / "blocks", 0)
-        damaged += found is None
-        assert found is None or found.equals(table, check_metadata=True)
+        block = tables.read_block(roots, tmp_path / "blocks", 0)
+        damaged += block is None
+        assert block is None or block.equals(table, check_metadata=True)
     assert damaged > 300  # at least half of them; all others are equal
     for cut in (b"", data[:100], data[:-1]):
         path.write_bytes(cut)
-        assert table_and_files(own, tmp_path)[1][path.name] == data
+        assert table_and_files(roots, tmp_path)[1][path.name] == data
 
 
 @pytest.mark.parametrize(("changes", "words"), [

@@ -44,9 +44,9 @@ def test_linked_parameters_have_one_value_on_a_grid_and_in_a_sample():
     drawn = design([gaps, speed], sampling_in_words("sobol:4:0"))
     assert drawn.points == 8 and drawn.names == ("upper.gap", "inclined.gap", "mass.upper", "mass.inclined")
     for point in range(8):
-        found = drawn.changes(point)
-        assert found["upper.gap"] == found["inclined.gap"] == gaps.values[point // 4]
-        assert found["mass.upper"] == found["mass.inclined"] == drawn.changes(point % 4)["mass.upper"]
+        values = drawn.changes(point)
+        assert values["upper.gap"] == values["inclined.gap"] == gaps.values[point // 4]
+        assert values["mass.upper"] == values["mass.inclined"] == drawn.changes(point % 4)["mass.upper"]
     assert "mass.upper+mass.inclined" in drawn.document()["vary"] and "mass.upper" not in drawn.document()["set"]
 
 
@@ -64,11 +64,11 @@ def test_parameters_that_cannot_be_linked_are_refused(text, words):
 def test_samples_are_scipys_and_their_seed_counts(method):
     drawn = design([Range("guide.angle", 0.5, 1.5, False), Range("mass.inclined", 0.02, 0.2, True)],
                    sampling_in_words(f"{method}:16:7"))
-    found = np.array([list(drawn.changes(point).values()) for point in range(drawn.points)])
+    values = np.array([list(drawn.changes(point).values()) for point in range(drawn.points)])
     sampler = {"sobol": qmc.Sobol, "latin_hypercube": qmc.LatinHypercube}[method](2, seed=np.random.default_rng(7))
     shares = sampler.random(16)
-    assert found[:, 0] == pytest.approx(0.5 + shares[:, 0])
-    assert np.log(found[:, 1] / 0.02) / math.log(10.0) == pytest.approx(shares[:, 1])
+    assert values[:, 0] == pytest.approx(0.5 + shares[:, 0])
+    assert np.log(values[:, 1] / 0.02) / math.log(10.0) == pytest.approx(shares[:, 1])
     other = design(drawn.varied, sampling_in_words(f"{method}:16:8"))
     assert other.changes(0) != drawn.changes(0) and design(drawn.varied, drawn.sampling).changes(5) == drawn.changes(5)
 
@@ -78,10 +78,10 @@ def test_points_are_every_combination_with_every_sample_and_rows_every_start():
                     Axis("effects.normal_force", ("printed", "hop"))], sampling_in_words("sobol:4:0"), starts=3)
     assert (drawn.points, drawn.rows) == (16, 48)
     changes = [drawn.changes(point) for point in range(16)]
-    assert [list(one) for one in changes[:1]] == [["guide.angle", "mass.inclined", "effects.normal_force"]]
-    assert [(one["guide.angle"], one["effects.normal_force"]) for one in changes[::4]] == [
+    assert [list(change) for change in changes[:1]] == [["guide.angle", "mass.inclined", "effects.normal_force"]]
+    assert [(change["guide.angle"], change["effects.normal_force"]) for change in changes[::4]] == [
         (0.5, "printed"), (0.5, "hop"), (1.0, "printed"), (1.0, "hop")]
-    assert [one["mass.inclined"] for one in changes[:4]] == [one["mass.inclined"] for one in changes[4:8]]
+    assert [change["mass.inclined"] for change in changes[:4]] == [change["mass.inclined"] for change in changes[4:8]]
     assert [drawn.runs(number) for number in (0, 15)] == [(0, (0, 1, 2)), (15, (0, 1, 2))]
     drawn = design([Axis("guide.angle", tuple(np.linspace(0.1, 3.0, 1000).tolist()))], starts=20)
     assert [drawn.runs(number) for number in (2, 3)] == [(1, tuple(range(16))), (1, (16, 17, 18, 19))]

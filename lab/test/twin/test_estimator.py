@@ -112,18 +112,18 @@ def test_nothing_is_said_of_a_robot_that_keeps_to_the_model(ordinary):
     assert {departure for _, _, departure in ordinary} == {None}
 
 
-@pytest.mark.parametrize("fault, then, words", [
+@pytest.mark.parametrize("fault, changed, words", [
     (Incident("motor_stall", 10.0), {}, "motor_stall"),
     (Incident("friction_patch", 10.0, "", 0.03, -100.0, 100.0), {}, "friction_patch of about 0.02"),
     (Incident("plate_stuck", 10.0, "inclined"), {"inclined_gap": 0.002}, "plate_stuck of inclined"),
     (Incident("sensor_freeze", 10.0, "encoder"), {}, "sensor_freeze of encoder"),
 ], ids=["stall", "ice", "plate", "encoder"])
-def test_fault_is_named_within_a_second(fault, then, words):
+def test_fault_is_named_within_a_second(fault, changed, words):
     """A stuck plate shows when it is commanded to move."""
     def fail(robot, estimator) -> None:
         robot.fail(*fault)
-        if then:
-            command(**then)(robot, estimator)
+        if changed:
+            command(**changed)(robot, estimator)
 
     rows = followed(new_estimator(), 4.0, {3.0: fail})
     named = [(estimate.time, departure) for estimate, _, departure in rows if departure]

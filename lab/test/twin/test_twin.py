@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Float64
 
 from vibro_lab.twin import twin
-from vibro_lab.twin.hearing import Hearing
+from vibro_lab.twin.messages import Hearing
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.ros.node.node import GuardedNode, installed_type
 from vibro_ros.simulation.simulator import Simulator
@@ -52,8 +53,8 @@ class Observer:
         bench.node.create_subscription(Odometry, "odom", lambda message: self._keep(self.truth, message), deep)
         bench.node.create_subscription(Odometry, "twin/odom", lambda message: self._keep(self.estimates, message), deep)
         bench.node.create_subscription(DiagnosticArray, "/diagnostics", self._learn, 100)
-        bench.node.create_subscription(JointState, "twin/parameters", lambda one: setattr(self, "parameters", one), 10)
-        bench.node.create_subscription(JointState, "joint_states", lambda one: setattr(self, "joints", one), 10)
+        for topic, name in (("twin/parameters", "parameters"), ("joint_states", "joints")):
+            bench.node.create_subscription(JointState, topic, partial(setattr, self, name), 10)
 
     def _keep(self, kept: dict, message: Odometry) -> None:
         pose, twist = message.pose, message.twist
@@ -103,8 +104,8 @@ def test_twin_follows_the_robot_and_names_its_fault(start, bench, call):
     observer.spin_for(LEARNING + 2.5)
     last = (stamp_of(observer.joints) - since) / SECOND
     commanded = last - (FROM * last + 0.5 * (TO - FROM)**2 / RAMP - observer.joints.position[0]) / (FROM - TO)
-    found = observer.errors(begun)
-    errors, variances = found[:, :2], found[:, 2:]
+    of_twin = observer.errors(begun)
+    errors, variances = of_twin[:, :2], of_twin[:, 2:]
 
     open_loop, of_open_loop, stamps = Simulator(BELIEVED), [], np.array(sorted(observer.truth))
     open_loop.advance_to(commanded)
@@ -203,23 +204,25 @@ def test_what_is_not_measured_is_dropped_and_lateness_is_no_offset(hearing, benc
     start = bench.node.get_clock().now().nanoseconds
     types = {"odom": Odometry, "joint_states": JointState, "encoder": JointState, "tracking": PoseWithCovarianceStamped}
     publishers = {topic: bench.node.create_publisher(kind, topic, 100) for topic, kind in types.items()}
-    bench.spin_until(lambda: all(one.get_subscription_count() for one in publishers.values()), "the twin's ears")
+    bench.spin_until(lambda: all(publisher.get_subscription_count() for publisher in publishers.values()),
+                     "the twin's ears")
 
     def told(now: float, waited: float, *messages) -> list:
         """Publish messages with the stamp 0.1 s, and return what is heard of them at the instant `now` [s], so long [s]
         after the poll before."""
-        found, expected = [], sum(hearing.heard.values()) + hearing._node.refusals.count + len(messages)
+        numbers, expected = [], sum(hearing.heard.values()) + hearing._node.refusals.count + len(messages)
         for topic, message in messages:
             message.header.stamp = Time(nanoseconds=start + SECOND // 10).to_msg()
             publishers[topic].publish(message)
 
         def heard() -> bool:
             hearing._polled = start + round((now - waited) * SECOND)
-            found.extend((one.field, one.value) for _, one in hearing.measurements(start + round(now * SECOND)))
+            numbers.extend((measured.field, measured.value)
+                           for _, measured in hearing.measurements(start + round(now * SECOND)))
             return sum(hearing.heard.values()) + hearing._node.refusals.count == expected
 
         bench.spin_until(heard, "the messages")
-        return found
+        return numbers
 
     odom, joints = Odometry(), JointState(name=["upper_mass", "inclined_mass"], position=[math.nan, 0.06])
     odom.pose.covariance[:15:7] = [np.finfo(float).max, 0.0, 1e-8]

@@ -103,15 +103,15 @@ class Attractors(tuple[Attractor, ...]):
     @property
     def drawn(self) -> "Attractors":
         """Those to which random starts lead."""
-        return Attractors(one for one in self if one.starts)
+        return Attractors(attractor for attractor in self if attractor.starts)
 
     def in_words(self) -> str:
         """Return the text for a user: each motion, and if there are several, the starts that lead to each."""
         if self.single:
             return self.single.in_words()
-        total = sum(one.starts for one in self)
-        return "; ".join(f"{one.in_words()} ({one.starts} of {total} starts, {100 * one.low:.0f} to "
-                         f"{100 * one.high:.0f} %{_OWN_START * one.of_scene_start})" for one in self)
+        total = sum(attractor.starts for attractor in self)
+        return "; ".join(f"{attractor.in_words()} ({attractor.starts} of {total} starts, {100 * attractor.low:.0f} to "
+                         f"{100 * attractor.high:.0f} %{_OWN_START * attractor.of_scene_start})" for attractor in self)
 
 
 def share_of(starts: int, total: int) -> tuple[float, float, float]:

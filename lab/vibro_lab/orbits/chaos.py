@@ -272,17 +272,17 @@ def _distances(device: Simulator, twin: Simulator, begun: float, ends: Iterator[
     value = device.scene[command.replace("_", ".")]
     twin.restore(device.checkpoint())
     twin.command(**{command: (1.0 - _PAIR_SEPARATION) * value})
-    for one in (device, twin):
-        one.advance_to(begun)
+    for simulator in (device, twin):
+        simulator.advance_to(begun)
     twin.command(**{command: value})
     distances: list[float] = []
     for end in ends:
-        first, second = (one.sample(np.linspace(one.time, end, _SAMPLES)) for one in (device, twin))
+        first, second = (simulator.sample(np.linspace(simulator.time, end, _SAMPLES)) for simulator in (device, twin))
         apart = max(np.abs(first.upper_position - second.upper_position).max(),
                     np.abs(first.inclined_position - second.inclined_position).max())
         distances.append(max(_ROUNDING, float(apart)))
         if distances[-1] > _LARGEST_DISTANCE:
             break
-    for one in (device, twin):
-        one.take_events()  # so that they do not accumulate
+    for simulator in (device, twin):
+        simulator.take_events()  # so that they do not accumulate
     return distances

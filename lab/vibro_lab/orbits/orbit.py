@@ -313,6 +313,6 @@ def _random_start(turn_map: TurnMap, start: int) -> dict[str, float]:
     return given
 
 
-def is_same(turn_map: TurnMap, one: np.ndarray, other: np.ndarray, turns: int) -> bool:
+def is_same(turn_map: TurnMap, state: np.ndarray, other: np.ndarray, turns: int) -> bool:
     """Whether two states at the cut of `turn_map` belong to the same orbit of `turns` turns."""
-    return any(np.abs(turn_map(one, ahead).state - other).max() < SAME for ahead in range(1, turns + 1))
+    return any(np.abs(turn_map(state, ahead).state - other).max() < SAME for ahead in range(1, turns + 1))

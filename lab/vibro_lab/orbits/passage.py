@@ -115,12 +115,12 @@ def _landing(before: float, after: float) -> str:
     return f"{LANDING}_{'turns' if before * after < 0.0 else 'slips'}_{'forward' if after > 0.0 else 'backward'}"
 
 
-def same_order(one: EventOrder, other: EventOrder) -> bool:
+def same_order(order: EventOrder, other: EventOrder) -> bool:
     """Whether two passages have the same events in the same cyclic order; their cuts may differ."""
-    if one == other:
+    if order == other:
         return True
-    n = len(one)
-    return n == len(other) and any(one[k:] + one[:k] == other for k in range(1, n))
+    n = len(order)
+    return n == len(other) and any(order[k:] + order[:k] == other for k in range(1, n))
 
 
 def contacts_of(order: EventOrder) -> Counter[str]:

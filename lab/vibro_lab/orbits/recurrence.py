@@ -43,6 +43,9 @@ JITTER = 5e-3
 `machine`, at 1000 samples a second, come back within 2e-3, its motions without a period within 0.4."""
 LEAST_WATCHED = 2 * LONGEST_PERIOD
 """Fewest cuts from which `motion_of` identifies a motion without a period."""
+KEPT_STATES = 32
+"""Number of states of a motion without a period that a study keeps: enough to tell two clouds apart, and a row stays
+small."""
 CLOUD = 256
 """Number of states that identify a motion without a period, and least number of turns in each of its clouds."""
 _ROUNDING = 1e-9  # in units of the machine: fifty times the rounding error after a motion's period of many turns
@@ -81,6 +84,10 @@ class SettledMotion:
             return bool(np.abs(other.states - self.states[0]).max(axis=1).min() <= self.tolerance)
         return bool(other._cloud.holds(self.states) or self._cloud.holds(other.states))
 
+    def kept_states(self) -> np.ndarray:
+        """States that a study keeps: one period, or the last `KEPT_STATES` of a motion without a period."""
+        return self.states[-(self.turns or KEPT_STATES):]
+
     @cached_property
     def _cloud(self) -> "Cloud":
         return Cloud(self.states)
@@ -101,7 +108,7 @@ def settle(stroboscope: Stroboscope, first: int = FIRST_TURNS, most: int = MOST_
             over = turns or len(seen.states) // 2
             if turns and has_sampled_controller(scene):  # average over many positions of the cut between two samples
                 over = turns * (len(seen.states) // (2 * turns))
-            gone, lasted = (float(one[-1] - one[-1 - over]) for one in (seen.positions, seen.times))
+            gone, lasted = (float(column[-1] - column[-1 - over]) for column in (seen.positions, seen.times))
             return SettledMotion(turns, seen.states[-(turns or CLOUD):].copy(), gone / lasted, len(seen.states),
                                  tolerance_of(scene))
         more = min(2 * len(seen.states), most) - len(seen.states)
@@ -218,10 +225,10 @@ def _period_within_jitter(states: np.ndarray) -> int:
     quarter = len(states) // 4
     for turns in range(1, min(LONGEST_PERIOD, quarter // 4) + 1):
         turn_by_turn = [states[-2 * quarter + first::turns] for first in range(turns)]
-        if any((np.ptp(one, axis=0) > JITTER).any() for one in turn_by_turn):
+        if any((np.ptp(of_turn, axis=0) > JITTER).any() for of_turn in turn_by_turn):
             continue
-        drifts = [np.abs(np.subtract(*(part.mean(axis=0) for part in np.array_split(one, 2)))).max()
-                  for one in turn_by_turn]
+        drifts = [np.abs(np.subtract(*(part.mean(axis=0) for part in np.array_split(of_turn, 2)))).max()
+                  for of_turn in turn_by_turn]
         shrinking = (_returns(states, part) for part in range(1, turns) if turns % part == 0)
         settled = max(drifts) <= _DRIFT * JITTER and all(now >= _STATIONARY_SHARE * before for now, before in shrinking)
         return turns if settled else 0

@@ -195,11 +195,11 @@ class TurnMap:
         return np.array([held[name] for name in self.names])
 
 
-def at_cut(here: TurnMap, state: np.ndarray, there: TurnMap) -> np.ndarray:
-    """Advance a state from the cut of the turn map `here` to the next cut of `there`, another map; shape (n,)."""
-    here.put(here.device, state)
-    here.advance(here.device, 0, there.phase)
-    return there.read_device(here.device)
+def at_cut(turn_map: TurnMap, state: np.ndarray, other: TurnMap) -> np.ndarray:
+    """Advance a state from the cut of a turn map to the next cut of another map; shape (n,)."""
+    turn_map.put(turn_map.device, state)
+    turn_map.advance(turn_map.device, 0, other.phase)
+    return other.read_device(turn_map.device)
 
 
 INTEGRAL = "controller_integral"
@@ -210,9 +210,9 @@ def direction(scene: Scene) -> float:
     return 1.0 if scene.has_rotor else math.copysign(1.0, scene["motor.speed"])
 
 
-def share_of_turn(scene: Scene, here: float, there: float) -> float:
-    """Part of a turn, from 0 to 1, from the crank angle `here` to the next passage of the angle `there` [rad]."""
-    return direction(scene) * (there - here) % TURN / TURN
+def share_of_turn(scene: Scene, angle: float, phase: float) -> float:
+    """Part of a turn, from 0 to 1, from the crank's `angle` to its next passage of `phase` [rad]."""
+    return direction(scene) * (phase - angle) % TURN / TURN
 
 
 def state_names(scene: Scene) -> tuple[str, ...]:

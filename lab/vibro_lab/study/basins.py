@@ -37,7 +37,6 @@ MOST_STARTS = 1_000_000
 _FEWEST_TURNS, _LARGEST_TURNS = 8, 1_000_000  # limits of --turns and --most-turns
 _LARGEST = 1e6  # SI units, of a coordinate of a start
 _BLOCK_ROWS = 1024  # starts of a block, some seconds of work: the most that an interruption loses
-_KEPT_STATES = 32  # states of a motion without a period that a row keeps
 ANGLE = "crank_angle"
 
 
@@ -81,20 +80,20 @@ class Starts:
         """Arguments of `Simulator.set_state` for a start by its number."""
         if self.is_grid:
             places = divmod(number, self.over[1].count)
-            return {one.name: float(values[place])
-                    for one, values, place in zip(self.over, self._values, places, strict=True)}
+            return {coordinate.name: float(values[place])
+                    for coordinate, values, place in zip(self.over, self._values, places, strict=True)}
         shares = np.random.default_rng((self.seed, number)).uniform(size=len(self.over))
-        return {one.name: float(one.low + share * (one.high - one.low))
-                for one, share in zip(self.over, shares, strict=True)}
+        return {coordinate.name: float(coordinate.low + share * (coordinate.high - coordinate.low))
+                for coordinate, share in zip(self.over, shares, strict=True)}
 
     def document(self) -> dict:
         """Everything that determines the starts, for JSON."""
-        over = [[one.name, one.low, one.high, one.count] for one in self.over]
+        over = [[coordinate.name, coordinate.low, coordinate.high, coordinate.count] for coordinate in self.over]
         return {"grid": over} if self.is_grid else {"box": over, "count": self.count, "seed": self.seed}
 
     @cached_property
     def _values(self) -> list[np.ndarray]:
-        return [one.values for one in self.over]
+        return [coordinate.values for coordinate in self.over]
 
 
 @dataclass(frozen=True)
@@ -137,14 +136,15 @@ def over_in_words(scene: Scene, text: str) -> Over:
 
 def chosen_starts(scene: Scene, over: tuple[Over, ...], count: int, seed: int) -> Starts:
     """Return the starts of the options `--over`, `--starts` and `--seed`."""
-    if len({one.name for one in over}) < len(over):
+    if len({coordinate.name for coordinate in over}) < len(over):
         raise ValueError("--over: a coordinate is given twice; keep one")
-    if not any(one.count for one in over):
+    if not any(coordinate.count for coordinate in over):
         return Starts(over or everywhere(scene), whole_number("--starts", count, 1, MOST_STARTS), seed)
-    if len(over) != 2 or not all(one.count for one in over):
-        raise ValueError(f"--over: {len(over)} coordinates, of which {sum(one.count > 0 for one in over)} have a "
-                         "count; a grid has two, both with a count; draws have none with a count")
-    cells = math.prod(one.count for one in over)
+    if len(over) != 2 or not all(coordinate.count for coordinate in over):
+        counts = sum(coordinate.count > 0 for coordinate in over)
+        raise ValueError(f"--over: {len(over)} coordinates, of which {counts} have a count; a grid has two, both with "
+                         "a count; draws have none with a count")
+    cells = math.prod(coordinate.count for coordinate in over)
     if cells > MOST_STARTS:
         raise ValueError(f"--over: {cells} starts are more than {MOST_STARTS}; give smaller counts")
     return Starts(over, cells)
@@ -179,8 +179,8 @@ NO_START = "no such start: "
 def study_of(design: BasinDesign) -> Study:
     """The table of the motions that the starts lead to, with one row for each start."""
     fields = [
-        *(Field(one.name, pa.float64(), one.unit, "of the start; other coordinates are as the scene starts")
-          for one in design.starts.over),
+        *(Field(coordinate.name, pa.float64(), coordinate.unit, "of the start; others are as the scene starts")
+          for coordinate in design.starts.over),
         Field("turns", pa.int64(), "1", "turns of the crank after which the settled motion repeats itself; 0 where it "
               "does not, null where nothing has settled", True),
         Field("after", pa.int64(), "1", "turns of the crank that the start was watched for"),
@@ -207,7 +207,7 @@ def rows_of(design: BasinDesign, number: int) -> list[dict]:
     return [{
         **start, "turns": motion.turns if motion else None, "after": motion.after if motion else after,
         "mean_speed": motion.mean_speed if motion else math.nan,
-        "states": motion.states[-(motion.turns or _KEPT_STATES):].ravel() if motion else [], "error": error}]
+        "states": motion.kept_states().ravel() if motion else [], "error": error}]
 
 
 def stroboscope_of(design: BasinDesign) -> Stroboscope:
@@ -297,7 +297,8 @@ _SHOWN = 12  # largest number of motions that are printed
 
 def in_words(design: BasinDesign, table: pa.Table, basins: Basins) -> list[str]:
     """Return the results as lines of text."""
-    over = ", ".join(f"{one.name} {one.low:g} to {one.high:g} {one.unit}" for one in design.starts.over)
+    over = ", ".join(f"{coordinate.name} {coordinate.low:g} to {coordinate.high:g} {coordinate.unit}"
+                     for coordinate in design.starts.over)
     watched = float(np.mean(table["after"].to_numpy()))
     lines = [f"{design.starts.count} starts over {over}; watched for {watched:.1f} turns on average, cut at "
              f"{design.phase:.4f} rad"]

@@ -146,12 +146,12 @@ class StudyCommand:
                 warnings.simplefilter("ignore", ToleranceWarning)  # `machine_of` prints it once
                 execution, design = execution_of(options), self.design_of(options)
                 with locked(options.output):
-                    for found in self.results(design, options.output, execution):
-                        for name, data in found.files.items():
+                    for result in self.results(design, options.output, execution):
+                        for name, data in result.files.items():
                             replace_file(options.output / name, data)
                             print(options.output / name)
-                        print("\n".join(found.words))
-                        failed |= found.failed
+                        print("\n".join(result.words))
+                        failed |= result.failed
         except KeyboardInterrupt:
             say("study", "interrupted; finished work is kept, and the same command goes on from there" if self.goes_on
                 else "interrupted; the same command begins anew")

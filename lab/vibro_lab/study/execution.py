@@ -90,10 +90,10 @@ class Execution:
                 with self._executor(task) as (executor, ahead), closing(
                         in_order(executor, task, _note_due(waiting, due), ahead)) as answers:
                     for _, future in answers:
-                        found = _check_worker(*future.result())
+                        rows_of_group = _check_worker(*future.result())
                         due.popleft()
                         deaths = 0
-                        yield from found
+                        yield from rows_of_group
                 return
             except BrokenExecutor as error:
                 deaths += 1

@@ -63,8 +63,6 @@ class MapSettings:
     least_turns: int = 16
     # Turns that are measured of a motion without a period: its mean speed is then known to about 1 %.
     turns_without_period: int = 256
-    # States kept of a motion without a period: enough to tell two clouds apart, and a row stays small.
-    kept_states: int = 32
     # Longest period [turns] that characterises a motion. A longer one counts as none, because a small change of the
     # commands destroys it, and visits that settle slowly do not find it reliably.
     longest_period: int = 8
@@ -207,7 +205,7 @@ class VisitedCell(NamedTuple):
     cost_of_transport: float  # measures as defined in `study.measures`, dimensionless
     stick_share: float
     air_share: float
-    # Shape (m, n): states at successive cuts, in units of the machine: one period, or the last `kept_states`; empty
+    # Shape (m, n): states at successive cuts, in units of the machine: one period, or the last `KEPT_STATES`; empty
     # if none was found.
     states: np.ndarray
 
@@ -238,8 +236,7 @@ def visits(design: MapDesign, line: Line) -> list[VisitedCell]:
             motion = quantities = None
         if motion and quantities:
             last_state = motion.states[-1] * turn_map.units
-            states = motion.states[-(motion.turns or settings.kept_states):]
-            visited.append(VisitedCell(speed_index, gap_index, motion.turns, *quantities, states))
+            visited.append(VisitedCell(speed_index, gap_index, motion.turns, *quantities, motion.kept_states()))
         else:
             last_state = None
             visited.append(VisitedCell(speed_index, gap_index, UNSETTLED, 0, *_NOTHING, np.empty((0, 0))))
@@ -288,7 +285,7 @@ def visits_of(design: MapDesign, lines: Path, execution: Execution) -> list[Visi
 
 def rows_of_line(design: MapDesign, number: int) -> list[dict]:
     """Sweep a line by its number, and return one row for each visit."""
-    return [{**one._asdict(), "states": one.states.ravel()} for one in visits(design, design.lines()[number])]
+    return [{**visit._asdict(), "states": visit.states.ravel()} for visit in visits(design, design.lines()[number])]
 
 
 class MotionTable(NamedTuple):

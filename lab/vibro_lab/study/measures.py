@@ -410,7 +410,7 @@ def checked_names(names: Sequence[str]) -> tuple[str, ...]:
             raise ValueError(f"{name or repr(name)}: no such measure; {remedy}")
     if not names:
         raise ValueError(f"measure: none named; measures are {', '.join(MEASURES)}")
-    return tuple(dict.fromkeys(one for name in names for one in (LYAPUNOV if name in LYAPUNOV else (name,))))
+    return tuple(dict.fromkeys(measured for name in names for measured in (LYAPUNOV if name in LYAPUNOV else (name,))))
 
 
 def measure(scene: Scene, names: Collection[str], settling: float, duration: float,
@@ -423,7 +423,7 @@ def measure(scene: Scene, names: Collection[str], settling: float, duration: flo
     return _measured(scene, checked_names(tuple(names)), settling, duration, start, frozenset())[0]
 
 
-class Measured(NamedTuple):
+class MeasuredStart(NamedTuple):
     """Results of one start."""
 
     values: dict[str, float]  # the measures by name, as returned by `measure`
@@ -434,11 +434,11 @@ class Measured(NamedTuple):
 
 
 def measure_with_motion(scene: Scene, names: Collection[str], settling: float, duration: float,
-                        start: int | None) -> Measured:
+                        start: int | None) -> MeasuredStart:
     """As `measure`, and also return the motion that the start has settled to, and the drift of its speed."""
     values, seen = _measured(scene, checked_names(tuple(names)), settling, duration, start, frozenset({MOTION}))
     motion = None if seen.cuts is None or not seen.steady else motion_of(seen.cuts, _speed(seen), scene)
-    return Measured(values, motion, seen.drift)
+    return MeasuredStart(values, motion, seen.drift)
 
 
 def drift_in(drifts: np.ndarray, speed: float) -> float:

@@ -304,12 +304,13 @@ def draw_orbits(plan: BranchPlan, done: Sequence[tuple[BranchTask, Branch]]) -> 
         if coordinate:
             _draw_line(lower, branch, 1e3 * branch.strobe[coordinate])
     lower.set_xlim(plan.low, plan.high)
-    named = [(name, one.value, 1e3 * one.mean_speed) for _, _, name, one in special_points_of(done)
-             if one.kind != CORNER]
-    for _, branch, _, one in special_points_of(done):
-        mark, size = MARKS[one.kind]
-        upper.plot(one.value, 1e3 * one.mean_speed, mark, ms=size, color=_COLOURS.get(branch.turns, _COLOURS[0]),
-                   mfc="white" if one.kind != CORNER else None, zorder=3)
+    named = [(name, special.value, 1e3 * special.mean_speed) for _, _, name, special in special_points_of(done)
+             if special.kind != CORNER]
+    for _, branch, _, special in special_points_of(done):
+        mark, size = MARKS[special.kind]
+        colour = _COLOURS.get(branch.turns, _COLOURS[0])
+        upper.plot(special.value, 1e3 * special.mean_speed, mark, ms=size, color=colour, zorder=3,
+                   mfc="white" if special.kind != CORNER else None)
     _write_names(upper, named)
     upper.set(ylabel="mean speed [mm/s]")
     lower.set(xlabel=figures.of_parameter(plan.name),
@@ -345,9 +346,9 @@ def _write_names(axes: figures.Axes, named: Sequence[tuple[str, float, float]]) 
 
 
 def _legend(branches: Sequence[Branch]) -> list[figures.Line2D]:
-    kinds = {one.kind for branch in branches for one in branch.special_points}
-    lines = [figures.Line2D([], [], color=_COLOURS.get(one, _COLOURS[0]), label=_turns(one))
-             for one in sorted({branch.turns for branch in branches if len(branch)})]
+    kinds = {special.kind for branch in branches for special in branch.special_points}
+    lines = [figures.Line2D([], [], color=_COLOURS.get(turns, _COLOURS[0]), label=_turns(turns))
+             for turns in sorted({branch.turns for branch in branches if len(branch)})]
     return lines + [figures.Line2D([], [], color=figures.BLACK, ls="", marker=mark, ms=size, mfc="white", label=kind)
                     for kind, (mark, size) in MARKS.items() if kind in kinds]
 
@@ -392,23 +393,23 @@ def _files(plan: BranchPlan, done: Sequence[tuple[BranchTask, Branch]]) -> dict[
             for number, (_, branch) in enumerate(done) for row in rows_of(branch) if len(branch)]
     files = {}
     if rows:
-        own = [Field("branch", pa.int64(), "1", "number of the branch"),
-               Field("name", pa.string(), "1", "of a special point, as in the picture", True)]
-        files = {BRANCHES: file_of(table_of(rows, [*own, *fields_of(plan)]))}
+        files = {BRANCHES: file_of(table_of(rows, [
+            Field("branch", pa.int64(), "1", "number of the branch"),
+            Field("name", pa.string(), "1", "of a special point, as in the picture", True), *fields_of(plan)]))}
     return {**files, PICTURE: draw_orbits(plan, done)}
 
 
-def _add_options(own: Parser) -> None:
-    own.add_argument("--vary", metavar="NAME=LOW:HIGH", help="the parameter that changes, and its range")
-    own.add_argument("--from", dest="begin", action="append", default=[], metavar="VALUE", help="where orbits are "
-                     "looked for; repeatable (default: at a quarter, a half and three quarters of the range)")
-    own.add_argument("--turns", type=int, metavar="N", help="most turns of the crank after which an orbit repeats "
-                     f"itself, up to {MOST_TURNS} (default: 8)")
-    own.add_argument("--starts", type=int, metavar="N", help="starts from which orbits are looked for, at each VALUE "
-                     "(default: 4)")
-    own.add_argument("--points", type=int, metavar="N", help="most orbits of a branch (default: 400)")
-    own.add_argument("--quick", action="store_true", help="the folds of `device` between 60 and 66 rad/s, in a minute; "
-                     "options that are given win")
+def _add_options(parser: Parser) -> None:
+    parser.add_argument("--vary", metavar="NAME=LOW:HIGH", help="the parameter that changes, and its range")
+    parser.add_argument("--from", dest="begin", action="append", default=[], metavar="VALUE", help="where orbits are "
+                        "looked for; repeatable (default: at a quarter, a half and three quarters of the range)")
+    parser.add_argument("--turns", type=int, metavar="N", help="most turns of the crank after which an orbit repeats "
+                        f"itself, up to {MOST_TURNS} (default: 8)")
+    parser.add_argument("--starts", type=int, metavar="N", help="starts from which orbits are looked for, at each "
+                        "VALUE (default: 4)")
+    parser.add_argument("--points", type=int, metavar="N", help="most orbits of a branch (default: 400)")
+    parser.add_argument("--quick", action="store_true", help="the folds of `device` between 60 and 66 rad/s, in a "
+                        "minute; options that are given win")
 
 
 main = StudyCommand(

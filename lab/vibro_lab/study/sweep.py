@@ -15,7 +15,7 @@ from vibro_lab.orbits.starts import SETTLING
 from vibro_lab.study.command import Progress, Results, StudyCommand
 from vibro_lab.study.execution import Execution
 from vibro_lab.study.measures import MEASURES, measure_with_motion
-from vibro_lab.study.sweep_design import KEPT_STATES, NO_SCENE, PART, SweepDesign, design_of
+from vibro_lab.study.sweep_design import NO_SCENE, PART, SweepDesign, design_of
 from vibro_lab.study.sweep_summary import as_csv, draw_sweep, in_words, summarised
 from vibro_lab.study.table import NUMBERS, Field, Study, computed
 from vibro_lab.study.variation import SAMPLERS
@@ -54,7 +54,7 @@ def rows_of(design: SweepDesign, number: int) -> list[dict]:
                 scene, design.measures, design.settling, design.duration, start)
             row |= {**values, "drift": drift}
             if motion is not None:
-                row |= {"turns": motion.turns, "states": motion.states[-(motion.turns or KEPT_STATES):].ravel()}
+                row |= {"turns": motion.turns, "states": motion.kept_states().ravel()}
         except SimulationError as error:
             row["error"] = str(error)
     return rows

@@ -30,8 +30,6 @@ MOST_RUNS = 100_000_000
 MOST_STARTS = 1_000_000
 PART = 16
 """Largest number of starts in a part of a point: runs of the same machine, whose equations are set up once."""
-KEPT_STATES = 32
-"""States of a motion without a period that a row keeps."""
 NO_SCENE = "no such scene: "
 """Prefix of a row's error if the scene refuses the point's values."""
 

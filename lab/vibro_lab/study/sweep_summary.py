@@ -16,10 +16,10 @@ import pyarrow as pa
 
 from vibro_lab.orbits.attractors import Attractor, group_starts
 from vibro_lab.orbits.chaos import half_interval, sign_of
-from vibro_lab.orbits.recurrence import SettledMotion, tolerance_of
+from vibro_lab.orbits.recurrence import KEPT_STATES, SettledMotion, tolerance_of
 from vibro_lab.study import figures
 from vibro_lab.study.measures import DIRECTED, EXPONENT, LYAPUNOV, MEASURES, SPREAD, drift_in
-from vibro_lab.study.sweep_design import KEPT_STATES, NO_SCENE, SweepDesign
+from vibro_lab.study.sweep_design import NO_SCENE, SweepDesign
 from vibro_lab.study.variation import Axis, Range, at_the_edge, ends_at
 from vibro_ros import PARAMETERS, Value
 

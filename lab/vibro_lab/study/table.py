@@ -197,8 +197,8 @@ def table_of(rows: Sequence[dict], fields: Sequence[Field]) -> pa.Table:
 
 def schema_of(fields: Sequence[Field]) -> pa.Schema:
     """Return the schema of columns, with units and meanings as metadata."""
-    return pa.schema([pa.field(one.name, one.type, one.optional, {"unit": one.unit, "meaning": one.meaning})
-                      for one in fields])
+    return pa.schema([pa.field(field.name, field.type, field.optional, {"unit": field.unit, "meaning": field.meaning})
+                      for field in fields])
 
 
 def file_of(table: pa.Table) -> bytes:

@@ -18,9 +18,8 @@ from dataclasses import replace
 
 from vibro_lab.executables import EXECUTABLES
 from vibro_lab.twin.estimator import Departure, Estimator
-from vibro_lab.twin.hearing import SENSORS, Hearing
+from vibro_lab.twin.messages import PUBLISHED, SENSORS, Hearing, Telling
 from vibro_lab.twin.particles import STEP
-from vibro_lab.twin.telling import PUBLISHED, Telling
 from vibro_ros import (
     COMMANDS,
     Parameter,
@@ -132,7 +131,8 @@ def _configure(node: GuardedNode, words: Sequence[str]) -> tuple[dict[str, Value
     if scene["solver.method"] != "exact":
         raise ValueError(f"solver.method: {scene['solver.method']} has no filtered acceleration; choose exact")
     declare(node, PARAMETERS, settings)
-    declare(node, [replace(one, while_running=False) for one in SCENE_PARAMETERS.values()], scene.parameters)
+    declare(node, [replace(parameter, while_running=False) for parameter in SCENE_PARAMETERS.values()],
+            scene.parameters)
     return settings, scene
 
 
@@ -233,11 +233,11 @@ class Twin:
 
 
 def _parser() -> Parser:
-    own = {parameter.name: parameter.default for parameter in PARAMETERS}
+    defaults = {parameter.name: parameter.default for parameter in PARAMETERS}
     return Parser(
         prog="twin",
         description=f"{EXECUTABLES['twin'].does} Shipped scenes: " + ", ".join(shipped("scene")),
         epilog="ROS parameters (--ros-args -p name:=value, or --params-file), besides all of the scene, which\n"
-        "`robot --help` lists:\n" + parameter_lines(PARAMETERS, own)
+        "`robot --help` lists:\n" + parameter_lines(PARAMETERS, defaults)
         + "\n\nExit code 0: ended by a signal; 1: failed; 2: bad parameter.",
         formatter_class=argparse.RawDescriptionHelpFormatter)

@@ -1,7 +1,8 @@
-"""What a twin hears of its robot: messages of sensors as measurements, and commands; the rest is refused.
+"""The messages of a twin: what it hears of its robot, and what it publishes.
 
-Messages are polled as bytes, because eight hundred messages a second would wake the executor as often. A measurement
-counts at its stamp, a command at its arrival.
+`Hearing` reads messages of sensors as measurements, and commands, and refuses the rest. Messages are polled as bytes,
+because eight hundred messages a second would wake the executor as often. A measurement counts at its stamp, a command
+at its arrival. `Telling` publishes the estimate, the innovations, the parameters, and the state of robot and twin.
 """
 
 import math
@@ -9,15 +10,18 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
+from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu, JointState
-from std_msgs.msg import Float64
+from std_msgs.msg import Float64, Header
 
 from vibro_lab.identification.noise import is_measured
 from vibro_lab.identification.recording import ONE_TURN
-from vibro_lab.twin.particles import MeasuredNumber
+from vibro_lab.twin.estimator import Departure, Estimate
+from vibro_lab.twin.particles import INDEX, Innovation, MeasuredNumber
 from vibro_ros import ACCELERATIONS, JOINTS, TOPICS, Scene, commands_in, commands_of, deserialised, of_imu
 from vibro_ros.ros import GuardedNode, PollingSubscription, qos_profile
 
@@ -68,7 +72,7 @@ class Hearing:
                 try:
                     message = deserialised(data, TOPICS[name].type)
                     stamp = _checked_stamp(message.header.stamp, now, self.waited)
-                    numbers = [one for one in SENSORS[name].read(self, message) if is_measured(one[2])]
+                    numbers = [number for number in SENSORS[name].read(self, message) if is_measured(number[2])]
                     for field, value, variance in numbers:
                         _check_number(field, value, variance)
                 except ValueError as error:
@@ -85,7 +89,7 @@ class Hearing:
             for data, arrived in subscription.take(MOST_TAKEN):
                 try:
                     given, faults = commands_in(name, deserialised(data, TOPICS[name].type), self._scene)
-                    given = {one: self._scene.checked_command(one, value) for one, value in given.items()}
+                    given = {command: self._scene.checked_command(command, value) for command, value in given.items()}
                 except ValueError as error:
                     self._node.refusals.refuse(subscription.topic, str(error))
                     continue
@@ -105,7 +109,7 @@ class Hearing:
         velocity, covariance = message.twist.twist.linear, message.twist.covariance
         speeds = [("body_velocity", velocity.x, covariance[0])] * self._scene.body_moves
         speeds += [("body_vertical_velocity", velocity.z, covariance[14])] * self._scene.body_hops
-        return [one for one in (*self._pose(message.pose), *speeds) if one[2] != 0.0]
+        return [number for number in (*self._pose(message.pose), *speeds) if number[2] != 0.0]
 
     def _of_tracking(self, message: Any) -> Numbers:
         return [(field, value, variance or EXACT) for field, value, variance in self._pose(message.pose)]
@@ -161,3 +165,56 @@ def _check_number(field: str, value: float, variance: float) -> None:
     if not abs(value) <= LARGEST:
         raise ValueError(f"{field} {value:g} with variance {variance:g} is no measurement; give numbers within "
                          f"±{LARGEST:g}")
+
+
+ESTIMATE, INNOVATIONS, PARAMETERS = PUBLISHED = "twin/odom", "twin/innovations", "twin/parameters"
+_SECOND = 1_000_000_000  # ns
+_UNKNOWN = 1e6  # variance of what the planar model leaves at 0
+
+
+class Telling:
+    """The publishers of a twin; every frame's name begins with `prefix`."""
+
+    def __init__(self, node: Node, prefix: str):
+        self._node, self._prefix = node, prefix
+        self._odom = node.create_publisher(Odometry, ESTIMATE, 10)
+        self._innovations = node.create_publisher(JointState, INNOVATIONS, 100)
+        self._parameters = node.create_publisher(JointState, PARAMETERS, 10)
+        self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics",
+                                                  qos_profile("diagnostics"))
+
+    def _header(self, stamp: int, frame: str = "") -> Header:
+        header = Header(frame_id=frame and self._prefix + frame)
+        header.stamp.sec, header.stamp.nanosec = divmod(stamp, _SECOND)
+        return header
+
+    def tell(self, stamp: int, estimate: Estimate, innovations: list[Innovation]) -> None:
+        """Publish what a step has given, at its instant, the ROS time `stamp` [ns]."""
+        message = Odometry(header=self._header(stamp, "odom"), child_frame_id=self._prefix + "base_link")
+        mean, variance = ({name: float(row[k]) for name, k in INDEX.items()} for row in (
+            estimate.mean, estimate.variance))
+        pose, twist = message.pose, message.twist
+        pose.pose.orientation.w = 1.0
+        pose.pose.position.x, pose.pose.position.z = mean["body_position"], mean["body_height"]
+        twist.twist.linear.x, twist.twist.linear.z = mean["body_velocity"], mean["body_vertical_velocity"]
+        for part, x, z in ((pose, "body_position", "body_height"), (twist, "body_velocity", "body_vertical_velocity")):
+            part.covariance[::7] = [variance[x], _UNKNOWN, variance[z], *[_UNKNOWN] * 3]
+        self._odom.publish(message)
+        last = {innovation.field: innovation for innovation in innovations}
+        self._innovations.publish(JointState(
+            header=self._header(stamp), name=list(last), position=[innovation.value for innovation in last.values()],
+            effort=[math.sqrt(innovation.variance) for innovation in last.values()]))
+        if estimate.parameters:
+            means, deviations = zip(*estimate.parameters.values(), strict=True)
+            self._parameters.publish(JointState(header=self._header(stamp), name=list(estimate.parameters),
+                                                position=means, effort=deviations))
+
+    def report(self, now: int, departure: Departure | None, troubles: list[str], values: Mapping[str, str]) -> None:
+        """Publish the diagnostics at ROS time `now` [ns]; `troubles` are sentences on the twin itself."""
+        said = [*([f"the robot has left the model: {departure.words}"] if departure else []), *troubles]
+        name = self._node.get_fully_qualified_name()
+        status = DiagnosticStatus(
+            level=DiagnosticStatus.WARN if said else DiagnosticStatus.OK, name=f"{name.lstrip('/')}: twin",
+            message=", ".join(said) or "the robot moves as the model", hardware_id=name,
+            values=[KeyValue(key=key, value=value) for key, value in values.items()])
+        self._diagnostics.publish(DiagnosticArray(header=self._header(now), status=[status]))
