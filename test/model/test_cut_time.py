@@ -10,6 +10,7 @@ from commanded_device import booked_energy, suffer
 
 import vibro_ros
 from vibro_ros.configuration.scene_file import shipped_scenes
+from vibro_ros.simulation import readout
 from vibro_ros.solver.methods import SCHEMES
 
 COMMANDS = ((0.1, {"motor_speed": 120.0}), (0.2, {"upper_gap": 0.0005, "inclined_gap": -0.0002}),
@@ -87,14 +88,22 @@ def test_every_cut_of_time_gives_the_same_bits(name, changes):
         assert abs(accounts["residual"]) <= 1e-12 * booked_energy(accounts)
 
 
-@pytest.mark.parametrize("scene", shipped_scenes())
-def test_samples_are_states(scene):
-    """`simulate` and `Simulator` are one code path, and sampling does not disturb."""
-    scene = vibro_ros.load_scene(scene)
-    run = vibro_ros.simulate(scene, duration=0.3, rate=200.0)
-    coarse = vibro_ros.simulate(scene, times=run.time[::7])
-    device = vibro_ros.Simulator(scene)
+@pytest.mark.parametrize("method", ["exact", "rk4"])
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_samples_are_states(name, method, monkeypatch):
+    """`simulate` and `Simulator` are one code path, and sampling does not disturb. Samples are computed in groups of
+    seven, of a motor that stands, turns and stands again."""
+    monkeypatch.setattr(readout, "_AT_ONCE", 7)
+    scene = vibro_ros.load_scene(name).with_parameters({"solver.method": method, "motor.speed": 0.0})
+    commands = [(0.1025, {scene.motor_command: 12.0}), (0.2025, {scene.motor_command: 0.0})]
+    run = vibro_ros.simulate(scene, duration=0.3, rate=200.0, commands=commands)
+    coarse = vibro_ros.simulate(scene, times=run.time[::7], commands=commands)
+    device, waiting = vibro_ros.Simulator(scene), [*commands]
     for index, time in enumerate(run.time):
+        if waiting and waiting[0][0] < time:
+            instant, command = waiting.pop(0)
+            device.advance_to(instant)
+            device.command(**command)
         device.advance_to(time)
         for field in dataclasses.fields(device.state):
             assert getattr(run, field.name)[index] == getattr(device.state, field.name), (field.name, time)

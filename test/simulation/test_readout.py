@@ -1,36 +1,9 @@
-"""Quantities computed from the solver's samples: the same bits one by one and all at once, and the torque of a crank
-that stands.
-"""
+"""Quantities computed from the solver's samples: the torque of a crank that stands."""
 
 import numpy as np
 import pytest
 
 import vibro_ros
-from vibro_ros.simulation import readout
-from vibro_ros.simulation.motion import Motion
-from vibro_ros.simulation.samples import FIELDS
-
-TIMES = np.arange(300) / 1000.0
-
-
-def commanded(scene: str, method: str) -> Motion:
-    return Motion(vibro_ros.load_scene(scene).with_parameters({"solver.method": method}))
-
-
-@pytest.mark.parametrize("scene", ["device", "paper", "frictionless"])
-@pytest.mark.parametrize("method", ["exact", "rk4"])
-def test_one_by_one_and_at_once_give_the_same_bits(scene, method, monkeypatch):
-    """In groups of seven instants, with a motor that stands, turns and stands again."""
-    monkeypatch.setattr(readout, "_AT_ONCE", 7)
-    one_by_one, at_once = commanded(scene, method), commanded(scene, method)
-    for speed, times in ((0.0, TIMES[:100]), (40.0, TIMES[100:200]), (0.0, TIMES[200:])):
-        one_by_one.command(speed, {})
-        at_once.command(speed, {})
-        found = at_once.sampled(times)
-        assert list(found) == list(FIELDS)
-        for k, time in enumerate(times):
-            one_by_one.advance_to(time)
-            assert one_by_one.now().tobytes() == np.array([found[name][k] for name in FIELDS]).tobytes()
 
 
 def test_the_torque_of_a_crank_that_stands_is_the_limit_of_that_of_one_that_creeps():
