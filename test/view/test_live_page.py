@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from nav_msgs.msg import Odometry
 from observation import stop
-from page_reading import drawn, drawn_frames, robot_message, shows_robot, until
+from page_reading import drawn, drawn_frames, enter, robot_message, shows_robot, until
 from rcl_interfaces.msg import Log
 from rclpy.qos import QoSProfile
 from real_processes import CRAWL
@@ -89,8 +89,7 @@ def test_the_page_of_a_running_robot(start, published, view, open_page, bench):
     for page in pages:
         until(page, stands_still, "time stands still")
     assert len({str(drawn(page)) for page in pages}) == 1
-    pages[1].fill("#motor_speed", "20")
-    pages[1].press("#motor_speed", "Enter")
+    enter(pages[1], "motor_speed", "20")
     pages[2].click("#pause")
     for page in pages:
         until(page, lambda page: drawn(page)["quantities"]["motor_speed"] == 20.0, "the command of another page")
@@ -146,11 +145,9 @@ def test_what_a_page_asks_for_is_what_the_robot_does_and_what_it_shows_is_in_for
     page = open_page()
     open_robot(page, view)
     speed = commanded_speed(page, bench, heard)
-    page.fill("#upper_gap", "0,5")  # a German keyboard's decimal sign; typed in mm, sent in m
-    page.press("#upper_gap", "Tab")
+    enter(page, "upper_gap", "0,5", key="Tab")  # a German keyboard's decimal sign; typed in mm, sent in m
     until(page, lambda page: abs(drawn(page)["quantities"]["upper_plate_position"] - 0.0605) < 1e-12, "the gap")
-    page.fill("#motor_speed", "1e6")
-    page.press("#motor_speed", "Enter")
+    enter(page, "motor_speed", "1e6")
     robot.wait_for("1e+06")
     bench.spin_until(lambda: heard[-1] == 1e6, "what was refused")
     assert drawn(page)["quantities"]["motor_speed"] == speed
@@ -158,8 +155,7 @@ def test_what_a_page_asks_for_is_what_the_robot_does_and_what_it_shows_is_in_for
     until(page, lambda page: shown(page, "motor_speed") == [speed] * 3, "the speed in force")
     assert page.inner_text("#motor_speed_words") == ""  # gone with the number that was refused
     assert "refused" not in robot_message(page)  # nor is it said a second time
-    page.fill("#motor_speed", "4.5.0")
-    page.press("#motor_speed", "Enter")
+    enter(page, "motor_speed", "4.5.0")
     assert "“4.5.0” is no number" in page.inner_text("#motor_speed_words")
     until(page, lambda page: page.inner_text("#motor_speed_words") == "", "enough time to read it")
     assert shown(page, "motor_speed") == [speed] * 3  # what is in force
@@ -185,8 +181,7 @@ def follows_what_is_in_force(page, bench) -> None:
     page.focus(".knob:has(#motor_speed) [type=range]")
     page.keyboard.press("ArrowUp")
     until(page, lambda page: drawn(page)["quantities"]["motor_speed"] == 110.5, "one step from what is in force")
-    page.fill("#motor_speed", "1e6")
-    page.press("#motor_speed", "Enter")
+    enter(page, "motor_speed", "1e6")
     assert "is refused" in page.inner_text("#motor_speed_words")
     page.click("#reset")
     assert page.inner_text("#motor_speed_words") == ""
@@ -195,13 +190,11 @@ def follows_what_is_in_force(page, bench) -> None:
 
 
 def sets_another_floor(page, view) -> None:
-    page.fill("#ground_friction", "0,35")
-    page.press("#ground_friction", "Enter")
+    enter(page, "ground_friction", "0,35")
     with view.address.visit() as visit:
         while visit.wait_for("robot")["machine"]["knobs"][-1]["value"] != 0.35:
             pass
-    page.fill("#ground_friction", "-1")
-    page.press("#ground_friction", "Enter")
+    enter(page, "ground_friction", "-1")
     until(page, lambda page: "-1 is refused" in page.inner_text("#ground_friction_words"), "the refusal")
     until(page, lambda page: page.input_value("#ground_friction") == "0.35", "what is in force")
 
@@ -240,13 +233,11 @@ def saved(page, button: str, path):
 
 
 def stops_the_motor_that_a_page_has_commanded(page, view, bench, heard) -> None:
-    page.fill("#motor_speed", "70")
-    page.press("#motor_speed", "Enter")
+    enter(page, "motor_speed", "70")
     until(page, lambda page: shown(page, "motor_speed") == [70.0] * 3, "the motor turns")
     page.click("#stop")
     until(page, lambda page: shown(page, "motor_speed") == [0.0] * 3, "the motor stands")
-    page.fill("#motor_speed", "80")
-    page.press("#motor_speed", "Enter")
+    enter(page, "motor_speed", "80")
     until(page, lambda page: shown(page, "motor_speed") == [80.0] * 3, "the motor turns")
     page.close()
     bench.spin_until(lambda: heard[-1] == 0.0, "the motor's stop")
@@ -256,8 +247,7 @@ def stops_the_motor_that_a_page_has_commanded(page, view, bench, heard) -> None:
 def commanded_speed(page, bench, heard: list[float]) -> float:
     """Set a speed by the knob that robot and test both receive; DDS drops messages that only one side is ready for."""
     for speed in map(float, range(50, 60)):
-        page.fill("#motor_speed", f"{speed:g}")
-        page.press("#motor_speed", "Enter")
+        enter(page, "motor_speed", f"{speed:g}")
         with contextlib.suppress(AssertionError):
             bench.spin_until(lambda speed=speed: speed in heard, "the command", patience=5.0)
             bench.spin_until(lambda speed=speed: drawn(page)["quantities"]["motor_speed"] == speed, "the motor's speed",
