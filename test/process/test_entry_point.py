@@ -11,6 +11,7 @@ from importlib.metadata import entry_points, version
 from pathlib import Path
 
 import pytest
+from real_processes import wait_until
 
 from vibro_ros.process import entry_point
 from vibro_ros.process.executables import EXECUTABLES
@@ -41,13 +42,6 @@ def start(tmp_path: Path) -> Iterator[Start]:
 
 def module(name: str) -> tuple[str, str]:
     return "-m", EXECUTABLES[name].module
-
-
-def wait_until(done: Callable[[], bool], what: str) -> None:
-    deadline = time.monotonic() + PATIENCE
-    while not done():
-        assert time.monotonic() < deadline, f"{what}: not within {PATIENCE} s"
-        time.sleep(0.002)
 
 
 def takes_signals(process: subprocess.Popen) -> bool:

@@ -3,6 +3,7 @@
 
 import contextlib
 import time
+from collections import defaultdict
 
 import numpy as np
 import pytest
@@ -24,17 +25,10 @@ class Published:
     """The robot's samples by their stamps [ns], received by a node of the test."""
 
     def __init__(self, bench):
-        self._bench = bench
-        self._bodies: dict[int, dict[str, float]] = {}
-        self._joints: dict[int, dict[str, float]] = {}
-        self._newest = 0  # stamp of which both messages have come
+        self.samples: dict[int, dict[str, float]] = defaultdict(dict)
+        self._bench, self._newest = bench, 0  # stamp of which both messages have come
         bench.node.create_subscription(Odometry, "odom", self._hear_body, QOS)
         bench.node.create_subscription(JointState, "joint_states", self._hear_joints, QOS)
-
-    @property
-    def samples(self) -> dict[int, dict[str, float]]:
-        """Return the samples for which both messages have come."""
-        return {stamp: self._bodies[stamp] | self._joints[stamp] for stamp in self._bodies.keys() & self._joints.keys()}
 
     def hear_until(self, stamp: int) -> None:
         """Receive until a sample later than an instant [ns] has come."""
@@ -42,23 +36,19 @@ class Published:
 
     def _hear_body(self, message: Odometry) -> None:
         position, velocity = message.pose.pose.position, message.twist.twist.linear
-        self._bodies[_stamp(message)] = {"body_position": position.x, "body_height": position.z,
-                                         "body_velocity": velocity.x, "body_vertical_velocity": velocity.z}
-        self._take(_stamp(message))
+        self._take(message, {"body_position": position.x, "body_height": position.z,
+                             "body_velocity": velocity.x, "body_vertical_velocity": velocity.z})
 
     def _hear_joints(self, message: JointState) -> None:
-        found = self._joints.setdefault(_stamp(message), {})
-        for name, *values in zip(message.name, message.position, message.velocity, message.effort, strict=True):
-            found |= dict(zip(JOINTS[name], values, strict=True))
-        self._take(_stamp(message))
+        joints = zip(message.name, message.position, message.velocity, message.effort, strict=True)
+        self._take(message, {field: value for name, *values in joints
+                             for field, value in zip(JOINTS[name], values, strict=True)})
 
-    def _take(self, stamp: int) -> None:
-        if stamp in self._bodies and stamp in self._joints:
+    def _take(self, message: Odometry | JointState, values: dict[str, float]) -> None:
+        stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+        self.samples[stamp] |= values
+        if {"body_position", "crank_angle"} <= self.samples[stamp].keys():
             self._newest = max(self._newest, stamp)
-
-
-def _stamp(message) -> int:
-    return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
 
 
 @pytest.fixture
