@@ -113,7 +113,8 @@ class Bench:
     def publishers(self, kinds: Mapping[str, type], depth: int = 10) -> dict[str, Publisher]:
         """Return a publisher of each topic, whose types are given, once each has a subscriber."""
         made = {topic: self.node.create_publisher(kind, topic, depth) for topic, kind in kinds.items()}
-        self.spin_until(lambda: all(one.get_subscription_count() for one in made.values()), f"subscribers of {[*made]}")
+        self.spin_until(lambda: all(publisher.get_subscription_count() for publisher in made.values()),
+                        f"subscribers of {[*made]}")
         return made
 
     def close(self) -> None:
