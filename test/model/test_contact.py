@@ -6,7 +6,7 @@ other force acts.
 
 import numpy as np
 import pytest
-from commanded_device import booked_energy
+from commanded_device import assert_balanced
 
 import vibro_ros
 
@@ -28,9 +28,7 @@ def hit(changes, end=0.05, way=0.0):
     device = vibro_ros.Simulator(FREE.with_parameters(changes))
     device.command(upper_gap=-0.06)
     device.advance_to(end)
-    accounts = device.statistics["energy_accounts"]
-    rounding = 1.4e-17 * device.scene["upper.plate.stiffness"] * way
-    assert abs(accounts["residual"]) <= 1e-12 * booked_energy(accounts) + 1e-15 + 2.0 * rounding
+    assert_balanced(device, rounding=1e-15 + 2.8e-17 * device.scene["upper.plate.stiffness"] * way)
     return device.state, contacts(device.take_events())
 
 
@@ -184,6 +182,5 @@ def test_a_plate_that_closes_onto_a_moving_mass(phase, kind, restitution):
     assert contact["duration"] == pytest.approx(lasts, rel=1e-4)
     # the drive spring changes the speed by 1e3 N/m * 0.08 m / 0.1 kg * 2e-6 s at most
     assert device.state.upper_velocity == pytest.approx(-restitution * approach - plate, abs=2e-3)
-    accounts = device.statistics["energy_accounts"]
     # the plate's work among it; 3e6 N times a penetration rounded to 1e-17 m, and 5 J rounded
-    assert abs(accounts["residual"]) <= 1e-11 * booked_energy(accounts) + 1e-14
+    assert_balanced(device, 1e-11, rounding=1e-14)

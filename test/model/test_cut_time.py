@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from commanded_device import booked_energy, suffer
+from commanded_device import assert_balanced, suffer
 
 import vibro_ros
 from vibro_ros.configuration.scene_file import shipped_scenes
@@ -84,8 +84,7 @@ def test_every_cut_of_time_gives_the_same_bits(name, changes):
             assert device.filtered_acceleration() == expected.filtered_acceleration()
             assert device.statistics["energy_accounts"] == expected.statistics["energy_accounts"]
     if exact:
-        accounts = expected.statistics["energy_accounts"]
-        assert abs(accounts["residual"]) <= 1e-12 * booked_energy(accounts)
+        assert_balanced(expected)
 
 
 @pytest.mark.parametrize("method", ["exact", "rk4"])
